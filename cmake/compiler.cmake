@@ -1,0 +1,30 @@
+# Warnings, sanitizers and ccache, in one interface library that every target of ours links.
+add_library(revisit_build_flags INTERFACE)
+target_compile_options(revisit_build_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wold-style-cast -Wnon-virtual-dtor
+  -Wno-missing-field-initializers  # designated initialisers leave the defaults on purpose
+  -Wno-restrict)  # g++ 12 warns falsely about std::string operator+ (GCC bug 105651)
+if(REVISIT_WERROR)
+  target_compile_options(revisit_build_flags INTERFACE -Werror)
+endif()
+
+if(REVISIT_SANITIZE)
+  add_compile_options(-fsanitize=${REVISIT_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  add_link_options(-fsanitize=${REVISIT_SANITIZE})
+endif()
+
+find_program(REVISIT_CCACHE ccache)
+if(REVISIT_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${REVISIT_CCACHE})
+endif()
+
+# revisit_library(NAME DEPENDS...): a static library from src/**.cpp with public headers in include/.
+function(revisit_library name)
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/src/*.cpp)
+  add_library(revisit_${name} STATIC ${sources})
+  add_library(revisit::${name} ALIAS revisit_${name})
+  target_include_directories(revisit_${name}
+    PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:include>
+    PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
+  target_link_libraries(revisit_${name} PUBLIC ${ARGN} PRIVATE $<BUILD_INTERFACE:revisit_build_flags>)
+endfunction()

@@ -1,0 +1,169 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "revisit/engine/tensor.h"
+
+namespace revisit::engine {
+
+/// Where to cut a network off. Layers beyond are never looked at and their weights are not read.
+struct Truncation {
+  /// The layer whose output is wanted: that layer's own output, before any in-place layer that
+  /// follows. Empty: the whole net.
+  std::string end;
+  /// A layer of the same net (parameters only, e.g. "pool5") to append to `end`, after the in-place
+  /// ReLU of `end` if there is one: the paper's "conv3+pool5".
+  std::string graft;
+
+  /// The name of the output: "conv3", "conv3+pool5", or "" for the whole net.
+  std::string name() const { return graft.empty() ? end : end + "+" + graft; }
+};
+
+struct LoadOptions {
+  Truncation truncation;
+  /// Shapes of net inputs that replace those in the prototxt, by blob name.
+  std::map<std::string, Shape> inputs;
+  /// Layers without weights in the file become zeros instead of an error.
+  bool allow_missing = false;
+  /// Unknown fields in the prototxt become warnings instead of errors.
+  bool allow_unknown = false;
+};
+
+/// A tensor of the net that has a name outside: an input or an output.
+struct Port {
+  std::string name;
+  Shape shape;
+};
+
+struct PlanOptions {
+  /// Threads of one forward pass. The result does not depend on it, bit for bit.
+  int threads = 1;
+  /// Keep the output of every layer, not only the net's outputs.
+  bool keep_all = false;
+  /// Use the slow, readable kernels only: the truth the others are tested against.
+  bool reference_kernels = false;
+};
+
+/// What one layer is and costs under a plan.
+struct LayerCost {
+  std::string name, type;
+  std::string kernel;  // "" when the layer is only another view of its input
+  std::vector<Shape> inputs, outputs;
+  int64_t macs = 0;              // multiply-accumulates; 0 where the notion does not apply
+  int64_t parameters = 0;        // weights and biases
+  int64_t activation_bytes = 0;  // memory of its outputs; 0 when they share their input's
+};
+
+class Run;
+
+/// How one network runs on inputs of given shapes: kernels chosen, memory laid out. Immutable,
+/// cheap to copy; keeps what it needs of the net alive.
+class Plan {
+ public:
+  const std::vector<LayerCost>& layers() const;
+  const std::vector<Port>& inputs() const;
+  const std::vector<Port>& outputs() const;
+  /// All activations and scratch of one run [bytes]: the size of the arena.
+  int64_t arena_bytes() const;
+  /// What the activations would take without sharing memory over time [bytes].
+  int64_t unshared_activation_bytes() const;
+  int64_t weight_bytes() const;
+
+  struct Impl;
+
+ private:
+  friend class Net;
+  friend class Run;
+  explicit Plan(std::shared_ptr<const Impl> impl) : impl_(std::move(impl)) {}
+  std::shared_ptr<const Impl> impl_;
+};
+
+/// A network with its weights, cut off where asked. Immutable after loading; share it freely.
+class Net {
+ public:
+  /// Reads an original Caffe prototxt and caffemodel; only the layers that are needed.
+  /// Throws InputError (files that do not parse or do not fit each other), UnsupportedError (a
+  /// needed layer type that we lack), UsageError (an unknown layer in the truncation; the nearest
+  /// is named).
+  static Net load(const std::filesystem::path& prototxt, const std::filesystem::path& weights,
+                  const LoadOptions& options = {});
+
+  /// The same with seeded random weights (He-scaled uniform): for timing and tests.
+  static Net load_with_random_weights(const std::filesystem::path& prototxt, uint64_t seed,
+                                      const LoadOptions& options = {});
+
+  /// The same without weights: can be planned and inspected; a Run of it throws.
+  static Net load_without_weights(const std::filesystem::path& prototxt,
+                                  const LoadOptions& options = {});
+
+  /// Chooses kernels and lays out memory. `inputs` replaces input shapes by blob name.
+  /// Throws InputError naming the layer that cannot take the shapes, UsageError for an unknown
+  /// input.
+  Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
+
+  const std::string& name() const;
+  /// Net inputs with the shapes of the prototxt (or of LoadOptions::inputs).
+  const std::vector<Port>& inputs() const;
+  /// Names of the outputs.
+  std::vector<std::string> outputs() const;
+  /// Names of all layers of the file that belong to inference, in order.
+  const std::vector<std::string>& layer_names() const;
+  bool has_weights() const;
+  /// What a person should know: layers of the weights file that nothing uses, upgrades made.
+  const std::vector<std::string>& warnings() const;
+  /// Bytes read from the weights file.
+  uint64_t weight_bytes_read() const;
+
+  struct Impl;
+
+ private:
+  explicit Net(std::shared_ptr<const Impl> impl) : impl_(std::move(impl)) {}
+  std::shared_ptr<const Impl> impl_;
+};
+
+/// Names of the input blobs of a prototxt, in order; weights are not needed.
+std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
+                                     bool allow_unknown = false);
+
+/// Called around each layer of an instrumented forward pass.
+class StepObserver {
+ public:
+  virtual ~StepObserver() = default;
+  virtual void before(size_t layer) = 0;  // index into Plan::layers()
+  virtual void after(size_t layer) = 0;
+};
+
+/// One execution context: owns the memory of a plan. Use one per thread; several runs of one plan
+/// may work at the same time.
+class Run {
+ public:
+  /// Allocates the arena. Throws UsageError when the net has no weights but needs some.
+  explicit Run(Plan plan);
+  Run(Run&&) noexcept;
+  Run& operator=(Run&&) noexcept;
+  ~Run();
+
+  /// The memory of a net input, to be filled; it keeps its values over forward passes.
+  /// Throws UsageError for an unknown name.
+  View<float> input(std::string_view blob);
+  void forward() noexcept;
+  void forward(StepObserver& observer);
+  /// An output of the net (or of any layer, when planned with keep_all). Throws UsageError for a
+  /// value that is not kept, so stale data is never seen.
+  View<const float> output(std::string_view name) const;
+
+  const Plan& plan() const { return plan_; }
+
+ private:
+  struct Memory;
+  Plan plan_;
+  std::unique_ptr<Memory> memory_;
+};
+
+}  // namespace revisit::engine

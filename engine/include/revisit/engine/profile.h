@@ -1,0 +1,37 @@
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "revisit/engine/net.h"
+
+namespace revisit::engine {
+
+/// Of repeated timings [ms].
+struct Timing {
+  double min = 0, median = 0, p95 = 0;
+};
+
+/// Order statistics; p95 is the nearest-rank 95th percentile. `samples` must not be empty.
+Timing summarize(std::vector<double> samples_ms);
+
+struct ProfileOptions {
+  int warmup = 2;
+  int repeat = 20;
+  /// Polled between passes; true ends the measurement with the passes made (at least one).
+  std::function<bool()> stop;
+};
+
+/// Cost of each layer and of the whole.
+struct Profile {
+  std::vector<Timing> layers;  // as Plan::layers(), from instrumented passes
+  Timing layer_sum;            // the sum of the layers, pass by pass
+  Timing total;                // of uninstrumented passes
+  int passes = 0;
+};
+
+/// Times forward passes of `run` as it stands (inputs are not changed). Instrumented and
+/// uninstrumented passes alternate, so that a drifting machine touches both alike.
+Profile profile(Run& run, const ProfileOptions& options = {});
+
+}  // namespace revisit::engine

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <initializer_list>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::engine {
+
+/// The size of a tensor, slowest axis first; for images `[n][c][h][w]`. Any number of axes; none is
+/// a single number. The product of the axes is at most kMaxElements (checked on construction).
+class Shape {
+ public:
+  static constexpr int64_t kMaxElements = INT32_MAX;  // Caffe's own limit
+
+  Shape() = default;
+  /// Throws InputError for an axis below 1 or too many elements.
+  Shape(std::initializer_list<int64_t> axes) : Shape(std::vector<int64_t>(axes)) {}
+  explicit Shape(std::vector<int64_t> axes);
+
+  /// Reads "1x3x107x4000". Throws UsageError.
+  static Shape parse(std::string_view text);
+
+  size_t rank() const { return axes_.size(); }
+  int64_t operator[](size_t axis) const { return axes_[axis]; }
+  const std::vector<int64_t>& axes() const { return axes_; }
+  int64_t elements() const { return product(0, rank()); }
+  /// Product of the axes [begin, end).
+  int64_t product(size_t begin, size_t end) const;
+  /// The axis an index of Caffe's means: negative counts from the end. Throws InputError, naming
+  /// `what`, when out of [-rank, rank).
+  size_t canonical_axis(int64_t axis, std::string_view what) const;
+  /// A copy with one axis replaced.
+  Shape with(size_t axis, int64_t size) const;
+  /// "1x3x107x4000"; "scalar" without axes.
+  std::string text() const;
+
+  friend bool operator==(const Shape&, const Shape&) = default;
+
+ private:
+  std::vector<int64_t> axes_;
+};
+
+std::ostream& operator<<(std::ostream& out, const Shape& shape);
+
+/// Values of a shape that somebody else owns, in C order.
+template <class T>
+struct View {
+  T* data = nullptr;
+  Shape shape;
+  std::span<T> values() const { return {data, static_cast<size_t>(shape.elements())}; }
+};
+
+/// Values of a shape, owned.
+struct Tensor {
+  Shape shape;
+  std::vector<float> values;
+};
+
+}  // namespace revisit::engine

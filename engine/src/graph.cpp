@@ -1,0 +1,176 @@
+#include "graph.h"
+
+#include <algorithm>
+#include <map>
+
+namespace revisit::engine {
+namespace {
+
+/// Caffe's StateMeetsRule: every condition that is set must hold.
+bool meets(const caffe::NetState& state, const caffe::NetStateRule& rule) {
+  const auto has_stage = [&](const std::string& stage) {
+    return std::find(state.stage().begin(), state.stage().end(), stage) != state.stage().end();
+  };
+  if (rule.has_phase() && rule.phase() != state.phase()) return false;
+  if (rule.has_min_level() && state.level() < rule.min_level()) return false;
+  if (rule.has_max_level() && state.level() > rule.max_level()) return false;
+  return std::all_of(rule.stage().begin(), rule.stage().end(), has_stage) &&
+         std::none_of(rule.not_stage().begin(), rule.not_stage().end(), has_stage);
+}
+
+bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) {
+  const auto met = [&](const caffe::NetStateRule& rule) { return meets(state, rule); };
+  if (layer.include_size() > 0 && layer.exclude_size() > 0)
+    throw InputError(str("layer '", layer.name(), "': give include or exclude rules, not both"));
+  if (layer.include_size() > 0)
+    return std::any_of(layer.include().begin(), layer.include().end(), met);
+  return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);
+}
+
+/// A layer without the fields that inference never looks at.
+caffe::LayerParameter description(const caffe::LayerParameter& layer) {
+  caffe::LayerParameter result = layer;
+  result.clear_blobs();
+  return result;
+}
+
+/// Resolves blob names to values while nodes are added in order.
+class Builder {
+ public:
+  explicit Builder(Graph& graph) : graph_(graph) {}
+
+  void add(const caffe::LayerParameter& layer) {
+    Node node{layer.name(), description(layer), {}, {}, false};
+    for (const std::string& bottom : layer.bottom()) node.inputs.push_back(consume(layer, bottom));
+    for (int i = 0; i < layer.top_size(); ++i) {
+      const std::string& top = layer.top(i);
+      const bool in_place = i < layer.bottom_size() && layer.bottom(i) == top;
+      node.in_place |= i == 0 && in_place;
+      if (!in_place && current_.count(top))
+        throw InputError(str("layer '", layer.name(), "': top '", top,
+                             "' is already written by another layer and is not its own bottom"));
+      node.outputs.push_back(produce(top));
+    }
+    graph_.nodes.push_back(std::move(node));
+  }
+
+  /// The values nobody consumed are the outputs of the net.
+  void finish() {
+    for (ValueId id = 0; id < static_cast<ValueId>(graph_.values.size()); ++id)
+      if (!consumed_[id]) graph_.outputs.push_back({graph_.values[id].blob, id});
+  }
+
+ private:
+  ValueId consume(const caffe::LayerParameter& layer, const std::string& bottom) {
+    const auto found = current_.find(bottom);
+    if (found == current_.end()) {
+      std::vector<std::string> known;
+      for (const auto& [blob, id] : current_) known.push_back(blob);
+      throw InputError(str("layer '", layer.name(), "': bottom '", bottom,
+                           "' is written by no layer before it", did_you_mean(bottom, known)));
+    }
+    consumed_[found->second] = true;
+    return found->second;
+  }
+
+  ValueId produce(const std::string& top) {
+    const auto id = static_cast<ValueId>(graph_.values.size());
+    graph_.values.push_back({top});
+    consumed_.push_back(false);
+    current_[top] = id;
+    return id;
+  }
+
+  Graph& graph_;
+  std::map<std::string, ValueId> current_;  // the value a blob name means now
+  std::vector<bool> consumed_;
+};
+
+std::vector<std::string> names(const std::vector<Node>& nodes) {
+  std::vector<std::string> result;
+  for (const Node& node : nodes) result.push_back(node.name);
+  return result;
+}
+
+const Node& find_layer(const Graph& graph, const std::string& name, const char* option) {
+  for (const Node& node : graph.nodes)
+    if (node.name == name) return node;
+  throw UsageError(str(option, ": the net '", graph.name, "' has no layer '", name, "'",
+                       did_you_mean(name, names(graph.nodes)),
+                       "; `revisit net inspect` lists the layers"));
+}
+
+/// Appends a copy of layer `graft` (parameters only) after `end` and its in-place ReLU.
+Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
+  const Node& source = find_layer(graph, truncation.graft, "--graft");
+  if (source.inputs.size() != 1 || source.outputs.size() != 1)
+    throw UsageError(str("--graft: layer '", truncation.graft,
+                         "' must have one input and one output to be grafted"));
+  for (const Node& node : graph.nodes) {
+    if (node.param.type() == "ReLU" && node.in_place && node.inputs[0] == value) {
+      value = node.outputs[0];
+      break;
+    }
+  }
+  Node node = source;
+  node.name = truncation.name();
+  node.in_place = false;
+  node.inputs = {value};
+  node.outputs = {static_cast<ValueId>(graph.values.size())};
+  graph.values.push_back({node.name});
+  graph.nodes.push_back(std::move(node));
+  return {truncation.name(), graph.nodes.back().outputs[0]};
+}
+
+}  // namespace
+
+Graph parse(const caffe::NetParameter& net) {
+  caffe::NetState state = net.state();
+  state.set_phase(caffe::TEST);
+  Graph graph;
+  graph.name = net.name();
+  Builder builder(graph);
+  for (const caffe::LayerParameter& layer : net.layer())
+    if (included(state, layer)) builder.add(layer);
+  if (graph.nodes.empty()) throw InputError("the net has no layers in the TEST phase");
+  builder.finish();
+  return graph;
+}
+
+Graph prune(const Graph& whole, const Truncation& truncation) {
+  Graph graph = whole;
+  if (!truncation.graft.empty() && truncation.end.empty())
+    throw UsageError("--graft needs --end: the layer to graft onto");
+  if (!truncation.end.empty()) {
+    const Node& end = find_layer(graph, truncation.end, "--end");
+    if (end.outputs.empty()) throw UsageError(str("--end: layer '", end.name, "' has no output"));
+    if (truncation.graft.empty()) {
+      graph.outputs.clear();
+      for (size_t i = 0; i < end.outputs.size(); ++i)
+        graph.outputs.push_back({port_name(end.name, i), end.outputs[i]});
+    } else {
+      graph.outputs = {append_graft(graph, truncation, end.outputs[0])};
+    }
+  }
+
+  std::vector<bool> needed(graph.values.size(), false);
+  for (const Graph::Output& output : graph.outputs) needed[output.value] = true;
+  std::vector<Node> kept;
+  for (size_t i = graph.nodes.size(); i-- > 0;) {
+    Node& node = graph.nodes[i];
+    if (std::none_of(node.outputs.begin(), node.outputs.end(),
+                     [&](ValueId id) { return needed[id]; }))
+      continue;
+    for (const ValueId input : node.inputs) needed[input] = true;
+    kept.push_back(std::move(node));
+  }
+  std::reverse(kept.begin(), kept.end());
+  graph.nodes = std::move(kept);
+  return graph;
+}
+
+std::string port_name(const std::string& layer, size_t port) {
+  return port == 0 ? layer : layer + "." + std::to_string(port);
+}
+
+}  // namespace revisit::engine

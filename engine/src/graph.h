@@ -1,0 +1,50 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "caffe.pb.h"
+#include "revisit/engine/net.h"
+
+namespace revisit::engine {
+
+/// Index into Graph::values.
+using ValueId = int;
+
+/// A tensor written once (static single assignment): an in-place ReLU makes a new value under the
+/// same blob name.
+struct Value {
+  std::string blob;
+};
+
+struct Node {
+  std::string name;
+  caffe::LayerParameter param;  // without blobs
+  std::vector<ValueId> inputs, outputs;
+  bool in_place = false;  // in the file: the first output has the blob name of the first input
+};
+
+/// What a prototxt says, names resolved. Nodes are in execution order.
+struct Graph {
+  struct Output {
+    std::string name;
+    ValueId value;
+  };
+  std::string name;
+  std::vector<Node> nodes;
+  std::vector<Value> values;
+  std::vector<Output> outputs;  // of the whole graph: the blobs nobody consumes
+};
+
+/// Builds the graph of the TEST phase (include and exclude rules applied). Layer types are not
+/// looked at. Throws InputError naming the layer: unknown input, a blob written twice.
+Graph parse(const caffe::NetParameter& net);
+
+/// Keeps what `truncation` needs, with the grafted layer appended. Throws UsageError for layers
+/// that are not there, naming the nearest.
+Graph prune(const Graph& graph, const Truncation& truncation);
+
+/// The name of output `port` of a layer: "slice", "slice.1", "slice.2", ...
+std::string port_name(const std::string& layer, size_t port);
+
+}  // namespace revisit::engine

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+
+namespace revisit::engine {
+
+/// C[m][n] = A[m][k] * B, row-major with leading dimensions, on the calling
+/// thread only, so that the result does not depend on how many threads share the work around it.
+/// B is [k][n], or [n][k] when `transpose_b`.
+struct GemmProblem {
+  int64_t m, n, k;
+  const float* a;
+  int64_t lda;
+  const float* b;
+  int64_t ldb;
+  bool transpose_b;
+  float* c;
+  int64_t ldc;
+};
+void gemm(const GemmProblem& problem);
+
+}  // namespace revisit::engine

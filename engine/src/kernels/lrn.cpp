@@ -1,0 +1,80 @@
+#include "kernels/lrn.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/parallel.h"
+
+namespace revisit::engine {
+namespace {
+
+constexpr int64_t kPixels = 256;  // at a time, so that all channels of them stay in cache
+
+/// scale[i] ^ -beta * input[i]. Beta is 0.75 in every published network: two square roots are many
+/// times faster than pow there, and as exact.
+void normalise(const float* input, const float* scale, int64_t count, float beta, float* output) {
+  if (beta == 0.75F) {
+    for (int64_t i = 0; i < count; ++i) {
+      const float root = std::sqrt(scale[i]);
+      output[i] = input[i] / (root * std::sqrt(root));
+    }
+    return;
+  }
+  for (int64_t i = 0; i < count; ++i) output[i] = input[i] * std::pow(scale[i], -beta);
+}
+
+}  // namespace
+
+void lrn_across_channels(const LrnProblem& p, const float* input, float* output) {
+  const int64_t pixels = p.h * p.w, blocks = (pixels + kPixels - 1) / kPixels;
+  const int64_t half = p.size / 2;
+  const float factor = p.alpha / static_cast<float>(p.size);
+  parallel_for(p.n * blocks, p.threads, [&](int64_t item, int) {
+    const int64_t n = item / blocks, first = item % blocks * kPixels;
+    const int64_t count = std::min(kPixels, pixels - first);
+    const float* in = input + n * p.c * pixels + first;
+    float* out = output + n * p.c * pixels + first;
+    float scale[kPixels];
+    for (int64_t c = 0; c < p.c; ++c) {
+      std::fill_n(scale, count, 0.0F);
+      for (int64_t j = std::max<int64_t>(c - half, 0); j <= std::min(c + half, p.c - 1); ++j)
+        for (int64_t i = 0; i < count; ++i) scale[i] += in[j * pixels + i] * in[j * pixels + i];
+      for (int64_t i = 0; i < count; ++i) scale[i] = p.k + factor * scale[i];
+      normalise(in + c * pixels, scale, count, p.beta, out + c * pixels);
+    }
+  });
+}
+
+void lrn_across_channels_reference(const LrnProblem& p, const float* input, float* output) {
+  const int64_t pixels = p.h * p.w;
+  for (int64_t n = 0; n < p.n; ++n)
+    for (int64_t c = 0; c < p.c; ++c)
+      for (int64_t i = 0; i < pixels; ++i) {
+        double sum = 0;
+        for (int64_t j = c - p.size / 2; j <= c + p.size / 2; ++j)
+          if (j >= 0 && j < p.c)
+            sum += std::pow(static_cast<double>(input[(n * p.c + j) * pixels + i]), 2);
+        const double scale = p.k + p.alpha / static_cast<double>(p.size) * sum;
+        const int64_t at = (n * p.c + c) * pixels + i;
+        output[at] = static_cast<float>(input[at] * std::pow(scale, -static_cast<double>(p.beta)));
+      }
+}
+
+void lrn_within_channel(const LrnProblem& p, const float* input, float* output) {
+  const int64_t half = p.size / 2;
+  const auto area = static_cast<float>(p.size * p.size);
+  parallel_for(p.n * p.c * p.h, p.threads, [&](int64_t item, int) {
+    const int64_t plane = item / p.h, y = item % p.h;
+    const float* image = input + plane * p.h * p.w;
+    for (int64_t x = 0; x < p.w; ++x) {
+      float sum = 0;
+      for (int64_t iy = std::max<int64_t>(y - half, 0); iy <= std::min(y + half, p.h - 1); ++iy)
+        for (int64_t ix = std::max<int64_t>(x - half, 0); ix <= std::min(x + half, p.w - 1); ++ix)
+          sum += image[iy * p.w + ix] * image[iy * p.w + ix];
+      const float scale = 1 + p.alpha * (sum / area);
+      output[item * p.w + x] = image[y * p.w + x] * std::pow(scale, -p.beta);
+    }
+  });
+}
+
+}  // namespace revisit::engine

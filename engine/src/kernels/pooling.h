@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+
+namespace revisit::engine {
+
+/// 2-D pooling of `planes` independent images `[h][w]` to `[out_h][out_w]`.
+struct PoolingProblem {
+  int64_t planes = 1, h = 1, w = 1, out_h = 1, out_w = 1;
+  int64_t kernel_h = 1, kernel_w = 1, stride_h = 1, stride_w = 1, pad_h = 0, pad_w = 0;
+  int threads = 1;
+};
+
+/// Largest value of each window, clipped to the image; -FLT_MAX for an empty window. NaN never
+/// wins. `mask`, when not null, gets the winner's index h * w as float, -1 for none (SEMANTICS
+/// section 2).
+void max_pool(const PoolingProblem& problem, const float* input, float* output, float* mask);
+
+/// Mean of each window: padding counts as zeros, what lies beyond it does not count at all.
+void average_pool(const PoolingProblem& problem, const float* input, float* output);
+
+}  // namespace revisit::engine

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "caffe.pb.h"
+#include "revisit/engine/tensor.h"
+
+namespace revisit::engine {
+
+/// The pointers of one execution of one kernel; shapes were fixed when it was bound.
+struct Call {
+  const std::vector<const float*>& inputs;
+  const std::vector<float*>& outputs;
+  float* scratch;
+};
+
+/// A layer bound to shapes and weights, ready to run. Never allocates, never fails.
+struct Kernel {
+  std::string name;
+  std::function<void(const Call&)> run;
+  int64_t scratch_floats = 0;
+  int64_t macs = 0;
+};
+
+/// All that a layer may know when it is bound.
+struct Binding {
+  const std::vector<Shape>& inputs;
+  const std::vector<Shape>& outputs;
+  const std::vector<Tensor>& weights;  // kept alive by the plan; empty values when only inspected
+  int threads = 1;
+  bool reference_kernels = false;
+};
+
+/// Where the outputs live.
+enum class OutputMemory {
+  kOwn,            // separate from the inputs
+  kMayReuseInput,  // element by element: output 0 may overwrite input 0
+  kViewOfInput,    // the same values under another shape or name: nothing runs
+};
+
+/// One layer type with its parameters. Knows shapes and picks kernels; owns no memory and no
+/// weights. Created from the file's description by the registry. Functions throw InputError with a
+/// reason only: the caller adds file, layer name and type.
+class Layer {
+ public:
+  virtual ~Layer() = default;
+
+  /// Shapes of `n_outputs` outputs for these inputs, with every check of parameters against shapes.
+  virtual std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const = 0;
+
+  /// Shapes of the weight blobs, in the file's order.
+  virtual std::vector<Shape> weight_shapes(const std::vector<Shape>&) const { return {}; }
+
+  virtual OutputMemory output_memory() const { return OutputMemory::kOwn; }
+
+  /// The kernel for shapes that infer() accepted. Not called for views.
+  virtual Kernel bind(const Binding& binding) const = 0;
+};
+
+/// Throws InputError unless there are `n` of `what` ("inputs", "outputs").
+void expect_count(size_t found, size_t expected, const char* what);
+
+}  // namespace revisit::engine

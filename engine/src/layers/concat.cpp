@@ -1,0 +1,58 @@
+#include <algorithm>
+
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+class Concat : public Layer {
+ public:
+  explicit Concat(const caffe::ConcatParameter& param) : param_(param) {
+    if (param.has_axis() && param.has_concat_dim())
+      throw InputError("give axis or concat_dim, not both");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    if (inputs.empty()) throw InputError("expected at least one input");
+    expect_count(n_outputs, 1, "outputs");
+    const size_t axis = concat_axis(inputs[0]);
+    int64_t total = 0;
+    for (const Shape& input : inputs) {
+      if (input.rank() != inputs[0].rank() || input.with(axis, 1) != inputs[0].with(axis, 1))
+        throw InputError(
+            str("inputs must agree in all axes but ", axis, ", found ", inputs[0], " and ", input));
+      total += input[axis];
+    }
+    return {inputs[0].with(axis, total)};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& output = binding.outputs[0];
+    const size_t axis = concat_axis(output);
+    std::vector<int64_t> runs;  // floats that are contiguous in each input
+    for (const Shape& input : binding.inputs) runs.push_back(input.product(axis, input.rank()));
+    return {"copy", [outer = output.product(0, axis), runs = std::move(runs)](const Call& call) {
+              float* out = call.outputs[0];
+              for (int64_t i = 0; i < outer; ++i)
+                for (size_t input = 0; input < runs.size(); ++input)
+                  out = std::copy_n(call.inputs[input] + i * runs[input], runs[input], out);
+            }};
+  }
+
+ private:
+  size_t concat_axis(const Shape& shape) const {
+    return shape.canonical_axis(
+        param_.has_concat_dim() ? static_cast<int64_t>(param_.concat_dim()) : param_.axis(),
+        "concat axis");
+  }
+
+  caffe::ConcatParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_concat(const caffe::LayerParameter& param) {
+  return std::make_unique<Concat>(param.concat_param());
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,24 @@
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Every output is the input itself: Split, and Dropout at inference.
+class Identity : public Layer {
+ public:
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    if (n_outputs < 1) throw InputError("expected at least one output");
+    return std::vector<Shape>(n_outputs, inputs[0]);
+  }
+  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
+  Kernel bind(const Binding&) const override { return {}; }
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_identity(const caffe::LayerParameter&) {
+  return std::make_unique<Identity>();
+}
+
+}  // namespace revisit::engine

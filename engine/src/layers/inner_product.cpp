@@ -1,0 +1,62 @@
+#include "kernels/inner_product.h"
+
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+class InnerProduct : public Layer {
+ public:
+  explicit InnerProduct(const caffe::InnerProductParameter& param) : param_(param) {
+    if (param.num_output() < 1) throw InputError("num_output must be at least 1");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    const size_t axis = first_axis(inputs[0]);
+    std::vector<int64_t> axes(inputs[0].axes().begin(),
+                              inputs[0].axes().begin() + static_cast<int64_t>(axis));
+    axes.push_back(param_.num_output());
+    return {Shape(std::move(axes))};
+  }
+
+  std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
+    const int64_t n = param_.num_output(),
+                  k = inputs[0].product(first_axis(inputs[0]), inputs[0].rank());
+    std::vector<Shape> shapes{param_.transpose() ? Shape{k, n} : Shape{n, k}};
+    if (param_.bias_term()) shapes.push_back(Shape{n});
+    return shapes;
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& input = binding.inputs[0];
+    const size_t axis = first_axis(input);
+    const InnerProductProblem problem{input.product(0, axis), param_.num_output(),
+                                      input.product(axis, input.rank()), param_.transpose(),
+                                      binding.threads};
+    const float* weights = binding.weights[0].values.data();
+    const float* bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
+    auto* const run = binding.reference_kernels ? inner_product_reference : inner_product;
+    return {binding.reference_kernels ? "reference" : "gemm",
+            [problem, run, weights, bias](const Call& call) {
+              run(problem, call.inputs[0], weights, bias, call.outputs[0]);
+            },
+            0, problem.m * problem.n * problem.k};
+  }
+
+ private:
+  size_t first_axis(const Shape& input) const {
+    return input.canonical_axis(param_.axis(), "inner product axis");
+  }
+
+  caffe::InnerProductParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_inner_product(const caffe::LayerParameter& param) {
+  return std::make_unique<InnerProduct>(param.inner_product_param());
+}
+
+}  // namespace revisit::engine

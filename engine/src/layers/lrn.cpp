@@ -1,0 +1,48 @@
+#include "kernels/lrn.h"
+
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+class Lrn : public Layer {
+ public:
+  explicit Lrn(const caffe::LRNParameter& param) : param_(param) {
+    if (param.local_size() % 2 == 0)
+      throw InputError(str("local_size must be odd, found ", param.local_size()));
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    if (inputs[0].rank() != 4)
+      throw InputError(str("LRN needs an input of 4 axes (n x c x h x w), found ", inputs[0]));
+    return inputs;
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& shape = binding.inputs[0];
+    const LrnProblem problem{
+        shape[0],       shape[1],      shape[2],   shape[3],       param_.local_size(),
+        param_.alpha(), param_.beta(), param_.k(), binding.threads};
+    const bool within = param_.norm_region() == caffe::LRNParameter::WITHIN_CHANNEL;
+    auto* const run = within                      ? lrn_within_channel
+                      : binding.reference_kernels ? lrn_across_channels_reference
+                                                  : lrn_across_channels;
+    return {within                      ? "lrn-within"
+            : binding.reference_kernels ? "reference"
+                                        : "lrn-across",
+            [problem, run](const Call& call) { run(problem, call.inputs[0], call.outputs[0]); }};
+  }
+
+ private:
+  caffe::LRNParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_lrn(const caffe::LayerParameter& param) {
+  return std::make_unique<Lrn>(param.lrn_param());
+}
+
+}  // namespace revisit::engine

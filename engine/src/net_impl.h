@@ -1,0 +1,37 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "graph.h"
+#include "layer.h"
+#include "revisit/engine/net.h"
+
+namespace revisit::engine {
+
+/// A node ready to be planned.
+struct LoadedNode {
+  std::unique_ptr<Layer> layer;  // null for Input
+  std::vector<Tensor> weights;   // values are empty when the net was loaded without weights
+};
+
+struct Net::Impl {
+  std::string file;               // the prototxt, for messages
+  Graph graph;                    // pruned
+  std::vector<LoadedNode> nodes;  // as graph.nodes
+  std::vector<Port> inputs;
+  std::vector<std::string> layer_names;  // of the whole net
+  std::vector<std::string> warnings;
+  uint64_t weight_bytes_read = 0;
+  bool has_weights = false;
+};
+
+/// Shapes of all values of a graph; empty shapes for values of pruned nodes.
+/// `inputs` replaces the shapes of Input layers by blob name. Throws InputError naming the layer.
+std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string, Shape>& inputs);
+
+/// Rethrows the error being handled, with the place in front of its message.
+[[noreturn]] void rethrow_at(const std::string& file, const Node& node);
+
+}  // namespace revisit::engine

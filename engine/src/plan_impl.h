@@ -1,0 +1,38 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "layer.h"
+#include "net_impl.h"
+#include "revisit/engine/net.h"
+
+namespace revisit::engine {
+
+/// One kernel to run and where its operands are, in floats from the start of the arena.
+struct Step {
+  size_t layer;  // index into Plan::layers()
+  Kernel kernel;
+  std::vector<int64_t> inputs, outputs;
+  int64_t scratch = 0;
+};
+
+struct Plan::Impl {
+  /// A value that is readable from outside.
+  struct Slot {
+    int64_t offset;  // floats
+    Shape shape;
+  };
+  std::shared_ptr<const Net::Impl> net;
+  std::vector<Step> steps;
+  std::vector<LayerCost> costs;
+  std::vector<Port> inputs, outputs;
+  std::map<std::string, Slot, std::less<>> input_slots, output_slots;
+  int64_t arena_floats = 0;
+  int64_t unshared_floats = 0;
+  int64_t weight_floats = 0;
+};
+
+}  // namespace revisit::engine

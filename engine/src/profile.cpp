@@ -1,0 +1,66 @@
+#include "revisit/engine/profile.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numeric>
+
+namespace revisit::engine {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double milliseconds_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+class LayerClock : public StepObserver {
+ public:
+  explicit LayerClock(size_t layers) : samples_(layers) {}
+  void before(size_t) override { start_ = Clock::now(); }
+  void after(size_t layer) override { samples_[layer].push_back(milliseconds_since(start_)); }
+  const std::vector<std::vector<double>>& samples() const { return samples_; }
+
+ private:
+  std::vector<std::vector<double>> samples_;  // [layer][pass]
+  Clock::time_point start_;
+};
+
+}  // namespace
+
+Timing summarize(std::vector<double> samples) {
+  std::sort(samples.begin(), samples.end());
+  const size_t n = samples.size();
+  const auto rank95 = static_cast<size_t>(std::ceil(0.95 * static_cast<double>(n)));
+  return {samples.front(), (samples[(n - 1) / 2] + samples[n / 2]) / 2,
+          samples[std::max<size_t>(rank95, 1) - 1]};
+}
+
+Profile profile(Run& run, const ProfileOptions& options) {
+  const auto stopped = [&] { return options.stop && options.stop(); };
+  for (int i = 0; i < options.warmup && !stopped(); ++i) run.forward();
+
+  const size_t n_layers = run.plan().layers().size();
+  LayerClock clock(n_layers);
+  std::vector<double> totals, sums;
+  for (int pass = 0; pass < std::max(options.repeat, 1) && !(pass > 0 && stopped()); ++pass) {
+    const Clock::time_point start = Clock::now();
+    run.forward();
+    totals.push_back(milliseconds_since(start));
+
+    run.forward(clock);
+    sums.push_back(std::accumulate(
+        clock.samples().begin(), clock.samples().end(), 0.0,
+        [](double sum, const auto& layer) { return sum + (layer.empty() ? 0 : layer.back()); }));
+  }
+
+  Profile result;
+  result.passes = static_cast<int>(totals.size());
+  for (const auto& samples : clock.samples())
+    result.layers.push_back(samples.empty() ? Timing{} : summarize(samples));
+  result.layer_sum = summarize(std::move(sums));
+  result.total = summarize(std::move(totals));
+  return result;
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,93 @@
+#include <algorithm>
+#include <cstdlib>
+#include <limits>
+#include <new>
+
+#include "plan_impl.h"
+
+namespace revisit::engine {
+namespace {
+
+struct FreeDeleter {
+  void operator()(float* memory) const { std::free(memory); }
+};
+
+/// Aligned to a cache line and filled with NaN: a read of memory that nothing wrote shows.
+std::unique_ptr<float[], FreeDeleter> allocate_arena(int64_t floats) {
+  constexpr size_t kCacheLine = 64;
+  const size_t bytes =
+      (static_cast<size_t>(floats) * sizeof(float) + kCacheLine - 1) / kCacheLine * kCacheLine;
+  auto* memory = static_cast<float*>(std::aligned_alloc(kCacheLine, std::max(bytes, kCacheLine)));
+  if (!memory) throw std::bad_alloc();
+  std::fill_n(memory, floats, std::numeric_limits<float>::quiet_NaN());
+  return std::unique_ptr<float[], FreeDeleter>(memory);
+}
+
+template <class Slots>
+const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, const char* what) {
+  const auto found = slots.find(name);
+  if (found != slots.end()) return found->second;
+  std::vector<std::string> known;
+  for (const auto& [slot, place] : slots) known.push_back(slot);
+  throw UsageError(str("this run keeps no ", what, " '", name, "'", did_you_mean(name, known)));
+}
+
+}  // namespace
+
+struct Run::Memory {
+  std::unique_ptr<float[], FreeDeleter> arena;
+  struct Operands {
+    std::vector<const float*> inputs;
+    std::vector<float*> outputs;
+    float* scratch;
+  };
+  std::vector<Operands> operands;  // as plan.steps
+};
+
+Run::Run(Plan plan) : plan_(std::move(plan)) {
+  const Plan::Impl& impl = *plan_.impl_;
+  if (!impl.net->has_weights)
+    throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
+  memory_ = std::make_unique<Memory>(Memory{allocate_arena(impl.arena_floats), {}});
+  float* const arena = memory_->arena.get();
+  for (const Step& step : impl.steps) {
+    Memory::Operands operands{{}, {}, arena + step.scratch};
+    for (const int64_t offset : step.inputs) operands.inputs.push_back(arena + offset);
+    for (const int64_t offset : step.outputs) operands.outputs.push_back(arena + offset);
+    memory_->operands.push_back(std::move(operands));
+  }
+}
+
+Run::Run(Run&&) noexcept = default;
+Run& Run::operator=(Run&&) noexcept = default;
+Run::~Run() = default;
+
+View<float> Run::input(std::string_view blob) {
+  const Plan::Impl::Slot& slot = find_slot(plan_.impl_->input_slots, blob, "input");
+  return {memory_->arena.get() + slot.offset, slot.shape};
+}
+
+View<const float> Run::output(std::string_view name) const {
+  const Plan::Impl::Slot& slot = find_slot(plan_.impl_->output_slots, name, "output");
+  return {memory_->arena.get() + slot.offset, slot.shape};
+}
+
+void Run::forward() noexcept {
+  const std::vector<Step>& steps = plan_.impl_->steps;
+  for (size_t i = 0; i < steps.size(); ++i) {
+    const Memory::Operands& operands = memory_->operands[i];
+    steps[i].kernel.run({operands.inputs, operands.outputs, operands.scratch});
+  }
+}
+
+void Run::forward(StepObserver& observer) {
+  const std::vector<Step>& steps = plan_.impl_->steps;
+  for (size_t i = 0; i < steps.size(); ++i) {
+    const Memory::Operands& operands = memory_->operands[i];
+    observer.before(steps[i].layer);
+    steps[i].kernel.run({operands.inputs, operands.outputs, operands.scratch});
+    observer.after(steps[i].layer);
+  }
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,66 @@
+#include <algorithm>
+
+#include "net_impl.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Shapes in the file of the tops of an Input layer: one for each, or one for all.
+Shape input_shape(const Node& node, size_t port) {
+  const caffe::InputParameter& param = node.param.input_param();
+  const auto n_shapes = static_cast<size_t>(param.shape_size());
+  if (n_shapes != 1 && n_shapes != node.outputs.size())
+    throw InputError(str("expected 1 or ", node.outputs.size(), " shapes, found ", n_shapes,
+                         "; give the input shape in the prototxt or with --input-shape"));
+  const caffe::BlobShape& shape = param.shape(n_shapes == 1 ? 0 : static_cast<int>(port));
+  return Shape(std::vector<int64_t>(shape.dim().begin(), shape.dim().end()));
+}
+
+}  // namespace
+
+void rethrow_at(const std::string& file, const Node& node) {
+  const std::string place = str(file, ": layer '", node.name, "' (", node.param.type(), "): ");
+  try {
+    throw;
+  } catch (const UnsupportedError& error) {
+    throw UnsupportedError(place + error.what());
+  } catch (const InputError& error) {
+    throw InputError(place + error.what());
+  }
+}
+
+std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string, Shape>& inputs) {
+  std::vector<Shape> shapes(net.graph.values.size());
+  std::vector<std::string> input_names;
+  for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
+    const Node& node = net.graph.nodes[i];
+    try {
+      if (!net.nodes[i].layer) {
+        for (size_t port = 0; port < node.outputs.size(); ++port) {
+          const std::string& blob = net.graph.values[node.outputs[port]].blob;
+          const auto given = inputs.find(blob);
+          shapes[node.outputs[port]] =
+              given != inputs.end() ? given->second : input_shape(node, port);
+          input_names.push_back(blob);
+        }
+        continue;
+      }
+      std::vector<Shape> input_shapes;
+      for (const ValueId id : node.inputs) input_shapes.push_back(shapes[id]);
+      const std::vector<Shape> outputs =
+          net.nodes[i].layer->infer(input_shapes, node.outputs.size());
+      expect_count(node.outputs.size(), outputs.size(), "outputs");
+      for (size_t port = 0; port < outputs.size(); ++port)
+        shapes[node.outputs[port]] = outputs[port];
+    } catch (const Error&) {
+      rethrow_at(net.file, node);
+    }
+  }
+  for (const auto& [blob, shape] : inputs)
+    if (std::find(input_names.begin(), input_names.end(), blob) == input_names.end())
+      throw UsageError(
+          str(net.file, ": the net has no input '", blob, "'", did_you_mean(blob, input_names)));
+  return shapes;
+}
+
+}  // namespace revisit::engine

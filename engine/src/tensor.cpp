@@ -1,0 +1,67 @@
+#include "revisit/engine/tensor.h"
+
+#include <charconv>
+#include <ostream>
+
+namespace revisit::engine {
+
+Shape::Shape(std::vector<int64_t> axes) : axes_(std::move(axes)) {
+  int64_t elements = 1;
+  for (const int64_t size : axes_) {
+    if (size < 1) throw InputError(str("a shape of ", text(), " has an axis below 1"));
+    if (__builtin_mul_overflow(elements, size, &elements) || elements > kMaxElements)
+      throw InputError(str("a shape of ", text(), " has more than ", kMaxElements, " elements"));
+  }
+}
+
+Shape Shape::parse(std::string_view text) {
+  std::vector<int64_t> axes;
+  const char* next = text.data();
+  const char* const end = text.data() + text.size();
+  for (;;) {
+    int64_t size = 0;
+    const auto [stop, error] = std::from_chars(next, end, size);
+    if (error != std::errc() || size < 1 || (stop != end && *stop != 'x'))
+      throw UsageError(str("expected a shape like 1x3x107x4000, found '", text, "'"));
+    axes.push_back(size);
+    if (stop == end) break;
+    next = stop + 1;
+  }
+  try {
+    return Shape(std::move(axes));
+  } catch (const InputError& error) {
+    throw UsageError(error.what());
+  }
+}
+
+int64_t Shape::product(size_t begin, size_t end) const {
+  int64_t result = 1;
+  for (size_t axis = begin; axis < end; ++axis) result *= axes_[axis];
+  return result;
+}
+
+size_t Shape::canonical_axis(int64_t axis, std::string_view what) const {
+  const auto rank_signed = static_cast<int64_t>(rank());
+  if (axis < -rank_signed || axis >= rank_signed)
+    throw InputError(str(what, " ", axis, " is out of range for an input of shape ", text()));
+  return static_cast<size_t>(axis < 0 ? axis + rank_signed : axis);
+}
+
+Shape Shape::with(size_t axis, int64_t size) const {
+  std::vector<int64_t> axes = axes_;
+  axes.at(axis) = size;
+  return Shape(std::move(axes));
+}
+
+std::string Shape::text() const {
+  if (axes_.empty()) return "scalar";
+  std::string result;
+  for (const int64_t size : axes_) result += (result.empty() ? "" : "x") + std::to_string(size);
+  return result;
+}
+
+std::ostream& operator<<(std::ostream& out, const Shape& shape) {
+  return out << shape.text();
+}
+
+}  // namespace revisit::engine

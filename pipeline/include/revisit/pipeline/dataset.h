@@ -1,0 +1,53 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "revisit/pipeline/pose.h"
+
+namespace revisit::pipeline {
+
+/// One scan of a data set, by reference: the points are read when they are needed.
+struct ScanRef {
+  std::filesystem::path file;
+  int frame = 0;             // index in the drive; KITTI: the number in the file name (gaps legal)
+  std::optional<Pose> pose;  // T_world_cam for KITTI, as stored; absent without ground truth
+  std::optional<double> time;  // [s]
+};
+
+/// A drive, or any folder of scans, in frame order.
+struct Dataset {
+  std::string name;      // e.g. "kitti"
+  std::string sequence;  // e.g. "00"; "" for a plain folder
+  std::vector<ScanRef> scans;
+  std::optional<Pose> T_cam_velo;  // KITTI's Tr, when calib.txt is there
+  bool has_poses() const {
+    for (const ScanRef& scan : scans)
+      if (!scan.pose) return false;
+    return !scans.empty();
+  }
+};
+
+/// What a data set must have for the work at hand.
+struct DatasetNeeds {
+  bool poses = false;
+  bool calibration = false;
+};
+
+/// Opens a KITTI odometry sequence or a plain folder of .bin/.pcd/.ply files.
+///
+/// `root` may be the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; needs `sequence`), one
+/// sequence folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`), or a folder of scan files
+/// (no poses). With `sequence` empty, a root that holds exactly one sequence with scans is taken.
+/// Throws InputError saying what was looked for and where, and which sequences are there.
+Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,
+                     const DatasetNeeds& needs = {});
+
+/// Where the poses of a KITTI sequence are: `poses/NN.txt` under the root, or `poses.txt` in the
+/// sequence folder. Throws InputError listing the places looked at.
+std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
+                                       const std::string& sequence);
+
+}  // namespace revisit::pipeline

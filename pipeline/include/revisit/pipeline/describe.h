@@ -1,0 +1,92 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "revisit/engine/net.h"
+#include "revisit/pipeline/align.h"
+#include "revisit/pipeline/dataset.h"
+#include "revisit/pipeline/range_image.h"
+
+namespace revisit::pipeline {
+
+/// Writes the feature of one range image; the span has FeatureExtractor::dim floats.
+using FeatureFunction = std::function<void(const RangeImage&, std::span<float>)>;
+
+/// A way to turn range images of one geometry into feature vectors.
+struct FeatureExtractor {
+  std::string name;  // for people and plots: "conv3+pool5", "data"
+  std::string key;   // names everything the values depend on besides the image
+  int64_t dim = 0;
+  /// Makes a function with its own working memory: one per thread.
+  std::function<FeatureFunction()> make;
+};
+
+/// The output of a network, flattened. The gray image is given to every input channel, minus that
+/// channel's mean (`mean_bgr`, in pixel values; paper section III-C). `net_key` identifies the
+/// weights. Throws InputError when the net has not one input of 1 or 3 channels, or cannot take the
+/// image size, and UsageError when it has not exactly one output.
+FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
+                                  const std::array<double, 3>& mean_bgr,
+                                  const ImageGeometry& geometry);
+
+/// The range image itself as a vector: the paper's `data`, for comparison.
+FeatureExtractor range_vector_features(const ImageGeometry& geometry);
+
+/// How scans are turned before they are projected.
+enum class AlignMode { kNone, kCase1, kCase2 };
+/// "none", "case1", "case2"; throws UsageError for anything else.
+AlignMode parse_align_mode(const std::string& text);
+const char* name_of(AlignMode mode);
+
+/// The range image the features see: aligned, projected, holes closed.
+RangeImage scan_to_image(const PointCloud& cloud, AlignMode mode, const ImageGeometry& geometry);
+
+struct DescribeOptions {
+  ImageGeometry geometry;
+  AlignMode align = AlignMode::kCase1;
+  /// Scans in flight, one thread each. The values do not depend on it.
+  int threads = 1;
+  std::function<void(int64_t done, int64_t total)> progress;  // in scans
+  std::function<bool()> stop;                                 // true: throw Interrupted
+};
+
+/// Milliseconds spent on each scan described in this process, by stage. (Scans kept from an
+/// earlier run are not in it.)
+struct DescribeTimes {
+  std::vector<double> read, image, feature;
+};
+
+/// What one scan's alignment was, as write_features() stores it: a row of 4 floats.
+struct AlignmentRecord {
+  float yaw = 0;               // [rad], Alignment::yaw
+  float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio
+  float abs_t11 = 0;           // Alignment::abs_t11
+  float mirrored_choice = 0;   // 0 or 1
+};
+
+/// Where the features of a data set are: `folder/NAME-HASH.npy`, the hash being of everything they
+/// depend on: scans (path, size, time of change), extractor, geometry and alignment.
+struct FeaturePaths {
+  std::filesystem::path features;    // [n][dim]
+  std::filesystem::path alignments;  // [n][4], AlignmentRecord
+  std::string key;
+};
+FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& dataset,
+                           const FeatureExtractor& extractor, const DescribeOptions& options);
+
+/// Describes every scan into `paths`, continuing what an earlier call left. Does nothing when the
+/// files are complete. Throws Interrupted (what was done is kept), InputError naming the scan that
+/// cannot be read or aligned, Error when the disk is full.
+DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
+                             const FeatureExtractor& extractor, const DescribeOptions& options);
+
+/// The alignment rows that write_features() stored. Throws InputError.
+std::vector<AlignmentRecord> read_alignments(const std::filesystem::path& file);
+
+}  // namespace revisit::pipeline

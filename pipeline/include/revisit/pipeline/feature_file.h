@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+
+namespace revisit::pipeline {
+
+/// Streams features to a float32 .npy of `[n][d]`, and goes on where an earlier run was stopped.
+///
+/// Until finish() the rows are in `FILE.part`, with `FILE.part.key` beside it: a text that names
+/// all that the features depend on (model hash, layer, image geometry, the scans ...). A part with
+/// the same key and shape is continued, any other is discarded.
+///
+///   if (!features_complete(file, key)) {
+///     FeatureWriter writer(file, key, n, d);
+///     for (int64_t i = writer.rows_written(); i < n; ++i) writer.append(describe(scan[i]));
+///     writer.finish();
+///   }
+///   FeatureFile features(file);
+class FeatureWriter {
+ public:
+  /// Opens or continues the part. Throws Error when the folder cannot be written, when the disk has
+  /// too little space for the rows to come (naming the bytes needed and free), and when another
+  /// process is writing the same file.
+  FeatureWriter(std::filesystem::path file, std::string key, int64_t n_rows, int64_t dim);
+  ~FeatureWriter();  // without finish() the part stays, to be continued
+  FeatureWriter(const FeatureWriter&) = delete;
+  FeatureWriter& operator=(const FeatureWriter&) = delete;
+
+  /// Complete rows in the part: the index of the next row to append.
+  int64_t rows_written() const { return rows_; }
+  /// Appends one row of `dim` floats. Throws Error when the disk is full (the part stays) or the
+  /// row has another size.
+  void append(std::span<const float> row);
+  /// Flushes to disk and gives the file its name (and `FILE.key` its key). Throws Error when rows
+  /// are missing.
+  void finish();
+
+ private:
+  void continue_or_create();
+  void check_space() const;
+  void write_all(const void* data, size_t size);
+  [[noreturn]] void fail(const std::string& doing) const;
+
+  std::filesystem::path file_, part_, part_key_;
+  std::string key_, header_;
+  int64_t n_rows_, dim_, rows_ = 0;
+  int descriptor_ = -1;
+};
+
+/// True when `file` is finished and was made with this key.
+bool features_complete(const std::filesystem::path& file, const std::string& key);
+
+/// A finished feature file, read-only. Movable, not copyable.
+class FeatureFile {
+ public:
+  /// Throws InputError when the file is missing, is not a float32 C-order .npy with two axes, or
+  /// has another size than its header says.
+  explicit FeatureFile(std::filesystem::path file);
+  ~FeatureFile();
+  FeatureFile(FeatureFile&& other) noexcept;
+  FeatureFile& operator=(FeatureFile&& other) noexcept;
+
+  int64_t n() const { return n_; }
+  int64_t d() const { return d_; }
+  const std::filesystem::path& path() const { return file_; }
+  /// Row i, memory-mapped: valid while this object lives and the file is not changed.
+  std::span<const float> row(int64_t i) const { return {data_ + i * d_, static_cast<size_t>(d_)}; }
+  /// Copies `count` floats of row `i` from column `first` on, by reading the file: unlike row() the
+  /// pages do not count as memory of this process. Throws InputError when the file became shorter.
+  void read(int64_t i, int64_t first, int64_t count, float* out) const;
+
+ private:
+  void close() noexcept;
+
+  std::filesystem::path file_;
+  int64_t n_ = 0, d_ = 0, header_bytes_ = 0, mapped_bytes_ = 0;
+  int descriptor_ = -1;
+  void* mapping_ = nullptr;
+  const float* data_ = nullptr;
+};
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace revisit::pipeline {
+
+/// Rows of floats in C order, `[n][d]`: one descriptor a row, row i being scan i of the data set.
+struct FloatMatrix {
+  int64_t n = 0, d = 0;
+  std::vector<float> values;  // [n][d]
+
+  FloatMatrix() = default;
+  FloatMatrix(int64_t rows, int64_t columns)
+      : n(rows), d(columns), values(static_cast<size_t>(rows * columns)) {}
+  std::span<const float> row(int64_t i) const {
+    return {values.data() + i * d, static_cast<size_t>(d)};
+  }
+  std::span<float> row(int64_t i) { return {values.data() + i * d, static_cast<size_t>(d)}; }
+};
+
+/// Threads of the linear algebra library (pca.h, retrieve.h), for the whole process.
+/// Throws UsageError when `threads` is below 1.
+void set_linear_algebra_threads(int threads);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cmath>
+#include <vector>
+
+namespace revisit::pipeline {
+
+/// One LiDAR return. Sensor frame: x forward, y left, z up [m]; the layout of KITTI's .bin files.
+struct Point {
+  float x = 0, y = 0, z = 0;  // [m]
+  float intensity = 0;        // as the file gives it, unused by the method
+};
+
+/// False for what drivers write when a beam gave no return: NaN (or infinity), or the sensor's
+/// origin itself. Every stage skips those points.
+inline bool is_return(const Point& point) {
+  return std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z) &&
+         (point.x != 0 || point.y != 0 || point.z != 0);
+}
+
+/// One revolution of the sensor. May hold NaN and zero points ("no return"): every stage skips
+/// them (`is_return`), so that files pass through unchanged.
+struct PointCloud {
+  std::vector<Point> points;
+};
+
+}  // namespace revisit::pipeline

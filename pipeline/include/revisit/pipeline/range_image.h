@@ -1,0 +1,69 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "revisit/pipeline/point_cloud.h"
+
+namespace revisit::pipeline {
+
+/// The panorama a sensor is projected to. Fixed per sensor, so that every scan gives one size.
+struct ImageGeometry {
+  int width = 4000, height = 112;                    // [pixels]
+  double elevation_top = 3, elevation_bottom = -25;  // [deg], of the upper and lower image edge
+  double max_range = 80;                             // [m], maps to pixel value 255
+  int closing_width = 5, closing_height = 3;  // hole closing rectangle [pixels], odd; 1 x 1 is none
+};
+
+/// Preset by sensor name, all 4000 x 112 so that every network gives one feature size:
+///
+/// | name  | image edges [deg] | row [deg] | beams          | closing w x h |
+/// |-------|-------------------|-----------|----------------|---------------|
+/// | hdl64 | +3 .. -25         | 0.25      | 64, 0.33..0.5  | 5 x 3         |
+/// | hdl32 | +11.33 .. -31.33  | 0.38      | 32, every 1.33 | 5 x 5         |
+/// | vlp16 | +16 .. -16        | 0.29      | 16, every 2    | 5 x 9         |
+///
+/// A row is finer than the beams are apart, as the paper allows, so that pooling does not reach
+/// zero; the closing rectangle is then higher than the rows between two beams. The edges of hdl32
+/// (beams +10.67..-30.67) and vlp16 (+15..-15) are half a beam outwards, so that no beam lies on
+/// one. Throws UsageError naming the nearest preset.
+ImageGeometry sensor_geometry(const std::string& sensor);
+/// The names sensor_geometry() takes.
+std::vector<std::string> sensor_names();
+
+/// Pixel values `[height][width]`, 0 (no return) .. 255 (max_range or farther).
+/// Column 0 looks backwards (azimuth +180 deg), azimuth falls with the column: a yaw of the cloud
+/// by +360/width deg moves every pixel one column to the left, around the edge. Row 0 is the top.
+struct RangeImage {
+  int width = 0, height = 0;
+  std::vector<float> pixels;  // [height][width]
+  float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
+};
+
+/// Throws UsageError for a geometry that is none: sizes below 1 or beyond reason, edges in the
+/// wrong order or beyond +-90 deg, a range that is not positive, an even or too large closing
+/// rectangle.
+void check_geometry(const ImageGeometry& geometry);
+
+/// Spherical projection (paper, section III-A):
+///   column = floor((pi - azimuth) / (2 pi) * width)
+///   row    = floor((top - elevation) / (top - bottom) * height), dropped when outside the image
+///   pixel  = 255 * min(range, max_range) / max_range, the nearest return wins, 0 without one
+/// NaN points and points at the origin are skipped. With an even width a cloud turned by exactly
+/// 180 degrees (x and y negated) gives exactly the image shifted by width / 2: align case 2 is
+/// free. Throws UsageError as check_geometry() does.
+RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
+
+/// Morphological closing (dilation, then erosion) with the geometry's rectangle, wrap-around in
+/// azimuth. Above and below the image counts as absent (neutral for both operations). Throws
+/// UsageError for an even rectangle or one larger than the image.
+RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
+
+/// The image moved `columns` to the left (negative: to the right), around the edge: the image of
+/// the cloud turned by `columns` * 360 / width deg about z. Half the width is align case 2.
+RangeImage shifted(const RangeImage& image, int columns);
+
+/// Writes an 8-bit grey PNG (values rounded). Throws Error when it cannot.
+void write_png(const std::string& file, const RangeImage& image);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,98 @@
+#include "revisit/pipeline/dataset.h"
+
+#include "datasets/folder.h"
+#include "datasets/kitti.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+[[noreturn]] void fail_missing(const fs::path& root, const char* what, const std::string& places) {
+  throw InputError(str(root.string(), ": no ", what, ", which this needs: looked for ", places));
+}
+
+/// A list by frame must reach the last scan.
+template <class Value>
+void check_covers(const std::vector<Value>& values, const ScanRef& last, const fs::path& file,
+                  const char* what) {
+  if (static_cast<size_t>(last.frame) >= values.size())
+    throw InputError(str(file.string(), ": holds ", values.size(), " ", what, " (frames 0 to ",
+                         values.size() - 1, "), but ", last.file.string(), " is frame ",
+                         last.frame));
+}
+
+void add_poses(const KittiSequence& sequence, bool needed, Dataset* dataset) {
+  const std::optional<fs::path> file = sequence.poses();
+  if (!file) {
+    if (needed)
+      fail_missing(sequence.folder, "poses",
+                   str(sequence.pose_files[0].string(), " and ", sequence.pose_files[1].string()));
+    return;
+  }
+  const std::vector<Pose> poses = read_kitti_poses(*file);
+  check_covers(poses, dataset->scans.back(), *file, "poses");
+  for (ScanRef& scan : dataset->scans) scan.pose = poses[static_cast<size_t>(scan.frame)];
+}
+
+void add_times(const KittiSequence& sequence, Dataset* dataset) {
+  const fs::path file = sequence.folder / "times.txt";
+  std::error_code ignored;
+  if (!fs::exists(file, ignored)) return;
+  const std::vector<double> times = read_kitti_times(file);
+  check_covers(times, dataset->scans.back(), file, "times");
+  for (ScanRef& scan : dataset->scans) scan.time = times[static_cast<size_t>(scan.frame)];
+}
+
+void add_calibration(const KittiSequence& sequence, bool needed, Dataset* dataset) {
+  const fs::path file = sequence.folder / "calib.txt";
+  std::error_code ignored;
+  if (fs::exists(file, ignored))
+    dataset->T_cam_velo = read_kitti_calibration(file);
+  else if (needed)
+    fail_missing(sequence.folder, "calibration", file.string());
+}
+
+std::vector<ScanRef> scan_refs(const fs::path& folder, FrameNumbers numbers) {
+  std::vector<ScanRef> scans;
+  for (NumberedFile& scan : list_scans(folder, numbers))
+    scans.push_back({std::move(scan.file), scan.frame, {}, {}});
+  return scans;
+}
+
+}  // namespace
+
+Dataset open_dataset(const fs::path& root, const std::string& sequence, const DatasetNeeds& needs) {
+  Dataset dataset;
+  if (const auto found = find_kitti_sequence(root, sequence, false)) {
+    dataset.name = found->name;
+    dataset.sequence = found->sequence;
+    dataset.scans = scan_refs(found->velodyne(), FrameNumbers::kFromNames);
+    add_poses(*found, needs.poses, &dataset);
+    add_times(*found, &dataset);
+    add_calibration(*found, needs.calibration, &dataset);
+    return dataset;
+  }
+
+  if (!holds_scans(root))
+    throw InputError(str(root.string(), ": no scans here: looked for ",
+                         (root / "sequences" / "NN" / "velodyne").string(), ", ",
+                         (root / "velodyne").string(),
+                         " and for .bin, .pcd or .ply files in the folder itself"));
+  if (!sequence.empty())
+    throw InputError(str(root.string(), ": a plain folder of scans has no sequence ", sequence,
+                         ": looked for ", (root / "sequences" / sequence).string()));
+  if (needs.poses)
+    fail_missing(root, "poses",
+                 "the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "
+                 "poses.txt); a plain folder of scans has none");
+  if (needs.calibration)
+    fail_missing(root, "calibration",
+                 "the KITTI layout (sequences/NN/calib.txt); a plain folder of scans has none");
+  dataset.name = fs::canonical(root).filename().string();
+  dataset.scans = scan_refs(root, FrameNumbers::kFromNamesOrOrder);
+  return dataset;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,83 @@
+#include "datasets/folder.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+#include <optional>
+
+#include "revisit/pipeline/scan_file.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// "000123" -> 123; nothing for names that are no int, such as time stamps in nanoseconds.
+std::optional<int> number_of(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) return {};
+  int number = 0;
+  const auto [stop, error] = std::from_chars(stem.data(), stem.data() + stem.size(), number);
+  if (error != std::errc()) return {};
+  return number;
+}
+
+/// strverscmp orders by runs of digits; equal only for equal names, so the order is total.
+bool naturally_less(const std::string& a, const std::string& b) {
+  return ::strverscmp(a.c_str(), b.c_str()) < 0;
+}
+
+bool is_scan(const fs::path& file) {
+  std::error_code ignored;
+  return is_scan_file_name(file) && !file.filename().string().starts_with(".") &&
+         fs::is_regular_file(file, ignored);
+}
+
+}  // namespace
+
+std::vector<std::string> list_names(const fs::path& folder, bool (*keep)(const fs::path&)) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return {};
+  std::vector<std::string> names;
+  fs::directory_iterator entry(folder, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error))
+    if (keep(entry->path())) names.push_back(entry->path().filename().string());
+  if (error) throw InputError(str(folder.string(), ": cannot list: ", error.message()));
+  std::sort(names.begin(), names.end(), naturally_less);
+  return names;
+}
+
+bool holds_scans(const fs::path& folder) {
+  return !list_names(folder, is_scan).empty();
+}
+
+std::vector<NumberedFile> list_scans(const fs::path& folder, FrameNumbers numbers) {
+  const std::vector<std::string> names = list_names(folder, is_scan);
+  if (names.empty())
+    throw InputError(folder.string() + ": no scans (.bin, .pcd or .ply) in this folder");
+
+  const auto unnumbered = std::find_if(names.begin(), names.end(),
+                                       [](const std::string& name) { return !number_of(name); });
+  if (unnumbered != names.end() && numbers == FrameNumbers::kFromNames)
+    throw InputError(str((folder / *unnumbered).string(),
+                         ": expected the frame's number as the file name, e.g. 000123.bin"));
+
+  std::vector<NumberedFile> scans;
+  for (const std::string& name : names) {
+    const int frame = unnumbered == names.end() ? *number_of(name) : static_cast<int>(scans.size());
+    scans.push_back({frame, folder / name});
+  }
+  std::stable_sort(scans.begin(), scans.end(),
+                   [](const NumberedFile& a, const NumberedFile& b) { return a.frame < b.frame; });
+  const auto twice = std::adjacent_find(
+      scans.begin(), scans.end(),
+      [](const NumberedFile& a, const NumberedFile& b) { return a.frame == b.frame; });
+  if (twice != scans.end())
+    throw InputError(str(folder.string(), ": frame ", twice->frame,
+                         " is there twice: ", twice->file.filename().string(), " and ",
+                         std::next(twice)->file.filename().string()));
+  return scans;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace revisit::pipeline {
+
+/// A scan file and its place in the drive.
+struct NumberedFile {
+  int frame = 0;
+  std::filesystem::path file;
+};
+
+enum class FrameNumbers {
+  kFromNames,         // every name must be a number (KITTI: poses are looked up by it)
+  kFromNamesOrOrder,  // otherwise 0, 1, 2... in natural order of the names
+};
+
+/// The scan files of a folder by frame. Hidden files and other kinds are passed over. Throws
+/// InputError for a folder that cannot be read, holds no scan, or names a frame twice.
+std::vector<NumberedFile> list_scans(const std::filesystem::path& folder, FrameNumbers numbers);
+
+/// True when the folder holds at least one scan file.
+bool holds_scans(const std::filesystem::path& folder);
+
+/// The names in a folder that pass `keep`, in natural order ("scan2" before "scan10"); none when
+/// there is no such folder.
+std::vector<std::string> list_names(const std::filesystem::path& folder,
+                                    bool (*keep)(const std::filesystem::path&));
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,74 @@
+#include <algorithm>
+#include <memory>
+
+#include "revisit/pipeline/describe.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// Everything about an image's geometry that pixel values depend on.
+std::string geometry_key(const ImageGeometry& g) {
+  return str("geometry ", g.width, "x", g.height, " elevation ", g.elevation_top, "..",
+             g.elevation_bottom, " max_range ", g.max_range, " closing ", g.closing_width, "x",
+             g.closing_height);
+}
+
+/// The only input of the net, at the size of the image.
+engine::Port image_input(const engine::Net& net, const ImageGeometry& geometry) {
+  if (net.inputs().size() != 1)
+    throw InputError(str("the net '", net.name(), "' has ", net.inputs().size(),
+                         " inputs; a net for range images has one"));
+  const engine::Port& port = net.inputs()[0];
+  if (port.shape.rank() != 4 || (port.shape[1] != 1 && port.shape[1] != 3))
+    throw InputError(str("the input '", port.name, "' of the net '", net.name(), "' is ",
+                         port.shape,
+                         "; a net for range images takes 1 x 3 x h x w (or 1 channel)"));
+  return {port.name, engine::Shape{1, port.shape[1], geometry.height, geometry.width}};
+}
+
+}  // namespace
+
+FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
+                                  const std::array<double, 3>& mean_bgr,
+                                  const ImageGeometry& geometry) {
+  const engine::Port input = image_input(net, geometry);
+  const engine::Plan plan = net.plan({{input.name, input.shape}});
+  if (plan.outputs().size() != 1)
+    throw UsageError(str("the net '", net.name(), "' has ", plan.outputs().size(),
+                         " outputs; choose the layer that is the feature with --end"));
+  FeatureExtractor extractor;
+  extractor.name = plan.outputs()[0].name;
+  extractor.dim = plan.outputs()[0].shape.elements();
+  extractor.key = str(net_key, "\nlayer ", extractor.name, "\nmean_bgr ", mean_bgr[0], " ",
+                      mean_bgr[1], " ", mean_bgr[2], "\n", geometry_key(geometry));
+  extractor.make = [plan, input, mean_bgr]() -> FeatureFunction {
+    auto run = std::make_shared<engine::Run>(plan);
+    return [run, input, mean_bgr](const RangeImage& image, std::span<float> feature) {
+      float* channel = run->input(input.name).data;
+      for (int64_t c = 0; c < input.shape[1]; ++c) {
+        const auto mean = static_cast<float>(mean_bgr[static_cast<size_t>(c)]);
+        channel = std::transform(image.pixels.begin(), image.pixels.end(), channel,
+                                 [mean](float pixel) { return pixel - mean; });
+      }
+      run->forward();
+      const auto output = run->output(run->plan().outputs()[0].name).values();
+      std::copy(output.begin(), output.end(), feature.begin());
+    };
+  };
+  return extractor;
+}
+
+FeatureExtractor range_vector_features(const ImageGeometry& geometry) {
+  FeatureExtractor extractor;
+  extractor.name = "data";
+  extractor.dim = int64_t{geometry.width} * geometry.height;
+  extractor.key = "data\n" + geometry_key(geometry);
+  extractor.make = []() -> FeatureFunction {
+    return [](const RangeImage& image, std::span<float> feature) {
+      std::copy(image.pixels.begin(), image.pixels.end(), feature.begin());
+    };
+  };
+  return extractor;
+}
+
+}  // namespace revisit::pipeline

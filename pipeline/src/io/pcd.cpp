@@ -1,0 +1,155 @@
+#include "io/pcd.h"
+
+#include <pcl/io/lzf.h>
+
+#include <cstdint>
+#include <cstring>
+#include <optional>
+
+#include "io/file_content.h"
+#include "io/point_table.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct PcdHeader {
+  PointTable table;
+  std::string_view data;  // ascii | binary | binary_compressed
+};
+
+std::vector<std::string_view> words_of(std::string_view line) {
+  std::vector<std::string_view> words;
+  for (std::string_view word; !(word = take_word(&line)).empty();) words.push_back(word);
+  return words;
+}
+
+ScalarType scalar_type(std::string_view type, std::string_view size, const std::string& where) {
+  const std::string code = str(type, size);
+  if (code == "I1") return ScalarType::kInt8;
+  if (code == "I2") return ScalarType::kInt16;
+  if (code == "I4") return ScalarType::kInt32;
+  if (code == "I8") return ScalarType::kInt64;
+  if (code == "U1") return ScalarType::kUint8;
+  if (code == "U2") return ScalarType::kUint16;
+  if (code == "U4") return ScalarType::kUint32;
+  if (code == "U8") return ScalarType::kUint64;
+  if (code == "F4") return ScalarType::kFloat32;
+  if (code == "F8") return ScalarType::kFloat64;
+  throw InputError(str(where, ": no such type: TYPE ", type.substr(0, 40), " of SIZE ",
+                       size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8"));
+}
+
+/// Every line up to and including DATA. `text` is left at the first byte of the points.
+PcdHeader read_header(TextCursor* text) {
+  std::vector<std::string_view> names, sizes, types, counts;
+  std::optional<size_t> width, height, points;
+  PcdHeader header;
+  std::string_view line;
+  while (header.data.empty()) {
+    if (!text->next(&line)) throw InputError(text->name() + ": no line DATA in the PCD header");
+    std::string_view values = line;
+    const std::string_view key = take_word(&values);
+    const std::string where = text->where();
+    if (key.empty() || key.starts_with('#') || key == "VERSION" || key == "VIEWPOINT") continue;
+    if (key == "FIELDS" || key == "COLUMNS") {
+      names = words_of(values);
+    } else if (key == "SIZE") {
+      sizes = words_of(values);
+    } else if (key == "TYPE") {
+      types = words_of(values);
+    } else if (key == "COUNT") {
+      counts = words_of(values);
+    } else if (key == "WIDTH") {
+      width = parse_count(take_word(&values), where);
+    } else if (key == "HEIGHT") {
+      height = parse_count(take_word(&values), where);
+    } else if (key == "POINTS") {
+      points = parse_count(take_word(&values), where);
+    } else if (key == "DATA") {
+      header.data = take_word(&values);
+      if (header.data != "ascii" && header.data != "binary" && header.data != "binary_compressed")
+        throw InputError(str(where, ": expected DATA ascii, binary or binary_compressed, found '",
+                             header.data.substr(0, 40), "'"));
+    } else {
+      throw InputError(str(where, ": no PCD header line: '", key.substr(0, 40), "'"));
+    }
+  }
+
+  const std::string where = text->where();
+  if (sizes.size() != names.size() || types.size() != names.size() ||
+      (!counts.empty() && counts.size() != names.size()))
+    throw InputError(str(where, ": the header names ", names.size(), " FIELDS, but has ",
+                         sizes.size(), " SIZE, ", types.size(), " TYPE, ", counts.size(),
+                         " COUNT values"));
+  for (size_t i = 0; i < names.size(); ++i)
+    header.table.add(names[i], scalar_type(types[i], sizes[i], where),
+                     counts.empty() ? 1 : parse_count(counts[i], where));
+  header.table.check(where);
+
+  if (!points && !width) throw InputError(where + ": the header has neither POINTS nor WIDTH");
+  header.table.points = points ? *points : *width * height.value_or(1);
+  if (width && *width * height.value_or(1) != header.table.points)
+    throw InputError(str(where, ": WIDTH ", *width, " x HEIGHT ", height.value_or(1),
+                         " is not POINTS ", header.table.points));
+  return header;
+}
+
+/// Throws unless `body` holds all points; compares without multiplying, which could overflow.
+void check_size(const PointTable& table, std::string_view body, const TextCursor& text) {
+  if (table.points > body.size() / table.row_bytes())
+    throw InputError(str(text.where(), ": truncated: ", table.points, " points of ",
+                         table.row_bytes(), " bytes do not fit the ", body.size(),
+                         " bytes that follow"));
+}
+
+std::string decompress(const PointTable& table, std::string_view body, const TextCursor& text) {
+  uint32_t sizes[2];  // compressed, uncompressed [bytes]
+  if (body.size() < sizeof sizes)
+    throw InputError(text.where() + ": truncated: the sizes of the compressed data are missing");
+  std::memcpy(sizes, body.data(), sizeof sizes);
+  body.remove_prefix(sizeof sizes);
+  const auto [compressed, uncompressed] = sizes;
+  if (compressed > body.size())
+    throw InputError(str(text.where(), ": truncated: expected ", compressed,
+                         " compressed bytes, found ", body.size()));
+  if (uncompressed % table.row_bytes() != 0 || uncompressed / table.row_bytes() != table.points)
+    throw InputError(str(text.where(), ": ", uncompressed, " uncompressed bytes are not ",
+                         table.points, " points of ", table.row_bytes(), " bytes"));
+  // LZF's longest copy is 264 bytes from 3: a larger ratio is a lie, not worth the memory.
+  constexpr uint32_t kLargestRatio = 88;
+  std::string bytes;
+  if (uncompressed == 0) return bytes;
+  if (uncompressed / kLargestRatio <= compressed && compressed > 0) {
+    bytes.resize(uncompressed);
+    if (pcl::lzfDecompress(body.data(), compressed, bytes.data(), uncompressed) == uncompressed)
+      return bytes;
+  }
+  throw InputError(str(text.where(), ": the compressed data is damaged"));
+}
+
+}  // namespace
+
+PointCloud read_pcd(const fs::path& file) {
+  const std::string content = read_content(file);
+  TextCursor text(content, file.string());
+  const PcdHeader header = read_header(&text);
+  const std::string_view body = text.rest();
+  if (header.data == "binary") {
+    check_size(header.table, body, text);
+    return header.table.decode_rows(body.data(), false);
+  }
+  if (header.data == "binary_compressed")
+    return header.table.decode_columns(decompress(header.table, body, text).data());
+
+  PointCloud cloud = header.table.parse_rows(&text);
+  for (std::string_view line; text.next(&line);)
+    if (!take_word(&line).empty())
+      throw InputError(str(text.where(), ": more lines than the ", header.table.points,
+                           " points of the header"));
+  return cloud;
+}
+
+}  // namespace revisit::pipeline

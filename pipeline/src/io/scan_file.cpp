@@ -1,0 +1,73 @@
+#include "revisit/pipeline/scan_file.h"
+
+#include <algorithm>
+#include <bit>
+#include <cctype>
+
+#include "io/file_content.h"
+#include "io/pcd.h"
+#include "io/ply.h"
+#include "revisit/proto/atomic_file.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+// KITTI's record is a Point as it lies in memory.
+static_assert(sizeof(Point) == 16 && std::endian::native == std::endian::little);
+
+PointCloud read_kitti_bin(const fs::path& file) {
+  OpenFile in(file);
+  if (in.size == 0) throw InputError(file.string() + ": empty file, it holds no points");
+  if (const uint64_t remainder = in.size % sizeof(Point))
+    throw InputError(str(file.string(), ": ", in.size, " bytes is not a whole number of points of ",
+                         sizeof(Point), " bytes (float32 x y z reflectance): remainder ", remainder,
+                         "; the file is truncated or is no KITTI scan"));
+  PointCloud cloud;
+  cloud.points.resize(in.size / sizeof(Point));
+  in.read(reinterpret_cast<char*>(cloud.points.data()));
+  return cloud;
+}
+
+/// Lower case, so that SCAN.PCD is one too.
+std::string extension_of(const fs::path& file) {
+  std::string extension = file.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+PointCloud read_by_extension(const fs::path& file) {
+  const std::string extension = extension_of(file);
+  if (extension == ".bin") return read_kitti_bin(file);
+  if (extension == ".pcd") return read_pcd(file);
+  if (extension == ".ply") return read_ply(file);
+  throw InputError(str(file.string(), ": unknown kind of scan '", extension,
+                       "'; expected .bin (KITTI), .pcd or .ply"));
+}
+
+}  // namespace
+
+bool is_scan_file_name(const fs::path& file) {
+  const std::string extension = extension_of(file);
+  return extension == ".bin" || extension == ".pcd" || extension == ".ply";
+}
+
+PointCloud read_scan(const fs::path& file) {
+  PointCloud cloud = read_by_extension(file);
+  if (std::none_of(cloud.points.begin(), cloud.points.end(), is_return))
+    throw InputError(str(file.string(), ": none of its ", cloud.points.size(),
+                         " points is usable: all are NaN or at the sensor's origin"));
+  return cloud;
+}
+
+void write_kitti_scan(const fs::path& file, const PointCloud& cloud) {
+  write_atomically(file, [&](std::ostream& out) {
+    out.write(reinterpret_cast<const char*>(cloud.points.data()),
+              static_cast<std::streamsize>(cloud.points.size() * sizeof(Point)));
+  });
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,82 @@
+#include "linear_algebra.h"
+
+#include <cblas.h>
+
+#include <algorithm>
+
+#include "revisit/pipeline/matrix.h"
+#include "revisit/proto/error.h"
+
+// LAPACK's own symbol; OpenBLAS contains it, so that LAPACKE is not needed.
+extern "C" void dsyevr_(const char* jobz, const char* range, const char* uplo, const int* n,
+                        double* a, const int* lda, const double* vl, const double* vu,
+                        const int* il, const int* iu, const double* abstol, int* m, double* w,
+                        double* z, const int* ldz, int* isuppz, double* work, const int* lwork,
+                        int* iwork, const int* liwork, int* info, size_t jobz_length,
+                        size_t range_length, size_t uplo_length);
+
+namespace revisit::pipeline {
+namespace {
+
+int as_int(int64_t value) {
+  return static_cast<int>(value);
+}
+
+}  // namespace
+
+void set_linear_algebra_threads(int threads) {
+  if (threads < 1) throw UsageError(str("threads: expected at least 1, found ", threads));
+  openblas_set_num_threads(threads);
+}
+
+void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda,
+                         const float* b, int64_t ldb, float* c, int64_t ldc) {
+  cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, as_int(m), as_int(n), as_int(k), 1, a,
+              as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
+}
+
+void multiply(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda, const float* b,
+              int64_t ldb, float* c, int64_t ldc) {
+  cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, as_int(m), as_int(n), as_int(k), 1, a,
+              as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
+}
+
+void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64_t lda,
+                         const double* b, int64_t ldb, double* c, int64_t ldc) {
+  cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, as_int(m), as_int(n), as_int(k), 1, a,
+              as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
+}
+
+Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
+  const int n = as_int(m), first = as_int(m - k + 1), last = n;  // LAPACK counts from 1, ascending
+  const double unused = 0, tolerance = 0;
+  int found = 0, info = 0, work_size = -1, iwork_size = -1, best_iwork = 0;
+  double best_work = 0;
+  std::vector<double> values(m), vectors(k * m);
+  std::vector<int> support(2 * std::max<int64_t>(1, k));
+  const auto solve = [&](double* work, int* iwork) {
+    // The upper triangle by rows is LAPACK's lower triangle by columns.
+    dsyevr_("V", "I", "L", &n, a.data(), &n, &unused, &unused, &first, &last, &tolerance, &found,
+            values.data(), vectors.data(), &n, support.data(), work, &work_size, iwork, &iwork_size,
+            &info, 1, 1, 1);
+  };
+  solve(&best_work, &best_iwork);  // asks for the sizes
+  work_size = static_cast<int>(best_work);
+  iwork_size = best_iwork;
+  std::vector<double> work(work_size);
+  std::vector<int> iwork(iwork_size);
+  solve(work.data(), iwork.data());
+  if (info != 0 || found != k)
+    throw Error(str("the eigenvalues of a ", m, " x ", m,
+                    " matrix did not converge (LAPACK dsyevr: ", info, ", ", found, " of ", k,
+                    " found)"));
+
+  Eigenpairs pairs{std::vector<double>(k), std::vector<double>(k * m)};
+  for (int64_t i = 0; i < k; ++i) {
+    pairs.values[i] = values[k - 1 - i];
+    std::copy_n(vectors.begin() + (k - 1 - i) * m, m, pairs.vectors.begin() + i * m);
+  }
+  return pairs;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace revisit::pipeline {
+
+/// C [m][n] = A [m][k] B^T, B [n][k]; row-major with row strides `lda`, `ldb`, `ldc`.
+void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda,
+                         const float* b, int64_t ldb, float* c, int64_t ldc);
+void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64_t lda,
+                         const double* b, int64_t ldb, double* c, int64_t ldc);
+
+/// C [m][n] = A [m][k] B, B [k][n]; row-major.
+void multiply(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda, const float* b,
+              int64_t ldb, float* c, int64_t ldc);
+
+/// The `k` largest eigenvalues of a symmetric matrix, largest first, with orthonormal eigenvectors.
+struct Eigenpairs {
+  std::vector<double> values;   // [k]
+  std::vector<double> vectors;  // [k][m], one eigenvector a row
+};
+/// `a` [m][m] row-major, of which only the upper triangle is read; it is destroyed. k <= m.
+/// Throws Error when LAPACK does not converge.
+Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k);
+
+}  // namespace revisit::pipeline

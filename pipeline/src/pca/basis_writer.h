@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+namespace revisit::pipeline {
+
+/// Writes a float32 .npy `[rows][columns]` in blocks of columns. The file appears whole or not at
+/// all.
+class BasisWriter {
+ public:
+  /// Reserves the space. Throws Error when the disk has too little.
+  BasisWriter(std::filesystem::path file, int64_t rows, int64_t columns);
+  ~BasisWriter();  // without finish() nothing stays
+  BasisWriter(const BasisWriter&) = delete;
+  BasisWriter& operator=(const BasisWriter&) = delete;
+
+  /// Columns [first, first + count) of all rows; `values` [rows][count].
+  void write(int64_t first, int64_t count, const float* values);
+  void finish();
+
+ private:
+  [[noreturn]] void fail(const char* doing, int reason) const;
+
+  std::filesystem::path file_, part_;
+  int64_t rows_, columns_, header_bytes_ = 0;
+  int descriptor_ = -1;
+};
+
+}  // namespace revisit::pipeline

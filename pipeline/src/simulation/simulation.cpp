@@ -1,0 +1,159 @@
+#include "revisit/pipeline/simulation.h"
+
+#include <omp.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <exception>
+#include <memory>
+
+#include "revisit/pipeline/scan_file.h"
+#include "revisit/proto/error.h"
+#include "simulation/data_set.h"
+#include "simulation/lidar.h"
+#include "simulation/traffic.h"
+#include "simulation/world.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using namespace simulation;
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+void check(const SimulationConfig& config) {
+  const auto refuse = [](const auto&... parts) { throw UsageError(str(parts...)); };
+  if (config.output.empty()) refuse("no output folder given");
+  const std::string& name = config.sequence;
+  if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos)
+    refuse("sequence '", name, "': expected the name of a folder, e.g. 00");
+  if (config.every < 1) refuse("every ", config.every, "th frame: expected 1 or more");
+  if (config.threads < 0) refuse(config.threads, " threads: expected 0 (all) or more");
+  if (!(config.range_noise >= 0 && config.range_noise <= 1))
+    refuse("range noise of ", config.range_noise, " m: expected 0 to 1 m");
+  if (!(config.dropout >= 0 && config.dropout < 1))
+    refuse("dropout ", config.dropout, ": expected a share of 0 up to, not including, 1");
+  if (config.calibration && !config.poses)
+    refuse("a calibration belongs to given poses; a generated route has its own");
+}
+
+std::set<int> wanted_frames(const SimulationConfig& config, int frames) {
+  const int last = config.last_frame.value_or(frames - 1);
+  if (config.first_frame < 0 || last < config.first_frame || last >= frames)
+    throw UsageError(str("frames ", config.first_frame, " to ", last,
+                         ": the drive has frames 0 to ", frames - 1));
+  std::set<int> wanted;
+  for (int64_t frame = config.first_frame; frame <= last; frame += config.every)
+    wanted.insert(wanted.end(), static_cast<int>(frame));
+  return wanted;
+}
+
+/// The sensor on the ground: kSensorHeight above it, upright on it, heading as the vehicle.
+Pose stand(const PlanarPose& pose, const Ground& ground) {
+  const Eigen::Vector2d p(pose.x, pose.y);
+  const Eigen::Vector3d up = ground.normal(p);
+  const Eigen::Vector3d left =
+      up.cross(Eigen::Vector3d(std::cos(pose.yaw), std::sin(pose.yaw), 0)).normalized();
+  Pose T = Pose::Identity();
+  T.linear().col(0) = left.cross(up);
+  T.linear().col(1) = left;
+  T.linear().col(2) = up;
+  T.translation() = Eigen::Vector3d(p.x(), p.y(), ground.height(p)) + kSensorHeight * up;
+  return T;
+}
+
+}  // namespace
+
+SimulationSummary simulate(const SimulationConfig& config,
+                           const std::function<void(int64_t, int64_t)>& progress,
+                           const std::function<bool()>& stop) {
+  check(config);
+  const Drive drive = make_drive(config);
+  const std::set<int> wanted = wanted_frames(config, static_cast<int>(drive.poses.size()));
+  DataSet data(config, settings_text(config, drive));
+  const std::set<int> there = data.open(wanted, config.overwrite);
+
+  const Clock::time_point start = Clock::now();
+  const Path path = resample(drive.poses);
+  const RoadMap roads(drive.poses, path.points);
+  const Ground ground(config.seed, roads);
+  std::vector<Pose> T_town_velo;
+  for (const PlanarPose& pose : drive.poses) T_town_velo.push_back(stand(pose, ground));
+  data.write_frame(
+      drive.given_poses.empty() ? poses_text(T_town_velo, drive.T_cam_velo) : drive.given_poses,
+      drive.calibration, times_text(drive.poses.size()));
+
+  SimulationSummary summary;
+  summary.kept = static_cast<int64_t>(there.size());
+  summary.scans = summary.kept;
+  for (size_t i = 1; i < path.points.size(); ++i) {
+    const double step = (path.points[i].position - path.points[i - 1].position).norm();
+    if (step <= 2 * kPathStep) summary.path_metres += step;
+  }
+  std::vector<int> missing;
+  std::set_difference(wanted.begin(), wanted.end(), there.begin(), there.end(),
+                      std::back_inserter(missing));
+  const auto total = static_cast<int64_t>(wanted.size());
+  int64_t bytes = 0;
+  for (const int frame : there)
+    bytes += static_cast<int64_t>(std::filesystem::file_size(data.scan_file(frame)));
+  if (progress) progress(summary.scans, total);
+
+  if (!missing.empty()) {
+    const Scene scene(build_world(config.seed, path.points, roads, ground).mesh);
+    const Traffic traffic(config.seed, path.points, ground);
+    const BeamPattern pattern = beam_pattern(config.sensor);
+    summary.triangles = static_cast<int64_t>(scene.mesh().triangles.size());
+    summary.build_seconds = seconds_since(start);
+
+    const Clock::time_point scanning = Clock::now();
+    std::atomic<bool> ended{false};
+    bool stopped = false;
+    std::exception_ptr failure;
+    const int threads = config.threads > 0 ? config.threads : omp_get_max_threads();
+    std::vector<std::unique_ptr<Lidar>> lidars;  // [thread]
+    for (int i = 0; i < threads; ++i)
+      lidars.push_back(std::make_unique<Lidar>(
+          pattern, NoiseModel{config.range_noise, config.dropout}, config.seed, scene));
+#pragma omp parallel for schedule(dynamic) num_threads(threads)
+    for (size_t i = 0; i < missing.size(); ++i) {
+      if (ended) continue;
+      try {
+        const int frame = missing[i];
+        const auto at = static_cast<size_t>(frame);
+        const Mesh moving =
+            traffic.at(frame * kFramePeriod, path.point_of_pose[at], pattern.max_range);
+        const PointCloud cloud =
+            lidars[static_cast<size_t>(omp_get_thread_num())]->scan(frame, T_town_velo[at], moving);
+        write_kitti_scan(data.scan_file(frame), cloud);
+#pragma omp critical(revisit_simulation)
+        {
+          ++summary.scans;
+          bytes += static_cast<int64_t>(cloud.points.size() * 16);
+          if (progress) progress(summary.scans, total);
+          if (stop && summary.scans < total && stop()) ended = stopped = true;
+        }
+      } catch (...) {
+#pragma omp critical(revisit_simulation)
+        {
+          ended = true;
+          if (!failure) failure = std::current_exception();
+        }
+      }
+    }
+    if (failure) std::rethrow_exception(failure);
+    if (stopped)
+      throw Interrupted(str("interrupted: ", summary.scans, " of ", total,
+                            " scans are complete in ", data.scan_file(0).parent_path().string(),
+                            "; run the same command again to continue"));
+    summary.scan_seconds = seconds_since(scanning);
+  }
+  summary.mean_points = static_cast<double>(bytes) / 16 / static_cast<double>(summary.scans);
+  return summary;
+}
+
+}  // namespace revisit::pipeline

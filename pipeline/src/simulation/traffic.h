@@ -1,0 +1,34 @@
+#pragma once
+
+#include <vector>
+
+#include "ground.h"
+#include "mesh.h"
+#include "road_map.h"
+
+namespace revisit::pipeline::simulation {
+
+/// Cars that move: where they are is a function of the time alone.
+class Traffic {
+ public:
+  Traffic(uint64_t seed, const std::vector<PathPoint>& path, const Ground& ground);
+
+  /// The cars within `reach` metres of the vehicle, which is at path point `ego` at `time` [s].
+  Mesh at(double time, size_t ego, double reach) const;
+
+ private:
+  struct Oncoming {
+    double start, speed;  // along the path [m], against it [m/s]
+    size_t model;
+  };
+  void place(size_t model, double s, double to_left, bool against, const Eigen::Vector2d& ego,
+             double reach, Mesh* mesh) const;
+
+  uint64_t seed_;
+  const std::vector<PathPoint>& path_;
+  const Ground& ground_;
+  std::vector<Mesh> models_;
+  std::vector<Oncoming> oncoming_;
+};
+
+}  // namespace revisit::pipeline::simulation

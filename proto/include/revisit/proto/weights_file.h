@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::proto {
+
+/// One array of weights as a file holds it.
+struct Blob {
+  /// As stored. For `legacy_shape` always 4 values: num, channels, height, width; to be compared
+  /// right-aligned with the last 4 axes of what a layer wants (SEMANTICS section 8).
+  std::vector<int64_t> shape;
+  bool legacy_shape = false;
+  std::vector<float> data;
+};
+
+/// A weights file, indexed on opening, read layer by layer: blobs that nobody asks for are skipped
+/// on disk (the wire format is length-prefixed).
+class WeightsFile {
+ public:
+  struct Layer {
+    std::string name;
+    std::string type;    // V2 spelling, e.g. "Convolution"; "" when the file does not say
+    size_t n_blobs = 0;
+  };
+
+  virtual ~WeightsFile() = default;
+
+  /// Opens a .caffemodel (V1 `layers` or V2 `layer`, by content). Reads names and positions only.
+  /// Throws InputError with the byte offset for files that are not one, truncated or corrupt.
+  static std::unique_ptr<WeightsFile> open(const std::filesystem::path& file);
+
+  /// The layers in file order. Names can repeat.
+  virtual const std::vector<Layer>& layers() const = 0;
+
+  /// The blobs of `layers()[index]`. Throws InputError (offset, layer, blob) when they are corrupt:
+  /// sizes that do not match the shape, negative or overflowing dimensions. Not for several threads
+  /// at once.
+  virtual std::vector<Blob> read(size_t index) = 0;
+
+  /// Bytes actually read from the file so far.
+  virtual uint64_t bytes_read() const = 0;
+};
+
+/// Reads a .binaryproto: one blob, in Caffe the mean image of a training set. Throws InputError.
+Blob read_binaryproto(const std::filesystem::path& file);
+
+}  // namespace revisit::proto

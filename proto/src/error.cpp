@@ -1,0 +1,47 @@
+#include "revisit/proto/error.h"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+namespace revisit {
+namespace {
+
+/// Levenshtein distance, by rows.
+size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), size_t{0});
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = std::exchange(row[0], i);
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t substituted = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = std::exchange(row[j], std::min({row[j] + 1, row[j - 1] + 1, substituted}));
+    }
+  }
+  return row.back();
+}
+
+}  // namespace
+
+std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates) {
+  constexpr size_t kLongestName = 200;  // bounds the work on hostile input
+  if (wanted.size() > kLongestName) return "";
+  std::string best;
+  size_t best_distance = std::max<size_t>(2, wanted.size() / 3) + 1;
+  for (const std::string& candidate : candidates) {
+    if (candidate.size() > kLongestName) continue;
+    const size_t distance = edit_distance(wanted, candidate);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+std::string did_you_mean(std::string_view wanted, const std::vector<std::string>& candidates) {
+  const std::string near = nearest_name(wanted, candidates);
+  return near.empty() ? "" : " (did you mean '" + near + "'?)";
+}
+
+}  // namespace revisit

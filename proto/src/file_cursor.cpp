@@ -1,0 +1,100 @@
+#include "file_cursor.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::proto {
+namespace {
+
+constexpr uint64_t kFirstRefill = 512;
+constexpr uint64_t kLargestRefill = 64 * 1024;
+
+}  // namespace
+
+FileCursor::FileCursor(const std::filesystem::path& file) : file_(file) {
+  // Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
+  descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (descriptor_ < 0) {
+    throw InputError(str(file.string(), ": cannot open: ", std::strerror(errno)));
+  }
+  struct stat status {};
+  if (::fstat(descriptor_, &status) != 0 || !S_ISREG(status.st_mode)) {
+    ::close(descriptor_);
+    throw InputError(str(file.string(), ": is ",
+                         S_ISDIR(status.st_mode) ? "a folder" : "not a regular file",
+                         ", expected a file"));
+  }
+  size_ = static_cast<uint64_t>(status.st_size);
+}
+
+FileCursor::~FileCursor() {
+  ::close(descriptor_);
+}
+
+bool FileCursor::buffered() const {
+  return position_ >= buffer_begin_ && position_ - buffer_begin_ < buffer_.size();
+}
+
+void FileCursor::refill() {
+  const bool goes_on = !buffer_.empty() && position_ == buffer_begin_ + buffer_.size();
+  const uint64_t wanted =
+      goes_on ? std::min<uint64_t>(2 * buffer_.size(), kLargestRefill) : kFirstRefill;
+  const uint64_t left = size_ > position_ ? size_ - position_ : 0;
+  buffer_.resize(std::min(wanted, left));
+  buffer_begin_ = position_;
+  read_at(position_, buffer_.data(), buffer_.size());
+}
+
+uint8_t FileCursor::read_byte() {
+  uint8_t byte = 0;
+  read(&byte, 1);
+  return byte;
+}
+
+void FileCursor::read(void* destination, uint64_t n) {
+  auto* out = static_cast<uint8_t*>(destination);
+  while (n > 0) {
+    if (!buffered()) {
+      if (n >= kLargestRefill) {
+        read_at(position_, out, n);
+        position_ += n;
+        return;
+      }
+      refill();
+      if (buffer_.empty()) {
+        throw InputError(str(file_.string(), ": byte ", position_, ": the file ends here"));
+      }
+    }
+    const uint64_t skipped = position_ - buffer_begin_;
+    const uint64_t taken = std::min<uint64_t>(n, buffer_.size() - skipped);
+    std::memcpy(out, buffer_.data() + skipped, taken);
+    out += taken;
+    position_ += taken;
+    n -= taken;
+  }
+}
+
+void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
+  auto* out = static_cast<uint8_t*>(destination);
+  while (n > 0) {
+    const ssize_t got = ::pread(descriptor_, out, n, static_cast<off_t>(position));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) {
+      throw InputError(str(file_.string(), ": byte ", position, ": cannot read: ",
+                           got < 0 ? std::strerror(errno) : "the file became shorter"));
+    }
+    out += got;
+    position += static_cast<uint64_t>(got);
+    n -= static_cast<uint64_t>(got);
+    bytes_read_ += static_cast<uint64_t>(got);
+  }
+}
+
+}  // namespace revisit::proto

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+namespace revisit::proto {
+
+/// Reads a regular file at any position and counts what it really read. Small steps are buffered;
+/// the buffer starts small after a jump and doubles while reading goes on, so that hopping from
+/// field to field of a large file reads little of it.
+/// Throws InputError, `path: ...`, when the file cannot be opened, is not a regular file, or
+/// becomes shorter while it is read.
+class FileCursor {
+ public:
+  explicit FileCursor(const std::filesystem::path& file);
+  ~FileCursor();
+  FileCursor(const FileCursor&) = delete;
+  FileCursor& operator=(const FileCursor&) = delete;
+
+  const std::filesystem::path& file() const { return file_; }
+  uint64_t size() const { return size_; }
+  uint64_t bytes_read() const { return bytes_read_; }
+
+  uint64_t position() const { return position_; }
+  void seek(uint64_t position) { position_ = position; }
+
+  /// The next `n` bytes. The caller has checked that the file has them.
+  void read(void* destination, uint64_t n);
+  uint8_t read_byte();
+
+ private:
+  bool buffered() const;
+  void refill();
+  void read_at(uint64_t position, void* destination, uint64_t n);
+
+  std::filesystem::path file_;
+  int descriptor_ = -1;
+  uint64_t size_ = 0;
+  uint64_t position_ = 0;
+  uint64_t bytes_read_ = 0;
+  std::vector<uint8_t> buffer_;
+  uint64_t buffer_begin_ = 0;  // [bytes] where buffer_ lies in the file
+};
+
+}  // namespace revisit::proto

@@ -1,0 +1,234 @@
+#include "revisit/proto/npy.h"
+
+#include <array>
+#include <bit>
+#include <charconv>
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "file_cursor.h"
+#include "revisit/proto/atomic_file.h"
+
+static_assert(std::endian::native == std::endian::little, "arrays are stored little-endian");
+
+namespace revisit::proto {
+namespace {
+
+// The format: https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
+constexpr std::string_view kMagic = "\x93NUMPY";
+constexpr uint64_t kLongestHeader = 64 * 1024;  // [bytes]; NumPy itself stays below a few hundred
+constexpr size_t kMostAxes = 64;                // NumPy's limit
+constexpr size_t kAlignment = 64;               // [bytes] of the data in the file
+
+/// The header's Python dictionary, e.g. `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3),
+/// }`.
+class HeaderParser {
+ public:
+  HeaderParser(std::string_view text, const std::string& path) : text_(text), path_(path) {}
+
+  void parse() {
+    expect('{');
+    while (!accept('}')) {
+      const std::string key = parse_string();
+      expect(':');
+      if (key == "descr") {
+        if (peek() != '\'' && peek() != '"') fail("dtype is a structure, expected float32 ('<f4')");
+        dtype = parse_string();
+      } else if (key == "fortran_order") {
+        fortran_order = parse_bool();
+      } else if (key == "shape") {
+        shape = parse_shape();
+      } else {
+        fail(str("unknown header key '", key, "'"));
+      }
+      if (!accept(',') && peek() != '}') fail("malformed header");
+    }
+    if (peek() != '\0') fail("malformed header");
+    if (!dtype || !fortran_order || !shape) fail("the header lacks descr, fortran_order or shape");
+  }
+
+  [[noreturn]] void fail(const std::string& reason) const {
+    throw InputError(str(path_, ": ", reason));
+  }
+
+  std::optional<std::string> dtype;
+  std::optional<bool> fortran_order;
+  std::optional<std::vector<int64_t>> shape;
+
+ private:
+  char peek() {
+    const size_t at = text_.find_first_not_of(" \t\r\n");
+    text_.remove_prefix(at == std::string_view::npos ? text_.size() : at);
+    return text_.empty() ? '\0' : text_.front();
+  }
+  bool accept(char c) {
+    if (peek() != c) return false;
+    text_.remove_prefix(1);
+    return true;
+  }
+  void expect(char c) {
+    if (!accept(c)) fail("malformed header");
+  }
+  std::string parse_string() {
+    const char quote = peek();
+    if (quote != '\'' && quote != '"') fail("malformed header");
+    const size_t end = text_.find(quote, 1);
+    if (end == std::string_view::npos) fail("malformed header");
+    std::string value(text_.substr(1, end - 1));
+    text_.remove_prefix(end + 1);
+    return value;
+  }
+  bool parse_bool() {
+    peek();
+    for (const std::string_view word : {"True", "False"}) {
+      if (!text_.starts_with(word)) continue;
+      text_.remove_prefix(word.size());
+      return word == "True";
+    }
+    fail("fortran_order is neither True nor False");
+  }
+  std::vector<int64_t> parse_shape() {
+    std::vector<int64_t> dims;
+    expect('(');
+    while (!accept(')')) {
+      peek();
+      int64_t dim = 0;
+      const auto [end, error] = std::from_chars(text_.data(), text_.data() + text_.size(), dim);
+      if (error != std::errc() || dim < 0) fail("a dimension of the shape is not a count");
+      text_.remove_prefix(static_cast<size_t>(end - text_.data()));
+      accept('L');  // Python 2
+      if (dims.size() == kMostAxes) fail(str("more than ", kMostAxes, " axes"));
+      dims.push_back(dim);
+      if (!accept(',') && peek() != ')') fail("malformed header");
+    }
+    return dims;
+  }
+
+  std::string_view text_;
+  const std::string& path_;
+};
+
+std::string describe(const std::vector<int64_t>& shape) {
+  std::string text = "(";
+  for (const int64_t dim : shape) text += std::to_string(dim) + ",";
+  return text + ")";
+}
+
+/// The text of the header; the cursor is then at the data.
+std::string read_header(FileCursor& cursor, const std::string& path) {
+  std::array<unsigned char, 8> start{};  // magic, major and minor version
+  const bool has_start = cursor.size() >= start.size() + 2;
+  if (has_start) cursor.read(start.data(), start.size());
+  if (!has_start ||
+      !std::equal(kMagic.begin(), kMagic.end(), start.begin(),
+                  [](char a, unsigned char b) { return static_cast<unsigned char>(a) == b; })) {
+    throw InputError(str(path, ": is not a NumPy .npy file (no \\x93NUMPY at its beginning)"));
+  }
+  const int version = start[6];
+  if (version < 1 || version > 3) {
+    throw InputError(str(path, ": .npy version ", version, ", expected 1, 2 or 3"));
+  }
+  uint64_t length = 0;
+  const int length_bytes = version == 1 ? 2 : 4;
+  for (int i = 0; i < length_bytes && cursor.position() < cursor.size(); ++i) {
+    length |= static_cast<uint64_t>(cursor.read_byte()) << (8 * i);
+  }
+  if (length > kLongestHeader || length > cursor.size() - cursor.position()) {
+    throw InputError(str(path, ": byte 8: a header of ", length, " bytes, but only ",
+                         cursor.size() - cursor.position(), " bytes follow (limit ", kLongestHeader,
+                         ")"));
+  }
+  std::string header(length, '\0');
+  cursor.read(header.data(), length);
+  return header;
+}
+
+/// The number of elements; throws unless the file is exactly as long as they need.
+uint64_t check_size(const FileCursor& cursor, const HeaderParser& header, uint64_t item_bytes) {
+  const uint64_t available = cursor.size() - cursor.position();
+  uint64_t count = 1;
+  bool overflows = false;
+  for (const int64_t dim : *header.shape) {
+    overflows |= __builtin_mul_overflow(count, static_cast<uint64_t>(dim), &count);
+  }
+  // Of an empty array (0 among the dimensions) no product overflows into data.
+  for (const int64_t dim : *header.shape) {
+    if (dim == 0) {
+      count = 0;
+      overflows = false;
+    }
+  }
+  if (overflows || count > std::numeric_limits<uint64_t>::max() / item_bytes ||
+      count * item_bytes != available) {
+    header.fail(str("shape ", describe(*header.shape), " of '", *header.dtype,
+                    "' does not fit the ", available,
+                    " bytes after the header (is the file truncated?)"));
+  }
+  return count;
+}
+
+}  // namespace
+
+NpyArray read_npy(const std::filesystem::path& file) {
+  const std::string path = file.string();
+  FileCursor cursor(file);
+  const std::string text = read_header(cursor, path);
+  HeaderParser header(text, path);
+  header.parse();
+  const bool single = *header.dtype == "<f4";
+  if (!single && *header.dtype != "<f8") {
+    header.fail(str(
+        "dtype '", *header.dtype,
+        "', expected little-endian float32 ('<f4') or float64 ('<f8'); save array.astype('<f4')"));
+  }
+  if (*header.fortran_order)
+    header.fail("Fortran order, expected C order; save numpy.ascontiguousarray(array)");
+
+  const uint64_t count = check_size(cursor, header, single ? sizeof(float) : sizeof(double));
+  NpyArray array{*header.shape, std::vector<float>(count)};
+  if (single) {
+    cursor.read(array.data.data(), count * sizeof(float));
+    return array;
+  }
+  for (float& value : array.data) {
+    double wide = 0;
+    cursor.read(&wide, sizeof wide);
+    value = static_cast<float>(wide);
+  }
+  return array;
+}
+
+std::string npy_header(const std::vector<int64_t>& shape) {
+  std::string dims;
+  for (const int64_t dim : shape) dims += (dims.empty() ? "" : ", ") + std::to_string(dim);
+  if (shape.size() == 1) dims += ",";  // a Python tuple of one
+  std::string dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (" + dims + "), }";
+  const size_t fixed = kMagic.size() + 2 + 2;  // magic, version, length
+  const size_t unpadded = fixed + dictionary.size() + 1;
+  dictionary.append((kAlignment - unpadded % kAlignment) % kAlignment, ' ');
+  dictionary += '\n';
+  if (shape.size() > kMostAxes)
+    throw UsageError(str("an array of ", shape.size(), " axes, NumPy has at most 64"));
+
+  std::string header(kMagic);
+  header += {'\x01', '\x00'};
+  header += static_cast<char>(dictionary.size() & 0xff);
+  header += static_cast<char>(dictionary.size() >> 8);
+  return header + dictionary;
+}
+
+void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& shape,
+               const float* data) {
+  int64_t count = 1;
+  for (const int64_t dim : shape) count *= dim;
+  const std::string header = npy_header(shape);
+  write_atomically(file, [&](std::ostream& out) {
+    out << header;
+    out.write(reinterpret_cast<const char*>(data),
+              static_cast<std::streamsize>(count) * std::streamsize{sizeof(float)});
+  });
+}
+
+}  // namespace revisit::proto

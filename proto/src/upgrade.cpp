@@ -1,0 +1,90 @@
+#include "upgrade.h"
+
+#include "revisit/proto/error.h"
+#include "upgrade_v0.h"
+#include "upgrade_v1.h"
+
+namespace revisit::proto {
+namespace {
+
+constexpr int kLegacyAxes = 4;  // num, channels, height, width
+
+void check_one_generation(const caffe::NetParameter& net) {
+  if (net.layer_size() == 0 || net.layers_size() == 0) return;
+  throw UpgradeError(
+      "layers", 0,
+      "has both V2 `layer { type: \"Convolution\" ...}` and older `layers { type: CONVOLUTION "
+      "...}`; write all of them as `layer`");
+}
+
+/// Each input's shape, from `input_shape` or else four `input_dim` an input.
+std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {
+  std::vector<caffe::BlobShape> shapes(net.input_shape().begin(), net.input_shape().end());
+  if (!shapes.empty()) {
+    if (net.input_shape_size() != net.input_size()) {
+      throw UpgradeError("input_shape", 0,
+                         str("expected one input_shape for each of the ", net.input_size(),
+                             " inputs, found ", net.input_shape_size()));
+    }
+    return shapes;
+  }
+  if (net.input_dim_size() != kLegacyAxes * net.input_size()) {
+    throw UpgradeError("input_dim", 0,
+                       str("expected ", kLegacyAxes, " input_dim for each of the ",
+                           net.input_size(), " inputs, found ", net.input_dim_size()));
+  }
+  for (int i = 0; i < net.input_dim_size(); ++i) {
+    if (i % kLegacyAxes == 0) shapes.emplace_back();
+    shapes.back().add_dim(net.input_dim(i));
+  }
+  return shapes;
+}
+
+/// Turns the `input*` fields into an Input layer before all others.
+void upgrade_inputs(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+  const bool has_shape = net.input_shape_size() > 0, has_dim = net.input_dim_size() > 0;
+  if (net.input_size() == 0) {
+    if (has_shape || has_dim)
+      warnings.emplace_back("input_shape or input_dim without `input` is ignored");
+  } else if (!has_shape && !has_dim) {
+    warnings.push_back(
+        str("`input: \"", net.input(0), "\"` without input_shape or input_dim is ignored"));
+  } else {
+    if (has_shape && has_dim) warnings.emplace_back("input_dim is ignored: input_shape wins");
+    caffe::LayerParameter input;
+    input.set_name("input");
+    input.set_type("Input");
+    *input.mutable_top() = net.input();
+    for (const caffe::BlobShape& shape : input_shapes(net))
+      *input.mutable_input_param()->add_shape() = shape;
+    net.add_layer()->Swap(&input);
+    for (int i = net.layer_size() - 1; i > 0; --i) net.mutable_layer()->SwapElements(i, i - 1);
+  }
+  net.clear_input();
+  net.clear_input_shape();
+  net.clear_input_dim();
+}
+
+/// Nets of before BatchNorm kept its statistics to itself give their three blobs learning rates.
+void upgrade_batch_norm(caffe::NetParameter& net) {
+  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
+    if (layer.type() != "BatchNorm" || layer.param_size() != 3) continue;
+    for (caffe::ParamSpec& param : *layer.mutable_param()) {
+      param.set_lr_mult(0);
+      param.set_decay_mult(0);
+    }
+  }
+}
+
+}  // namespace
+
+void upgrade(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+  check_one_generation(net);
+  upgrade_v0(net, warnings);
+  upgrade_data_transform(net);
+  upgrade_v1(net);
+  upgrade_inputs(net, warnings);
+  upgrade_batch_norm(net);
+}
+
+}  // namespace revisit::proto

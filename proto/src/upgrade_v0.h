@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "caffe.pb.h"
+
+namespace revisit::proto {
+
+/// Turns V0 layers (2013: one flat message inside V1's `layer`) into V1 layers, and folds padding
+/// layers into the convolution or pooling that follows. A net without V0 layers is left alone.
+/// Throws UpgradeError; parameters that mean nothing for a layer's type are warned about.
+void upgrade_v0(caffe::NetParameter& net, std::vector<std::string>& warnings);
+
+/// The V2 spelling of a V0 layer type, e.g. "conv" -> "Convolution"; "" when there is none.
+std::string v2_type_of_v0(const std::string& type);
+
+}  // namespace revisit::proto

@@ -1,0 +1,116 @@
+#include "weights_blob.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <limits>
+#include <string>
+#include <type_traits>
+
+#include "wire_reader.h"
+
+static_assert(std::endian::native == std::endian::little, "the wire format is little-endian");
+
+namespace revisit::proto {
+namespace {
+
+constexpr size_t kMostAxes = 32;  // Caffe's limit
+constexpr int64_t kMostElements = std::numeric_limits<int32_t>::max();
+
+// Field numbers of BlobProto and BlobShape.
+constexpr uint32_t kNum = 1, kWidth = 4, kData = 5, kShape = 7, kDoubleData = 8, kDim = 1;
+
+/// Appends the values of one field, a single number or a packed run of them, as floats.
+template <class Number>
+void append(FileCursor& cursor, const WireField& field, std::vector<float>& out) {
+  const uint64_t bytes = field.end - field.begin;
+  if (bytes % sizeof(Number) != 0) {
+    throw WireError(field.begin, str("a run of ", bytes, " bytes holds no whole number of ",
+                                     sizeof(Number), "-byte values"));
+  }
+  cursor.seek(field.begin);
+  const size_t count = bytes / sizeof(Number);
+  const size_t before = out.size();
+  if constexpr (std::is_same_v<Number, float>) {
+    out.resize(before + count);
+    cursor.read(out.data() + before, bytes);
+  } else {
+    std::array<Number, 4096> chunk;
+    for (size_t done = 0; done < count;) {
+      const size_t n = std::min(chunk.size(), count - done);
+      cursor.read(chunk.data(), n * sizeof(Number));
+      for (size_t i = 0; i < n; ++i) out.push_back(static_cast<float>(chunk[i]));
+      done += n;
+    }
+  }
+}
+
+void append_dim(uint64_t value, uint64_t offset, std::vector<int64_t>& shape) {
+  if (shape.size() == kMostAxes)
+    throw WireError(offset, str("a shape of more than ", kMostAxes, " axes"));
+  shape.push_back(static_cast<int64_t>(value));
+}
+
+void append_shape(FileCursor& cursor, const WireField& message, std::vector<int64_t>& shape) {
+  WireReader reader(cursor, message.begin, message.end);
+  for (WireField field; reader.next(field);) {
+    if (field.is(kDim, WireType::kVarint)) append_dim(field.value, field.begin, shape);
+    if (!field.is(kDim, WireType::kLength)) continue;
+    cursor.seek(field.begin);
+    while (cursor.position() < field.end) {
+      const uint64_t at = cursor.position();
+      append_dim(read_varint(cursor, field.end, "a dimension"), at, shape);
+    }
+  }
+}
+
+std::string describe(const std::vector<int64_t>& shape) {
+  std::string text;
+  for (const int64_t dim : shape) text += (text.empty() ? "" : "x") + std::to_string(dim);
+  return shape.empty() ? "() (none given)" : text;
+}
+
+int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
+  int64_t count = 1;
+  for (const int64_t dim : shape) {
+    if (dim < 0) throw WireError(offset, str("negative dimension in shape ", describe(shape)));
+    if (count != 0 && dim > kMostElements / count) {
+      throw WireError(offset, str("shape ", describe(shape), " has more than 2^31-1 elements"));
+    }
+    count *= dim;
+  }
+  return count;
+}
+
+}  // namespace
+
+Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
+  Blob blob;
+  std::array<int32_t, 4> legacy{};
+  std::vector<float> doubles;
+  WireReader reader(cursor, begin, end);
+  for (WireField field; reader.next(field);) {
+    const bool is_run = field.type == WireType::kLength;
+    if (field.type == WireType::kVarint && field.number >= kNum && field.number <= kWidth) {
+      legacy[field.number - kNum] = static_cast<int32_t>(field.value);
+      blob.legacy_shape = true;
+    } else if (field.number == kData && (is_run || field.type == WireType::kFixed32)) {
+      append<float>(cursor, field, blob.data);
+    } else if (field.number == kDoubleData && (is_run || field.type == WireType::kFixed64)) {
+      append<double>(cursor, field, doubles);
+    } else if (field.is(kShape, WireType::kLength)) {
+      append_shape(cursor, field, blob.shape);
+    }
+  }
+  if (blob.legacy_shape) blob.shape.assign(legacy.begin(), legacy.end());
+  if (!doubles.empty()) blob.data = std::move(doubles);
+
+  const int64_t wanted = count_elements(blob.shape, begin);
+  if (static_cast<uint64_t>(wanted) != blob.data.size()) {
+    throw WireError(begin, str("shape ", describe(blob.shape), " wants ", wanted, " values, found ",
+                               blob.data.size()));
+  }
+  return blob;
+}
+
+}  // namespace revisit::proto

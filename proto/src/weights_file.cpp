@@ -1,0 +1,204 @@
+#include "revisit/proto/weights_file.h"
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <string_view>
+
+#include "file_cursor.h"
+#include "upgrade_v0.h"
+#include "upgrade_v1.h"
+#include "weights_blob.h"
+#include "wire_reader.h"
+
+namespace revisit::proto {
+namespace {
+
+namespace fs = std::filesystem;
+
+// What protobuf can parse, so what Caffe could ever write or read.
+constexpr uint64_t kLargestFile = std::numeric_limits<int32_t>::max();  // [bytes]
+// Far beyond any network; keeps the index of a hostile file small.
+constexpr size_t kMostLayers = 100'000;
+constexpr size_t kMostBlobs = 1'000'000;
+constexpr uint64_t kLongestName = 64 * 1024;  // [bytes]
+
+// Where the three generations of layers keep things: field numbers of their messages.
+struct LayerFields {
+  uint32_t name, type, blobs;
+};
+constexpr LayerFields kV0 = {1, 2, 50};
+constexpr LayerFields kV1 = {4, 5, 6};
+constexpr LayerFields kV2 = {1, 2, 7};
+constexpr uint32_t kV0InsideV1 = 1;
+// NetParameter.
+constexpr uint32_t kV1Layers = 2, kV2Layer = 100;
+
+struct Range {
+  uint64_t begin, end;  // [bytes]
+};
+
+InputError malformed(const FileCursor& cursor, const WireError& error, const std::string& where) {
+  return InputError(
+      str(cursor.file().string(), ": byte ", error.offset, ": ", where, error.what()));
+}
+
+/// The first bytes of the file, enough to tell what it is.
+std::string read_head(FileCursor& cursor) {
+  std::string head(std::min<uint64_t>(cursor.size(), 256), '\0');
+  cursor.seek(0);
+  cursor.read(head.data(), head.size());
+  return head;
+}
+
+bool is_text(std::string_view head) {
+  return std::ranges::all_of(head, [](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return (byte >= 0x20 && byte != 0x7f) || c == '\n' || c == '\r' || c == '\t' || c == '\f';
+  });
+}
+
+class Caffemodel final : public WeightsFile {
+ public:
+  explicit Caffemodel(const fs::path& file) : cursor_(file) { index(); }
+
+  const std::vector<Layer>& layers() const override { return layers_; }
+  uint64_t bytes_read() const override { return cursor_.bytes_read(); }
+
+  std::vector<Blob> read(size_t index) override {
+    const std::vector<Range>& ranges = blobs_.at(index);
+    std::vector<Blob> blobs;
+    blobs.reserve(ranges.size());
+    for (const Range& range : ranges) {
+      try {
+        blobs.push_back(read_blob(cursor_, range.begin, range.end));
+      } catch (const WireError& error) {
+        throw malformed(cursor_, error,
+                        str("layer '", layers_[index].name, "', blob ", blobs.size(), ": "));
+      }
+    }
+    return blobs;
+  }
+
+ private:
+  void index() {
+    const std::string path = cursor_.file().string();
+    if (cursor_.size() == 0) throw InputError(str(path, ": is empty, expected a caffemodel"));
+    if (cursor_.size() > kLargestFile) {
+      throw InputError(str(path, ": is ", cursor_.size(), " bytes; a caffemodel has at most ",
+                           kLargestFile, ", protobuf's limit"));
+    }
+    const std::string head = read_head(cursor_);
+    if (head.starts_with("\x89HDF\r\n\x1a\n")) {
+      throw UnsupportedError(str(path,
+                                 ": HDF5 weights are not supported yet; convert the file to a "
+                                 "binary caffemodel"));
+    }
+    const std::string not_binary =
+        str(path,
+            ": is text, expected a binary caffemodel (a prototxt, a web page or a Git LFS "
+            "pointer in its place?)");
+    try {
+      index_net();
+    } catch (const WireError& error) {
+      if (is_text(head)) throw InputError(not_binary);
+      const std::string layer =
+          layers_.empty() ? "" : str("after layer '", layers_.back().name, "': ");
+      throw malformed(cursor_, error, layer + "not a caffemodel, or a damaged one: ");
+    }
+    if (layers_.empty()) {
+      throw InputError(is_text(head) ? not_binary
+                                     : str(path, ": holds no layers, expected a caffemodel"));
+    }
+  }
+
+  void index_net() {
+    uint64_t v1_at = 0, v2_at = 0;
+    WireReader reader(cursor_, 0, cursor_.size());
+    for (WireField field; reader.next(field);) {
+      const bool v1 = field.is(kV1Layers, WireType::kLength);
+      const bool v2 = field.is(kV2Layer, WireType::kLength);
+      if (!v1 && !v2) continue;
+      (v1 ? v1_at : v2_at) = field.begin;
+      if (v1_at != 0 && v2_at != 0) {
+        throw WireError(field.begin, "has both V1 `layers` and V2 `layer`; Caffe reads neither");
+      }
+      if (layers_.size() == kMostLayers) {
+        throw WireError(field.begin, str("more than ", kMostLayers, " layers"));
+      }
+      Layer layer;
+      std::vector<Range> blobs;
+      const bool is_v0 = v1 && index_v0(field, layer, blobs);
+      if (!is_v0) index_layer(field, v1 ? kV1 : kV2, layer, blobs);
+      layer.n_blobs = blobs.size();
+      layers_.push_back(std::move(layer));
+      blobs_.push_back(std::move(blobs));
+    }
+  }
+
+  /// True when the V1 layer is the shell of a V0 layer; then only that counts, as in Caffe.
+  bool index_v0(const WireField& v1, Layer& layer, std::vector<Range>& blobs) {
+    bool found = false;
+    WireReader reader(cursor_, v1.begin, v1.end);
+    for (WireField field; reader.next(field);) {
+      if (!field.is(kV0InsideV1, WireType::kLength)) continue;
+      index_layer(field, kV0, layer, blobs);
+      found = true;
+    }
+    if (found) layer.type = v2_type_of_v0(layer.type);
+    return found;
+  }
+
+  void index_layer(const WireField& message, const LayerFields& numbers, Layer& layer,
+                   std::vector<Range>& blobs) {
+    WireReader reader(cursor_, message.begin, message.end);
+    for (WireField field; reader.next(field);) {
+      if (field.is(numbers.name, WireType::kLength)) layer.name = read_string(field);
+      if (field.is(numbers.type, WireType::kLength)) layer.type = read_string(field);
+      if (field.is(numbers.type, WireType::kVarint)) {
+        layer.type = v2_type_of_v1(static_cast<int>(field.value));
+      }
+      if (!field.is(numbers.blobs, WireType::kLength)) continue;
+      if (++n_blobs_ > kMostBlobs)
+        throw WireError(field.begin, str("more than ", kMostBlobs, " blobs"));
+      blobs.push_back({field.begin, field.end});
+    }
+  }
+
+  std::string read_string(const WireField& field) {
+    const uint64_t length = field.end - field.begin;
+    if (length > kLongestName) {
+      throw WireError(field.begin, str("a layer name or type of ", length, " bytes"));
+    }
+    std::string text(length, '\0');
+    cursor_.seek(field.begin);
+    cursor_.read(text.data(), length);
+    return text;
+  }
+
+  FileCursor cursor_;
+  std::vector<Layer> layers_;
+  std::vector<std::vector<Range>> blobs_;  // of each layer
+  size_t n_blobs_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<WeightsFile> WeightsFile::open(const fs::path& file) {
+  return std::make_unique<Caffemodel>(file);
+}
+
+Blob read_binaryproto(const fs::path& file) {
+  FileCursor cursor(file);
+  if (cursor.size() > kLargestFile) {
+    throw InputError(str(file.string(), ": is ", cursor.size(),
+                         " bytes; a binaryproto has at most ", kLargestFile, ", protobuf's limit"));
+  }
+  try {
+    return read_blob(cursor, 0, cursor.size());
+  } catch (const WireError& error) {
+    throw malformed(cursor, error, "not a binaryproto (one BlobProto), or a damaged one: ");
+  }
+}
+
+}  // namespace revisit::proto

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+#include "file_cursor.h"
+
+namespace revisit::proto {
+
+/// A place in a file where protobuf's wire format is broken. Becomes an InputError once the path
+/// and what was being read are known.
+struct WireError : std::runtime_error {
+  WireError(uint64_t at, const std::string& reason) : std::runtime_error(reason), offset(at) {}
+  uint64_t offset;  // [bytes] from the beginning of the file
+};
+
+enum class WireType : uint8_t { kVarint = 0, kFixed64 = 1, kLength = 2, kGroup = 3, kFixed32 = 5 };
+
+/// One field of a message as it lies in the file; every range is checked against its message.
+struct WireField {
+  uint32_t number = 0;
+  WireType type = WireType::kVarint;
+  uint64_t value = 0;           // of a varint
+  uint64_t begin = 0, end = 0;  // [bytes] payload, without tag and length
+
+  bool is(uint32_t wanted, WireType wanted_type) const {
+    return number == wanted && type == wanted_type;
+  }
+};
+
+/// Walks the fields of one message in [begin, end) of a file without reading their payloads.
+/// (protobuf encoding: https://protobuf.dev/programming-guides/encoding)
+class WireReader {
+ public:
+  WireReader(FileCursor& cursor, uint64_t begin, uint64_t end)
+      : cursor_(cursor), next_(begin), end_(end) {}
+
+  /// False at the end of the message. The cursor is free to move between calls.
+  /// Throws WireError: fields that overrun the message, illegal tags, unbalanced groups.
+  bool next(WireField& field);
+
+ private:
+  void read_tag(WireField& field, bool& closes_group);
+  void read_extent(WireField& field);
+  void skip_group(const WireField& group);
+
+  FileCursor& cursor_;
+  uint64_t next_;
+  uint64_t end_;
+};
+
+/// One varint inside a packed run [cursor, end). Throws WireError.
+uint64_t read_varint(FileCursor& cursor, uint64_t end, const char* what);
+
+}  // namespace revisit::proto

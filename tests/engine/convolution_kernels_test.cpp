@@ -1,0 +1,76 @@
+// Every convolution kernel against the definition, over tests/problems/convolution.txt. Outputs are
+// poisoned with NaN and scratch with 0xA5 bytes before each run.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include "compare.h"
+#include "problems.h"
+
+namespace revisit::engine {
+namespace {
+
+std::vector<float> random_values(int64_t count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> uniform(-1, 1);
+  std::vector<float> values(static_cast<size_t>(count));
+  for (float& value : values) value = uniform(random);
+  return values;
+}
+
+std::vector<float> run(const ConvolutionKernel& kernel, const ConvolutionProblem& p,
+                       const std::vector<float>& input, const std::vector<float>& weights,
+                       const float* bias) {
+  std::vector<float> output(static_cast<size_t>(p.n * p.c_out * p.out_pixels()),
+                            std::numeric_limits<float>::quiet_NaN());
+  std::vector<float> scratch(static_cast<size_t>(kernel.scratch_floats(p)));
+  if (!scratch.empty()) std::memset(scratch.data(), 0xA5, scratch.size() * sizeof(float));
+  kernel.run(p, input.data(), weights.data(), bias, output.data(), scratch.data());
+  return output;
+}
+
+class ConvolutionKernels : public testing::TestWithParam<test::NamedConvolution> {};
+
+TEST_P(ConvolutionKernels, AgreeWithTheDefinition) {
+  constexpr unsigned kSeed = 20260611;
+  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  ConvolutionProblem p = GetParam().problem;
+  const auto input = random_values(p.n * p.c_in * p.h * p.w, kSeed);
+  const auto weights = random_values(p.c_out * p.depth(), kSeed + 1);
+  const auto bias = random_values(p.c_out, kSeed + 2);
+  for (const float* b : {bias.data(), static_cast<const float*>(nullptr)}) {
+    const auto wanted = run(kConvolutionReference, p, input, weights, b);
+    for (const ConvolutionKernel& kernel : convolution_kernels()) {
+      if (!kernel.supports(p)) continue;
+      for (const int threads : {1, 2}) {
+        p.threads = threads;
+        EXPECT_LE(test::relative_error(run(kernel, p, input, weights, b), wanted), 5e-6)
+            << kernel.name << ", " << threads << " threads";
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Problems, ConvolutionKernels,
+                         testing::ValuesIn(test::convolution_problems()), [](const auto& instance) {
+                           std::string name = instance.param.name;
+                           for (char& c : name)
+                             if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+                           return name;
+                         });
+
+TEST(ConvolutionReference, ByHand) {
+  // 1 x 1 x 2 x 3 input, 2 x 2 kernel, stride 1, pad 0: a cross-correlation, no flip.
+  ConvolutionProblem p;
+  p.h = 2, p.w = 3, p.kernel_h = 2, p.kernel_w = 2, p.out_h = 1, p.out_w = 2;
+  const float input[] = {1, 2, 3, 4, 5, 6}, weights[] = {1, 10, 100, 1000}, bias[] = {0.5F};
+  float output[2];
+  kConvolutionReference.run(p, input, weights, bias, output, nullptr);
+  EXPECT_EQ(output[0], 1 + 20 + 400 + 5000 + 0.5F);
+  EXPECT_EQ(output[1], 2 + 30 + 500 + 6000 + 0.5F);
+}
+
+}  // namespace
+}  // namespace revisit::engine

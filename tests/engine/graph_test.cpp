@@ -1,0 +1,106 @@
+#include "graph.h"
+
+#include <gtest/gtest.h>
+
+#include "expect_error.h"
+#include "revisit/proto/net_file.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::expect_error;
+
+constexpr const char* kNet = R"(
+  name: "small"
+  layer { name: "in" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 8 dim: 8 } } }
+  layer { name: "conv1" type: "Convolution" bottom: "data" top: "conv1" convolution_param { num_output: 2 kernel_size: 3 } }
+  layer { name: "relu1" type: "ReLU" bottom: "conv1" top: "conv1" }
+  layer { name: "conv2" type: "Convolution" bottom: "conv1" top: "conv2" convolution_param { num_output: 2 kernel_size: 3 } }
+  layer { name: "pool" type: "Pooling" bottom: "conv2" top: "pool" pooling_param { kernel_size: 2 stride: 2 } }
+  layer { name: "strange" type: "FromAnotherFork" bottom: "pool" top: "strange" }
+)";
+
+Graph parse_text(const std::string& text) {
+  return parse(proto::parse_net(text, "test.prototxt").net);
+}
+
+std::vector<std::string> names(const Graph& graph) {
+  std::vector<std::string> result;
+  for (const Node& node : graph.nodes) result.push_back(node.name);
+  return result;
+}
+
+TEST(Graph, InPlaceLayersMakeValuesOfTheirOwn) {
+  const Graph graph = parse_text(kNet);
+  EXPECT_EQ(graph.values.size(), 6U);
+  EXPECT_TRUE(graph.nodes[2].in_place);
+  EXPECT_FALSE(graph.nodes[1].in_place);
+  EXPECT_NE(graph.nodes[1].outputs[0], graph.nodes[2].outputs[0]);
+  EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);  // conv2 reads what relu1 wrote
+  ASSERT_EQ(graph.outputs.size(), 1U);
+  EXPECT_EQ(graph.outputs[0].name, "strange");
+}
+
+TEST(Graph, TruncationKeepsOnlyWhatIsNeeded) {
+  const Graph graph = parse_text(kNet);
+  EXPECT_EQ(names(prune(graph, {"conv1", ""})), (std::vector<std::string>{"in", "conv1"}));
+  EXPECT_EQ(names(prune(graph, {"relu1", ""})), (std::vector<std::string>{"in", "conv1", "relu1"}));
+}
+
+TEST(Graph, GraftFollowsTheInPlaceReluOfItsLayer) {
+  const Graph graph = prune(parse_text(kNet), {"conv1", "pool"});
+  EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "conv1", "relu1", "conv1+pool"}));
+  EXPECT_EQ(graph.outputs[0].name, "conv1+pool");
+  EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);
+  EXPECT_EQ(graph.nodes[3].param.pooling_param().kernel_size(), 2U);
+}
+
+TEST(Graph, GraftWithoutReluGoesOnTheLayerItself) {
+  EXPECT_EQ(names(prune(parse_text(kNet), {"conv2", "pool"})),
+            (std::vector<std::string>{"in", "conv1", "relu1", "conv2", "conv2+pool"}));
+}
+
+TEST(Graph, UnknownLayersAreNamedWithTheNearest) {
+  const Graph graph = parse_text(kNet);
+  expect_error<UsageError>(
+      [&] {
+        prune(graph, {"conv3", ""});
+      },
+      {"--end", "conv3", "did you mean 'conv"});
+  expect_error<UsageError>(
+      [&] {
+        prune(graph, {"conv1", "pol"});
+      },
+      {"--graft", "did you mean 'pool'"});
+  expect_error<UsageError>([&] { prune(graph, {"", "pool"}); }, {"--graft needs --end"});
+}
+
+TEST(Graph, RefusesDanglingAndDoublyWrittenBlobs) {
+  expect_error<InputError>(
+      [] { parse_text(R"(layer { name: "a" type: "ReLU" bottom: "dato" top: "b" })"); },
+      {"'a'", "'dato'"});
+  expect_error<InputError>(
+      [] {
+        parse_text(
+            R"(layer { name: "a" type: "Input" top: "x" } layer { name: "b" type: "Input" top: "x" })");
+      },
+      {"'b'", "already written"});
+}
+
+TEST(Graph, RulesOfThePhaseDecide) {
+  const Graph graph = parse_text(R"(
+    layer { name: "train" type: "Input" top: "x" include { phase: TRAIN } }
+    layer { name: "test" type: "Input" top: "x" include { phase: TEST } }
+    layer { name: "not_test" type: "ReLU" bottom: "x" top: "y" exclude { phase: TEST } }
+    layer { name: "stage" type: "ReLU" bottom: "x" top: "z" include { stage: "deploy" } })");
+  EXPECT_EQ(names(graph), std::vector<std::string>{"test"});
+  expect_error<InputError>(
+      [] {
+        parse_text(
+            R"(layer { name: "both" type: "Input" top: "x" include { phase: TEST } exclude { phase: TRAIN } })");
+      },
+      {"'both'", "not both"});
+}
+
+}  // namespace
+}  // namespace revisit::engine

@@ -1,0 +1,215 @@
+// Each layer type on cases computed by hand: tiny nets in text, weights given in place.
+#include <gtest/gtest.h>
+
+#include <cfloat>
+#include <cmath>
+#include <limits>
+
+#include "expect_error.h"
+#include "layer.h"
+#include "registry.h"
+#include "revisit/proto/net_file.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::expect_error;
+
+constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+std::unique_ptr<Layer> layer_from(const std::string& type, const std::string& param) {
+  const auto file =
+      proto::parse_net("layer { name: 'l' type: '" + type + "' " + param + " }", "test");
+  return make_layer(file.net.layer(0));
+}
+
+/// Runs one layer on one input; the first output.
+std::vector<float> run(const std::string& type, const std::string& param, const Shape& shape,
+                       const std::vector<float>& input,
+                       const std::vector<std::vector<float>>& weights = {},
+                       Shape* output_shape = nullptr) {
+  const auto layer = layer_from(type, param);
+  const std::vector<Shape> inputs{shape};
+  const std::vector<Shape> outputs = layer->infer(inputs, 1);
+  std::vector<Tensor> tensors;
+  const std::vector<Shape> weight_shapes = layer->weight_shapes(inputs);
+  EXPECT_EQ(weight_shapes.size(), weights.size());
+  for (size_t i = 0; i < weight_shapes.size(); ++i) {
+    EXPECT_EQ(static_cast<size_t>(weight_shapes[i].elements()), weights[i].size());
+    tensors.push_back({weight_shapes[i], weights[i]});
+  }
+  if (output_shape) *output_shape = outputs[0];
+  if (layer->output_memory() == OutputMemory::kViewOfInput) return input;
+  const Kernel kernel = layer->bind({inputs, outputs, tensors, 1, false});
+  std::vector<float> output(static_cast<size_t>(outputs[0].elements()), kNan);
+  std::vector<float> scratch(static_cast<size_t>(kernel.scratch_floats), kNan);
+  kernel.run({{input.data()}, {output.data()}, scratch.data()});
+  return output;
+}
+
+void expect_values(const std::vector<float>& found, const std::vector<float>& wanted,
+                   float tolerance = 0) {
+  ASSERT_EQ(found.size(), wanted.size());
+  for (size_t i = 0; i < found.size(); ++i) {
+    if (std::isnan(wanted[i]))
+      EXPECT_TRUE(std::isnan(found[i])) << i;
+    else if (std::isinf(wanted[i]) || tolerance == 0)
+      EXPECT_EQ(found[i], wanted[i]) << i;
+    else
+      EXPECT_NEAR(found[i], wanted[i], tolerance) << i;
+  }
+}
+
+TEST(ReLU, KeepsCaffesSpecialCases) {
+  expect_values(run("ReLU", "", {6}, {-2, 0, 3, kInf, -kInf, kNan}), {0, 0, 3, kInf, kNan, kNan});
+  expect_values(run("ReLU", "relu_param { negative_slope: 0.5 }", {3}, {-2, 0, 3}), {-1, 0, 3});
+}
+
+TEST(Pooling, RoundsUpAndClipsTheLastWindow) {
+  // 1x4, kernel 3, stride 2: ceil((4 - 3) / 2) + 1 = 2 windows, the second clipped to one column
+  // pair.
+  const std::string max =
+      "pooling_param { pool: MAX kernel_h: 1 kernel_w: 3 stride_h: 1 stride_w: 2 }";
+  expect_values(run("Pooling", max, {1, 1, 1, 4}, {1, 5, 2, 4}), {5, 4});
+  const std::string ave =
+      "pooling_param { pool: AVE kernel_h: 1 kernel_w: 3 stride_h: 1 stride_w: 2 }";
+  expect_values(run("Pooling", ave, {1, 1, 1, 4}, {1, 5, 2, 4}), {8.0F / 3, 3}, 1e-6F);
+  const std::string floor =
+      "pooling_param { kernel_h: 1 kernel_w: 3 stride_h: 1 stride_w: 2 round_mode: FLOOR }";
+  expect_values(run("Pooling", floor, {1, 1, 1, 4}, {1, 5, 2, 4}), {5});
+}
+
+TEST(Pooling, PaddingNeverWinsAndCountsInTheAverage) {
+  const std::string pad = "kernel_size: 2 stride: 2 pad: 1 }";
+  // 2x2 with pad 1: windows hold one pixel each.
+  expect_values(run("Pooling", "pooling_param { pool: MAX " + pad, {1, 1, 2, 2}, {-1, -2, -3, -4}),
+                {-1, -2, -3, -4});
+  expect_values(run("Pooling", "pooling_param { pool: AVE " + pad, {1, 1, 2, 2}, {4, 8, 12, 16}),
+                {1, 2, 3, 4});
+}
+
+TEST(Pooling, NanNeverWinsAndAnEmptyMaximumIsTheSmallestFloat) {
+  expect_values(
+      run("Pooling", "pooling_param { kernel_size: 2 }", {1, 1, 2, 2}, {kNan, 1, 0, kNan}), {1});
+  expect_values(
+      run("Pooling", "pooling_param { kernel_size: 2 }", {1, 1, 2, 2}, {kNan, kNan, kNan, kNan}),
+      {-FLT_MAX});
+}
+
+TEST(Pooling, GlobalTakesTheWholeImage) {
+  Shape shape;
+  expect_values(run("Pooling", "pooling_param { pool: AVE global_pooling: true }", {1, 2, 2, 2},
+                    {1, 2, 3, 6, -1, -1, -1, -1}, {}, &shape),
+                {3, -1});
+  EXPECT_EQ(shape, (Shape{1, 2, 1, 1}));
+}
+
+TEST(Pooling, MaskIsTheIndexInTheImage) {
+  const auto layer = layer_from("Pooling", "pooling_param { kernel_size: 2 stride: 2 }");
+  const std::vector<Shape> inputs{Shape{1, 1, 2, 4}};
+  const auto outputs = layer->infer(inputs, 2);
+  const Kernel kernel = layer->bind({inputs, outputs, {}, 1, false});
+  const std::vector<float> input{1, 2, 9, 3, 4, 0, 5, 6};
+  std::vector<float> top(2), mask(2);
+  kernel.run({{input.data()}, {top.data(), mask.data()}, nullptr});
+  expect_values(top, {4, 9});
+  expect_values(mask, {4, 2});
+}
+
+TEST(Lrn, AcrossChannels) {
+  // size 3, alpha 3, beta 1, k 2: y = x / (2 + sum of squares of the neighbours)
+  const std::string param = "lrn_param { local_size: 3 alpha: 3 beta: 1 k: 2 }";
+  expect_values(run("LRN", param, {1, 3, 1, 1}, {1, 2, 3}), {1.0F / 7, 2.0F / 16, 3.0F / 15},
+                1e-7F);
+  // beta 0.75 takes another path: 16 ^ -0.75 = 1 / 8
+  const std::string usual = "lrn_param { local_size: 3 alpha: 3 beta: 0.75 k: 2 }";
+  expect_values(run("LRN", usual, {1, 3, 1, 1}, {1, 2, 3}),
+                {std::pow(7.0F, -0.75F), 2.0F / 8, 3 * std::pow(15.0F, -0.75F)}, 1e-6F);
+}
+
+TEST(Lrn, WithinChannelIgnoresKAndCountsPadding) {
+  // 3x3 window over 1x2: mean of squares = (1 + 4) / 9 everywhere; y = x / (1 + 9 * 5 / 9)
+  const std::string param =
+      "lrn_param { local_size: 3 alpha: 9 beta: 1 k: 100 norm_region: WITHIN_CHANNEL }";
+  expect_values(run("LRN", param, {1, 1, 1, 2}, {1, 2}), {1.0F / 6, 2.0F / 6}, 1e-7F);
+}
+
+TEST(Convolution, OutputSizeTruncatesTowardZero) {
+  // Kernel 3 on one row, stride 4: (1 - 3) / 4 + 1 = 1; the missing rows read as zero.
+  Shape shape;
+  expect_values(run("Convolution", "convolution_param { num_output: 1 kernel_size: 3 stride: 4 }",
+                    {1, 1, 1, 1}, {2}, {{3, 1, 1, 1, 1, 1, 1, 1, 1}, {0.5F}}, &shape),
+                {6.5F});
+  EXPECT_EQ(shape, (Shape{1, 1, 1, 1}));
+}
+
+TEST(Convolution, OneDimensional) {
+  expect_values(run("Convolution",
+                    "convolution_param { num_output: 1 kernel_size: 2 pad: 1 bias_term: false }",
+                    {1, 1, 3}, {1, 2, 3}, {{10, 1}}),
+                {1, 12, 23, 30});
+}
+
+TEST(Convolution, Groups) {
+  expect_values(run("Convolution",
+                    "convolution_param { num_output: 2 kernel_size: 1 group: 2 bias_term: false }",
+                    {1, 2, 1, 2}, {1, 2, 3, 4}, {{10, 100}}),
+                {10, 20, 300, 400});
+}
+
+TEST(InnerProduct, BothOrdersOfWeights) {
+  expect_values(run("InnerProduct", "inner_product_param { num_output: 2 }", {1, 3}, {1, 2, 3},
+                    {{1, 0, 0, 1, 1, 1}, {0.5F, -1}}),
+                {1.5F, 5});
+  expect_values(
+      run("InnerProduct", "inner_product_param { num_output: 2 transpose: true bias_term: false }",
+          {1, 3}, {1, 2, 3}, {{1, 1, 0, 1, 0, 1}}),
+      {1, 6});
+}
+
+TEST(Softmax, SumsToOneAlongItsAxisAndSurvivesLargeValues) {
+  const auto found =
+      run("Softmax", "softmax_param { axis: 1 }", {1, 2, 2}, {1000, 0, 1000, std::log(3.0F)});
+  expect_values(found, {0.5F, 0.25F, 0.5F, 0.75F}, 1e-6F);
+}
+
+TEST(Concat, AlongAnyAxis) {
+  const auto layer = layer_from("Concat", "concat_param { axis: -1 }");
+  const std::vector<Shape> inputs{Shape{2, 1}, Shape{2, 2}};
+  const auto outputs = layer->infer(inputs, 1);
+  EXPECT_EQ(outputs[0], (Shape{2, 3}));
+  const Kernel kernel = layer->bind({inputs, outputs, {}, 1, false});
+  const std::vector<float> a{1, 2}, b{3, 4, 5, 6};
+  std::vector<float> out(6);
+  kernel.run({{a.data(), b.data()}, {out.data()}, nullptr});
+  expect_values(out, {1, 3, 4, 2, 5, 6});
+  EXPECT_THROW(layer->infer({Shape{2, 1}, Shape{3, 2}}, 1), InputError);
+}
+
+TEST(Flatten, MergesARangeOfAxes) {
+  EXPECT_EQ(layer_from("Flatten", "")->infer({Shape{2, 3, 4, 5}}, 1)[0], (Shape{2, 60}));
+  EXPECT_EQ(layer_from("Flatten", "flatten_param { axis: 1 end_axis: 2 }")
+                ->infer({Shape{2, 3, 4, 5}}, 1)[0],
+            (Shape{2, 12, 5}));
+}
+
+TEST(Layers, RefuseWhatCannotBe) {
+  expect_error<UnsupportedError>([] { layer_from("Convolutoin", ""); },
+                                 {"did you mean 'Convolution'"});
+  expect_error<InputError>(
+      [] { layer_from("Convolution", "convolution_param { num_output: 3 group: 2 }"); },
+      {"multiple of group"});
+  expect_error<InputError>([] { layer_from("LRN", "lrn_param { local_size: 4 }"); }, {"odd"});
+  expect_error<InputError>([] { layer_from("Pooling", "pooling_param { kernel_size: 2 pad: 2 }"); },
+                           {"pad 2"});
+  expect_error<InputError>(
+      [] {
+        layer_from("Convolution", "convolution_param { num_output: 1 kernel_size: 9 }")
+            ->infer({Shape{1, 1, 4, 4}}, 1);
+      },
+      {"spans 9", "empty"});
+}
+
+}  // namespace
+}  // namespace revisit::engine

@@ -1,0 +1,185 @@
+// Loading, planning and running small nets of our own.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <thread>
+
+#include "caffe.pb.h"
+#include "expect_error.h"
+#include "revisit/engine/profile.h"
+#include "revisit/proto/net_file.h"
+#include "test_data.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::expect_error;
+
+/// y = relu(2 x + 1), then x1 and x2 from it: enough for in-place, fan-out and concatenation.
+constexpr const char* kNet = R"(
+  name: "small"
+  layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 2 dim: 3 } } }
+  layer { name: "conv" type: "Convolution" bottom: "data" top: "conv" convolution_param { num_output: 1 kernel_size: 1 } }
+  layer { name: "relu" type: "ReLU" bottom: "conv" top: "conv" }
+  layer { name: "drop" type: "Dropout" bottom: "conv" top: "conv" }
+  layer { name: "pool" type: "Pooling" bottom: "conv" top: "pool" pooling_param { kernel_size: 1 } }
+  layer { name: "concat" type: "Concat" bottom: "conv" bottom: "pool" top: "concat" }
+)";
+
+class NetTest : public testing::Test {
+ protected:
+  NetTest() {
+    test::write_file(prototxt(), kNet);
+    write_weights("conv", {1, 1, 1, 1}, {2}, {1});
+  }
+  std::filesystem::path prototxt() const { return dir_ / "net.prototxt"; }
+  std::filesystem::path weights() const { return dir_ / "net.caffemodel"; }
+
+  void write_weights(const std::string& layer, const std::vector<int64_t>& shape,
+                     const std::vector<float>& w, const std::vector<float>& b) {
+    caffe::NetParameter net;
+    caffe::LayerParameter& param = *net.add_layer();
+    param.set_name(layer);
+    param.set_type("Convolution");
+    caffe::BlobProto& blob = *param.add_blobs();
+    for (const int64_t size : shape) blob.mutable_shape()->add_dim(size);
+    blob.mutable_data()->Add(w.begin(), w.end());
+    caffe::BlobProto& bias = *param.add_blobs();
+    bias.mutable_shape()->add_dim(static_cast<int64_t>(b.size()));
+    bias.mutable_data()->Add(b.begin(), b.end());
+    proto::write_net_binary(weights(), net);
+  }
+
+  const test::TempDir dir_;
+};
+
+std::vector<float> forward(engine::Run& run, const std::vector<float>& input,
+                           const std::string& output) {
+  std::copy(input.begin(), input.end(), run.input("data").data);
+  run.forward();
+  const auto values = run.output(output).values();
+  return {values.begin(), values.end()};
+}
+
+TEST_F(NetTest, ComputesAndCanRunAgain) {
+  const Net net = Net::load(prototxt(), weights());
+  engine::Run run(net.plan());
+  const std::vector<float> once{0, 3, 0, 7, 0, 11}, twice{0, 3, 0, 7, 0, 11, 0, 3, 0, 7, 0, 11};
+  EXPECT_EQ(forward(run, {-1, 1, -2, 3, -3, 5}, "concat"), twice);
+  EXPECT_EQ(forward(run, {0, 0, 0, 0, 0, 0}, "concat"), std::vector<float>(12, 1));
+  run.forward();  // the input keeps its values
+  EXPECT_EQ(run.output("concat").values()[0], 1);
+}
+
+TEST_F(NetTest, EveryLayersOutputIsItsOwn) {
+  const Net net = Net::load(prototxt(), weights());
+  engine::Run run(net.plan({}, {.keep_all = true}));
+  EXPECT_EQ(forward(run, {-1, 1, -2, 3, -3, 5}, "conv"),
+            (std::vector<float>{-1, 3, -3, 7, -5, 11}));
+  EXPECT_EQ(run.output("relu").values()[0], 0);
+  EXPECT_EQ(run.output("drop").values()[0], 0);
+}
+
+TEST_F(NetTest, OutputsThatAreNotKeptAreRefused) {
+  const Net net = Net::load(prototxt(), weights());
+  const engine::Run run(net.plan());
+  expect_error<UsageError>([&] { run.output("conv"); }, {"keeps no output 'conv'"});
+  expect_error<UsageError>([&] { engine::Run(net.plan()).input("dat"); }, {"did you mean 'data'"});
+}
+
+TEST_F(NetTest, AnyInputSizeAndBatch) {
+  const Net net = Net::load(prototxt(), weights());
+  const Plan plan = net.plan({{"data", Shape{3, 1, 5, 7}}});
+  EXPECT_EQ(plan.outputs()[0].shape, (Shape{3, 2, 5, 7}));
+  expect_error<UsageError>([&] { net.plan({{"dota", Shape{1}}}); }, {"did you mean 'data'"});
+  expect_error<InputError>(
+      [&] {
+        net.plan({{"data", Shape{1, 2, 3, 3}}});
+      },
+      {"'conv'", "blob 0", "1x2x1x1"});
+}
+
+TEST_F(NetTest, MemoryIsSharedOverTime) {
+  const Plan plan = Net::load(prototxt(), weights()).plan({{"data", Shape{1, 1, 64, 64}}});
+  EXPECT_LT(plan.arena_bytes(), plan.unshared_activation_bytes() + 1);
+  EXPECT_EQ(plan.layers()[2].activation_bytes, 0);  // the ReLU works in place
+  EXPECT_EQ(plan.layers()[3].activation_bytes, 0);  // Dropout is a view
+}
+
+TEST_F(NetTest, WeightsOfAnotherNetworkAreRefused) {
+  write_weights("conv", {1, 3, 1, 1}, {1, 2, 3}, {0});
+  expect_error<InputError>([&] { Net::load(prototxt(), weights()); },
+                           {"'conv'", "blob 0", "1x1x1x1", "1x3x1x1", "another network"});
+  write_weights("fc6", {1, 1, 1, 1}, {1}, {0});
+  expect_error<InputError>([&] { Net::load(prototxt(), weights()); },
+                           {"no weights", "conv", "fc6"});
+  const Net net = Net::load(prototxt(), weights(), {.allow_missing = true});
+  EXPECT_EQ(net.warnings().size(), 2U);
+}
+
+TEST_F(NetTest, WithoutWeightsItCanBePlannedButNotRun) {
+  const Net net = Net::load_without_weights(prototxt());
+  EXPECT_EQ(net.plan().layers().size(), 6U);
+  expect_error<UsageError>([&] { engine::Run(net.plan()); }, {"without weights"});
+}
+
+TEST_F(NetTest, RandomWeightsAreTheSameForTheSameSeed) {
+  const auto first_output = [&](uint64_t seed) {
+    engine::Run run(Net::load_with_random_weights(prototxt(), seed).plan({}, {.keep_all = true}));
+    return forward(run, {1, 2, 3, 4, 5, 6}, "conv");
+  };
+  EXPECT_EQ(first_output(1), first_output(1));
+  EXPECT_NE(first_output(1), first_output(2));
+}
+
+TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
+  test::write_file(
+      prototxt(),
+      std::string(kNet) + "layer { name: 'odd' type: 'Strange' bottom: 'concat' top: 'odd' }");
+  expect_error<UnsupportedError>([&] { Net::load(prototxt(), weights()); }, {"'odd'", "'Strange'"});
+  const Net net = Net::load(prototxt(), weights(), {.truncation = {"concat", ""}});
+  EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
+}
+
+TEST_F(NetTest, RunsOfOnePlanWorkInParallel) {
+  const Plan plan = Net::load(prototxt(), weights()).plan({{"data", Shape{1, 1, 50, 60}}});
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t)
+    threads.emplace_back([&plan, t] {
+      engine::Run run(plan);
+      for (int i = 0; i < 20; ++i) {
+        const auto found = forward(run, std::vector<float>(3000, static_cast<float>(t)), "concat");
+        EXPECT_TRUE(std::all_of(found.begin(), found.end(),
+                                [&](float v) { return v == 2 * static_cast<float>(t) + 1; }));
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+}
+
+TEST(Profile, OrderStatistics) {
+  std::vector<double> samples;
+  for (int i = 100; i >= 1; --i) samples.push_back(i);
+  const Timing timing = summarize(samples);
+  EXPECT_EQ(timing.min, 1);
+  EXPECT_EQ(timing.median, 50.5);
+  EXPECT_EQ(timing.p95, 95);
+  EXPECT_EQ(summarize({7}).p95, 7);
+}
+
+TEST_F(NetTest, ProfileTimesEveryLayerAndTheWhole) {
+  engine::Run run(Net::load(prototxt(), weights()).plan({{"data", Shape{1, 1, 100, 100}}}));
+  std::fill_n(run.input("data").data, 10000, 1.0F);
+  const Profile result = profile(run, {.warmup = 1, .repeat = 5});
+  EXPECT_EQ(result.passes, 5);
+  ASSERT_EQ(result.layers.size(), 6U);
+  EXPECT_GT(result.layers[1].median, 0);
+  EXPECT_EQ(result.layers[3].median, 0);  // Dropout: nothing runs
+  EXPECT_GT(result.total.min, 0);
+  EXPECT_LE(result.total.min, result.total.median);
+  EXPECT_LE(result.total.median, result.total.p95);
+  EXPECT_GE(result.layer_sum.median, result.layers[1].min);
+}
+
+}  // namespace
+}  // namespace revisit::engine

@@ -1,0 +1,203 @@
+#include "revisit/pipeline/dataset.h"
+
+#include <gtest/gtest.h>
+
+#include "revisit/proto/error.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using test::TempDir;
+using test::write_file;
+
+std::string poses(int count) {
+  std::string text;
+  for (int i = 0; i < count; ++i) text += "1 0 0 " + std::to_string(i) + " 0 1 0 0 0 0 1 0\n";
+  return text;
+}
+std::string times(int count) {
+  std::string text;
+  for (int i = 0; i < count; ++i) text += std::to_string(i * 10) + "\n";
+  return text;
+}
+
+/// root/sequences/<sequence>/velodyne with frames 2 and 10.
+void write_sequence(const fs::path& root, const std::string& sequence) {
+  for (const char* const name : {"000010.bin", "000002.bin"})
+    write_file(root / "sequences" / sequence / "velodyne" / name, "0123456789abcdef");
+}
+
+template <class Open>
+std::string complaint(Open open) {
+  try {
+    open();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+#define EXPECT_HAS(text, part) \
+  EXPECT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"
+
+std::vector<int> frames(const Dataset& dataset) {
+  std::vector<int> result;
+  for (const ScanRef& scan : dataset.scans) result.push_back(scan.frame);
+  return result;
+}
+
+TEST(KittiDataset, RootWithEverything) {
+  const TempDir dir;
+  const fs::path root = dir / "kitti";
+  write_sequence(root, "00");
+  write_file(root / "poses/00.txt", poses(11));
+  write_file(root / "sequences/00/times.txt", times(11));
+  write_file(root / "sequences/00/calib.txt", "Tr: 1 0 0 5 0 1 0 0 0 0 1 0\n");
+  write_file(root / "sequences/00/velodyne/.hidden.bin", "");
+  write_file(root / "sequences/00/velodyne/notes.txt", "");
+
+  for (const char* const sequence : {"00", ""}) {
+    const Dataset dataset = open_dataset(root, sequence, {.poses = true, .calibration = true});
+    EXPECT_EQ(dataset.name, "kitti");
+    EXPECT_EQ(dataset.sequence, "00");
+    EXPECT_EQ(frames(dataset), (std::vector<int>{2, 10}));
+    EXPECT_EQ(dataset.scans[1].file, root / "sequences/00/velodyne/000010.bin");
+    EXPECT_TRUE(dataset.has_poses());
+    EXPECT_EQ(dataset.scans[1].pose->translation().x(), 10);
+    EXPECT_EQ(dataset.scans[1].time, 100);
+    EXPECT_EQ(dataset.T_cam_velo->translation().x(), 5);
+  }
+  EXPECT_EQ(find_kitti_poses(root, "00"), root / "poses/00.txt");
+}
+
+TEST(KittiDataset, OneSequenceFolder) {
+  const TempDir dir;
+  write_sequence(dir / "kitti", "07");
+  const fs::path folder = dir / "kitti/sequences/07";
+  EXPECT_FALSE(open_dataset(folder, "").has_poses());
+
+  write_file(dir / "kitti/poses/07.txt", poses(11));  // ../../poses/NN.txt
+  const Dataset dataset = open_dataset(folder, "07", {.poses = true});
+  EXPECT_EQ(dataset.name, "kitti");
+  EXPECT_EQ(dataset.sequence, "07");
+  EXPECT_TRUE(dataset.has_poses());
+  EXPECT_HAS(complaint([&] { open_dataset(folder, "08"); }), "there is no sequence 08");
+
+  write_file(folder / "poses.txt", poses(20));  // the nearer one wins
+  EXPECT_EQ(find_kitti_poses(folder, ""), folder / "poses.txt");
+}
+
+TEST(KittiDataset, LoneFolderWithPoses) {
+  const TempDir dir;
+  write_file(dir / "town/velodyne/000000.bin", "0123456789abcdef");
+  write_file(dir / "town/poses.txt", poses(1));
+  const Dataset dataset = open_dataset(dir / "town", "", {.poses = true});
+  EXPECT_EQ(dataset.name, "town");
+  EXPECT_EQ(dataset.sequence, "");
+  EXPECT_TRUE(dataset.has_poses());
+}
+
+TEST(KittiDataset, SaysWhatIsMissingAndWhere) {
+  const TempDir dir;
+  const fs::path root = dir / "kitti";
+  write_sequence(root, "00");
+  const std::string no_poses = complaint([&] { open_dataset(root, "00", {.poses = true}); });
+  EXPECT_HAS(no_poses, (root / "poses/00.txt").string());
+  EXPECT_HAS(no_poses, (root / "sequences/00/poses.txt").string());
+  EXPECT_HAS(complaint([&] { open_dataset(root, "00", {.calibration = true}); }),
+             (root / "sequences/00/calib.txt").string());
+
+  write_sequence(root, "05");
+  EXPECT_HAS(complaint([&] { open_dataset(root, ""); }),
+             "say which sequence; sequences with scans: 00, 05");
+  EXPECT_HAS(complaint([&] { open_dataset(root, "0"); }), "did you mean '00'");
+  EXPECT_HAS(complaint([&] { open_dataset(dir / "none", "00"); }), "No such file");
+  fs::create_directories(dir / "empty");
+  EXPECT_HAS(complaint([&] { open_dataset(dir / "empty", ""); }), "no scans here: looked for");
+  write_file(dir / "file", "");
+  EXPECT_HAS(complaint([&] { open_dataset(dir / "file", ""); }), "not a folder");
+}
+
+TEST(KittiDataset, ListsMustReachTheLastFrame) {
+  const TempDir dir;
+  write_sequence(dir.path(), "00");
+  write_file(dir / "poses/00.txt", poses(10));
+  const std::string short_poses = complaint([&] { open_dataset(dir.path(), "00"); });
+  EXPECT_HAS(short_poses, "holds 10 poses");
+  EXPECT_HAS(short_poses, "is frame 10");
+  write_file(dir / "poses/00.txt", poses(11));
+  write_file(dir / "sequences/00/times.txt", times(3));
+  EXPECT_HAS(complaint([&] { open_dataset(dir.path(), "00"); }), "holds 3 times");
+}
+
+TEST(KittiDataset, FrameNumbersAreUniqueNumbers) {
+  const TempDir dir;
+  write_sequence(dir.path(), "00");
+  const fs::path velodyne = dir / "sequences/00/velodyne";
+  write_file(velodyne / "10.pcd", "");
+  const std::string twice = complaint([&] { open_dataset(dir.path(), "00"); });
+  EXPECT_HAS(twice, "frame 10 is there twice");
+  EXPECT_HAS(twice, "000010.bin");
+  fs::remove(velodyne / "10.pcd");
+  write_file(velodyne / "first.bin", "");
+  EXPECT_HAS(complaint([&] { open_dataset(dir.path(), "00"); }),
+             "first.bin: expected the frame's number");
+}
+
+TEST(KittiPoses, NeedNothingElse) {
+  const TempDir dir;
+  write_file(dir / "poses/03.txt", poses(1));
+  EXPECT_EQ(find_kitti_poses(dir.path(), "03"), dir / "poses/03.txt");
+  EXPECT_EQ(find_kitti_poses(dir.path(), ""), dir / "poses/03.txt");
+  const std::string missing = complaint([&] { find_kitti_poses(dir.path(), "04"); });
+  EXPECT_HAS(missing, (dir / "poses/04.txt").string());
+  EXPECT_HAS(missing, "sequences with poses: 03");
+  write_file(dir / "sequences/04/poses.txt", poses(1));
+  EXPECT_EQ(find_kitti_poses(dir.path(), "04"), dir / "sequences/04/poses.txt");
+  EXPECT_EQ(find_kitti_poses(dir / "sequences/04", ""), dir / "sequences/04/poses.txt");
+  fs::create_directories(dir / "empty");
+  EXPECT_HAS(complaint([&] { find_kitti_poses(dir / "empty", "00"); }), "no KITTI poses here");
+}
+
+TEST(PlainFolder, NumbersOfTheNamesOrTheirOrder) {
+  const TempDir dir;
+  const fs::path numbered = dir / "numbered";
+  for (const char* const name : {"7.pcd", "12.bin", "3.PLY"}) write_file(numbered / name, "");
+  const Dataset dataset = open_dataset(numbered, "");
+  EXPECT_EQ(dataset.name, "numbered");
+  EXPECT_EQ(frames(dataset), (std::vector<int>{3, 7, 12}));
+  EXPECT_FALSE(dataset.has_poses());
+
+  const fs::path named = dir / "named";
+  for (const char* const name : {"scan10.pcd", "scan9.pcd", "1403715273262142976.pcd"})
+    write_file(named / name, "");
+  const Dataset ordered = open_dataset(named, "");
+  EXPECT_EQ(frames(ordered), (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(ordered.scans[1].file.filename(), "scan9.pcd");
+  EXPECT_EQ(ordered.scans[2].file.filename(), "scan10.pcd");
+
+  EXPECT_HAS(complaint([&] { open_dataset(named, "", {.poses = true}); }), "no poses");
+  EXPECT_HAS(complaint([&] { open_dataset(named, "", {.calibration = true}); }), "no calibration");
+  EXPECT_HAS(complaint([&] { open_dataset(named, "00"); }), "has no sequence 00");
+}
+
+TEST(RealDataset, TwelveScansOfSequence00) {
+  REVISIT_NEED_SHARED(root, "data/kitti");
+  const Dataset dataset = open_dataset(root, "", {.poses = true, .calibration = true});
+  EXPECT_EQ(dataset.sequence, "00");
+  ASSERT_EQ(dataset.scans.size(), 12U);
+  EXPECT_EQ(dataset.scans.back().frame, 4501);
+  // data/README: 004501 revisits 000052, 2.96 m apart.
+  const auto at = [&](int frame) {
+    for (const ScanRef& scan : dataset.scans)
+      if (scan.frame == frame) return scan.pose->translation();
+    throw Error("no such frame");
+  };
+  EXPECT_NEAR((at(4501) - at(52)).norm(), 2.96, 0.005);
+  EXPECT_NO_THROW(find_kitti_poses(root, "03"));
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

@@ -1,0 +1,120 @@
+#include "revisit/pipeline/ground_truth.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "revisit/proto/error.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+Trajectory along_x(const std::vector<double>& xs) {
+  std::vector<Pose> poses;
+  for (const double x : xs) {
+    Pose pose = Pose::Identity();
+    pose.translation().x() = x;
+    poses.push_back(pose);
+  }
+  return make_trajectory(poses);
+}
+
+TEST(GroundTruth, DistancesByHand) {
+  const Eigen::Vector3d a(1, 2, 3), b(4, 14, 7);  // differences 3, 12, 4
+  EXPECT_DOUBLE_EQ(distance_between(a, b, Distance::kXz), 5);
+  EXPECT_DOUBLE_EQ(distance_between(a, b, Distance::k3d), 13);
+  EXPECT_DOUBLE_EQ(distance_between(a, b, Distance::kBox), 12);
+}
+
+TEST(GroundTruth, RadiusIsStrict) {
+  EXPECT_FALSE(is_true_match({0, 0, 0}, {3, 0, 0}, {Distance::kBox, 3}));
+  EXPECT_TRUE(is_true_match({0, 0, 0}, {std::nextafter(3.0, 0.0), 2.9, -2.9}, {Distance::kBox, 3}));
+  EXPECT_FALSE(is_true_match({0, 0, 0}, {0, 0, -5}, {Distance::kXz, 5}));
+}
+
+TEST(GroundTruth, ParsesExclusions) {
+  for (const char* text :
+       {"frames=50", "seconds=30", "metres=50", "none", "seconds=0.5", "frames=0"})
+    EXPECT_EQ(to_string(parse_exclusion(text)), text);
+  for (const char* text :
+       {"", "frames", "frames=", "frames=-1", "frames=1.5", "frames=x", "meters=50", "50",
+        "metres=nan", "metres=inf", "frames=50 ", "none=1", "seconds=1e400"})
+    EXPECT_THROW(parse_exclusion(text), UsageError) << text;
+  EXPECT_THROW(parse_distance("xy"), UsageError);
+}
+
+TEST(GroundTruth, CandidatesAreMoreThanTheExclusionAway) {
+  const Trajectory drive = along_x({0, 1, 2, 3, 4});
+  using V = std::vector<int64_t>;
+  EXPECT_EQ(earlier_candidates(drive, parse_exclusion("frames=2")), (V{0, 0, 0, 1, 2}));
+  EXPECT_EQ(later_candidates(drive, parse_exclusion("frames=2")), (V{3, 4, 5, 5, 5}));
+  EXPECT_EQ(earlier_candidates(drive, parse_exclusion("none")), (V{0, 1, 2, 3, 4}));
+  EXPECT_EQ(later_candidates(drive, parse_exclusion("none")), (V{1, 2, 3, 4, 5}));
+}
+
+TEST(GroundTruth, ExclusionCountsFrameNumbersSecondsOrDrivenMetres) {
+  Trajectory drive = along_x({0, 10, 0, 10});  // there, back, and there again: 30 m driven
+  drive.frames = {0, 100, 101, 300};
+  drive.times = {0, 1, 50, 51};
+  using V = std::vector<int64_t>;
+  EXPECT_EQ(earlier_candidates(drive, parse_exclusion("frames=50")), (V{0, 1, 1, 3}));
+  EXPECT_EQ(earlier_candidates(drive, parse_exclusion("seconds=30")), (V{0, 0, 2, 2}));
+  EXPECT_EQ(earlier_candidates(drive, parse_exclusion("metres=10")), (V{0, 0, 1, 2}));
+  drive.times = {0, 2, 1, 3};
+  EXPECT_THROW(earlier_candidates(drive, parse_exclusion("seconds=30")), InputError);
+  drive.times.clear();
+  EXPECT_THROW(earlier_candidates(drive, parse_exclusion("seconds=30")), UsageError);
+  drive.positions.clear();
+  EXPECT_THROW(earlier_candidates(drive, parse_exclusion("metres=30")), UsageError);
+}
+
+TEST(GroundTruth, LoopsByHand) {
+  //                             0  1   2   3   4  5    (5 comes back to 0 and 1)
+  const Trajectory drive = along_x({0, 1, 20, 40, 20, 0.5});
+  const LoopTruth truth = find_loops(drive, {Distance::kXz, 5}, parse_exclusion("frames=2"));
+  EXPECT_EQ(truth.n_queries, 3);
+  EXPECT_EQ(truth.n_positives, 1);  // 4 and 2 are only two frames apart
+  ASSERT_EQ(truth.pairs.size(), 2u);
+  EXPECT_EQ(truth.pairs[0].query, 5);
+  EXPECT_EQ(truth.pairs[0].match, 0);
+  EXPECT_DOUBLE_EQ(truth.pairs[0].distance, 0.5);
+  EXPECT_EQ(truth.pairs[1].match, 1);
+}
+
+TEST(GroundTruth, RefusesNonsense) {
+  const Trajectory drive = along_x({0, 1});
+  for (const double radius : {0.0, -1.0, std::nan(""), HUGE_VAL})
+    EXPECT_THROW(find_loops(drive, {Distance::kXz, radius}, {}), UsageError) << radius;
+  EXPECT_THROW(find_loops({}, {Distance::kXz, 5}, {}), UsageError);
+  EXPECT_THROW(along_x({0, std::nan("")}), InputError);
+}
+
+TEST(GroundTruth, DatasetFramesMustIncrease) {
+  Dataset dataset;
+  dataset.scans = {{"a.bin", 3, {}, {}}, {"b.bin", 3, {}, {}}};
+  EXPECT_THROW(make_trajectory(dataset), InputError);
+  dataset.scans[1].frame = 7;
+  EXPECT_EQ(make_trajectory(dataset).frames, (std::vector<int>{3, 7}));
+  EXPECT_TRUE(make_trajectory(dataset).positions.empty());
+}
+
+TEST(GroundTruth, OfficialPosesGiveTheKnownCounts) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  const std::pair<const char*, int64_t> known[] = {
+      {"00", 804}, {"05", 503}, {"06", 270}, {"08", 345}};
+  for (const auto& [sequence, count] : known) {
+    const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, sequence)));
+    EXPECT_EQ(find_loops(drive, {Distance::kXz, 5}, parse_exclusion("frames=50")).n_positives,
+              count)
+        << sequence;
+  }
+  // The height of 08 drifts (PAPER_NOTES section 3): 3 m in space finds 158, on the ground 318.
+  const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, "08")));
+  EXPECT_EQ(find_loops(drive, {Distance::k3d, 3}, parse_exclusion("frames=50")).n_positives, 158);
+  EXPECT_EQ(find_loops(drive, {Distance::kXz, 3}, parse_exclusion("frames=50")).n_positives, 318);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

@@ -1,0 +1,186 @@
+#include "revisit/pipeline/precision_recall.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <set>
+
+#include "revisit/proto/error.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+// score, correct, positive. Four positives (C, F and D found at the top rank or not), two
+// negatives.
+const std::vector<Verdict> kByHand = {{0.9, true, true},  {0.8, false, false}, {0.7, true, true},
+                                      {0.6, false, true}, {0.5, true, true},   {0.4, false, false}};
+
+TEST(PrecisionRecall, CurveByHand) {
+  const std::vector<PrPoint> curve = precision_recall(kByHand);
+  ASSERT_EQ(curve.size(), 6u);
+  const int64_t expected[6][4] = {{1, 0, 3, 2}, {1, 1, 3, 1}, {2, 1, 2, 1},
+                                  {2, 2, 2, 1}, {3, 2, 1, 1}, {3, 3, 1, 0}};
+  for (size_t i = 0; i < 6; ++i) {
+    EXPECT_EQ(curve[i].threshold, kByHand[i].score);
+    EXPECT_EQ(curve[i].tp, expected[i][0]) << i;
+    EXPECT_EQ(curve[i].fp, expected[i][1]) << i;
+    EXPECT_EQ(curve[i].fn, expected[i][2]) << i;
+    EXPECT_EQ(curve[i].tn, expected[i][3]) << i;
+  }
+  EXPECT_DOUBLE_EQ(curve[4].precision, 3.0 / 5);
+  EXPECT_DOUBLE_EQ(curve[4].recall, 3.0 / 4);
+  EXPECT_DOUBLE_EQ(curve[4].f1, 6.0 / 9);
+}
+
+TEST(PrecisionRecall, SummaryByHand) {
+  const PrSummary s = summarize(kByHand);
+  EXPECT_EQ(s.n_queries, 6);
+  EXPECT_EQ(s.n_positives, 4);
+  EXPECT_DOUBLE_EQ(s.f1_max, 2.0 / 3);
+  EXPECT_EQ(s.f1_max_threshold, 0.5);
+  EXPECT_DOUBLE_EQ(s.average_precision, (1.0 + 2.0 / 3 + 3.0 / 5) / 4);
+  EXPECT_DOUBLE_EQ(s.recall_at_1, 0.75);
+  EXPECT_DOUBLE_EQ(s.max_recall_at_precision_1, 0.25);
+  EXPECT_DOUBLE_EQ(s.extended_precision, (1 + 0.25) / 2);
+}
+
+TEST(PrecisionRecall, EqualScoresAreOneThreshold) {
+  // The order of ties must not matter: right and wrong enter together.
+  for (const bool first : {true, false}) {
+    const std::vector<Verdict> verdicts = {{1, first, true}, {1, !first, true}, {0, true, true}};
+    const std::vector<PrPoint> curve = precision_recall(verdicts);
+    ASSERT_EQ(curve.size(), 2u);
+    EXPECT_EQ(curve[0].tp, 1);
+    EXPECT_EQ(curve[0].fp, 1);
+    EXPECT_EQ(summarize(verdicts).max_recall_at_precision_1, 0);
+    EXPECT_DOUBLE_EQ(summarize(verdicts).extended_precision, 0.25);
+    EXPECT_DOUBLE_EQ(summarize(verdicts).average_precision, 1.0 / 3 * 0.5 + 1.0 / 3 * (2.0 / 3));
+  }
+}
+
+TEST(PrecisionRecall, PerfectAndHopeless) {
+  const PrSummary perfect = summarize({{3, true, true}, {2, true, true}, {1, false, false}});
+  for (const double value : {perfect.f1_max, perfect.average_precision, perfect.recall_at_1,
+                             perfect.max_recall_at_precision_1, perfect.extended_precision})
+    EXPECT_EQ(value, 1);
+  const PrSummary hopeless = summarize({{3, false, true}, {2, false, true}});
+  for (const double value : {hopeless.f1_max, hopeless.average_precision, hopeless.recall_at_1,
+                             hopeless.max_recall_at_precision_1, hopeless.extended_precision})
+    EXPECT_EQ(value, 0);
+}
+
+TEST(PrecisionRecall, WithoutPositivesNothingIsComputed) {
+  for (const std::vector<Verdict>& verdicts : {std::vector<Verdict>{}, {{1, false, false}}}) {
+    const PrSummary s = summarize(verdicts);
+    for (const double value : {s.f1_max, s.f1_max_threshold, s.average_precision, s.recall_at_1,
+                               s.max_recall_at_precision_1, s.extended_precision})
+      EXPECT_TRUE(std::isnan(value));
+  }
+  EXPECT_TRUE(std::isnan(precision_recall({{1, false, false}})[0].recall));
+}
+
+/// The definitions of the header, word for word, at one threshold.
+PrPoint slow_point(const std::vector<Verdict>& verdicts, double threshold) {
+  PrPoint p{threshold, 0, 0, 0, 0, 0, 0, 0};
+  for (const Verdict& v : verdicts) {
+    const bool accepted = v.score >= threshold;
+    const bool is_tp = accepted && v.correct;
+    p.tp += is_tp;
+    p.fp += accepted && !v.correct;
+    p.fn += v.positive && !is_tp;
+    p.tn += !accepted && !v.positive;
+  }
+  p.precision = static_cast<double>(p.tp) / static_cast<double>(p.tp + p.fp);
+  p.recall = static_cast<double>(p.tp) / static_cast<double>(p.tp + p.fn);
+  return p;
+}
+
+TEST(PrecisionRecall, AgreesWithTheSlowTwin) {
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    std::vector<Verdict> verdicts(1 + random() % 60);
+    for (Verdict& v : verdicts) {
+      v.positive = random() % 2;
+      v.correct = v.positive && random() % 3;
+      v.score = static_cast<double>(random() % 20) / 7;  // many ties
+    }
+    verdicts[0].positive = true;
+    std::set<double, std::greater<>> thresholds;
+    for (const Verdict& v : verdicts) thresholds.insert(v.score);
+    const std::vector<PrPoint> curve = precision_recall(verdicts);
+    ASSERT_EQ(curve.size(), thresholds.size());
+    double average = 0, f1_max = 0, last = 0, at_full = 0;
+    size_t i = 0;
+    for (const double threshold : thresholds) {
+      const PrPoint slow = slow_point(verdicts, threshold), &fast = curve[i++];
+      EXPECT_EQ(fast.threshold, threshold);
+      EXPECT_EQ(fast.tp, slow.tp);
+      EXPECT_EQ(fast.fp, slow.fp);
+      EXPECT_EQ(fast.fn, slow.fn);
+      EXPECT_EQ(fast.tn, slow.tn);
+      EXPECT_EQ(fast.precision, slow.precision);
+      EXPECT_EQ(fast.recall, slow.recall);
+      if (slow.tp > 0) {
+        const double f1 = 2 * slow.precision * slow.recall / (slow.precision + slow.recall);
+        EXPECT_NEAR(fast.f1, f1, 1e-12);
+        f1_max = std::max(f1_max, f1);
+        if (slow.fp == 0) at_full = std::max(at_full, slow.recall);
+      }
+      average += (slow.recall - last) * slow.precision;
+      last = slow.recall;
+    }
+    const PrSummary s = summarize(verdicts);
+    EXPECT_NEAR(s.average_precision, average, 1e-12);
+    EXPECT_NEAR(s.f1_max, f1_max, 1e-12);
+    EXPECT_EQ(s.max_recall_at_precision_1, at_full);
+    EXPECT_EQ(s.recall_at_1, slow_point(verdicts, -1).recall);
+  }
+}
+
+TEST(PrecisionRecall, RefusesContradictions) {
+  EXPECT_THROW(precision_recall({{1, true, false}}), Error);
+  EXPECT_THROW(precision_recall({{std::nan(""), true, true}}), Error);
+}
+
+TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
+  Trajectory drive;
+  for (const double x : {0.0, 100.0, 1.0, 101.0, 200.0, 2.0}) {
+    drive.frames.push_back(static_cast<int>(drive.frames.size()));
+    drive.positions.emplace_back(x, 0, 0);
+  }
+  Task task;
+  task.name = "test";
+  task.stored = {0, 1};
+  const std::array<CandidateRange, 2> all{CandidateRange{0, 2}, {}},
+      only_second{CandidateRange{}, {1, 2}};
+  task.queries = {{2, all}, {3, all}, {4, all}, {5, only_second}};
+  std::vector<Match> matches(4);
+  for (size_t i = 0; i < 4; ++i) matches[i] = {task.queries[i].scan, {1}, {0.5}, 0.5, 1};
+  const std::vector<Verdict> verdicts = judge(matches, task, drive, {Distance::kXz, 5});
+  EXPECT_FALSE(verdicts[0].correct);
+  EXPECT_TRUE(verdicts[0].positive);  // scan 0 was there to be found
+  EXPECT_TRUE(verdicts[1].correct);
+  EXPECT_TRUE(verdicts[1].positive);
+  EXPECT_FALSE(verdicts[2].positive);
+  EXPECT_FALSE(verdicts[3].positive);  // scan 0 is near, but not a candidate of scan 5
+  matches.pop_back();
+  EXPECT_THROW(judge(matches, task, drive, {}), Error);
+  EXPECT_THROW(judge(matches, task, Trajectory{}, {}), UsageError);
+}
+
+TEST(PrecisionRecall, CsvLeavesBlankWhatWasNotComputed) {
+  const test::TempDir dir;
+  write_precision_recall_csv(dir / "pr.csv", precision_recall({{0.5, false, false}}));
+  EXPECT_EQ(test::read_file(dir / "pr.csv"),
+            "threshold,tp,fp,fn,tn,precision,recall,f1\n0.5,0,1,0,0,0,,\n");
+  write_precision_recall_csv(dir / "pr.csv", precision_recall({{0.25, true, true}}));
+  EXPECT_EQ(test::read_file(dir / "pr.csv"),
+            "threshold,tp,fp,fn,tn,precision,recall,f1\n0.25,1,0,0,0,1,1,1\n");
+  EXPECT_THROW(write_precision_recall_csv(dir / "no" / "pr.csv", {}), Error);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

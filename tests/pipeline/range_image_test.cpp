@@ -1,0 +1,392 @@
+#include "revisit/pipeline/range_image.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include "revisit/pipeline/align.h"
+#include "revisit/pipeline/scan_file.h"
+#include "revisit/proto/error.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+struct Pixel {
+  int row, column;
+  float value;
+  bool operator==(const Pixel&) const = default;
+};
+std::ostream& operator<<(std::ostream& out, const Pixel& p) {
+  return out << "(" << p.row << ", " << p.column << "): " << p.value;
+}
+
+std::vector<Pixel> pixels_of(const RangeImage& image) {
+  std::vector<Pixel> pixels;
+  for (int row = 0; row < image.height; ++row)
+    for (int column = 0; column < image.width; ++column)
+      if (image.at(row, column) != 0) pixels.push_back({row, column, image.at(row, column)});
+  return pixels;
+}
+
+std::vector<Pixel> pixels_of(const std::vector<Point>& points, const ImageGeometry& geometry = {}) {
+  return pixels_of(project({points}, geometry));
+}
+
+PointCloud turned_by_half(PointCloud cloud) {
+  for (Point& p : cloud.points) p = {-p.x, -p.y, p.z, p.intensity};
+  return cloud;
+}
+
+/// Turned counter-clockwise about z, in the float arithmetic of any user.
+PointCloud yawed(const PointCloud& cloud, double angle) {
+  const auto c = static_cast<float>(std::cos(angle)), s = static_cast<float>(std::sin(angle));
+  PointCloud result = cloud;
+  for (Point& p : result.points) p = {c * p.x - s * p.y, s * p.x + c * p.y, p.z, p.intensity};
+  return result;
+}
+
+int count_differing(const RangeImage& a, const RangeImage& b, float tolerance) {
+  EXPECT_EQ(a.pixels.size(), b.pixels.size());
+  int differing = 0;
+  for (size_t i = 0; i < a.pixels.size(); ++i)
+    differing +=
+        std::abs(a.pixels[i] - b.pixels[i]) > tolerance || (a.pixels[i] == 0) != (b.pixels[i] == 0);
+  return differing;
+}
+
+// --- project()
+
+TEST(Project, HandPlacedPoints) {
+  const float ten = 255.0F * 10 / 80;
+  EXPECT_EQ(pixels_of({{-10, 0, 0, 0}}), (std::vector<Pixel>{{12, 0, ten}}));      // backwards
+  EXPECT_EQ(pixels_of({{-10, -0.0F, 0, 0}}), (std::vector<Pixel>{{12, 0, ten}}));  // the same
+  EXPECT_EQ(pixels_of({{0, 10, 0, 0}}), (std::vector<Pixel>{{12, 1000, ten}}));    // left
+  EXPECT_EQ(pixels_of({{10, 0, 0, 0}}), (std::vector<Pixel>{{12, 2000, ten}}));    // ahead
+  EXPECT_EQ(pixels_of({{10, -0.0F, 0, 0}}), (std::vector<Pixel>{{12, 2000, ten}}));
+  EXPECT_EQ(pixels_of({{0, -10, 0, 0}}), (std::vector<Pixel>{{12, 3000, ten}}));  // right
+  // Just left of backwards is the first column, just right of it the last.
+  EXPECT_EQ(pixels_of({{-10, 0.001F, 0, 0}})[0].column, 0);
+  EXPECT_EQ(pixels_of({{-10, -0.001F, 0, 0}})[0].column, 3999);
+}
+
+TEST(Project, RowsFromTheTopAndDroppedOutside) {
+  const auto at = [](double degrees) {
+    return std::vector<Point>{{10, 0, static_cast<float>(10 * std::tan(degrees * kPi / 180)), 0}};
+  };
+  EXPECT_EQ(pixels_of(at(2.9))[0].row, 0);
+  EXPECT_EQ(pixels_of(at(2.7))[0].row, 1);
+  EXPECT_EQ(pixels_of(at(-24.9))[0].row, 111);
+  EXPECT_TRUE(pixels_of(at(3.01)).empty());
+  EXPECT_TRUE(pixels_of(at(-25.01)).empty());
+  EXPECT_TRUE(pixels_of({{0, 0, 5, 0}}).empty());   // zenith
+  EXPECT_TRUE(pixels_of({{0, 0, -5, 0}}).empty());  // nadir
+}
+
+TEST(Project, NearestReturnWinsAndFarOnesSaturate) {
+  const Point near{20, 0, 0, 0}, far{40, 0, 0, 0}, beyond{500, 0, 0, 0};
+  const std::vector<Pixel> expected = {{12, 2000, 255.0F / 4}};
+  EXPECT_EQ(pixels_of({near, far, beyond}), expected);
+  EXPECT_EQ(pixels_of({beyond, far, near}), expected);
+  EXPECT_EQ(pixels_of({beyond}), (std::vector<Pixel>{{12, 2000, 255}}));
+  // The range is the distance in space, not on the ground.
+  EXPECT_FLOAT_EQ(pixels_of({{8, 0, -3, 0}})[0].value, 255 * std::sqrt(73.0F) / 80);
+}
+
+TEST(Project, SkipsNoReturnsAndSurvivesExtremes) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  constexpr float kInf = std::numeric_limits<float>::infinity();
+  EXPECT_TRUE(
+      pixels_of({{0, 0, 0, 1}, {kNan, 1, 0, 0}, {1, kNan, 0, 0}, {1, 0, kNan, 0}, {kInf, 0, 0, 0}})
+          .empty());
+  EXPECT_EQ(pixels_of({{3e38F, 3e38F, 0, 0}})[0].value, 255);
+  EXPECT_GT(pixels_of({{1e-30F, 0, 0, 0}}).at(0).value, 0);
+}
+
+/// The documented formula, in double, as one would write it down.
+RangeImage project_naively(const PointCloud& cloud, const ImageGeometry& g) {
+  RangeImage image{g.width, g.height, std::vector<float>(static_cast<size_t>(g.width) * g.height)};
+  for (const Point& p : cloud.points) {
+    if (!is_return(p)) continue;
+    const double x = p.x, y = p.y, z = p.z, range = std::sqrt(x * x + y * y + z * z);
+    const double azimuth = std::atan2(y, x), elevation = std::asin(z / range) * 180 / kPi;
+    const int column =
+        static_cast<int>(std::floor((kPi - azimuth) / (2 * kPi) * g.width)) % g.width;
+    const double row = std::floor((g.elevation_top - elevation) /
+                                  (g.elevation_top - g.elevation_bottom) * g.height);
+    if (row < 0 || row >= g.height) continue;
+    float& pixel = image.pixels[static_cast<size_t>(row) * g.width + column];
+    const auto value = static_cast<float>(255 * std::min(range, g.max_range) / g.max_range);
+    if (pixel == 0 || value < pixel) pixel = value;
+  }
+  return image;
+}
+
+PointCloud random_cloud(unsigned seed, int count) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> ground(-50, 50), height(-15, 15);
+  PointCloud cloud;
+  for (int i = 0; i < count; ++i)
+    cloud.points.push_back({ground(random), ground(random), height(random), 0});
+  return cloud;
+}
+
+TEST(Project, AgreesWithTheFormulaForAnySize) {
+  const PointCloud cloud = random_cloud(1, 20000);
+  for (const int width : {1, 2, 3, 7, 500, 999, 4000})
+    for (const int height : {1, 5, 112}) {
+      ImageGeometry g{.width = width, .height = height, .closing_width = 1, .closing_height = 1};
+      const RangeImage image = project(cloud, g);
+      ASSERT_EQ(image.pixels.size(), static_cast<size_t>(width) * height);
+      // Float angles: a point within 1e-4 columns or rows of a border may fall to the other side.
+      EXPECT_LE(count_differing(image, project_naively(cloud, g), 1e-4F), 8)
+          << width << " x " << height;
+    }
+}
+
+/// One return in about a third of the pixels, at its centre +- 0.3 pixels.
+PointCloud centred_cloud(const ImageGeometry& g) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> jitter(0.2, 0.8), range(2, 79);
+  const double rows_per_degree = g.height / (g.elevation_top - g.elevation_bottom);
+  PointCloud cloud;
+  for (int row = 0; row < g.height; ++row)
+    for (int column = 0; column < g.width; ++column) {
+      if (random() % 3) continue;
+      const double azimuth = kPi - (column + jitter(random)) * 2 * kPi / g.width;
+      const double elevation =
+          (g.elevation_top - (row + jitter(random)) / rows_per_degree) * kPi / 180;
+      const double r = range(random), ground = r * std::cos(elevation);
+      cloud.points.push_back({static_cast<float>(ground * std::cos(azimuth)),
+                              static_cast<float>(ground * std::sin(azimuth)),
+                              static_cast<float>(r * std::sin(elevation)), 0});
+    }
+  return cloud;
+}
+
+TEST(Project, AYawIsExactlyAColumnShift) {
+  for (const int width : {4000, 1000, 333}) {
+    const ImageGeometry g{.width = width, .height = 28};
+    const PointCloud cloud = centred_cloud(g);
+    const RangeImage image = project(cloud, g);
+    ASSERT_EQ(pixels_of(image).size(), cloud.points.size());
+    for (const int columns :
+         {0, 1, 2, 3, 10, width / 4, width / 3, width / 2, width - 1, -1, -7, 5 * width + 2}) {
+      const RangeImage turned = project(yawed(cloud, columns * 2 * kPi / width), g);
+      // The same pixels to the last; the ranges but for the rounding of the rotation.
+      EXPECT_EQ(count_differing(turned, shifted(image, columns), 2e-4F), 0)
+          << width << ", " << columns;
+    }
+  }
+}
+
+TEST(Project, AHalfTurnIsExactlyHalfTheWidth) {
+  const PointCloud cloud = random_cloud(2, 20000);
+  for (const int width : {2, 100, 4000}) {
+    const ImageGeometry g{.width = width, .closing_width = 1};
+    EXPECT_EQ(project(turned_by_half(cloud), g).pixels,
+              shifted(project(cloud, g), width / 2).pixels);
+  }
+}
+
+TEST(Shifted, LeftAndAround) {
+  const RangeImage image{3, 2, {1, 2, 3, 4, 5, 6}};
+  EXPECT_EQ(shifted(image, 1).pixels, (std::vector<float>{2, 3, 1, 5, 6, 4}));
+  EXPECT_EQ(shifted(image, -1).pixels, (std::vector<float>{3, 1, 2, 6, 4, 5}));
+  EXPECT_EQ(shifted(image, 30001).pixels, shifted(image, 1).pixels);
+  EXPECT_EQ(shifted(image, std::numeric_limits<int>::min()).pixels.size(), 6U);
+}
+
+// --- close_holes()
+
+/// Dilation (or erosion) by its definition: the extreme of the pixels under the rectangle.
+template <class Extreme>
+RangeImage morphology(const RangeImage& image, int width, int height, Extreme extreme) {
+  RangeImage result = image;
+  for (int row = 0; row < image.height; ++row)
+    for (int column = 0; column < image.width; ++column) {
+      float value = image.at(row, column);
+      for (int dr = -height / 2; dr <= height / 2; ++dr)
+        for (int dc = -width / 2; dc <= width / 2; ++dc)
+          if (row + dr >= 0 && row + dr < image.height)
+            value =
+                extreme(value, image.at(row + dr, (column + dc + 2 * image.width) % image.width));
+      result.pixels[static_cast<size_t>(row) * image.width + column] = value;
+    }
+  return result;
+}
+
+RangeImage close_naively(const RangeImage& image, int width, int height) {
+  const auto max = [](float a, float b) { return std::max(a, b); };
+  const auto min = [](float a, float b) { return std::min(a, b); };
+  return morphology(morphology(image, width, height, max), width, height, min);
+}
+
+RangeImage sparse_image(int width, int height) {
+  std::mt19937 random(static_cast<unsigned>(width * 1000 + height));
+  std::uniform_real_distribution<float> value(0, 255);
+  RangeImage image{width, height, {}};
+  for (int i = 0; i < width * height; ++i) image.pixels.push_back(random() % 4 ? 0 : value(random));
+  return image;
+}
+
+TEST(CloseHoles, AgreesWithTheDefinition) {
+  struct Size {
+    int width, height;
+  };
+  for (const Size size : {Size{1, 1}, {5, 3}, {7, 9}, {40, 12}, {64, 1}, {101, 33}})
+    for (const Size rectangle : {Size{1, 1}, {5, 3}, {3, 5}, {1, 3}, {7, 1}, {5, 9}}) {
+      if (rectangle.width > size.width || rectangle.height > size.height) continue;
+      const RangeImage image = sparse_image(size.width, size.height);
+      const ImageGeometry g{.width = size.width,
+                            .height = size.height,
+                            .closing_width = rectangle.width,
+                            .closing_height = rectangle.height};
+      const RangeImage closed = close_holes(image, g);
+      EXPECT_EQ(closed.pixels, close_naively(image, rectangle.width, rectangle.height).pixels)
+          << size.width << " x " << size.height << " by " << rectangle.width << " x "
+          << rectangle.height;
+      EXPECT_EQ(close_holes(closed, g).pixels, closed.pixels) << "closing is idempotent";
+      for (size_t i = 0; i < image.pixels.size(); ++i) EXPECT_GE(closed.pixels[i], image.pixels[i]);
+      EXPECT_EQ(close_holes(shifted(image, 3), g).pixels, shifted(closed, 3).pixels)
+          << "wraps around";
+    }
+}
+
+TEST(CloseHoles, FillsAGapAcrossTheEdge) {
+  RangeImage image{8, 1, {9, 9, 0, 9, 9, 9, 9, 0}};
+  const ImageGeometry g{.width = 8, .height = 1, .closing_width = 3, .closing_height = 1};
+  EXPECT_EQ(close_holes(image, g).pixels, std::vector<float>(8, 9));
+}
+
+// --- geometry
+
+TEST(Sensors, PresetsAreValidAndOfOneSize) {
+  EXPECT_EQ(sensor_names(), (std::vector<std::string>{"hdl64", "hdl32", "vlp16"}));
+  for (const std::string& name : sensor_names()) {
+    const ImageGeometry g = sensor_geometry(name);
+    EXPECT_NO_THROW(check_geometry(g));
+    EXPECT_EQ(g.width, 4000);
+    EXPECT_EQ(g.height, 112);
+  }
+  const ImageGeometry hdl64 = sensor_geometry("hdl64");
+  EXPECT_DOUBLE_EQ(360.0 / hdl64.width, 0.09);
+  EXPECT_DOUBLE_EQ((hdl64.elevation_top - hdl64.elevation_bottom) / hdl64.height, 0.25);
+  try {
+    sensor_geometry("hdl46");
+    FAIL();
+  } catch (const UsageError& error) {
+    EXPECT_NE(std::string(error.what()).find("did you mean 'hdl64'"), std::string::npos)
+        << error.what();
+  }
+}
+
+TEST(Sensors, EveryBeamOfThePresetsFallsIntoItsOwnRows) {
+  struct Beams {
+    const char* sensor;
+    double top, step;
+    int count;
+  };
+  for (const Beams& b : {Beams{"vlp16", 15, 2, 16}, Beams{"hdl32", 10.67, 41.34 / 31, 32}}) {
+    ImageGeometry g = sensor_geometry(b.sensor);
+    g.width = 5;
+    PointCloud cloud;
+    for (int beam = 0; beam < b.count; ++beam) {
+      const double elevation = (b.top - b.step * beam) * kPi / 180;
+      for (int k = 0; k < 5; ++k) {
+        const double azimuth = kPi - (k + 0.5) * 2 * kPi / 5;
+        cloud.points.push_back({static_cast<float>(10 * std::cos(elevation) * std::cos(azimuth)),
+                                static_cast<float>(10 * std::cos(elevation) * std::sin(azimuth)),
+                                static_cast<float>(10 * std::sin(elevation)), 0});
+      }
+    }
+    const RangeImage image = project(cloud, g);
+    EXPECT_EQ(pixels_of(image).size(), static_cast<size_t>(5 * b.count)) << b.sensor;
+    // Closing leaves no empty row between two beams.
+    const std::vector<Pixel> closed = pixels_of(close_holes(image, g));
+    const int first = pixels_of(image).front().row, last = pixels_of(image).back().row;
+    EXPECT_GE(closed.size(), static_cast<size_t>(5 * (last - first + 1))) << b.sensor;
+  }
+}
+
+TEST(Geometry, RefusesWhatIsNone) {
+  const auto refused = [](auto change) {
+    ImageGeometry g;
+    change(g);
+    EXPECT_THROW(check_geometry(g), UsageError);
+    EXPECT_THROW(project({}, g), UsageError);
+    EXPECT_THROW(close_holes({}, g), UsageError);
+  };
+  refused([](ImageGeometry& g) { g.width = 0; });
+  refused([](ImageGeometry& g) { g.height = -1; });
+  refused([](ImageGeometry& g) { g.width = g.height = 60000; });
+  refused([](ImageGeometry& g) { g.elevation_top = g.elevation_bottom; });
+  refused([](ImageGeometry& g) { g.elevation_top = 91; });
+  refused([](ImageGeometry& g) { g.elevation_bottom = std::nan(""); });
+  refused([](ImageGeometry& g) { g.max_range = 0; });
+  refused([](ImageGeometry& g) { g.max_range = std::numeric_limits<double>::infinity(); });
+  refused([](ImageGeometry& g) { g.closing_width = 4; });
+  refused([](ImageGeometry& g) { g.closing_height = 113; });
+  EXPECT_THROW(close_holes({3, 3, std::vector<float>(9)}, ImageGeometry{}), UsageError);
+}
+
+// --- write_png()
+
+TEST(WritePng, EightBitGreyOfTheImagesSize) {
+  const test::TempDir dir;
+  write_png((dir / "a.png").string(), {300, 2, std::vector<float>(600, 254.6F)});
+  const std::string png = test::read_file(dir / "a.png");
+  EXPECT_EQ(png.substr(0, 8), "\x89PNG\r\n\x1a\n");
+  EXPECT_EQ(png.substr(16, 10),
+            std::string("\0\0\x01\x2C\0\0\0\x02\x08\0", 10));  // 300 x 2, 8 bit, grey
+  EXPECT_THROW(write_png((dir / "no" / "a.png").string(), {1, 1, {0}}), Error);
+  EXPECT_THROW(write_png((dir / "b.png").string(), {}), Error);
+  EXPECT_FALSE(std::filesystem::exists(dir / "b.png"));
+}
+
+// --- Real scans
+
+TEST(RealScans, HitRateOfPaperNotes) {
+  REVISIT_NEED_SHARED(file, "data/kitti/sequences/00/velodyne/000052.bin");
+  const RangeImage image = project(read_scan(file), sensor_geometry("hdl64"));
+  EXPECT_NEAR(static_cast<double>(pixels_of(image).size()) / (4000 * 112), 0.27, 0.01);
+}
+
+TEST(RealScans, AgreeWithTheFormulaAndTurnByShifting) {
+  REVISIT_NEED_SHARED(file, "data/kitti/sequences/00/velodyne/004501.bin");
+  const PointCloud scan = read_scan(file);
+  const ImageGeometry g = sensor_geometry("hdl64");
+  const RangeImage image = project(scan, g);
+  // A float azimuth is good to 1e-4 columns: of 120,000 points some ten lie so near a border that
+  // they change sides, and each changes two pixels.
+  const int allowed = 4000 * 112 / 5000;
+  EXPECT_LE(count_differing(image, project_naively(scan, g), 1e-4F), allowed);
+  for (const int columns : {1, 7, 500, 1777, 2000, 3999})
+    EXPECT_LE(count_differing(project(yawed(scan, columns * 2 * kPi / g.width), g),
+                              shifted(image, columns), 1e-3F),
+              allowed)
+        << columns;
+}
+
+TEST(RealScans, HalfTurnedInCaseTwoIsTheSameImageToTheBit) {
+  REVISIT_NEED_SHARED(file, "data/kitti/sequences/00/velodyne/000052.bin");
+  const ImageGeometry g = sensor_geometry("hdl64");
+  const auto image_of = [&](const PointCloud& cloud, AlignCase which) {
+    return project(rotated(cloud, principal_alignment(cloud, which).R_aligned_sensor), g);
+  };
+  const PointCloud scan = read_scan(file);
+  const RangeImage one = image_of(scan, AlignCase::kOne);
+  EXPECT_EQ(image_of(turned_by_half(scan), AlignCase::kTwo).pixels, one.pixels);
+  const RangeImage two = image_of(scan, AlignCase::kTwo);
+  EXPECT_EQ(two.pixels, shifted(one, g.width / 2).pixels);
+  EXPECT_EQ(close_holes(two, g).pixels, shifted(close_holes(one, g), g.width / 2).pixels);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

@@ -1,0 +1,193 @@
+#include "revisit/pipeline/retrieve.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <random>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+FloatMatrix matrix(std::initializer_list<std::initializer_list<float>> rows) {
+  FloatMatrix m(static_cast<int64_t>(rows.size()), static_cast<int64_t>(rows.begin()->size()));
+  int64_t i = 0;
+  for (const auto& row : rows) std::copy(row.begin(), row.end(), m.row(i++).begin());
+  return m;
+}
+
+FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<float> normal;
+  FloatMatrix m(n, d);
+  for (float& value : m.values) value = normal(random);
+  return m;
+}
+
+Trajectory consecutive(int64_t n) {
+  Trajectory trajectory;
+  trajectory.frames.resize(n);
+  std::iota(trajectory.frames.begin(), trajectory.frames.end(), 0);
+  return trajectory;
+}
+
+/// Stored rows 0..s-1, queries the rest.
+Task first_stored(int64_t n, int64_t s) {
+  Task task;
+  task.name = "test";
+  for (int64_t i = 0; i < s; ++i) task.stored.push_back(i);
+  for (int64_t i = s; i < n; ++i) task.queries.push_back({i, {CandidateRange{0, s}, {}}});
+  return task;
+}
+
+/// All candidates sorted, in double: what retrieve() must find.
+Match slow_twin(const FloatMatrix& asked, const FloatMatrix& stored, const Task& task,
+                const TaskQuery& query, int k) {
+  std::vector<std::pair<double, int64_t>> all;
+  for (const CandidateRange& range : query.candidates)
+    for (int64_t c = range.begin; c < range.end; ++c) {
+      double ab = 0, aa = 0, bb = 0;
+      for (int64_t j = 0; j < stored.d; ++j) {
+        const double a = asked.row(query.scan)[j], b = stored.row(task.stored[c])[j];
+        ab += a * b;
+        aa += a * a;
+        bb += b * b;
+      }
+      all.emplace_back(aa > 0 && bb > 0 ? -ab / std::sqrt(aa * bb) : 0, task.stored[c]);
+    }
+  std::sort(all.begin(), all.end());
+  Match match;
+  for (size_t i = 0; i < std::min<size_t>(k, all.size()); ++i) {
+    match.ranks.push_back(all[i].second);
+    match.cosines.push_back(-all[i].first);
+  }
+  match.score = 2 * match.cosines.front() - match.cosines.back();
+  return match;
+}
+
+TEST(Retrieve, ScoreByHand) {
+  // Cosines of the query (1, 0) with rows 0..4: 1, 0.8, 0.6, 0, -1. Lengths do not matter.
+  const FloatMatrix m = matrix({{2, 0}, {4, 3}, {-1, 0}, {3, 4}, {0, 5}, {7, 0}});
+  const Match match = retrieve(m, first_stored(6, 5)).at(0);
+  EXPECT_EQ(match.query, 5);
+  EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 1, 3, 4}));
+  EXPECT_NEAR(match.score, 2 * 1 - 0, 1e-12);
+  EXPECT_NEAR(retrieve(m, first_stored(6, 5), {.k = 3}).at(0).score, 2 - 0.6, 1e-7);
+  EXPECT_NEAR(retrieve(m, first_stored(6, 5), {.score = Score::kCosine}).at(0).score, 1, 1e-12);
+  EXPECT_EQ(match.which_case, 1);
+}
+
+TEST(Retrieve, FewerStoredThanK) {
+  const FloatMatrix m = matrix({{3, 4}, {0, 1}, {1, 0}});
+  const Match two = retrieve(m, first_stored(3, 2), {.k = 4}).at(0);
+  EXPECT_EQ(two.ranks.size(), 2u);
+  EXPECT_NEAR(two.score, 2 * 0.6 - 0, 1e-7);
+  Task one = first_stored(3, 1);
+  EXPECT_NEAR(retrieve(m, one, {.k = 4}).at(1).score, 0.6, 1e-7);  // 2 c1 - c1
+}
+
+TEST(Retrieve, AgreesWithTheSlowTwin) {
+  const FloatMatrix m = random_matrix(1300, 37, 1);
+  for (const char* protocol : {"online", "leave-one-out", "paper-easy"}) {
+    SCOPED_TRACE(protocol);
+    const Task task =
+        make_tasks(protocol, "", consecutive(m.n), parse_exclusion("frames=50")).at(0);
+    const std::vector<Match> matches = retrieve(m, task, {.k = 4});
+    ASSERT_EQ(matches.size(), task.queries.size());
+    for (size_t q = 0; q < matches.size(); q += 7) {
+      const Match slow = slow_twin(m, m, task, task.queries[q], 4);
+      EXPECT_EQ(matches[q].ranks, slow.ranks) << q;
+      EXPECT_NEAR(matches[q].score, slow.score, 1e-12) << q;
+    }
+  }
+}
+
+TEST(Retrieve, EqualScansAreOrderedByIndex) {
+  // Copies of five scans, spread over several blocks of the product.
+  const FloatMatrix five = random_matrix(5, 100, 3);
+  FloatMatrix m(1200, 100);
+  for (int64_t i = 0; i < m.n; ++i) std::copy_n(five.row(i % 5).begin(), 100, m.row(i).begin());
+  for (const Match& match : retrieve(m, first_stored(m.n, 1100), {.k = 6})) {
+    const int64_t kind = match.query % 5;
+    for (int64_t r = 0; r < 6; ++r) EXPECT_EQ(match.ranks[r], kind + 5 * r);
+    EXPECT_EQ(match.cosines.front(), match.cosines.back());
+  }
+}
+
+TEST(Retrieve, ZeroDescriptorsAreLikeNothing) {
+  const FloatMatrix m = matrix({{0, 0}, {-1, 0}, {0, 0}, {1, 0}});
+  const Match match = retrieve(m, first_stored(4, 3)).at(0);
+  EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 2, 1}));
+  EXPECT_EQ(match.cosines, (std::vector<double>{0, 0, -1}));
+  const FloatMatrix all_zero(3000, 2);
+  EXPECT_EQ(retrieve(all_zero, first_stored(3000, 2999)).at(0).ranks,
+            (std::vector<int64_t>{0, 1, 2, 3}));
+}
+
+TEST(Retrieve, HugeAndTinyDescriptors) {
+  FloatMatrix m = matrix({{1e30F, 0}, {1e-30F, 1e-30F}, {0, 1}, {1e-38F, 0}});
+  const Match match = retrieve(m, first_stored(4, 3)).at(0);
+  EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 1, 2}));
+  EXPECT_NEAR(match.cosines[1], std::sqrt(0.5), 1e-6);
+}
+
+TEST(Retrieve, HigherScoreOfTheTwoCasesWins) {
+  const FloatMatrix m = random_matrix(400, 16, 5), turned = random_matrix(400, 16, 6);
+  const Task task = first_stored(400, 300);
+  const std::vector<Match> matches = retrieve(m, task, {}, &turned);
+  int second = 0;
+  for (size_t q = 0; q < matches.size(); ++q) {
+    const Match one = slow_twin(m, m, task, task.queries[q], 4),
+                two = slow_twin(turned, m, task, task.queries[q], 4);
+    const Match& better = two.score > one.score ? two : one;
+    EXPECT_EQ(matches[q].which_case, two.score > one.score ? 2 : 1);
+    EXPECT_EQ(matches[q].ranks, better.ranks);
+    EXPECT_NEAR(matches[q].score, better.score, 1e-12);
+    second += matches[q].which_case == 2;
+  }
+  EXPECT_GT(second, 0);
+  EXPECT_LT(second, 100);
+  for (const Match& match : retrieve(m, task, {}, &m)) EXPECT_EQ(match.which_case, 1);  // a tie
+}
+
+TEST(Retrieve, SameBitsForAnyNumberOfThreads) {
+  const FloatMatrix m = random_matrix(900, 130, 9);
+  const Task task = make_tasks("online", "", consecutive(m.n)).at(0);
+  set_linear_algebra_threads(1);
+  const std::vector<Match> one = retrieve(m, task);
+  set_linear_algebra_threads(2);
+  const std::vector<Match> two = retrieve(m, task);
+  for (size_t q = 0; q < one.size(); ++q) {
+    EXPECT_EQ(one[q].ranks, two[q].ranks);
+    EXPECT_EQ(one[q].cosines, two[q].cosines);
+  }
+  EXPECT_THROW(set_linear_algebra_threads(0), UsageError);
+}
+
+TEST(Retrieve, RefusesNonsense) {
+  FloatMatrix m = matrix({{1, 0}, {0, 1}, {1, 1}});
+  EXPECT_THROW(retrieve(m, first_stored(3, 2), {.k = 0}), UsageError);
+  EXPECT_THROW(retrieve(m, first_stored(4, 2)), Error);  // a scan without a descriptor
+  EXPECT_THROW(retrieve(m, first_stored(3, 0)), Error);  // no candidates
+  const FloatMatrix other(3, 5);
+  EXPECT_THROW(retrieve(m, first_stored(3, 2), {}, &other), Error);
+  m.row(1)[0] = std::nanf("");
+  EXPECT_THROW(retrieve(m, first_stored(3, 2)), Error);
+  EXPECT_THROW(parse_score("best"), UsageError);
+}
+
+TEST(Retrieve, StopsWhenAsked) {
+  const FloatMatrix m = random_matrix(20, 3, 1);
+  EXPECT_THROW(retrieve(m, first_stored(20, 10), {.stop = [] { return true; }}), Interrupted);
+  int64_t last = 0, total = 0;
+  retrieve(m, first_stored(20, 10),
+           {.progress = [&](int64_t done, int64_t all) { last = done, total = all; }});
+  EXPECT_EQ(last, 10);
+  EXPECT_EQ(total, 10);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

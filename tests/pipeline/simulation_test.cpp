@@ -1,0 +1,696 @@
+#include "revisit/pipeline/simulation.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <numbers>
+
+#include "../../pipeline/src/simulation/drive.h"
+#include "../../pipeline/src/simulation/lidar.h"
+#include "../../pipeline/src/simulation/random.h"
+#include "../../pipeline/src/simulation/ray_caster.h"
+#include "../../pipeline/src/simulation/traffic.h"
+#include "../../pipeline/src/simulation/world.h"
+#include "revisit/pipeline/scan_file.h"
+#include "revisit/proto/error.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace simulation;
+using test::TempDir;
+using Vec2 = Eigen::Vector2d;
+using Vec3 = Eigen::Vector3f;
+
+/// A short run with the quick sensor.
+SimulationConfig quick(const fs::path& output) {
+  SimulationConfig config;
+  config.output = output;
+  config.sensor = LidarModel::kVlp16;
+  config.length = 400;
+  config.last_frame = 5;
+  config.threads = 1;
+  return config;
+}
+
+fs::path scan_path(const fs::path& root, int frame, const std::string& sequence = "00") {
+  char name[24];
+  std::snprintf(name, sizeof name, "%06d.bin", frame);
+  return root / "sequences" / sequence / "velodyne" / name;
+}
+
+std::string scan_bytes(const fs::path& root, int frame) {
+  return test::read_file(scan_path(root, frame));
+}
+
+// ---- random numbers ----
+
+TEST(SimulationRandom, NormalHasUnitVarianceAndNoCorrelationBetweenCounters) {
+  double sum = 0, squares = 0, products = 0, last = 0;
+  constexpr int kCount = 200000;
+  for (int i = 0; i < kCount; ++i) {
+    const double x = static_cast<double>(normal_float(random_bits(7, static_cast<uint64_t>(i), 3)));
+    sum += x, squares += x * x, products += x * last;
+    last = x;
+  }
+  EXPECT_NEAR(sum / kCount, 0, 0.01);
+  EXPECT_NEAR(squares / kCount, 1, 0.015);
+  EXPECT_NEAR(products / kCount, 0, 0.01);
+}
+
+TEST(SimulationRandom, NormalIsFiniteForEveryExtremeOfItsBits) {
+  for (const uint64_t bits : {uint64_t{0}, ~uint64_t{0}, uint64_t{0xffffff}, ~uint64_t{0xffffff}})
+    EXPECT_TRUE(std::isfinite(normal_float(bits)));
+}
+
+// ---- ray casting, against a slow twin ----
+
+/// Distance to the nearest triangle by Cramer's rule for o + t d = a + u e1 + v e2, in double.
+double nearest_triangle(const Mesh& mesh, const Vec3& origin, const Vec3& direction) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const auto& t : mesh.triangles) {
+    const Eigen::Vector3d a = mesh.vertices[t[0]].cast<double>();
+    Eigen::Matrix3d m;
+    m << mesh.vertices[t[1]].cast<double>() - a, mesh.vertices[t[2]].cast<double>() - a,
+        -direction.cast<double>();
+    if (std::abs(m.determinant()) < 1e-12) continue;
+    const Eigen::Vector3d x = m.inverse() * (origin.cast<double>() - a);  // u, v, t
+    if (x[0] >= 0 && x[1] >= 0 && x[0] + x[1] <= 1 && x[2] > 0) nearest = std::min(nearest, x[2]);
+  }
+  return nearest;
+}
+
+TEST(RayCaster, AgreesWithTestingEveryTriangle) {
+  Random random(5);
+  const auto coordinate = [&](double reach) {
+    return static_cast<float>(random.uniform(-reach, reach));
+  };
+  Mesh still, moving;
+  for (int i = 0; i < 300; ++i) {
+    Vec3 corner[3];
+    const Vec3 center(coordinate(20), coordinate(20), coordinate(20));
+    for (Vec3& c : corner) c = center + Vec3(coordinate(4), coordinate(4), coordinate(4));
+    (i % 3 ? still : moving)
+        .triangle(corner[0], corner[1], corner[2], surface(Material::kSolid, 0.5));
+  }
+  Mesh both = still;
+  both.append(moving, {});
+  std::vector<Vec3> directions;
+  for (int i = 0; i < 1003; ++i) {  // no multiple of the packet's size
+    const Vec3 d(coordinate(1), coordinate(1), coordinate(1));
+    directions.push_back(d.normalized());
+  }
+  const Vec3 origin(0.3f, -0.2f, 0.1f);
+  const Scene scene(std::move(still));
+  RayCaster caster(scene);
+  std::vector<Hit> hits(directions.size());
+  caster.cast(moving, origin, directions, 100, hits);
+  int met = 0, edges = 0;
+  for (size_t i = 0; i < directions.size(); ++i) {
+    const double expected = nearest_triangle(both, origin, directions[i]);
+    const double found = hits[i].range < 0 ? std::numeric_limits<double>::infinity()
+                                           : static_cast<double>(hits[i].range);
+    if (std::isfinite(expected)) ++met;
+    if (expected != found && !(std::abs(expected - found) < 1e-3)) ++edges;
+  }
+  EXPECT_GT(met, 200);
+  EXPECT_LE(edges, 2) << "a ray along an edge may pass on either side";
+}
+
+TEST(RayCaster, GivesTheCosineOfTheIncidence) {
+  Mesh floor;
+  floor.quad({-99, -99, 0}, {99, -99, 0}, {99, 99, 0}, {-99, 99, 0}, surface(Material::kRoad, 0.2));
+  const Scene scene(std::move(floor));
+  RayCaster caster(scene);
+  const std::vector<Vec3> directions = {Vec3(0, 0, -1), Vec3(0, 0.8f, -0.6f), Vec3(0, 0, 1)};
+  std::vector<Hit> hits(3);
+  caster.cast({}, {0, 0, 3}, directions, 50, hits);
+  EXPECT_FLOAT_EQ(hits[0].range, 3);
+  EXPECT_FLOAT_EQ(hits[0].cos_incidence, 1);
+  EXPECT_FLOAT_EQ(hits[1].range, 5);
+  EXPECT_NEAR(hits[1].cos_incidence, 0.6, 1e-6);
+  EXPECT_LT(hits[2].range, 0);
+}
+
+// ---- sensors ----
+
+TEST(BeamPattern, Hdl64HasTheS2Geometry) {
+  const BeamPattern hdl = beam_pattern(LidarModel::kHdl64);
+  ASSERT_EQ(hdl.elevation.size(), 64u);
+  const double degree = std::numbers::pi / 180;
+  EXPECT_NEAR(hdl.elevation.front(), 2 * degree, 1e-12);
+  EXPECT_NEAR(hdl.elevation.back(), -24.8 * degree, 1e-12);
+  for (size_t i = 1; i < 64; ++i) {
+    const double step = (hdl.elevation[i - 1] - hdl.elevation[i]) / degree;
+    EXPECT_NEAR(step, i < 32 ? 1 / 3.0 : 0.5, 0.02) << i;
+  }
+  EXPECT_EQ(hdl.azimuths, 2083);
+}
+
+TEST(BeamPattern, Vlp16HasTwoDegreesBetweenBeams) {
+  const BeamPattern vlp = beam_pattern(LidarModel::kVlp16);
+  ASSERT_EQ(vlp.elevation.size(), 16u);
+  for (size_t i = 0; i < 16; ++i)
+    EXPECT_NEAR(vlp.elevation[i] * 180 / std::numbers::pi, 15 - 2.0 * static_cast<double>(i), 1e-9);
+}
+
+TEST(Lidar, RangeNoiseHasTheSigmaAskedForAndNoReturnIsBeyondTheMaximum) {
+  Mesh room;  // a light-coloured box around the sensor: every ray returns
+  room.box({-20, -15, -3}, {20, 15, 8}, surface(Material::kSolid, 0.9));
+  room.quad({-20, -15, -3}, {20, -15, -3}, {20, 15, -3}, {-20, 15, -3},
+            surface(Material::kSolid, 0.9));
+  const Scene scene(std::move(room));
+  const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
+  Lidar exact(pattern, {0, 0}, 1, scene), noisy(pattern, {0.05, 0}, 1, scene);
+  const PointCloud truth = exact.scan(3, Pose::Identity(), {});
+  const PointCloud cloud = noisy.scan(3, Pose::Identity(), {});
+  ASSERT_EQ(truth.points.size(), 16u * 1800u);
+  ASSERT_EQ(cloud.points.size(), truth.points.size());
+  double squares = 0;
+  for (size_t i = 0; i < cloud.points.size(); ++i) {
+    const Point &a = truth.points[i], &b = cloud.points[i];
+    const Eigen::Vector3d p(a.x, a.y, a.z), q(b.x, b.y, b.z);
+    EXPECT_LT(p.cross(q).norm() / p.squaredNorm(), 1e-6)
+        << "noise moves a point along its ray only";
+    squares += std::pow(p.norm() - q.norm(), 2);
+    const double to_wall = std::min({std::abs(20 - std::abs(p.x())), std::abs(15 - std::abs(p.y())),
+                                     std::abs(p.z() + 3), std::abs(p.z() - 8)});
+    EXPECT_LT(to_wall, 0.003) << "without noise the points lie on the walls";
+  }
+  EXPECT_NEAR(std::sqrt(squares / static_cast<double>(cloud.points.size())), 0.05, 0.001);
+}
+
+TEST(Lidar, DropoutIsTheShareAskedFor) {
+  Mesh room;
+  room.box({-9, -9, -3}, {9, 9, 8}, surface(Material::kSolid, 1));
+  room.quad({-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3}, surface(Material::kSolid, 1));
+  const Scene scene(std::move(room));
+  const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
+  Lidar lidar(pattern, {0.02, 0.25}, 1, scene);
+  EXPECT_NEAR(static_cast<double>(lidar.scan(0, Pose::Identity(), {}).points.size()) / (16 * 1800),
+              0.75, 0.01);
+}
+
+// ---- the town ----
+
+struct Town {
+  Drive drive;
+  Path path;
+  RoadMap roads;
+  Ground ground;
+  World world;
+  explicit Town(const SimulationConfig& config)
+      : drive(make_drive(config)),
+        path(resample(drive.poses)),
+        roads(drive.poses, path.points),
+        ground(config.seed, roads),
+        world(build_world(config.seed, path.points, roads, ground)) {}
+};
+
+/// Distance from a point to a triangle seen from above.
+double plan_distance(const Vec2& p, const Vec2& a, const Vec2& b, const Vec2& c) {
+  const auto side = [](const Vec2& o, const Vec2& u, const Vec2& v) {
+    return (u.x() - o.x()) * (v.y() - o.y()) - (u.y() - o.y()) * (v.x() - o.x());
+  };
+  const double s1 = side(a, b, p), s2 = side(b, c, p), s3 = side(c, a, p);
+  if ((s1 > 0 && s2 > 0 && s3 > 0) || (s1 < 0 && s2 < 0 && s3 < 0)) return 0;
+  const auto to_segment = [&p](const Vec2& u, const Vec2& v) {
+    const double length = (v - u).squaredNorm();
+    const double t = length > 0 ? std::clamp((p - u).dot(v - u) / length, 0.0, 1.0) : 0.0;
+    return (p - u - t * (v - u)).norm();
+  };
+  return std::min({to_segment(a, b), to_segment(b, c), to_segment(c, a)});
+}
+
+/// Every triangle that is not ground against every pose near it.
+void expect_clear_road(const Town& town) {
+  constexpr double kCell = 10;
+  std::map<std::pair<int, int>, std::vector<Vec2>> poses;
+  const auto cell = [](double x) { return static_cast<int>(std::floor(x / kCell)); };
+  for (const PlanarPose& p : town.drive.poses) poses[{cell(p.x), cell(p.y)}].push_back({p.x, p.y});
+  const Mesh& mesh = town.world.mesh;
+  double nearest = 1e9;
+  for (size_t i = town.world.ground_triangles; i < mesh.triangles.size(); ++i) {
+    Vec2 v[3];
+    for (size_t k = 0; k < 3; ++k)
+      v[k] = mesh.vertices[mesh.triangles[i][k]].head<2>().cast<double>();
+    const Vec2 low = v[0].cwiseMin(v[1]).cwiseMin(v[2]), high = v[0].cwiseMax(v[1]).cwiseMax(v[2]);
+    for (int x = cell(low.x() - 3.5); x <= cell(high.x() + 3.5); ++x)
+      for (int y = cell(low.y() - 3.5); y <= cell(high.y() + 3.5); ++y)
+        if (const auto found = poses.find({x, y}); found != poses.end())
+          for (const Vec2& p : found->second)
+            nearest = std::min(nearest, plan_distance(p, v[0], v[1], v[2]));
+  }
+  EXPECT_GE(nearest, kRoadHalfWidth) << "the nearest object to any pose [m]";
+  EXPECT_LT(nearest, 6) << "an empty town";
+}
+
+TEST(World, NothingStandsOnAGeneratedRoad) {
+  for (const RouteKind kind : {RouteKind::kLoop, RouteKind::kOpposite, RouteKind::kBoth})
+    for (const uint64_t seed : {1u, 2u, 3u}) {
+      SCOPED_TRACE(str("route ", static_cast<int>(kind), " seed ", seed));
+      SimulationConfig config;
+      config.route = kind;
+      config.seed = seed;
+      expect_clear_road(Town(config));
+    }
+}
+
+TEST(World, NothingStandsOnARealRoadThatCrossesItself) {
+  for (const char* sequence : {"00", "05", "06", "08"}) {
+    REVISIT_NEED_SHARED(poses, str("data/kitti/poses/", sequence, ".txt"));
+    SCOPED_TRACE(sequence);
+    SimulationConfig config;
+    config.poses = poses;
+    expect_clear_road(Town(config));
+  }
+}
+
+TEST(World, SurroundsTheRoadOnBothSides) {
+  const Town town{SimulationConfig{}};
+  // Objects within 25 m of each path point, left and right.
+  int with_both = 0, total = 0;
+  for (size_t i = 0; i < town.path.points.size(); i += 20, ++total) {
+    const PathPoint& p = town.path.points[i];
+    bool left = false, right = false;
+    for (const Footprint& f : town.world.objects) {
+      const Vec2 d = f.center - p.position;
+      if (d.norm() < 25) (p.left().dot(d) > 0 ? left : right) = true;
+    }
+    with_both += left && right;
+  }
+  EXPECT_GT(with_both, total * 9 / 10);
+}
+
+TEST(World, SlopesAreThoseOfATown) {
+  const Town town{SimulationConfig{}};
+  for (const PlanarPose& p : town.drive.poses)
+    EXPECT_GT(town.ground.normal({p.x, p.y}).z(), std::cos(std::atan(0.05)));
+}
+
+TEST(Traffic, DependsOnTheTimeAloneAndKeepsOffTheVehicle) {
+  const Town town{SimulationConfig{}};
+  const Traffic traffic(1, town.path.points, town.ground), again(1, town.path.points, town.ground);
+  EXPECT_EQ(traffic.at(12.3, 100, 120).vertices, again.at(12.3, 100, 120).vertices);
+  int moved = 0, there = 0;
+  for (size_t frame = 0; frame < town.drive.poses.size(); frame += 7) {
+    const double time = 0.1 * static_cast<double>(frame);
+    const size_t ego = town.path.point_of_pose[frame];
+    const Mesh now = traffic.at(time, ego, 60), later = traffic.at(time + 1, ego, 60);
+    there += !now.vertices.empty();
+    moved += now.vertices != later.vertices;
+    for (const Vec3& v : now.vertices)
+      ASSERT_GT((v.head<2>().cast<double>() - town.path.points[ego].position).norm(), 0.9);
+  }
+  EXPECT_GT(there, 50);
+  EXPECT_GE(moved, there * 9 / 10);
+}
+
+// ---- routes ----
+
+struct Revisits {
+  int same = 0, opposite = 0;
+};
+Revisits revisits(const std::vector<PlanarPose>& poses) {
+  Revisits found;
+  for (size_t i = 0; i < poses.size(); ++i)
+    for (size_t j = 0; j + 100 < i; ++j) {
+      if (std::hypot(poses[i].x - poses[j].x, poses[i].y - poses[j].y) > 4) continue;
+      const double turn = std::cos(poses[i].yaw - poses[j].yaw);
+      if (turn > 0.94) ++found.same;
+      if (turn < -0.94) ++found.opposite;
+    }
+  return found;
+}
+
+TEST(Route, RevisitsTheWayItsNameSays) {
+  for (const uint64_t seed : {1u, 2u, 3u, 4u, 5u}) {
+    SCOPED_TRACE(seed);
+    const Revisits loop = revisits(generate_route(RouteKind::kLoop, 1200, seed));
+    EXPECT_GT(loop.same, 1000);
+    EXPECT_EQ(loop.opposite, 0);
+    const Revisits opposite = revisits(generate_route(RouteKind::kOpposite, 1200, seed));
+    EXPECT_GT(opposite.opposite, 1000);
+    EXPECT_LT(opposite.same, opposite.opposite / 10);
+    const Revisits both = revisits(generate_route(RouteKind::kBoth, 1200, seed));
+    EXPECT_GT(both.same, 1000);
+    EXPECT_GT(both.opposite, 1000);
+  }
+}
+
+TEST(Route, IsDrivenLikeACar) {
+  for (const RouteKind kind : {RouteKind::kLoop, RouteKind::kOpposite, RouteKind::kBoth}) {
+    const std::vector<PlanarPose> poses = generate_route(kind, 1000, 9);
+    double length = 0;
+    for (size_t i = 1; i < poses.size(); ++i) {
+      const double step = std::hypot(poses[i].x - poses[i - 1].x, poses[i].y - poses[i - 1].y);
+      length += step;
+      ASSERT_LT(step, 1.2) << "43 km/h, at frame " << i;
+      ASSERT_GT(step, 0.1);
+    }
+    EXPECT_NEAR(length, 1000, 50);
+    EXPECT_NEAR(length / (0.1 * static_cast<double>(poses.size())), 7.5, 1.5) << "m/s";
+  }
+}
+
+TEST(Route, TooShortOrTooLongIsRefused) {
+  EXPECT_THROW(generate_route(RouteKind::kLoop, 10, 1), UsageError);
+  EXPECT_THROW(generate_route(RouteKind::kLoop, 1e9, 1), UsageError);
+  EXPECT_THROW(generate_route(RouteKind::kLoop, std::nan(""), 1), UsageError);
+}
+
+// ---- whole data sets ----
+
+TEST(Simulate, GivesTheSameBytesForAnyNumberOfThreadsAndOthersForAnotherSeed) {
+  const TempDir one, two, other;
+  for (const LidarModel sensor : {LidarModel::kVlp16, LidarModel::kHdl64}) {
+    SimulationConfig config = quick(one.path());
+    config.sensor = sensor;
+    config.sequence = sensor == LidarModel::kVlp16 ? "00" : "01";
+    simulate(config);
+    config.output = two.path();
+    config.threads = 2;
+    simulate(config);
+    for (int frame = 0; frame < 6; ++frame) {
+      const std::string bytes = test::read_file(scan_path(one.path(), frame, config.sequence));
+      ASSERT_FALSE(bytes.empty());
+      EXPECT_TRUE(bytes == test::read_file(scan_path(two.path(), frame, config.sequence))) << frame;
+    }
+  }
+  EXPECT_EQ(test::read_file(one / "poses/00.txt"), test::read_file(two / "poses/00.txt"));
+  SimulationConfig config = quick(other.path());
+  config.seed = 2;
+  simulate(config);
+  EXPECT_FALSE(scan_bytes(one.path(), 3) == scan_bytes(other.path(), 3));
+}
+
+TEST(Simulate, AFrameDoesNotDependOnTheFramesAskedFor) {
+  const TempDir all, some;
+  simulate(quick(all.path()));
+  SimulationConfig config = quick(some.path());
+  config.first_frame = 1;
+  config.every = 3;
+  const SimulationSummary summary = simulate(config);
+  EXPECT_EQ(summary.scans, 2);
+  EXPECT_FALSE(fs::exists(scan_path(some.path(), 0)));
+  EXPECT_TRUE(scan_bytes(all.path(), 4) == scan_bytes(some.path(), 4));
+  const size_t lines = read_kitti_poses(some / "poses/00.txt").size();
+  EXPECT_EQ(lines, read_kitti_poses(all / "poses/00.txt").size());
+  EXPECT_EQ(lines, read_kitti_times(some / "sequences/00/times.txt").size());
+  EXPECT_GT(lines, 400u);
+}
+
+TEST(Simulate, AnHdl64ScanIsLikeARealOne) {
+  const TempDir dir;
+  SimulationConfig config = quick(dir.path());
+  config.sensor = LidarModel::kHdl64;
+  config.length = 800;
+  config.last_frame = 900;
+  config.every = 100;
+  simulate(config);
+  // Real scans of KITTI 00: 120,000 to 125,000 points, median range 8 to 10 m, 46 to 60 % ground.
+  for (int frame = 0; frame <= 900; frame += 100) {
+    const PointCloud cloud = read_scan(scan_path(dir.path(), frame));
+    EXPECT_GT(cloud.points.size(), 90000u) << frame;
+    EXPECT_LE(cloud.points.size(), 64u * 2083u);
+    std::vector<double> ranges;
+    double low = 0;
+    for (const Point& p : cloud.points) {
+      ranges.push_back(std::hypot(p.x, p.y, p.z));
+      low += p.z < -1.4f;
+      ASSERT_GE(p.intensity, 0);
+      ASSERT_LE(p.intensity, 1);
+    }
+    std::sort(ranges.begin(), ranges.end());
+    EXPECT_GT(ranges.front(), 0.8);
+    EXPECT_LE(ranges.back(), 120);
+    EXPECT_GT(ranges[ranges.size() / 2], 5) << frame;
+    EXPECT_LT(ranges[ranges.size() / 2], 14) << frame;
+    EXPECT_GT(low / static_cast<double>(ranges.size()), 0.3) << frame;
+    EXPECT_LT(low / static_cast<double>(ranges.size()), 0.85) << frame;
+  }
+}
+
+using Voxel = std::tuple<int, int, int>;
+Voxel voxel(const Eigen::Vector3d& p, double size) {
+  const auto index = [size](double x) { return static_cast<int>(std::floor(x / size)); };
+  return {index(p.x()), index(p.y()), index(p.z())};
+}
+
+/// Share of the points above the ground of scan b that, brought to the frame of scan a, fall
+/// into or beside a voxel of 20 cm where scan a has a point.
+double overlap(const PointCloud& a, const PointCloud& b, const Pose& T_a_b) {
+  constexpr double kSize = 0.2;
+  std::map<Voxel, bool> taken;
+  for (const Point& p : a.points) taken[voxel(Eigen::Vector3d(p.x, p.y, p.z), kSize)] = true;
+  int hits = 0, total = 0;
+  for (const Point& p : b.points) {
+    if (p.z < -1.2f || std::hypot(p.x, p.y) > 25) continue;
+    const auto [x, y, z] = voxel(T_a_b * Eigen::Vector3d(p.x, p.y, p.z), kSize);
+    bool hit = false;
+    for (int i = -1; i <= 1; ++i)
+      for (int j = -1; j <= 1; ++j)
+        for (int k = -1; k <= 1; ++k) hit = hit || taken.contains({x + i, y + j, z + k});
+    hits += hit;
+    ++total;
+  }
+  return static_cast<double>(hits) / total;
+}
+
+TEST(Simulate, PosesAndCalibrationBringScansTogether) {
+  const TempDir dir;
+  SimulationConfig config = quick(dir.path());
+  config.sensor = LidarModel::kHdl64;
+  config.last_frame.reset();
+  config.every = 8;
+  simulate(config);
+  const std::vector<Pose> T_world_cam = read_kitti_poses(dir / "poses/00.txt");
+  const Pose Tr = read_kitti_calibration(dir / "sequences/00/calib.txt");
+  EXPECT_TRUE(T_world_cam[0].isApprox(Pose::Identity(), 1e-6));
+  int checked = 0;
+  for (int frame = 0; frame + 8 < static_cast<int>(T_world_cam.size()); frame += 80, ++checked) {
+    const auto i = static_cast<size_t>(frame);
+    const Pose T = (T_world_cam[i] * Tr).inverse() * T_world_cam[i + 8] * Tr;
+    const PointCloud a = read_scan(scan_path(dir.path(), frame));
+    const PointCloud b = read_scan(scan_path(dir.path(), frame + 8));
+    const double right = overlap(a, b, T);
+    EXPECT_GT(right, 0.6) << frame;
+    EXPECT_GT(right, overlap(a, b, T.inverse()) + 0.15) << frame;
+    EXPECT_GT(right, overlap(a, b, T_world_cam[i].inverse() * T_world_cam[i + 8]) + 0.15)
+        << "Tr matters, frame " << frame;
+  }
+  EXPECT_GT(checked, 4);
+}
+
+/// A straight drive of 300 m, with poses that drift in height, roll and pitch.
+std::string drifting_poses() {
+  std::string text;
+  for (int i = 0; i < 300; ++i) {
+    const double pitch = 0.03 * std::sin(i * 0.05), roll = 0.04 * std::sin(i * 0.03);
+    const Eigen::Matrix3d R = (Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ()) *
+                               Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()))
+                                  .toRotationMatrix();
+    const Eigen::Vector3d t(0, -0.1 * i, i);
+    for (int row = 0; row < 3; ++row)
+      text += str(R(row, 0), " ", R(row, 1), " ", R(row, 2), " ", t[row], row < 2 ? " " : "\n");
+  }
+  return text;
+}
+
+TEST(Simulate, DriftingHeightNeitherBuriesNorLiftsTheSensor) {
+  const TempDir dir;
+  test::write_file(dir / "given.txt", drifting_poses());
+  SimulationConfig config = quick(dir / "out");
+  config.sensor = LidarModel::kHdl64;
+  config.poses = dir / "given.txt";
+  config.last_frame.reset();
+  config.every = 60;
+  EXPECT_EQ(simulate(config).scans, 5);
+  EXPECT_EQ(test::read_file(dir / "out/poses/00.txt"), drifting_poses()) << "copied as they are";
+  for (int frame = 0; frame < 300; frame += 60) {
+    // The lowest beam ahead meets the road where a sensor at 1.73 m would see it.
+    double sum = 0;
+    int count = 0;
+    for (const Point& p : read_scan(scan_path(dir / "out", frame)).points) {
+      const double level = std::hypot(p.x, p.y), elevation = std::atan2(p.z, level);
+      if (elevation > -24.6 * std::numbers::pi / 180 || std::abs(std::atan2(p.y, p.x)) > 0.5)
+        continue;
+      sum += p.z;
+      ++count;
+    }
+    ASSERT_GT(count, 100);
+    EXPECT_NEAR(sum / count, -kSensorHeight, 0.03) << frame;
+  }
+}
+
+TEST(Simulate, CopiesACalibrationThatIsGiven) {
+  const TempDir dir;
+  test::write_file(dir / "given.txt", drifting_poses());
+  const std::string calibration = "Tr: 0 -1 0 0.1 0 0 -1 -0.2 1 0 0 -0.3\n";
+  test::write_file(dir / "calib.txt", calibration);
+  SimulationConfig config = quick(dir / "out");
+  config.poses = dir / "given.txt";
+  config.calibration = dir / "calib.txt";
+  simulate(config);
+  EXPECT_EQ(test::read_file(dir / "out/sequences/00/calib.txt"), calibration);
+}
+
+// ---- running it again ----
+
+TEST(Simulate, KeepsWhatIsCompleteAndMakesWhatIsMissing) {
+  const TempDir dir;
+  simulate(quick(dir.path()));
+  const std::string bytes = scan_bytes(dir.path(), 2);
+  fs::remove(scan_path(dir.path(), 2));
+  const auto untouched = fs::last_write_time(scan_path(dir.path(), 3));
+  int64_t first_done = -1, last_done = -1;
+  const SimulationSummary summary = simulate(quick(dir.path()), [&](int64_t done, int64_t total) {
+    EXPECT_EQ(total, 6);
+    if (first_done < 0) first_done = done;
+    last_done = done;
+  });
+  EXPECT_EQ(summary.scans, 6);
+  EXPECT_EQ(summary.kept, 5);
+  EXPECT_EQ(first_done, 5);
+  EXPECT_EQ(last_done, 6);
+  EXPECT_TRUE(scan_bytes(dir.path(), 2) == bytes);
+  EXPECT_EQ(fs::last_write_time(scan_path(dir.path(), 3)), untouched);
+  // More frames with the same settings: only the new ones are made.
+  SimulationConfig longer = quick(dir.path());
+  longer.last_frame = 7;
+  EXPECT_EQ(simulate(longer).kept, 6);
+}
+
+TEST(Simulate, StopsBetweenScansAndContinues) {
+  const TempDir dir, whole;
+  int asked = 0;
+  try {
+    simulate(quick(dir.path()), {}, [&] { return ++asked == 3; });
+    FAIL() << "expected Interrupted";
+  } catch (const Interrupted& error) {
+    EXPECT_NE(std::string(error.what()).find("3 of 6"), std::string::npos) << error.what();
+  }
+  EXPECT_EQ(simulate(quick(dir.path())).kept, 3);
+  simulate(quick(whole.path()));
+  for (int frame = 0; frame < 6; ++frame)
+    EXPECT_TRUE(scan_bytes(dir.path(), frame) == scan_bytes(whole.path(), frame)) << frame;
+}
+
+TEST(Simulate, OtherSettingsInTheSameFolderNeedOverwrite) {
+  const TempDir dir;
+  simulate(quick(dir.path()));
+  const std::string before = scan_bytes(dir.path(), 0);
+  SimulationConfig config = quick(dir.path());
+  config.seed = 2;
+  try {
+    simulate(config);
+    FAIL() << "expected UsageError";
+  } catch (const UsageError& error) {
+    EXPECT_NE(std::string(error.what()).find("seed: 1"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("--overwrite"), std::string::npos) << error.what();
+  }
+  EXPECT_TRUE(scan_bytes(dir.path(), 0) == before);
+  config.overwrite = true;
+  config.last_frame = 1;
+  EXPECT_EQ(simulate(config).kept, 0);
+  EXPECT_FALSE(scan_bytes(dir.path(), 0) == before);
+  EXPECT_FALSE(fs::exists(scan_path(dir.path(), 5))) << "of the other settings";
+}
+
+TEST(Simulate, FewerFramesThanAreThereAreNotMixedUp) {
+  const TempDir dir;
+  simulate(quick(dir.path()));
+  SimulationConfig config = quick(dir.path());
+  config.every = 2;
+  EXPECT_THROW(simulate(config), UsageError);
+  config.overwrite = true;
+  EXPECT_EQ(simulate(config).kept, 3);
+  EXPECT_FALSE(fs::exists(scan_path(dir.path(), 1)));
+}
+
+TEST(Simulate, NeverTouchesARecordingThatIsNotItsOwn) {
+  for (const char* file : {"sequences/00/velodyne/000000.bin", "sequences/00/calib.txt",
+                           "poses/00.txt", "sequences/00/simulation.txt"}) {
+    SCOPED_TRACE(file);
+    const TempDir dir;
+    test::write_file(dir / file, "precious");
+    SimulationConfig config = quick(dir.path());
+    config.overwrite = true;
+    EXPECT_THROW(simulate(config), UsageError);
+    EXPECT_EQ(test::read_file(dir / file), "precious");
+  }
+}
+
+// ---- misuse ----
+
+TEST(Simulate, SettingsThatCannotBeAreRefused) {
+  const TempDir dir;
+  const auto refused = [&](auto change) {
+    SimulationConfig config = quick(dir.path());
+    change(config);
+    EXPECT_THROW(simulate(config), UsageError);
+  };
+  refused([](SimulationConfig& c) { c.output.clear(); });
+  refused([](SimulationConfig& c) { c.sequence = "../00"; });
+  refused([](SimulationConfig& c) { c.sequence = ""; });
+  refused([](SimulationConfig& c) { c.every = 0; });
+  refused([](SimulationConfig& c) { c.threads = -1; });
+  refused([](SimulationConfig& c) { c.range_noise = -0.1; });
+  refused([](SimulationConfig& c) { c.range_noise = std::nan(""); });
+  refused([](SimulationConfig& c) { c.dropout = 1; });
+  refused([](SimulationConfig& c) { c.first_frame = 6; });
+  refused([](SimulationConfig& c) { c.first_frame = -1; });
+  refused([](SimulationConfig& c) { c.last_frame = 1000000; });
+  refused([](SimulationConfig& c) { c.calibration = "calib.txt"; });
+  EXPECT_FALSE(fs::exists(dir / "sequences"))
+      << "nothing is written before the settings are known good";
+}
+
+TEST(Simulate, PosesThatAreNoRoadAreRefusedWithTheirLine) {
+  const TempDir dir;
+  std::string text;
+  for (int i = 0; i < 3; ++i) text += str("1 0 0 0 0 1 0 0 0 0 1 ", i == 2 ? 1e7 : i, "\n");
+  test::write_file(dir / "far.txt", text);
+  SimulationConfig config = quick(dir / "out");
+  config.poses = dir / "far.txt";
+  config.last_frame.reset();
+  try {
+    simulate(config);
+    FAIL() << "expected InputError";
+  } catch (const InputError& error) {
+    EXPECT_NE(std::string(error.what()).find("far.txt:3:"), std::string::npos) << error.what();
+  }
+  config.poses = dir / "absent.txt";
+  EXPECT_THROW(simulate(config), InputError);
+}
+
+TEST(Simulate, DrivesThatHardlyMoveOrJumpAreSimulated) {
+  const TempDir dir;
+  const auto write = [&](const std::string& name, const std::vector<double>& forward) {
+    std::string text;
+    for (const double z : forward) text += str("1 0 0 0 0 1 0 0 0 0 1 ", z, "\n");
+    test::write_file(dir / name, text);
+  };
+  write("one", {0});
+  write("still", {0, 0, 0, 0});
+  write("jump", {0, 1, 2, 3, 500, 501, 502});
+  write("back", {0, 1, 2, 1, 0, -1, -2});
+  for (const char* name : {"one", "still", "jump", "back"}) {
+    SCOPED_TRACE(name);
+    SimulationConfig config = quick(dir / (std::string("out_") + name));
+    config.poses = dir / name;
+    config.last_frame.reset();
+    const SimulationSummary summary = simulate(config);
+    EXPECT_GT(summary.scans, 0);
+    EXPECT_GT(summary.mean_points, 5000);
+  }
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

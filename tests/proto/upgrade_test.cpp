@@ -1,0 +1,325 @@
+// Every rule of the upgrades, each against a hand-written expectation in V2 (SEMANTICS section 7).
+#include <google/protobuf/text_format.h>
+#include <google/protobuf/util/message_differencer.h>
+#include <gtest/gtest.h>
+
+#include <cctype>
+#include <map>
+
+#include "expect_error.h"
+#include "revisit/proto/net_file.h"
+#include "test_data.h"
+
+namespace revisit::proto {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::util::MessageDifferencer;
+using test::message_of;
+
+/// Upgrades `text` and compares with `wanted`, which is V2 text.
+NetFile expect_upgrade(const std::string& text, const std::string& wanted) {
+  caffe::NetParameter expected;
+  EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(wanted, &expected));
+  NetFile file = parse_net(text, "net");
+  MessageDifferencer differencer;
+  std::string difference;
+  differencer.ReportDifferencesToString(&difference);
+  EXPECT_TRUE(differencer.Compare(expected, file.net)) << difference;
+  return file;
+}
+
+std::string upgrade_error(const std::string& text) {
+  return message_of<InputError>([&] { parse_net(text, "net"); });
+}
+
+// ------------------------------------------------------------------------------------- inputs
+
+TEST(UpgradeInputs, FourDimsPerInputBecomeAnInputLayerPlacedFirst) {
+  expect_upgrade(R"(input: 'a' input: 'b'
+                    input_dim: 1 input_dim: 2 input_dim: 3 input_dim: 4
+                    input_dim: 5 input_dim: 6 input_dim: 7 input_dim: 8
+                    layer { name: 'r' } layer { name: 's' })",
+                 R"(layer { name: 'input' type: 'Input' top: 'a' top: 'b'
+                      input_param { shape { dim: [1, 2, 3, 4] } shape { dim: [5, 6, 7, 8] } } }
+                    layer { name: 'r' } layer { name: 's' })");
+}
+
+TEST(UpgradeInputs, InputShapeWinsOverInputDim) {
+  const NetFile file = expect_upgrade(
+      "input: 'a' input_dim: 1 input_dim: 2 input_dim: 3 input_dim: 4 input_shape { dim: 7 }",
+      "layer { name: 'input' type: 'Input' top: 'a' input_param { shape { dim: 7 } } }");
+  EXPECT_EQ(file.warnings, std::vector<std::string>{"net: input_dim is ignored: input_shape wins"});
+}
+
+TEST(UpgradeInputs, InputWithoutDimsIsDropped) {
+  EXPECT_EQ(expect_upgrade("input: 'a' layer { name: 'r' }", "layer { name: 'r' }").warnings.size(),
+            1U);
+  EXPECT_EQ(
+      expect_upgrade("input_dim: 3 layer { name: 'r' }", "layer { name: 'r' }").warnings.size(),
+      1U);
+}
+
+TEST(UpgradeInputs, StandsBesideAnInputLayerOfItsOwn) {
+  expect_upgrade("input: 'a' input_shape { } layer { name: 'd' type: 'Input' top: 'd' }",
+                 "layer { name: 'input' type: 'Input' top: 'a' input_param { shape { } } }"
+                 "layer { name: 'd' type: 'Input' top: 'd' }");
+}
+
+TEST(UpgradeInputs, WrongCountsAreErrors) {
+  EXPECT_EQ(upgrade_error("input: 'a'\n  input_dim: 1 input_dim: 2 input_dim: 3\nlayer { }"),
+            "net:2:3: expected 4 input_dim for each of the 1 inputs, found 3");
+  EXPECT_EQ(upgrade_error("input: 'a' input: 'b'\ninput_shape { dim: 1 }"),
+            "net:2:1: expected one input_shape for each of the 2 inputs, found 1");
+}
+
+// ------------------------------------------------------------------------------- V2, generations
+
+TEST(Upgrade, LayerAndLayersTogetherIsAnError) {
+  EXPECT_TRUE(upgrade_error("layer { name: 'a' }\n layers { name: 'b' }")
+                  .starts_with("net:2:2: has both V2 `layer"));
+}
+
+TEST(UpgradeBatchNorm, ExactlyThreeParamsLoseTheirRates) {
+  expect_upgrade(
+      "layer { type: 'BatchNorm' param { lr_mult: 1 } param { name: 'v' } param { decay_mult: 2 } "
+      "}",
+      "layer { type: 'BatchNorm' param { lr_mult: 0 decay_mult: 0 }"
+      "  param { name: 'v' lr_mult: 0 decay_mult: 0 } param { lr_mult: 0 decay_mult: 0 } }");
+  for (const char* untouched :
+       {"layer { type: 'BatchNorm' param { lr_mult: 1 } param { } }",
+        "layer { type: 'BatchNorm' param { } param { } param { } param { } }",
+        "layer { type: 'Scale' param { } param { } param { } }"}) {
+    expect_upgrade(untouched, untouched);
+  }
+}
+
+// ------------------------------------------------------------------------------------------- V1
+
+TEST(UpgradeV1, EverythingALayerHas) {
+  expect_upgrade(R"(name: 'n' force_backward: true state { phase: TRAIN }
+                    layers { name: 'c' type: CONVOLUTION bottom: 'a' top: 'b' include { phase: TEST }
+                             exclude { stage: 's' } loss_weight: 2 convolution_param { kernel_size: 3 }
+                             transform_param { scale: 2 } blobs { num: 1 data: 5 } })",
+                 R"(name: 'n' force_backward: true state { phase: TRAIN }
+                    layer { name: 'c' type: 'Convolution' bottom: 'a' top: 'b' include { phase: TEST }
+                            exclude { stage: 's' } loss_weight: 2 convolution_param { kernel_size: 3 }
+                            transform_param { scale: 2 } blobs { num: 1 data: 5 } })");
+}
+
+TEST(UpgradeV1, SharingAndRatesBecomeParamSpecs) {
+  expect_upgrade(R"(layers { param: 'w' blob_share_mode: STRICT blob_share_mode: PERMISSIVE
+                             blobs_lr: 1 blobs_lr: 2 weight_decay: 3 weight_decay: 4 weight_decay: 5 })",
+                 R"(layer { param { name: 'w' share_mode: STRICT lr_mult: 1 decay_mult: 3 }
+                            param { share_mode: PERMISSIVE lr_mult: 2 decay_mult: 4 } param { decay_mult: 5 } })");
+}
+
+TEST(UpgradeV1, DataTransformMovesToTransformParam) {
+  expect_upgrade(
+      R"(layers { type: DATA data_param { source: 's' scale: 2 mean_file: 'm' crop_size: 3 mirror: true } }
+                    layers { type: IMAGE_DATA image_data_param { crop_size: 4 } }
+                    layers { type: WINDOW_DATA window_data_param { mirror: false } transform_param { scale: 5 } }
+                    layers { type: HDF5_DATA data_param { scale: 6 } })",
+      R"(layer { type: 'Data' data_param { source: 's' }
+                            transform_param { scale: 2 mean_file: 'm' crop_size: 3 mirror: true } }
+                    layer { type: 'ImageData' image_data_param { } transform_param { crop_size: 4 } }
+                    layer { type: 'WindowData' window_data_param { } transform_param { mirror: false scale: 5 } }
+                    layer { type: 'HDF5Data' data_param { scale: 6 } })");
+}
+
+/// "INNER_PRODUCT" -> "InnerProduct", the rule behind most names.
+std::string camel_case(const std::string& enumeration) {
+  std::string name;
+  bool start = true;
+  for (const char c : enumeration) {
+    if (c != '_') name += start ? c : static_cast<char>(std::tolower(c));
+    start = c == '_';
+  }
+  return name;
+}
+
+TEST(UpgradeV1, EveryTypeHasItsName) {
+  const std::map<std::string, std::string> irregular = {{"NONE", ""},
+                                                        {"ABSVAL", "AbsVal"},
+                                                        {"ARGMAX", "ArgMax"},
+                                                        {"BNLL", "BNLL"},
+                                                        {"LRN", "LRN"},
+                                                        {"HDF5_DATA", "HDF5Data"},
+                                                        {"HDF5_OUTPUT", "HDF5Output"},
+                                                        {"MVN", "MVN"},
+                                                        {"RELU", "ReLU"},
+                                                        {"TANH", "TanH"},
+                                                        {"SOFTMAX_LOSS", "SoftmaxWithLoss"}};
+  const auto* types = caffe::V1LayerParameter::LayerType_descriptor();
+  EXPECT_EQ(types->value_count(), 40);
+  for (int i = 0; i < types->value_count(); ++i) {
+    const std::string v1 = types->value(i)->name();
+    const auto special = irregular.find(v1);
+    const std::string v2 = special != irregular.end() ? special->second : camel_case(v1);
+    expect_upgrade("layers { type: " + v1 + " }", "layer { type: '" + v2 + "' }");
+  }
+}
+
+TEST(UpgradeV1, EveryMessageFieldHasATwinInV2) {
+  const auto* v1 = caffe::V1LayerParameter::descriptor();
+  for (int i = 0; i < v1->field_count(); ++i) {
+    const FieldDescriptor* field = v1->field(i);
+    if (!field->message_type() || field->name() == "layer") continue;
+    const FieldDescriptor* twin =
+        caffe::LayerParameter::descriptor()->FindFieldByName(field->name());
+    ASSERT_TRUE(twin) << field->name();
+    EXPECT_EQ(twin->message_type(), field->message_type()) << field->name();
+    EXPECT_EQ(twin->is_repeated(), field->is_repeated()) << field->name();
+  }
+}
+
+// ------------------------------------------------------------------------------------------- V0
+
+TEST(UpgradeV0, NetworkLayers) {
+  expect_upgrade(R"(
+    layers { layer { name: 'c' type: 'conv' num_output: 8 biasterm: false kernelsize: 5 group: 2 stride: 3 pad: 1
+                     weight_filler { type: 'w' } bias_filler { type: 'b' } blobs { num: 1 }
+                     blobs_lr: 1 blobs_lr: 2 weight_decay: 3 } top: 'c' }
+    layers { layer { name: 'p' type: 'pool' pool: AVE kernelsize: 3 stride: 2 pad: 1 } bottom: 'c' top: 'p' }
+    layers { layer { name: 'n' type: 'lrn' local_size: 3 alpha: 2 beta: 0.5 k: 7 } bottom: 'p' top: 'n' }
+    layers { layer { name: 'f' type: 'innerproduct' num_output: 9 biasterm: true weight_filler { value: 1 }
+                     bias_filler { value: 2 } } bottom: 'n' top: 'f' }
+    layers { layer { name: 'd' type: 'dropout' dropout_ratio: 0.25 } bottom: 'f' top: 'f' }
+    layers { layer { name: 'k' type: 'concat' concat_dim: 0 } bottom: 'f' bottom: 'n' top: 'k' })",
+                 R"(
+    layer { name: 'c' type: 'Convolution' top: 'c' blobs { num: 1 }
+            param { lr_mult: 1 decay_mult: 3 } param { lr_mult: 2 }
+            convolution_param { num_output: 8 bias_term: false kernel_size: 5 group: 2 stride: 3 pad: 1
+                                weight_filler { type: 'w' } bias_filler { type: 'b' } } }
+    layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p'
+            pooling_param { pool: AVE kernel_size: 3 stride: 2 pad: 1 } }
+    layer { name: 'n' type: 'LRN' bottom: 'p' top: 'n' lrn_param { local_size: 3 alpha: 2 beta: 0.5 k: 7 } }
+    layer { name: 'f' type: 'InnerProduct' bottom: 'n' top: 'f'
+            inner_product_param { num_output: 9 bias_term: true weight_filler { value: 1 }
+                                  bias_filler { value: 2 } } }
+    layer { name: 'd' type: 'Dropout' bottom: 'f' top: 'f' dropout_param { dropout_ratio: 0.25 } }
+    layer { name: 'k' type: 'Concat' bottom: 'f' bottom: 'n' top: 'k' concat_param { concat_dim: 0 } })");
+}
+
+TEST(UpgradeV0, DataAndLossLayers) {
+  expect_upgrade(R"(
+    layers { layer { type: 'data' source: 's' batchsize: 2 rand_skip: 3 scale: 4 meanfile: 'm' cropsize: 5 mirror: true } }
+    layers { layer { type: 'images' source: 's' batchsize: 2 rand_skip: 3 shuffle_images: true new_height: 4 new_width: 5 } }
+    layers { layer { type: 'hdf5_data' source: 's' batchsize: 2 } }
+    layers { layer { type: 'window_data' source: 's' batchsize: 2 det_fg_threshold: 0.1 det_bg_threshold: 0.2
+                     det_fg_fraction: 0.3 det_context_pad: 4 det_crop_mode: 'c' } }
+    layers { layer { type: 'infogain_loss' source: 's' } }
+    layers { layer { type: 'hdf5_output' hdf5_output_param { file_name: 'f' } } })",
+                 R"(
+    layer { type: 'Data' data_param { source: 's' batch_size: 2 rand_skip: 3 }
+            transform_param { scale: 4 mean_file: 'm' crop_size: 5 mirror: true } }
+    layer { type: 'ImageData'
+            image_data_param { source: 's' batch_size: 2 rand_skip: 3 shuffle: true new_height: 4 new_width: 5 } }
+    layer { type: 'HDF5Data' hdf5_data_param { source: 's' batch_size: 2 } }
+    layer { type: 'WindowData'
+            window_data_param { source: 's' batch_size: 2 fg_threshold: 0.1 bg_threshold: 0.2 fg_fraction: 0.3
+                                context_pad: 4 crop_mode: 'c' } }
+    layer { type: 'InfogainLoss' infogain_loss_param { source: 's' } }
+    layer { type: 'HDF5Output' hdf5_output_param { file_name: 'f' } })");
+}
+
+TEST(UpgradeV0, EveryTypeHasItsName) {
+  const std::map<std::string, std::string> types = {
+      {"accuracy", "Accuracy"},
+      {"bnll", "BNLL"},
+      {"euclidean_loss", "EuclideanLoss"},
+      {"flatten", "Flatten"},
+      {"im2col", "Im2col"},
+      {"multinomial_logistic_loss", "MultinomialLogisticLoss"},
+      {"relu", "ReLU"},
+      {"sigmoid", "Sigmoid"},
+      {"softmax", "Softmax"},
+      {"softmax_loss", "SoftmaxWithLoss"},
+      {"split", "Split"},
+      {"tanh", "TanH"}};
+  for (const auto& [v0, v2] : types) {
+    expect_upgrade("layers { layer { type: '" + v0 + "' } }", "layer { type: '" + v2 + "' }");
+  }
+  EXPECT_EQ(upgrade_error("layers { layer { type: 'relu' } }\n layers { layer { type: 'covn' } }"),
+            "net:2:2: unknown V0 layer type 'covn' (did you mean 'conv'?)");
+}
+
+TEST(UpgradeV0, PaddingFoldsIntoEveryFollower) {
+  expect_upgrade(R"(input: 'x' input_shape { dim: 1 }
+    layers { layer { name: 'q' type: 'padding' pad: 2 } bottom: 'x' top: 'q' }
+    layers { layer { name: 'c' type: 'conv' } bottom: 'q' top: 'c' }
+    layers { layer { name: 'p' type: 'pool' } bottom: 'q' top: 'p' }
+    layers { layer { name: 'r' type: 'relu' } bottom: 'p' top: 'p' })",
+                 R"(
+    layer { name: 'input' type: 'Input' top: 'x' input_param { shape { dim: 1 } } }
+    layer { name: 'c' type: 'Convolution' bottom: 'x' top: 'c' convolution_param { pad: 2 } }
+    layer { name: 'p' type: 'Pooling' bottom: 'x' top: 'p' pooling_param { pad: 2 } }
+    layer { name: 'r' type: 'ReLU' bottom: 'p' top: 'p' })");
+}
+
+TEST(UpgradeV0, PaddingInPlaceOfItsInput) {
+  expect_upgrade(R"(input: 'x' input_shape { }
+    layers { layer { name: 'q' type: 'padding' pad: 1 } bottom: 'x' top: 'x' }
+    layers { layer { name: 'c' type: 'conv' } bottom: 'x' top: 'x' }
+    layers { layer { name: 'd' type: 'conv' } bottom: 'x' top: 'd' })",
+                 R"(
+    layer { name: 'input' type: 'Input' top: 'x' input_param { shape { } } }
+    layer { name: 'c' type: 'Convolution' bottom: 'x' top: 'x' convolution_param { pad: 1 } }
+    layer { name: 'd' type: 'Convolution' bottom: 'x' top: 'd' })");
+}
+
+TEST(UpgradeV0, PaddingThatCannotBeFolded) {
+  const std::string start =
+      "input: 'x' input: 'z'\nlayers { layer { name: 'q' type: 'padding' } bottom: 'x' top: 'q' "
+      "}\n";
+  EXPECT_EQ(
+      upgrade_error(start + "layers { layer { name: 'r' type: 'relu' } bottom: 'q' top: 'r' }"),
+      "net:3:1: layer 'r' (relu) after padding layer 'q': only conv and pool can follow a padding "
+      "layer");
+  EXPECT_EQ(
+      upgrade_error(start +
+                    "layers { layer { name: 'c' type: 'conv' } bottom: 'q' bottom: 'z' top: 'c' }"),
+      "net:3:1: layer 'c' (conv) after padding layer 'q': expected one bottom");
+  EXPECT_EQ(
+      upgrade_error(start + "layers { layer { name: 'c' type: 'conv' } bottom: 'qq' top: 'c' }"),
+      "net:3:1: layer 'c': no layer before it makes bottom 'qq' (did you mean 'q'?)");
+}
+
+TEST(UpgradeV0, WhatCannotBeCarriedOverIsSaid) {
+  const NetFile file =
+      expect_upgrade("layers { name: 'z' layer { name: 'r' type: 'relu' num_output: 3 } }",
+                     "layer { name: 'r' type: 'ReLU' }");
+  EXPECT_EQ(file.warnings,
+            (std::vector<std::string>{
+                "net: layer 'r': num_output means nothing for V0 type 'relu' and is ignored",
+                "net: layer 'r': V1 field name beside a V0 layer is ignored, as in Caffe"}));
+  EXPECT_EQ(upgrade_error("layers { layer { type: 'relu' } } layers { type: RELU }"),
+            "net:1:35: a V1 layer in a net that also has V0 layers (`layers { layer {`)");
+}
+
+// ---------------------------------------------------------------------------------- Caffe's own
+
+void expect_same_net(const std::filesystem::path& a, const std::filesystem::path& b) {
+  SCOPED_TRACE(a.string());
+  MessageDifferencer differencer;
+  std::string difference;
+  differencer.ReportDifferencesToString(&difference);
+  EXPECT_TRUE(differencer.Compare(read_net(a).net, read_net(b).net)) << difference;
+}
+
+TEST(UpgradeGolden, SameAsCaffesUpgradeTools) {
+  REVISIT_NEED_SHARED(folder, "golden/formats");
+  expect_same_net(folder / "mini_v0.prototxt", folder / "mini_v0_upgraded_by_caffe.prototxt");
+  expect_same_net(folder / "mini_v1.prototxt", folder / "mini_v1_upgraded_by_caffe.prototxt");
+  expect_same_net(folder / "mini_v2_input_dim.prototxt", folder / "mini_v2_input_shape.prototxt");
+}
+
+TEST(UpgradeGolden, V1TwinsOfWholeNets) {
+  REVISIT_NEED_SHARED(folder, "golden/nets/vgg_cnn_s");
+  for (const std::string variant : {"pool5", "conv3+pool5", "conv4+pool5"}) {
+    expect_same_net(folder / (variant + "_v1.prototxt"), folder / (variant + ".prototxt"));
+  }
+}
+
+}  // namespace
+}  // namespace revisit::proto

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <initializer_list>
+#include <string>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::test {
+
+/// The message of the `Wanted` error that `action` throws; fails the test for anything else.
+template <class Wanted, class Action>
+std::string message_of(Action&& action) {
+  try {
+    action();
+  } catch (const Wanted& error) {
+    return error.what();
+  } catch (const std::exception& error) {
+    ADD_FAILURE() << "another kind of error: " << error.what();
+    return "";
+  }
+  ADD_FAILURE() << "no error";
+  return "";
+}
+
+/// Expects `action` to throw `Wanted` with a message that holds all `parts`.
+template <class Wanted, class Action>
+void expect_error(Action&& action, std::initializer_list<std::string> parts) {
+  const std::string message = message_of<Wanted>(action);
+  for (const std::string& part : parts)
+    EXPECT_NE(message.find(part), std::string::npos) << "no \"" << part << "\" in: " << message;
+}
+
+}  // namespace revisit::test

@@ -1,0 +1,66 @@
+#include "test_data.h"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+
+namespace revisit::test {
+
+namespace fs = std::filesystem;
+
+fs::path shared(const std::string& relative) {
+  const char* from_environment = std::getenv("REVISIT_TEST_DATA");
+  const fs::path path =
+      fs::path(from_environment ? from_environment : REVISIT_SHARED_DATA) / relative;
+  return fs::exists(path) ? path : fs::path();
+}
+
+fs::path fixture(const std::string& relative) {
+  return fs::path(REVISIT_FIXTURES) / relative;
+}
+
+TempDir::TempDir() {
+  static std::atomic<int> counter{0};
+  path_ = fs::temp_directory_path() /
+          ("revisit_test_" + std::to_string(getpid()) + "_" + std::to_string(counter++));
+  fs::create_directories(path_);
+}
+
+TempDir::~TempDir() {
+  std::error_code ignored;
+  fs::remove_all(path_, ignored);
+}
+
+void write_file(const fs::path& file, const std::string& content) {
+  fs::create_directories(file.parent_path());
+  std::ofstream out(file, std::ios::binary);
+  out << content;
+  if (!out.flush()) ADD_FAILURE() << "cannot write " << file;
+}
+
+std::string read_file(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream content;
+  content << in.rdbuf();
+  return std::move(content).str();
+}
+
+ProgramResult run_revisit(const std::string& arguments, const std::string& environment) {
+  const TempDir dir;
+  const std::string command = environment + " '" + REVISIT_BINARY + "' " + arguments + " >'" +
+                              (dir / "out").string() + "' 2>'" + (dir / "err").string() +
+                              "' </dev/null";
+  const int status = std::system(command.c_str());
+  ProgramResult result;
+  result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  result.out = read_file(dir / "out");
+  result.err = read_file(dir / "err");
+  return result;
+}
+
+}  // namespace revisit::test

@@ -1,0 +1,124 @@
+#include <gtest/gtest.h>
+
+#include "doctor/checks.h"
+#include "test_data.h"
+
+namespace {
+
+using namespace revisit;
+using doctor::Status;
+
+doctor::Checks data_checks(const std::filesystem::path& root) {
+  doctor::Checks checks;
+  doctor::check_data(root, checks);
+  return checks;
+}
+
+const doctor::Check* find(const doctor::Checks& checks, const std::string& name) {
+  for (const doctor::Check& check : checks)
+    if (check.name == name) return &check;
+  return nullptr;
+}
+
+/// A KITTI layout of one whole sequence, "00", with three scans.
+void write_kitti(const test::TempDir& dir) {
+  for (const char* frame : {"000000", "000001", "000007"})
+    test::write_file(dir.path() / "sequences/00/velodyne" / (std::string(frame) + ".bin"),
+                     "1234567890123456");
+  test::write_file(dir.path() / "sequences/00/calib.txt", "Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n");
+  std::string poses, times;
+  for (int i = 0; i < 8; ++i) poses += "1 0 0 0 0 1 0 0 0 0 1 0\n", times += "0.1\n";
+  test::write_file(dir.path() / "sequences/00/times.txt", times);
+  test::write_file(dir.path() / "poses/00.txt", poses);
+}
+
+TEST(DoctorData, WholeSequenceIsOk) {
+  const test::TempDir dir;
+  write_kitti(dir);
+  const auto checks = data_checks(dir.path());
+  ASSERT_EQ(checks.size(), 2U);
+  EXPECT_EQ(checks[0].status, Status::kOk);
+  EXPECT_EQ(checks[1].name, "sequence 00");
+  EXPECT_EQ(checks[1].status, Status::kOk) << checks[1].advice;
+  EXPECT_EQ(checks[1].found, "3 scans, 8 poses, calib, 8 times");
+}
+
+TEST(DoctorData, OneSequenceFolderFindsItsPoses) {
+  const test::TempDir dir;
+  write_kitti(dir);
+  for (const char* root : {"sequences/00", "sequences/00/"}) {
+    const auto checks = data_checks(dir.path() / root);
+    ASSERT_EQ(checks.size(), 2U);
+    EXPECT_EQ(checks[1].name, "sequence 00");
+    EXPECT_EQ(checks[1].found, "3 scans, 8 poses, calib, 8 times");
+  }
+}
+
+TEST(DoctorData, EachMissingPieceIsNamed) {
+  const test::TempDir dir;
+  write_kitti(dir);
+  test::write_file(dir.path() / "sequences/00/velodyne/000009.bin", "");
+  std::filesystem::remove(dir.path() / "sequences/00/calib.txt");
+  std::filesystem::create_directories(dir.path() / "sequences/01");
+  const auto checks = data_checks(dir.path());
+  const doctor::Check* first = find(checks, "sequence 00");
+  ASSERT_NE(first, nullptr);
+  EXPECT_EQ(first->status, Status::kWarn);
+  EXPECT_NE(first->advice.find("1 scan file empty"), std::string::npos) << first->advice;
+  EXPECT_NE(first->advice.find("up to frame 9, the poses only to 7"), std::string::npos)
+      << first->advice;
+  EXPECT_NE(first->advice.find("calib.txt"), std::string::npos) << first->advice;
+  const doctor::Check* second = find(checks, "sequence 01");
+  ASSERT_NE(second, nullptr);
+  EXPECT_EQ(second->status, Status::kWarn);
+  EXPECT_EQ(second->found, "0 scans, no poses, no calib, no times");
+  EXPECT_EQ(checks[0].status, Status::kOk);  // one sequence is enough to work
+}
+
+TEST(DoctorData, FolderOfScansAndNothing) {
+  const test::TempDir dir;
+  EXPECT_EQ(data_checks(dir.path())[0].status, Status::kMissing);
+  EXPECT_TRUE(data_checks(dir.path())[0].essential);
+  test::write_file(dir / "a.pcd", "x");
+  EXPECT_EQ(data_checks(dir.path())[0].status, Status::kOk);
+  EXPECT_EQ(data_checks(dir / "a.pcd")[0].status, Status::kMissing);
+  EXPECT_EQ(data_checks(dir / "none")[0].status, Status::kMissing);
+}
+
+TEST(DoctorData, RealKittiExcerpt) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  const auto checks = data_checks(kitti);
+  const doctor::Check* sequence = find(checks, "sequence 00");
+  ASSERT_NE(sequence, nullptr);
+  EXPECT_EQ(sequence->status, Status::kOk) << sequence->advice;
+  EXPECT_TRUE(sequence->found.starts_with("12 scans, 4541 poses, calib")) << sequence->found;
+}
+
+TEST(Doctor, EverythingEssentialWorksHere) {
+  const test::TempDir cache;
+  const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";
+  const auto result = test::run_revisit("doctor", environment);
+  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
+  for (const char* word : {"self-test", "SIMD", "OpenBLAS", "gnuplot", "make-random"})
+    EXPECT_NE(result.out.find(word), std::string::npos) << word << "\n" << result.out;
+}
+
+TEST(Doctor, WarnsOfVariablesThatSlowOpenBlasDown) {
+  // Prescott's kernels have 128-bit vectors: too narrow for every CPU with AVX2.
+  const auto result =
+      test::run_revisit("doctor", "OPENBLAS_CORETYPE=Prescott OPENBLAS_L2_SIZE=512");
+  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
+  EXPECT_NE(result.out.find("unset it"), std::string::npos) << result.out;
+  const bool has_avx2 = result.out.find("AVX2") != std::string::npos;
+  const bool warned = result.out.find("unset OPENBLAS_CORETYPE") != std::string::npos;
+  EXPECT_EQ(warned, has_avx2) << result.out;
+}
+
+TEST(Doctor, MissingDataIsExitCode5) {
+  const auto result = test::run_revisit("doctor /nowhere --format json");
+  EXPECT_EQ(result.exit_code, 5) << result.out << result.err;
+  EXPECT_NE(result.out.find("\"ok\": false"), std::string::npos) << result.out;
+  EXPECT_EQ(test::run_revisit("doctor --format csv").exit_code, 2);
+}
+
+}  // namespace

@@ -1,0 +1,488 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+
+#include "models/cache.h"
+#include "models/checksum.h"
+#include "models/fetch.h"
+#include "models/find_model.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/weights_conversion/random_model.h"
+#include "revisit/weights_conversion/trunks.h"
+#include "test_data.h"
+
+namespace {
+
+using namespace revisit;
+using models::CacheState;
+namespace fs = std::filesystem;
+
+/// Sets an environment variable for one test.
+class Environment {
+ public:
+  Environment(const char* name, const std::string& value) : name_(name) {
+    if (const char* old = std::getenv(name)) old_ = old;
+    ::setenv(name, value.c_str(), 1);
+  }
+  ~Environment() {
+    if (old_)
+      ::setenv(name_, old_->c_str(), 1);
+    else
+      ::unsetenv(name_);
+  }
+  Environment(const Environment&) = delete;
+  Environment& operator=(const Environment&) = delete;
+
+ private:
+  const char* name_;
+  std::optional<std::string> old_;
+};
+
+std::string message_of(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "(no error)";
+}
+#define EXPECT_SAYS(text, part) \
+  EXPECT_NE((text).find(part), std::string::npos) << "message: " << (text)
+
+/// The http_server.py fixture serving a folder, until the end of the test.
+class Server {
+ public:
+  explicit Server(const fs::path& folder) {
+    const std::string script = test::fixture("http_server.py").string(), served = folder.string();
+    int ends[2];
+    if (::pipe(ends) != 0) throw Error("no pipe");
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::dup2(ends[1], STDOUT_FILENO);
+      ::execlp("python3", "python3", script.c_str(), served.c_str(), nullptr);
+      ::_exit(127);
+    }
+    ::close(ends[1]);
+    char text[16] = "";
+    if (::read(ends[0], text, sizeof text - 1) > 0) port_ = std::atoi(text);
+    ::close(ends[0]);
+  }
+  ~Server() {
+    ::kill(pid_, SIGKILL);
+    ::waitpid(pid_, nullptr, 0);
+  }
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+
+  bool running() const { return port_ > 0; }
+  std::string address(const std::string& path) const {
+    return str("http://127.0.0.1:", port_, "/", path);
+  }
+
+ private:
+  pid_t pid_ = -1;
+  int port_ = 0;
+};
+#define NEED_SERVER(server, folder) \
+  const Server server(folder);      \
+  if (!server.running()) GTEST_SKIP() << "python3 is not there to serve the test's files"
+
+std::string some_bytes(size_t count) {
+  std::string bytes(count, '\0');
+  for (size_t i = 0; i < count; ++i) bytes[i] = static_cast<char>(i * i + (i >> 8));
+  return bytes;
+}
+
+/// A model called "m" of 300,000 bytes at `address`, with the right checksum.
+struct Fetching : testing::Test {
+  test::TempDir server_folder, cache;
+  const std::string content = some_bytes(300'000);
+  models::KnownModel model;
+
+  Fetching() {
+    test::write_file(server_folder / "m.caffemodel", content);
+    model.name = "m";
+    model.file = "m.caffemodel";
+    model.sha1 = models::file_checksum(server_folder / "m.caffemodel", "sha1");
+    model.sha1_source = "this test";
+  }
+  fs::path file() const { return cache.path() / "m" / "m.caffemodel"; }
+  fs::path part() const { return cache.path() / "m" / "m.caffemodel.part"; }
+  std::string log() const { return test::read_file(server_folder / "log"); }
+  void use_file_address() { model.address = "file://" + (server_folder / "m.caffemodel").string(); }
+  models::Fetched fetch(const models::DownloadOptions& options = {}) {
+    return models::fetch_model(model, cache.path(), options);
+  }
+};
+
+TEST(Checksum, AgreesWithThePublishedTestVectors) {
+  const test::TempDir dir;
+  test::write_file(dir / "abc", "abc");  // FIPS 180
+  EXPECT_EQ(models::file_checksum(dir / "abc", "sha1"), "a9993e364706816aba3e25717850c26c9cd0d89d");
+  EXPECT_EQ(models::file_checksum(dir / "abc", "sha256"),
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  test::write_file(dir / "million", std::string(1'000'000, 'a'));
+  EXPECT_EQ(models::file_checksum(dir / "million", "sha1"),
+            "34aa973cd4c4daa4f61eeb2bdbad27316534016f");
+  test::write_file(dir / "empty", "");
+  EXPECT_EQ(models::file_checksum(dir / "empty", "sha1"),
+            "da39a3ee5e6b4b0d3255bfef95601890afd80709");
+  EXPECT_THROW(models::file_checksum(dir / "none", "sha1"), InputError);
+  EXPECT_THROW(models::file_checksum(dir.path(), "sha1"), InputError);
+}
+
+TEST(Cache, IsWhereTheEnvironmentSays) {
+  const Environment home("HOME", "/home/x");
+  {
+    const Environment models("REVISIT_MODELS", ""), xdg("XDG_CACHE_HOME", "");
+    EXPECT_EQ(models::cache_folder(), "/home/x/.cache/revisit/models");
+  }
+  {
+    const Environment models("REVISIT_MODELS", ""), xdg("XDG_CACHE_HOME", "/c");
+    EXPECT_EQ(models::cache_folder(), "/c/revisit/models");
+  }
+  const Environment models("REVISIT_MODELS", "/m"), xdg("XDG_CACHE_HOME", "/c");
+  EXPECT_EQ(models::cache_folder(), "/m");
+}
+
+TEST_F(Fetching, FromAFileIsWholeAndVerified) {
+  use_file_address();
+  int64_t last_done = 0, last_total = 0;
+  models::DownloadOptions options;
+  options.progress = [&](int64_t done, int64_t total) { last_done = done, last_total = total; };
+  const models::Fetched fetched = fetch(options);
+  EXPECT_EQ(fetched.file, file());
+  EXPECT_TRUE(fetched.verified);
+  EXPECT_FALSE(fetched.was_there);
+  EXPECT_TRUE(test::read_file(file()) == content);
+  EXPECT_FALSE(fs::exists(part()));
+  EXPECT_EQ(last_done, 300'000);
+  EXPECT_EQ(last_total, 300'000);
+  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kVerified);
+
+  model.address = "file:///nowhere";
+  EXPECT_TRUE(fetch().was_there);  // not asked for again
+}
+
+TEST_F(Fetching, ResumesWhereItStopped) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("ranges/m.caffemodel");
+  test::write_file(part(), content.substr(0, 100'000));
+  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kPartial);
+  int64_t first_done = -1, last_done = 0;
+  models::DownloadOptions options;
+  options.progress = [&](int64_t done, int64_t) {
+    if (first_done < 0) first_done = done;
+    last_done = done;
+  };
+  fetch(options);
+  EXPECT_TRUE(test::read_file(file()) == content);
+  EXPECT_EQ(log(), "/ranges/m.caffemodel bytes=100000-\n");
+  EXPECT_GE(first_done, 100'000);
+  EXPECT_EQ(last_done, 300'000);
+}
+
+TEST_F(Fetching, RestartsWhenTheServerKnowsNoRanges) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("plain/m.caffemodel");
+  test::write_file(part(), content.substr(0, 100'000));
+  fetch();
+  EXPECT_TRUE(test::read_file(file()) == content);
+}
+
+TEST_F(Fetching, RestartsWhenThePartIsLongerThanTheFile) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("ranges/m.caffemodel");
+  test::write_file(part(), content + "and more");
+  fetch();
+  EXPECT_TRUE(test::read_file(file()) == content);
+}
+
+TEST_F(Fetching, RestartsWhenThePartIsOfAnotherFile) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("ranges/m.caffemodel");
+  test::write_file(part(), std::string(100'000, 'x'));
+  fetch();
+  EXPECT_TRUE(test::read_file(file()) == content);
+  EXPECT_EQ(log(), "/ranges/m.caffemodel bytes=100000-\n/ranges/m.caffemodel -\n");
+}
+
+TEST_F(Fetching, TakesACompletePartWithoutAsking) {
+  model.address = "file:///nowhere";
+  test::write_file(part(), content);
+  EXPECT_TRUE(fetch().verified);
+  EXPECT_TRUE(test::read_file(file()) == content);
+}
+
+TEST_F(Fetching, FollowsRedirectionsButNotToLocalFiles) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("to-file" + (server_folder / "m.caffemodel").string());
+  EXPECT_SAYS(message_of([&] { fetch(); }), "cannot fetch m");
+  EXPECT_FALSE(fs::exists(file()));
+  model.address = server.address("redirect/m.caffemodel");
+  fetch();
+  EXPECT_TRUE(test::read_file(file()) == content);
+}
+
+TEST_F(Fetching, KeepsThePartOfABrokenConnection) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("cut/m.caffemodel");
+  EXPECT_SAYS(message_of([&] { fetch(); }), "cannot fetch m");
+  EXPECT_FALSE(fs::exists(file()));
+  EXPECT_EQ(fs::file_size(part()), 150'000U);
+  model.address = server.address("ranges/m.caffemodel");
+  fetch();
+  EXPECT_TRUE(test::read_file(file()) == content);
+  EXPECT_SAYS(log(), "/ranges/m.caffemodel bytes=150000-");
+}
+
+TEST_F(Fetching, WrongChecksumLeavesNothingThatLooksWhole) {
+  use_file_address();
+  const std::string found = model.sha1;
+  model.sha1 = std::string(40, 'a');
+  const std::string message = message_of([&] { fetch(); });
+  EXPECT_SAYS(message, model.sha1);
+  EXPECT_SAYS(message, found);
+  EXPECT_TRUE(fs::is_empty(cache.path() / "m"));
+}
+
+TEST_F(Fetching, WrongFileAlreadyThereIsNeverTaken) {
+  use_file_address();
+  test::write_file(file(), "something else");
+  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kWrong);
+  EXPECT_SAYS(message_of([&] { fetch(); }), "not the known file");
+  EXPECT_EQ(test::read_file(file()), "something else");  // the user's, so it stays
+}
+
+TEST_F(Fetching, OfflineSaysWhatToDoByHand) {
+  model.address = "http://no-such-host.invalid/m.caffemodel";
+  const std::string message = message_of([&] { fetch(); });
+  EXPECT_SAYS(message, model.address);
+  EXPECT_SAYS(message, file().string());
+  EXPECT_FALSE(fs::exists(part()));
+}
+
+TEST_F(Fetching, MissingPageIsAnError) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("plain/none");
+  EXPECT_SAYS(message_of([&] { fetch(); }), "404");
+  EXPECT_FALSE(fs::exists(file()));
+}
+
+TEST_F(Fetching, OtherProtocolsAreRefused) {
+  model.address = "ftp://127.0.0.1/m.caffemodel";
+  EXPECT_SAYS(message_of([&] { fetch(); }), "cannot fetch m");
+}
+
+TEST_F(Fetching, StopKeepsWhatIsThere) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("ranges/m.caffemodel");
+  test::write_file(part(), content.substr(0, 100'000));
+  models::DownloadOptions options;
+  options.stop = [] { return true; };
+  EXPECT_THROW(fetch(options), Interrupted);
+  EXPECT_GE(fs::file_size(part()), 100'000U);
+  EXPECT_FALSE(fs::exists(file()));
+}
+
+TEST_F(Fetching, WithoutChecksumTellsWeightsFromAWebPage) {
+  use_file_address();
+  model.sha1.clear();
+  model.sha1_source.clear();
+  test::write_file(server_folder / "m.caffemodel", "<html>please log in</html>");
+  EXPECT_SAYS(message_of([&] { fetch(); }), "is not the model");
+  EXPECT_FALSE(fs::exists(file()));
+
+  const auto made = models::write_random_model(server_folder.path(), "alexnet", 1);
+  fs::rename(made.weights, server_folder / "m.caffemodel");
+  const models::Fetched fetched = fetch();
+  EXPECT_FALSE(fetched.verified);
+  EXPECT_EQ(fetched.sha1, models::file_checksum(file(), "sha1"));
+}
+
+TEST_F(Fetching, WithoutChecksumNeverMixesOldAndNew) {
+  model.sha1.clear();
+  model.sha1_source.clear();
+  const auto made = models::write_random_model(server_folder.path(), "alexnet", 1);
+  fs::rename(made.weights, server_folder / "m.caffemodel");
+  use_file_address();
+  test::write_file(part(), "old beginning");
+  fetch();
+  EXPECT_TRUE(test::read_file(file()) == test::read_file(server_folder / "m.caffemodel"));
+}
+
+TEST_F(Fetching, PutsOurDescriptionBesideButKeepsTheUsers) {
+  use_file_address();
+  model.trunk = "alexnet";
+  const fs::path prototxt = fetch().prototxt;
+  EXPECT_EQ(prototxt, cache.path() / "m" / "deploy.prototxt");
+  EXPECT_EQ(proto::read_net(prototxt).net.layer_size(), models::trunk("alexnet").layer_size());
+  test::write_file(prototxt, "# mine");
+  fetch();
+  EXPECT_EQ(test::read_file(prototxt), "# mine");
+}
+
+/// A cache and a place for the user's own files.
+struct Finding : testing::Test {
+  test::TempDir cache, own;
+  const Environment models_variable{"REVISIT_MODELS", cache.path().string()};
+  models::ModelFiles random(const fs::path& folder) {
+    return models::write_random_model(folder, "alexnet", 1);
+  }
+};
+
+TEST_F(Finding, NothingSaysWhatToDo) {
+  const std::string message = message_of([] { models::find_model({}); });
+  EXPECT_SAYS(message, "models fetch");
+  EXPECT_SAYS(message, "make-random");
+  EXPECT_SAYS(message, cache.path().string());
+}
+
+TEST_F(Finding, BothFilesAsGiven) {
+  const auto files = random(own.path());
+  models::ModelRequest request;
+  request.model = files.prototxt;
+  request.weights = files.weights;
+  const models::FoundModel found = models::find_model(request);
+  EXPECT_EQ(found.prototxt, files.prototxt);
+  EXPECT_EQ(found.weights, files.weights);
+  EXPECT_FALSE(found.trained);
+  EXPECT_EQ(models::to_string(found.cut), "conv3+pool5");
+  EXPECT_EQ(found.mean_bgr, models::kIlsvrcMeanBgr);
+
+  request.end = "conv4";
+  request.mean_bgr = {1, 2, 3};
+  EXPECT_EQ(models::to_string(models::find_model(request).cut), "conv4");
+  EXPECT_EQ(models::find_model(request).mean_bgr[2], 3);
+}
+
+TEST_F(Finding, TheOtherFileIsLookedForBeside) {
+  const auto files = random(own.path());
+  models::ModelRequest request;
+  request.weights = files.weights;
+  EXPECT_EQ(models::find_model(request).prototxt, files.prototxt);
+  request = {};
+  request.model = files.prototxt;
+  EXPECT_EQ(models::find_model(request).weights, files.weights);
+  request.model = own.path();
+  EXPECT_EQ(models::find_model(request).weights, files.weights);
+
+  fs::copy_file(files.prototxt, own / "deploy.prototxt");
+  fs::copy_file(files.weights, own / "other.caffemodel");
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "several");
+  request = {};
+  request.weights = own / "other.caffemodel";
+  EXPECT_EQ(models::find_model(request).prototxt, own / "deploy.prototxt");
+  request.weights = files.weights;  // its own name comes first
+  EXPECT_EQ(models::find_model(request).prototxt, files.prototxt);
+}
+
+TEST_F(Finding, MissingFilesAreNamed) {
+  models::ModelRequest request;
+  request.weights = own / "none.caffemodel";
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "none.caffemodel");
+  request = {};
+  request.model = own / "none.prototxt";
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "none.prototxt");
+  request.model = "bvlc_alexnet";
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "models fetch bvlc_alexnet");
+  request.model = "bvlc_alexnett";
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "did you mean 'bvlc_alexnet'");
+  request = {};
+  request.graft = "pool5";
+  request.weights = random(own.path()).weights;
+  EXPECT_SAYS(message_of([&] { models::find_model(request); }), "--graft needs --end");
+}
+
+TEST_F(Finding, CachedModelWithoutChecksumUsesOurDescription) {
+  const auto files = random(own.path());
+  fs::create_directories(cache / "places_cnds8");
+  const auto cnds = models::write_random_model(own.path(), "places_cnds8", 1);
+  fs::copy_file(cnds.weights, cache.path() / "places_cnds8" / "8conv3fc_CNDS.caffemodel");
+  const models::FoundModel found = models::find_model({});
+  EXPECT_EQ(found.name, "places_cnds8");
+  EXPECT_EQ(found.prototxt, cache.path() / "places_cnds8" / "deploy.prototxt");
+  EXPECT_TRUE(found.trained);
+  EXPECT_EQ(models::to_string(found.cut), "pool3+pool5");
+  ASSERT_EQ(found.warnings.size(), 1U);  // nobody says its mean
+  EXPECT_SAYS(found.warnings[0], "mean");
+}
+
+TEST_F(Finding, CachedModelWithAWrongChecksumIsRefused) {
+  const auto files = random(own.path());
+  fs::create_directories(cache / "bvlc_alexnet");
+  fs::copy_file(files.weights, cache.path() / "bvlc_alexnet" / "bvlc_alexnet.caffemodel");
+  EXPECT_SAYS(message_of([] { models::find_model({}); }),
+              "9116a64c0fbe4459d18f4bb6b56d647b63920377");
+}
+
+TEST_F(Finding, ModelsFolderOfOneModel) {
+  REVISIT_NEED_SHARED(squeezenet, "data/caffemodels/squeezenet_v1.0");
+  const Environment folder("REVISIT_MODELS", squeezenet.string());
+  const models::FoundModel found = models::find_model({});
+  EXPECT_EQ(found.name, "squeezenet_v1.0");
+  EXPECT_EQ(found.weights, squeezenet / "weights.caffemodel");
+  EXPECT_EQ(found.prototxt, squeezenet / "deploy.prototxt");
+  EXPECT_TRUE(found.trained);
+  EXPECT_EQ(models::to_string(found.cut), "pool8");
+  EXPECT_EQ(found.mean_bgr, (std::array<double, 3>{104, 117, 123}));
+}
+
+TEST_F(Finding, ModelsFolderOfManyModels) {
+  REVISIT_NEED_SHARED(all, "data/caffemodels");
+  const Environment folder("REVISIT_MODELS", all.string());
+  EXPECT_EQ(models::find_model({}).weights, all / "squeezenet_v1.0" / "weights.caffemodel");
+}
+
+TEST(ModelsCommand, ListsInEveryFormat) {
+  const test::TempDir cache;
+  const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";
+  const auto table = test::run_revisit("models list", environment);
+  EXPECT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_SAYS(table.out, "bvlc_alexnet");
+  EXPECT_SAYS(table.out, "absent");
+  const auto csv = test::run_revisit("models list --format csv", environment);
+  EXPECT_TRUE(csv.out.starts_with("model,state,bytes,")) << csv.out;
+  const auto json = test::run_revisit("models list --format json", environment);
+  EXPECT_SAYS(json.out, "9116a64c0fbe4459d18f4bb6b56d647b63920377");
+  EXPECT_EQ(test::run_revisit("models list --format xml", environment).exit_code, 2);
+  EXPECT_EQ(test::run_revisit("models lst", environment).exit_code, 2);
+}
+
+TEST(ModelsCommand, MakesRandomNetworks) {
+  const test::TempDir dir;
+  const auto made =
+      test::run_revisit("models make-random --seed 5 -o '" + (dir / "r").string() + "'");
+  EXPECT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_SAYS(made.err, "untrained");
+  EXPECT_TRUE(fs::exists(dir.path() / "r" / "alexnet_random.prototxt"));
+  EXPECT_TRUE(fs::exists(dir.path() / "r" / "alexnet_random.caffemodel"));
+  EXPECT_EQ(test::run_revisit("models make-random").exit_code, 2);
+  EXPECT_EQ(test::run_revisit("models make-random --net lenet -o '" + dir.path().string() + "'")
+                .exit_code,
+            2);
+  EXPECT_EQ(test::run_revisit("models make-random -o /proc/nowhere").exit_code, 1);
+}
+
+TEST(ModelsCommand, FetchFailuresAreOneClearMessage) {
+  const test::TempDir cache;
+  const std::string option = " --cache '" + cache.path().string() + "'";
+  // A proxy that nobody answers: offline, wherever the test runs.
+  const auto offline = test::run_revisit("models fetch bvlc_alexnet" + option,
+                                         "http_proxy=http://127.0.0.1:1 no_proxy=");
+  EXPECT_EQ(offline.exit_code, 1);
+  EXPECT_SAYS(offline.err, "http://dl.caffe.berkeleyvision.org/bvlc_alexnet.caffemodel");
+  EXPECT_SAYS(offline.err, (cache.path() / "bvlc_alexnet" / "bvlc_alexnet.caffemodel").string());
+  EXPECT_EQ(offline.out, "");
+  const auto browser = test::run_revisit("models fetch places_cnds8" + option);
+  EXPECT_EQ(browser.exit_code, 1);
+  EXPECT_SAYS(browser.err, "browser");
+  EXPECT_EQ(test::run_revisit("models fetch squeezenet_v1.0" + option).exit_code, 1);
+  EXPECT_EQ(test::run_revisit("models fetch nonsense" + option).exit_code, 2);
+  EXPECT_EQ(test::run_revisit("models fetch" + option).exit_code, 2);
+}
+
+}  // namespace

@@ -1,0 +1,87 @@
+#include <gtest/gtest.h>
+
+#include "test_data.h"
+
+namespace revisit::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string quick(const fs::path& output) {
+  return "simulate -o '" + output.string() + "' --sensor vlp16 --length 300 --frames 3 ";
+}
+
+bool has(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
+TEST(SimulateCommand, WritesADataSetAndSaysWhatIsNext) {
+  const TempDir dir;
+  const ProgramResult run = run_revisit(quick(dir.path()));
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_TRUE(has(run.out, "3 scans")) << run.out;
+  EXPECT_TRUE(has(run.out, "revisit eval")) << run.out;
+  EXPECT_EQ(run.err, "") << "no progress line when stderr is no terminal";
+  for (const char* file : {"poses/00.txt", "sequences/00/calib.txt", "sequences/00/times.txt",
+                           "sequences/00/velodyne/000002.bin"})
+    EXPECT_TRUE(fs::exists(dir / file)) << file;
+  EXPECT_FALSE(fs::exists(dir / "sequences/00/velodyne/000003.bin"));
+
+  const ProgramResult again = run_revisit(quick(dir.path()));
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_TRUE(has(again.out, "3 kept")) << again.out;
+
+  const ProgramResult other = run_revisit(quick(dir.path()) + "--seed 9");
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_TRUE(has(other.err, "--overwrite")) << other.err;
+}
+
+TEST(SimulateCommand, FramesAreARangeOrACount) {
+  const TempDir dir;
+  const ProgramResult run = run_revisit("simulate -q -o '" + dir.path().string() +
+                                        "' --sensor vlp16 --length 300 --frames 10-14 --every 2");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_EQ(run.out, "");
+  for (const int frame : {10, 12, 14})
+    EXPECT_TRUE(fs::exists(dir / ("sequences/00/velodyne/0000" + std::to_string(frame) + ".bin")));
+  EXPECT_FALSE(fs::exists(dir / "sequences/00/velodyne/000011.bin"));
+  for (const char* bad : {"x", "-3", "0", "5-2", "0-99999999", "1-2-3", ""})
+    EXPECT_EQ(run_revisit(quick(dir / "bad") + "--frames '" + bad + "'").exit_code, 2) << bad;
+}
+
+TEST(SimulateCommand, MisuseIsExplained) {
+  const TempDir dir;
+  const ProgramResult no_output = run_revisit("simulate");
+  EXPECT_EQ(no_output.exit_code, 2);
+  EXPECT_TRUE(has(no_output.err, "--output")) << no_output.err;
+  const ProgramResult route = run_revisit(quick(dir.path()) + "--route opposit");
+  EXPECT_EQ(route.exit_code, 2);
+  EXPECT_TRUE(has(route.err, "did you mean 'opposite'")) << route.err;
+  const ProgramResult both = run_revisit(quick(dir.path()) + "--poses p.txt");
+  EXPECT_EQ(both.exit_code, 2);
+  EXPECT_TRUE(has(both.err, "--poses")) << both.err;
+  EXPECT_EQ(run_revisit(quick(dir.path()) + "--sensor hdl46").exit_code, 2);
+  EXPECT_EQ(run_revisit(quick(dir.path()) + "--seed -1").exit_code, 2);
+  const ProgramResult absent = run_revisit("simulate -o '" + dir.path().string() + "' --poses '" +
+                                           (dir / "no.txt").string() + "'");
+  EXPECT_EQ(absent.exit_code, 3);
+  EXPECT_TRUE(has(absent.err, "no.txt")) << absent.err;
+}
+
+TEST(SimulateCommand, AFolderThatCannotBeWrittenIsAnError) {
+  const TempDir dir;
+  write_file(dir / "file", "");
+  const ProgramResult run = run_revisit(quick(dir / "file"));
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_TRUE(has(run.err, "file")) << run.err;
+}
+
+TEST(SimulateCommand, HelpHasExamples) {
+  const ProgramResult help = run_revisit("simulate --help");
+  EXPECT_EQ(help.exit_code, 0);
+  EXPECT_TRUE(has(help.out, "--poses")) << help.out;
+  EXPECT_TRUE(has(help.out, "Examples:")) << help.out;
+}
+
+}  // namespace
+}  // namespace revisit::test

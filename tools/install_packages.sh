@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Installs the Debian packages of packages.txt that are missing. Usage: install_packages.sh [engine]
+set -euo pipefail
+
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+case "${1:-all}" in
+  all) list=$(cat "$here/packages.txt") ;;
+  engine) list=$(sed '/^# --- engine ends here/,$d' "$here/packages.txt") ;;
+  *) echo "usage: $0 [engine]" >&2; exit 2 ;;
+esac
+wanted=$(sed 's/#.*//' <<<"$list" | xargs -n1)
+
+if ! command -v dpkg-query >/dev/null; then
+  echo "not a Debian system: install what matches these packages by hand:" $wanted >&2
+  exit 1
+fi
+installed=$(dpkg-query -W -f='${db:Status-Abbrev} ${Package}\n' $wanted 2>/dev/null | awk '$1 == "ii" {print $2}' || true)
+missing=$(comm -23 <(sort -u <<<"$wanted") <(sort -u <<<"$installed") | xargs)
+[ -n "$missing" ] || exit 0
+
+as_root=()
+if [ "$(id -u)" -ne 0 ]; then
+  if ! sudo -n true 2>/dev/null; then
+    echo "packages are missing; install them as root:" >&2
+    echo "  sudo apt-get install --no-install-recommends $missing" >&2
+    exit 1
+  fi
+  as_root=(sudo -n)
+fi
+
+echo "installing: $missing" >&2
+install() {
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install -y -q --no-install-recommends $missing >&2
+}
+# The package lists may be absent or stale: refresh them only when it does not work without.
+if ! install; then
+  "${as_root[@]}" apt-get update -q >&2
+  install
+fi

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace revisit::cli {
+
+/// What a subcommand returns to the shell; see DESIGN section 5 and `revisit --help`.
+enum ExitCode {
+  kOk = 0,
+  kFailed = 1,
+  kUsage = 2,
+  kBadInput = 3,
+  kUnsupported = 4,
+  kCheckFailed = 5,
+  kInterrupted = 130
+};
+
+using Arguments = std::vector<std::string>;
+
+/// One subcommand: `run` gets the arguments after the verb and returns an ExitCode. Errors are
+/// thrown; main() turns them into a message and a code.
+struct Command {
+  const char* name;
+  const char* summary;
+  int (*run)(const Arguments&);
+};
+
+/// Runs the command of `table` that `arguments[0]` names, or prints the list (with `program` as the
+/// prefix) for none or --help. Throws UsageError for an unknown name, with the nearest one.
+int dispatch(const std::string& program, const char* introduction,
+             const std::vector<Command>& table, const Arguments& arguments);
+
+// The subcommands, one file each (commands/<name>.cpp).
+int net_command(const Arguments&);
+int image_command(const Arguments&);
+int describe_command(const Arguments&);
+int eval_command(const Arguments&);
+int gt_command(const Arguments&);
+int simulate_command(const Arguments&);
+int models_command(const Arguments&);
+int doctor_command(const Arguments&);
+
+}  // namespace revisit::cli

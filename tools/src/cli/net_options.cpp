@@ -1,0 +1,73 @@
+#include "net_options.h"
+
+#include <iostream>
+
+namespace revisit::cli {
+namespace {
+
+constexpr uint64_t kRandomSeed = 1;
+
+/// The input shapes by blob name; a shape without a name belongs to the only input of the net.
+std::map<std::string, engine::Shape> named_shapes(const NetOptions& options) {
+  std::map<std::string, engine::Shape> shapes;
+  for (const std::string& text : options.input_shapes) {
+    const size_t equals = text.rfind('=');
+    std::string blob = equals == std::string::npos ? "" : text.substr(0, equals);
+    if (blob.empty()) {
+      const auto inputs = engine::input_blobs(options.prototxt, options.allow_unknown);
+      if (inputs.size() != 1)
+        throw UsageError(str("--input-shape: ", options.prototxt.string(), " has ", inputs.size(),
+                             " inputs; say which one: BLOB=", text));
+      blob = inputs[0];
+    }
+    shapes.insert_or_assign(
+        blob, engine::Shape::parse(text.substr(equals == std::string::npos ? 0 : equals + 1)));
+  }
+  return shapes;
+}
+
+}  // namespace
+
+void NetOptions::declare(Parser& parser) {
+  parser.positional("PROTOTXT", &prototxt);
+  parser.optional_positional("WEIGHTS", &weights);
+  parser.group("Network:");
+  parser.option("end", "LAYER",
+                "cut the net off after this layer (before an in-place layer that follows)",
+                &truncation.end);
+  parser.option(
+      "graft", "LAYER",
+      "append a copy of this layer after --end and its in-place ReLU: --end conv3 --graft pool5",
+      &truncation.graft);
+  parser.option("input-shape", "[BLOB=]NxCxHxW", "replace an input's shape, e.g. 1x3x107x4000",
+                &input_shapes);
+  parser.option("threads", "N", "threads of one forward pass (default 1)", &threads);
+  parser.flag("allow-missing", "layers without weights become zeros instead of an error",
+              &allow_missing);
+  parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
+              &allow_unknown);
+}
+
+engine::LoadOptions NetOptions::load_options() const {
+  if (threads < 1) throw UsageError(str("--threads: expected at least 1, found ", threads));
+  return {truncation, named_shapes(*this), allow_missing, allow_unknown};
+}
+
+engine::Net load_net(const NetOptions& options, NoWeights otherwise) {
+  const engine::LoadOptions load = options.load_options();
+  if (!options.weights && otherwise == NoWeights::kRefuse)
+    throw UsageError("this needs the network's weights: give the .caffemodel after the .prototxt");
+  engine::Net net = options.weights ? engine::Net::load(options.prototxt, *options.weights, load)
+                    : otherwise == NoWeights::kRandom
+                        ? engine::Net::load_with_random_weights(options.prototxt, kRandomSeed, load)
+                        : engine::Net::load_without_weights(options.prototxt, load);
+  for (const std::string& warning : net.warnings()) std::cerr << "warning: " << warning << "\n";
+  return net;
+}
+
+std::string weights_source(const NetOptions& options, NoWeights otherwise) {
+  if (options.weights) return options.weights->string();
+  return otherwise == NoWeights::kRandom ? "random" : "none";
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "parser.h"
+#include "revisit/engine/net.h"
+
+namespace revisit::cli {
+
+/// What every command that loads a Caffe net takes.
+struct NetOptions {
+  std::filesystem::path prototxt;
+  std::optional<std::filesystem::path> weights;
+  engine::Truncation truncation;
+  std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
+  int threads = 1;
+  bool allow_missing = false, allow_unknown = false;
+
+  /// Declares the positional PROTOTXT [WEIGHTS] and the options.
+  void declare(Parser& parser);
+  engine::LoadOptions load_options() const;
+};
+
+/// How to do without a weights file.
+enum class NoWeights { kRefuse, kRandom, kNone };
+
+/// Loads the net; its warnings go to stderr. Without a weights file: as `otherwise` says.
+engine::Net load_net(const NetOptions& options, NoWeights otherwise);
+
+/// "file", "random" or "none": where the weights come from.
+std::string weights_source(const NetOptions& options, NoWeights otherwise);
+
+}  // namespace revisit::cli

@@ -1,0 +1,209 @@
+#include "parser.h"
+
+#include <argp.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cstdlib>
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+template <class Number>
+Number parse_number(const std::string& what, const std::string& text) {
+  Number value{};
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value);
+  if (error == std::errc::result_out_of_range)
+    throw UsageError(str(what, ": ", text, " is out of range"));
+  if (error != std::errc() || stop != end)
+    throw UsageError(str(what, ": expected ",
+                         std::is_integral_v<Number> ? "a whole number" : "a number", ", found '",
+                         text, "'"));
+  return value;
+}
+
+/// What argp collected: options in order, then the positional arguments.
+struct Collected {
+  std::vector<std::pair<const Parser::Option*, std::string>> options;
+  std::vector<std::string> positionals;
+  const std::vector<Parser::Option>* declared = nullptr;
+};
+
+/// argp identifies an option by an integer: a letter, or our index above the range of letters.
+constexpr int kFirstKey = 1000;
+
+error_t collect(int key, char* argument, argp_state* state) {
+  auto& collected = *static_cast<Collected*>(state->input);
+  if (key == ARGP_KEY_ARG) {
+    collected.positionals.emplace_back(argument);
+    return 0;
+  }
+  for (size_t i = 0; i < collected.declared->size(); ++i) {
+    const Parser::Option& option = (*collected.declared)[i];
+    const int option_key = option.letter ? option.letter : kFirstKey + static_cast<int>(i);
+    if (key != option_key || option.is_heading) continue;
+    collected.options.emplace_back(&option, argument ? argument : "");
+    return 0;
+  }
+  return ARGP_ERR_UNKNOWN;
+}
+
+std::string environment_name(const std::string& option) {
+  std::string name = "REVISIT_" + option;
+  std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) {
+    return c == '-' ? '_' : static_cast<char>(std::toupper(c));
+  });
+  return name;
+}
+
+}  // namespace
+
+template <>
+std::string parse_value(const std::string&, const std::string& text) {
+  return text;
+}
+template <>
+fs::path parse_value(const std::string& what, const std::string& text) {
+  if (text.empty()) throw UsageError(what + ": expected a path, found an empty string");
+  return text;
+}
+template <>
+int parse_value(const std::string& what, const std::string& text) {
+  return parse_number<int>(what, text);
+}
+template <>
+int64_t parse_value(const std::string& what, const std::string& text) {
+  return parse_number<int64_t>(what, text);
+}
+template <>
+uint64_t parse_value(const std::string& what, const std::string& text) {
+  return parse_number<uint64_t>(what, text);
+}
+template <>
+double parse_value(const std::string& what, const std::string& text) {
+  return parse_number<double>(what, text);
+}
+template <>
+bool parse_value(const std::string& what, const std::string& text) {
+  if (text.empty() || text == "true" || text == "1" || text == "on") return true;
+  if (text == "false" || text == "0" || text == "off") return false;
+  throw UsageError(str(what, ": expected true or false, found '", text, "'"));
+}
+
+Parser::Parser(std::string command, std::string usage, std::string summary, std::string examples)
+    : command_(std::move(command)),
+      usage_(std::move(usage)),
+      summary_(std::move(summary)),
+      examples_(std::move(examples)) {}
+
+void Parser::add(Option option) {
+  options_.push_back(std::move(option));
+}
+
+Parser& Parser::flag(std::string name, std::string help, bool* target, char letter) {
+  add({std::move(name), "", std::move(help), letter,
+       [target](const std::string& what, const std::string& text) { assign(what, text, target); }});
+  return *this;
+}
+
+Parser& Parser::group(std::string heading) {
+  add({"", "", std::move(heading), 0, {}, true});
+  return *this;
+}
+
+Parser& Parser::config(ConfigReader reader) {
+  config_reader_ = std::move(reader);
+  group("Configuration:");
+  option("config", "FILE", "YAML file of option names and values", &config_path_, 'c');
+  option("set", "KEY=VALUE", "set one option by name, after the file", &config_sets_);
+  return *this;
+}
+
+Parser::Option& Parser::find(const std::string& source, const std::string& name) {
+  std::vector<std::string> known;
+  for (Option& option : options_) {
+    if (option.is_heading) continue;
+    if (option.name == name) return option;
+    known.push_back(option.name);
+  }
+  throw UsageError(str(source, ": unknown key '", name, "'", did_you_mean(name, known)));
+}
+
+void Parser::apply_environment() {
+  for (const Option& option : options_) {
+    if (option.is_heading || option.name == "config" || option.name == "set") continue;
+    const std::string name = environment_name(option.name);
+    if (const char* value = std::getenv(name.c_str())) option.apply(name, value);
+  }
+}
+
+void Parser::apply_positionals(const std::vector<std::string>& arguments) {
+  size_t next = 0;
+  for (const Positional& positional : positionals_) {
+    if (next == arguments.size() && positional.required)
+      throw UsageError(str("missing argument ", positional.name, " (usage: ", command_, " ", usage_,
+                           "; see ", command_, " --help)"));
+    while (next < arguments.size()) {
+      positional.apply(positional.name, arguments[next++]);
+      if (!positional.repeated) break;
+    }
+  }
+  if (next < arguments.size())
+    throw UsageError(
+        str("unexpected argument '", arguments[next], "' (usage: ", command_, " ", usage_, ")"));
+}
+
+void Parser::parse(std::vector<std::string> arguments) {
+  std::vector<argp_option> table;
+  int group_number = 1;
+  for (size_t i = 0; i < options_.size(); ++i) {
+    const Option& option = options_[i];
+    if (option.is_heading) {
+      table.push_back({nullptr, 0, nullptr, 0, option.help.c_str(), ++group_number});
+      continue;
+    }
+    table.push_back({option.name.c_str(),
+                     option.letter ? option.letter : kFirstKey + static_cast<int>(i),
+                     option.metavar.empty() ? nullptr : option.metavar.c_str(), 0,
+                     option.help.c_str(), group_number});
+  }
+  table.push_back({});
+
+  const std::string documentation =
+      summary_ + (examples_.empty() ? "" : "\vExamples:\n" + examples_);
+  const argp parser{table.data(), collect, usage_.c_str(), documentation.c_str(),
+                    nullptr,      nullptr, nullptr};
+  std::vector<char*> argv{command_.data()};
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+
+  argp_err_exit_status = 2;
+  Collected collected{{}, {}, &options_};
+  argp_parse(&parser, static_cast<int>(argv.size() - 1), argv.data(), 0, nullptr, &collected);
+
+  // The configuration comes first, whatever its place on the command line.
+  const auto is_config = [](const Option& option) {
+    return option.name == "config" || option.name == "set";
+  };
+  for (const auto& [option, text] : collected.options)
+    if (is_config(*option)) option->apply("--" + option->name, text);
+  if (config_path_)
+    for (const auto& [name, value] : config_reader_(*config_path_))
+      find(config_path_->string(), name).apply(config_path_->string() + ": " + name, value);
+  apply_environment();
+  for (const std::string& set : config_sets_) {
+    const size_t equals = set.find('=');
+    if (equals == std::string::npos)
+      throw UsageError("--set: expected KEY=VALUE, found '" + set + "'");
+    find("--set", set.substr(0, equals))
+        .apply("--set " + set.substr(0, equals), set.substr(equals + 1));
+  }
+  for (const auto& [option, text] : collected.options)
+    if (!is_config(*option)) option->apply("--" + option->name, text);
+  apply_positionals(collected.positionals);
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,124 @@
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+
+/// Converts the text of one option or argument; throws UsageError when it does not fit the type.
+/// `what` names the option in the message, e.g. "--threads".
+template <class T>
+T parse_value(const std::string& what, const std::string& text);
+
+/// The command line of one subcommand: a typed, declarative front of glibc's argp, which does the
+/// parsing, abbreviations, `--help` and `--usage`.
+///
+/// Values are applied in the order defaults < config file < environment < command line: the
+/// configuration sets them by long name, `REVISIT_<LONG_NAME>` does the same from the environment.
+class Parser {
+ public:
+  /// `usage` is the argument synopsis ("PROTOTXT [WEIGHTS]"); `examples` is printed under --help.
+  Parser(std::string command, std::string usage, std::string summary, std::string examples);
+
+  /// An option that takes a value. `target` keeps its initial value as the default.
+  /// T: std::string, int, int64_t, double, std::filesystem::path, std::optional of these, or
+  /// std::vector of these (repeatable option).
+  template <class T>
+  Parser& option(std::string name, std::string metavar, std::string help, T* target,
+                 char letter = 0) {
+    add({std::move(name), std::move(metavar), std::move(help), letter,
+         [target](const std::string& what, const std::string& text) {
+           assign(what, text, target);
+         }});
+    return *this;
+  }
+
+  /// A switch: present means true.
+  Parser& flag(std::string name, std::string help, bool* target, char letter = 0);
+
+  /// The next positional argument, required.
+  template <class T>
+  Parser& positional(std::string name, T* target) {
+    return add_positional(std::move(name), true, target);
+  }
+  /// The next positional argument, optional. A vector target takes all that remain.
+  template <class T>
+  Parser& optional_positional(std::string name, T* target) {
+    return add_positional(std::move(name), false, target);
+  }
+
+  /// A heading for the options declared after it.
+  Parser& group(std::string heading);
+
+  /// Values from a configuration file, by long option name; to be set by whoever reads the file.
+  /// Called once with the path given with `--config`, before the command line is applied.
+  using ConfigReader =
+      std::function<std::vector<std::pair<std::string, std::string>>(const std::filesystem::path&)>;
+  /// Adds `-c/--config FILE` and `--set key=value`.
+  Parser& config(ConfigReader reader);
+
+  /// Parses `arguments` (without the program and subcommand names) and fills the targets.
+  /// Prints help and exits for --help/--usage; a misused command line prints a hint and exits 2.
+  /// Throws UsageError for values that do not fit.
+  void parse(std::vector<std::string> arguments);
+
+  struct Option {
+    std::string name, metavar, help;
+    char letter = 0;
+    std::function<void(const std::string& what, const std::string& text)> apply;
+    bool is_heading = false;
+  };
+
+ private:
+  struct Positional {
+    std::string name;
+    bool required = false, repeated = false;
+    std::function<void(const std::string& what, const std::string& text)> apply;
+  };
+
+  template <class T>
+  static void assign(const std::string& what, const std::string& text, T* target) {
+    *target = parse_value<T>(what, text);
+  }
+  template <class T>
+  static void assign(const std::string& what, const std::string& text, std::optional<T>* target) {
+    *target = parse_value<T>(what, text);
+  }
+  template <class T>
+  static void assign(const std::string& what, const std::string& text, std::vector<T>* target) {
+    target->push_back(parse_value<T>(what, text));
+  }
+
+  template <class T>
+  struct IsVector : std::false_type {};
+  template <class T>
+  struct IsVector<std::vector<T>> : std::true_type {};
+
+  template <class T>
+  Parser& add_positional(std::string name, bool required, T* target) {
+    positionals_.push_back({std::move(name), required, IsVector<T>::value,
+                            [target](const std::string& what, const std::string& text) {
+                              assign(what, text, target);
+                            }});
+    return *this;
+  }
+  void add(Option option);
+  Option& find(const std::string& source, const std::string& name);
+  void apply_environment();
+  void apply_positionals(const std::vector<std::string>& arguments);
+
+  std::string command_, usage_, summary_, examples_;
+  std::vector<Option> options_;
+  std::vector<Positional> positionals_;
+  ConfigReader config_reader_;
+  std::optional<std::filesystem::path> config_path_;
+  std::vector<std::string> config_sets_;
+};
+
+}  // namespace revisit::cli

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <string>
+
+namespace revisit::cli {
+
+/// Reports (done, total) of long work; thread-safe callers only from one thread at a time.
+using ProgressCallback = std::function<void(int64_t done, int64_t total)>;
+
+/// One line on stderr, only when it is a terminal and progress is wanted:
+/// `describing 1234/4541 [27%] 81 scans/s ETA 00:41`. Redrawn at most ten times a second.
+class Progress {
+ public:
+  /// `unit` is the plural of what is counted, e.g. "scans".
+  Progress(std::string verb, std::string unit, bool enabled = true);
+  ~Progress();  // ends the line
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  void update(int64_t done, int64_t total);
+  ProgressCallback callback() {
+    return [this](int64_t done, int64_t total) { update(done, total); };
+  }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::string verb_, unit_;
+  bool enabled_;
+  bool drawn_ = false;
+  Clock::time_point start_ = Clock::now(), last_{};
+  int64_t first_done_ = -1;  // work kept from an earlier run does not count for the rate
+};
+
+}  // namespace revisit::cli

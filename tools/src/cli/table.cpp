@@ -1,0 +1,66 @@
+#include "table.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ostream>
+
+namespace revisit::cli {
+namespace {
+
+bool looks_numeric(const std::string& cell) {
+  return !cell.empty() && cell.find_first_not_of("0123456789.+-eE%x") == std::string::npos;
+}
+
+}  // namespace
+
+Table::Table(std::vector<std::string> header) : rows_{std::move(header)} {}
+
+void Table::row(std::vector<std::string> cells) {
+  cells.resize(rows_[0].size());
+  rows_.push_back(std::move(cells));
+}
+
+void Table::print(std::ostream& out) const {
+  const size_t columns = rows_[0].size();
+  for (const auto& row : rows_) {
+    std::string line;
+    for (size_t c = 0; c < columns; ++c) {
+      size_t width = 0;
+      bool numeric = rows_.size() > 1;
+      for (size_t r = 0; r < rows_.size(); ++r) {
+        width = std::max(width, rows_[r][c].size());
+        numeric &= r == 0 || rows_[r][c].empty() || looks_numeric(rows_[r][c]);
+      }
+      const std::string padding(width - row[c].size(), ' ');
+      line += (c ? "  " : "") + (numeric ? padding + row[c] : row[c] + padding);
+    }
+    line.erase(line.find_last_not_of(' ') + 1);
+    out << line << "\n";
+  }
+}
+
+void Table::print_csv(std::ostream& out) const {
+  for (const auto& row : rows_) {
+    for (size_t c = 0; c < row.size(); ++c) {
+      if (c) out << ",";
+      if (row[c].find_first_of(",\"\n") == std::string::npos) {
+        out << row[c];
+        continue;
+      }
+      out << '"';
+      for (const char ch : row[c]) out << (ch == '"' ? "\"\"" : std::string(1, ch));
+      out << '"';
+    }
+    out << "\n";
+  }
+}
+
+std::string number(double value, int digits) {
+  if (std::isnan(value)) return "";
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f", digits, value);
+  return text;
+}
+
+}  // namespace revisit::cli

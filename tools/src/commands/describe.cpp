@@ -1,0 +1,81 @@
+#include <cmath>
+#include <iostream>
+#include <numbers>
+
+#include "cli/command.h"
+#include "cli/config_file.h"
+#include "cli/table.h"
+#include "eval/descriptors.h"
+#include "revisit/proto/atomic_file.h"
+#include "revisit/proto/npy.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Row, frame and alignment of each descriptor, so that descriptors.npy can be used alone.
+void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
+                  const std::vector<pipeline::AlignmentRecord>& alignments) {
+  Table table({"row", "frame", "file", "time", "yaw_deg", "eigenvalue_ratio", "abs_t11",
+               "mirrored_choice"});
+  for (size_t i = 0; i < dataset.scans.size(); ++i) {
+    const pipeline::ScanRef& scan = dataset.scans[i];
+    const pipeline::AlignmentRecord& a = alignments[i];
+    table.row({str(i), str(scan.frame), scan.file.string(), scan.time ? number(*scan.time, 6) : "",
+               number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
+               number(a.abs_t11, 4), number(a.mirrored_choice, 0)});
+  }
+  write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
+}
+
+}  // namespace
+
+int describe_command(const Arguments& arguments) {
+  FeatureOptions options;
+  fs::path output;
+  std::string align = "case1";
+  Parser parser("revisit describe", "DATA -o DIR",
+                "Turn every scan of a KITTI sequence or a folder of .bin, .pcd or .ply files into "
+                "a descriptor: "
+                "DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan) and "
+                "DIR/pca (mean.npy, "
+                "basis.npy: for --pca-fit elsewhere). A stopped run goes on when the same command "
+                "is given again.",
+                "  revisit describe KITTI --sequence 00 -o out\n"
+                "  revisit describe scans/ --sensor vlp16 --feature data --pca 100 -o out\n"
+                "  revisit describe KITTI --sequence 05 --pca-fit out/pca -o out05\n");
+  options.declare(parser);
+  parser.option("align", "none|case1|case2",
+                "align scans with their principal directions (default case1)", &align);
+  parser.group("Output:");
+  parser.option("output", "DIR", "folder for the descriptors", &output, 'o');
+  parser.config(read_config_file);
+  parser.parse(arguments);
+  if (output.empty()) throw UsageError("give the folder for the descriptors: -o DIR");
+  if (options.pca_fit == "map")
+    throw UsageError("--pca-fit map needs a task with stored scans: use `revisit eval`");
+
+  const pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence);
+  const FeatureSource source = open_feature(options);
+  pipeline::set_linear_algebra_threads(options.thread_count());
+  pipeline::DescribeTimes times;
+  const fs::path cache = options.cache.empty() ? output / "features" : fs::path(options.cache);
+  const Features features =
+      compute_features(options, dataset, source, pipeline::parse_align_mode(align), cache, &times);
+
+  const bool fits = options.pca_fit == "all";
+  const Descriptors descriptors =
+      reduce(options, {}, features, nullptr, fits ? output / "pca" : fs::path());
+  if (!descriptors.note.empty() && !options.quiet)
+    std::cerr << "note: " << descriptors.note << "\n";
+  const pipeline::FloatMatrix& matrix = descriptors.case1;
+  proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());
+  write_frames(output / "frames.csv", dataset, features.alignments);
+  std::cout << matrix.n << " scans, feature " << source.extractor.name << " ("
+            << source.extractor.dim << " numbers), PCA " << descriptors.pca_fit << "\n"
+            << "descriptors: " << (output / "descriptors.npy").string() << "\n";
+  return kOk;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,81 @@
+#include <algorithm>
+#include <iostream>
+
+#include "cli/command.h"
+#include "cli/json.h"
+#include "cli/parser.h"
+#include "doctor/checks.h"
+#include "reports.pb.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+void print_text(const doctor::Checks& checks) {
+  size_t width = 0;
+  for (const doctor::Check& check : checks) width = std::max(width, check.name.size());
+  std::string section;
+  for (const doctor::Check& check : checks) {
+    if (check.section != section)
+      std::cout << (section.empty() ? "" : "\n") << check.section << "\n";
+    section = check.section;
+    const std::string status = doctor::to_string(check.status);
+    std::cout << "  " << status << std::string(9 - status.size(), ' ') << check.name
+              << std::string(width + 2 - check.name.size(), ' ') << check.found << "\n";
+    if (!check.advice.empty()) std::cout << std::string(11, ' ') << "-> " << check.advice << "\n";
+  }
+}
+
+void print_json(const doctor::Checks& checks, bool ok) {
+  reports::DoctorReport report;
+  report.set_ok(ok);
+  for (const doctor::Check& check : checks) {
+    reports::DoctorCheck& item = *report.add_checks();
+    item.set_section(check.section);
+    item.set_name(check.name);
+    item.set_status(doctor::to_string(check.status));
+    item.set_found(check.found);
+    item.set_advice(check.advice);
+    item.set_essential(check.essential);
+  }
+  std::cout << to_json(report);
+}
+
+}  // namespace
+
+int doctor_command(const Arguments& arguments) {
+  std::optional<fs::path> data;
+  std::string format = "table";
+  Parser parser(
+      "revisit doctor", "[DATA]",
+      "Says what works here and what is missing, and what to do about it. Exit code 5 when "
+      "something essential is missing.",
+      "  revisit doctor\n  revisit doctor /data/kitti\n");
+  parser.optional_positional("DATA", &data);
+  parser.option("format", "table|json", "form of the output (default: table)", &format);
+  parser.parse(arguments);
+  if (format != "table" && format != "json")
+    throw UsageError(str("--format: expected table or json, found '", format, "'"));
+
+  doctor::Checks checks;
+  doctor::check_program(checks);
+  doctor::check_machine(checks);
+  doctor::check_tools(checks);
+  doctor::check_models(checks);
+  if (data) doctor::check_data(*data, checks);
+
+  const bool ok = std::none_of(checks.begin(), checks.end(), [](const doctor::Check& check) {
+    return check.essential && check.status == doctor::Status::kMissing;
+  });
+  if (format == "json") {
+    print_json(checks, ok);
+  } else {
+    print_text(checks);
+    std::cout << (ok ? "\neverything essential works\n"
+                     : "\nsomething essential is missing, see above\n");
+  }
+  return ok ? kOk : kCheckFailed;
+}
+
+}  // namespace revisit::cli

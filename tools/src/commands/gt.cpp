@@ -1,0 +1,145 @@
+#include <iostream>
+
+#include "cli/command.h"
+#include "cli/json.h"
+#include "cli/parser.h"
+#include "cli/table.h"
+#include "reports.pb.h"
+#include "revisit/pipeline/dataset.h"
+#include "revisit/pipeline/ground_truth.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace pipeline;
+
+constexpr const char* kSummary =
+    "Prints the ground truth of a KITTI sequence: how many frames come back to a place seen "
+    "before. A frame "
+    "has a true loop when an earlier frame beyond the exclusion is nearer than the radius. Only "
+    "the poses "
+    "are read; every pose is a frame.";
+constexpr const char* kExamples =
+    "  revisit gt kitti --sequence 00\n"
+    "  revisit gt kitti --sequence 08 --distance box --radius 3 --exclusion metres=50\n"
+    "  revisit gt kitti --sequence 05 --pairs --format csv > pairs.csv\n";
+
+struct GtOptions {
+  fs::path data;
+  std::string sequence, distance = "xz", exclusion = "frames=50", format = "table";
+  double radius = 5;
+  bool pairs = false;
+};
+
+GtOptions parse_options(const Arguments& arguments) {
+  GtOptions o;
+  Parser parser("revisit gt", "DATA", kSummary, kExamples);
+  parser.positional("DATA", &o.data)
+      .option("sequence", "NN", "which sequence, e.g. 00", &o.sequence)
+      .option("distance", "KIND",
+              "xz (horizontal, default), 3d, or box (largest coordinate difference)", &o.distance)
+      .option("radius", "M", "true matches are nearer than this (default: 5)", &o.radius)
+      .option("exclusion", "KIND=N",
+              "candidates are more than this before the query: frames=50 (default), seconds=30, "
+              "metres=50 "
+              "(driven), or none",
+              &o.exclusion)
+      .flag("pairs", "list the true pairs", &o.pairs)
+      .option("format", "FORMAT", "table (default), json or csv", &o.format);
+  parser.parse(arguments);
+  if (o.format != "table" && o.format != "json" && o.format != "csv")
+    throw UsageError(str("--format: expected table, json or csv, found '", o.format, "'"));
+  return o;
+}
+
+/// KITTI keeps them in the sequence's folder, wherever the poses are.
+std::vector<double> find_times(const fs::path& poses, const fs::path& data) {
+  const fs::path folders[] = {poses.parent_path(),
+                              poses.parent_path().parent_path() / "sequences" / poses.stem(), data};
+  std::string looked;
+  for (const fs::path& folder : folders) {
+    const fs::path file = folder / "times.txt";
+    if (fs::exists(file)) return read_kitti_times(file);
+    looked += (looked.empty() ? "" : ", ") + file.string();
+  }
+  throw InputError(str("no time stamps for ", poses.string(), ": looked for ", looked));
+}
+
+/// "00" for poses/00.txt and for sequences/00/poses.txt.
+std::string sequence_name(const fs::path& poses) {
+  return poses.filename() == "poses.txt" ? fs::absolute(poses).parent_path().filename().string()
+                                         : poses.stem().string();
+}
+
+reports::GroundTruth make_report(const std::string& sequence, const Trajectory& trajectory,
+                                 const TrueMatchRule& rule, const Exclusion& exclusion,
+                                 const LoopTruth& truth, bool with_pairs) {
+  reports::GroundTruth report;
+  report.set_sequence(sequence);
+  report.set_distance(name_of(rule.distance));
+  report.set_radius_m(rule.radius);
+  report.set_exclusion(to_string(exclusion));
+  report.set_n_frames(static_cast<int>(trajectory.size()));
+  report.set_n_queries(static_cast<int>(truth.n_queries));
+  report.set_n_positives(static_cast<int>(truth.n_positives));
+  report.set_n_pairs(static_cast<int>(truth.pairs.size()));
+  if (!with_pairs) return report;
+  for (const TruePair& pair : truth.pairs) {
+    reports::TruePair& item = *report.add_pairs();
+    item.set_query(trajectory.frames[pair.query]);
+    item.set_match(trajectory.frames[pair.match]);
+    item.set_distance_m(pair.distance);
+  }
+  return report;
+}
+
+Table summary_table(const reports::GroundTruth& report) {
+  Table table({"sequence", "distance", "radius_m", "exclusion", "n_frames", "n_queries",
+               "n_positives", "n_pairs"});
+  table.row({report.sequence(), report.distance(), str(report.radius_m()), report.exclusion(),
+             str(report.n_frames()), str(report.n_queries()), str(report.n_positives()),
+             str(report.n_pairs())});
+  return table;
+}
+
+Table pair_table(const reports::GroundTruth& report) {
+  Table table({"query", "match", "distance_m"});
+  for (const reports::TruePair& pair : report.pairs())
+    table.row({str(pair.query()), str(pair.match()), number(pair.distance_m(), 3)});
+  return table;
+}
+
+void print(const reports::GroundTruth& report, const GtOptions& o) {
+  if (o.format == "json") {
+    std::cout << to_json(report);
+  } else if (o.format == "csv") {
+    (o.pairs ? pair_table(report) : summary_table(report)).print_csv(std::cout);
+  } else {
+    summary_table(report).print(std::cout);
+    if (!o.pairs) return;
+    std::cout << "\n";
+    pair_table(report).print(std::cout);
+  }
+}
+
+}  // namespace
+
+int gt_command(const Arguments& arguments) {
+  const GtOptions o = parse_options(arguments);
+  const TrueMatchRule rule{parse_distance(o.distance), o.radius};
+  const Exclusion exclusion = parse_exclusion(o.exclusion);
+  const fs::path file = find_kitti_poses(o.data, o.sequence);
+  const std::vector<double> times = exclusion.kind == Exclusion::Kind::kSeconds
+                                        ? find_times(file, o.data)
+                                        : std::vector<double>();
+  const Trajectory trajectory = make_trajectory(read_kitti_poses(file), times);
+  const LoopTruth truth = find_loops(trajectory, rule, exclusion);
+  print(make_report(o.sequence.empty() ? sequence_name(file) : o.sequence, trajectory, rule,
+                    exclusion, truth, o.pairs),
+        o);
+  return kOk;
+}
+
+}  // namespace revisit::cli

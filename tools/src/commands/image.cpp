@@ -1,0 +1,175 @@
+#include <algorithm>
+#include <iostream>
+#include <numbers>
+#include <optional>
+
+#include "cli/command.h"
+#include "cli/json.h"
+#include "cli/parser.h"
+#include "cli/table.h"
+#include "reports.pb.h"
+#include "revisit/pipeline/align.h"
+#include "revisit/pipeline/range_image.h"
+#include "revisit/pipeline/scan_file.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace pipeline;
+
+constexpr const char* kSummary =
+    "Writes the range image the network sees as PNG, before hole closing (NAME_projected.png) and "
+    "after (NAME_closed.png), and prints how well the scan is aligned. SCAN is a .bin (KITTI), "
+    ".pcd or .ply file.";
+constexpr const char* kExamples =
+    "  revisit image sequences/00/velodyne/000052.bin -o images\n"
+    "  revisit image scan.pcd --sensor vlp16 --align none\n"
+    "  revisit image scan.bin --width 2000 --max-range 50 --format json\n";
+
+struct ImageOptions {
+  fs::path scan, output = ".";
+  std::string sensor = "hdl64", align = "case1", format = "table";
+  std::optional<int> width, height, closing_width, closing_height;
+  std::optional<double> top, bottom, max_range;
+};
+
+void check_choice(const char* option, const std::string& found,
+                  const std::vector<std::string>& choices) {
+  if (std::find(choices.begin(), choices.end(), found) != choices.end()) return;
+  std::string listed;
+  for (const std::string& choice : choices) listed += (listed.empty() ? "" : ", ") + choice;
+  throw UsageError(str(option, ": expected one of ", listed, ", found '", found, "'",
+                       did_you_mean(found, choices)));
+}
+
+ImageOptions parse_options(const Arguments& arguments) {
+  ImageOptions o;
+  Parser parser("revisit image", "SCAN", kSummary, kExamples);
+  parser.positional("SCAN", &o.scan)
+      .option("output", "DIR", "where the PNG files go (default: here)", &o.output, 'o')
+      .option("align", "CASE", "case1 (default), case2 or none", &o.align)
+      .option("format", "FORMAT", "table (default) or json", &o.format)
+      .group("Image geometry:")
+      .option("sensor", "NAME", "hdl64 (default), hdl32 or vlp16: sets all of these", &o.sensor)
+      .option("width", "PIXELS", "columns of the panorama", &o.width)
+      .option("height", "PIXELS", "rows of the panorama", &o.height)
+      .option("top", "DEG", "elevation of the upper edge", &o.top)
+      .option("bottom", "DEG", "elevation of the lower edge", &o.bottom)
+      .option("max-range", "M", "range that gives the pixel value 255", &o.max_range)
+      .option("closing-width", "PIXELS", "hole closing rectangle, odd; 1 for none",
+              &o.closing_width)
+      .option("closing-height", "PIXELS", "hole closing rectangle, odd; 1 for none",
+              &o.closing_height);
+  parser.parse(arguments);
+  check_choice("--align", o.align, {"case1", "case2", "none"});
+  check_choice("--format", o.format, {"table", "json"});
+  return o;
+}
+
+ImageGeometry geometry_of(const ImageOptions& o) {
+  ImageGeometry geometry = sensor_geometry(o.sensor);
+  geometry.width = o.width.value_or(geometry.width);
+  geometry.height = o.height.value_or(geometry.height);
+  geometry.elevation_top = o.top.value_or(geometry.elevation_top);
+  geometry.elevation_bottom = o.bottom.value_or(geometry.elevation_bottom);
+  geometry.max_range = o.max_range.value_or(geometry.max_range);
+  geometry.closing_width = o.closing_width.value_or(geometry.closing_width);
+  geometry.closing_height = o.closing_height.value_or(geometry.closing_height);
+  check_geometry(geometry);
+  return geometry;
+}
+
+Alignment align_scan(const PointCloud& cloud, const ImageOptions& o) {
+  try {
+    return principal_alignment(cloud, o.align == "case2" ? AlignCase::kTwo : AlignCase::kOne);
+  } catch (const InputError& error) {
+    throw InputError(str(o.scan.string(), ": ", error.what()));
+  }
+}
+
+void report_alignment(const Alignment& alignment, reports::RangeImageSummary* summary) {
+  summary->set_yaw_deg(double{alignment.yaw} * 180 / std::numbers::pi);
+  summary->set_eigenvalue_ratio(alignment.eigenvalue_ratio);
+  summary->set_abs_t11(alignment.abs_t11);
+  // Scans a few metres apart turn the principal direction by some degrees: within that of a
+  // change of the sign, or of the direction altogether, the next scan may come out turned.
+  constexpr float kRoundCloud = 1.1F, kNearSignChange = 0.1F;
+  if (alignment.eigenvalue_ratio < kRoundCloud)
+    summary->add_warnings("eigenvalue ratio near 1: the principal direction is not determined");
+  if (alignment.abs_t11 < kNearSignChange)
+    summary->add_warnings("|t11| near 0: the direction may flip by 180 degrees");
+  if (alignment.mirrored_choice)
+    summary->add_warnings("t22 < 0: the paper's case 1 would need a mirror image");
+}
+
+/// Fraction of the pixels that hold a return.
+double filled(const RangeImage& image) {
+  const auto empty = std::count(image.pixels.begin(), image.pixels.end(), 0.0F);
+  return 1 - static_cast<double>(empty) / static_cast<double>(image.pixels.size());
+}
+
+void print_table(const reports::RangeImageSummary& s) {
+  const auto percent = [](double fraction) { return number(100 * fraction, 1) + " %"; };
+  Table table({"scan", s.scan()});
+  table.row({"image", str(s.width(), " x ", s.height(), ", ", s.sensor())});
+  table.row({"points", str(s.points())});
+  table.row({"usable points", str(s.usable_points())});
+  table.row({"pixels hit", percent(s.pixels_hit())});
+  table.row({"after closing", percent(s.pixels_closed())});
+  table.row({"alignment", s.align()});
+  if (s.has_yaw_deg()) {
+    table.row({"yaw [deg]", number(s.yaw_deg(), 2)});
+    table.row({"eigenvalue ratio", number(s.eigenvalue_ratio(), 2)});
+    table.row({"|t11|", number(s.abs_t11(), 3)});
+  }
+  for (const std::string& warning : s.warnings()) table.row({"warning", warning});
+  table.row({"projected", s.projected_png()});
+  table.row({"closed", s.closed_png()});
+  table.print(std::cout);
+}
+
+}  // namespace
+
+int image_command(const Arguments& arguments) {
+  const ImageOptions o = parse_options(arguments);
+  const ImageGeometry geometry = geometry_of(o);
+  reports::RangeImageSummary summary;
+
+  PointCloud cloud = read_scan(o.scan);
+  summary.set_points(static_cast<int>(cloud.points.size()));
+  summary.set_usable_points(
+      static_cast<int>(std::count_if(cloud.points.begin(), cloud.points.end(), is_return)));
+  if (o.align != "none") {
+    const Alignment alignment = align_scan(cloud, o);
+    report_alignment(alignment, &summary);
+    cloud = rotated(cloud, alignment.R_aligned_sensor);
+  }
+  const RangeImage projected = project(cloud, geometry);
+  const RangeImage closed = close_holes(projected, geometry);
+
+  std::error_code error;
+  fs::create_directories(o.output, error);
+  if (error) throw Error(str(o.output.string(), ": cannot create: ", error.message()));
+  const std::string stem = (o.output / o.scan.stem()).string();
+  write_png(stem + "_projected.png", projected);
+  write_png(stem + "_closed.png", closed);
+
+  summary.set_scan(o.scan.string());
+  summary.set_sensor(o.sensor);
+  summary.set_align(o.align);
+  summary.set_width(geometry.width);
+  summary.set_height(geometry.height);
+  summary.set_pixels_hit(filled(projected));
+  summary.set_pixels_closed(filled(closed));
+  summary.set_projected_png(stem + "_projected.png");
+  summary.set_closed_png(stem + "_closed.png");
+  if (o.format == "json")
+    std::cout << to_json(summary);
+  else
+    print_table(summary);
+  return kOk;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,210 @@
+#include <iostream>
+
+#include "cli/command.h"
+#include "cli/interrupt.h"
+#include "cli/json.h"
+#include "cli/parser.h"
+#include "cli/progress.h"
+#include "cli/table.h"
+#include "models/cache.h"
+#include "models/fetch.h"
+#include "reports.pb.h"
+#include "revisit/weights_conversion/random_model.h"
+#include "revisit/weights_conversion/trunks.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kMegabyte = 1e6;
+
+/// --cache, or the usual place.
+fs::path cache_or_default(const std::optional<fs::path>& option) {
+  return option ? *option : models::cache_folder();
+}
+
+std::string cuts_text(const models::KnownModel& model) {
+  std::string text;
+  for (const models::Cut& cut : model.cuts)
+    text += (text.empty() ? "" : " ") + models::to_string(cut);
+  return text;
+}
+
+std::string mean_text(const models::KnownModel& model) {
+  if (!model.mean_bgr) return "";
+  std::string text;
+  for (const double value : *model.mean_bgr) text += (text.empty() ? "" : " ") + str(value);
+  return text;
+}
+
+std::string size_text(const models::CacheEntry& entry) {
+  if (entry.state == models::CacheState::kAbsent) return "";
+  return number(static_cast<double>(entry.size) / kMegabyte, 1) + " MB";
+}
+
+void add_to_report(const models::KnownModel& model, const models::CacheEntry& entry,
+                   reports::KnownModels& report) {
+  reports::KnownModel& item = *report.add_models();
+  item.set_name(model.name);
+  item.set_state(models::to_string(entry.state));
+  item.set_file(entry.file.string());
+  if (entry.state != models::CacheState::kAbsent) item.set_bytes(static_cast<double>(entry.size));
+  if (!entry.sha1.empty()) item.set_sha1_found(entry.sha1);
+  if (!model.sha1.empty()) {
+    item.set_sha1(model.sha1);
+    item.set_sha1_source(model.sha1_source);
+  }
+  if (!model.address.empty()) item.set_address(model.address);
+  item.set_needs_browser(model.needs_browser);
+  item.set_prototxt(model.prototxt_address);
+  if (!model.trunk.empty()) item.set_own_prototxt(model.trunk);
+  item.set_licence(model.licence);
+  if (model.mean_bgr)
+    for (const double value : *model.mean_bgr) item.add_mean_bgr(value);
+  item.set_input_size(model.input_size);
+  for (const models::Cut& cut : model.cuts) item.add_cuts(models::to_string(cut));
+  item.set_notes(model.notes);
+}
+
+int list_command(const Arguments& arguments) {
+  std::string format = "table";
+  std::optional<fs::path> cache_option;
+  Parser parser(
+      "revisit models list", "",
+      "Lists the known Caffe models: which are in the cache, and whether they are the real ones.",
+      "  revisit models list\n  revisit models list --format json\n");
+  parser.option("format", "table|json|csv", "form of the output (default: table)", &format);
+  parser.option("cache", "DIR",
+                "folder of models (default: $REVISIT_MODELS, ~/.cache/revisit/models)",
+                &cache_option);
+  parser.parse(arguments);
+  if (format != "table" && format != "json" && format != "csv")
+    throw UsageError(str("--format: expected table, json or csv, found '", format, "'"));
+
+  const fs::path cache = cache_or_default(cache_option);
+  reports::KnownModels report;
+  report.set_cache(cache.string());
+  const bool csv = format == "csv";
+  std::vector<std::string> header{"model", "state", "size", "licence", "input", "feature layers"};
+  if (csv)
+    header = {"model",   "state",    "bytes",      "sha1_found",     "sha1",     "address", "file",
+              "licence", "mean_bgr", "input_size", "feature_layers", "prototxt", "notes"};
+  Table table(header);
+  for (const models::KnownModel& model : models::known_models()) {
+    const models::CacheEntry entry = models::inspect(cache, model);
+    add_to_report(model, entry, report);
+    const std::string state = models::to_string(entry.state), input = str(model.input_size);
+    if (csv)
+      table.row({model.name, state, entry.size ? str(entry.size) : "", entry.sha1, model.sha1,
+                 model.address, entry.file.string(), model.licence, mean_text(model), input,
+                 cuts_text(model), model.prototxt_address, model.notes});
+    else
+      table.row({model.name, state, size_text(entry), model.licence, input, cuts_text(model)});
+  }
+  if (format == "json") {
+    std::cout << to_json(report);
+  } else if (csv) {
+    table.print_csv(std::cout);
+  } else {
+    table.print(std::cout);
+    std::cout
+        << "\ncache: " << cache.string()
+        << "\n'revisit models fetch NAME' gets one; --format json shows addresses and checksums.\n";
+  }
+  return kOk;
+}
+
+/// The download in megabytes: bytes would make an unreadable line.
+models::DownloadOptions download_options(Progress& progress) {
+  models::DownloadOptions options;
+  options.stop = interrupted;
+  options.progress = [&progress](int64_t done, int64_t total) {
+    constexpr auto kUnit = static_cast<int64_t>(kMegabyte);
+    if (total > 0) progress.update(done / kUnit, total / kUnit);
+  };
+  return options;
+}
+
+void print_fetched(const models::KnownModel& model, const models::Fetched& fetched) {
+  std::cout << model.name << ": " << fetched.file.string()
+            << (fetched.was_there ? " (was there)\n" : "\n");
+  if (fetched.verified)
+    std::cout << "sha1 " << fetched.sha1 << ": as published (" << model.sha1_source << ")\n";
+  else
+    std::cout << "sha1 " << fetched.sha1
+              << ": could not be checked, nobody published the sum of this model\n";
+  std::cout << "licence: " << model.licence << "\n";
+  if (model.file.ends_with(".tar.gz"))
+    std::cout << "an archive; unpack it: tar -xzf '" << fetched.file.string()
+              << "' --strip-components=1 -C '" << fetched.file.parent_path().string() << "'\n";
+  if (!fetched.prototxt.empty())
+    std::cout << "prototxt: " << fetched.prototxt.string() << "\nuse it: revisit eval DATA --model "
+              << model.name << "\n";
+  else
+    std::cout << "prototxt, to be put beside it as deploy.prototxt: " << model.prototxt_address
+              << "\n";
+}
+
+int fetch_command(const Arguments& arguments) {
+  std::string name;
+  std::optional<fs::path> cache_option;
+  bool no_progress = false;
+  Parser parser("revisit models fetch", "NAME",
+                "Downloads a known model into the cache and checks its checksum. An interrupted "
+                "download goes on where it stopped.",
+                "  revisit models fetch bvlc_alexnet\n"
+                "  revisit models fetch squeezenet_v1.1 --cache /data/models\n");
+  parser.positional("NAME", &name);
+  parser.option("cache", "DIR",
+                "folder of models (default: $REVISIT_MODELS, ~/.cache/revisit/models)",
+                &cache_option);
+  parser.flag("no-progress", "no progress line", &no_progress);
+  parser.parse(arguments);
+
+  const models::KnownModel& model = models::known_model(name);
+  const models::Fetched fetched = [&] {
+    Progress progress("fetching " + model.name, "MB", !no_progress);
+    return models::fetch_model(model, cache_or_default(cache_option), download_options(progress));
+  }();
+  print_fetched(model, fetched);
+  return kOk;
+}
+
+int make_random_command(const Arguments& arguments) {
+  std::string net = "alexnet";
+  uint64_t seed = 1;
+  fs::path output;
+  std::string names;
+  for (const std::string& name : models::trunk_names()) names += (names.empty() ? "" : "|") + name;
+  Parser parser("revisit models make-random", "-o DIR",
+                "Writes a network with random weights, to try the machinery without a download. It "
+                "is not trained: its results say nothing about accuracy. The same seed gives the "
+                "same files everywhere.",
+                "  revisit models make-random -o /tmp/random\n"
+                "  revisit models make-random --net vgg_cnn_s --seed 7 -o /tmp/random\n");
+  parser.option("net", names, "which network (default: alexnet)", &net);
+  parser.option("seed", "N", "seed of the weights (default: 1)", &seed);
+  parser.option("output", "DIR", "where to write NET_random.prototxt and .caffemodel", &output,
+                'o');
+  parser.parse(arguments);
+  if (output.empty()) throw UsageError("missing option -o DIR: where to write the network");
+
+  const models::ModelFiles files = models::write_random_model(output, net, seed);
+  std::cout << files.prototxt.string() << "\n" << files.weights.string() << "\n";
+  std::cerr << "untrained: random weights (seed " << seed
+            << "); good for trying things out, says nothing about accuracy\n";
+  return kOk;
+}
+
+}  // namespace
+
+int models_command(const Arguments& arguments) {
+  return dispatch("revisit models", "Known Caffe models, and random ones.\n",
+                  {{"list", "the known models and which are here", list_command},
+                   {"fetch", "download one and check it", fetch_command},
+                   {"make-random", "write an untrained network", make_random_command}},
+                  arguments);
+}
+
+}  // namespace revisit::cli

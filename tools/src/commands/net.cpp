@@ -1,0 +1,16 @@
+#include "cli/command.h"
+#include "net_commands.h"
+
+namespace revisit::cli {
+
+int net_command(const Arguments& arguments) {
+  return dispatch("revisit net",
+                  "A Caffe net alone, from its original .prototxt and .caffemodel.\n",
+                  {{"inspect", "layers, shapes, parameters, MACs and memory for any input size",
+                    net_inspect_command},
+                   {"forward", "run it on .npy arrays", net_forward_command},
+                   {"profile", "time every layer and the whole", net_profile_command}},
+                  arguments);
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,22 @@
+#pragma once
+
+#include "cli/command.h"
+#include "cli/net_options.h"
+#include "reports.pb.h"
+#include "revisit/engine/profile.h"
+
+namespace revisit::cli {
+
+int net_inspect_command(const Arguments&);
+int net_forward_command(const Arguments&);
+int net_profile_command(const Arguments&);
+
+/// The layers and totals of a plan, with timings when there are any; shared by inspect and profile.
+reports::NetReport net_report(const NetOptions& options, const std::string& weights,
+                              const engine::Net& net, const engine::Plan& plan,
+                              const engine::Profile* profile);
+
+/// Prints a report as "table", "json" or "csv". Throws UsageError for another format.
+void print_net_report(const reports::NetReport& report, const std::string& format);
+
+}  // namespace revisit::cli

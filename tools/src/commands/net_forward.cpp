@@ -1,0 +1,115 @@
+#include <algorithm>
+#include <iostream>
+#include <numeric>
+#include <set>
+
+#include "cli/table.h"
+#include "net_commands.h"
+#include "revisit/proto/npy.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Arrays for the net's inputs, by blob name; "FILE.npy" alone is for a net with one input.
+std::map<std::string, proto::NpyArray> read_inputs(const std::vector<std::string>& texts,
+                                                   const NetOptions& options) {
+  std::map<std::string, proto::NpyArray> arrays;
+  for (const std::string& text : texts) {
+    const size_t equals = text.find('=');
+    const std::vector<std::string> blobs =
+        engine::input_blobs(options.prototxt, options.allow_unknown);
+    std::string blob = text.substr(0, equals == std::string::npos ? 0 : equals);
+    if (equals == std::string::npos) {
+      if (blobs.size() != 1)
+        throw UsageError(
+            str("--input: the net has ", blobs.size(), " inputs; say which one: BLOB=", text));
+      blob = blobs[0];
+    }
+    if (std::find(blobs.begin(), blobs.end(), blob) == blobs.end())
+      throw UsageError(
+          str("--input: the net has no input '", blob, "'", did_you_mean(blob, blobs)));
+    arrays[blob] = proto::read_npy(text.substr(equals == std::string::npos ? 0 : equals + 1));
+  }
+  return arrays;
+}
+
+/// `out_NAME.npy` with '/' in the name written as '_'.
+fs::path output_file(const fs::path& directory, std::string name, std::set<fs::path>& taken) {
+  std::replace(name.begin(), name.end(), '/', '_');
+  const fs::path file = directory / ("out_" + name + ".npy");
+  if (!taken.insert(file).second)
+    throw Error(str("two outputs would be written to ", file.string()));
+  return file;
+}
+
+}  // namespace
+
+int net_forward_command(const Arguments& arguments) {
+  NetOptions options;
+  std::vector<std::string> inputs;
+  fs::path directory;
+  bool all = false, reference = false;
+  Parser parser(
+      "revisit net forward", "PROTOTXT [WEIGHTS] --input BLOB=FILE.npy... -o DIR",
+      "Run a Caffe net on arrays: the inputs take the shapes of the arrays, each output is written "
+      "to "
+      "DIR/out_NAME.npy (float32, C order; '/' in names becomes '_').",
+      "  revisit net forward deploy.prototxt model.caffemodel --input data=in.npy -o out\n"
+      "  revisit net forward alexnet.prototxt alexnet.caffemodel --input data=in.npy --end conv3 "
+      "--graft "
+      "pool5 -o out\n");
+  options.declare(parser);
+  parser.group("Arrays:");
+  parser.option("input", "BLOB=FILE.npy",
+                "array for one input (float32 or float64); repeat for more", &inputs, 'i');
+  parser.option("output", "DIR", "folder for the outputs", &directory, 'o');
+  parser.flag("all", "write every layer's output, as it was right after that layer ran", &all);
+  parser.flag("reference", "use the slow reference kernels", &reference);
+  parser.parse(arguments);
+  if (directory.empty()) throw UsageError("give the folder for the outputs: -o DIR");
+
+  std::map<std::string, proto::NpyArray> arrays = read_inputs(inputs, options);
+  for (const auto& [blob, array] : arrays)
+    options.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
+  const engine::Net net = load_net(options, NoWeights::kNone);
+  engine::Run run(net.plan({}, {options.threads, all, reference}));
+
+  for (const engine::Port& port : run.plan().inputs()) {
+    const auto found = arrays.find(port.name);
+    if (found == arrays.end())
+      throw UsageError(
+          str("the input '", port.name, "' needs an array: --input ", port.name, "=FILE.npy"));
+    std::copy(found->second.data.begin(), found->second.data.end(), run.input(port.name).data);
+  }
+  run.forward();
+
+  std::vector<std::string> names;
+  if (all) {
+    for (const engine::LayerCost& layer : run.plan().layers())
+      for (size_t port = 0; port < layer.outputs.size(); ++port)
+        names.push_back(port == 0 ? layer.name : layer.name + "." + std::to_string(port));
+  } else {
+    names = net.outputs();
+  }
+  std::error_code error;
+  fs::create_directories(directory, error);
+  if (error) throw Error(str(directory.string(), ": cannot create the folder: ", error.message()));
+  std::set<fs::path> taken;
+  Table table({"output", "shape", "min", "max", "mean", "file"});
+  for (const std::string& name : names) {
+    const engine::View<const float> output = run.output(name);
+    const auto values = output.values();
+    const fs::path file = output_file(directory, name, taken);
+    proto::write_npy(file, output.shape.axes(), output.data);
+    const auto [least, most] = std::minmax_element(values.begin(), values.end());
+    const double mean =
+        std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+    table.row({name, output.shape.text(), str(*least), str(*most), str(mean), file.string()});
+  }
+  table.print(std::cout);
+  return kOk;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,66 @@
+#include <cmath>
+#include <cstdlib>
+#include <iostream>
+
+#include "cli/interrupt.h"
+#include "net_commands.h"
+
+namespace revisit::cli {
+namespace {
+
+/// A deterministic input of the size of pixel values about their mean: zeros would flatter kernels
+/// that skip them, denormals would punish others.
+void fill_input(engine::View<float> input) {
+  int64_t i = 0;
+  for (float& value : input.values())
+    value = 100 * std::sin(0.37F * static_cast<float>(i++ % 9973));
+}
+
+void warn_of_slow_settings() {
+  for (const char* name : {"OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE"})
+    if (std::getenv(name))
+      std::cerr << "warning: " << name << " is set: OpenBLAS may run slower kernels; unset it\n";
+}
+
+}  // namespace
+
+int net_profile_command(const Arguments& arguments) {
+  NetOptions options;
+  engine::ProfileOptions measure;
+  std::string format = "table";
+  bool reference = false;
+  Parser parser("revisit net profile", "PROTOTXT [WEIGHTS]",
+                "Time every layer of a Caffe net and the whole. Instrumented and uninstrumented "
+                "passes alternate after "
+                "a warm-up. Without WEIGHTS the net gets random ones: the time is the same.",
+                "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
+                "--graft pool5\n"
+                "  revisit net profile deploy.prototxt model.caffemodel --threads 2 --repeat 50 "
+                "--format json\n");
+  options.declare(parser);
+  parser.group("Measurement:");
+  parser.option("repeat", "R", "timed passes (default 20)", &measure.repeat);
+  parser.option("warmup", "W", "passes before them (default 2)", &measure.warmup);
+  parser.flag("reference", "time the slow reference kernels instead", &reference);
+  parser.option("format", "FORMAT", "table, json or csv", &format);
+  parser.parse(arguments);
+  if (measure.repeat < 1)
+    throw UsageError(str("--repeat: expected at least 1, found ", measure.repeat));
+  if (measure.warmup < 0)
+    throw UsageError(str("--warmup: expected at least 0, found ", measure.warmup));
+  measure.stop = interrupted;
+
+  warn_of_slow_settings();
+  const engine::Net net = load_net(options, NoWeights::kRandom);
+  const engine::Plan plan =
+      net.plan({}, {.threads = options.threads, .reference_kernels = reference});
+  engine::Run run(plan);
+  for (const engine::Port& port : plan.inputs()) fill_input(run.input(port.name));
+  const engine::Profile profile = engine::profile(run, measure);
+  print_net_report(
+      net_report(options, weights_source(options, NoWeights::kRandom), net, plan, &profile),
+      format);
+  return interrupted() ? kInterrupted : kOk;
+}
+
+}  // namespace revisit::cli

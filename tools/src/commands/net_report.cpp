@@ -1,0 +1,160 @@
+#include <sys/resource.h>
+
+#include <cmath>
+#include <iostream>
+#include <limits>
+
+#include "cli/json.h"
+#include "cli/table.h"
+#include "net_commands.h"
+
+namespace revisit::cli {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+template <class Repeated>
+void set_shape(const engine::Shape& shape, Repeated* out) {
+  for (const int64_t size : shape.axes()) out->Add(static_cast<int>(size));
+}
+
+template <class Repeated>
+std::string shape_text(const Repeated& shape) {
+  std::string text;
+  for (const int size : shape) text += (text.empty() ? "" : "x") + std::to_string(size);
+  return text.empty() ? "scalar" : text;
+}
+
+reports::Timing timing(const engine::Timing& t) {
+  reports::Timing result;
+  result.set_min(t.min), result.set_median(t.median), result.set_p95(t.p95);
+  return result;
+}
+
+/// A MAC is two floating-point operations.
+double gflops(double macs, double ms) {
+  return ms > 0 ? 2 * macs / ms / 1e6 : 0;
+}
+
+double peak_resident_bytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) * 1024;
+}
+
+std::string mebi(double bytes) {
+  return number(bytes / 1048576, 2);
+}
+
+Table layer_table(const reports::NetReport& report) {
+  const bool timed = report.has_total_ms();
+  std::vector<std::string> header{"layer",      "type",  "kernel",    "output",
+                                  "parameters", "MMACs", "memory MiB"};
+  if (timed) header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "share %"});
+  Table table(std::move(header));
+  for (const reports::NetLayer& layer : report.layers()) {
+    std::vector<std::string> row{layer.name(),
+                                 layer.type(),
+                                 layer.kernel().empty() ? "-" : layer.kernel(),
+                                 shape_text(layer.output_shape()),
+                                 number(layer.parameters(), 0),
+                                 number(layer.macs() / 1e6, 2),
+                                 mebi(layer.activation_bytes())};
+    if (timed)
+      for (const auto& [value, digits] : {std::pair{layer.ms().min(), 3},
+                                          {layer.ms().median(), 3},
+                                          {layer.ms().p95(), 3},
+                                          {layer.has_gflops() ? layer.gflops() : kNone, 1},
+                                          {100 * layer.share(), 1}})
+        row.push_back(number(value, digits));
+    table.row(std::move(row));
+  }
+  return table;
+}
+
+void print_summary(const reports::NetReport& report) {
+  std::cout << "\nnet " << report.net() << ", weights " << report.weights() << "\n";
+  for (const auto& port : report.inputs())
+    std::cout << "input  " << port.name() << "  " << shape_text(port.shape()) << "\n";
+  for (const auto& port : report.outputs())
+    std::cout << "output " << port.name() << "  " << shape_text(port.shape()) << "\n";
+  std::cout << number(report.parameters(), 0) << " parameters (" << mebi(report.weight_bytes())
+            << " MiB), " << number(report.macs() / 1e9, 3) << " GMACs, one run takes "
+            << mebi(report.arena_bytes()) << " MiB of activations and scratch\n";
+  if (!report.has_total_ms()) return;
+  const auto line = [](const char* what, const reports::Timing& t) {
+    std::cout << what << "  min " << number(t.min(), 3) << "  median " << number(t.median(), 3)
+              << "  p95 " << number(t.p95(), 3) << " ms\n";
+  };
+  line("whole, uninstrumented ", report.total_ms());
+  line("sum of the layers     ", report.layer_sum_ms());
+  std::cout << report.passes() << " passes, " << report.threads() << " thread"
+            << (report.threads() == 1 ? "" : "s") << ", " << number(report.gflops(), 1)
+            << " GFLOP/s, peak resident memory " << mebi(report.peak_resident_bytes()) << " MiB\n";
+}
+
+}  // namespace
+
+reports::NetReport net_report(const NetOptions& options, const std::string& weights,
+                              const engine::Net& net, const engine::Plan& plan,
+                              const engine::Profile* profile) {
+  reports::NetReport report;
+  report.set_net(net.name());
+  report.set_prototxt(options.prototxt.string());
+  report.set_weights(weights);
+  report.set_threads(options.threads);
+  report.set_arena_bytes(static_cast<double>(plan.arena_bytes()));
+  report.set_weight_bytes(static_cast<double>(plan.weight_bytes()));
+  const auto add_port = [](const engine::Port& port, reports::NamedShape* out) {
+    out->set_name(port.name);
+    set_shape(port.shape, out->mutable_shape());
+  };
+  for (const engine::Port& port : plan.inputs()) add_port(port, report.add_inputs());
+  for (const engine::Port& port : plan.outputs()) add_port(port, report.add_outputs());
+
+  double macs = 0, parameters = 0, medians = 0;
+  if (profile)
+    for (const engine::Timing& t : profile->layers) medians += t.median;
+  for (size_t i = 0; i < plan.layers().size(); ++i) {
+    const engine::LayerCost& cost = plan.layers()[i];
+    reports::NetLayer& layer = *report.add_layers();
+    layer.set_name(cost.name);
+    layer.set_type(cost.type);
+    layer.set_kernel(cost.kernel);
+    if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
+    layer.set_macs(static_cast<double>(cost.macs));
+    layer.set_parameters(static_cast<double>(cost.parameters));
+    layer.set_activation_bytes(static_cast<double>(cost.activation_bytes));
+    macs += layer.macs();
+    parameters += layer.parameters();
+    if (!profile) continue;
+    *layer.mutable_ms() = timing(profile->layers[i]);
+    layer.set_share(medians > 0 ? profile->layers[i].median / medians : 0);
+    if (cost.macs > 0) layer.set_gflops(gflops(layer.macs(), profile->layers[i].median));
+  }
+  report.set_macs(macs);
+  report.set_parameters(parameters);
+  if (profile) {
+    *report.mutable_total_ms() = timing(profile->total);
+    *report.mutable_layer_sum_ms() = timing(profile->layer_sum);
+    report.set_passes(profile->passes);
+    report.set_gflops(gflops(macs, profile->total.median));
+    report.set_peak_resident_bytes(peak_resident_bytes());
+  }
+  return report;
+}
+
+void print_net_report(const reports::NetReport& report, const std::string& format) {
+  if (format == "json") {
+    std::cout << to_json(report) << "\n";
+  } else if (format == "csv") {
+    layer_table(report).print_csv(std::cout);
+  } else if (format == "table") {
+    layer_table(report).print(std::cout);
+    print_summary(report);
+  } else {
+    throw UsageError("--format: expected table, json or csv, found '" + format + "'");
+  }
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,149 @@
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "doctor/checks.h"
+#include "doctor/openblas.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::doctor {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kGigabyte = 1e9;
+
+std::string gigabytes(double bytes) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f GB", bytes / kGigabyte);
+  return text;
+}
+
+/// The value behind "key :" in a file of such lines; "" when it is not there.
+std::string value_in(const char* file, const std::string& key) {
+  std::ifstream in(file);
+  for (std::string line; std::getline(in, line);) {
+    const size_t colon = line.find(':');
+    if (colon == std::string::npos || !line.starts_with(key)) continue;
+    const size_t begin = line.find_first_not_of(" \t", colon + 1);
+    return begin == std::string::npos ? "" : line.substr(begin);
+  }
+  return "";
+}
+
+std::string cpu_features() {
+#if defined(__x86_64__)
+  __builtin_cpu_init();
+  std::string text;
+  const auto add = [&text](bool has, const char* name) {
+    if (has) text += (text.empty() ? "" : " ") + std::string(name);
+  };
+  add(__builtin_cpu_supports("sse4.2"), "SSE4.2");
+  add(__builtin_cpu_supports("avx2"), "AVX2");
+  add(__builtin_cpu_supports("fma"), "FMA");
+  add(__builtin_cpu_supports("avx512f"), "AVX-512F");
+  add(__builtin_cpu_supports("avx512vnni"), "AVX512_VNNI");
+  add(__builtin_cpu_supports("avx512bf16"), "AVX512_BF16");
+  return text.empty() ? "SSE2 only" : text;
+#elif defined(__aarch64__)
+  return "NEON";
+#else
+  return "not examined on this architecture";
+#endif
+}
+
+/// Width of the vectors this CPU computes with [bit], as far as OpenBLAS' kernels can use them.
+int cpu_vector_bits() {
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
+    return 512;
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? 256 : 128;
+#else
+  return 128;
+#endif
+}
+
+/// The same for the kernels OpenBLAS has under a name.
+int core_vector_bits(const std::string& core) {
+  for (const char* wide : {"SkylakeX", "Cooperlake", "SapphireRapids"})
+    if (core == wide) return 512;
+  return core == "Haswell" || core == "Zen" ? 256 : 128;
+}
+
+void check_cpu(Checks& checks) {
+  const std::string model = value_in("/proc/cpuinfo", "model name");
+  checks.push_back({"machine", "CPU", Status::kOk, model.empty() ? "unknown model" : model});
+  const bool wide = cpu_vector_bits() > 128 || cpu_features() == "NEON";
+  checks.push_back({"machine", "SIMD", wide ? Status::kOk : Status::kWarn, cpu_features(),
+                    wide ? "" : "works, but networks run several times slower"});
+  const unsigned logical = std::thread::hardware_concurrency();
+  const char* const omp = std::getenv("OMP_NUM_THREADS");
+  checks.push_back(
+      {"machine", "threads", Status::kOk,
+       str(logical, " logical processors", omp ? str(", OMP_NUM_THREADS=", omp) : "")});
+}
+
+/// OpenBLAS chooses its kernels by a table of CPU models; for one newer than the library it falls
+/// back to the oldest kernels, which are several times slower, without a word.
+void check_blas(Checks& checks) {
+  const std::string core = openblas_core();
+  const char* const forced = std::getenv("OPENBLAS_CORETYPE");
+  const int bits = core_vector_bits(core), possible = cpu_vector_bits();
+  Check check{"machine", "OpenBLAS", Status::kOk,
+              str("kernels for ", core, forced ? str(", by OPENBLAS_CORETYPE=", forced) : "", " (",
+                  openblas_configuration(), ")")};
+  if (bits < possible && (forced || bits == 128)) {
+    check.status = Status::kWarn;
+    check.advice = str("these kernels use ", bits, "-bit vectors, the CPU has ", possible,
+                       "-bit ones; ", forced ? "unset OPENBLAS_CORETYPE, or " : "",
+                       "export OPENBLAS_CORETYPE=", possible == 512 ? "SkylakeX" : "Haswell",
+                       " and look again: networks may run several times faster");
+  }
+  checks.push_back(check);
+  if (const char* size = std::getenv("OPENBLAS_L2_SIZE"))
+    checks.push_back({"machine", "OPENBLAS_L2_SIZE", Status::kWarn, str("set to '", size, "'"),
+                      "unset it: it overrides what OpenBLAS finds out about this CPU"});
+}
+
+void check_memory(Checks& checks) {
+  const std::string available = value_in("/proc/meminfo", "MemAvailable");  // "123 kB"
+  if (available.empty()) {
+    checks.push_back({"machine", "memory", Status::kWarn, "unknown"});
+    return;
+  }
+  const double bytes = std::strtod(available.c_str(), nullptr) * 1024;
+  const bool enough = bytes > 2 * kGigabyte;
+  checks.push_back({"machine", "memory", enough ? Status::kOk : Status::kWarn,
+                    gigabytes(bytes) + " available",
+                    enough ? ""
+                           : "a long drive may need more: close other programs, or use a "
+                             "smaller feature layer"});
+}
+
+void check_disk(Checks& checks) {
+  std::error_code error;
+  const fs::space_info space = fs::space(fs::current_path(error), error);
+  if (error) {
+    checks.push_back({"machine", "disk", Status::kWarn, "unknown: " + error.message()});
+    return;
+  }
+  const bool enough = static_cast<double>(space.available) > 2 * kGigabyte;
+  checks.push_back({"machine", "disk", enough ? Status::kOk : Status::kWarn,
+                    gigabytes(static_cast<double>(space.available)) + " free here",
+                    enough ? "" : "features of a long drive may need more: free some space"});
+}
+
+}  // namespace
+
+void check_machine(Checks& checks) {
+  check_cpu(checks);
+  check_blas(checks);
+  check_memory(checks);
+  check_disk(checks);
+}
+
+}  // namespace revisit::doctor

@@ -1,0 +1,21 @@
+#include "doctor/openblas.h"
+
+// From OpenBLAS' cblas.h, which only the engine includes.
+extern "C" {
+char* openblas_get_corename(void);
+char* openblas_get_config(void);
+}
+
+namespace revisit::doctor {
+
+std::string openblas_core() {
+  return openblas_get_corename();
+}
+
+std::string openblas_configuration() {
+  std::string text = openblas_get_config();
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  return text;
+}
+
+}  // namespace revisit::doctor

@@ -1,0 +1,119 @@
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+
+#include "doctor/checks.h"
+#include "revisit/engine/net.h"
+#include "revisit/proto/error.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/weights_conversion/trunks.h"
+
+namespace revisit::doctor {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A file of its own in the temporary folder, removed at the end.
+class TemporaryPrototxt {
+ public:
+  TemporaryPrototxt() {
+    std::string name = (fs::temp_directory_path() / "revisit_doctor_XXXXXX").string();
+    const int descriptor = ::mkstemp(name.data());
+    if (descriptor < 0) throw Error(str(name, ": cannot create a temporary file"));
+    ::close(descriptor);
+    path_ = name;
+  }
+  ~TemporaryPrototxt() {
+    std::error_code ignored;
+    fs::remove(path_, ignored);
+  }
+  TemporaryPrototxt(const TemporaryPrototxt&) = delete;
+  TemporaryPrototxt& operator=(const TemporaryPrototxt&) = delete;
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+std::vector<float> forward(const engine::Net& net, bool reference_kernels) {
+  const engine::Shape input{1, 3, 67, 131};  // small, and no multiple of any block size
+  engine::Run run(net.plan({{"data", input}}, {.reference_kernels = reference_kernels}));
+  const engine::View<float> data = run.input("data");
+  size_t i = 0;
+  for (float& value : data.values()) value = static_cast<float>((i++ * 37) % 256) - 128;
+  run.forward();
+  const auto output = run.output(net.outputs().at(0)).values();
+  return {output.begin(), output.end()};
+}
+
+/// Largest difference between the fast kernels chosen on this CPU and the readable ones, relative
+/// to the largest value.
+double deviation_from_reference() {
+  const TemporaryPrototxt prototxt;
+  proto::write_net_text(prototxt.path(), models::trunk("alexnet"));
+  engine::LoadOptions options;
+  options.truncation = {"conv3", "pool5"};
+  const auto net = engine::Net::load_with_random_weights(prototxt.path(), 1, options);
+  const std::vector<float> fast = forward(net, false), truth = forward(net, true);
+  double difference = 0, largest = 0;
+  for (size_t i = 0; i < truth.size(); ++i) {
+    const double error = std::abs(double{fast.at(i)} - double{truth[i]});
+    if (std::isnan(error)) return error;
+    difference = std::max(difference, error);
+    largest = std::max(largest, std::abs(double{truth[i]}));
+  }
+  return difference / largest;
+}
+
+Check self_test() {
+  constexpr double kTolerance = 1e-4;
+  Check check{"program", "self-test", Status::kMissing, "", "", true};
+  try {
+    const double deviation = deviation_from_reference();
+    const bool good = deviation <= kTolerance;
+    check.found = str("AlexNet's first layers, fast kernels against the reference: ", deviation);
+    if (good)
+      check.status = Status::kOk;
+    else
+      check.advice = "the results of networks are wrong on this machine; please report this output";
+  } catch (const std::exception& error) {
+    check.found = error.what();
+    check.advice = "networks do not run on this machine; please report this output";
+  }
+  return check;
+}
+
+std::string build_text() {
+#ifdef NDEBUG
+  const char* const checks = "without assertions";
+#else
+  const char* const checks = "with assertions";
+#endif
+#ifdef __OPTIMIZE__
+  const char* const optimised = "optimised";
+#else
+  const char* const optimised = "not optimised";
+#endif
+  return str("g++ ", __VERSION__, ", ", optimised, ", ", checks);
+}
+
+}  // namespace
+
+void check_program(Checks& checks) {
+  checks.push_back({"program", "revisit", Status::kOk, REVISIT_VERSION});
+#ifdef __OPTIMIZE__
+  checks.push_back({"program", "build", Status::kOk, build_text()});
+#else
+  checks.push_back({"program", "build", Status::kWarn, build_text(),
+                    "many times slower; build with 'cmake --preset release'"});
+#endif
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  checks.push_back({"program", "sanitizers", Status::kWarn, "on", "for tests only: slow"});
+#endif
+  checks.push_back(self_test());
+}
+
+}  // namespace revisit::doctor

@@ -1,0 +1,68 @@
+#include "models/cache.h"
+
+#include <cstdlib>
+
+#include "models/checksum.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::models {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// An environment variable, or an empty path when it is unset or empty.
+fs::path environment_path(const char* name) {
+  const char* const value = std::getenv(name);
+  return value ? fs::path(value) : fs::path();
+}
+
+}  // namespace
+
+fs::path cache_folder() {
+  if (const fs::path models = environment_path("REVISIT_MODELS"); !models.empty()) return models;
+  // The XDG specification: a relative path there is to be ignored.
+  if (const fs::path xdg = environment_path("XDG_CACHE_HOME"); xdg.is_absolute())
+    return xdg / "revisit" / "models";
+  if (const fs::path home = environment_path("HOME"); !home.empty())
+    return home / ".cache" / "revisit" / "models";
+  throw UsageError("no place for models: set REVISIT_MODELS to a folder (HOME is not set)");
+}
+
+fs::path cached_file(const fs::path& cache, const KnownModel& model) {
+  return cache / model.name / model.file;
+}
+
+const char* to_string(CacheState state) {
+  switch (state) {
+    case CacheState::kAbsent:
+      return "absent";
+    case CacheState::kPartial:
+      return "partial";
+    case CacheState::kUnverified:
+      return "unverified";
+    case CacheState::kVerified:
+      return "verified";
+    case CacheState::kWrong:
+      return "wrong checksum";
+  }
+  return "";
+}
+
+CacheEntry inspect(const fs::path& cache, const KnownModel& model) {
+  CacheEntry entry;
+  entry.file = cached_file(cache, model);
+  std::error_code none;
+  if (fs::is_regular_file(entry.file, none)) {
+    entry.size = fs::file_size(entry.file);
+    entry.sha1 = file_checksum(entry.file, "sha1");
+    entry.state = model.sha1.empty()         ? CacheState::kUnverified
+                  : model.sha1 == entry.sha1 ? CacheState::kVerified
+                                             : CacheState::kWrong;
+  } else if (const fs::path part = entry.file.string() + ".part"; fs::exists(part, none)) {
+    entry.size = fs::file_size(part, none);
+    entry.state = CacheState::kPartial;
+  }
+  return entry;
+}
+
+}  // namespace revisit::models

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+
+#include "revisit/weights_conversion/known_models.h"
+
+namespace revisit::models {
+
+/// The folder of fetched models: $REVISIT_MODELS, or $XDG_CACHE_HOME/revisit/models, or
+/// ~/.cache/revisit/models. Throws UsageError when none of the variables (nor HOME) is set.
+std::filesystem::path cache_folder();
+
+/// `<cache>/<name>/<file>`: where a model's download belongs, fetched or put there by hand.
+std::filesystem::path cached_file(const std::filesystem::path& cache, const KnownModel& model);
+
+enum class CacheState {
+  kAbsent,
+  kPartial,     // only the beginning, `.part`: a fetch was interrupted
+  kUnverified,  // complete as far as one can tell: nobody published a checksum
+  kVerified,    // the checksum is the published one
+  kWrong,       // the checksum is not the published one: do not use
+};
+
+/// "absent", "partial", "unverified", "verified", "wrong checksum".
+const char* to_string(CacheState state);
+
+struct CacheEntry {
+  CacheState state = CacheState::kAbsent;
+  std::filesystem::path file;  // where it is or belongs
+  uint64_t size = 0;           // [byte] on disk, of the partial file when that is all there is
+  std::string sha1;            // as found; "" when absent or partial
+};
+
+/// Looks at one model in the cache; reads the whole file to compute its checksum. Throws InputError
+/// when a file is there but cannot be read.
+CacheEntry inspect(const std::filesystem::path& cache, const KnownModel& model);
+
+}  // namespace revisit::models

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::models {
+
+/// The address could not be reached or read: no network, no such host or page, a broken connection.
+class DownloadError : public Error {
+  using Error::Error;
+};
+
+struct DownloadOptions {
+  std::function<void(int64_t done, int64_t total)> progress;  // [byte]; total 0: not known yet
+  std::function<bool()> stop;                                 // true: stop soon
+  bool resume = true;  // go on behind what `part` holds; false: begin afresh
+};
+
+struct DownloadResult {
+  bool resumed = false;  // part of the file is from an earlier call
+};
+
+/// Fetches `address` (http, https or file) into `part`, following redirects. What `part` already
+/// holds is kept and only the rest is asked for; a server that cannot do that sends everything
+/// again. On return `part` is complete and on disk; it stays as it is when the work fails.
+///
+/// Throws DownloadError with the reason, Interrupted when `stop` said so, Error when the file
+/// cannot be written. The caller sees to it that nobody else writes `part`.
+DownloadResult download(const std::string& address, const std::filesystem::path& part,
+                        const DownloadOptions& options = {});
+
+}  // namespace revisit::models

@@ -1,0 +1,157 @@
+#include "models/fetch.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "models/cache.h"
+#include "models/checksum.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/proto/weights_file.h"
+#include "revisit/weights_conversion/trunks.h"
+
+namespace revisit::models {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string by_hand(const KnownModel& model, const fs::path& file) {
+  return str("\n  address: ", model.address,
+             "\n  to do it by hand: download it elsewhere, save it as ", file.string(),
+             "\n  and check it with 'revisit models list'");
+}
+
+void make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error)
+    throw Error(str(folder.string(), ": cannot make the folder: ", error.message(),
+                    "; choose another cache with --cache DIR or REVISIT_MODELS"));
+}
+
+/// One fetch at a time works in a folder; the lock ends with the process at the latest.
+class FolderLock {
+ public:
+  explicit FolderLock(const fs::path& folder)
+      : descriptor_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
+    if (descriptor_ >= 0 && ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+      ::close(descriptor_);
+      throw Error(str(folder.string(), ": another process is fetching this model; wait for it"));
+    }
+  }
+  ~FolderLock() {
+    if (descriptor_ >= 0) ::close(descriptor_);
+  }
+  FolderLock(const FolderLock&) = delete;
+  FolderLock& operator=(const FolderLock&) = delete;
+
+ private:
+  int descriptor_;
+};
+
+/// Without a checksum, at least tells weights from a web page that came in their place.
+void check_plausible(const KnownModel& model, const fs::path& part, const std::string& sha1) {
+  try {
+    if (model.file.ends_with(".tar.gz")) {
+      std::ifstream in(part, std::ios::binary);
+      if (in.get() != 0x1f || in.get() != 0x8b) throw InputError("not a gzip archive");
+    } else if (proto::WeightsFile::open(part)->layers().empty()) {
+      throw InputError("holds no layers");
+    }
+  } catch (const InputError& error) {
+    throw Error(str("what ", model.address, " gave is not the model (sha1 ", sha1,
+                    "): ", error.what(), "; it was removed"));
+  }
+}
+
+/// The checksum of a complete, acceptable `part`. Throws Error when it is not acceptable.
+std::string check(const KnownModel& model, const fs::path& part) {
+  const std::string sha1 = file_checksum(part, "sha1");
+  if (model.sha1.empty()) {
+    check_plausible(model, part, sha1);
+  } else if (model.sha1 != sha1) {
+    throw Error(str("the download of ", model.name, " is not the known file and was removed",
+                    "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
+                    ")\n  sha1 found:    ", sha1, "\n  address: ", model.address));
+  }
+  return sha1;
+}
+
+/// Downloads to `part` and checks it; returns the checksum. A resumed file that fails the check is
+/// fetched once more from the start: the server's file may have changed in between.
+std::string download_checked(const KnownModel& model, const fs::path& part,
+                             DownloadOptions options) {
+  options.resume &= !model.sha1.empty();
+  // A run that was killed between the last byte and the renaming leaves the whole file.
+  if (options.resume && fs::exists(part) && file_checksum(part, "sha1") == model.sha1)
+    return model.sha1;
+  const DownloadResult result = download(model.address, part, options);
+  try {
+    return check(model, part);
+  } catch (const Error&) {
+    fs::remove(part);
+    if (!result.resumed) throw;
+  }
+  options.resume = false;
+  return download_checked(model, part, options);
+}
+
+/// Our own description beside the weights, unless the user put one there.
+fs::path put_trunk(const KnownModel& model, const fs::path& folder) {
+  if (model.trunk.empty()) return {};
+  const fs::path prototxt = folder / "deploy.prototxt";
+  if (!fs::exists(prototxt)) proto::write_net_text(prototxt, trunk(model.trunk));
+  return prototxt;
+}
+
+/// Fills the empty place `file`; returns the checksum.
+std::string fetch_absent(const KnownModel& model, const fs::path& file,
+                         const DownloadOptions& options) {
+  const fs::path part = file.string() + ".part";
+  try {
+    const std::string sha1 = download_checked(model, part, options);
+    fs::rename(part, file);
+    return sha1;
+  } catch (const DownloadError& error) {
+    std::error_code none;
+    if (fs::is_empty(part, none)) fs::remove(part, none);
+    throw Error(str("cannot fetch ", model.name, ": ", error.what(), by_hand(model, file)));
+  }
+}
+
+}  // namespace
+
+Fetched fetch_model(const KnownModel& model, const fs::path& cache,
+                    const DownloadOptions& options) {
+  const fs::path file = cached_file(cache, model);
+  const bool can_fetch = !model.address.empty() && !model.needs_browser;
+  if (can_fetch) make_folder(file.parent_path());
+  const FolderLock lock(file.parent_path());
+  const CacheEntry entry = inspect(cache, model);
+  Fetched fetched{file, {}, entry.sha1, entry.state == CacheState::kVerified, true};
+  switch (entry.state) {
+    case CacheState::kVerified:
+    case CacheState::kUnverified:
+      break;
+    case CacheState::kWrong:
+      throw Error(str(file.string(), ": not the known file; remove it and fetch again",
+                      "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
+                      ")\n  sha1 found:    ", entry.sha1));
+    case CacheState::kAbsent:
+    case CacheState::kPartial:
+      if (model.address.empty())
+        throw Error(str("no public address is known for ", model.name,
+                        "; if you have it, save it as ", file.string()));
+      if (model.needs_browser)
+        throw Error(str(model.name, " can only be had with a browser", by_hand(model, file)));
+      fetched.sha1 = fetch_absent(model, file, options);
+      fetched.verified = !model.sha1.empty();
+      fetched.was_there = false;
+  }
+  fetched.prototxt = put_trunk(model, file.parent_path());
+  return fetched;
+}
+
+}  // namespace revisit::models

@@ -1,0 +1,211 @@
+#include "models/find_model.h"
+
+#include <algorithm>
+
+#include "models/cache.h"
+#include "models/checksum.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/weights_conversion/random_model.h"
+#include "revisit/weights_conversion/trunks.h"
+
+namespace revisit::models {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_weights_name(const std::string& name) {
+  return name.ends_with(".caffemodel") || name.ends_with(".caffemodel.h5");
+}
+bool is_prototxt_name(const std::string& name) {
+  return name.ends_with(".prototxt");
+}
+
+std::vector<fs::path> files_in(const fs::path& folder, bool (*wanted)(const std::string&)) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    if (entry->is_regular_file(error) && wanted(entry->path().filename().string()))
+      files.push_back(entry->path());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+std::string without_ending(const fs::path& file, std::initializer_list<const char*> endings) {
+  std::string name = file.filename().string();
+  for (const char* ending : endings)
+    if (name.ends_with(ending)) name.erase(name.size() - std::string(ending).size());
+  return name;
+}
+
+fs::path folder_of(const fs::path& file) {
+  return file.has_parent_path() ? file.parent_path() : fs::path(".");
+}
+
+void need_file(const fs::path& file, const char* option) {
+  std::error_code none;
+  if (!fs::exists(file, none))
+    throw InputError(str(file.string(), ": no such file (", option, ")"));
+  if (fs::is_directory(file, none))
+    throw InputError(str(file.string(), ": is a folder, expected a file (", option, ")"));
+}
+
+/// The prototxt that belongs to `weights`, or "".
+fs::path prototxt_beside(const fs::path& weights) {
+  const fs::path folder = folder_of(weights);
+  const std::string stem = without_ending(weights, {".h5", ".caffemodel"});
+  for (const std::string& name :
+       {stem + ".prototxt", stem + "_deploy.prototxt", std::string("deploy.prototxt")})
+    if (fs::is_regular_file(folder / name)) return folder / name;
+  const auto all = files_in(folder, is_prototxt_name);
+  return all.size() == 1 ? all[0] : fs::path();
+}
+
+/// The weights in `folder`: those called like `stem`, or the only ones. Throws when it is not
+/// clear.
+fs::path weights_in(const fs::path& folder, const std::string& stem) {
+  const auto all = files_in(folder, is_weights_name);
+  for (const fs::path& file : all)
+    if (without_ending(file, {".h5", ".caffemodel"}) == stem) return file;
+  if (all.size() == 1) return all[0];
+  throw UsageError(str(folder.string(), ": holds ", all.empty() ? "no" : "several",
+                       " .caffemodel files; say which weights to use with --weights FILE"));
+}
+
+/// Our own description of a known model, in the cache.
+fs::path trunk_in_cache(const KnownModel& known) {
+  const fs::path file = cache_folder() / known.name / "deploy.prototxt";
+  if (fs::exists(file)) return file;
+  std::error_code error;
+  fs::create_directories(file.parent_path(), error);
+  if (error)
+    throw Error(str(file.parent_path().string(), ": cannot make the folder: ", error.message()));
+  proto::write_net_text(file, trunk(known.trunk));
+  return file;
+}
+
+bool has_layers(const caffe::NetParameter& net, const Cut& cut) {
+  const auto has = [&net](const std::string& name) {
+    return name.empty() || std::any_of(net.layer().begin(), net.layer().end(),
+                                       [&](const auto& layer) { return layer.name() == name; });
+  };
+  return has(cut.end) && has(cut.graft);
+}
+
+Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe::NetParameter& net,
+               const fs::path& prototxt) {
+  if (!request.end.empty()) return {request.end, request.graft};
+  if (!request.graft.empty()) throw UsageError("--graft needs --end: the layer it is appended to");
+  if (known)
+    for (const Cut& cut : known->cuts)
+      if (has_layers(net, cut)) return cut;
+  for (const KnownModel& other : known_models())
+    for (const Cut& cut : other.cuts)
+      if (has_layers(net, cut)) return cut;
+  throw UsageError(str(prototxt.string(), ": not a network we know; say where to take the feature ",
+                       "with --end LAYER ('revisit net inspect' lists the layers)"));
+}
+
+/// Everything else, once both files are known.
+FoundModel complete(const ModelRequest& request, FoundModel found, const KnownModel* known) {
+  if (!known) known = known_model_by_sha1(found.weights_sha1);
+  if (found.prototxt.empty() && known && !known->trunk.empty())
+    found.prototxt = trunk_in_cache(*known);
+  if (found.prototxt.empty())
+    throw UsageError(str(found.weights.string(), ": found no prototxt that belongs to it",
+                         known ? " (official: " + known->prototxt_address + ")" : "",
+                         "; give it with --model FILE, or put deploy.prototxt beside it"));
+  need_file(found.prototxt, "--model");
+  const caffe::NetParameter net =
+      proto::read_net(found.prototxt, {.allow_unknown_fields = true}).net;
+  found.name = known                ? known->name
+               : net.name().empty() ? found.prototxt.stem().string()
+                                    : net.name();
+  found.trained = !is_untrained(net);
+  found.cut = choose_cut(request, known, net, found.prototxt);
+  if (request.mean_bgr) {
+    found.mean_bgr = *request.mean_bgr;
+  } else if (known && known->mean_bgr) {
+    found.mean_bgr = *known->mean_bgr;
+  } else {
+    found.mean_bgr = kIlsvrcMeanBgr;
+    if (found.trained)
+      found.warnings.push_back(
+          str("the mean of '", found.name, "' is not known; subtracting that of ILSVRC 2012"));
+  }
+  return found;
+}
+
+FoundModel from_files(const ModelRequest& request, const fs::path& prototxt,
+                      const fs::path& weights, const KnownModel* known = nullptr) {
+  need_file(weights, "--weights");
+  FoundModel found;
+  found.weights = weights;
+  found.weights_sha1 = file_checksum(weights, "sha1");
+  found.prototxt = prototxt.empty() ? prototxt_beside(weights) : prototxt;
+  return complete(request, found, known);
+}
+
+/// A known model in the cache, or nothing when its files are not there.
+std::optional<FoundModel> from_cache(const ModelRequest& request, const fs::path& cache,
+                                     const KnownModel& known) {
+  std::error_code none;
+  fs::path weights = cached_file(cache, known);
+  if (!fs::is_regular_file(weights, none) || !is_weights_name(known.file)) {
+    // Put there by hand under another name, or unpacked from an archive.
+    const auto all = files_in(cache / known.name, is_weights_name);
+    if (all.size() != 1) return std::nullopt;
+    weights = all[0];
+  }
+  FoundModel found = from_files(request, "", weights, &known);
+  if (!known.sha1.empty() && found.weights_sha1 != known.sha1)
+    throw InputError(str(weights.string(), ": is not the known ", known.name,
+                         "; remove it and run 'revisit models fetch ", known.name,
+                         "', or name it with --weights to use it all the same",
+                         "\n  sha1 expected: ", known.sha1, " (", known.sha1_source,
+                         ")\n  sha1 found:    ", found.weights_sha1));
+  return found;
+}
+
+FoundModel from_cache_or_models_folder(const ModelRequest& request) {
+  const fs::path cache = cache_folder();
+  for (const KnownModel& known : known_models())
+    if (auto found = from_cache(request, cache, known)) return *found;
+  if (!files_in(cache, is_weights_name).empty())
+    return from_files(request, "", weights_in(cache, ""));
+  throw UsageError(str("no model: give --model PROTOTXT --weights CAFFEMODEL, fetch one ",
+                       "('revisit models fetch bvlc_alexnet'; looked in ", cache.string(),
+                       "), or make an untrained one to try the machinery ",
+                       "('revisit models make-random -o DIR')"));
+}
+
+/// --model alone: a folder, a prototxt, or the name of a known model.
+FoundModel from_model_argument(const ModelRequest& request) {
+  const fs::path& model = request.model;
+  if (fs::is_directory(model)) return from_files(request, "", weights_in(model, ""));
+  if (fs::exists(model))
+    return from_files(
+        request, model,
+        weights_in(folder_of(model), without_ending(model, {".prototxt", "_deploy"})));
+  if (model.has_parent_path() || is_prototxt_name(model.string()))
+    throw InputError(str(model.string(), ": no such file (--model)"));
+  const KnownModel& known = known_model(model.string());
+  if (auto found = from_cache(request, cache_folder(), known)) return *found;
+  throw UsageError(str("model '", known.name, "' is not here yet; 'revisit models fetch ",
+                       known.name, "' gets it into ", cache_folder().string()));
+}
+
+}  // namespace
+
+FoundModel find_model(const ModelRequest& request) {
+  if (!request.weights.empty()) {
+    if (fs::is_directory(request.model))
+      throw UsageError(
+          str("--model ", request.model.string(), ": with --weights, name the prototxt"));
+    return from_files(request, request.model, request.weights);
+  }
+  return request.model.empty() ? from_cache_or_models_folder(request)
+                               : from_model_argument(request);
+}
+
+}  // namespace revisit::models

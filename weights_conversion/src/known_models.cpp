@@ -1,0 +1,182 @@
+#include "revisit/weights_conversion/known_models.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::models {
+namespace {
+
+constexpr std::array<double, 3> kVggMeanBgr = {102.717, 115.773, 123.509};
+constexpr std::array<double, 3> kRoundMeanBgr = {104, 117, 123};
+
+std::string lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+// None of these addresses could be reached when the table was written. A checksum is given only
+// where a public source states it.
+std::vector<KnownModel> table() {
+  // The feature layers of the paper's section on networks and layers.
+  const std::vector<Cut> kAlexNetCuts = {{"conv3", "pool5"}, {"conv4", "pool5"}, {"pool5", ""}};
+  const std::vector<Cut> kPlacesCuts = {{"pool3", "pool5"}, {"pool4", "pool5"}, {"pool5", ""}};
+  return {
+      {.name = "bvlc_alexnet",
+       .address = "http://dl.caffe.berkeleyvision.org/bvlc_alexnet.caffemodel",
+       .file = "bvlc_alexnet.caffemodel",
+       .sha1 = "9116a64c0fbe4459d18f4bb6b56d647b63920377",
+       .sha1_source = "models/bvlc_alexnet/readme.md of github.com/BVLC/caffe",
+       .licence = "unrestricted",
+       .mean_bgr = kIlsvrcMeanBgr,
+       .input_size = 227,
+       .cuts = kAlexNetCuts,
+       .trunk = "alexnet",
+       .prototxt_address = "https://github.com/BVLC/caffe, models/bvlc_alexnet/deploy.prototxt"},
+      {.name = "vgg_cnn_s",
+       .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
+                  "VGG_CNN_S.caffemodel",
+       .file = "VGG_CNN_S.caffemodel",
+       .sha1 = "862b3744bce69b7ba90d29b8099aed3b00c8580b",
+       .sha1_source = "one third-party source only",
+       .licence = "non-commercial",
+       .mean_bgr = kVggMeanBgr,
+       .input_size = 224,
+       .cuts = kAlexNetCuts,
+       .trunk = "vgg_cnn_s",
+       .prototxt_address = "https://gist.github.com/ksimonyan/fd8800eeb36e276cd6f9",
+       .notes = "mean image: VGG_mean.binaryproto in the same folder"},
+      {.name = "places_cnds8",
+       .address = "https://drive.google.com/file/d/0B_s0NuQ5DMW_SUZCOUV2amY3ZkU/view",
+       .file = "8conv3fc_CNDS.caffemodel",
+       .licence = "not stated; cite arXiv:1505.02496",
+       .input_size = 227,
+       .cuts = kPlacesCuts,
+       .trunk = "places_cnds8",
+       .prototxt_address = "beside the weights, or with arXiv:1505.02496",
+       .needs_browser = true},
+      {.name = "squeezenet_v1.0",
+       .file = "squeezenet_v1.0.caffemodel",
+       .sha1 = "0c5ba9eceae67db71dbfde095d807f4e1006c946",
+       .sha1_source = "measured on a copy that names its input classes as expected",
+       .licence = "BSD",
+       .mean_bgr = kRoundMeanBgr,
+       .input_size = 227,
+       .cuts = {{"pool8", ""}, {"fire8/concat", ""}},
+       .prototxt_address = "comes with the copy",
+       .notes = "no public address is known for this copy; the layers of DeepScale's release have "
+                "other names"},
+      {.name = "bvlc_reference_caffenet",
+       .address = "http://dl.caffe.berkeleyvision.org/bvlc_reference_caffenet.caffemodel",
+       .file = "bvlc_reference_caffenet.caffemodel",
+       .sha1 = "4c8d77deb20ea792f84eb5e6d0a11ca0a8660a46",
+       .sha1_source = "models/bvlc_reference_caffenet/readme.md of github.com/BVLC/caffe",
+       .licence = "unrestricted",
+       .mean_bgr = kIlsvrcMeanBgr,
+       .input_size = 227,
+       .cuts = kAlexNetCuts,
+       .trunk = "caffenet",
+       .prototxt_address =
+           "https://github.com/BVLC/caffe, models/bvlc_reference_caffenet/deploy.prototxt",
+       .notes = "AlexNet with pooling before normalisation"},
+      {.name = "squeezenet_v1.1",
+       .address = "https://raw.githubusercontent.com/DeepScale/SqueezeNet/"
+                  "b5c3f1a23713c8b3fd7b801d229f6b04c64374a5/SqueezeNet_v1.1/"
+                  "squeezenet_v1.1.caffemodel",
+       .file = "squeezenet_v1.1.caffemodel",
+       .sha1 = "3397f026368a45ae236403ccc81cfcbe8ebe1bd0",
+       .sha1_source = "opencv_extra/testdata/dnn/download_models.py",
+       .licence = "BSD",
+       .mean_bgr = kRoundMeanBgr,
+       .input_size = 227,
+       .cuts = {{"pool5", ""}, {"fire8/concat", ""}},
+       .prototxt_address =
+           "https://github.com/DeepScale/SqueezeNet, SqueezeNet_v1.1/deploy.prototxt"},
+      {.name = "places205_alexnet",
+       .address = "http://places.csail.mit.edu/model/placesCNN_upgraded.tar.gz",
+       .file = "placesCNN_upgraded.tar.gz",
+       .licence = "not stated; see places.csail.mit.edu",
+       .input_size = 227,
+       .cuts = kAlexNetCuts,
+       .prototxt_address = "in the archive",
+       .notes = "archive with prototxt, weights and mean image"},
+      {.name = "hybrid_alexnet",
+       .address = "http://places.csail.mit.edu/model/hybridCNN_upgraded.tar.gz",
+       .file = "hybridCNN_upgraded.tar.gz",
+       .licence = "not stated; see places.csail.mit.edu",
+       .input_size = 227,
+       .cuts = kAlexNetCuts,
+       .prototxt_address = "in the archive",
+       .notes = "archive with prototxt, weights and mean image"},
+      {.name = "vgg_cnn_m_2048",
+       .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
+                  "VGG_CNN_M_2048.caffemodel",
+       .file = "VGG_CNN_M_2048.caffemodel",
+       .licence = "non-commercial",
+       .mean_bgr = kVggMeanBgr,
+       .input_size = 224,
+       .cuts = kAlexNetCuts,
+       .prototxt_address = "https://gist.github.com/ksimonyan/78047f3591446d1d7b91",
+       .notes = "mean as VGG_CNN_S: one mean image for the whole release"},
+      {.name = "vgg_cnn_f",
+       .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
+                  "VGG_CNN_F.caffemodel",
+       .file = "VGG_CNN_F.caffemodel",
+       .licence = "non-commercial",
+       .mean_bgr = kVggMeanBgr,
+       .input_size = 224,
+       .cuts = kAlexNetCuts,
+       .prototxt_address = "https://gist.github.com/ksimonyan/a32c9063ec8e1118221a",
+       .notes = "mean as VGG_CNN_S: one mean image for the whole release"},
+      {.name = "vgg16",
+       .address = "http://www.robots.ox.ac.uk/~vgg/software/very_deep/caffe/"
+                  "VGG_ILSVRC_16_layers.caffemodel",
+       .file = "VGG_ILSVRC_16_layers.caffemodel",
+       .licence = "CC BY (to be confirmed)",
+       .mean_bgr = std::array<double, 3>{103.939, 116.779, 123.68},
+       .input_size = 224,
+       .cuts = {{"conv4_3", "pool5"}, {"pool5", ""}},
+       .prototxt_address = "https://gist.github.com/ksimonyan/211839e770f7b538e2d8"},
+      {.name = "bvlc_googlenet",
+       .address = "http://dl.caffe.berkeleyvision.org/bvlc_googlenet.caffemodel",
+       .file = "bvlc_googlenet.caffemodel",
+       .sha1 = "405fc5acd08a3bb12de8ee5e23a96bec22f08204",
+       .sha1_source = "models/bvlc_googlenet/readme.md of github.com/BVLC/caffe",
+       .licence = "unrestricted",
+       .mean_bgr = kRoundMeanBgr,
+       .input_size = 224,
+       .cuts = {{"pool4/3x3_s2", ""}},
+       .prototxt_address = "https://github.com/BVLC/caffe, models/bvlc_googlenet/deploy.prototxt"},
+  };
+}
+
+}  // namespace
+
+std::string to_string(const Cut& cut) {
+  return cut.graft.empty() ? cut.end : cut.end + "+" + cut.graft;
+}
+
+const std::vector<KnownModel>& known_models() {
+  static const std::vector<KnownModel> models = table();
+  return models;
+}
+
+const KnownModel& known_model(const std::string& name) {
+  std::vector<std::string> names;
+  for (const KnownModel& model : known_models()) {
+    if (lower(name) == model.name) return model;
+    names.push_back(model.name);
+  }
+  throw UsageError(str("unknown model '", name, "'", did_you_mean(lower(name), names),
+                       "; 'revisit models list' shows them all"));
+}
+
+const KnownModel* known_model_by_sha1(const std::string& sha1) {
+  for (const KnownModel& model : known_models())
+    if (!model.sha1.empty() && model.sha1 == sha1) return &model;
+  return nullptr;
+}
+
+}  // namespace revisit::models

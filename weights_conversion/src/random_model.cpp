@@ -1,0 +1,134 @@
+#include "revisit/weights_conversion/random_model.h"
+
+#include <cmath>
+#include <map>
+
+#include "revisit/proto/error.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/weights_conversion/trunks.h"
+
+namespace revisit::models {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kUntrainedPrefix = "untrained_";
+constexpr uint64_t kGolden = 0x9E3779B97F4A7C15;  // 2^64 / golden ratio: SplitMix64's step
+
+/// The finaliser of SplitMix64: a bijection of 64-bit numbers whose outputs look independent.
+uint64_t mix(uint64_t z) {
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EB;
+  return z ^ (z >> 31);
+}
+
+/// Random numbers of one blob: word(i) does not depend on the words asked for before.
+class Stream {
+ public:
+  Stream(uint64_t seed, uint64_t layer, uint64_t blob)
+      : key_(mix(mix(seed + kGolden) + layer * kGolden + blob)) {}
+
+  uint64_t word(uint64_t i) const { return mix(key_ + (i + 1) * kGolden); }
+
+  /// Number i of a gaussian of variance 1: 12 uniform integers in [0, 2^32), their mean
+  /// 12 * (2^32 - 1) / 2 subtracted, in units of 2^32. Exact in double.
+  double gaussian(uint64_t i) const {
+    int64_t sum = 0;
+    for (uint64_t j = 0; j < 6; ++j) {
+      const uint64_t bits = word(6 * i + j);
+      sum += static_cast<int64_t>(bits >> 32) + static_cast<int64_t>(bits & 0xFFFFFFFF);
+    }
+    constexpr int64_t kMean = 6 * ((int64_t{1} << 32) - 1);
+    return std::ldexp(static_cast<double>(sum - kMean), -32);
+  }
+
+  /// Number i uniform in [-1, 1), exact in double.
+  double uniform(uint64_t i) const {
+    return std::ldexp(static_cast<double>(word(i) >> 12), -51) - 1;
+  }
+
+ private:
+  uint64_t key_;
+};
+
+int64_t channels_of(const std::map<std::string, int64_t>& channels,
+                    const caffe::LayerParameter& layer) {
+  const auto found = layer.bottom_size() == 1 ? channels.find(layer.bottom(0)) : channels.end();
+  if (found == channels.end())
+    throw InputError(
+        str("layer '", layer.name(), "' (", layer.type(),
+            "): cannot tell its number of input channels; random weights are for plain "
+            "chains of layers"));
+  return found->second;
+}
+
+void fill_convolution(caffe::LayerParameter& layer, int64_t in_channels, const Stream& weights,
+                      const Stream& biases) {
+  const auto& parameters = layer.convolution_param();
+  const int64_t kernel = parameters.kernel_size(0);
+  const int64_t group_channels = in_channels / parameters.group();
+  const int64_t fan_in = group_channels * kernel * kernel;
+  const int64_t outputs = parameters.num_output();
+  layer.clear_blobs();
+
+  auto* weight = layer.add_blobs();  // [outputs][group_channels][kernel][kernel]
+  for (const int64_t dim : {outputs, group_channels, kernel, kernel})
+    weight->mutable_shape()->add_dim(dim);
+  const double sigma = std::sqrt(2.0 / static_cast<double>(fan_in));
+  const int64_t count = outputs * fan_in;
+  weight->mutable_data()->Reserve(static_cast<int>(count));
+  for (int64_t i = 0; i < count; ++i)
+    weight->add_data(static_cast<float>(sigma * weights.gaussian(static_cast<uint64_t>(i))));
+
+  auto* bias = layer.add_blobs();  // [outputs]
+  bias->mutable_shape()->add_dim(outputs);
+  for (int64_t i = 0; i < outputs; ++i)
+    bias->add_data(static_cast<float>(0.01 * biases.uniform(static_cast<uint64_t>(i))));
+}
+
+}  // namespace
+
+void fill_with_random_weights(caffe::NetParameter& net, uint64_t seed) {
+  std::map<std::string, int64_t> channels;  // of each blob
+  for (int l = 0; l < net.layer_size(); ++l) {
+    caffe::LayerParameter& layer = *net.mutable_layer(l);
+    if (layer.type() == "Input" && layer.input_param().shape_size() == 1 &&
+        layer.input_param().shape(0).dim_size() >= 2) {
+      channels[layer.top(0)] = layer.input_param().shape(0).dim(1);
+    } else if (layer.type() == "Convolution") {
+      const auto index = static_cast<uint64_t>(l);
+      fill_convolution(layer, channels_of(channels, layer), {seed, index, 0}, {seed, index, 1});
+      channels[layer.top(0)] = layer.convolution_param().num_output();
+    } else {
+      const int64_t kept = channels_of(channels, layer);  // ReLU, LRN and pooling keep channels
+      channels[layer.top(0)] = kept;
+    }
+  }
+}
+
+caffe::NetParameter random_model(const std::string& trunk_name, uint64_t seed) {
+  caffe::NetParameter net = trunk(trunk_name);
+  net.set_name(str(kUntrainedPrefix, trunk_name, "_seed_", seed));
+  fill_with_random_weights(net, seed);
+  return net;
+}
+
+bool is_untrained(const caffe::NetParameter& net) {
+  return net.name().starts_with(kUntrainedPrefix);
+}
+
+ModelFiles write_random_model(const fs::path& folder, const std::string& trunk_name,
+                              uint64_t seed) {
+  caffe::NetParameter net = random_model(trunk_name, seed);
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw Error(str(folder.string(), ": cannot make the folder: ", error.message()));
+  const ModelFiles files{folder / (trunk_name + "_random.prototxt"),
+                         folder / (trunk_name + "_random.caffemodel")};
+  proto::write_net_binary(files.weights, net);
+  for (caffe::LayerParameter& layer : *net.mutable_layer()) layer.clear_blobs();
+  proto::write_net_text(files.prototxt, net);
+  return files;
+}
+
+}  // namespace revisit::models
