@@ -26,8 +26,10 @@ bool WireReader::next(WireField& field) {
   read_tag(field, closes_group);
   if (closes_group) throw WireError(next_, "a group ends that never began");
   read_extent(field);
-  if (field.type == WireType::kGroup) skip_group(field);
-  field.end = field.type == WireType::kGroup ? cursor_.position() : field.end;
+  if (field.type == WireType::kGroup) {
+    skip_group(field);
+    field.end = cursor_.position();
+  }
   next_ = field.end;
   return true;
 }

@@ -365,7 +365,7 @@ TEST(RealScans, AgreeWithTheFormulaAndTurnByShifting) {
   const RangeImage image = project(scan, g);
   // A float azimuth is good to 1e-4 columns: of 120,000 points some ten lie so near a border that
   // they change sides, and each changes two pixels.
-  const int allowed = 4000 * 112 / 5000;
+  const int allowed = 4000 * 112 / 10000;
   EXPECT_LE(count_differing(image, project_naively(scan, g), 1e-4F), allowed);
   for (const int columns : {1, 7, 500, 1777, 2000, 3999})
     EXPECT_LE(count_differing(project(yawed(scan, columns * 2 * kPi / g.width), g),

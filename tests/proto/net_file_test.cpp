@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <map>
+#include <string_view>
 
 #include "expect_error.h"
 #include "test_data.h"
@@ -14,6 +15,7 @@ namespace revisit::proto {
 namespace {
 
 namespace fs = std::filesystem;
+using namespace std::string_view_literals;
 using google::protobuf::util::MessageDifferencer;
 using test::message_of;
 
@@ -153,6 +155,37 @@ TEST(NetFile, WritingSaysWhyItCannot) {
               write_net_binary(dir.path() / "no" / "b", net);
             }).find("cannot create"),
             std::string::npos);
+}
+
+TEST(NetFileRobustness, DamagedTextIsAnErrorOrANet) {
+  const std::string whole =
+      "input: 'x' input_dim: 1 input_dim: 2 input_dim: 3 input_dim: 4\n"
+      "layers { layer { name: 'q' type: 'padding' pad: 2 } bottom: 'x' top: 'q' }\n"
+      "layers { layer { name: 'c' type: 'conv' kernelsize: 3 blobs_lr: 1. } bottom: 'q' top: 'c' "
+      "}\n";
+  int n_errors = 0;
+  const auto read = [&](const std::string& text) {
+    for (const bool allow_unknown_fields : {false, true}) {
+      try {
+        const NetFile file = parse_net(text, "net", {allow_unknown_fields});
+        EXPECT_EQ(file.net.layers_size() + file.net.input_size(), 0);
+      } catch (const InputError& error) {
+        ++n_errors;
+        EXPECT_TRUE(std::string(error.what()).starts_with("net:")) << error.what();
+      }
+    }
+  };
+  const std::string_view telling_bytes = "\0\n\t #'\"{}[]<>:,;-09.aex\x80\xff"sv;
+  for (size_t at = 0; at < whole.size(); ++at) {
+    read(whole.substr(0, at));
+    for (const char byte : telling_bytes) {
+      std::string damaged = whole;
+      damaged[at] = byte;
+      read(damaged);
+      read(whole.substr(0, at) + byte + whole.substr(at));
+    }
+  }
+  EXPECT_GT(n_errors, 1000);
 }
 
 /// What Caffe itself said of a text in golden/parse, as far as parsing and upgrading go: the rest

@@ -467,6 +467,19 @@ TEST(ModelsCommand, MakesRandomNetworks) {
   EXPECT_EQ(test::run_revisit("models make-random -o /proc/nowhere").exit_code, 1);
 }
 
+TEST(ModelsCommand, SaysWhichNetworkWouldBeUsed) {
+  const test::TempDir cache, own;
+  const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";
+  EXPECT_EQ(test::run_revisit("models which", environment).exit_code, 2);
+  const auto files = models::write_random_model(own.path(), "vgg_cnn_s", 1);
+  const auto found =
+      test::run_revisit("models which --model '" + own.path().string() + "'", environment);
+  EXPECT_EQ(found.exit_code, 0) << found.err;
+  EXPECT_SAYS(found.out, files.weights.string());
+  EXPECT_SAYS(found.out, "UNTRAINED");
+  EXPECT_SAYS(found.out, "conv3+pool5");
+}
+
 TEST(ModelsCommand, FetchFailuresAreOneClearMessage) {
   const test::TempDir cache;
   const std::string option = " --cache '" + cache.path().string() + "'";

@@ -2,6 +2,7 @@
 #include <iostream>
 #include <new>
 
+#include "cli/blas_choice.h"
 #include "cli/command.h"
 #include "cli/interrupt.h"
 #include "revisit/proto/error.h"
@@ -43,6 +44,7 @@ int fail(const char* message, int code) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  cli::restart_with_faster_blas(argv);
   cli::watch_for_interrupt();
   try {
     const int code = run({argv + 1, argv + argc});

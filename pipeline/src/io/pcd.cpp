@@ -1,6 +1,6 @@
 #include "io/pcd.h"
 
-#include <pcl/io/lzf.h>
+#include <liblzf/lzf.h>
 
 #include <cstdint>
 #include <cstring>
@@ -124,7 +124,7 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
   if (uncompressed == 0) return bytes;
   if (uncompressed / kLargestRatio <= compressed && compressed > 0) {
     bytes.resize(uncompressed);
-    if (pcl::lzfDecompress(body.data(), compressed, bytes.data(), uncompressed) == uncompressed)
+    if (lzf_decompress(body.data(), compressed, bytes.data(), uncompressed) == uncompressed)
       return bytes;
   }
   throw InputError(str(text.where(), ": the compressed data is damaged"));

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "../linear_algebra/linear_algebra.h"
+#include "linear_algebra/linear_algebra.h"
 #include "basis_writer.h"
 #include "feature_panels.h"
 #include "revisit/proto/error.h"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "../linear_algebra/linear_algebra.h"
+#include "linear_algebra/linear_algebra.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {

@@ -2,6 +2,7 @@
 
 #include <omp.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -114,7 +115,8 @@ SimulationSummary simulate(const SimulationConfig& config,
     std::atomic<bool> ended{false};
     bool stopped = false;
     std::exception_ptr failure;
-    const int threads = config.threads > 0 ? config.threads : omp_get_max_threads();
+    const int threads = std::min(config.threads > 0 ? config.threads : omp_get_max_threads(),
+                                 static_cast<int>(missing.size()));
     std::vector<std::unique_ptr<Lidar>> lidars;  // [thread]
     for (int i = 0; i < threads; ++i)
       lidars.push_back(std::make_unique<Lidar>(

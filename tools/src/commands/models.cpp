@@ -8,6 +8,7 @@
 #include "cli/table.h"
 #include "models/cache.h"
 #include "models/fetch.h"
+#include "models/find_model.h"
 #include "reports.pb.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"
@@ -171,6 +172,29 @@ int fetch_command(const Arguments& arguments) {
   return kOk;
 }
 
+int which_command(const Arguments& arguments) {
+  models::ModelRequest request;
+  Parser parser(
+      "revisit models which", "",
+      "Says which network a command would use that is given the same options.",
+      "  revisit models which\n  revisit models which --weights net/weights.caffemodel\n");
+  parser.option("model", "P", "prototxt, its folder, or the name of a known model", &request.model);
+  parser.option("weights", "W", "caffemodel", &request.weights);
+  parser.option("end", "LAYER", "the layer that is the feature", &request.end);
+  parser.option("graft", "LAYER", "pooling layer of the net to append, e.g. pool5", &request.graft);
+  parser.parse(arguments);
+
+  const models::FoundModel found = models::find_model(request);
+  for (const std::string& warning : found.warnings) std::cerr << "warning: " << warning << "\n";
+  std::cout << "network:   " << found.name << (found.trained ? "" : " (UNTRAINED)")
+            << "\nprototxt:  " << found.prototxt.string()
+            << "\nweights:   " << found.weights.string()
+            << "\nfeature:   " << models::to_string(found.cut) << "\nmean BGR: ";
+  for (const double value : found.mean_bgr) std::cout << " " << value;
+  std::cout << "\n";
+  return kOk;
+}
+
 int make_random_command(const Arguments& arguments) {
   std::string net = "alexnet";
   uint64_t seed = 1;
@@ -203,6 +227,7 @@ int models_command(const Arguments& arguments) {
   return dispatch("revisit models", "Known Caffe models, and random ones.\n",
                   {{"list", "the known models and which are here", list_command},
                    {"fetch", "download one and check it", fetch_command},
+                   {"which", "the network that would be used", which_command},
                    {"make-random", "write an untrained network", make_random_command}},
                   arguments);
 }

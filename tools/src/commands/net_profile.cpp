@@ -4,6 +4,7 @@
 
 #include "cli/interrupt.h"
 #include "net_commands.h"
+#include "revisit/engine/blas.h"
 
 namespace revisit::cli {
 namespace {
@@ -17,9 +18,14 @@ void fill_input(engine::View<float> input) {
 }
 
 void warn_of_slow_settings() {
-  for (const char* name : {"OPENBLAS_CORETYPE", "OPENBLAS_L2_SIZE"})
-    if (std::getenv(name))
-      std::cerr << "warning: " << name << " is set: OpenBLAS may run slower kernels; unset it\n";
+  const std::string faster = engine::faster_blas_core();
+  if (!faster.empty())
+    std::cerr << "warning: OpenBLAS uses its " << engine::blas_core()
+              << " kernels, this CPU can run " << faster
+              << "; unset OPENBLAS_CORETYPE or set it to " << faster << "\n";
+  if (std::getenv("OPENBLAS_L2_SIZE"))
+    std::cerr
+        << "warning: OPENBLAS_L2_SIZE is set: OpenBLAS may block for another cache; unset it\n";
 }
 
 }  // namespace

@@ -13,25 +13,24 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// argp fills paragraphs: no line breaks inside them.
 constexpr const char* kSummary =
-    "Writes a KITTI-layout data set of a drive through a synthetic town, with exact "
-    "repeatability:\n"
-    "equal settings give equal bytes for any number of threads. The route is generated, or given "
-    "by\n"
-    "a KITTI poses file; then the town is laid out along it. An interrupted run continues when it\n"
-    "is started again.";
+    "Writes a data set in KITTI odometry layout: a drive through a synthetic town. The route is "
+    "generated, or given by a KITTI poses file; then the town is laid out along it. Equal settings "
+    "give equal bytes for any number of threads. An interrupted run continues when it is started "
+    "again.";
 
 constexpr const char* kExamples =
-    "  revisit simulate -o town                               1.2 km, some streets driven twice\n"
+    "  revisit simulate -o town\n"
     "  revisit simulate -o town --sequence 01 --route opposite --seed 7\n"
-    "  revisit simulate -o sim --poses kitti/poses/05.txt --calib kitti/sequences/05/calib.txt \\\n"
-    "          --sequence 05 --every 2                        a drive that was really driven\n"
-    "  revisit simulate -o vlp --sensor vlp16 --frames 0-99   a look at the first ten seconds\n\n"
-    "Given poses are used as seen from above (x, z, heading); the sensor always stands 1.73 m "
-    "above a\n"
-    "smooth ground, because the height in ground-truth files drifts by metres between visits. The\n"
-    "poses file is copied as it is, with all its lines: line i is frame i, scan 000042.bin is\n"
-    "frame 42, and with --every or --frames there are lines without a scan.\n";
+    "  revisit simulate -o look --sensor vlp16 --frames 0-99\n"
+    "  revisit simulate -o sim --sequence 05 --poses poses/05.txt --every 2\n\n"
+    "Given poses are used as seen from above (x, z, heading). The sensor always stands 1.73 m "
+    "above "
+    "a smooth ground, because the height in ground-truth files drifts by metres between visits of "
+    "one place. The poses file is copied as it is, with all its lines: line i is frame i, counted "
+    "from 0, and scan 000042.bin is frame 42. With --every or --frames there are lines without a "
+    "scan.\n";
 
 template <class Value>
 Value choose(const std::string& option, const std::string& name,

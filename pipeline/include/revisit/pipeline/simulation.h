@@ -80,10 +80,10 @@ struct SimulationSummary {
 /// A scan that is there already, made with the same settings, is kept: an interrupted run
 /// continues.
 ///
-/// `progress(done, total)` is called after every scan, kept ones included; `stop` is asked before
-/// every scan. Throws UsageError for settings that cannot be, or when the folder holds something
-/// else than this run would write; InputError for a bad poses or calibration file; Interrupted
-/// when `stop` said so; Error when a file cannot be written.
+/// `progress(done, total)` is called with the scans kept, then after every new one; `stop` is asked
+/// after every new scan. Throws UsageError for settings that cannot be, or when the folder holds
+/// something else than this run would write; InputError for a bad poses or calibration file;
+/// Interrupted when `stop` said so; Error when a file cannot be written.
 SimulationSummary simulate(const SimulationConfig& config,
                            const std::function<void(int64_t done, int64_t total)>& progress = {},
                            const std::function<bool()>& stop = {});

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "caffe.pb.h"
 #include "revisit/proto/error.h"
@@ -21,11 +22,13 @@ struct NetFile {
 };
 
 /// Reads a .prototxt of any generation and upgrades it in Caffe's order (SEMANTICS section 7).
-/// Throws InputError, `path:line:column: reason`, for text that does not parse or upgrade.
+/// Throws InputError, `path:line:column: reason`, for text that does not parse or upgrade, that
+/// describes no layers, or is larger than 16 MB.
 NetFile read_net(const std::filesystem::path& prototxt, const NetReadOptions& options = {});
 
 /// The same for text in memory; `name` stands for the path in messages.
-NetFile parse_net(const std::string& text, const std::string& name, const NetReadOptions& options = {});
+NetFile parse_net(const std::string& text, const std::string& name,
+                  const NetReadOptions& options = {});
 
 /// Writes the net as prototxt text, or as binary (with weights: a caffemodel). The file appears
 /// whole or not at all. Throws Error when it cannot be written.

@@ -19,7 +19,8 @@ struct NpyArray {
 NpyArray read_npy(const std::filesystem::path& file);
 
 /// Writes float32, C order. The file appears whole or not at all. Throws Error.
-void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& shape, const float* data);
+void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& shape,
+               const float* data);
 
 /// The header of a float32 C-order .npy of this shape, padded to a multiple of 64 bytes: for
 /// writers that stream the rows after it.

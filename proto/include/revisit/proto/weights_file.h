@@ -25,7 +25,7 @@ class WeightsFile {
  public:
   struct Layer {
     std::string name;
-    std::string type;    // V2 spelling, e.g. "Convolution"; "" when the file does not say
+    std::string type;  // V2 spelling, e.g. "Convolution"; "" when the file does not say
     size_t n_blobs = 0;
   };
 
@@ -38,9 +38,9 @@ class WeightsFile {
   /// The layers in file order. Names can repeat.
   virtual const std::vector<Layer>& layers() const = 0;
 
-  /// The blobs of `layers()[index]`. Throws InputError (offset, layer, blob) when they are corrupt:
-  /// sizes that do not match the shape, negative or overflowing dimensions. Not for several threads
-  /// at once.
+  /// The blobs of `layers()[index]`; `index` is in range. Throws InputError (offset, layer, blob)
+  /// when they are corrupt: sizes that do not match the shape, negative or overflowing dimensions.
+  /// Not for several threads at once.
   virtual std::vector<Blob> read(size_t index) = 0;
 
   /// Bytes actually read from the file so far.

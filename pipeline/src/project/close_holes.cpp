@@ -1,10 +1,7 @@
-// All of OpenCV that the range image needs: hole closing and PNG.
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "revisit/pipeline/range_image.h"
-#include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
@@ -39,17 +36,6 @@ RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry) {
   cv::Mat target = view_of(result);
   closed.colRange(pad, pad + image.width).copyTo(target);
   return result;
-}
-
-void write_png(const std::string& file, const RangeImage& image) {
-  cv::Mat grey;
-  view_of(image).convertTo(grey, CV_8U);  // rounds and saturates
-  std::vector<unsigned char> png;
-  if (grey.empty() || !cv::imencode(".png", grey, png))
-    throw Error(str(file, ": cannot encode ", image.width, " x ", image.height, " pixels as PNG"));
-  write_atomically(file, [&](std::ostream& out) {
-    out.write(reinterpret_cast<const char*>(png.data()), static_cast<std::streamsize>(png.size()));
-  });
 }
 
 }  // namespace revisit::pipeline

@@ -1,0 +1,61 @@
+# The arrows of HACKING.md, held against every #include: proto <- engine <- pipeline <- tools and
+# weights_conversion -> proto. Private headers never cross a folder; heavy libraries stay in the few
+# files that own them. Run as: cmake -DROOT=<project> -P layering.cmake
+cmake_policy(VERSION 3.25)
+
+set(sees_proto proto)
+set(sees_engine engine proto)
+set(sees_pipeline pipeline engine proto)
+set(sees_weights_conversion weights_conversion proto)
+set(sees_tools tools pipeline engine proto weights_conversion)
+
+# library header pattern -> files that may include it
+set(owned_libraries
+  "opencv2/|pipeline/src/project/close_holes"
+  "png.h|pipeline/src/project/write_png"
+  "liblzf/|pipeline/src/io/pcd"
+  "embree3/|pipeline/src/simulation/ray_caster"
+  "cblas|engine/src/|pipeline/src/linear_algebra/"
+  "lapacke|pipeline/src/linear_algebra/"
+  "yaml-cpp/|tools/src/"
+  "curl/|tools/src/models/"
+  "openssl/|tools/src/models/"
+  "hdf5|proto/src/"
+  "argp.h|tools/src/cli/parser")
+
+function(complain text)
+  message(SEND_ERROR "${text}")
+endfunction()
+
+foreach(layer proto engine pipeline weights_conversion tools)
+  file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
+  foreach(source IN LISTS sources)
+    file(RELATIVE_PATH name ${ROOT} ${source})
+    file(STRINGS ${source} includes REGEX "^#include")
+    foreach(line IN LISTS includes)
+      if(line MATCHES "revisit/([a-z_]+)/" AND NOT CMAKE_MATCH_1 IN_LIST sees_${layer})
+        complain("${name} includes ${CMAKE_MATCH_1}, which ${layer} must not see: ${line}")
+      endif()
+      if(line MATCHES "\\.\\./" OR line MATCHES "tests/")
+        complain("${name} reaches out of its folder: ${line}")
+      endif()
+      foreach(entry IN LISTS owned_libraries)
+        string(REPLACE "|" ";" owners "${entry}")
+        list(POP_FRONT owners pattern)
+        string(FIND "${line}" "<${pattern}" angle)
+        if(NOT angle EQUAL -1)
+          set(allowed FALSE)
+          foreach(owner IN LISTS owners)
+            string(FIND "${name}" "${owner}" at)
+            if(at EQUAL 0)
+              set(allowed TRUE)
+            endif()
+          endforeach()
+          if(NOT allowed)
+            complain("${name} must not see ${pattern}: ${line}")
+          endif()
+        endif()
+      endforeach()
+    endforeach()
+  endforeach()
+endforeach()

@@ -1,0 +1,56 @@
+#!/usr/bin/env bash
+# From a fresh checkout to place recognition, with nothing but Debian packages: builds `revisit`,
+# drives a simulated LiDAR twice through the streets of a small town, and looks for the places seen
+# before. Arguments are given to `revisit eval`, e.g. --model P --weights W; without them the first
+# trained network found is used (`revisit models which`), else an untrained one.
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+output="$root/results/demo"
+revisit="$root/build/release/tools/revisit"
+step() { printf '\n== %s\n' "$*"; }
+
+step "1/4  build"
+"$root/tools/install_packages.sh"
+mkdir -p "$output"
+(cd "$root" && cmake --preset release) >"$output/build.log" 2>&1 || { cat "$output/build.log" >&2; exit 1; }
+cmake --build "$root/build/release" --target revisit
+
+step "2/4  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
+"$revisit" simulate --output "$output/town" --length 600 --every 5 | sed -n 1p
+
+step "3/4  network"
+network=("$@")
+if [ $# -eq 0 ]; then
+  if "$revisit" models which >"$output/network.txt" 2>"$output/network.log"; then
+    cat "$output/network.txt"
+  elif [ $? -eq 2 ]; then  # none here
+    "$revisit" models make-random --output "$output/network"
+    network=(--model "$output/network/alexnet_random.prototxt")
+    echo "For a trained one: 'revisit models fetch bvlc_alexnet', then run the demo again."
+  else
+    cat "$output/network.log" >&2
+    exit 1
+  fi
+fi
+
+step "4/4  recognise places: every scan against all scans from more than 50 m before"
+"$revisit" eval "$output/town" --output "$output" --protocol online --exclusion metres=50 \
+  --radius 5 --distance xz "${network[@]}"
+
+run=$(cd "$output/town_00/latest" && pwd -P)
+metric() { sed -n "s/^ *\"$1\": \([0-9.e-]*\),*$/\1/p" "$run/metrics.json"; }
+awk -v positives="$(metric n_positives)" -v top="$(metric recall_at_1)" \
+  -v safe="$(metric max_recall_at_precision_1)" 'BEGIN {
+    printf "\nWhat it means: %d scans were taken where the car had been before (within 5 m).\n", positives
+    printf "For %.0f %% of them the most similar earlier scan was of that place;\n", 100 * top
+    printf "%.0f %% can be accepted without a single false alarm.\n", 100 * safe
+  }'
+echo "Look at:"
+for picture in precision_recall:"precision against recall" \
+  trajectory_online:"the drive with right, wrong and missed places" \
+  match_online:"one query and its best match, as the network sees them"; do
+  file="$run/${picture%%:*}.png"
+  [ -f "$file" ] && echo "  $file  (${picture#*:})" || echo "  (no ${picture%%:*}.png: is gnuplot installed?)"
+done
+echo "All figures and tables: $run"
