@@ -52,7 +52,7 @@ std::string read_file(const fs::path& file) {
 
 ProgramResult run_revisit(const std::string& arguments, const std::string& environment) {
   const TempDir dir;
-  const std::string command = environment + " '" + REVISIT_BINARY + "' " + arguments + " >'" +
+  const std::string command = environment + " '" + REVISIT_PROGRAM + "' " + arguments + " >'" +
                               (dir / "out").string() + "' 2>'" + (dir / "err").string() +
                               "' </dev/null";
   const int status = std::system(command.c_str());

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 
@@ -11,6 +12,7 @@ PlotFiles plot_precision_recall(const std::filesystem::path& folder, const std::
   std::ostringstream data, plot;
   data << "# recall precision threshold; one block a curve, highest threshold first\n";
   size_t drawn = 0;
+  double lowest = 1;
   for (const PrCurve& curve : curves) {
     const bool empty = curve.points.empty() || std::isnan(curve.average_precision);
     const std::string legend =
@@ -21,6 +23,7 @@ PlotFiles plot_precision_recall(const std::filesystem::path& folder, const std::
       plot << "NaN with lines linecolor rgb '#bbbbbb' title " << quoted(legend);
       continue;
     }
+    lowest = std::min(lowest, curve.average_precision);
     data << "# " << legend << "\n";
     // The curve starts at recall 0 with the precision of the surest match.
     data << "0 " << curve.points.front().precision << " " << curve.points.front().threshold << "\n";
@@ -35,7 +38,8 @@ PlotFiles plot_precision_recall(const std::filesystem::path& folder, const std::
            << "set xlabel 'Recall (found / queries with a true match)'\n"
            << "set ylabel 'Precision (right / accepted)'\n"
            << "set xrange [0:1]\nset yrange [0:1.02]\nset xtics 0.1\nset ytics 0.1\n"
-           << "set key bottom left box linecolor rgb '#cccccc' opaque width 1 height 0.4\n"
+           << "set key Left reverse box linecolor rgb '#cccccc' opaque width 1 height 0.4 "
+           << (lowest < 0.5 ? "top right\n" : "bottom left\n")  // where the curves are not
            << (curves.empty() ? "plot NaN notitle" : plot.str());
   return draw(folder, name, data.str(), commands.str());
 }

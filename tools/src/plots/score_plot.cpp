@@ -11,6 +11,11 @@ namespace {
 
 constexpr int kBins = 60;
 
+/// Shares, not counts: true matches are often so few that their counts would not be seen.
+double percent(int64_t count, int64_t total) {
+  return total ? 100.0 * static_cast<double>(count) / static_cast<double>(total) : 0;
+}
+
 }  // namespace
 
 PlotFiles plot_scores(const std::filesystem::path& folder, const std::string& name,
@@ -31,15 +36,17 @@ PlotFiles plot_scores(const std::filesystem::path& folder, const std::string& na
     ++totals[verdict.correct];
   }
   std::ostringstream data, commands;
-  data << "# bin_centre not_true true; bins " << width << " wide\n";
+  data << "# bin_centre not_true true [% of each]; bins " << width << " wide\n";
   for (int bin = 0; bin < kBins; ++bin)
-    data << low + (bin + 0.5) * width << " " << counts[bin][0] << " " << counts[bin][1] << "\n";
+    data << low + (bin + 0.5) * width << " " << percent(counts[bin][0], totals[0]) << " "
+         << percent(counts[bin][1], totals[1]) << "\n";
   const std::string source = quoted(name + ".dat");
-  commands << "set title " << quoted(title) << "\n"
-           << "set xlabel 'Score of the best match'\nset ylabel 'Queries per bin'\n"
-           << "set xrange [" << low - width << ":" << high + width << "]\nset yrange [0:*]\n"
-           << "set boxwidth " << width << "\nset style fill transparent solid 0.55 noborder\n"
-           << "set key top right\n";
+  commands
+      << "set title " << quoted(title) << "\n"
+      << "set xlabel 'Score of the best match'\nset ylabel 'Queries in the bin [% of each kind]'\n"
+      << "set xrange [" << low - width << ":" << high + width << "]\nset yrange [0:*]\n"
+      << "set boxwidth " << width << "\nset style fill transparent solid 0.55 noborder\n"
+      << "set key top right Left reverse\n";
   if (!std::isnan(threshold))
     commands << "set arrow from first " << threshold << ", graph 0 to first " << threshold
              << ", graph 1 nohead linewidth 1.6 dashtype 2 linecolor rgb '#444444' front\n";

@@ -1,5 +1,5 @@
 #include <algorithm>
-#include <array>
+#include <cmath>
 #include <sstream>
 
 #include "plots/plots.h"
@@ -8,14 +8,41 @@
 namespace revisit::cli {
 namespace {
 
-/// One layer of the map, drawn over those before it.
+/// Dots of one colour on the map.
 struct Layer {
   const char* legend;
-  const char* style;
-  bool with_lines;          // to the match
+  const char* colour;  // rrggbb
+  double dot_size;
   std::ostringstream rows;  // x z [m], and those of the match
   int64_t count = 0;
+  int block = -1;  // in the data file
 };
+
+/// Size of the map [pixels], and the ranges that fill it in equal scales.
+struct Frame {
+  double x_min, x_max, z_min, z_max;
+  int height;
+};
+
+constexpr double kMapWidth = 1100, kAround = 190;  // [pixels], what the title, axes and legend take
+
+Frame frame_of(const pipeline::Trajectory& trajectory) {
+  Eigen::Vector3d low = trajectory.positions.front(), high = low;
+  for (const Eigen::Vector3d& position : trajectory.positions) {
+    low = low.cwiseMin(position);
+    high = high.cwiseMax(position);
+  }
+  const double margin = 0.04 * std::max({high.x() - low.x(), high.z() - low.z(), 10.0});
+  Frame frame{low.x() - margin, high.x() + margin, low.z() - margin, high.z() + margin, 0};
+  const double ratio = (frame.z_max - frame.z_min) / (frame.x_max - frame.x_min);
+  frame.height = static_cast<int>(kAround + std::clamp(kMapWidth * ratio, 300.0, 1200.0));
+  return frame;
+}
+
+/// Many lines are drawn fainter, so that the dots stay visible.
+std::string line_colour(const Layer& layer) {
+  return layer.count > 300 ? str("'#c0", layer.colour, "'") : str("'#60", layer.colour, "'");
+}
 
 }  // namespace
 
@@ -28,13 +55,11 @@ PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string
   if (matches.size() != verdicts.size())
     throw Error(
         str(matches.size(), " matches and ", verdicts.size(), " verdicts do not belong together"));
-  Layer layers[] = {
-      {"queries", "points pointtype 7 pointsize 0.45 linecolor rgb '#b8b8b8'", false, {}},
-      {"stored", "points pointtype 7 pointsize 0.45 linecolor rgb '#3b76b5'", false, {}},
-      {"missed", "points pointtype 7 pointsize 0.75 linecolor rgb '#f39c12'", false, {}},
-      {"right", "points pointtype 7 pointsize 0.75 linecolor rgb '#1a9641'", true, {}},
-      {"wrong", "points pointtype 7 pointsize 0.85 linecolor rgb '#d7191c'", true, {}},
-  };
+  Layer layers[] = {{"queries", "bdbdbd", 0.4, {}},
+                    {"stored", "3b76b5", 0.4, {}},
+                    {"missed", "f39c12", 0.6, {}},
+                    {"right", "1a9641", 0.6, {}},
+                    {"wrong", "d7191c", 0.6, {}}};
   auto& [queries, stored, missed, right, wrong] = layers;
   const auto add = [&](Layer& layer, int64_t scan, int64_t match) {
     const Eigen::Vector3d& a = trajectory.positions.at(scan);
@@ -42,47 +67,67 @@ PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string
     layer.rows << a.x() << " " << a.z() << " " << b.x() << " " << b.z() << "\n";
     ++layer.count;
   };
-  // Where every scan is both (online), the path is drawn once, as queries.
+  // Where every scan is both (online), the path is drawn once.
   const bool all_stored = task.stored.size() == trajectory.frames.size();
+  if (all_stored) queries.legend = "stored and asked";
   for (const int64_t scan : task.stored) add(all_stored ? queries : stored, scan, scan);
-  if (all_stored) queries.legend = "drive (queries and stored)";
   for (size_t i = 0; i < matches.size(); ++i) {
-    const bool accepted = verdicts[i].score >= threshold;
     if (!all_stored) add(queries, matches[i].query, matches[i].query);
-    if (accepted && !matches[i].ranks.empty())
+    if (verdicts[i].score >= threshold && !matches[i].ranks.empty())
       add(verdicts[i].correct ? right : wrong, matches[i].query, matches[i].ranks[0]);
     else if (verdicts[i].positive)
       add(missed, matches[i].query, matches[i].query);
   }
 
-  std::ostringstream data, plot;
-  data << "# x z match_x match_z [m]; blocks: queries, stored, missed, right, wrong\n";
-  int block = 0;
+  std::ostringstream data;
+  std::vector<std::string> plots;
+  data << "# x z match_x match_z [m]; blocks:";
+  int blocks = 0;
   for (Layer& layer : layers) {
     if (layer.count == 0) continue;
-    data << layer.rows.str() << "\n\n";
-    const std::string source = str(quoted(name + ".dat"), " index ", block);
-    if (layer.with_lines)
-      plot << (block ? ", \\\n  " : "plot ") << source
-           << " using 1:2:($3-$1):($4-$2) with vectors nohead linewidth 1 linecolor rgb "
-           << (&layer == &right ? "'#801a9641'" : "'#60d7191c'") << " notitle, \\\n  " << source;
-    else
-      plot << (block ? ", \\\n  " : "plot ") << source;
-    plot << " using 1:2 with " << layer.style << " notitle";
-    // The legend's own sample: the small dots of the map would not be readable there.
-    plot
-        << ", \\\n  NaN with "
-        << std::string(layer.style).replace(std::string(layer.style).find("size 0."), 9, "size 1.4")
-        << " title " << quoted(str(layer.legend, " (", layer.count, ")"));
-    ++block;
+    layer.block = blocks++;
+    data << " " << layer.legend << ";";
   }
+  data << "\n";
+  const auto source = [&](const Layer& layer) {
+    return str(quoted(name + ".dat"), " index ", layer.block);
+  };
+  const auto draw_lines = [&](const Layer& layer) {
+    if (layer.count)
+      plots.push_back(str(source(layer),
+                          " using 1:2:($3-$1):($4-$2) with vectors nohead linewidth 1",
+                          " linecolor rgb ", line_colour(layer), " notitle"));
+  };
+  const auto draw_dots = [&](const Layer& layer) {
+    if (!layer.count) return;
+    const std::string style = str("with points pointtype 7 linecolor rgb '#", layer.colour, "' ");
+    plots.push_back(
+        str(source(layer), " using 1:2 ", style, "pointsize ", layer.dot_size, " notitle"));
+    // The legend has a dot of its own: those of the map are too small to tell their colour there.
+    plots.push_back(str("NaN ", style, "pointsize 1.4 title ",
+                        quoted(str(layer.legend, " (", layer.count, ")"))));
+  };
+  for (const Layer& layer : layers)
+    if (layer.count) data << layer.rows.str() << "\n\n";
+  draw_dots(queries);
+  draw_dots(stored);
+  draw_lines(wrong);
+  draw_lines(right);
+  draw_dots(missed);
+  draw_dots(right);
+  draw_dots(wrong);
+
+  const Frame frame = frame_of(trajectory);
   std::ostringstream commands;
   commands << "set title " << quoted(title) << "\n"
            << "set xlabel 'x, right [m]'\nset ylabel 'z, forward [m]'\n"
-           << "set size ratio -1\nset offsets graph 0.03, graph 0.03, graph 0.03, graph 0.03\n"
-           << "set key outside right top vertical\n"
-           << (block ? plot.str() : "plot NaN notitle");
-  return draw(folder, name, data.str(), commands.str(), 1000);
+           << "set size ratio -1\n"
+           << "set xrange [" << frame.x_min << ":" << frame.x_max << "]\n"
+           << "set yrange [" << frame.z_min << ":" << frame.z_max << "]\n"
+           << "set key outside below center horizontal Left reverse samplen 1 width 1\nplot ";
+  for (size_t i = 0; i < plots.size(); ++i) commands << (i ? ", \\\n  " : "") << plots[i];
+  if (plots.empty()) commands << "NaN notitle";
+  return draw(folder, name, data.str(), commands.str(), frame.height);
 }
 
 }  // namespace revisit::cli

@@ -1,0 +1,119 @@
+#include "revisit/pipeline/describe.h"
+
+#include <gtest/gtest.h>
+
+#include "expect_error.h"
+#include "revisit/pipeline/feature_file.h"
+#include "revisit/pipeline/scan_file.h"
+#include "small_drive.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using test::expect_error;
+
+constexpr const char* kNet = R"(
+  layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 3 dim: 16 dim: 64 } } }
+  layer { name: "pool" type: "Pooling" bottom: "data" top: "pool" pooling_param { pool: AVE kernel_size: 4 stride: 4 } }
+)";
+
+class DescribeTest : public testing::Test {
+ protected:
+  DescribeTest() {
+    test::write_small_drive(dir_.path(), 12);
+    test::write_file(dir_ / "net.prototxt", kNet);
+    dataset_ = open_dataset(dir_.path(), "00");
+    options_.geometry.width = 64;
+    options_.geometry.height = 16;
+  }
+  FeatureExtractor extractor() const {
+    return network_features(engine::Net::load_without_weights(dir_ / "net.prototxt"), "test",
+                            {1, 2, 3}, options_.geometry);
+  }
+  FeaturePaths paths(const std::string& folder) const {
+    std::filesystem::create_directories(dir_ / folder);
+    return feature_paths(dir_ / folder, dataset_, extractor(), options_);
+  }
+
+  const test::TempDir dir_;
+  Dataset dataset_;
+  DescribeOptions options_;
+};
+
+TEST_F(DescribeTest, NetworkSeesTheGrayImageMinusTheMeans) {
+  const FeatureExtractor features = extractor();
+  EXPECT_EQ(features.name, "pool");
+  ASSERT_EQ(features.dim, 3 * 4 * 16);
+  RangeImage image{64, 16, std::vector<float>(64 * 16, 10.0F)};
+  std::vector<float> feature(static_cast<size_t>(features.dim));
+  features.make()(image, feature);
+  EXPECT_EQ(feature[0], 9);
+  EXPECT_EQ(feature[64], 8);
+  EXPECT_EQ(feature[128], 7);
+}
+
+TEST_F(DescribeTest, DataIsTheImageItself) {
+  const FeatureExtractor features = range_vector_features(options_.geometry);
+  ASSERT_EQ(features.dim, 64 * 16);
+  const RangeImage image =
+      scan_to_image(read_scan(dataset_.scans[0].file), AlignMode::kCase1, options_.geometry);
+  std::vector<float> feature(static_cast<size_t>(features.dim));
+  features.make()(image, feature);
+  EXPECT_EQ(feature, image.pixels);
+}
+
+TEST_F(DescribeTest, ThreadsDoNotChangeTheBytes) {
+  const FeaturePaths one = paths("one"), three = paths("three");
+  write_features(one, dataset_, extractor(), options_);
+  options_.threads = 3;
+  write_features(three, dataset_, extractor(), options_);
+  EXPECT_EQ(test::read_file(one.features), test::read_file(three.features));
+  EXPECT_EQ(test::read_file(one.alignments), test::read_file(three.alignments));
+  EXPECT_EQ(read_alignments(one.alignments).size(), 12U);
+}
+
+TEST_F(DescribeTest, AStoppedRunGoesOnWhereItWas) {
+  const FeaturePaths whole = paths("whole"), parts = paths("parts");
+  write_features(whole, dataset_, extractor(), options_);
+  int polls = 0, described = 0;
+  options_.stop = [&] { return ++polls > 2; };
+  expect_error<Interrupted>([&] { write_features(parts, dataset_, extractor(), options_); },
+                            {"of 12 scans", "goes on"});
+  EXPECT_FALSE(std::filesystem::exists(parts.features))
+      << "a half-written file must not look whole";
+  options_.stop = nullptr;
+  options_.progress = [&](int64_t done, int64_t) {
+    described = described ? described : static_cast<int>(done) + 1;
+  };
+  write_features(parts, dataset_, extractor(), options_);
+  EXPECT_GT(described, 1) << "the scans done before were done again";
+  EXPECT_EQ(test::read_file(whole.features), test::read_file(parts.features));
+  EXPECT_TRUE(write_features(parts, dataset_, extractor(), options_).read.empty())
+      << "nothing was left to do";
+}
+
+TEST_F(DescribeTest, OtherSettingsAreOtherFiles) {
+  const FeaturePaths case1 = paths("x");
+  options_.align = AlignMode::kCase2;
+  EXPECT_NE(paths("x").features, case1.features);
+  options_.align = AlignMode::kCase1;
+  options_.geometry.max_range = 60;
+  EXPECT_NE(paths("x").features, case1.features);
+}
+
+TEST_F(DescribeTest, ABadScanIsNamed) {
+  test::write_file(dataset_.scans[5].file, "12345");
+  expect_error<InputError>([&] { write_features(paths("bad"), dataset_, extractor(), options_); },
+                           {"000005.bin"});
+}
+
+TEST_F(DescribeTest, NetsForOtherInputsAreRefused) {
+  test::write_file(dir_ / "net.prototxt",
+                   "layer { name: 'in' type: 'Input' top: 'x' input_param { shape { dim: 1 dim: 7 "
+                   "dim: 9 dim: 9 } } }");
+  expect_error<InputError>([&] { extractor(); }, {"'x'", "1x7x9x9", "1 x 3"});
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

@@ -1,0 +1,155 @@
+// `revisit net` as a person meets it: output, files and exit codes.
+#include <gtest/gtest.h>
+
+#include "caffe.pb.h"
+#include "compare.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/proto/npy.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+using test::run_revisit;
+
+constexpr const char* kNet = R"(name: "small"
+layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }
+layer { name: "conv1" type: "Convolution" bottom: "data" top: "conv1" convolution_param { num_output: 1 kernel_size: 1 } }
+layer { name: "relu1" type: "ReLU" bottom: "conv1" top: "conv1" }
+layer { name: "a/pool" type: "Pooling" bottom: "conv1" top: "a/pool" pooling_param { kernel_size: 2 stride: 2 } }
+)";
+
+class NetCommand : public testing::Test {
+ protected:
+  NetCommand() {
+    test::write_file(dir_ / "net.prototxt", kNet);
+    caffe::NetParameter net;
+    caffe::LayerParameter& layer = *net.add_layer();
+    layer.set_name("conv1");
+    layer.set_type("Convolution");
+    for (const float value : {2.0F, -1.0F}) {
+      caffe::BlobProto& blob = *layer.add_blobs();
+      for (int i = 0; i < (value > 0 ? 4 : 1); ++i) blob.mutable_shape()->add_dim(1);
+      blob.add_data(value);
+    }
+    proto::write_net_binary(dir_ / "net.caffemodel", net);
+    std::vector<float> values(16);
+    for (size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(i);
+    proto::write_npy(dir_ / "in.npy", {1, 1, 4, 4}, values.data());
+  }
+  std::string path(const std::string& name) const { return (dir_ / name).string(); }
+  std::string model() const { return path("net.prototxt") + " " + path("net.caffemodel"); }
+  void expect_failure(int code, const std::string& arguments, const std::string& part) const {
+    const auto result = run_revisit(arguments);
+    EXPECT_EQ(result.exit_code, code) << arguments << "\n" << result.err;
+    EXPECT_NE(result.err.find(part), std::string::npos) << "no '" << part << "' in: " << result.err;
+    EXPECT_EQ(result.out, "");
+  }
+
+  const test::TempDir dir_;
+};
+
+TEST_F(NetCommand, ForwardWritesTheOutputs) {
+  const auto result = run_revisit("net forward " + model() + " --input data=" + path("in.npy") +
+                                  " -o " + path("out"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const proto::NpyArray out = proto::read_npy(path("out/out_a_pool.npy"));
+  EXPECT_EQ(out.shape, (std::vector<int64_t>{1, 1, 2, 2}));
+  EXPECT_EQ(out.data, (std::vector<float>{9, 13, 25, 29}));  // 2 * max - 1
+}
+
+TEST_F(NetCommand, ForwardTakesTheShapeOfTheArrayAndCutsOff) {
+  std::vector<float> values(15, 3);
+  proto::write_npy(dir_ / "wide.npy", {1, 1, 3, 5}, values.data());
+  const auto result = run_revisit("net forward " + model() + " --input " + path("wide.npy") +
+                                  " --end conv1 --graft a/pool -o " + path("out"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(proto::read_npy(path("out/out_conv1+a_pool.npy")).shape,
+            (std::vector<int64_t>{1, 1, 2, 3}));
+}
+
+TEST_F(NetCommand, ForwardAllWritesEachLayerAsItWas) {
+  std::vector<float> values(16, -1);
+  proto::write_npy(dir_ / "in.npy", {1, 1, 4, 4}, values.data());
+  ASSERT_EQ(run_revisit("net forward " + model() + " --all --input data=" + path("in.npy") +
+                        " -o " + path("out"))
+                .exit_code,
+            0);
+  EXPECT_EQ(proto::read_npy(path("out/out_conv1.npy")).data[0], -3);
+  EXPECT_EQ(proto::read_npy(path("out/out_relu1.npy")).data[0], 0);
+  EXPECT_TRUE(fs::exists(path("out/out_data.npy")));
+}
+
+TEST_F(NetCommand, InspectNeedsNoWeights) {
+  const auto table =
+      run_revisit("net inspect " + path("net.prototxt") + " --input-shape 1x1x100x200");
+  EXPECT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_NE(table.out.find("1x1x50x100"), std::string::npos) << table.out;
+  const auto json = run_revisit("net inspect " + model() + " --format json");
+  EXPECT_EQ(json.exit_code, 0) << json.err;
+  EXPECT_NE(json.out.find("\"parameters\": 2"), std::string::npos) << json.out;
+}
+
+TEST_F(NetCommand, ProfilePrintsLayersAndTheWhole) {
+  const auto json = run_revisit("net profile " + path("net.prototxt") +
+                                " --input-shape 1x1x64x64 --threads 2 --repeat 3 --format json");
+  EXPECT_EQ(json.exit_code, 0) << json.err;
+  for (const char* part : {"\"total_ms\"", "\"min\"", "\"median\"", "\"p95\"", "\"layers\"",
+                           "\"kernel\": \"pointwise-gemm\"", "\"layer_sum_ms\"", "\"macs\": 4096"})
+    EXPECT_NE(json.out.find(part), std::string::npos) << part;
+  const auto csv = run_revisit("net profile " + path("net.prototxt") + " --repeat 1 --format csv");
+  EXPECT_EQ(std::count(csv.out.begin(), csv.out.end(), '\n'), 5);
+}
+
+TEST_F(NetCommand, MisuseSaysWhatIsKnown) {
+  expect_failure(
+      2,
+      "net forward " + model() + " --input data=" + path("in.npy") + " --end conv2 -o " + path("o"),
+      "did you mean 'conv1'");
+  expect_failure(2,
+                 "net forward " + model() + " --input dato=" + path("in.npy") + " -o " + path("o"),
+                 "did you mean 'data'");
+  expect_failure(2, "net forward " + model() + " -o " + path("o"), "needs an array");
+  expect_failure(2, "net inspect " + path("net.prototxt") + " --input-shape 1x1x", "1x1x");
+  expect_failure(2, "net profile " + path("net.prototxt") + " --threads 0", "--threads");
+  expect_failure(2, "net inspct", "did you mean 'inspect'");
+  expect_failure(2, "net inspect", "PROTOTXT");
+}
+
+TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlace) {
+  test::write_file(dir_ / "bad.prototxt", "name: \"x\"\nlayer {\n  name: \"a\" type \"ReLU\"\n}\n");
+  expect_failure(3, "net inspect " + path("bad.prototxt"), "bad.prototxt:3:18:");
+  expect_failure(3, "net inspect " + path("absent.prototxt"), "absent.prototxt");
+  test::write_file(dir_ / "corrupt.caffemodel",
+                   test::read_file(dir_ / "net.caffemodel").substr(0, 30));
+  expect_failure(3, "net inspect " + path("net.prototxt") + " " + path("corrupt.caffemodel"),
+                 "corrupt.caffemodel");
+  test::write_file(
+      dir_ / "other.prototxt",
+      std::string(kNet).replace(std::string(kNet).find("num_output: 1"), 13, "num_output: 3"));
+  expect_failure(3, "net inspect " + path("other.prototxt") + " " + path("net.caffemodel"),
+                 "another network");
+  test::write_file(dir_ / "bad.npy", "not an array");
+  expect_failure(3,
+                 "net forward " + model() + " --input data=" + path("bad.npy") + " -o " + path("o"),
+                 "bad.npy");
+}
+
+TEST_F(NetCommand, UnsupportedLayersAreExitCode4) {
+  test::write_file(dir_ / "odd.prototxt",
+                   std::string(kNet) +
+                       "layer { name: \"odd\" type: \"Pythn\" bottom: \"a/pool\" top: \"odd\" }");
+  expect_failure(4, "net inspect " + path("odd.prototxt"), "'odd' (Pythn)");
+  EXPECT_EQ(run_revisit("net inspect " + path("odd.prototxt") + " --end relu1").exit_code, 0);
+}
+
+TEST_F(NetCommand, UnwritableOutputIsExitCode1) {
+  test::write_file(dir_ / "file", "");
+  expect_failure(
+      1, "net forward " + model() + " --input " + path("in.npy") + " -o " + path("file/sub"),
+      "file/sub");
+}
+
+}  // namespace
+}  // namespace revisit
