@@ -1,0 +1,10 @@
+#!/usr/bin/env bash
+# clang-tidy over our sources (or FILES), with the developer build's compile commands. Silent when clean.
+set -euo pipefail
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+cd "$root"
+[ -f build/dev/compile_commands.json ] || cmake --preset dev >/dev/null
+cmake --build --preset dev --target revisit_caffe_schema revisit_reports >/dev/null  # generated headers
+files=("$@")
+[ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' ':!tests/**')
+printf '%s\n' "${files[@]}" | xargs -P "$(nproc)" -n 4 clang-tidy -p build/dev --quiet 2>/dev/null
