@@ -4,9 +4,9 @@
 #include <cmath>
 #include <numeric>
 
-#include "linear_algebra/linear_algebra.h"
 #include "basis_writer.h"
 #include "feature_panels.h"
+#include "linear_algebra/linear_algebra.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 

@@ -3,8 +3,8 @@
 #include <numbers>
 
 #include "cli/command.h"
-#include "cli/config_file.h"
 #include "cli/table.h"
+#include "eval/config_file.h"
 #include "eval/descriptors.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/npy.h"

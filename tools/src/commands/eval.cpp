@@ -3,11 +3,11 @@
 #include <sstream>
 
 #include "cli/command.h"
-#include "cli/config_file.h"
 #include "cli/interrupt.h"
 #include "cli/json.h"
 #include "cli/progress.h"
 #include "cli/table.h"
+#include "eval/config_file.h"
 #include "eval/descriptors.h"
 #include "eval/figures.h"
 #include "eval/run_folder.h"
