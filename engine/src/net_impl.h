@@ -1,7 +1,9 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "graph.h"
@@ -16,12 +18,16 @@ struct LoadedNode {
   std::vector<Tensor> weights;   // values are empty when the net was loaded without weights
 };
 
+/// (layer name, blob index) -> name of the parameter, for blobs that `param { name }` shares.
+using Sharing = std::map<std::pair<std::string, size_t>, std::string>;
+
 struct Net::Impl {
   std::string file;               // the prototxt, for messages
   Graph graph;                    // pruned
   std::vector<LoadedNode> nodes;  // as graph.nodes
   std::vector<Port> inputs;
   std::vector<std::string> layer_names;  // of the whole net
+  Sharing sharing;                       // of the whole net
   std::vector<std::string> warnings;
   uint64_t weight_bytes_read = 0;
   bool has_weights = false;

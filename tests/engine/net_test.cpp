@@ -118,6 +118,40 @@ TEST_F(NetTest, WeightsOfAnotherNetworkAreRefused) {
   EXPECT_EQ(net.warnings().size(), 2U);
 }
 
+TEST_F(NetTest, NamedParametersAreShared) {
+  // Two layers share weight and bias; the file has them for the first only (as HDF5 does), or for
+  // both.
+  test::write_file(prototxt(), R"(
+    layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 1 dim: 2 } } }
+    layer { name: "conv" type: "Convolution" bottom: "data" top: "a" param { name: "w" } param { name: "b" }
+            convolution_param { num_output: 1 kernel_size: 1 } }
+    layer { name: "twin" type: "Convolution" bottom: "a" top: "b" param { name: "w" } param { name: "b" }
+            convolution_param { num_output: 1 kernel_size: 1 } }
+    layer { name: "branch" type: "Convolution" bottom: "data" top: "c" param { name: "w" } param { name: "b" }
+            convolution_param { num_output: 1 kernel_size: 1 } })");
+  {
+    engine::Run run(Net::load(prototxt(), weights()).plan());
+    EXPECT_EQ(forward(run, {1, 2}, "b"), (std::vector<float>{7, 11}));  // 2 (2 x + 1) + 1
+  }
+  // The owner is cut off: its weights are still read for the layer that shares them.
+  engine::Run run(Net::load(prototxt(), weights(), {.truncation = {"branch", ""}}).plan());
+  EXPECT_EQ(forward(run, {1, 2}, "branch"), (std::vector<float>{3, 5}));
+}
+
+TEST_F(NetTest, SharedParametersMustHaveOneShape) {
+  test::write_file(prototxt(), R"(
+    layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }
+    layer { name: "one" type: "Convolution" bottom: "data" top: "a" param { name: "w" }
+            convolution_param { num_output: 1 kernel_size: 2 bias_term: false } }
+    layer { name: "two" type: "Convolution" bottom: "a" top: "b" param { name: "w" }
+            convolution_param { num_output: 1 kernel_h: 1 kernel_w: 4 bias_term: false } })");
+  expect_error<InputError>(
+      [&] {
+        Net::load_without_weights(prototxt(), {.inputs = {{"data", Shape{1, 1, 9, 9}}}});
+      },
+      {"'two'", "'w'", "'one'", "1x1x2x2", "1x1x1x4"});
+}
+
 TEST_F(NetTest, WithoutWeightsItCanBePlannedButNotRun) {
   const Net net = Net::load_without_weights(prototxt());
   EXPECT_EQ(net.plan().layers().size(), 6U);

@@ -1,0 +1,194 @@
+#include <algorithm>
+#include <set>
+
+#include "revisit/proto/weights_file.h"
+#include "weights.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Caffe's rule (SEMANTICS section 8): legacy blobs compare right-aligned with the last 4 axes,
+/// others exactly.
+bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
+  if (!blob.legacy_shape) return blob.shape == wanted.axes();
+  if (wanted.rank() > 4) return false;
+  std::vector<int64_t> padded(4 - wanted.rank(), 1);
+  padded.insert(padded.end(), wanted.axes().begin(), wanted.axes().end());
+  return blob.shape == padded;
+}
+
+std::string text(const std::vector<int64_t>& axes) {
+  std::string result;
+  for (const int64_t size : axes) result += (result.empty() ? "" : "x") + std::to_string(size);
+  return result.empty() ? "scalar" : result;
+}
+
+std::string joined(const std::vector<std::string>& names) {
+  std::string result;
+  constexpr size_t kMost = 8;
+  for (size_t i = 0; i < std::min(names.size(), kMost); ++i) result += (i ? ", " : "") + names[i];
+  if (names.size() > kMost) result += str(", and ", names.size() - kMost, " more");
+  return result;
+}
+
+/// A blob of a kept layer.
+struct Place {
+  size_t node, blob;
+  friend auto operator<=>(const Place&, const Place&) = default;
+};
+
+class Loader {
+ public:
+  Loader(Net::Impl& net, const std::filesystem::path& path)
+      : net_(net), path_(path.string()), file_(proto::WeightsFile::open(path)) {
+    for (size_t i = 0; i < net.nodes.size(); ++i) {
+      const std::string& name = net.graph.nodes[i].name;
+      by_name_.try_emplace(name, i);  // of layers that share a name, the first takes the weights
+      for (size_t b = 0; b < net.nodes[i].weights.size(); ++b) {
+        const auto group = net.sharing.find({name, b});
+        if (group != net.sharing.end()) members_[group->second].push_back({i, b});
+      }
+    }
+  }
+
+  void read_all() {
+    for (size_t i = 0; i < file_->layers().size(); ++i) {
+      const proto::WeightsFile::Layer& layer = file_->layers()[i];
+      if (layer.n_blobs == 0) continue;
+      if (is_wanted(layer)) {
+        take(layer.name, file_->read(i));
+      } else if (std::find(net_.layer_names.begin(), net_.layer_names.end(), layer.name) ==
+                 net_.layer_names.end()) {
+        unused_.push_back(layer.name);
+      }
+    }
+  }
+
+  void finish(bool allow_missing) {
+    std::vector<std::string> missing;
+    for (size_t i = 0; i < net_.nodes.size(); ++i) {
+      std::vector<Tensor>& weights = net_.nodes[i].weights;
+      for (size_t b = 0; b < weights.size(); ++b) {
+        if (filled_.count({i, b})) continue;
+        if (missing.empty() || missing.back() != net_.graph.nodes[i].name)
+          missing.push_back(net_.graph.nodes[i].name);
+        if (allow_missing)
+          weights[b].values.assign(static_cast<size_t>(weights[b].shape.elements()), 0.0F);
+      }
+    }
+    if (!missing.empty() && !allow_missing)
+      throw InputError(
+          str(path_, ": no weights for the layers ", joined(missing), " of ", net_.file,
+              unused_.empty() ? "" : str("; the file has weights for ", joined(unused_)),
+              " (--allow-missing would make them zero)"));
+    if (!missing.empty())
+      net_.warnings.push_back(str("layers without weights, set to zero: ", joined(missing)));
+    if (!unused_.empty())
+      net_.warnings.push_back(str(path_, ": weights that no layer uses: ", joined(unused_)));
+    net_.weight_bytes_read = file_->bytes_read();
+    net_.has_weights = true;
+  }
+
+ private:
+  /// A layer that is kept, or one that shares a blob with a kept layer.
+  bool is_wanted(const proto::WeightsFile::Layer& layer) const {
+    if (by_name_.count(layer.name)) return true;
+    for (size_t b = 0; b < layer.n_blobs; ++b) {
+      const auto group = net_.sharing.find({layer.name, b});
+      if (group != net_.sharing.end() && members_.count(group->second)) return true;
+    }
+    return false;
+  }
+
+  void take(const std::string& layer, std::vector<proto::Blob> blobs) {
+    const auto own = by_name_.find(layer);
+    if (own != by_name_.end()) check(own->second, blobs);
+    for (size_t b = 0; b < blobs.size(); ++b) {
+      const auto group = net_.sharing.find({layer, b});
+      if (group != net_.sharing.end()) {
+        const auto members = members_.find(group->second);
+        if (members != members_.end())
+          for (const Place& place : members->second) put(place, layer, b, blobs[b].data);
+      } else if (own != by_name_.end()) {
+        put({own->second, b}, layer, b, std::move(blobs[b].data));
+      }
+    }
+  }
+
+  void check(size_t node, const std::vector<proto::Blob>& blobs) const {
+    const std::vector<Tensor>& weights = net_.nodes[node].weights;
+    if (blobs.size() != weights.size())
+      throw InputError(str(place_text(node), ": expected ", weights.size(), " blobs, found ",
+                           blobs.size(), "; these weights belong to another network"));
+    for (size_t b = 0; b < blobs.size(); ++b)
+      if (!shape_fits(blobs[b], weights[b].shape))
+        throw InputError(str(place_text(node), " blob ", b, ": expected shape ", weights[b].shape,
+                             ", found ", text(blobs[b].shape),
+                             "; these weights belong to another network"));
+  }
+
+  void put(const Place& place, const std::string& layer, size_t blob, std::vector<float> values) {
+    Tensor& weight = net_.nodes[place.node].weights[place.blob];
+    if (values.size() != static_cast<size_t>(weight.shape.elements()))
+      throw InputError(str(place_text(place.node), " blob ", place.blob, ": shares blob ", blob,
+                           " of layer '", layer, "', which has ", values.size(),
+                           " values instead of ", weight.shape.elements()));
+    weight.values = std::move(values);
+    filled_.insert(place);
+  }
+
+  std::string place_text(size_t node) const {
+    const Node& n = net_.graph.nodes[node];
+    return str(path_, ": layer '", n.name, "' (", n.param.type(), ")");
+  }
+
+  Net::Impl& net_;
+  std::string path_;
+  std::unique_ptr<proto::WeightsFile> file_;
+  std::map<std::string, size_t> by_name_;
+  std::map<std::string, std::vector<Place>> members_;  // kept blobs of each sharing group
+  std::set<Place> filled_;
+  std::vector<std::string> unused_;
+};
+
+}  // namespace
+
+Sharing find_sharing(const Graph& whole) {
+  Sharing sharing;
+  for (const Node& node : whole.nodes)
+    for (int b = 0; b < node.param.param_size(); ++b)
+      if (!node.param.param(b).name().empty())
+        sharing.try_emplace({node.name, static_cast<size_t>(b)}, node.param.param(b).name());
+  return sharing;
+}
+
+void check_sharing(const Net::Impl& net) {
+  std::map<std::string, std::pair<const Node*, const Shape*>> owners;  // by parameter name
+  for (size_t i = 0; i < net.nodes.size(); ++i) {
+    const Node& node = net.graph.nodes[i];
+    for (size_t b = 0; b < net.nodes[i].weights.size(); ++b) {
+      const auto group = net.sharing.find({node.name, b});
+      if (group == net.sharing.end()) continue;
+      const Shape& shape = net.nodes[i].weights[b].shape;
+      const auto [owner, is_new] = owners.try_emplace(group->second, &node, &shape);
+      if (is_new) continue;
+      const Shape& owned = *owner->second.second;
+      const bool permissive =
+          static_cast<int>(b) < node.param.param_size() &&
+          node.param.param(static_cast<int>(b)).share_mode() == caffe::ParamSpec::PERMISSIVE;
+      if (permissive ? owned.elements() != shape.elements() : owned != shape)
+        throw InputError(str(net.file, ": layer '", node.name, "' (", node.param.type(), ") blob ",
+                             b, " is ", shape, ", but it shares the parameter '", group->second,
+                             "' with layer '", owner->second.first->name, "', where it is ",
+                             owned));
+    }
+  }
+}
+
+void load_weights(Net::Impl& net, const std::filesystem::path& weights, bool allow_missing) {
+  Loader loader(net, weights);
+  loader.read_all();
+  loader.finish(allow_missing);
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,37 @@
+#include <cmath>
+
+#include "weights.h"
+
+namespace revisit::engine {
+namespace {
+
+/// splitmix64 (Steele, Lea, Flood 2014): the same numbers on every platform.
+uint64_t next_random(uint64_t& state) {
+  uint64_t z = state += 0x9E3779B97F4A7C15ULL;
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
+  return z ^ (z >> 31);
+}
+
+}  // namespace
+
+/// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth.
+void fill_randomly(Net::Impl& net, uint64_t seed) {
+  uint64_t state = seed;
+  for (LoadedNode& node : net.nodes) {
+    for (Tensor& weight : node.weights) {
+      const int64_t fan_in =
+          weight.shape.rank() > 1 ? weight.shape.product(1, weight.shape.rank()) : 1;
+      const double limit =
+          weight.shape.rank() > 1 ? std::sqrt(6.0 / static_cast<double>(fan_in)) : 0.1;
+      weight.values.resize(weight.shape.elements());
+      for (float& value : weight.values) {
+        const double unit = static_cast<double>(next_random(state) >> 11) * 0x1.0p-53;  // [0, 1)
+        value = static_cast<float>(limit * (2 * unit - 1));
+      }
+    }
+  }
+  net.has_weights = true;
+}
+
+}  // namespace revisit::engine

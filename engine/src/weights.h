@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+
+#include "net_impl.h"
+
+namespace revisit::engine {
+
+/// Which blobs of a net are one and the same (`param { name: "..." }`), over all layers of the
+/// file.
+Sharing find_sharing(const Graph& whole);
+
+/// Throws InputError unless shared blobs of the kept layers have one shape (`share_mode:
+/// PERMISSIVE`: one number of elements).
+void check_sharing(const Net::Impl& net);
+
+/// Reads the weights of the kept layers, matched by layer name as Caffe does (SEMANTICS section 9).
+/// Blobs that are shared take what any layer of the group has in the file. Throws InputError naming
+/// layer, blob, expected and found; layers without weights are an error unless `allow_missing`.
+void load_weights(Net::Impl& net, const std::filesystem::path& weights, bool allow_missing);
+
+/// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth.
+void fill_randomly(Net::Impl& net, uint64_t seed);
+
+}  // namespace revisit::engine
