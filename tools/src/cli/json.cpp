@@ -2,6 +2,9 @@
 
 #include <google/protobuf/util/json_util.h>
 
+#include <fstream>
+#include <sstream>
+
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
@@ -15,6 +18,20 @@ std::string to_json(const google::protobuf::Message& report) {
   const auto status = google::protobuf::util::MessageToJsonString(report, &text, options);
   if (!status.ok()) throw Error("cannot write JSON: " + status.ToString());
   return text;
+}
+
+google::protobuf::Struct read_json(const std::filesystem::path& file) {
+  std::ifstream in(file);
+  std::ostringstream content;
+  content << in.rdbuf();
+  if (!in) throw InputError(file.string() + ": cannot read the file");
+  google::protobuf::Value value;
+  const auto status = google::protobuf::util::JsonStringToMessage(content.str(), &value);
+  if (!status.ok()) throw InputError(str(file.string(), ": ", status.ToString()));
+  if (value.has_struct_value()) return value.struct_value();
+  google::protobuf::Struct wrapped;
+  (*wrapped.mutable_fields())[""] = value;
+  return wrapped;
 }
 
 }  // namespace revisit::cli

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <google/protobuf/message.h>
+#include <google/protobuf/struct.pb.h>
 
+#include <filesystem>
 #include <string>
 
 namespace revisit::cli {
@@ -9,5 +11,8 @@ namespace revisit::cli {
 /// A report as indented JSON with the field names of reports.proto. Unset optional fields are left
 /// out. The writer is protobuf's own.
 std::string to_json(const google::protobuf::Message& report);
+
+/// Reads a JSON file. A list at the top is found under the key "". Throws InputError.
+google::protobuf::Struct read_json(const std::filesystem::path& file);
 
 }  // namespace revisit::cli

@@ -9,7 +9,8 @@ int net_command(const Arguments& arguments) {
                   {{"inspect", "layers, shapes, parameters, MACs and memory for any input size",
                     net_inspect_command},
                    {"forward", "run it on .npy arrays", net_forward_command},
-                   {"profile", "time every layer and the whole", net_profile_command}},
+                   {"profile", "time every layer and the whole", net_profile_command},
+                   {"verify", "compare with outputs of the original", net_verify_command}},
                   arguments);
 }
 

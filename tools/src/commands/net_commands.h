@@ -10,6 +10,7 @@ namespace revisit::cli {
 int net_inspect_command(const Arguments&);
 int net_forward_command(const Arguments&);
 int net_profile_command(const Arguments&);
+int net_verify_command(const Arguments&);
 
 /// The layers and totals of a plan, with timings when there are any; shared by inspect and profile.
 reports::NetReport net_report(const NetOptions& options, const std::string& weights,
