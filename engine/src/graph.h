@@ -44,7 +44,4 @@ Graph parse(const caffe::NetParameter& net);
 /// that are not there, naming the nearest.
 Graph prune(const Graph& graph, const Truncation& truncation);
 
-/// The name of output `port` of a layer: "slice", "slice.1", "slice.2", ...
-std::string port_name(const std::string& layer, size_t port);
-
 }  // namespace revisit::engine

@@ -114,7 +114,10 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
     cost.name = node.name;
     cost.type = node.param.type();
     for (const ValueId id : node.inputs) cost.inputs.push_back(shapes[id]);
-    for (const ValueId id : node.outputs) cost.outputs.push_back(shapes[id]);
+    for (const ValueId id : node.outputs) {
+      cost.outputs.push_back(shapes[id]);
+      cost.blobs.push_back(graph.values[id].blob);
+    }
     cost.parameters = count_elements(loaded.weights);
     plan->weight_floats += cost.parameters;
 

@@ -89,7 +89,7 @@ int net_forward_command(const Arguments& arguments) {
   if (all) {
     for (const engine::LayerCost& layer : run.plan().layers())
       for (size_t port = 0; port < layer.outputs.size(); ++port)
-        names.push_back(port == 0 ? layer.name : layer.name + "." + std::to_string(port));
+        names.push_back(engine::port_name(layer.name, port));
   } else {
     names = net.outputs();
   }

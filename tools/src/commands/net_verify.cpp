@@ -85,7 +85,8 @@ bool only_moves_values(const engine::Plan& plan) {
                      });
 }
 
-/// The kept value that `name` (with '/' written as '_') means: an output of the net, or a layer.
+/// The kept value that `name` (with '/' written as '_') means: an output of the net, or a blob as
+/// it is after the whole run, which is what the last layer that writes it made of it.
 std::string find_output(const engine::Plan& plan, const std::string& name) {
   const auto means = [&](std::string candidate) {
     std::replace(candidate.begin(), candidate.end(), '/', '_');
@@ -94,9 +95,12 @@ std::string find_output(const engine::Plan& plan, const std::string& name) {
   if (name.empty() && plan.outputs().size() == 1) return plan.outputs()[0].name;
   for (const engine::Port& port : plan.outputs())
     if (means(port.name)) return port.name;
-  for (const engine::LayerCost& layer : plan.layers())
-    if (means(layer.name)) return layer.name;
-  throw InputError(str("the net has no output or layer '", name, "'"));
+  for (size_t i = plan.layers().size(); i-- > 0;) {
+    const engine::LayerCost& layer = plan.layers()[i];
+    for (size_t port = 0; port < layer.blobs.size(); ++port)
+      if (means(layer.blobs[port])) return engine::port_name(layer.name, port);
+  }
+  throw InputError(str("the net has no blob '", name, "'"));
 }
 
 Verdict verify(const GoldenCase& golden, double tolerance, int threads, bool reference) {

@@ -55,8 +55,10 @@ struct LayerCost {
   std::string name, type;
   std::string kernel;  // "" when the layer is only another view of its input
   std::vector<Shape> inputs, outputs;
-  int64_t macs = 0;              // multiply-accumulates; 0 where the notion does not apply
-  int64_t parameters = 0;        // weights and biases
+  std::vector<std::string>
+      blobs;               // what the file calls the outputs; an in-place layer repeats a name
+  int64_t macs = 0;        // multiply-accumulates; 0 where the notion does not apply
+  int64_t parameters = 0;  // weights and biases
   int64_t activation_bytes = 0;  // memory of its outputs; 0 when they share their input's
 };
 
@@ -130,6 +132,9 @@ class Net {
 /// Names of the input blobs of a prototxt, in order; weights are not needed.
 std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
                                      bool allow_unknown = false);
+
+/// The name of output `port` of a layer in a run with keep_all: "slice", "slice.1", "slice.2", ...
+std::string port_name(const std::string& layer, size_t port);
 
 /// Called around each layer of an instrumented forward pass.
 class StepObserver {
