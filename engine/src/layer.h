@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,16 @@ enum class OutputMemory {
   kViewOfInput,    // the same values under another shape or name: nothing runs
 };
 
+/// How an output pixel depends on its input, along one axis: on `extent` pixels from
+/// `i * stride - pad` on.
+struct Window {
+  int64_t extent = 1, stride = 1, pad = 0;
+};
+/// Of the last two axes.
+struct WindowHw {
+  Window h, w;
+};
+
 /// One layer type with its parameters. Knows shapes and picks kernels; owns no memory and no
 /// weights. Created from the file's description by the registry. Functions throw InputError with a
 /// reason only: the caller adds file, layer name and type.
@@ -55,6 +66,13 @@ class Layer {
   virtual std::vector<Shape> weight_shapes(const std::vector<Shape>&) const { return {}; }
 
   virtual OutputMemory output_memory() const { return OutputMemory::kOwn; }
+
+  /// The window of each output pixel; nothing when it can see the whole input. Layers that work
+  /// element by element see one pixel.
+  virtual std::optional<WindowHw> window(const Shape&) const {
+    return output_memory() == OutputMemory::kMayReuseInput ? std::optional(WindowHw{})
+                                                           : std::nullopt;
+  }
 
   /// The kernel for shapes that infer() accepted. Not called for views.
   virtual Kernel bind(const Binding& binding) const = 0;

@@ -3,6 +3,7 @@
 
 #include "memory_plan.h"
 #include "plan_impl.h"
+#include "receptive_field.h"
 
 namespace revisit::engine {
 namespace {
@@ -87,10 +88,72 @@ void check_weight_shapes(const std::vector<Shape>& wanted, const std::vector<Ten
                            "; choose another input shape or cut the net before this layer"));
 }
 
+/// Follows receptive fields and producers through the graph, node by node.
+class Tracer {
+ public:
+  explicit Tracer(const Graph& graph)
+      : graph_(graph), fields_(graph.values.size()), producer_(graph.values.size(), 0) {}
+
+  void trace(size_t index, const Layer* layer, LayerCost* cost) {
+    const Node& node = graph_.nodes[index];
+    Fields out;
+    if (!layer) {
+      out = {ReceptiveField{}, ReceptiveField{}};
+    } else if (!node.inputs.empty()) {
+      if (const auto window = layer->window(cost->inputs[0])) {
+        std::vector<Field> h, w;
+        for (const ValueId id : node.inputs) {
+          h.push_back(fields_[id].h);
+          w.push_back(fields_[id].w);
+        }
+        out = {field_through(h, window->h), field_through(w, window->w)};
+      }
+    }
+    for (const ValueId id : node.inputs) cost->input_layers.push_back(producer_[id]);
+    for (const ValueId id : node.outputs) {
+      fields_[id] = out;
+      producer_[id] = index;
+    }
+    const bool is_image = !cost->outputs.empty() && cost->outputs[0].rank() >= 3;
+    if (is_image) cost->field_w = out.w;
+    if (is_image && cost->outputs[0].rank() >= 4) cost->field_h = out.h;
+  }
+
+ private:
+  struct Fields {
+    Field h, w;
+  };
+  const Graph& graph_;
+  std::vector<Fields> fields_;    // of each value
+  std::vector<size_t> producer_;  // node of each value
+};
+
 int64_t count_elements(const std::vector<Tensor>& weights) {
   int64_t elements = 0;
   for (const Tensor& weight : weights) elements += weight.shape.elements();
   return elements;
+}
+
+/// The arena for people: each buffer with the layer that first fills it.
+std::vector<BufferUse> describe_buffers(const Graph& graph, const BufferPlanner& planner,
+                                        const std::vector<int>& scratch_buffers,
+                                        const std::vector<Step>& steps, const MemoryPlan& memory) {
+  std::vector<BufferUse> uses(planner.buffers().size());
+  for (size_t i = graph.nodes.size(); i-- > 0;)  // backwards: the first to write gives the name
+    for (const ValueId id : graph.nodes[i].outputs)
+      uses[planner.buffer_of(id)].what = graph.nodes[i].name;
+  for (size_t s = 0; s < steps.size(); ++s)
+    uses[scratch_buffers[s]].what = graph.nodes[steps[s].layer].name + " (scratch)";
+  constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
+  for (size_t b = 0; b < uses.size(); ++b) {
+    const Lifetime& buffer = planner.buffers()[b];
+    uses[b].offset_bytes = memory.offsets[b] * kFloat;
+    uses[b].bytes = buffer.size * kFloat;
+    uses[b].first_layer = static_cast<size_t>(buffer.first);
+    uses[b].last_layer = static_cast<size_t>(buffer.last);
+  }
+  std::erase_if(uses, [](const BufferUse& use) { return use.bytes == 0; });
+  return uses;
 }
 
 }  // namespace
@@ -106,6 +169,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   plan->net = impl_;
   BufferPlanner planner(graph, shapes, options.keep_all);
   std::vector<int> scratch_buffers;  // as plan->steps
+  Tracer tracer(graph);
 
   for (size_t i = 0; i < graph.nodes.size(); ++i) {
     const Node& node = graph.nodes[i];
@@ -118,6 +182,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
       cost.outputs.push_back(shapes[id]);
       cost.blobs.push_back(graph.values[id].blob);
     }
+    tracer.trace(i, loaded.layer.get(), &cost);
     cost.parameters = count_elements(loaded.weights);
     plan->weight_floats += cost.parameters;
 
@@ -154,6 +219,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
 
   const MemoryPlan memory = plan_memory(planner.buffers(), kAlignment);
   plan->arena_floats = memory.total;
+  plan->buffers = describe_buffers(graph, planner, scratch_buffers, plan->steps, memory);
   for (const Lifetime& buffer : planner.buffers()) plan->unshared_floats += buffer.size;
   const auto offset_of = [&](ValueId id) { return memory.offsets[planner.buffer_of(id)]; };
   for (size_t s = 0; s < plan->steps.size(); ++s) {
@@ -184,6 +250,9 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
 
 const std::vector<LayerCost>& Plan::layers() const {
   return impl_->costs;
+}
+const std::vector<BufferUse>& Plan::buffers() const {
+  return impl_->buffers;
 }
 const std::vector<Port>& Plan::inputs() const {
   return impl_->inputs;

@@ -28,6 +28,7 @@ struct Plan::Impl {
   std::shared_ptr<const Net::Impl> net;
   std::vector<Step> steps;
   std::vector<LayerCost> costs;
+  std::vector<BufferUse> buffers;
   std::vector<Port> inputs, outputs;
   std::map<std::string, Slot, std::less<>> input_slots, output_slots;
   int64_t arena_floats = 0;

@@ -144,6 +144,42 @@ TEST_F(NetCommand, UnsupportedLayersAreExitCode4) {
   EXPECT_EQ(run_revisit("net inspect " + path("odd.prototxt") + " --end relu1").exit_code, 0);
 }
 
+TEST_F(NetCommand, InspectShowsFieldsMemoryAndTheGraph) {
+  const auto result =
+      run_revisit("net inspect " + path("net.prototxt") + " --memory --graph " + path("g.dot"));
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("2x2 /2,2 @0,0"), std::string::npos) << result.out;  // a/pool
+  EXPECT_NE(result.out.find("memory plan:"), std::string::npos);
+  const std::string dot = test::read_file(path("g.dot"));
+  EXPECT_NE(dot.find("\"a/pool\\nPooling\\n1x1x2x2\""), std::string::npos) << dot;
+  EXPECT_NE(dot.find("n2 -> n3"), std::string::npos) << dot;
+  expect_failure(2, "net inspect " + path("net.prototxt") + " --graph " + path("g.pdf"), ".svg");
+}
+
+TEST_F(NetCommand, VerifyComparesWithTheOriginal) {
+  const fs::path golden = dir_ / "case";
+  fs::create_directories(golden);
+  fs::copy_file(path("net.prototxt"), golden / "net.prototxt");
+  fs::copy_file(path("net.caffemodel"), golden / "weights.caffemodel");
+  fs::copy_file(path("in.npy"), golden / "in_data.npy");
+  std::vector<float> right{9, 13, 25, 29}, after_relu(16);
+  for (size_t i = 0; i < 16; ++i) after_relu[i] = std::max(0.0F, 2 * static_cast<float>(i) - 1);
+  proto::write_npy(golden / "out_a_pool.npy", {1, 1, 2, 2}, right.data());
+  proto::write_npy(golden / "out_conv1.npy", {1, 1, 4, 4},
+                   after_relu.data());  // the blob after the run
+  const auto good = run_revisit("net verify " + dir_.path().string());
+  EXPECT_EQ(good.exit_code, 0) << good.out << good.err;
+  EXPECT_NE(good.out.find("1 of 1 cases agree"), std::string::npos) << good.out;
+
+  right[3] = 28;
+  proto::write_npy(golden / "out_a_pool.npy", {1, 1, 2, 2}, right.data());
+  const auto bad = run_revisit("net verify " + golden.string());
+  EXPECT_EQ(bad.exit_code, 5) << bad.out;
+  EXPECT_NE(bad.out.find("FAILED"), std::string::npos);
+  EXPECT_NE(bad.out.find("a/pool"), std::string::npos);
+  expect_failure(3, "net verify " + path("empty"), "empty");
+}
+
 TEST_F(NetCommand, UnwritableOutputIsExitCode1) {
   test::write_file(dir_ / "file", "");
   expect_failure(

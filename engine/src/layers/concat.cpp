@@ -26,6 +26,11 @@ class Concat : public Layer {
     return {inputs[0].with(axis, total)};
   }
 
+  std::optional<WindowHw> window(const Shape& input) const override {
+    if (concat_axis(input) + 2 >= input.rank()) return std::nullopt;  // along rows or columns
+    return WindowHw{};
+  }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& output = binding.outputs[0];
     const size_t axis = concat_axis(output);

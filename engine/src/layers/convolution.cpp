@@ -69,6 +69,16 @@ class Convolution : public Layer {
     return shapes;
   }
 
+  std::optional<WindowHw> window(const Shape& input) const override {
+    const size_t axes = input.rank() - channel_axis(input) - 1;
+    if (axes > 2) return std::nullopt;
+    const Geometry g = resolve(axes);
+    const auto along = [&](size_t i) {
+      return Window{g.dilation[i] * (g.kernel[i] - 1) + 1, g.stride[i], g.pad[i]};
+    };
+    return axes == 1 ? WindowHw{{}, along(0)} : WindowHw{along(0), along(1)};
+  }
+
   Kernel bind(const Binding& binding) const override {
     const ConvolutionProblem problem =
         problem_for(binding.inputs[0], binding.outputs[0], binding.threads);

@@ -12,6 +12,7 @@ class Identity : public Layer {
     return std::vector<Shape>(n_outputs, inputs[0]);
   }
   OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
+  std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
   Kernel bind(const Binding&) const override { return {}; }
 };
 

@@ -20,6 +20,12 @@ class Lrn : public Layer {
     return inputs;
   }
 
+  std::optional<WindowHw> window(const Shape&) const override {
+    if (param_.norm_region() == caffe::LRNParameter::ACROSS_CHANNELS) return WindowHw{};
+    const Window square{param_.local_size(), 1, param_.local_size() / 2};
+    return WindowHw{square, square};
+  }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     const LrnProblem problem{

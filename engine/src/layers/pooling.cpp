@@ -56,6 +56,11 @@ class Pooling : public Layer {
     return std::vector<Shape>(n_outputs, output);
   }
 
+  std::optional<WindowHw> window(const Shape&) const override {
+    if (param_.global_pooling()) return std::nullopt;
+    return WindowHw{{h_.kernel, h_.stride, h_.pad}, {w_.kernel, w_.stride, w_.pad}};
+  }
+
   Kernel bind(const Binding& binding) const override {
     const Shape &input = binding.inputs[0], &output = binding.outputs[0];
     const Axis h = global(h_, input[2]), w = global(w_, input[3]);

@@ -17,6 +17,11 @@ class Softmax : public Layer {
     return inputs;
   }
 
+  std::optional<WindowHw> window(const Shape& input) const override {
+    if (input.canonical_axis(axis_, "softmax axis") + 2 >= input.rank()) return std::nullopt;
+    return WindowHw{};
+  }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     const size_t axis = shape.canonical_axis(axis_, "softmax axis");

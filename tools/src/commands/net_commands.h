@@ -17,6 +17,9 @@ reports::NetReport net_report(const NetOptions& options, const std::string& weig
                               const engine::Net& net, const engine::Plan& plan,
                               const engine::Profile* profile);
 
+/// Adds the memory plan to a report.
+void add_buffers(const engine::Plan& plan, reports::NetReport* report);
+
 /// Prints a report as "table", "json" or "csv". Throws UsageError for another format.
 void print_net_report(const reports::NetReport& report, const std::string& format);
 

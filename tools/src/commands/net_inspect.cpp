@@ -1,26 +1,42 @@
+#include <iostream>
+
 #include "net_commands.h"
+#include "net_graph.h"
 
 namespace revisit::cli {
 
 int net_inspect_command(const Arguments& arguments) {
   NetOptions options;
   std::string format = "table";
+  std::filesystem::path graph;
+  bool memory = false;
   Parser parser("revisit net inspect", "PROTOTXT [WEIGHTS]",
-                "Show the layers of a Caffe net with shapes, parameters, multiply-accumulates and "
-                "memory, for the "
-                "input size of the file or any other. With WEIGHTS, also check that they fit.",
+                "Show the layers of a Caffe net with shapes, parameters, multiply-accumulates, "
+                "memory and what each "
+                "output pixel sees, for the input size of the file or any other. With WEIGHTS, "
+                "also check that they "
+                "fit. Output pixel i sees the input pixels from start + i * stride on, size of "
+                "them: '19x19 /8,8 "
+                "@0,0' is rows x columns.",
                 "  revisit net inspect deploy.prototxt\n"
                 "  revisit net inspect alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
                 "--graft pool5\n"
+                "  revisit net inspect deploy.prototxt --graph net.svg --memory\n"
                 "  revisit net inspect deploy.prototxt model.caffemodel --format json\n");
   options.declare(parser);
-  parser.option("format", "FORMAT", "table, json or csv", &format);
+  parser.group("Output:");
+  parser.flag("memory", "also show the memory plan: every buffer of a run", &memory);
+  parser.option("graph", "FILE", "draw the graph to FILE.dot or FILE.svg (needs Graphviz)", &graph);
+  parser.option("format", "FORMAT", "table, json or csv (default table)", &format);
   parser.parse(arguments);
 
   const engine::Net net = load_net(options, NoWeights::kNone);
   const engine::Plan plan = net.plan({}, {.threads = options.threads});
-  print_net_report(
-      net_report(options, weights_source(options, NoWeights::kNone), net, plan, nullptr), format);
+  if (!graph.empty()) write_graph(graph, net, plan);
+  reports::NetReport report =
+      net_report(options, weights_source(options, NoWeights::kNone), net, plan, nullptr);
+  if (memory) add_buffers(plan, &report);
+  print_net_report(report, format);
   return kOk;
 }
 

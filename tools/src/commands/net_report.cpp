@@ -42,6 +42,26 @@ double peak_resident_bytes() {
   return static_cast<double>(usage.ru_maxrss) * 1024;
 }
 
+reports::ReceptiveField receptive_field(const engine::ReceptiveField& field) {
+  reports::ReceptiveField result;
+  result.set_size(static_cast<double>(field.size));
+  result.set_stride(static_cast<double>(field.stride));
+  result.set_start(static_cast<double>(field.start));
+  return result;
+}
+
+/// "11x51 /4,8 @0,-16": rows x columns, strides, where the first one starts.
+std::string field_text(const reports::NetLayer& layer) {
+  if (!layer.has_field_w()) return "-";
+  const auto pair = [&](auto get, const char* separator) {
+    const std::string w = number(get(layer.field_w()), 0);
+    return layer.has_field_h() ? number(get(layer.field_h()), 0) + separator + w : w;
+  };
+  return pair([](const auto& f) { return f.size(); }, "x") + " /" +
+         pair([](const auto& f) { return f.stride(); }, ",") + " @" +
+         pair([](const auto& f) { return f.start(); }, ",");
+}
+
 std::string mebi(double bytes) {
   return number(bytes / 1048576, 2);
 }
@@ -50,6 +70,7 @@ Table layer_table(const reports::NetReport& report) {
   const bool timed = report.has_total_ms();
   std::vector<std::string> header{"layer",      "type",  "kernel",    "output",
                                   "parameters", "MMACs", "memory MiB"};
+  if (!timed) header.push_back("sees /stride @start");
   if (timed) header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "share %"});
   Table table(std::move(header));
   for (const reports::NetLayer& layer : report.layers()) {
@@ -60,6 +81,7 @@ Table layer_table(const reports::NetReport& report) {
                                  number(layer.parameters(), 0),
                                  number(layer.macs() / 1e6, 2),
                                  mebi(layer.activation_bytes())};
+    if (!timed) row.push_back(field_text(layer));
     if (timed)
       for (const auto& [value, digits] : {std::pair{layer.ms().min(), 3},
                                           {layer.ms().median(), 3},
@@ -93,7 +115,31 @@ void print_summary(const reports::NetReport& report) {
             << " GFLOP/s, peak resident memory " << mebi(report.peak_resident_bytes()) << " MiB\n";
 }
 
+/// The arena in the order of time: what is where, while which layers run.
+void print_buffers(const reports::NetReport& report) {
+  Table table({"buffer", "MiB", "at MiB", "from layer", "to layer"});
+  const auto layer_name = [&](int index) {
+    return index < report.layers_size() ? report.layers(index).name() : std::string("(end)");
+  };
+  for (const reports::Buffer& buffer : report.buffers())
+    table.row({buffer.what(), mebi(buffer.bytes()), mebi(buffer.offset_bytes()),
+               layer_name(buffer.first_layer()), layer_name(buffer.last_layer())});
+  std::cout << "\nmemory plan:\n";
+  table.print(std::cout);
+}
+
 }  // namespace
+
+void add_buffers(const engine::Plan& plan, reports::NetReport* report) {
+  for (const engine::BufferUse& use : plan.buffers()) {
+    reports::Buffer& buffer = *report->add_buffers();
+    buffer.set_what(use.what);
+    buffer.set_offset_bytes(static_cast<double>(use.offset_bytes));
+    buffer.set_bytes(static_cast<double>(use.bytes));
+    buffer.set_first_layer(static_cast<int>(use.first_layer));
+    buffer.set_last_layer(static_cast<int>(use.last_layer));
+  }
+}
 
 reports::NetReport net_report(const NetOptions& options, const std::string& weights,
                               const engine::Net& net, const engine::Plan& plan,
@@ -125,6 +171,8 @@ reports::NetReport net_report(const NetOptions& options, const std::string& weig
     layer.set_macs(static_cast<double>(cost.macs));
     layer.set_parameters(static_cast<double>(cost.parameters));
     layer.set_activation_bytes(static_cast<double>(cost.activation_bytes));
+    if (cost.field_h) *layer.mutable_field_h() = receptive_field(*cost.field_h);
+    if (cost.field_w) *layer.mutable_field_w() = receptive_field(*cost.field_w);
     macs += layer.macs();
     parameters += layer.parameters();
     if (!profile) continue;
@@ -151,6 +199,7 @@ void print_net_report(const reports::NetReport& report, const std::string& forma
     layer_table(report).print_csv(std::cout);
   } else if (format == "table") {
     layer_table(report).print(std::cout);
+    if (report.buffers_size() > 0) print_buffers(report);
     print_summary(report);
   } else {
     throw UsageError("--format: expected table, json or csv, found '" + format + "'");

@@ -1,16 +1,8 @@
 #include "plots/gnuplot.h"
 
-#include <fcntl.h>
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
-#include <cstring>
-
+#include "cli/run_program.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
-
-extern char** environ;
 
 namespace revisit::cli {
 namespace {
@@ -34,28 +26,6 @@ set linetype cycle 7
 set key noenhanced spacing 1.25 textcolor rgb '#222222'
 set title offset 0,0.4 font ',17' noenhanced
 )";
-
-/// Runs `gnuplot SCRIPT` in `folder`; returns "" or what went wrong.
-std::string run_gnuplot(const fs::path& folder, const std::string& script) {
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addchdir_np(&actions, folder.c_str());
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-  std::string program = "gnuplot", argument = script;
-  char* const argv[] = {program.data(), argument.data(), nullptr};
-  pid_t child = 0;
-  const int error = posix_spawnp(&child, "gnuplot", &actions, nullptr, argv, environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (error == ENOENT) return "gnuplot is not installed (Debian: apt install gnuplot-nox)";
-  if (error != 0) return str("gnuplot cannot be started: ", std::strerror(error));
-  int status = 0;
-  while (::waitpid(child, &status, 0) < 0)
-    if (errno != EINTR) return str("gnuplot was lost: ", std::strerror(errno));
-  if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return "";
-  return str("gnuplot failed; 'gnuplot ", script, "' in ", folder.string(), " says why");
-}
 
 }  // namespace
 
@@ -86,7 +56,7 @@ PlotFiles draw(const fs::path& folder, const std::string& name, const std::strin
         << "set output " << quoted(name + ".svg") << "\nreplot\nunset output\n";
   });
   PlotFiles result = files;
-  const std::string problem = run_gnuplot(absolute, name + ".gp");
+  const std::string problem = run_program(absolute, {"gnuplot", name + ".gp"}, "gnuplot-nox");
   if (problem.empty()) return result;
   fs::remove(files.png, ignored);
   fs::remove(files.svg, ignored);

@@ -50,6 +50,21 @@ struct PlanOptions {
   bool reference_kernels = false;
 };
 
+/// Which pixels of the net's input an output pixel can see, along one axis: output pixel i sees the
+/// input pixels [start + i * stride, start + i * stride + size). A negative start is padding.
+struct ReceptiveField {
+  int64_t size = 1, stride = 1, start = 0;
+  friend bool operator==(const ReceptiveField&, const ReceptiveField&) = default;
+};
+
+/// A buffer of the arena: which floats it takes and while which layers run.
+struct BufferUse {
+  std::string what;  // the layer whose output or scratch it is
+  int64_t offset_bytes = 0, bytes = 0;
+  size_t first_layer = 0,
+         last_layer = 0;  // indices into Plan::layers(); last may be one past the end
+};
+
 /// What one layer is and costs under a plan.
 struct LayerCost {
   std::string name, type;
@@ -60,6 +75,10 @@ struct LayerCost {
   int64_t macs = 0;        // multiply-accumulates; 0 where the notion does not apply
   int64_t parameters = 0;  // weights and biases
   int64_t activation_bytes = 0;  // memory of its outputs; 0 when they share their input's
+  /// Of the rows and columns of the first output; absent when it sees the whole input, or is no
+  /// image.
+  std::optional<ReceptiveField> field_h, field_w;
+  std::vector<size_t> input_layers;  // indices of the layers that its inputs come from
 };
 
 class Run;
@@ -76,6 +95,8 @@ class Plan {
   /// What the activations would take without sharing memory over time [bytes].
   int64_t unshared_activation_bytes() const;
   int64_t weight_bytes() const;
+  /// The arena, buffer by buffer.
+  const std::vector<BufferUse>& buffers() const;
 
   struct Impl;
 
