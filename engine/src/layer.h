@@ -16,6 +16,8 @@ struct Call {
   const std::vector<const float*>& inputs;
   const std::vector<float*>& outputs;
   float* scratch;
+  float* state = nullptr;   // see Kernel::state_floats
+  int64_t* rows = nullptr;  // where a layer with Layer::dynamic_axis() says how many it wrote
 };
 
 /// A layer bound to shapes and weights, ready to run. Never allocates, never fails.
@@ -24,6 +26,9 @@ struct Kernel {
   std::function<void(const Call&)> run;
   int64_t scratch_floats = 0;
   int64_t macs = 0;
+  /// Memory that starts as zeros and keeps its values from one forward pass to the next, for layers
+  /// that remember (LSTM).
+  int64_t state_floats = 0;
 };
 
 /// All that a layer may know when it is bound.
@@ -73,6 +78,11 @@ class Layer {
     return output_memory() == OutputMemory::kMayReuseInput ? std::optional(WindowHw{})
                                                            : std::nullopt;
   }
+
+  /// The axis of every output whose size depends on the data, if there is one: infer() gives its
+  /// maximum, the kernel writes that many rows or fewer, without gaps, and stores the number in
+  /// Call::rows. All axes before it have size 1.
+  virtual std::optional<size_t> dynamic_axis() const { return std::nullopt; }
 
   /// The kernel for shapes that infer() accepted. Not called for views.
   virtual Kernel bind(const Binding& binding) const = 0;

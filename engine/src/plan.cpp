@@ -55,6 +55,12 @@ class BufferPlanner {
     return static_cast<int>(buffers_.size()) - 1;
   }
 
+  /// Memory that nothing shares: it lasts from one forward pass to the next.
+  int add_state(int64_t floats) {
+    buffers_.push_back({floats, 0, end_});
+    return static_cast<int>(buffers_.size()) - 1;
+  }
+
   int buffer_of(ValueId id) const { return buffer_of_[id]; }
   const std::vector<Lifetime>& buffers() const { return buffers_; }
 
@@ -137,13 +143,17 @@ int64_t count_elements(const std::vector<Tensor>& weights) {
 /// The arena for people: each buffer with the layer that first fills it.
 std::vector<BufferUse> describe_buffers(const Graph& graph, const BufferPlanner& planner,
                                         const std::vector<int>& scratch_buffers,
+                                        const std::vector<int>& state_buffers,
                                         const std::vector<Step>& steps, const MemoryPlan& memory) {
   std::vector<BufferUse> uses(planner.buffers().size());
   for (size_t i = graph.nodes.size(); i-- > 0;)  // backwards: the first to write gives the name
     for (const ValueId id : graph.nodes[i].outputs)
       uses[planner.buffer_of(id)].what = graph.nodes[i].name;
-  for (size_t s = 0; s < steps.size(); ++s)
-    uses[scratch_buffers[s]].what = graph.nodes[steps[s].layer].name + " (scratch)";
+  for (size_t s = 0; s < steps.size(); ++s) {
+    const std::string& name = graph.nodes[steps[s].layer].name;
+    uses[scratch_buffers[s]].what = name + " (scratch)";
+    uses[state_buffers[s]].what = name + " (state)";
+  }
   constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
   for (size_t b = 0; b < uses.size(); ++b) {
     const Lifetime& buffer = planner.buffers()[b];
@@ -163,12 +173,13 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   for (const Port& port : impl_->inputs) input_shapes[port.name] = port.shape;
   for (const auto& [blob, shape] : inputs) input_shapes.insert_or_assign(blob, shape);
   const std::vector<Shape> shapes = infer_shapes(*impl_, input_shapes);
+  const std::vector<std::optional<DynamicRows>> rows = dynamic_rows(*impl_, shapes);
   const Graph& graph = impl_->graph;
 
   auto plan = std::make_shared<Plan::Impl>();
   plan->net = impl_;
   BufferPlanner planner(graph, shapes, options.keep_all);
-  std::vector<int> scratch_buffers;  // as plan->steps
+  std::vector<int> scratch_buffers, state_buffers;  // as plan->steps
   Tracer tracer(graph);
 
   for (size_t i = 0; i < graph.nodes.size(); ++i) {
@@ -203,11 +214,13 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
                                         std::max(options.threads, 1), options.reference_kernels}),
                     {},
                     {},
+                    0,
                     0};
           cost.kernel = step.kernel.name;
           cost.macs = step.kernel.macs;
           scratch_buffers.push_back(
               planner.add_scratch(static_cast<int>(i), step.kernel.scratch_floats));
+          state_buffers.push_back(planner.add_state(step.kernel.state_floats));
           plan->steps.push_back(std::move(step));
         }
       } catch (const Error&) {
@@ -219,7 +232,8 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
 
   const MemoryPlan memory = plan_memory(planner.buffers(), kAlignment);
   plan->arena_floats = memory.total;
-  plan->buffers = describe_buffers(graph, planner, scratch_buffers, plan->steps, memory);
+  plan->buffers =
+      describe_buffers(graph, planner, scratch_buffers, state_buffers, plan->steps, memory);
   for (const Lifetime& buffer : planner.buffers()) plan->unshared_floats += buffer.size;
   const auto offset_of = [&](ValueId id) { return memory.offsets[planner.buffer_of(id)]; };
   for (size_t s = 0; s < plan->steps.size(); ++s) {
@@ -227,22 +241,23 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
     for (const ValueId id : graph.nodes[step.layer].inputs) step.inputs.push_back(offset_of(id));
     for (const ValueId id : graph.nodes[step.layer].outputs) step.outputs.push_back(offset_of(id));
     step.scratch = memory.offsets[scratch_buffers[s]];
+    step.state = memory.offsets[state_buffers[s]];
   }
   for (size_t i = 0; i < graph.nodes.size(); ++i) {
     if (impl_->nodes[i].layer) continue;
     for (const ValueId id : graph.nodes[i].outputs)
-      plan->input_slots[graph.values[id].blob] = {offset_of(id), shapes[id]};
+      plan->input_slots[graph.values[id].blob] = {offset_of(id), shapes[id], {}};
   }
+  const auto slot_of = [&](ValueId id) {
+    return Plan::Impl::Slot{offset_of(id), shapes[id], rows[id]};
+  };
   if (options.keep_all) {
     for (const Node& node : graph.nodes)
       for (size_t port = 0; port < node.outputs.size(); ++port)
-        plan->output_slots.try_emplace(
-            port_name(node.name, port),
-            Plan::Impl::Slot{offset_of(node.outputs[port]), shapes[node.outputs[port]]});
+        plan->output_slots.try_emplace(port_name(node.name, port), slot_of(node.outputs[port]));
   }
   for (const Graph::Output& output : graph.outputs) {
-    plan->output_slots.insert_or_assign(
-        output.name, Plan::Impl::Slot{offset_of(output.value), shapes[output.value]});
+    plan->output_slots.insert_or_assign(output.name, slot_of(output.value));
     plan->outputs.push_back({output.name, shapes[output.value]});
   }
   return Plan(std::move(plan));

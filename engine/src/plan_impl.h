@@ -2,9 +2,11 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "dynamic_rows.h"
 #include "layer.h"
 #include "net_impl.h"
 #include "revisit/engine/net.h"
@@ -17,13 +19,15 @@ struct Step {
   Kernel kernel;
   std::vector<int64_t> inputs, outputs;
   int64_t scratch = 0;
+  int64_t state = 0;
 };
 
 struct Plan::Impl {
   /// A value that is readable from outside.
   struct Slot {
     int64_t offset;  // floats
-    Shape shape;
+    Shape shape;     // with dynamic rows: the largest
+    std::optional<DynamicRows> rows;
   };
   std::shared_ptr<const Net::Impl> net;
   std::vector<Step> steps;

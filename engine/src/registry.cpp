@@ -16,14 +16,28 @@ struct Entry {
 constexpr Entry kTable[] = {
     {"Concat", make_concat},
     {"Convolution", make_convolution},
+    {"ConvolutionDepthwise", make_convolution_depthwise},
+    {"Deconvolution", make_deconvolution},
+    {"DepthwiseConvolution", make_depthwise_convolution},
+    {"DetectionOutput", make_detection_output},
     {"Dropout", make_identity},
+    {"Filter", make_filter},
     {"Flatten", make_flatten},
+    {"Im2col", make_im2col},
     {"InnerProduct", make_inner_product},
+    {"Interp", make_interp},
     {"LRN", make_lrn},
+    {"LSTM", make_lstm},
+    {"Normalize", make_normalize},
     {"Pooling", make_pooling},
+    {"PriorBox", make_prior_box},
+    {"RNN", make_rnn},
+    {"ROIPooling", make_roi_pooling},
     {"ReLU", make_relu},
+    {"SPP", make_spp},
     {"Softmax", make_softmax},
     {"Split", make_identity},
+    {"Upsample", make_upsample},
 };
 
 }  // namespace

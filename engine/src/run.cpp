@@ -40,18 +40,27 @@ struct Run::Memory {
     std::vector<const float*> inputs;
     std::vector<float*> outputs;
     float* scratch;
+    float* state;
   };
   std::vector<Operands> operands;  // as plan.steps
+  std::vector<int64_t> rows;       // as plan.costs: what layers with dynamic rows wrote last
+
+  void run(const Step& step, size_t i) {
+    const Operands& o = operands[i];
+    step.kernel.run({o.inputs, o.outputs, o.scratch, o.state, &rows[step.layer]});
+  }
 };
 
 Run::Run(Plan plan) : plan_(std::move(plan)) {
   const Plan::Impl& impl = *plan_.impl_;
   if (!impl.net->has_weights)
     throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
-  memory_ = std::make_unique<Memory>(Memory{allocate_arena(impl.arena_floats), {}});
+  memory_ = std::make_unique<Memory>(
+      Memory{allocate_arena(impl.arena_floats), {}, std::vector<int64_t>(impl.costs.size(), 0)});
   float* const arena = memory_->arena.get();
   for (const Step& step : impl.steps) {
-    Memory::Operands operands{{}, {}, arena + step.scratch};
+    Memory::Operands operands{{}, {}, arena + step.scratch, arena + step.state};
+    std::fill_n(operands.state, step.kernel.state_floats, 0.0F);
     for (const int64_t offset : step.inputs) operands.inputs.push_back(arena + offset);
     for (const int64_t offset : step.outputs) operands.outputs.push_back(arena + offset);
     memory_->operands.push_back(std::move(operands));
@@ -69,23 +78,22 @@ View<float> Run::input(std::string_view blob) {
 
 View<const float> Run::output(std::string_view name) const {
   const Plan::Impl::Slot& slot = find_slot(plan_.impl_->output_slots, name, "output");
-  return {memory_->arena.get() + slot.offset, slot.shape};
+  Shape shape = slot.shape;
+  if (const auto& rows = slot.rows)
+    shape = shape.with_rows(rows->axis, rows->multiple * memory_->rows[rows->layer]);
+  return {memory_->arena.get() + slot.offset, std::move(shape)};
 }
 
 void Run::forward() noexcept {
   const std::vector<Step>& steps = plan_.impl_->steps;
-  for (size_t i = 0; i < steps.size(); ++i) {
-    const Memory::Operands& operands = memory_->operands[i];
-    steps[i].kernel.run({operands.inputs, operands.outputs, operands.scratch});
-  }
+  for (size_t i = 0; i < steps.size(); ++i) memory_->run(steps[i], i);
 }
 
 void Run::forward(StepObserver& observer) {
   const std::vector<Step>& steps = plan_.impl_->steps;
   for (size_t i = 0; i < steps.size(); ++i) {
-    const Memory::Operands& operands = memory_->operands[i];
     observer.before(steps[i].layer);
-    steps[i].kernel.run({operands.inputs, operands.outputs, operands.scratch});
+    memory_->run(steps[i], i);
     observer.after(steps[i].layer);
   }
 }

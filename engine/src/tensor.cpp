@@ -53,6 +53,13 @@ Shape Shape::with(size_t axis, int64_t size) const {
   return Shape(std::move(axes));
 }
 
+Shape Shape::with_rows(size_t axis, int64_t size) const {
+  if (size > 0) return with(axis, size);
+  Shape empty = *this;
+  empty.axes_.at(axis) = 0;
+  return empty;
+}
+
 std::string Shape::text() const {
   if (axes_.empty()) return "scalar";
   std::string result;

@@ -4,9 +4,9 @@
 
 namespace revisit::engine {
 
-/// C[m][n] = A[m][k] * B, row-major with leading dimensions, on the calling
-/// thread only, so that the result does not depend on how many threads share the work around it.
-/// B is [k][n], or [n][k] when `transpose_b`.
+/// C[m][n] = A * B, row-major with leading dimensions, on the calling thread only, so that the
+/// result does not depend on how many threads share the work around it. A is [m][k], or [k][m] when
+/// `transpose_a`; B is [k][n], or [n][k] when `transpose_b`.
 struct GemmProblem {
   int64_t m, n, k;
   const float* a;
@@ -16,6 +16,7 @@ struct GemmProblem {
   bool transpose_b;
   float* c;
   int64_t ldc;
+  bool transpose_a = false;
 };
 void gemm(const GemmProblem& problem);
 

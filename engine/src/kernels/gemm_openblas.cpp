@@ -17,9 +17,9 @@ void gemm(const GemmProblem& p) {
   static const bool configured = use_one_thread();
   static_cast<void>(configured);
   const auto narrow = [](int64_t value) { return static_cast<blasint>(value); };
-  cblas_sgemm(CblasRowMajor, CblasNoTrans, p.transpose_b ? CblasTrans : CblasNoTrans, narrow(p.m),
-              narrow(p.n), narrow(p.k), 1.0F, p.a, narrow(p.lda), p.b, narrow(p.ldb), 0.0F, p.c,
-              narrow(p.ldc));
+  cblas_sgemm(CblasRowMajor, p.transpose_a ? CblasTrans : CblasNoTrans,
+              p.transpose_b ? CblasTrans : CblasNoTrans, narrow(p.m), narrow(p.n), narrow(p.k),
+              1.0F, p.a, narrow(p.lda), p.b, narrow(p.ldb), 0.0F, p.c, narrow(p.ldc));
 }
 
 }  // namespace revisit::engine

@@ -103,6 +103,10 @@ int net_forward_command(const Arguments& arguments) {
     const auto values = output.values();
     const fs::path file = output_file(directory, name, taken);
     proto::write_npy(file, output.shape.axes(), output.data);
+    if (values.empty()) {  // no row passed a filter
+      table.row({name, output.shape.text(), "", "", "", file.string()});
+      continue;
+    }
     const auto [least, most] = std::minmax_element(values.begin(), values.end());
     const double mean =
         std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());

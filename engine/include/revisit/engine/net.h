@@ -38,7 +38,7 @@ struct LoadOptions {
 /// A tensor of the net that has a name outside: an input or an output.
 struct Port {
   std::string name;
-  Shape shape;
+  Shape shape;  // the largest, where the number of rows depends on the data
 };
 
 struct PlanOptions {
@@ -181,7 +181,8 @@ class Run {
   void forward() noexcept;
   void forward(StepObserver& observer);
   /// An output of the net (or of any layer, when planned with keep_all). Throws UsageError for a
-  /// value that is not kept, so stale data is never seen.
+  /// value that is not kept, so stale data is never seen. Where the number of rows depends on the
+  /// data (Filter, DetectionOutput) the shape is that of the last pass; it can have no rows.
   View<const float> output(std::string_view name) const;
 
   const Plan& plan() const { return plan_; }

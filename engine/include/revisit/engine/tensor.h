@@ -37,6 +37,9 @@ class Shape {
   size_t canonical_axis(int64_t axis, std::string_view what) const;
   /// A copy with one axis replaced.
   Shape with(size_t axis, int64_t size) const;
+  /// The same, where nothing at all is a result: `size` may be 0. For outputs whose number of rows
+  /// depends on the data.
+  Shape with_rows(size_t axis, int64_t size) const;
   /// "1x3x107x4000"; "scalar" without axes.
   std::string text() const;
 

@@ -1,0 +1,40 @@
+#pragma once
+
+#include "kernels/window.h"
+
+namespace revisit::engine {
+
+/// A cross-correlation over any number of spatial axes: images `[n][c_image][image...]`, weights
+/// `[c_windows][c_image / group][kernel...]`, windows `[n][c_windows][windows...]`. The convolution
+/// goes from images to windows, the deconvolution with the same problem and weights is its adjoint
+/// and goes from windows to images.
+struct ConvolutionNdProblem {
+  int64_t n = 1, c_image = 1, c_windows = 1, group = 1;
+  WindowAxes axes;
+  int threads = 1;
+
+  int64_t c_image_per_group() const { return c_image / group; }
+  int64_t c_windows_per_group() const { return c_windows / group; }
+  int64_t image_pixels() const { return product_of(axes, &WindowAxis::image); }
+  int64_t windows() const { return product_of(axes, &WindowAxis::windows); }
+  int64_t kernel_elements() const { return product_of(axes, &WindowAxis::kernel); }
+  /// Kernel elements of one window over the channels of a group.
+  int64_t depth() const { return c_image_per_group() * kernel_elements(); }
+  int64_t macs() const { return n * c_windows * windows() * depth(); }
+};
+
+/// The kernels take the inputs, weights, bias (of the outputs' channels, or null), outputs,
+/// scratch.
+struct ConvolutionNdKernel {
+  const char* name;
+  int64_t (*scratch_floats)(const ConvolutionNdProblem&);
+  void (*run)(const ConvolutionNdProblem&, const float* input, const float* weights,
+              const float* bias, float* output, float* scratch);
+};
+
+extern const ConvolutionNdKernel kConvolutionNdGemm;       // strips of im2col, matrix products
+extern const ConvolutionNdKernel kConvolutionNdReference;  // the definition, in double precision
+extern const ConvolutionNdKernel kDeconvolutionGemm;       // matrix products, strips of col2im
+extern const ConvolutionNdKernel kDeconvolutionReference;  // the definition, in double precision
+
+}  // namespace revisit::engine

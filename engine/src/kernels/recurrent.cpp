@@ -1,0 +1,104 @@
+#include "kernels/recurrent.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/inner_product.h"
+
+namespace revisit::engine {
+namespace {
+
+float sigmoid(float x) {
+  return static_cast<float>(1.0 / (1.0 + std::exp(-static_cast<double>(x))));
+}
+
+/// What every step computes before its nonlinearity, `width` numbers a stream.
+class StepInput {
+ public:
+  static int64_t scratch_floats(const RecurrentProblem& p, int64_t width) {
+    return p.streams * (p.output + width * (p.steps + 1 + (p.static_input > 0 ? 1 : 0)));
+  }
+
+  StepInput(const RecurrentProblem& p, int64_t width, const RecurrentOperands& o, const float* w_x,
+            const float* bias, const float* w_static, const float* w_h)
+      : p_(p),
+        width_(width),
+        cont_(o.cont),
+        w_h_(w_h),
+        from_x_(o.scratch),
+        sum_(from_x_ + p.steps * p.streams * width),
+        continued_(sum_ + p.streams * width),
+        from_static_(p.static_input > 0 ? continued_ + p.streams * p.output : nullptr) {
+    multiply(p.steps * p.streams, p.input, o.x, w_x, bias, from_x_);
+    if (from_static_)
+      multiply(p.streams, p.static_input, o.x_static, w_static, nullptr, from_static_);
+  }
+
+  /// Of step `t`, given the hidden state before it.
+  const float* at(int64_t t, const float* h) {
+    for (int64_t n = 0; n < p_.streams; ++n)
+      for (int64_t d = 0; d < p_.output; ++d)
+        continued_[n * p_.output + d] = h[n * p_.output + d] * cont_[t * p_.streams + n];
+    multiply(p_.streams, p_.output, continued_, w_h_, nullptr, sum_);
+    const float* from_x = from_x_ + t * p_.streams * width_;
+    for (int64_t i = 0; i < p_.streams * width_; ++i) {
+      sum_[i] += from_x[i];
+      if (from_static_) sum_[i] += from_static_[i];
+    }
+    return sum_;
+  }
+
+ private:
+  void multiply(int64_t rows, int64_t depth, const float* in, const float* weights,
+                const float* bias, float* out) const {
+    inner_product({rows, width_, depth, false, p_.threads}, in, weights, bias, out);
+  }
+
+  const RecurrentProblem& p_;
+  int64_t width_;
+  const float *cont_, *w_h_;
+  float *from_x_, *sum_, *continued_, *from_static_;
+};
+
+}  // namespace
+
+int64_t lstm_scratch_floats(const RecurrentProblem& p) {
+  return StepInput::scratch_floats(p, 4 * p.output);
+}
+
+void lstm(const RecurrentProblem& p, const LstmWeights& w, const RecurrentOperands& o) {
+  const int64_t width = p.output;
+  StepInput input(p, 4 * width, o, w.xc, w.b_c, w.x_static, w.hc);
+  for (int64_t t = 0; t < p.steps; ++t) {
+    const float* gates = input.at(t, o.state.h);
+    for (int64_t n = 0; n < p.streams; ++n, gates += 4 * width) {
+      const float cont = o.cont[t * p.streams + n];
+      float* c = o.state.c + n * width;
+      float* h = o.state.h + n * width;
+      for (int64_t d = 0; d < width; ++d) {
+        const float forget = cont == 0 ? 0 : cont * sigmoid(gates[width + d]);
+        c[d] = forget * c[d] + sigmoid(gates[d]) * std::tanh(gates[3 * width + d]);
+        h[d] = sigmoid(gates[2 * width + d]) * std::tanh(c[d]);
+      }
+    }
+    std::copy_n(o.state.h, p.streams * width, o.y + t * p.streams * width);
+  }
+}
+
+int64_t rnn_scratch_floats(const RecurrentProblem& p) {
+  return StepInput::scratch_floats(p, p.output);
+}
+
+void rnn(const RecurrentProblem& p, const RnnWeights& w, const RecurrentOperands& o) {
+  const int64_t floats = p.streams * p.output;
+  StepInput input(p, p.output, o, w.xh, w.b_h, w.x_static, w.hh);
+  for (int64_t t = 0; t < p.steps; ++t) {
+    const float* sum = input.at(t, o.state.h);
+    for (int64_t i = 0; i < floats; ++i) o.state.h[i] = std::tanh(sum[i]);
+    float* y = o.y + t * floats;
+    inner_product({p.streams, p.output, p.output, false, p.threads}, o.state.h, w.ho, w.b_o, y);
+    for (int64_t i = 0; i < floats; ++i) y[i] = std::tanh(y[i]);
+  }
+}
+
+}  // namespace revisit::engine

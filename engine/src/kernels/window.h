@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace revisit::engine {
+
+/// How a kernel slides along one axis of an image: window `i` meets pixel
+/// i * stride - pad + k * dilation with its element `k`. Pixels outside the image do not exist.
+struct WindowAxis {
+  int64_t image = 1, windows = 1;  // sizes
+  int64_t kernel = 1, stride = 1, pad = 0, dilation = 1;
+};
+
+/// Any number of spatial axes, slowest first; none is a single pixel.
+using WindowAxes = std::vector<WindowAxis>;
+
+inline int64_t product_of(const WindowAxes& axes, int64_t WindowAxis::*size) {
+  int64_t result = 1;
+  for (const WindowAxis& axis : axes) result *= axis.*size;
+  return result;
+}
+
+/// The pixel of the image under kernel element `k` of window `i`, all three counted in C order over
+/// the first `n_axes` axes; -1 outside the image.
+inline int64_t pixel_under(const WindowAxes& axes, size_t n_axes, int64_t i, int64_t k) {
+  int64_t pixel = 0, step = 1;
+  for (size_t a = n_axes; a-- > 0;) {
+    const WindowAxis& axis = axes[a];
+    const int64_t at = i % axis.windows * axis.stride - axis.pad + k % axis.kernel * axis.dilation;
+    if (at < 0 || at >= axis.image) return -1;
+    pixel += at * step;
+    step *= axis.image;
+    i /= axis.windows;
+    k /= axis.kernel;
+  }
+  return pixel;
+}
+
+/// im2col, one row of it: the pixels of `image` under kernel element `k` for `count` windows from
+/// `first` on; zero outside the image.
+void gather_pixels(const WindowAxes& axes, const float* image, int64_t k, int64_t first,
+                   int64_t count, float* row);
+
+/// col2im, its adjoint: adds the row to those pixels.
+void scatter_add_pixels(const WindowAxes& axes, const float* row, int64_t k, int64_t first,
+                        int64_t count, float* image);
+
+}  // namespace revisit::engine

@@ -1,0 +1,92 @@
+#include "layers/convolution_window.h"
+
+namespace revisit::engine {
+namespace {
+
+/// One of the fields that repeat per spatial axis: once for all axes, once per axis, or not at all.
+template <class Field>
+std::vector<int64_t> per_axis(const Field& field, size_t axes, int64_t absent, const char* name) {
+  const auto given = static_cast<size_t>(field.size());
+  if (given != 0 && given != 1 && given != axes)
+    throw InputError(str(name, " is given ", given, " times; expected once, or once for each of ",
+                         axes, " spatial axes"));
+  std::vector<int64_t> values(axes, absent);
+  for (size_t i = 0; i < axes && given > 0; ++i)
+    values[i] = field.Get(static_cast<int>(given == 1 ? 0 : i));
+  return values;
+}
+
+/// A field that can also be given as _h and _w (2-D only, and then not repeated as well).
+template <class Field>
+std::vector<int64_t> per_axis_or_hw(const Field& field, bool has_h, bool has_w, int64_t h,
+                                    int64_t w, size_t axes, int64_t absent, const char* name) {
+  if (!has_h && !has_w) return per_axis(field, axes, absent, name);
+  if (axes != 2)
+    throw InputError(str(name, "_h and ", name, "_w need 2 spatial axes, the input has ", axes));
+  if (field.size() > 0)
+    throw InputError(str("give ", name, " or ", name, "_h and ", name, "_w, not both"));
+  return {h, w};
+}
+
+/// Within Caffe's own range of int, which also keeps products of two from overflowing.
+void check(int64_t value, int64_t least, const char* what) {
+  if (value < least) throw InputError(str(what, " must be at least ", least));
+  if (value > INT32_MAX) throw InputError(str(what, " is too large: ", value));
+}
+
+int64_t extent(const WindowAxis& axis) {
+  return axis.dilation * (axis.kernel - 1) + 1;
+}
+
+}  // namespace
+
+WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes) {
+  if (n_axes > 0 && param.kernel_size_size() == 0 && !param.has_kernel_h() && !param.has_kernel_w())
+    throw InputError("kernel size must be given");
+  const auto kernel =
+      per_axis_or_hw(param.kernel_size(), param.has_kernel_h(), param.has_kernel_w(),
+                     param.kernel_h(), param.kernel_w(), n_axes, 0, "kernel");
+  const auto stride = per_axis_or_hw(param.stride(), param.has_stride_h(), param.has_stride_w(),
+                                     param.stride_h(), param.stride_w(), n_axes, 1, "stride");
+  const auto pad = per_axis_or_hw(param.pad(), param.has_pad_h(), param.has_pad_w(), param.pad_h(),
+                                  param.pad_w(), n_axes, 0, "pad");
+  const auto dilation = per_axis(param.dilation(), n_axes, 1, "dilation");
+  WindowAxes axes(n_axes);
+  for (size_t i = 0; i < n_axes; ++i) {
+    check(kernel[i], 1, "kernel size");
+    check(stride[i], 1, "stride");
+    check(pad[i], 0, "pad");
+    check(dilation[i], 1, "dilation");
+    axes[i].kernel = kernel[i], axes[i].stride = stride[i];
+    axes[i].pad = pad[i], axes[i].dilation = dilation[i];
+  }
+  return axes;
+}
+
+int64_t count_windows(const WindowAxis& axis) {
+  const int64_t windows = (axis.image + 2 * axis.pad - extent(axis)) / axis.stride + 1;
+  if (windows < 1)
+    throw InputError(str("a kernel that spans ", extent(axis), " does not fit into ", axis.image,
+                         " + 2 x ", axis.pad, " of the input: the output would be empty"));
+  return windows;
+}
+
+int64_t count_pixels(const WindowAxis& axis) {
+  const int64_t pixels = axis.stride * (axis.windows - 1) + extent(axis) - 2 * axis.pad;
+  if (pixels < 1)
+    throw InputError(str(axis.windows, " kernels that span ", extent(axis),
+                         " cover no more than the padding of 2 x ", axis.pad,
+                         ": the output would be empty"));
+  return pixels;
+}
+
+std::optional<WindowHw> window_of_last_axes(const WindowAxes& axes) {
+  if (axes.empty()) return std::nullopt;
+  const auto along = [](const WindowAxis& axis) {
+    return Window{extent(axis), axis.stride, axis.pad};
+  };
+  const size_t n = axes.size();
+  return WindowHw{n > 1 ? along(axes[n - 2]) : Window{}, along(axes[n - 1])};
+}
+
+}  // namespace revisit::engine

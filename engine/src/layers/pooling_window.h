@@ -1,0 +1,37 @@
+#pragma once
+
+#include "kernels/pooling.h"
+#include "layer.h"
+
+namespace revisit::engine {
+
+/// The window of a pooling layer: parameters checked once, sizes for any input.
+class PoolingWindow {
+ public:
+  /// Throws InputError for parameters that Caffe refuses, UnsupportedError for stochastic pooling.
+  explicit PoolingWindow(const caffe::PoolingParameter& param);
+
+  bool is_max() const { return param_.pool() == caffe::PoolingParameter::MAX; }
+
+  /// The problem for an input `[n][c][h][w]`, output size included, on one thread. Throws
+  /// InputError when the input has other axes or the output would be empty.
+  PoolingProblem problem(const Shape& input) const;
+
+  /// As Layer::window().
+  std::optional<WindowHw> window() const;
+
+ private:
+  /// Parameters of one axis.
+  struct Axis {
+    int64_t kernel, stride, pad;
+  };
+
+  Axis axis(uint32_t kernel, uint32_t stride, bool has_stride, uint32_t pad, bool has_pad) const;
+  Axis global(const Axis& axis, int64_t input) const;
+  int64_t size(int64_t input, const Axis& axis) const;
+
+  caffe::PoolingParameter param_;
+  Axis h_{}, w_{};
+};
+
+}  // namespace revisit::engine

@@ -1,0 +1,166 @@
+#include <algorithm>
+#include <cmath>
+
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Of a box [pixels].
+struct Size {
+  float w, h;
+};
+
+/// SSD's reference boxes: around the centre of every cell of the first input, in fractions of the
+/// image, which is the second. Output `[1][2][cells * boxes * 4]`: the corners xmin, ymin, xmax,
+/// ymax, and then the variances that go with them.
+class PriorBox : public Layer {
+ public:
+  explicit PriorBox(const caffe::PriorBoxParameter& param) : param_(param) {
+    check_sizes();
+    check_variances();
+    const bool img_hw = param.has_img_h() || param.has_img_w();
+    if (img_hw && param.has_img_size())
+      throw InputError("give img_size, or img_h and img_w, not both");
+    if (img_hw && (param.img_h() < 1 || param.img_w() < 1))
+      throw InputError("img_h and img_w must be given together and be at least 1");
+    if (param.has_img_size() && param.img_size() < 1)
+      throw InputError("img_size must be at least 1");
+    const bool step_hw = param.has_step_h() || param.has_step_w();
+    if (step_hw && param.has_step()) throw InputError("give step, or step_h and step_w, not both");
+    if (step_hw && !(param.step_h() > 0 && param.step_w() > 0))
+      throw InputError("step_h and step_w must be given together and be above 0");
+    if (param.has_step() && !(param.step() > 0)) throw InputError("step must be above 0");
+    boxes_ = boxes_of_a_cell();
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 2, "inputs (the feature map and the image)");
+    expect_count(n_outputs, 1, "outputs");
+    for (const Shape& input : inputs)
+      if (input.rank() != 4)
+        throw InputError(str("expected inputs of 4 axes (n x c x h x w), found ", input));
+    const auto boxes = static_cast<int64_t>(boxes_.size());
+    return {Shape{1, 2, Shape{inputs[0][2], inputs[0][3], boxes, 4}.elements()}};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Grid grid = grid_for(binding.inputs[0], binding.inputs[1]);
+    return {"prior-boxes", [this_boxes = boxes_, grid, clip = param_.clip(),
+                            variances = variances_](const Call& call) {
+              float* const end = write_boxes(grid, this_boxes, call.outputs[0]);
+              if (clip)
+                std::transform(call.outputs[0], end, call.outputs[0],
+                               [](float v) { return std::min(std::max(v, 0.0F), 1.0F); });
+              const int64_t floats = end - call.outputs[0];
+              for (int64_t i = 0; i < floats; ++i) end[i] = variances[static_cast<size_t>(i % 4)];
+            }};
+  }
+
+ private:
+  struct Grid {
+    int64_t h, w;              // cells
+    int64_t image_h, image_w;  // [pixels]
+    float step_h, step_w;      // [pixels]
+    float offset;              // of a cell's centre [cells]
+  };
+
+  void check_sizes() const {
+    if (param_.min_size_size() < 1) throw InputError("min_size must be given");
+    const int n = param_.min_size_size();
+    if (param_.max_size_size() != 0 && param_.max_size_size() != n)
+      throw InputError(str("expected one max_size for each of ", n, " min_size, or none, found ",
+                           param_.max_size_size()));
+    constexpr float kMost = 1e6F;  // [pixels]; also keeps NaN out
+    for (int i = 0; i < n; ++i) {
+      if (!(param_.min_size(i) > 0 && param_.min_size(i) < kMost))
+        throw InputError(str("min_size must be above 0, found ", param_.min_size(i)));
+      if (param_.max_size_size() > 0 &&
+          !(param_.max_size(i) > param_.min_size(i) && param_.max_size(i) < kMost))
+        throw InputError(str("max_size ", param_.max_size(i), " must be larger than min_size ",
+                             param_.min_size(i)));
+    }
+    for (const float ratio : param_.aspect_ratio())
+      if (!(ratio > 0)) throw InputError(str("aspect_ratio must be above 0, found ", ratio));
+  }
+
+  void check_variances() {
+    const int n = param_.variance_size();
+    if (n > 1 && n != 4) throw InputError(str("expected 1 or 4 variances, found ", n));
+    for (const float variance : param_.variance())
+      if (!(variance > 0)) throw InputError(str("variance must be above 0, found ", variance));
+    for (int i = 0; i < 4; ++i)
+      variances_.push_back(n == 0 ? 0.1F : param_.variance(n == 1 ? 0 : i));
+  }
+
+  /// 1, then those given without repetitions, each followed by its inverse when `flip`.
+  std::vector<float> aspect_ratios() const {
+    std::vector<float> ratios{1};
+    for (const float ratio : param_.aspect_ratio()) {
+      const auto same = [&](float other) { return std::fabs(ratio - other) < 1e-6; };
+      if (std::any_of(ratios.begin(), ratios.end(), same)) continue;
+      ratios.push_back(ratio);
+      if (param_.flip()) ratios.push_back(static_cast<float>(1.0 / ratio));
+    }
+    return ratios;
+  }
+
+  std::vector<Size> boxes_of_a_cell() const {
+    std::vector<Size> boxes;
+    const std::vector<float> ratios = aspect_ratios();
+    for (int i = 0; i < param_.min_size_size(); ++i) {
+      // SSD keeps sizes as integers here.
+      const double least = std::trunc(param_.min_size(i));
+      boxes.push_back({static_cast<float>(least), static_cast<float>(least)});
+      if (param_.max_size_size() > 0) {
+        const auto mean = static_cast<float>(std::sqrt(least * std::trunc(param_.max_size(i))));
+        boxes.push_back({mean, mean});
+      }
+      for (size_t r = 1; r < ratios.size(); ++r) {
+        const double root = std::sqrt(static_cast<double>(ratios[r]));
+        boxes.push_back({static_cast<float>(least * root), static_cast<float>(least / root)});
+      }
+    }
+    return boxes;
+  }
+
+  Grid grid_for(const Shape& feature, const Shape& image) const {
+    Grid grid{feature[2], feature[3], image[2], image[3], 0, 0, param_.offset()};
+    if (param_.has_img_size()) grid.image_h = grid.image_w = param_.img_size();
+    if (param_.has_img_h()) grid.image_h = param_.img_h(), grid.image_w = param_.img_w();
+    grid.step_h = static_cast<float>(grid.image_h) / static_cast<float>(grid.h);
+    grid.step_w = static_cast<float>(grid.image_w) / static_cast<float>(grid.w);
+    if (param_.has_step()) grid.step_h = grid.step_w = param_.step();
+    if (param_.has_step_h()) grid.step_h = param_.step_h(), grid.step_w = param_.step_w();
+    return grid;
+  }
+
+  /// Returns the end of what it wrote.
+  static float* write_boxes(const Grid& grid, const std::vector<Size>& boxes, float* out) {
+    for (int64_t y = 0; y < grid.h; ++y)
+      for (int64_t x = 0; x < grid.w; ++x) {
+        const float center_x = (static_cast<float>(x) + grid.offset) * grid.step_w;
+        const float center_y = (static_cast<float>(y) + grid.offset) * grid.step_h;
+        const auto w = static_cast<double>(grid.image_w), h = static_cast<double>(grid.image_h);
+        for (const Size& box : boxes) {
+          *out++ = static_cast<float>((center_x - box.w / 2.0) / w);
+          *out++ = static_cast<float>((center_y - box.h / 2.0) / h);
+          *out++ = static_cast<float>((center_x + box.w / 2.0) / w);
+          *out++ = static_cast<float>((center_y + box.h / 2.0) / h);
+        }
+      }
+    return out;
+  }
+
+  caffe::PriorBoxParameter param_;
+  std::vector<float> variances_;  // 4
+  std::vector<Size> boxes_;       // of every cell
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_prior_box(const caffe::LayerParameter& param) {
+  return std::make_unique<PriorBox>(param.prior_box_param());
+}
+
+}  // namespace revisit::engine
