@@ -1,0 +1,258 @@
+// The layers of detectors: SSD's Normalize, PriorBox and DetectionOutput, Fast R-CNN's ROIPooling.
+#include "kernels/detection.h"
+
+#include <gtest/gtest.h>
+
+#include <cfloat>
+#include <limits>
+
+#include "compare.h"
+#include "expect_error.h"
+#include "single_layer.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::expect_error;
+using test::expect_near;
+using test::layer_of;
+using test::run_layer;
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+TEST(Normalize, OverChannelsOrTheWholeImage) {
+  const Tensor image{Shape{1, 2, 1, 2}, {3, 0, 4, 5}};
+  const auto pixels = run_layer({"Normalize",
+                                 "norm_param { across_spatial: false channel_shared: false }",
+                                 {image},
+                                 {{10, 20}}});
+  expect_near(pixels[0].values, {6, 0, 16, 20}, 1e-5F);
+  const auto whole = run_layer({"Normalize", "", {image}, {{2}}});
+  const float norm = std::sqrt(50.0F);
+  expect_near(whole[0].values, {6 / norm, 0, 8 / norm, 10 / norm}, 1e-6F);
+}
+
+TEST(Normalize, EpsilonKeepsZeroFromDividing) {
+  const auto found = run_layer({"Normalize",
+                                "norm_param { across_spatial: false eps: 4 }",
+                                {{Shape{2, 1, 1, 1}, {0, 1}}},
+                                {{1}}});
+  expect_near(found[0].values, {0, 1 / std::sqrt(5.0F)}, 1e-7F);
+}
+
+TEST(Normalize, SameForAnyNumberOfThreads) {
+  const Tensor image{Shape{2, 5, 30, 31}, test::random_floats(2 * 5 * 930, 1)};
+  for (const std::string across : {"false", "true"}) {
+    test::SingleLayer l{
+        "Normalize", "norm_param { across_spatial: " + across + " }", {image}, {{3}}};
+    const auto one = run_layer(l)[0].values;
+    l.threads = 3;
+    EXPECT_EQ(run_layer(l)[0].values, one);
+  }
+}
+
+TEST(PriorBox, ByHand) {
+  // A 1x2 map on an image of 20 x 40 pixels: steps 20 and 20, centres (10, 10) and (30, 10).
+  const auto found =
+      run_layer({"PriorBox",
+                 "prior_box_param { min_size: 4 max_size: 9 aspect_ratio: 4 "
+                 "aspect_ratio: 1 variance: [0.1, 0.1, 0.2, 0.2] }",
+                 {{Shape{1, 1, 1, 2}, {0, 0}}, {Shape{1, 1, 20, 40}, std::vector<float>(800)}}});
+  EXPECT_EQ(found[0].shape, (Shape{1, 2, 2 * 4 * 4}));
+  // 4 x 4, sqrt(4 * 9) = 6 x 6, 4 * 2 x 4 / 2, and flipped.
+  const std::vector<float> cell{8, 8, 12, 12, 7, 7, 13, 13, 6, 9, 14, 11, 9, 6, 11, 14};
+  std::vector<float> wanted;
+  for (const float shift : {0.0F, 20.0F})
+    for (size_t i = 0; i < cell.size(); ++i)
+      wanted.push_back(i % 2 == 0 ? (cell[i] + shift) / 40 : cell[i] / 20);
+  for (int i = 0; i < 8; ++i) wanted.insert(wanted.end(), {0.1F, 0.1F, 0.2F, 0.2F});
+  expect_near(found[0].values, wanted, 1e-6F);
+}
+
+TEST(PriorBox, SizesAreIntegersAndClippedOnDemand) {
+  // SSD truncates 5.9 to 5; with img_size 10, step 10, offset 0 the box is centred on the corner.
+  const std::vector<Tensor> inputs{{Shape{1, 1, 1, 1}, {0}}, {Shape{1, 1, 1, 1}, {0}}};
+  const std::string param = "min_size: 5.9 img_size: 10 step: 10 offset: 0 variance: 0.5";
+  expect_near(run_layer({"PriorBox", "prior_box_param { " + param + " }", inputs})[0].values,
+              {-0.25F, -0.25F, 0.25F, 0.25F, 0.5F, 0.5F, 0.5F, 0.5F});
+  expect_near(
+      run_layer({"PriorBox", "prior_box_param { " + param + " clip: true }", inputs})[0].values,
+      {0, 0, 0.25F, 0.25F, 0.5F, 0.5F, 0.5F, 0.5F});
+}
+
+TEST(PriorBox, RefusesWhatCannotBe) {
+  const auto make = [](const std::string& param) {
+    return [=] { layer_of("PriorBox", "prior_box_param { " + param + " }"); };
+  };
+  expect_error<InputError>(make(""), {"min_size"});
+  expect_error<InputError>(make("min_size: nan"), {"min_size"});
+  expect_error<InputError>(make("min_size: 4 max_size: 4"), {"larger than min_size"});
+  expect_error<InputError>(make("min_size: 4 min_size: 5 max_size: 9"), {"one max_size"});
+  expect_error<InputError>(make("min_size: 4 aspect_ratio: 0"), {"aspect_ratio"});
+  expect_error<InputError>(make("min_size: 4 variance: [1, 2]"), {"1 or 4 variances"});
+  expect_error<InputError>(make("min_size: 4 img_h: 2"), {"together"});
+  expect_error<InputError>(make("min_size: 4 step: 1 step_h: 2 step_w: 2"), {"not both"});
+}
+
+TEST(Detection, BoxesAreDecodedInThreeWays) {
+  const Box prior{0, 0, 2, 4};
+  const float variance[] = {0.5F, 0.5F, 1, 1}, t[] = {1, 2, 0, std::log(2.0F)};
+  const auto corners = [](const Box& box) {
+    return std::vector<float>{box.xmin, box.ymin, box.xmax, box.ymax};
+  };
+  expect_near(corners(decode_box(prior, variance, t, BoxCode::kCorner)),
+              {0.5F, 1, 2, 4 + std::log(2.0F)}, 1e-6F);
+  expect_near(corners(decode_box(prior, variance, t, BoxCode::kCornerSize)),
+              {1, 4, 2, 4 + 4 * std::log(2.0F)}, 1e-6F);
+  // Centre (1, 2) moves by (0.5 * 1 * 2, 0.5 * 2 * 4); 2 x 4 becomes 2 x 8.
+  expect_near(corners(decode_box(prior, variance, t, BoxCode::kCenterSize)), {1, 2, 3, 10}, 1e-6F);
+}
+
+TEST(Detection, OverlapOfBoxes) {
+  EXPECT_FLOAT_EQ(jaccard_overlap({0, 0, 2, 2}, {1, 0, 3, 2}), 1.0F / 3);
+  EXPECT_EQ(jaccard_overlap({0, 0, 1, 1}, {2, 2, 3, 3}), 0);
+  EXPECT_EQ(jaccard_overlap({0, 0, 1, 1}, {1, 0, 2, 1}), 0);  // they touch
+  EXPECT_EQ(jaccard_overlap({1, 1, 0, 0}, {0, 0, 1, 1}), 0);  // inside out
+}
+
+TEST(Detection, SuppressesWhatOverlapsABetterOne) {
+  const Box boxes[] = {{0, 0, 10, 10}, {1, 0, 11, 10}, {20, 0, 30, 10}, {0, 0, 10, 9}};
+  const auto kept = [&](int64_t top_k, float threshold, float eta) {
+    Candidate candidates[] = {{0.5F, 0}, {0.9F, 1}, {0.5F, 2}, {0.4F, 3}};
+    const int64_t n = suppress(candidates, 4, boxes, top_k, threshold, eta);
+    std::vector<int> indices;
+    for (int64_t i = 0; i < n; ++i) indices.push_back(candidates[i].box);
+    return indices;
+  };
+  EXPECT_EQ(kept(-1, 0.5F, 1), (std::vector<int>{1, 2}));
+  EXPECT_EQ(kept(2, 0.5F, 1), (std::vector<int>{1}));
+  EXPECT_EQ(kept(-1, 0.85F, 1), (std::vector<int>{1, 0, 2}));  // overlaps: 9 / 11, then 9 / 10
+  EXPECT_EQ(kept(-1, 1, 1), (std::vector<int>{1, 0, 2, 3}));
+  EXPECT_EQ(kept(-1, 1, 0.9F), (std::vector<int>{1, 0, 2}));  // 1, 0.9, 0.81, 0.729
+}
+
+/// Two priors, far apart, and one on the first; 3 classes of which 0 is the background.
+test::SingleLayer detector(const std::string& more = "") {
+  const std::vector<float> priors{0, 0, 1, 1, 2, 2, 3, 3, 0, 0, 1, 1,  //
+                                  1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1};
+  return {"DetectionOutput",
+          "detection_output_param { num_classes: 3 nms_param { nms_threshold: 0.5 } " + more + " }",
+          {{Shape{2, 12}, std::vector<float>(24, 0)},
+           {Shape{2, 9},
+            {0, 0.9F, 0.1F, 0, 0.2F, 0.3F, 0, 0.5F, 0.6F,  //
+             0, 0, 0, 0, 0, 0.7F, 0, 0, 0}},
+           {Shape{1, 2, 12}, priors}}};
+}
+
+TEST(DetectionOutput, RowsByImageClassAndScore) {
+  const auto found = run_layer(detector("confidence_threshold: 0.15"));
+  EXPECT_EQ(found[0].shape, (Shape{1, 1, 5, 7}));
+  expect_near(found[0].values, {0, 1, 0.9F, 0, 0, 1, 1,  // 0.5 on the same place is suppressed
+                                0, 1, 0.2F, 2, 2, 3, 3,  //
+                                0, 2, 0.6F, 0, 0, 1, 1,  //
+                                0, 2, 0.3F, 2, 2, 3, 3,  //
+                                1, 2, 0.7F, 2, 2, 3, 3});
+}
+
+TEST(DetectionOutput, KeepsTheBestOfAnImage) {
+  const auto found = run_layer(detector("confidence_threshold: 0.15 keep_top_k: 2"));
+  expect_near(found[0].values, {0, 1, 0.9F, 0, 0, 1, 1,  //
+                                0, 2, 0.6F, 0, 0, 1, 1,  //
+                                1, 2, 0.7F, 2, 2, 3, 3});
+}
+
+TEST(DetectionOutput, NothingIsARowOfMinusOnesForEachImage) {
+  for (const std::string more : {"confidence_threshold: 2", "keep_top_k: 0"}) {
+    const auto found = run_layer(detector(more));
+    EXPECT_EQ(found[0].shape, (Shape{1, 1, 2, 7}));
+    expect_near(found[0].values, {0, -1, -1, -1, -1, -1, -1, 1, -1, -1, -1, -1, -1, -1});
+  }
+}
+
+TEST(DetectionOutput, NanIsNeverDetected) {
+  auto l = detector("confidence_threshold: 0.15");
+  l.inputs[1].values[1] = kNan;                                 // the 0.9
+  expect_near(run_layer(l)[0].values, {0, 1, 0.5F, 0, 0, 1, 1,  //
+                                       0, 1, 0.2F, 2, 2, 3, 3,  //
+                                       0, 2, 0.6F, 0, 0, 1, 1,  //
+                                       0, 2, 0.3F, 2, 2, 3, 3,  //
+                                       1, 2, 0.7F, 2, 2, 3, 3});
+}
+
+TEST(DetectionOutput, LocationsOfEachClass) {
+  // One prior, two classes, no background: locations [class][4], added to the corners.
+  const auto found = run_layer({"DetectionOutput",
+                                "detection_output_param { num_classes: 2 share_location: false "
+                                "background_label_id: -1 variance_encoded_in_target: true }",
+                                {{Shape{1, 8}, {1, 0, 0, 0, 0, 0, 0, 5}},
+                                 {Shape{1, 2}, {0.25F, 0.5F}},
+                                 {Shape{1, 2, 4}, {0, 0, 2, 2, 9, 9, 9, 9}}}});
+  expect_near(found[0].values, {0, 0, 0.25F, 1, 0, 2, 2, 0, 1, 0.5F, 0, 0, 2, 7});
+}
+
+TEST(DetectionOutput, RefusesWhatCannotBe) {
+  expect_error<InputError>([] { layer_of("DetectionOutput", ""); }, {"num_classes"});
+  expect_error<InputError>(
+      [] {
+        layer_of("DetectionOutput",
+                 "detection_output_param { num_classes: 2 nms_param { eta: 0 } }");
+      },
+      {"eta"});
+  const auto infer = [](std::vector<Shape> inputs) {
+    return [=] {
+      layer_of("DetectionOutput", "detection_output_param { num_classes: 3 }")->infer(inputs, 1);
+    };
+  };
+  expect_error<InputError>(infer({Shape{2, 8}, Shape{2, 6}, Shape{1, 2, 9}}), {"1 x 2 x", "1x2x9"});
+  expect_error<InputError>(infer({Shape{2, 9}, Shape{2, 6}, Shape{1, 2, 8}}),
+                           {"8 locations", "2 prior boxes", "2x9"});
+  expect_error<InputError>(infer({Shape{2, 8}, Shape{2, 7}, Shape{1, 2, 8}}),
+                           {"2 x 6 confidences", "2x7"});
+}
+
+TEST(RoiPooling, ByHand) {
+  // 4 x 4 of 0..15; regions: the whole image at scale 1/2, one pixel, one outside.
+  std::vector<float> image(16);
+  for (size_t i = 0; i < image.size(); ++i) image[i] = static_cast<float>(i);
+  const auto found =
+      run_layer({"ROIPooling",
+                 "roi_pooling_param { pooled_h: 2 pooled_w: 2 spatial_scale: 0.5 }",
+                 {{Shape{1, 1, 4, 4}, image},
+                  {Shape{3, 5}, {0, 0, 0, 6, 6, 0, 2, 4, 2, 4, 0, 20, 20, 30, 30}}}});
+  EXPECT_EQ(found[0].shape, (Shape{3, 1, 2, 2}));
+  // The second is pixel (1, 2), half a pixel to a bin: each takes it whole.
+  expect_near(found[0].values, {5, 7, 13, 15, 9, 9, 9, 9, 0, 0, 0, 0});
+}
+
+TEST(RoiPooling, HalvesRoundAwayFromZeroAndNanNeverWins) {
+  const auto found = run_layer({"ROIPooling",
+                                "roi_pooling_param { pooled_h: 1 pooled_w: 1 }",
+                                {{Shape{1, 1, 1, 4}, {9, kNan, 2, 3}},
+                                 {Shape{3, 5, 1, 1},
+                                  {0, 0.5F, 0, 2.4F, 0,  // pixels 1 to 2
+                                   0, 1, 0, 1, 0,        //
+                                   0, 3, 0, 1, 0}}}});   // inside out: one pixel
+  expect_near(found[0].values, {2, -FLT_MAX, 3});
+}
+
+TEST(RoiPooling, ARegionOfNoImageShows) {
+  const auto found = run_layer(
+      {"ROIPooling",
+       "roi_pooling_param { pooled_h: 1 pooled_w: 1 }",
+       {{Shape{1, 1, 1, 1}, {9}},
+        {Shape{4, 5}, {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, kNan, 0, 0, 0, 0, 0, 0, 1e30F, 1e30F}}}});
+  expect_near(found[0].values, {kNan, kNan, kNan, 9});
+}
+
+TEST(RoiPooling, RefusesWhatCannotBe) {
+  expect_error<InputError>([] { layer_of("ROIPooling", ""); }, {"pooled_h"});
+  expect_error<InputError>(
+      [] {
+        layer_of("ROIPooling", "roi_pooling_param { pooled_h: 1 pooled_w: 1 }")
+            ->infer({Shape{1, 1, 4, 4}, Shape{2, 4}}, 1);
+      },
+      {"regions of 5", "2x4"});
+}
+
+}  // namespace
+}  // namespace revisit::engine

@@ -1,0 +1,136 @@
+// Outputs whose number of rows depends on the data: Filter alone and in nets.
+#include <gtest/gtest.h>
+
+#include "expect_error.h"
+#include "revisit/engine/net.h"
+#include "single_layer.h"
+#include "test_data.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::expect_error;
+using test::expect_near;
+using test::layer_of;
+using test::run_layer;
+
+TEST(Filter, PassesOnWhatIsSelected) {
+  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+  const auto found = run_layer({.type = "Filter",
+                                .param = "",
+                                .inputs = {{Shape{4, 2}, {1, 2, 3, 4, 5, 6, 7, 8}},
+                                           {Shape{4}, {10, 20, 30, 40}},
+                                           {Shape{4, 1, 1, 1}, {-0.0F, 1, kNan, 0}}},
+                                .n_outputs = 2});
+  EXPECT_EQ(found[0].shape, (Shape{2, 2}));
+  expect_near(found[0].values, {3, 4, 5, 6});
+  expect_near(found[1].values, {20, 30});
+}
+
+TEST(Filter, RefusesWhatCannotBe) {
+  const auto infer = [](std::vector<Shape> inputs, size_t n_outputs) {
+    return [=] { layer_of("Filter", "")->infer(inputs, n_outputs); };
+  };
+  expect_error<InputError>(infer({Shape{4}}, 0), {"at least 2 inputs"});
+  expect_error<InputError>(infer({Shape{4, 2}, Shape{4}}, 2), {"expected 1 outputs"});
+  expect_error<InputError>(infer({Shape{4, 2}, Shape{4, 2}}, 1), {"one number for each item"});
+  expect_error<InputError>(infer({Shape{4, 2}, Shape{3}}, 1), {"3 items", "4x2"});
+}
+
+class FilterNet : public testing::Test {
+ protected:
+  /// `more` follows the filter, which keeps rows of 3x2x2.
+  Net load(const std::string& more) {
+    test::write_file(dir_ / "net.prototxt", R"(
+      layer { name: "in" type: "Input" top: "data" top: "keep"
+              input_param { shape { dim: 3 dim: 2 dim: 2 } shape { dim: 3 } } }
+      layer { name: "filter" type: "Filter" bottom: "data" bottom: "keep" top: "kept" }
+    )" + more);
+    return Net::load_without_weights(dir_ / "net.prototxt");
+  }
+  static void forward(engine::Run& run, const std::vector<float>& keep) {
+    for (size_t i = 0; i < 12; ++i) run.input("data").data[i] = static_cast<float>(i);
+    std::copy(keep.begin(), keep.end(), run.input("keep").data);
+    run.forward();
+  }
+  static std::vector<float> values(const engine::Run& run, const std::string& name) {
+    const auto view = run.output(name).values();
+    return {view.begin(), view.end()};
+  }
+  const test::TempDir dir_;
+};
+
+TEST_F(FilterNet, TheOutputHasTheRowsOfTheLastPass) {
+  engine::Run run(load("").plan());
+  EXPECT_EQ(run.plan().outputs()[0].shape, (Shape{3, 2, 2}));  // the most
+  forward(run, {1, 0, 1});
+  EXPECT_EQ(run.output("kept").shape, (Shape{2, 2, 2}));
+  EXPECT_EQ(values(run, "kept"), (std::vector<float>{0, 1, 2, 3, 8, 9, 10, 11}));
+  forward(run, {0, 1, 0});
+  EXPECT_EQ(values(run, "kept"), (std::vector<float>{4, 5, 6, 7}));
+  forward(run, {0, 0, 0});
+  EXPECT_EQ(run.output("kept").shape.text(), "0x2x2");
+  EXPECT_TRUE(run.output("kept").values().empty());
+}
+
+TEST_F(FilterNet, ViewsFollowTheRows) {
+  const Net net = load(R"(
+    layer { name: "drop" type: "Dropout" bottom: "kept" top: "kept" }
+    layer { name: "split" type: "Split" bottom: "kept" top: "a" top: "b" }
+    layer { name: "flat" type: "Flatten" bottom: "a" top: "flat" flatten_param { axis: 1 } }
+    layer { name: "line" type: "Flatten" bottom: "b" top: "line" flatten_param { axis: 0 } }
+  )");
+  engine::Run run(net.plan({}, {.keep_all = true}));
+  forward(run, {0, 1, 1});
+  EXPECT_EQ(run.output("flat").shape, (Shape{2, 4}));
+  EXPECT_EQ(run.output("line").shape, (Shape{8}));
+  EXPECT_EQ(run.output("drop").shape, (Shape{2, 2, 2}));
+  EXPECT_EQ(values(run, "line"), (std::vector<float>{4, 5, 6, 7, 8, 9, 10, 11}));
+}
+
+TEST_F(FilterNet, NothingComputesOnThem) {
+  const Net net = load(R"(
+    layer { name: "flat" type: "Flatten" bottom: "kept" top: "flat" }
+    layer { name: "relu" type: "ReLU" bottom: "flat" top: "relu" }
+  )");
+  expect_error<UnsupportedError>([&] { net.plan(); },
+                                 {"net.prototxt", "'relu'", "'flat'", "'filter'", "--end"});
+  const Net cut = Net::load_without_weights(dir_ / "net.prototxt", {.truncation = {"flat", ""}});
+  EXPECT_EQ(cut.plan().outputs()[0].shape, (Shape{3, 4}));
+}
+
+TEST_F(FilterNet, RowsBelongToTheRun) {
+  const Plan plan = load("").plan();
+  engine::Run a(plan), b(plan);
+  forward(a, {1, 1, 1});
+  forward(b, {0, 0, 1});
+  EXPECT_EQ(a.output("kept").shape, (Shape{3, 2, 2}));
+  EXPECT_EQ(b.output("kept").shape, (Shape{1, 2, 2}));
+}
+
+TEST(RecurrentNet, StateBelongsToTheRun) {
+  const test::TempDir dir;
+  test::write_file(dir / "net.prototxt", R"(
+    layer { name: "in" type: "Input" top: "x" top: "cont"
+            input_param { shape { dim: 1 dim: 1 dim: 1 } shape { dim: 1 dim: 1 } } }
+    layer { name: "lstm" type: "LSTM" bottom: "x" bottom: "cont" top: "y"
+            recurrent_param { num_output: 3 } }
+    layer { name: "relu" type: "ReLU" bottom: "y" top: "y" }
+  )");
+  const Plan plan = Net::load_with_random_weights(dir / "net.prototxt", 1).plan();
+  const auto pass = [](engine::Run& run) {
+    run.input("x").data[0] = 1;
+    run.input("cont").data[0] = 1;
+    run.forward();
+    const auto view = run.output("y").values();
+    return std::vector<float>(view.begin(), view.end());
+  };
+  engine::Run a(plan), b(plan);
+  const auto first = pass(a), second = pass(a);
+  EXPECT_NE(first, second);
+  EXPECT_EQ(pass(b), first);
+  EXPECT_EQ(pass(b), second);
+}
+
+}  // namespace
+}  // namespace revisit::engine
