@@ -45,7 +45,7 @@ class Builder {
     for (int i = 0; i < layer.top_size(); ++i) {
       const std::string& top = layer.top(i);
       const bool in_place = i < layer.bottom_size() && layer.bottom(i) == top;
-      node.in_place |= i == 0 && in_place;
+      node.in_place |= in_place;
       if (!in_place && current_.count(top))
         throw InputError(str("layer '", layer.name(), "': top '", top,
                              "' is already written by another layer and is not its own bottom"));
@@ -158,8 +158,10 @@ Graph prune(const Graph& whole, const Truncation& truncation) {
   std::vector<Node> kept;
   for (size_t i = graph.nodes.size(); i-- > 0;) {
     Node& node = graph.nodes[i];
-    if (std::none_of(node.outputs.begin(), node.outputs.end(),
-                     [&](ValueId id) { return needed[id]; }))
+    // Silence is a use without an output: what it takes stays an input of the whole net.
+    const bool silences = truncation.end.empty() && node.param.type() == "Silence";
+    if (!silences && std::none_of(node.outputs.begin(), node.outputs.end(),
+                                  [&](ValueId id) { return needed[id]; }))
       continue;
     for (const ValueId input : node.inputs) needed[input] = true;
     kept.push_back(std::move(node));

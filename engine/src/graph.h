@@ -21,7 +21,7 @@ struct Node {
   std::string name;
   caffe::LayerParameter param;  // without blobs
   std::vector<ValueId> inputs, outputs;
-  bool in_place = false;  // in the file: the first output has the blob name of the first input
+  bool in_place = false;  // in the file: an output has the blob name of the input at its position
 };
 
 /// What a prototxt says, names resolved. Nodes are in execution order.

@@ -84,6 +84,11 @@ class Layer {
   /// Call::rows. All axes before it have size 1.
   virtual std::optional<size_t> dynamic_axis() const { return std::nullopt; }
 
+  /// Whether the file may give an output the name of its input. Here that would be harmless for any
+  /// layer; but where the original refuses it or reads what it has overwritten, no result is the
+  /// right one.
+  virtual bool allows_in_place() const { return output_memory() != OutputMemory::kOwn; }
+
   /// The kernel for shapes that infer() accepted. Not called for views.
   virtual Kernel bind(const Binding& binding) const = 0;
 };

@@ -10,6 +10,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// What the original refuses for layers of any type, or leaves undefined.
+void check_in_place(const Node& node, const Layer& layer) {
+  if (node.in_place && !layer.allows_in_place())
+    throw InputError(
+        "this type of layer cannot work in place: its bottom and its top have the same name; give "
+        "the top a name of its own");
+}
+
+void check_param_count(const Node& node, size_t n_weights) {
+  const auto n_params = static_cast<size_t>(node.param.param_size());
+  if (n_params > n_weights)
+    throw InputError(str("expected at most one `param` for each of its ", n_weights,
+                         " weight blobs, found ", n_params));
+}
+
 /// Everything but the weights' values; their shapes are set.
 std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOptions& options) {
   proto::NetFile file = proto::read_net(prototxt, {options.allow_unknown});
@@ -27,6 +42,7 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
   for (const Node& node : net->graph.nodes) {
     try {
       net->nodes.push_back({node.param.type() == "Input" ? nullptr : make_layer(node.param), {}});
+      if (net->nodes.back().layer) check_in_place(node, *net->nodes.back().layer);
     } catch (const Error&) {
       rethrow_at(net->file, node);
     }
@@ -42,8 +58,13 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
     }
     std::vector<Shape> inputs;
     for (const ValueId id : node.inputs) inputs.push_back(shapes[id]);
-    for (Shape& shape : net->nodes[i].layer->weight_shapes(inputs))
-      net->nodes[i].weights.push_back({std::move(shape), {}});
+    try {
+      for (Shape& shape : net->nodes[i].layer->weight_shapes(inputs))
+        net->nodes[i].weights.push_back({std::move(shape), {}});
+      check_param_count(node, net->nodes[i].weights.size());
+    } catch (const Error&) {
+      rethrow_at(net->file, node);
+    }
   }
   check_sharing(*net);
   return net;

@@ -22,6 +22,7 @@ class Flatten : public Layer {
     return {Shape(std::move(axes))};
   }
   OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
+  bool allows_in_place() const override { return false; }
   Kernel bind(const Binding&) const override { return {}; }
 
  private:
