@@ -19,17 +19,13 @@ class ReLU : public Layer {
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
   Kernel bind(const Binding& binding) const override {
-    constexpr int64_t kBlock = 16384;
-    const int64_t elements = binding.inputs[0].elements(),
-                  blocks = (elements + kBlock - 1) / kBlock;
-    return {"relu",
-            [elements, blocks, slope = slope_, threads = binding.threads](const Call& call) {
-              parallel_for(blocks, threads, [&](int64_t block, int) {
-                const float* in = call.inputs[0];
-                float* out = call.outputs[0];
-                const int64_t end = std::min((block + 1) * kBlock, elements);
+    const int64_t elements = binding.inputs[0].elements();
+    return {"relu", [elements, slope = slope_, threads = binding.threads](const Call& call) {
+              const float* in = call.inputs[0];
+              float* out = call.outputs[0];
+              parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
                 // Caffe's own expression: it decides what becomes of NaN and infinity.
-                for (int64_t i = block * kBlock; i < end; ++i)
+                for (int64_t i = begin; i < end; ++i)
                   out[i] = std::max(in[i], 0.0F) + slope * std::min(in[i], 0.0F);
               });
             }};

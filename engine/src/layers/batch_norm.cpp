@@ -1,0 +1,96 @@
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/channels.h"
+#include "kernels/moments.h"
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// (x - mean) / sqrt(variance + eps) per channel, with the statistics of training, or (rare) those
+/// of the batch at hand.
+class BatchNorm : public Layer {
+ public:
+  explicit BatchNorm(const caffe::LayerParameter& param) : param_(param.batch_norm_param()) {
+    const int n = std::min(param.param_size(), 3);
+    for (int i = 0; i < n; ++i)
+      if (param.param(i).lr_mult() != 0)
+        throw InputError("statistics are not learned: lr_mult of every `param` must be 0");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    if (inputs[0].rank() < 2)
+      throw InputError(str("BatchNorm needs an input of at least 2 axes, found ", inputs[0]));
+    return inputs;
+  }
+
+  std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
+    const Shape channels{inputs[0][1]};
+    return {channels, channels, Shape{1}};
+  }
+
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+
+  std::optional<WindowHw> window(const Shape&) const override {
+    return of_batch() ? std::nullopt : std::optional(WindowHw{});
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& shape = binding.inputs[0];
+    const ChannelRuns runs{shape[0], shape[1], shape.product(2, shape.rank())};
+    return of_batch() ? with_batch_statistics(runs, binding.threads)
+                      : with_stored_statistics(runs, binding);
+  }
+
+ private:
+  bool of_batch() const { return param_.has_use_global_stats() && !param_.use_global_stats(); }
+
+  Kernel with_stored_statistics(const ChannelRuns& runs, const Binding& binding) const {
+    const std::vector<float>&sums = binding.weights[0].values,
+          &square_sums = binding.weights[1].values;
+    // The file holds sums with a common weight in the third blob; 0 means that nothing was summed.
+    const float weight = binding.weights[2].values.empty() ? 0 : binding.weights[2].values[0];
+    const float factor = weight == 0 ? 0 : 1 / weight;
+    std::vector<float> means, deviations;
+    for (const float sum : sums) means.push_back(factor * sum);
+    for (const float sum : square_sums)
+      deviations.push_back(std::sqrt(factor * sum + param_.eps()));
+    return {"batch-norm", [runs, threads = binding.threads, means = std::move(means),
+                           deviations = std::move(deviations)](const Call& call) {
+              const float* in = call.inputs[0];
+              float* out = call.outputs[0];
+              for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
+                const float mean = means[channel], deviation = deviations[channel];
+                for (int64_t i = begin; i < end; ++i) out[i] = (in[i] - mean) / deviation;
+              });
+            }};
+  }
+
+  Kernel with_batch_statistics(const ChannelRuns& runs, int threads) const {
+    return {"batch-norm-of-batch", [runs, threads, eps = param_.eps()](const Call& call) {
+              parallel_for(runs.channels, threads, [&](int64_t channel, int) {
+                const float* in = call.inputs[0] + channel * runs.inner;
+                float* out = call.outputs[0] + channel * runs.inner;
+                const int64_t stride = runs.channels * runs.inner;
+                const Moments m = moments(in, runs.outer, runs.inner, stride);
+                const float deviation = std::sqrt(m.variance + eps);
+                for (int64_t n = 0; n < runs.outer; ++n)
+                  for (int64_t i = n * stride; i < n * stride + runs.inner; ++i)
+                    out[i] = (in[i] - m.mean) / deviation;
+              });
+            }};
+  }
+
+  caffe::BatchNormParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_batch_norm(const caffe::LayerParameter& param) {
+  return std::make_unique<BatchNorm>(param);
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,150 @@
+#include <algorithm>
+#include <cmath>
+
+#include "kernels/parallel.h"
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// One function of one number, applied to every element. The expressions below are Caffe's own
+/// where they decide about NaN and infinity, or round in double.
+template <class Function>
+class Elementwise : public Layer {
+ public:
+  Elementwise(const char* name, Function function, bool in_place)
+      : name_(name), function_(std::move(function)), in_place_(in_place) {}
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    return inputs;
+  }
+
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+  bool allows_in_place() const override { return in_place_; }
+
+  Kernel bind(const Binding& binding) const override {
+    return {name_, [elements = binding.inputs[0].elements(), threads = binding.threads,
+                    function = function_](const Call& call) {
+              const float* in = call.inputs[0];
+              float* out = call.outputs[0];
+              parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
+                for (int64_t i = begin; i < end; ++i) out[i] = function(in[i]);
+              });
+            }};
+  }
+
+ private:
+  const char* name_;
+  Function function_;
+  bool in_place_;
+};
+
+template <class Function>
+std::unique_ptr<Layer> elementwise(const char* name, Function function, bool in_place = true) {
+  return std::make_unique<Elementwise<Function>>(name, std::move(function), in_place);
+}
+
+float sigmoid(float x) {
+  return static_cast<float>(0.5 * std::tanh(0.5 * static_cast<double>(x)) + 0.5);
+}
+
+/// Caffe skips a shift of 0, which would turn -0 into +0. Adding -0 changes nothing.
+float neutral_if_zero(float shift) {
+  return shift == 0 ? -0.0F : shift;
+}
+
+/// ln(base) of Exp and Log, where a base of -1 stands for e.
+float log_of_base(float base) {
+  if (base == -1) return 1;
+  const float result = base > 0 ? std::log(base) : NAN;
+  if (!std::isfinite(result))
+    throw InputError(str("base must be positive (or -1 for e), found ", base));
+  return result;
+}
+
+}  // namespace
+
+std::unique_ptr<Layer> make_abs_val(const caffe::LayerParameter&) {
+  // The one function that Caffe refuses in place.
+  constexpr bool kInPlace = false;
+  return elementwise(
+      "abs", [](float x) { return std::abs(x); }, kInPlace);
+}
+
+std::unique_ptr<Layer> make_bnll(const caffe::LayerParameter&) {
+  return elementwise("bnll", [](float x) {
+    return static_cast<float>(x > 0 ? x + std::log(1.0 + std::exp(-x))
+                                    : std::log(1.0 + std::exp(x)));
+  });
+}
+
+std::unique_ptr<Layer> make_clip(const caffe::LayerParameter& param) {
+  const float low = param.clip_param().min(), high = param.clip_param().max();
+  return elementwise("clip", [low, high](float x) { return std::max(low, std::min(x, high)); });
+}
+
+std::unique_ptr<Layer> make_elu(const caffe::LayerParameter& param) {
+  const float alpha = param.elu_param().alpha();
+  return elementwise("elu", [alpha](float x) {
+    return std::max(x, 0.0F) + alpha * (std::exp(std::min(x, 0.0F)) - 1);
+  });
+}
+
+std::unique_ptr<Layer> make_exp(const caffe::LayerParameter& param) {
+  const caffe::ExpParameter& exp = param.exp_param();
+  const float inner = log_of_base(exp.base()) * exp.scale();
+  const float outer = exp.base() == -1 ? std::exp(exp.shift()) : std::pow(exp.base(), exp.shift());
+  return elementwise("exp", [inner, outer](float x) { return std::exp(inner * x) * outer; });
+}
+
+std::unique_ptr<Layer> make_log(const caffe::LayerParameter& param) {
+  const caffe::LogParameter& log = param.log_param();
+  const float scale = log.scale(), shift = neutral_if_zero(log.shift());
+  const float outer = 1 / log_of_base(log.base());
+  if (!std::isfinite(outer)) throw InputError("base must not be 1");
+  return elementwise(
+      "log", [scale, shift, outer](float x) { return std::log(x * scale + shift) * outer; });
+}
+
+std::unique_ptr<Layer> make_power(const caffe::LayerParameter& param) {
+  const caffe::PowerParameter& p = param.power_param();
+  const float power = p.power(), scale = p.scale(), shift = neutral_if_zero(p.shift());
+  if (power * scale == 0) {
+    // Caffe then does not look at the input: a NaN there does not show.
+    const float value = power == 0 ? 1 : std::pow(p.shift(), power);
+    return elementwise("constant", [value](float) { return value; });
+  }
+  if (power == 1) return elementwise("affine", [=](float x) { return x * scale + shift; });
+  return elementwise("power", [=](float x) { return std::pow(x * scale + shift, power); });
+}
+
+std::unique_ptr<Layer> make_relu6(const caffe::LayerParameter& param) {
+  // Some forks keep the slope in relu_param.
+  const float slope = param.has_relu6_param() ? param.relu6_param().negative_slope()
+                                              : param.relu_param().negative_slope();
+  return elementwise("relu6", [slope](float x) {
+    return std::min(std::max(x, 0.0F), 6.0F) + slope * std::min(x, 0.0F);
+  });
+}
+
+std::unique_ptr<Layer> make_sigmoid(const caffe::LayerParameter&) {
+  return elementwise("sigmoid", sigmoid);
+}
+
+std::unique_ptr<Layer> make_swish(const caffe::LayerParameter& param) {
+  const float beta = param.swish_param().beta();
+  return elementwise("swish", [beta](float x) { return x * sigmoid(beta * x); });
+}
+
+std::unique_ptr<Layer> make_tanh(const caffe::LayerParameter&) {
+  return elementwise("tanh", [](float x) { return std::tanh(x); });
+}
+
+std::unique_ptr<Layer> make_threshold(const caffe::LayerParameter& param) {
+  const float threshold = param.threshold_param().threshold();
+  return elementwise("threshold", [threshold](float x) { return x > threshold ? 1.0F : 0.0F; });
+}
+
+}  // namespace revisit::engine

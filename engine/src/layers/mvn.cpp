@@ -1,0 +1,56 @@
+#include <cmath>
+
+#include "kernels/moments.h"
+#include "kernels/parallel.h"
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Mean-variance normalisation of every channel, or of all channels of an image together.
+class Mvn : public Layer {
+ public:
+  explicit Mvn(const caffe::MVNParameter& param) : param_(param) {}
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    if (inputs[0].rank() > 4)
+      throw InputError(str("MVN needs an input of at most 4 axes, found ", inputs[0]));
+    return inputs;
+  }
+
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+
+  std::optional<WindowHw> window(const Shape&) const override { return std::nullopt; }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& shape = binding.inputs[0];
+    const size_t axes = std::min<size_t>(param_.across_channels() ? 1 : 2, shape.rank());
+    const int64_t groups = shape.product(0, axes), size = shape.product(axes, shape.rank());
+    return {"mvn", [groups, size, divide = param_.normalize_variance(), eps = param_.eps(),
+                    threads = binding.threads](const Call& call) {
+              parallel_for(groups, threads, [&](int64_t group, int) {
+                const float* in = call.inputs[0] + group * size;
+                float* out = call.outputs[0] + group * size;
+                const Moments m = moments(in, 1, size, 0);
+                const float deviation = std::sqrt(m.variance) + eps;
+                for (int64_t i = 0; i < size; ++i) {
+                  const float difference = in[i] - m.mean;
+                  out[i] = divide ? difference / deviation : difference;
+                }
+              });
+            }};
+  }
+
+ private:
+  caffe::MVNParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_mvn(const caffe::LayerParameter& param) {
+  return std::make_unique<Mvn>(param.mvn_param());
+}
+
+}  // namespace revisit::engine

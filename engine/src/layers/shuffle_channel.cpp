@@ -1,0 +1,48 @@
+#include "kernels/strided_copy.h"
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Channels seen as [group][channel of the group], transposed (the layer of the ShuffleNet fork).
+class ShuffleChannel : public Layer {
+ public:
+  explicit ShuffleChannel(const caffe::ShuffleChannelParameter& param) : groups_(param.group()) {
+    if (groups_ < 1) throw InputError("group must be at least 1");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    if (inputs[0].rank() < 2)
+      throw InputError(str("ShuffleChannel needs an input of at least 2 axes, found ", inputs[0]));
+    if (inputs[0][1] % groups_ != 0)
+      throw InputError(str("the ", inputs[0][1], " channels of the input (", inputs[0],
+                           ") are not a multiple of group ", groups_));
+    return inputs;
+  }
+
+  std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& input = binding.inputs[0];
+    const int64_t inner = input.product(2, input.rank()), per_group = input[1] / groups_;
+    return {"transpose", [copy = StridedCopyProblem{{input[0], per_group, groups_, inner},
+                                                    {input[1] * inner, inner, per_group * inner, 1},
+                                                    0,
+                                                    binding.threads}](const Call& call) {
+              strided_copy(copy, call.inputs[0], call.outputs[0]);
+            }};
+  }
+
+ private:
+  int64_t groups_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_shuffle_channel(const caffe::LayerParameter& param) {
+  return std::make_unique<ShuffleChannel>(param.shuffle_channel_param());
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,53 @@
+#include "kernels/strided_copy.h"
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Repeats the input along one axis.
+class Tile : public Layer {
+ public:
+  explicit Tile(const caffe::TileParameter& param) : param_(param) {
+    if (param.tiles() < 1)
+      throw InputError(str("tiles must be given and at least 1, found ", param.tiles()));
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 1, "inputs");
+    expect_count(n_outputs, 1, "outputs");
+    const size_t axis = tile_axis(inputs[0]);
+    return {inputs[0].with(axis, inputs[0][axis] * param_.tiles())};
+  }
+
+  std::optional<WindowHw> window(const Shape& input) const override {
+    if (tile_axis(input) + 2 >= input.rank()) return std::nullopt;  // along rows or columns
+    return WindowHw{};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& input = binding.inputs[0];
+    const size_t axis = tile_axis(input);
+    const int64_t run = input.product(axis, input.rank());
+    return {"copy", [copy = StridedCopyProblem{{input.product(0, axis), param_.tiles(), run},
+                                               {run, 0, 1},
+                                               0,
+                                               binding.threads}](const Call& call) {
+              strided_copy(copy, call.inputs[0], call.outputs[0]);
+            }};
+  }
+
+ private:
+  size_t tile_axis(const Shape& input) const {
+    return input.canonical_axis(param_.axis(), "tile axis");
+  }
+
+  caffe::TileParameter param_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_tile(const caffe::LayerParameter& param) {
+  return std::make_unique<Tile>(param.tile_param());
+}
+
+}  // namespace revisit::engine
