@@ -3,63 +3,19 @@
 
 #include <cfloat>
 #include <cmath>
-#include <limits>
 
 #include "expect_error.h"
-#include "layer.h"
-#include "registry.h"
-#include "revisit/proto/net_file.h"
+#include "run_layer.h"
 
 namespace revisit::engine {
 namespace {
 
 using test::expect_error;
-
-constexpr float kInf = std::numeric_limits<float>::infinity();
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-
-std::unique_ptr<Layer> layer_from(const std::string& type, const std::string& param) {
-  const auto file =
-      proto::parse_net("layer { name: 'l' type: '" + type + "' " + param + " }", "test");
-  return make_layer(file.net.layer(0));
-}
-
-/// Runs one layer on one input; the first output.
-std::vector<float> run(const std::string& type, const std::string& param, const Shape& shape,
-                       const std::vector<float>& input,
-                       const std::vector<std::vector<float>>& weights = {},
-                       Shape* output_shape = nullptr) {
-  const auto layer = layer_from(type, param);
-  const std::vector<Shape> inputs{shape};
-  const std::vector<Shape> outputs = layer->infer(inputs, 1);
-  std::vector<Tensor> tensors;
-  const std::vector<Shape> weight_shapes = layer->weight_shapes(inputs);
-  EXPECT_EQ(weight_shapes.size(), weights.size());
-  for (size_t i = 0; i < weight_shapes.size(); ++i) {
-    EXPECT_EQ(static_cast<size_t>(weight_shapes[i].elements()), weights[i].size());
-    tensors.push_back({weight_shapes[i], weights[i]});
-  }
-  if (output_shape) *output_shape = outputs[0];
-  if (layer->output_memory() == OutputMemory::kViewOfInput) return input;
-  const Kernel kernel = layer->bind({inputs, outputs, tensors, 1, false});
-  std::vector<float> output(static_cast<size_t>(outputs[0].elements()), kNan);
-  std::vector<float> scratch(static_cast<size_t>(kernel.scratch_floats), kNan);
-  kernel.run({{input.data()}, {output.data()}, scratch.data()});
-  return output;
-}
-
-void expect_values(const std::vector<float>& found, const std::vector<float>& wanted,
-                   float tolerance = 0) {
-  ASSERT_EQ(found.size(), wanted.size());
-  for (size_t i = 0; i < found.size(); ++i) {
-    if (std::isnan(wanted[i]))
-      EXPECT_TRUE(std::isnan(found[i])) << i;
-    else if (std::isinf(wanted[i]) || tolerance == 0)
-      EXPECT_EQ(found[i], wanted[i]) << i;
-    else
-      EXPECT_NEAR(found[i], wanted[i], tolerance) << i;
-  }
-}
+using test::expect_values;
+using test::kInf;
+using test::kNan;
+using test::layer_from;
+using test::run;
 
 TEST(ReLU, KeepsCaffesSpecialCases) {
   expect_values(run("ReLU", "", {6}, {-2, 0, 3, kInf, -kInf, kNan}), {0, 0, 3, kInf, kNan, kNan});
@@ -106,15 +62,10 @@ TEST(Pooling, GlobalTakesTheWholeImage) {
 }
 
 TEST(Pooling, MaskIsTheIndexInTheImage) {
-  const auto layer = layer_from("Pooling", "pooling_param { kernel_size: 2 stride: 2 }");
-  const std::vector<Shape> inputs{Shape{1, 1, 2, 4}};
-  const auto outputs = layer->infer(inputs, 2);
-  const Kernel kernel = layer->bind({inputs, outputs, {}, 1, false});
-  const std::vector<float> input{1, 2, 9, 3, 4, 0, 5, 6};
-  std::vector<float> top(2), mask(2);
-  kernel.run({{input.data()}, {top.data(), mask.data()}, nullptr});
-  expect_values(top, {4, 9});
-  expect_values(mask, {4, 2});
+  const auto outputs = test::run_layer("Pooling", "pooling_param { kernel_size: 2 stride: 2 }",
+                                       {{Shape{1, 1, 2, 4}, {1, 2, 9, 3, 4, 0, 5, 6}}}, {}, 2);
+  expect_values(outputs[0].values, {4, 9});
+  expect_values(outputs[1].values, {4, 2});
 }
 
 TEST(Lrn, AcrossChannels) {
@@ -175,16 +126,12 @@ TEST(Softmax, SumsToOneAlongItsAxisAndSurvivesLargeValues) {
 }
 
 TEST(Concat, AlongAnyAxis) {
-  const auto layer = layer_from("Concat", "concat_param { axis: -1 }");
-  const std::vector<Shape> inputs{Shape{2, 1}, Shape{2, 2}};
-  const auto outputs = layer->infer(inputs, 1);
-  EXPECT_EQ(outputs[0], (Shape{2, 3}));
-  const Kernel kernel = layer->bind({inputs, outputs, {}, 1, false});
-  const std::vector<float> a{1, 2}, b{3, 4, 5, 6};
-  std::vector<float> out(6);
-  kernel.run({{a.data(), b.data()}, {out.data()}, nullptr});
-  expect_values(out, {1, 3, 4, 2, 5, 6});
-  EXPECT_THROW(layer->infer({Shape{2, 1}, Shape{3, 2}}, 1), InputError);
+  const std::string param = "concat_param { axis: -1 }";
+  const auto output =
+      test::run_layer("Concat", param, {{Shape{2, 1}, {1, 2}}, {Shape{2, 2}, {3, 4, 5, 6}}})[0];
+  EXPECT_EQ(output.shape, (Shape{2, 3}));
+  expect_values(output.values, {1, 3, 4, 2, 5, 6});
+  EXPECT_THROW(layer_from("Concat", param)->infer({Shape{2, 1}, Shape{3, 2}}, 1), InputError);
 }
 
 TEST(Flatten, MergesARangeOfAxes) {

@@ -1,0 +1,244 @@
+// Layers that move, choose or make values without computing, on cases written out by hand.
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "expect_error.h"
+#include "run_layer.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::expect_error;
+using test::expect_values;
+using test::kNan;
+using test::layer_from;
+using test::run;
+using test::run_layer;
+
+/// 0, 1, 2, ...
+Tensor count_up(const Shape& shape) {
+  std::vector<float> values(static_cast<size_t>(shape.elements()));
+  std::iota(values.begin(), values.end(), 0.0F);
+  return {shape, values};
+}
+
+Shape reshaped(const std::string& param, const Shape& input) {
+  return layer_from("Reshape", "reshape_param { " + param + " }")->infer({input}, 1)[0];
+}
+
+TEST(Reshape, CopiesInfersAndInserts) {
+  const Shape input{2, 3, 5, 4};
+  EXPECT_EQ(reshaped("shape { dim: 0 dim: -1 dim: 4 }", input), (Shape{2, 15, 4}));
+  EXPECT_EQ(reshaped("shape { dim: -1 }", input), Shape{120});
+  EXPECT_EQ(reshaped("shape { dim: 5 dim: 3 } axis: 1 num_axes: 2", input), (Shape{2, 5, 3, 4}));
+  EXPECT_EQ(reshaped("shape { dim: 2 dim: -1 } axis: -2", input), (Shape{2, 3, 5, 2, 2}));
+  EXPECT_EQ(reshaped("shape { dim: 1 } axis: -1 num_axes: 0", input), (Shape{2, 3, 5, 4, 1}));
+  EXPECT_EQ(reshaped("shape { dim: 1 dim: 1 } num_axes: 0", input), (Shape{1, 1, 2, 3, 5, 4}));
+  EXPECT_EQ(reshaped("shape { dim: 0 dim: 0 dim: 20 }", input), (Shape{2, 3, 20}));
+  EXPECT_EQ(reshaped("", Shape{1, 1}), Shape{});
+}
+
+TEST(Reshape, RefusesWhatDoesNotFit) {
+  const Shape input{2, 3, 4};
+  const auto refused = [&](const std::string& param, const std::string& reason) {
+    expect_error<InputError>([&] { reshaped(param, input); }, {reason});
+  };
+  refused("shape { dim: -1 dim: -1 }", "at most one dim");
+  refused("shape { dim: -2 }", "found -2");
+  refused("shape { dim: 5 dim: 7 }", "24 values");
+  refused("shape { dim: 5 dim: -1 }", "24 values");
+  refused("shape { dim: 2 dim: 3 dim: 4 dim: 0 }", "no such axis");
+  refused("shape { dim: 1 } axis: 4", "axis 4");
+  refused("shape { dim: 1 } axis: -5", "axis -5");
+  refused("shape { dim: 1 } axis: 1 num_axes: 3", "reach past");
+  refused("shape { dim: 24 } num_axes: -2", "num_axes");
+  refused("shape { dim: 4294967296 dim: 4294967296 dim: -1 }", "more than");
+  EXPECT_FALSE(layer_from("Reshape", "")->allows_in_place());
+}
+
+TEST(Slice, AtPointsOrEqually) {
+  const Tensor x = count_up({2, 3});
+  const auto parts = run_layer("Slice", "slice_param { slice_point: 1 }", {x}, {}, 2);
+  EXPECT_EQ(parts[0].shape, (Shape{2, 1}));
+  EXPECT_EQ(parts[1].shape, (Shape{2, 2}));
+  expect_values(parts[0].values, {0, 3});
+  expect_values(parts[1].values, {1, 2, 4, 5});
+  const auto rows = run_layer("Slice", "slice_param { slice_dim: 0 }", {x}, {}, 2);
+  expect_values(rows[1].values, {3, 4, 5});
+  const auto columns = run_layer("Slice", "slice_param { axis: -1 }", {x}, {}, 3);
+  expect_values(columns[2].values, {2, 5});
+  expect_values(run_layer("Slice", "", {x})[0].values, x.values);
+}
+
+TEST(Slice, RefusesPointsOutOfOrder) {
+  const auto infer = [](const std::string& param, size_t outputs) {
+    layer_from("Slice", "slice_param { " + param + " }")->infer({Shape{1, 4}}, outputs);
+  };
+  expect_error<InputError>([&] { infer("", 3); }, {"3 equal parts", "1x4"});
+  expect_error<InputError>([&] { infer("slice_point: 1", 3); }, {"2 slice points", "found 1"});
+  for (const std::string points : {"slice_point: 0", "slice_point: 4", "slice_point: 5"})
+    expect_error<InputError>([&] { infer(points, 2); }, {"above 0 to below 4"});
+  expect_error<InputError>([&] { infer("slice_point: 2 slice_point: 2", 3); }, {"increase"});
+  expect_error<InputError>([&] { infer("axis: 1 slice_dim: 1", 2); }, {"not both"});
+  expect_error<InputError>([&] { infer("slice_dim: 2", 2); }, {"axis 2"});
+  expect_error<InputError>([&] { infer("slice_dim: 4294967295", 2); }, {"out of range"});
+  expect_error<InputError>([&] { infer("", 0); }, {"at least one output"});
+}
+
+TEST(Tile, RepeatsAlongAnAxis) {
+  Shape shape;
+  expect_values(run("Tile", "tile_param { tiles: 2 }", {2, 2}, {1, 2, 3, 4}, {}, &shape),
+                {1, 2, 1, 2, 3, 4, 3, 4});
+  EXPECT_EQ(shape, (Shape{2, 4}));
+  expect_values(run("Tile", "tile_param { axis: 0 tiles: 2 }", {1, 2}, {1, 2}), {1, 2, 1, 2});
+  for (const std::string tiles : {"", "tiles: 0", "tiles: -1"})
+    expect_error<InputError>([&] { layer_from("Tile", "tile_param { " + tiles + " }"); },
+                             {"tiles"});
+  expect_error<InputError>(
+      [] {
+        layer_from("Tile", "tile_param { tiles: 2147483647 }")->infer({Shape{2, 2}}, 1);
+      },
+      {"more than"});
+}
+
+TEST(Crop, ToTheSizeOfTheSecondInput) {
+  const Tensor x = count_up({1, 1, 3, 4});
+  const Tensor size = count_up({1, 9, 2, 2});
+  const auto crop = [&](const std::string& param) {
+    return run_layer("Crop", "crop_param { " + param + " }", {x, size})[0];
+  };
+  EXPECT_EQ(crop("").shape, (Shape{1, 1, 2, 2}));
+  expect_values(crop("").values, {0, 1, 4, 5});
+  expect_values(crop("offset: 1").values, {5, 6, 9, 10});
+  expect_values(crop("offset: 1 offset: 2").values, {6, 7, 10, 11});
+  expect_values(crop("axis: -1 offset: 2").values, {2, 3, 6, 7, 10, 11});
+  expect_error<InputError>([&] { crop("offset: 2"); }, {"axis 2", "from 2"});
+  expect_error<InputError>([&] { crop("axis: 1"); }, {"axis 1", "9 values"});
+  expect_error<InputError>([&] { crop("offset: 1 offset: 1 offset: 1"); }, {"2 axes", "found 3"});
+  expect_error<InputError>([&] { crop("offset: 4294967295"); }, {"reach past"});
+  expect_error<InputError>([&] { crop("axis: 4"); }, {"axis 4"});
+  expect_error<InputError>(
+      [&] {
+        layer_from("Crop", "")->infer({x.shape, Shape{2, 2}}, 1);
+      },
+      {"fewer axes"});
+}
+
+TEST(BatchReindex, ChoosesImagesAndMarksBadIndices) {
+  const auto reindex = [](const std::vector<float>& indices) {
+    return run_layer("BatchReindex", "",
+                     {count_up({2, 2}), {Shape{static_cast<int64_t>(indices.size())}, indices}})[0];
+  };
+  EXPECT_EQ(reindex({1, 0, 1}).shape, (Shape{3, 2}));
+  expect_values(reindex({1, 0, 1.5F}).values, {2, 3, 0, 1, 2, 3});
+  expect_values(reindex({2, -0.5F, kNan, 1e30F}).values, std::vector<float>(8, kNan));
+  const auto layer = layer_from("BatchReindex", "");
+  expect_error<InputError>([&] { layer->infer({Shape{2, 2}, Shape{1, 2}}, 1); }, {"one axis"});
+  expect_error<InputError>([&] { layer->infer({Shape{}, Shape{2}}, 1); }, {"one axis"});
+}
+
+TEST(Embed, LooksRowsUpAndMarksBadIndices) {
+  const std::string param = "embed_param { input_dim: 3 num_output: 2 bias_term: false }";
+  Shape shape;
+  expect_values(run("Embed", param, {1, 2}, {2, 0}, {{1, 2, 3, 4, 5, 6}}, &shape), {5, 6, 1, 2});
+  EXPECT_EQ(shape, (Shape{1, 2, 2}));
+  expect_values(run("Embed", param, {6}, {2.5F, -0.5F, 3, -1, kNan, -1e30F}, {{1, 2, 3, 4, 5, 6}}),
+                {5, 6, 1, 2, kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan});
+  expect_values(
+      run("Embed", "embed_param { input_dim: 1 num_output: 2 }", {1}, {0}, {{1, 2}, {10, 20}}),
+      {11, 22});
+  expect_error<InputError>([] { layer_from("Embed", "embed_param { input_dim: 3 }"); },
+                           {"num_output"});
+  expect_error<InputError>([] { layer_from("Embed", "embed_param { num_output: 3 }"); },
+                           {"input_dim"});
+}
+
+TEST(Permute, TransposesAndCompletesTheOrder) {
+  const Tensor x = count_up({2, 3});
+  Shape shape;
+  expect_values(run("Permute", "permute_param { order: 1 }", x.shape, x.values, {}, &shape),
+                {0, 3, 1, 4, 2, 5});
+  EXPECT_EQ(shape, (Shape{3, 2}));
+  const auto twice = [&](const Tensor& t) {  // n c h w -> n h w c and back
+    const auto last =
+        run_layer("Permute", "permute_param { order: 0 order: 2 order: 3 order: 1 }", {t})[0];
+    EXPECT_EQ(last.shape, (Shape{2, 40, 50, 3}));
+    EXPECT_EQ(last.values[1], t.values[2000]);
+    return run_layer("Permute", "permute_param { order: 0 order: 3 }", {last})[0];
+  };
+  const Tensor images = count_up({2, 3, 40, 50});
+  EXPECT_EQ(twice(images).values, images.values);
+  expect_values(run("Permute", "", {}, {7}), {7});
+  expect_error<InputError>([] { layer_from("Permute", "permute_param { order: 1 order: 1 }"); },
+                           {"axis 1 twice"});
+  expect_error<InputError>(
+      [] {
+        layer_from("Permute", "permute_param { order: 2 }")->infer({Shape{2, 3}}, 1);
+      },
+      {"axis 2", "2x3"});
+}
+
+TEST(ShuffleChannel, TransposesGroups) {
+  expect_values(
+      run("ShuffleChannel", "shuffle_channel_param { group: 2 }", {1, 6, 1, 1}, {0, 1, 2, 3, 4, 5}),
+      {0, 3, 1, 4, 2, 5});
+  expect_values(run("ShuffleChannel", "shuffle_channel_param { group: 3 }", {1, 6, 1, 2},
+                    count_up({12}).values),
+                {0, 1, 4, 5, 8, 9, 2, 3, 6, 7, 10, 11});
+  expect_error<InputError>(
+      [] {
+        layer_from("ShuffleChannel", "shuffle_channel_param { group: 4 }")->infer({Shape{1, 6}}, 1);
+      },
+      {"6 channels", "group 4"});
+  expect_error<InputError>(
+      [] { layer_from("ShuffleChannel", "shuffle_channel_param { group: 0 }"); }, {"group"});
+}
+
+TEST(DummyData, ConstantsOfAnyShape) {
+  const auto blobs = run_layer("DummyData",
+                               "dummy_data_param { data_filler { value: 1.5 } data_filler {} "
+                               "shape { dim: 2 } shape {} }",
+                               {}, {}, 2);
+  expect_values(blobs[0].values, {1.5F, 1.5F});
+  EXPECT_EQ(blobs[1].shape, Shape{});
+  expect_values(blobs[1].values, {0});
+  EXPECT_EQ(
+      run_layer("DummyData", "dummy_data_param { num: 1 channels: 2 height: 3 height: 4 width: 5 }",
+                {}, {}, 2)[1]
+          .shape,
+      (Shape{1, 2, 4, 5}));
+}
+
+TEST(DummyData, RefusesRandomFillersAndOddCounts) {
+  const auto infer = [](const std::string& param, size_t outputs = 1) {
+    layer_from("DummyData", "dummy_data_param { " + param + " }")->infer({}, outputs);
+  };
+  expect_error<UnsupportedError>(
+      [&] { infer("data_filler { type: 'gaussian' } shape { dim: 1 }"); }, {"'gaussian'"});
+  expect_error<InputError>([&] { infer("data_filler { sparse: 3 } shape { dim: 1 }"); },
+                           {"sparse"});
+  expect_error<InputError>([&] { infer(""); }, {"shape is given 0 times"});
+  expect_error<InputError>([&] { infer("shape {} shape {}", 3); }, {"shape is given 2 times"});
+  expect_error<InputError>([&] { infer("data_filler {} data_filler {} shape {}", 3); },
+                           {"data_filler is given 2 times"});
+  expect_error<InputError>([&] { infer("num: 1 channels: 1 height: 1"); }, {"width"});
+  expect_error<InputError>([&] { infer("num: 1 shape { dim: 1 }"); }, {"not both"});
+  expect_error<InputError>([&] { infer("shape { dim: 0 }"); }, {"below 1"});
+}
+
+TEST(Parameter, IsItsWeights) {
+  const auto blob =
+      run_layer("Parameter", "parameter_param { shape { dim: 1 dim: 3 } }", {}, {{1, 2, 3}})[0];
+  EXPECT_EQ(blob.shape, (Shape{1, 3}));
+  expect_values(blob.values, {1, 2, 3});
+}
+
+TEST(Silence, TakesAnythingAndGivesNothing) {
+  EXPECT_TRUE(layer_from("Silence", "")->infer({Shape{2}, Shape{}}, 0).empty());
+  expect_error<InputError>([] { layer_from("Silence", "")->infer({Shape{2}}, 1); }, {"0 outputs"});
+  expect_error<InputError>([] { layer_from("Silence", "")->infer({}, 0); }, {"at least one input"});
+}
+
+}  // namespace
+}  // namespace revisit::engine
