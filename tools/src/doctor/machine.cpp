@@ -7,6 +7,7 @@
 
 #include "doctor/checks.h"
 #include "doctor/openblas.h"
+#include "revisit/engine/blas.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::doctor {
@@ -55,29 +56,18 @@ std::string cpu_features() {
 #endif
 }
 
-/// Width of the vectors this CPU computes with [bit], as far as OpenBLAS' kernels can use them.
-int cpu_vector_bits() {
+bool has_wide_vectors() {
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-      __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
-    return 512;
-  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") ? 256 : 128;
+  return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
 #else
-  return 128;
+  return true;
 #endif
-}
-
-/// The same for the kernels OpenBLAS has under a name.
-int core_vector_bits(const std::string& core) {
-  for (const char* wide : {"SkylakeX", "Cooperlake", "SapphireRapids"})
-    if (core == wide) return 512;
-  return core == "Haswell" || core == "Zen" ? 256 : 128;
 }
 
 void check_cpu(Checks& checks) {
   const std::string model = value_in("/proc/cpuinfo", "model name");
   checks.push_back({"machine", "CPU", Status::kOk, model.empty() ? "unknown model" : model});
-  const bool wide = cpu_vector_bits() > 128 || cpu_features() == "NEON";
+  const bool wide = has_wide_vectors();
   checks.push_back({"machine", "SIMD", wide ? Status::kOk : Status::kWarn, cpu_features(),
                     wide ? "" : "works, but networks run several times slower"});
   const unsigned logical = std::thread::hardware_concurrency();
@@ -87,21 +77,16 @@ void check_cpu(Checks& checks) {
        str(logical, " logical processors", omp ? str(", OMP_NUM_THREADS=", omp) : "")});
 }
 
-/// OpenBLAS chooses its kernels by a table of CPU models; for one newer than the library it falls
-/// back to the oldest kernels, which are several times slower, without a word.
 void check_blas(Checks& checks) {
-  const std::string core = openblas_core();
-  const char* const forced = std::getenv("OPENBLAS_CORETYPE");
-  const int bits = core_vector_bits(core), possible = cpu_vector_bits();
-  Check check{"machine", "OpenBLAS", Status::kOk,
-              str("kernels for ", core, forced ? str(", by OPENBLAS_CORETYPE=", forced) : "", " (",
-                  openblas_configuration(), ")")};
-  if (bits < possible && (forced || bits == 128)) {
+  const char* const forced = std::getenv("OPENBLAS_CORETYPE");  // by the user, or by our restart
+  Check check{
+      "machine", "OpenBLAS", Status::kOk,
+      str("kernels for ", engine::blas_core(), forced ? str(", by OPENBLAS_CORETYPE=", forced) : "",
+          " (", openblas_configuration(), ")")};
+  if (const std::string faster = engine::faster_blas_core(); !faster.empty()) {
     check.status = Status::kWarn;
-    check.advice = str("these kernels use ", bits, "-bit vectors, the CPU has ", possible,
-                       "-bit ones; ", forced ? "unset OPENBLAS_CORETYPE, or " : "",
-                       "export OPENBLAS_CORETYPE=", possible == 512 ? "SkylakeX" : "Haswell",
-                       " and look again: networks may run several times faster");
+    check.advice = str("this CPU can run the kernels for ", faster, ", several times faster: ",
+                       forced ? "unset OPENBLAS_CORETYPE" : "export OPENBLAS_CORETYPE=" + faster);
   }
   checks.push_back(check);
   if (const char* size = std::getenv("OPENBLAS_L2_SIZE"))

@@ -1,16 +1,9 @@
 #include "doctor/openblas.h"
 
 // From OpenBLAS' cblas.h, which only the engine includes.
-extern "C" {
-char* openblas_get_corename(void);
-char* openblas_get_config(void);
-}
+extern "C" char* openblas_get_config(void);
 
 namespace revisit::doctor {
-
-std::string openblas_core() {
-  return openblas_get_corename();
-}
 
 std::string openblas_configuration() {
   std::string text = openblas_get_config();

@@ -4,9 +4,6 @@
 
 namespace revisit::doctor {
 
-/// The CPU family whose kernels OpenBLAS chose at run time, e.g. "SkylakeX".
-std::string openblas_core();
-
 /// OpenBLAS' own line about its version and build.
 std::string openblas_configuration();
 

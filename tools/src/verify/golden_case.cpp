@@ -73,9 +73,15 @@ std::vector<GoldenLayer> layers_of(const fs::path& folder, const Struct& manifes
   if (!list) return layers;
   for (const Value& value : list->list_value().values()) {
     const Struct& entry = value.struct_value();
-    GoldenLayer layer{text(entry, "layer"),  {},
-                      real(entry, "absmax"), real(entry, "rms"),
-                      reals(entry, "first"), reals(entry, "last")};
+    GoldenLayer layer;
+    layer.layer = text(entry, "layer");
+    layer.type = text(entry, "type");
+    layer.index = static_cast<int>(real(entry, "index"));
+    layer.port = !layers.empty() && layers.back().index == layer.index ? layers.back().port + 1 : 0;
+    layer.absmax = real(entry, "absmax");
+    layer.rms = real(entry, "rms");
+    layer.first = reals(entry, "first");
+    layer.last = reals(entry, "last");
     if (!text(entry, "file").empty()) layer.file = folder / text(entry, "file");
     layers.push_back(std::move(layer));
   }
@@ -118,9 +124,11 @@ void add_manifest_cases(const fs::path& folder, std::vector<GoldenCase>* cases) 
   golden.inputs[""] = folder / text(manifest, "input");
   for (const fs::path& file :
        fs::exists(folder / "layers") ? entries(folder / "layers") : std::vector<fs::path>{}) {
-    const std::string stem = file.stem().string();  // 031_pool5.0
-    const auto index = static_cast<size_t>(std::atoi(stem.c_str()));
-    if (stem.ends_with(".0") && index < golden.layers.size()) golden.layers[index].file = file;
+    const std::string stem = file.stem().string();  // 031_pool5.0: index, layer, output
+    for (GoldenLayer& layer : golden.layers)
+      if (layer.index == std::atoi(stem.c_str()) &&
+          stem.ends_with("." + std::to_string(layer.port)))
+        layer.file = file;
   }
   cases->push_back(std::move(golden));
 }
@@ -158,13 +166,21 @@ void add_plain_cases(const fs::path& folder, const fs::path& prototxt,
   }
 }
 
+/// Whether the arrays are in this folder: an index.json may also list sub-folders.
+bool has_inputs(const fs::path& folder) {
+  const auto files = entries(folder);
+  return std::any_of(files.begin(), files.end(), [](const fs::path& file) {
+    return file.filename() == "in.npy" || npy_name(file, "in_");
+  });
+}
+
 void search(const fs::path& folder, std::vector<GoldenCase>* cases) {
   const size_t before = cases->size();
   if (fs::exists(folder / "manifest.json")) {
     add_manifest_cases(folder, cases);
   } else if (const auto prototxt = first_that_exists(folder, {"net.prototxt", "deploy.prototxt"})) {
     add_plain_cases(folder, *prototxt, cases);
-  } else if (fs::exists(folder / "index.json")) {
+  } else if (fs::exists(folder / "index.json") && has_inputs(folder)) {
     add_index_cases(folder, cases);
   }
   for (size_t i = before; i < cases->size(); ++i) {

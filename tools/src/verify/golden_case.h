@@ -10,7 +10,9 @@ namespace revisit::cli {
 
 /// What a layer's output was in the original: the whole array, or statistics of it.
 struct GoldenLayer {
-  std::string layer;
+  std::string layer, type;
+  int index = 0;               // of the layer in the original's list
+  size_t port = 0;             // which of the layer's outputs
   std::filesystem::path file;  // empty: only the statistics
   double absmax = 0, rms = 0;
   std::vector<float> first, last;  // the first and last values in C order
