@@ -1,5 +1,7 @@
 #include "registry.h"
 
+#include <strings.h>
+
 #include <algorithm>
 
 #include "layers/layers.h"
@@ -10,66 +12,71 @@ namespace {
 struct Entry {
   const char* type;
   LayerFactory* make;
+  const char* origin;
+  const char* does;
 };
 
 /// THE table of layer types. ("Input" is not here: it runs nothing, graph.cpp takes it.)
 constexpr Entry kTable[] = {
-    {"AbsVal", make_abs_val},
-    {"ArgMax", make_argmax},
-    {"Axpy", make_axpy},
-    {"BatchNorm", make_batch_norm},
-    {"BatchReindex", make_batch_reindex},
-    {"Bias", make_bias},
-    {"BNLL", make_bnll},
-    {"Clip", make_clip},
-    {"Concat", make_concat},
-    {"Convolution", make_convolution},
-    {"ConvolutionDepthwise", make_convolution_depthwise},
-    {"Crop", make_crop},
-    {"Deconvolution", make_deconvolution},
-    {"DepthwiseConvolution", make_depthwise_convolution},
-    {"DetectionOutput", make_detection_output},
-    {"Dropout", make_identity},
-    {"DummyData", make_dummy_data},
-    {"Eltwise", make_eltwise},
-    {"ELU", make_elu},
-    {"Embed", make_embed},
-    {"Exp", make_exp},
-    {"Filter", make_filter},
-    {"Flatten", make_flatten},
-    {"Im2col", make_im2col},
-    {"InnerProduct", make_inner_product},
-    {"Interp", make_interp},
-    {"Log", make_log},
-    {"LRN", make_lrn},
-    {"LSTM", make_lstm},
-    {"MVN", make_mvn},
-    {"Normalize", make_normalize},
-    {"Parameter", make_parameter},
-    {"Permute", make_permute},
-    {"Pooling", make_pooling},
-    {"Power", make_power},
-    {"PReLU", make_prelu},
-    {"PriorBox", make_prior_box},
-    {"Reduction", make_reduction},
-    {"ReLU", make_relu},
-    {"ReLU6", make_relu6},
-    {"Reshape", make_reshape},
-    {"RNN", make_rnn},
-    {"ROIPooling", make_roi_pooling},
-    {"Scale", make_scale},
-    {"ShuffleChannel", make_shuffle_channel},
-    {"Sigmoid", make_sigmoid},
-    {"Silence", make_silence},
-    {"Slice", make_slice},
-    {"Softmax", make_softmax},
-    {"Split", make_identity},
-    {"SPP", make_spp},
-    {"Swish", make_swish},
-    {"TanH", make_tanh},
-    {"Threshold", make_threshold},
-    {"Tile", make_tile},
-    {"Upsample", make_upsample},
+    {"AbsVal", make_abs_val, "Caffe", "absolute value"},
+    {"ArgMax", make_argmax, "Caffe", "index and value of the largest entries"},
+    {"Axpy", make_axpy, "SENet", "a x + y, a per channel"},
+    {"BatchNorm", make_batch_norm, "Caffe", "(x - mean) / deviation per channel"},
+    {"BatchReindex", make_batch_reindex, "Caffe", "chooses and repeats batch items"},
+    {"Bias", make_bias, "Caffe", "adds a learned or given blob"},
+    {"BNLL", make_bnll, "Caffe", "log(1 + exp x)"},
+    {"Clip", make_clip, "Caffe", "limits to [min, max]"},
+    {"Concat", make_concat, "Caffe", "joins along an axis"},
+    {"Convolution", make_convolution, "Caffe",
+     "1-D, 2-D, 3-D and more; group, stride, pad, dilation"},
+    {"ConvolutionDepthwise", make_convolution_depthwise, "forks",
+     "convolution, one group a channel"},
+    {"Crop", make_crop, "Caffe", "cuts to the size of another blob"},
+    {"Deconvolution", make_deconvolution, "Caffe", "transposed convolution"},
+    {"DepthwiseConvolution", make_depthwise_convolution, "forks",
+     "convolution, one group a channel"},
+    {"DetectionOutput", make_detection_output, "SSD", "boxes after decoding and suppression"},
+    {"Dropout", make_identity, "Caffe", "nothing at inference"},
+    {"DummyData", make_dummy_data, "Caffe", "constants"},
+    {"Eltwise", make_eltwise, "Caffe", "product, weighted sum, maximum"},
+    {"ELU", make_elu, "Caffe", "exponential linear unit"},
+    {"Embed", make_embed, "Caffe", "rows of a table by index"},
+    {"Exp", make_exp, "Caffe", "base ^ (shift + scale x)"},
+    {"Filter", make_filter, "Caffe", "batch items chosen by a selector"},
+    {"Flatten", make_flatten, "Caffe", "merges axes"},
+    {"Im2col", make_im2col, "Caffe", "windows as columns"},
+    {"InnerProduct", make_inner_product, "Caffe", "fully connected"},
+    {"Interp", make_interp, "DeepLab, PSPNet", "bilinear resampling"},
+    {"Log", make_log, "Caffe", "log_base(shift + scale x)"},
+    {"LRN", make_lrn, "Caffe", "local response normalisation, across or within channels"},
+    {"LSTM", make_lstm, "Caffe", "long short-term memory"},
+    {"MVN", make_mvn, "Caffe", "mean and variance normalisation"},
+    {"Normalize", make_normalize, "SSD", "L2 normalisation with a learned scale"},
+    {"Parameter", make_parameter, "Caffe", "a learned blob as it is"},
+    {"Permute", make_permute, "SSD", "reorders axes"},
+    {"Pooling", make_pooling, "Caffe", "maximum (with mask), average, global"},
+    {"Power", make_power, "Caffe", "(shift + scale x) ^ power"},
+    {"PReLU", make_prelu, "Caffe", "leaky ReLU with learned slopes"},
+    {"PriorBox", make_prior_box, "SSD", "default boxes"},
+    {"Reduction", make_reduction, "Caffe", "sum, absolute sum, sum of squares, mean"},
+    {"ReLU", make_relu, "Caffe", "max(x, 0), or leaky"},
+    {"ReLU6", make_relu6, "forks", "min(max(x, 0), 6)"},
+    {"Reshape", make_reshape, "Caffe", "another shape"},
+    {"RNN", make_rnn, "Caffe", "simple recurrent network"},
+    {"ROIPooling", make_roi_pooling, "Fast R-CNN", "maximum over regions of interest"},
+    {"Scale", make_scale, "Caffe", "multiplies by a learned or given blob"},
+    {"ShuffleChannel", make_shuffle_channel, "ShuffleNet", "interleaves groups of channels"},
+    {"Sigmoid", make_sigmoid, "Caffe", "1 / (1 + exp(-x))"},
+    {"Silence", make_silence, "Caffe", "takes its inputs and gives nothing"},
+    {"Slice", make_slice, "Caffe", "cuts along an axis"},
+    {"Softmax", make_softmax, "Caffe", "normalised exponentials along an axis"},
+    {"Split", make_identity, "Caffe", "the same values again"},
+    {"SPP", make_spp, "Caffe", "spatial pyramid pooling"},
+    {"Swish", make_swish, "Caffe", "x sigmoid(beta x)"},
+    {"TanH", make_tanh, "Caffe", "hyperbolic tangent"},
+    {"Threshold", make_threshold, "Caffe", "1 above a threshold, else 0"},
+    {"Tile", make_tile, "Caffe", "repeats along an axis"},
+    {"Upsample", make_upsample, "SegNet and others", "unpooling by mask, or nearest neighbour"},
 };
 
 }  // namespace
@@ -77,14 +84,19 @@ constexpr Entry kTable[] = {
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
   for (const Entry& entry : kTable)
     if (param.type() == entry.type) return entry.make(param);
+  std::vector<std::string> known;
+  for (const LayerType& type : layer_types()) known.push_back(type.type);
   throw UnsupportedError(str("layer type '", param.type(), "' is not supported",
-                             did_you_mean(param.type(), layer_types())));
+                             did_you_mean(param.type(), known),
+                             "; `revisit net layers` lists them"));
 }
 
-std::vector<std::string> layer_types() {
-  std::vector<std::string> types{"Input"};
-  for (const Entry& entry : kTable) types.emplace_back(entry.type);
-  std::sort(types.begin(), types.end());
+std::vector<LayerType> layer_types() {
+  std::vector<LayerType> types{{"Input", "Caffe", "an input of the net"}};
+  for (const Entry& entry : kTable) types.push_back({entry.type, entry.origin, entry.does});
+  std::sort(types.begin(), types.end(), [](const LayerType& a, const LayerType& b) {
+    return strcasecmp(a.type.c_str(), b.type.c_str()) < 0;
+  });
   return types;
 }
 

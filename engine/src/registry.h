@@ -5,14 +5,12 @@
 #include <vector>
 
 #include "layer.h"
+#include "revisit/engine/layer_types.h"
 
 namespace revisit::engine {
 
 /// The layer that `param.type()` names. Throws UnsupportedError for a type we lack, InputError for
 /// parameters that cannot be.
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param);
-
-/// The types make_layer() knows, sorted.
-std::vector<std::string> layer_types();
 
 }  // namespace revisit::engine

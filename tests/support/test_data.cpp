@@ -24,6 +24,10 @@ fs::path fixture(const std::string& relative) {
   return fs::path(REVISIT_FIXTURES) / relative;
 }
 
+fs::path project_file(const std::string& relative) {
+  return fs::path(REVISIT_ROOT) / relative;
+}
+
 TempDir::TempDir() {
   static std::atomic<int> counter{0};
   path_ = fs::temp_directory_path() /

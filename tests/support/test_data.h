@@ -12,6 +12,9 @@ std::filesystem::path shared(const std::string& relative);
 /// A file of our own, `tests/fixtures/`.
 std::filesystem::path fixture(const std::string& relative);
 
+/// A file of the project itself, by its path from the root.
+std::filesystem::path project_file(const std::string& relative);
+
 /// An empty folder of the running test's own, removed at the end.
 class TempDir {
  public:

@@ -10,7 +10,8 @@ int net_command(const Arguments& arguments) {
                     net_inspect_command},
                    {"forward", "run it on .npy arrays", net_forward_command},
                    {"profile", "time every layer and the whole", net_profile_command},
-                   {"verify", "compare with outputs of the original", net_verify_command}},
+                   {"verify", "compare with outputs of the original", net_verify_command},
+                   {"layers", "the layer types that networks can use", net_layers_command}},
                   arguments);
 }
 

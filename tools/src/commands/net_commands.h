@@ -9,6 +9,7 @@ namespace revisit::cli {
 
 int net_inspect_command(const Arguments&);
 int net_forward_command(const Arguments&);
+int net_layers_command(const Arguments&);
 int net_profile_command(const Arguments&);
 int net_verify_command(const Arguments&);
 

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace revisit::engine {
+
+/// A layer type that the engine runs, for people.
+struct LayerType {
+  std::string type;    // as in the prototxt
+  std::string origin;  // "Caffe", or the fork it comes from
+  std::string does;
+};
+
+/// All of them, sorted by type without regard to case.
+std::vector<LayerType> layer_types();
+
+}  // namespace revisit::engine

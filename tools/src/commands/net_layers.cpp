@@ -1,0 +1,33 @@
+#include <iostream>
+
+#include "cli/table.h"
+#include "net_commands.h"
+#include "revisit/engine/layer_types.h"
+
+namespace revisit::cli {
+
+int net_layers_command(const Arguments& arguments) {
+  std::string format = "table";
+  Parser parser("revisit net layers", "", "List the layer types that networks can use.",
+                "  revisit net layers\n  revisit net layers --format markdown\n");
+  parser.option("format", "FORMAT", "table, csv or markdown (default table)", &format);
+  parser.parse(arguments);
+
+  Table table({"type", "from", "does"});
+  for (const engine::LayerType& layer : engine::layer_types())
+    table.row({layer.type, layer.origin, layer.does});
+  if (format == "table") {
+    table.print(std::cout);
+  } else if (format == "csv") {
+    table.print_csv(std::cout);
+  } else if (format == "markdown") {
+    std::cout << "| type | from | does |\n|---|---|---|\n";
+    for (const engine::LayerType& layer : engine::layer_types())
+      std::cout << "| " << layer.type << " | " << layer.origin << " | " << layer.does << " |\n";
+  } else {
+    throw UsageError("--format: expected table, csv or markdown, found '" + format + "'");
+  }
+  return kOk;
+}
+
+}  // namespace revisit::cli
