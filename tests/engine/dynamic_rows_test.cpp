@@ -108,6 +108,34 @@ TEST_F(FilterNet, RowsBelongToTheRun) {
   EXPECT_EQ(b.output("kept").shape, (Shape{1, 2, 2}));
 }
 
+TEST(DetectorNet, TheOutputHasARowForEachDetection) {
+  const test::TempDir dir;
+  test::write_file(dir / "net.prototxt", R"(
+    layer { name: "in" type: "Input" top: "map" top: "image" top: "loc" top: "conf" input_param {
+      shape { dim: 1 dim: 1 dim: 1 dim: 2 } shape { dim: 1 dim: 1 dim: 4 dim: 8 }
+      shape { dim: 1 dim: 8 } shape { dim: 1 dim: 4 } } }
+    layer { name: "prior" type: "PriorBox" bottom: "map" bottom: "image" top: "prior"
+            prior_box_param { min_size: 4 } }
+    layer { name: "detect" type: "DetectionOutput" bottom: "loc" bottom: "conf" bottom: "prior"
+            top: "found" detection_output_param { num_classes: 2 confidence_threshold: 0.5 } }
+    layer { name: "flat" type: "Flatten" bottom: "found" top: "flat" }
+  )");
+  const Net net = Net::load_without_weights(dir / "net.prototxt");
+  engine::Run run(net.plan({}, {.keep_all = true}));
+  std::fill_n(run.input("loc").data, 8, 0.0F);
+  const auto detect = [&](const std::vector<float>& confidences) {
+    std::copy(confidences.begin(), confidences.end(), run.input("conf").data);
+    run.forward();
+    EXPECT_EQ(run.output("flat").shape[1], run.output("detect").shape[2] * 7);
+    const auto view = run.output("detect").values();
+    return std::vector<float>(view.begin(), view.end());
+  };
+  EXPECT_EQ(detect({0, 0.75F, 0, 1}),
+            (std::vector<float>{0, 1, 1, 0.5F, 0, 1, 1, 0, 1, 0.75F, 0, 0, 0.5F, 1}));
+  EXPECT_EQ(detect({0, 0.75F, 0, 0}), (std::vector<float>{0, 1, 0.75F, 0, 0, 0.5F, 1}));
+  EXPECT_EQ(detect({0, 0, 0, 0}), (std::vector<float>{0, -1, -1, -1, -1, -1, -1}));
+}
+
 TEST(RecurrentNet, StateBelongsToTheRun) {
   const test::TempDir dir;
   test::write_file(dir / "net.prototxt", R"(

@@ -78,8 +78,8 @@ TEST(NetFile, MissingRequiredFieldGivesPositionOfItsMessage) {
 
 TEST(NetFile, UnknownFieldsCanBeWarnings) {
   const NetFile file =
-      parse_net("layer { name: 'a'\n  psroi_pooling_param { height: [ 3, 4 ] pad < > } top: 'b' }", "net",
-                {.allow_unknown_fields = true});
+      parse_net("layer { name: 'a'\n  psroi_pooling_param { height: [ 3, 4 ] pad < > } top: 'b' }",
+                "net", {.allow_unknown_fields = true});
   ASSERT_EQ(file.warnings.size(), 1U);
   EXPECT_EQ(file.warnings[0],
             "net:2:3: unknown field 'psroi_pooling_param' in LayerParameter (did you mean "

@@ -46,9 +46,9 @@ class PriorBox : public Layer {
 
   Kernel bind(const Binding& binding) const override {
     const Grid grid = grid_for(binding.inputs[0], binding.inputs[1]);
-    return {"prior-boxes", [this_boxes = boxes_, grid, clip = param_.clip(),
-                            variances = variances_](const Call& call) {
-              float* const end = write_boxes(grid, this_boxes, call.outputs[0]);
+    return {"prior-boxes",
+            [boxes = boxes_, grid, clip = param_.clip(), variances = variances_](const Call& call) {
+              float* const end = write_boxes(grid, boxes, call.outputs[0]);
               if (clip)
                 std::transform(call.outputs[0], end, call.outputs[0],
                                [](float v) { return std::min(std::max(v, 0.0F), 1.0F); });

@@ -1,0 +1,92 @@
+// Run::forward() never allocates: every operator new of this program is counted.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+#include "revisit/engine/net.h"
+#include "test_data.h"
+
+namespace {
+std::atomic<int64_t> allocations{0};
+}  // namespace
+
+// Not inlined: else g++ sees free() meet memory of new.
+[[gnu::noinline]] void* operator new(size_t bytes) {
+  ++allocations;
+  if (void* memory = std::malloc(bytes > 0 ? bytes : 1)) return memory;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+[[gnu::noinline]] void operator delete(void* memory, size_t) noexcept {
+  std::free(memory);
+}
+
+namespace revisit::engine {
+namespace {
+
+struct NamedNet {
+  const char* name;
+  const char* layers;  // they read data [2][6][12][12], rows [4][5], cont [4][5]
+};
+
+constexpr NamedNet kNets[] = {
+    {"convolutions", R"(
+      layer { name: "a" type: "Convolution" bottom: "data" top: "a" convolution_param { num_output: 4 kernel_size: 3 pad: 1 } }
+      layer { name: "b" type: "Deconvolution" bottom: "a" top: "b" convolution_param { num_output: 3 kernel_size: 4 stride: 2 } }
+      layer { name: "c" type: "Im2col" bottom: "a" top: "c" convolution_param { kernel_size: 2 } }
+      layer { name: "d" type: "Convolution" bottom: "data" top: "d" convolution_param { num_output: 4 kernel_size: 3 axis: 0 } }
+      layer { name: "e" type: "ConvolutionDepthwise" bottom: "a" top: "e" convolution_param { kernel_size: 3 } })"},
+    {"pooling", R"(
+      layer { name: "a" type: "Pooling" bottom: "data" top: "a" top: "mask" pooling_param { kernel_size: 2 stride: 2 ceil_mode: false } }
+      layer { name: "b" type: "Upsample" bottom: "a" bottom: "mask" top: "b" upsample_param { scale: 2 } }
+      layer { name: "c" type: "SPP" bottom: "data" top: "c" spp_param { pyramid_height: 3 } }
+      layer { name: "d" type: "ROIPooling" bottom: "data" bottom: "rows" top: "d" roi_pooling_param { pooled_h: 2 pooled_w: 2 } }
+      layer { name: "e" type: "Interp" bottom: "b" top: "e" interp_param { zoom_factor: 2 } }
+      layer { name: "f" type: "LRN" bottom: "e" top: "f" }
+      layer { name: "g" type: "Normalize" bottom: "e" top: "g" norm_param { across_spatial: false } })"},
+    {"sequences", R"(
+      layer { name: "a" type: "LSTM" bottom: "data" bottom: "two" top: "a" recurrent_param { num_output: 3 } }
+      layer { name: "b" type: "RNN" bottom: "data" bottom: "two" top: "b" recurrent_param { num_output: 3 } }
+      layer { name: "c" type: "InnerProduct" bottom: "a" top: "c" inner_product_param { num_output: 3 } }
+      layer { name: "d" type: "Softmax" bottom: "c" top: "d" }
+      layer { name: "e" type: "Filter" bottom: "rows" bottom: "keep" top: "e" })"},
+    {"detector", R"(
+      layer { name: "a" type: "PriorBox" bottom: "data" bottom: "data" top: "a" prior_box_param { min_size: 3 max_size: 5 aspect_ratio: 2 } }
+      layer { name: "b" type: "Convolution" bottom: "data" top: "b" convolution_param { num_output: 16 kernel_size: 1 } }
+      layer { name: "c" type: "Flatten" bottom: "b" top: "c" }
+      layer { name: "d" type: "Convolution" bottom: "data" top: "d" convolution_param { num_output: 12 kernel_size: 1 } }
+      layer { name: "e" type: "Flatten" bottom: "d" top: "e" }
+      layer { name: "f" type: "DetectionOutput" bottom: "c" bottom: "e" bottom: "a" top: "f" detection_output_param { num_classes: 3 keep_top_k: 50 } })"},
+};
+
+class Allocation : public testing::TestWithParam<NamedNet> {};
+
+TEST_P(Allocation, NoneInAForwardPass) {
+  const test::TempDir dir;
+  test::write_file(dir / "net.prototxt", std::string(R"(
+    layer { name: "in" type: "Input" top: "data" top: "rows" top: "keep" top: "two" input_param {
+      shape { dim: 2 dim: 6 dim: 12 dim: 12 } shape { dim: 4 dim: 5 } shape { dim: 4 } shape { dim: 2 dim: 6 } } }
+  )") + GetParam().layers);
+  const Net net = Net::load_with_random_weights(dir / "net.prototxt", 1);
+  engine::Run run(net.plan());
+  for (const Port& port : net.inputs()) {
+    const View<float> input = run.input(port.name);
+    for (size_t i = 0; i < input.values().size(); ++i)
+      input.data[i] = static_cast<float>(i * 7919 % 13) / 13 * 2 - 1;
+  }
+  run.forward();  // libraries may set themselves up
+  const int64_t before = allocations;
+  ASSERT_GT(before, 0);
+  run.forward();
+  EXPECT_EQ(allocations - before, 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Nets, Allocation, testing::ValuesIn(kNets),
+                         [](const auto& instance) { return std::string(instance.param.name); });
+
+}  // namespace
+}  // namespace revisit::engine
