@@ -96,4 +96,8 @@ class Layer {
 /// Throws InputError unless there are `n` of `what` ("inputs", "outputs").
 void expect_count(size_t found, size_t expected, const char* what);
 
+/// Throws InputError unless a size of the file fits an int, in which Caffe keeps it. Then the
+/// product of two fits an int64_t.
+void expect_int(int64_t size, const char* what);
+
 }  // namespace revisit::engine

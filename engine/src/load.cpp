@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "budget.h"
 #include "net_impl.h"
 #include "registry.h"
 #include "revisit/proto/net_file.h"
@@ -74,6 +75,7 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
 
 Net Net::load(const fs::path& prototxt, const fs::path& weights, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
+  check_weight_bytes(*net, options.max_weight_bytes);
   load_weights(*net, weights, options.allow_missing);
   return Net(std::move(net));
 }
@@ -81,6 +83,7 @@ Net Net::load(const fs::path& prototxt, const fs::path& weights, const LoadOptio
 Net Net::load_with_random_weights(const fs::path& prototxt, uint64_t seed,
                                   const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
+  check_weight_bytes(*net, options.max_weight_bytes);
   fill_randomly(*net, seed);
   return Net(std::move(net));
 }

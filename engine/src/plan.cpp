@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "budget.h"
 #include "memory_plan.h"
 #include "plan_impl.h"
 #include "receptive_field.h"
@@ -169,6 +170,7 @@ std::vector<BufferUse> describe_buffers(const Graph& graph, const BufferPlanner&
 }  // namespace
 
 Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& options) const {
+  check_threads(options.threads);
   std::map<std::string, Shape> input_shapes;
   for (const Port& port : impl_->inputs) input_shapes[port.name] = port.shape;
   for (const auto& [blob, shape] : inputs) input_shapes.insert_or_assign(blob, shape);
@@ -209,6 +211,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
         const OutputMemory memory = loaded.layer->output_memory();
         cost.activation_bytes = planner.add_node(static_cast<int>(i), memory);
         if (memory != OutputMemory::kViewOfInput) {
+          check_outputs(cost.outputs, options.max_arena_bytes);
           Step step{i,
                     loaded.layer->bind({cost.inputs, cost.outputs, loaded.weights,
                                         std::max(options.threads, 1), options.reference_kernels}),
@@ -234,6 +237,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   plan->arena_floats = memory.total;
   plan->buffers =
       describe_buffers(graph, planner, scratch_buffers, state_buffers, plan->steps, memory);
+  check_arena(*plan, options.max_arena_bytes);
   for (const Lifetime& buffer : planner.buffers()) plan->unshared_floats += buffer.size;
   const auto offset_of = [&](ValueId id) { return memory.offsets[planner.buffer_of(id)]; };
   for (size_t s = 0; s < plan->steps.size(); ++s) {

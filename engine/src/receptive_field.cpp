@@ -11,7 +11,7 @@ Field field_through(const std::vector<Field>& inputs, const Window& window) {
     if (!input || input->stride != joint.stride) return std::nullopt;
     const int64_t end = std::max(joint.start + joint.size, input->start + input->size);
     joint.start = std::min(joint.start, input->start);
-    joint.size = end - joint.start;
+    if (__builtin_sub_overflow(end, joint.start, &joint.size)) return std::nullopt;
   }
   // One step of this layer's input is `joint.stride` pixels of the net's input.
   ReceptiveField out;

@@ -3,6 +3,7 @@
 #include <strings.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "layers/layers.h"
 
@@ -102,6 +103,11 @@ std::vector<LayerType> layer_types() {
 
 void expect_count(size_t found, size_t expected, const char* what) {
   if (found != expected) throw InputError(str("expected ", expected, " ", what, ", found ", found));
+}
+
+void expect_int(int64_t size, const char* what) {
+  constexpr int64_t kMost = std::numeric_limits<int>::max();
+  if (size > kMost) throw InputError(str(what, " must be at most ", kMost, ", found ", size));
 }
 
 }  // namespace revisit::engine

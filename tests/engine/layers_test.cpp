@@ -148,6 +148,8 @@ TEST(Layers, RefuseWhatCannotBe) {
       [] { layer_from("Convolution", "convolution_param { num_output: 3 group: 2 }"); },
       {"multiple of group"});
   expect_error<InputError>([] { layer_from("LRN", "lrn_param { local_size: 4 }"); }, {"odd"});
+  expect_error<InputError>([] { layer_from("LRN", "lrn_param { local_size: 4294967295 }"); },
+                           {"local_size must be at most 2147483647, found 4294967295"});
   expect_error<InputError>([] { layer_from("Pooling", "pooling_param { kernel_size: 2 pad: 2 }"); },
                            {"pad 2"});
   expect_error<InputError>(
@@ -156,6 +158,14 @@ TEST(Layers, RefuseWhatCannotBe) {
             ->infer({Shape{1, 1, 4, 4}}, 1);
       },
       {"spans 9", "empty"});
+  expect_error<InputError>(
+      [] {
+        layer_from(
+            "Convolution",
+            "convolution_param { num_output: 1 kernel_size: 4294967295 dilation: 4294967295 }")
+            ->infer({Shape{1, 1, 4, 4}}, 1);
+      },
+      {"kernel size is too large: 4294967295"});
 }
 
 }  // namespace

@@ -107,6 +107,30 @@ TEST_F(NetTest, MemoryIsSharedOverTime) {
   EXPECT_EQ(plan.layers()[3].activation_bytes, 0);  // Dropout is a view
 }
 
+TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
+  const Net net = Net::load(prototxt(), weights());
+  const Shape large{1, 1, 1000, 1000};  // 4 MB; outputs "concat" 8 MB
+  expect_error<InputError>(
+      [&] {
+        net.plan({{"data", large}}, {.max_arena_bytes = int64_t{7} << 20});
+      },
+      {"'concat'", "outputs take 7 MB", "limit of 7 MB", "max_arena_bytes"});
+  expect_error<InputError>(
+      [&] {
+        net.plan({{"data", large}}, {.max_arena_bytes = int64_t{9} << 20});
+      },
+      {"running the net takes", "limit of 9 MB", "most is for 'concat': 7 MB"});
+  EXPECT_GT(net.plan({{"data", large}}).arena_bytes(), int64_t{9} << 20);
+  expect_error<InputError>([&] { Net::load(prototxt(), weights(), {.max_weight_bytes = 7}); },
+                           {"'conv' (Convolution)", "max_weight_bytes"});
+  Net::load(prototxt(), weights(), {.max_weight_bytes = 8});
+}
+
+TEST_F(NetTest, TooManyThreadsAreRefused) {
+  const Net net = Net::load(prototxt(), weights());
+  expect_error<UsageError>([&] { net.plan({}, {.threads = 2'000'000'000}); }, {"at most 1024"});
+}
+
 TEST_F(NetTest, WeightsOfAnotherNetworkAreRefused) {
   write_weights("conv", {1, 3, 1, 1}, {1, 2, 3}, {0});
   expect_error<InputError>([&] { Net::load(prototxt(), weights()); },

@@ -10,6 +10,7 @@ class Lrn : public Layer {
   explicit Lrn(const caffe::LRNParameter& param) : param_(param) {
     if (param.local_size() % 2 == 0)
       throw InputError(str("local_size must be odd, found ", param.local_size()));
+    expect_int(param.local_size(), "local_size");
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

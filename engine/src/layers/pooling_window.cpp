@@ -60,6 +60,8 @@ PoolingWindow::Axis PoolingWindow::axis(uint32_t kernel, uint32_t stride, bool h
       throw InputError("global pooling needs stride 1 and no pad");
     return result;
   }
+  expect_int(result.kernel, "the kernel size");
+  expect_int(result.stride, "the stride");
   if (result.kernel < 1) throw InputError("the kernel size must be at least 1");
   if (result.stride < 1) throw InputError("the stride must be at least 1");
   if (result.pad >= result.kernel)

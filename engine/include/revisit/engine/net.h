@@ -33,6 +33,9 @@ struct LoadOptions {
   bool allow_missing = false;
   /// Unknown fields in the prototxt become warnings instead of errors.
   bool allow_unknown = false;
+  /// Loading more weights than this is refused before they are allocated: a prototxt of a few lines
+  /// can ask for any amount.
+  int64_t max_weight_bytes = int64_t{8} << 30;
 };
 
 /// A tensor of the net that has a name outside: an input or an output.
@@ -48,6 +51,8 @@ struct PlanOptions {
   bool keep_all = false;
   /// Use the slow, readable kernels only: the truth the others are tested against.
   bool reference_kernels = false;
+  /// A plan whose runs would need more memory than this is refused.
+  int64_t max_arena_bytes = int64_t{8} << 30;
 };
 
 /// Which pixels of the net's input an output pixel can see, along one axis: output pixel i sees the
@@ -126,8 +131,8 @@ class Net {
                                   const LoadOptions& options = {});
 
   /// Chooses kernels and lays out memory. `inputs` replaces input shapes by blob name.
-  /// Throws InputError naming the layer that cannot take the shapes, UsageError for an unknown
-  /// input.
+  /// Throws InputError naming the layer that cannot take the shapes or needs too much memory,
+  /// UsageError for an unknown input or too many threads.
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
   const std::string& name() const;

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <vector>
+
+#include "plan_impl.h"
+
+namespace revisit::engine {
+
+// What a few lines of prototxt can ask for has no bounds: these are checked before anything is
+// allocated. All throw an error that names the layer and the option that sets the limit.
+
+void check_weight_bytes(const Net::Impl& net, int64_t limit);
+
+/// The outputs of one layer are alive together: they alone can exceed the limit of the arena.
+/// Throws with a reason only, as Layer does.
+void check_outputs(const std::vector<Shape>& outputs, int64_t limit);
+
+void check_arena(const Plan::Impl& plan, int64_t limit);
+
+/// Throws UsageError.
+void check_threads(int threads);
+
+}  // namespace revisit::engine
