@@ -3,11 +3,14 @@ add_library(revisit_build_flags INTERFACE)
 target_compile_options(revisit_build_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wold-style-cast -Wnon-virtual-dtor
   -Wno-missing-field-initializers  # designated initialisers leave the defaults on purpose
-  -Wno-restrict)  # g++ 12 warns falsely about std::string operator+ (GCC bug 105651)
+  $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)  # g++ 12 warns falsely about std::string operator+ (GCC bug 105651)
 if(REVISIT_WERROR)
   target_compile_options(revisit_build_flags INTERFACE -Werror)
 endif()
 
+if(REVISIT_FUZZ)
+  add_compile_options(-fsanitize=fuzzer-no-link)
+endif()
 if(REVISIT_SANITIZE)
   # Sanitizer code makes g++ 12 warn falsely, e.g. inside <regex>; the plain build has the warning on.
   target_compile_options(revisit_build_flags INTERFACE -Wno-maybe-uninitialized)

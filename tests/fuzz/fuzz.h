@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "revisit/proto/error.h"
+
+/// What libFuzzer (or standalone_main.cpp) calls for every case; each target file defines it.
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
+
+namespace revisit::fuzz {
+
+/// The contract of everything that takes input: it works, or it throws one of our own errors. Any
+/// other exception leaves the target and ends the program: a finding.
+template <class Work>
+void works_or_refuses(const Work& work) {
+  try {
+    work();
+  } catch (const Error&) {  // refused, and said why
+  }
+}
+
+/// A property that must hold for every input.
+inline void require(bool holds, const char* property) {
+  if (holds) return;
+  std::fprintf(stderr, "violated: %s\n", property);
+  std::abort();
+}
+
+/// The bytes of a case as a file, in memory only.
+class InputFile {
+ public:
+  /// `extension` is for readers that go by it, e.g. ".bin".
+  explicit InputFile(const std::string& bytes, const std::string& extension = "");
+  ~InputFile();
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  int descriptor_ = -1;
+  bool is_link_ = false;
+  std::filesystem::path path_;
+};
+
+inline std::string text(const uint8_t* data, size_t size) {
+  return {reinterpret_cast<const char*>(data), size};
+}
+
+}  // namespace revisit::fuzz

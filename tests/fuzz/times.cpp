@@ -1,0 +1,10 @@
+// KITTI's times.txt.
+#include "fuzz.h"
+#include "revisit/pipeline/pose.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace revisit;
+  const fuzz::InputFile file(fuzz::text(data, size));
+  fuzz::works_or_refuses([&] { pipeline::read_kitti_times(file.path()); });
+  return 0;
+}

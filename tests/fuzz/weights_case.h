@@ -1,0 +1,11 @@
+#pragma once
+
+#include "fuzz.h"
+
+namespace revisit::fuzz {
+
+/// Opens the bytes as a weights file, reads every layer, and loads it into a small net whose layers
+/// have the names of the seeds'.
+void read_weights(const std::string& bytes);
+
+}  // namespace revisit::fuzz
