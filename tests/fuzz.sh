@@ -84,15 +84,17 @@ build_targets >"$build/logs/build.log" 2>&1 || { tail -40 "$build/logs/build.log
 status=0
 for target in "${targets[@]}"; do
   log=$build/logs/$target.log
-  if fuzz_one "$target" >"$log" 2>&1; then
-    echo "$target: no findings ($(grep -E 'number_of_executed|given cases' "$log" | tr -s ' '))"
-  else
-    status=1
-    echo "$target: FINDING. $(grep -aE 'ERROR: |runtime error|SUMMARY|what\(\)|violated' "$log" |
-                              head -3 | tr '\n' ' ')"
-    echo "  log: $log"
-    echo "  reproduce: $build/$engine/tests/fuzz/fuzz_$target" \
-      "$(find "$build/findings/$target" -type f -printf '%T@ %p\n' | sort -n | tail -1 | cut -d' ' -f2)"
+  code=0
+  touch "$build/started"
+  fuzz_one "$target" >"$log" 2>&1 || code=$?
+  case=$(find "$build/findings/$target" -type f -newer "$build/started" | head -1)
+  if [ "$code" = 0 ]; then
+    echo "$target: no findings ($(grep -aE 'number_of_executed|given cases' "$log" | tr -s ' '))"
+    continue
   fi
+  status=1
+  echo "$target: ${case:+FINDING, }exit code $code, log $log"
+  grep -aE 'ERROR: |runtime error|what\(\)|violated' "$log" | head -3 | sed 's/^/  /'
+  [ -z "$case" ] || echo "  reproduce: $build/$engine/tests/fuzz/fuzz_$target $case"
 done
 exit $status

@@ -1,5 +1,5 @@
 // A configuration file of the program.
-#include "cli/config_file.h"
+#include "eval/config_file.h"
 #include "fuzz.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

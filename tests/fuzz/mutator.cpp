@@ -75,6 +75,11 @@ bool is_numeric(char c) {
   return std::isdigit(static_cast<unsigned char>(c)) || c == '-' || c == '.' || c == '+';
 }
 
+bool is_text(const std::string& bytes) {
+  return std::all_of(bytes.begin(), bytes.begin() + std::min<std::ptrdiff_t>(std::ssize(bytes), 64),
+                     [](unsigned char c) { return std::isprint(c) || std::isspace(c); });
+}
+
 void replace_text_number(std::string& bytes, Random& random) {
   const size_t from = random.below(bytes.size());
   const auto digit = std::find_if(bytes.begin() + static_cast<std::ptrdiff_t>(from), bytes.end(),
@@ -83,7 +88,10 @@ void replace_text_number(std::string& bytes, Random& random) {
   auto begin = digit, end = digit;
   while (begin != bytes.begin() && is_numeric(begin[-1])) --begin;
   while (end != bytes.end() && is_numeric(*end)) ++end;
-  bytes.replace(begin, end, kTextNumbers[random.below(kTextNumbers.size())]);
+  const bool small = random.below(2) == 0;
+  bytes.replace(begin, end,
+                small ? std::to_string(random.below(10))
+                      : std::string(kTextNumbers[random.below(kTextNumbers.size())]));
 }
 
 void overwrite_binary_number(std::string& bytes, Random& random) {
@@ -172,18 +180,19 @@ void mutate_structure(std::string& bytes, const std::string& other, size_t longe
 }
 
 void mutate(std::string& bytes, const std::string& other, size_t longest, Random& random) {
-  for (size_t changes = size_t{1} << random.below(4); changes > 0; --changes) {
+  do {
     if (bytes.empty()) bytes = "0";
-    const size_t kind = random.below(16);
-    if (kind < 8)
-      mutate_structure(bytes, other, longest, random);
-    else if (kind < 12)
+    // Text is rarely still accepted after a change of bytes.
+    const size_t kind = random.below(is_text(bytes) ? 64 : 16);
+    if (kind < 4)
       change_bytes(bytes, random);
-    else if (kind < 15)
+    else if (kind < 8)
       move_chunks(bytes, other, random);
-    else
+    else if (kind < 9)
       cut(bytes, other, random);
-  }
+    else
+      mutate_structure(bytes, other, longest, random);
+  } while (random.below(2) == 0);
   if (bytes.size() > longest) bytes.resize(longest);
 }
 

@@ -1,6 +1,7 @@
 // A small prototxt run with random weights. A comment in its last line can give the shape of the
 // inputs and letters: `# 1x3x8x8 kr` (k: keep all layers, r: reference kernels, n: inputs with NaN
-// and infinities). Results may be anything, but must be the same again and for 3 threads.
+// and infinities, l: the shape is known when the net is loaded, not only when it is planned).
+// Results may be anything, but must be the same again and for 3 threads.
 #include <cmath>
 #include <limits>
 
@@ -16,7 +17,7 @@ constexpr int64_t kMostBytes = int64_t{4} << 20;  // of weights, and of an arena
 struct Request {
   std::optional<engine::Shape> shape;
   engine::PlanOptions options{.max_arena_bytes = kMostBytes};
-  bool special_values = false;
+  bool special_values = false, shape_at_load = false;
 };
 
 Request parse_request(const std::string& text) {
@@ -29,6 +30,7 @@ Request parse_request(const std::string& text) {
   request.options.keep_all = letters.find('k') != std::string::npos;
   request.options.reference_kernels = letters.find('r') != std::string::npos;
   request.special_values = letters.find('n') != std::string::npos;
+  request.shape_at_load = letters.find('l') != std::string::npos;
   works_or_refuses([&] { request.shape = engine::Shape::parse(text.substr(begin, end - begin)); });
   return request;
 }
@@ -85,12 +87,13 @@ bool same(const std::vector<engine::Tensor>& a, const std::vector<engine::Tensor
 void load_and_run(const std::string& text) {
   Request request = parse_request(text);
   const InputFile file(text);
-  const engine::LoadOptions load{.allow_unknown = true, .max_weight_bytes = kMostBytes};
-  const engine::Net net = engine::Net::load_with_random_weights(file.path(), 1, load);
   std::map<std::string, engine::Shape> shapes;
   if (request.shape)
-    for (const engine::Port& port : net.inputs())
-      shapes.insert_or_assign(port.name, *request.shape);
+    for (const std::string& blob : engine::input_blobs(file.path(), true))
+      shapes.insert_or_assign(blob, *request.shape);
+  engine::LoadOptions load{.allow_unknown = true, .max_weight_bytes = kMostBytes};
+  if (request.shape_at_load) load.inputs = shapes;
+  const engine::Net net = engine::Net::load_with_random_weights(file.path(), 1, load);
 
   const engine::Plan plan = net.plan(shapes, request.options);
   if (work_of(plan) > kMostWork) return;

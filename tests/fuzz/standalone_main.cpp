@@ -188,7 +188,8 @@ int main_of(const std::vector<std::string>& arguments) {
       ++given;
     }
   const uint64_t made = options.seeds.empty() ? 0 : run_mutants(options);
-  std::cout << given << " given cases and " << made << " made ones: no findings\n";
+  std::cout << given << " given cases and " << made << " made ones (" << refusals
+            << " refusals): no findings\n";
   return 0;
 }
 

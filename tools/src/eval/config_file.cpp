@@ -28,7 +28,8 @@ std::vector<std::pair<std::string, std::string>> read_config_file(
   if (root.IsNull()) return values;
   if (!root.IsMap()) fail(file, root.Mark(), "expected a map of option names and values");
   for (const auto& entry : root) {
-    const auto name = entry.first.as<std::string>();
+    if (!entry.first.IsScalar()) fail(file, entry.first.Mark(), "expected an option's name");
+    const std::string& name = entry.first.Scalar();
     const YAML::Node& value = entry.second;
     if (value.IsScalar()) {
       values.emplace_back(name, value.Scalar());
