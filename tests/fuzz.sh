@@ -94,7 +94,7 @@ for target in "${targets[@]}"; do
   fi
   status=1
   echo "$target: ${case:+FINDING, }exit code $code, log $log"
-  grep -aE 'ERROR: |runtime error|what\(\)|violated' "$log" | head -3 | sed 's/^/  /'
+  grep -aE 'ERROR: |runtime error|what\(\)|violated' "$log" | head -3 | sed 's/^/  /' || true
   [ -z "$case" ] || echo "  reproduce: $build/$engine/tests/fuzz/fuzz_$target $case"
 done
 exit $status
