@@ -20,7 +20,6 @@ set(owned_libraries
   "yaml-cpp/|tools/src/"
   "curl/|tools/src/models/"
   "openssl/|tools/src/models/"
-  "hdf5|proto/src/"
   "argp.h|tools/src/cli/parser")
 
 function(complain text)

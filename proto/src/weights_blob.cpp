@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <limits>
 #include <string>
 #include <type_traits>
 
@@ -15,7 +14,6 @@ namespace revisit::proto {
 namespace {
 
 constexpr size_t kMostAxes = 32;  // Caffe's limit
-constexpr int64_t kMostElements = std::numeric_limits<int32_t>::max();
 
 // Field numbers of BlobProto and BlobShape.
 constexpr uint32_t kNum = 1, kWidth = 4, kData = 5, kShape = 7, kDoubleData = 8, kDim = 1;
@@ -70,12 +68,12 @@ std::string describe(const std::vector<int64_t>& shape) {
   return shape.empty() ? "() (none given)" : text;
 }
 
-int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
+int64_t count_elements(const std::vector<int64_t>& shape, int64_t most, uint64_t offset) {
   int64_t count = 1;
   for (const int64_t dim : shape) {
     if (dim < 0) throw WireError(offset, str("negative dimension in shape ", describe(shape)));
-    if (count != 0 && dim > kMostElements / count) {
-      throw WireError(offset, str("shape ", describe(shape), " has more than 2^31-1 elements"));
+    if (count != 0 && dim > most / count) {
+      throw WireError(offset, str("shape ", describe(shape), " has more than ", most, " elements"));
     }
     count *= dim;
   }
@@ -84,7 +82,7 @@ int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
 
 }  // namespace
 
-Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
+Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end, int64_t most_elements) {
   Blob blob;
   std::array<int32_t, 4> legacy{};
   std::vector<float> doubles;
@@ -105,7 +103,7 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
   if (blob.legacy_shape) blob.shape.assign(legacy.begin(), legacy.end());
   if (!doubles.empty()) blob.data = std::move(doubles);
 
-  const int64_t wanted = count_elements(blob.shape, begin);
+  const int64_t wanted = count_elements(blob.shape, most_elements, begin);
   if (static_cast<uint64_t>(wanted) != blob.data.size()) {
     throw WireError(begin, str("shape ", describe(blob.shape), " wants ", wanted, " values, found ",
                                blob.data.size()));

@@ -9,6 +9,7 @@
 #include "upgrade_v0.h"
 #include "upgrade_v1.h"
 #include "weights_blob.h"
+#include "weights_hdf5.h"
 #include "wire_reader.h"
 
 namespace revisit::proto {
@@ -17,10 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 
 // What protobuf can parse, so what Caffe could ever write or read.
-constexpr uint64_t kLargestFile = std::numeric_limits<int32_t>::max();  // [bytes]
-// Far beyond any network; keeps the index of a hostile file small.
-constexpr size_t kMostLayers = 100'000;
-constexpr size_t kMostBlobs = 1'000'000;
+constexpr int64_t kLargestBinary = std::numeric_limits<int32_t>::max();  // [bytes]
+constexpr int64_t kBlobsPerLayer = 10;        // on average; the index of a hostile file stays small
 constexpr uint64_t kLongestName = 64 * 1024;  // [bytes]
 
 // Where the three generations of layers keep things: field numbers of their messages.
@@ -43,6 +42,21 @@ InputError malformed(const FileCursor& cursor, const WireError& error, const std
       str(cursor.file().string(), ": byte ", error.offset, ": ", where, error.what()));
 }
 
+/// Refuses files of more bytes than a limit allows before they are looked at.
+void check_size(const FileCursor& cursor, const Limits& limits) {
+  const auto size = static_cast<int64_t>(cursor.size());
+  if (size <= limits.weight_bytes) return;
+  throw InputError(str(cursor.file().string(), ": is ", size, " bytes, more than the limit of ",
+                       limits.weight_bytes >> 20, " MB (--max-weights-mb raises it)"));
+}
+
+void check_binary_size(const FileCursor& cursor, const char* what) {
+  if (static_cast<int64_t>(cursor.size()) <= kLargestBinary) return;
+  throw InputError(str(cursor.file().string(), ": is ", cursor.size(), " bytes; ", what,
+                       " has at most ", kLargestBinary,
+                       ", protobuf's limit (larger weights are kept in HDF5)"));
+}
+
 /// The first bytes of the file, enough to tell what it is.
 std::string read_head(FileCursor& cursor) {
   std::string head(std::min<uint64_t>(cursor.size(), 256), '\0');
@@ -60,7 +74,9 @@ bool is_text(std::string_view head) {
 
 class Caffemodel final : public WeightsFile {
  public:
-  explicit Caffemodel(const fs::path& file) : cursor_(file) { index(); }
+  Caffemodel(const fs::path& file, const Limits& limits) : cursor_(file), limits_(limits) {
+    index();
+  }
 
   const std::vector<Layer>& layers() const override { return layers_; }
   uint64_t bytes_read() const override { return cursor_.bytes_read(); }
@@ -71,7 +87,7 @@ class Caffemodel final : public WeightsFile {
     blobs.reserve(ranges.size());
     for (const Range& range : ranges) {
       try {
-        blobs.push_back(read_blob(cursor_, range.begin, range.end));
+        blobs.push_back(read_blob(cursor_, range.begin, range.end, limits_.elements));
       } catch (const WireError& error) {
         throw malformed(cursor_, error,
                         str("layer '", layers_[index].name, "', blob ", blobs.size(), ": "));
@@ -84,16 +100,8 @@ class Caffemodel final : public WeightsFile {
   void index() {
     const std::string path = cursor_.file().string();
     if (cursor_.size() == 0) throw InputError(str(path, ": is empty, expected a caffemodel"));
-    if (cursor_.size() > kLargestFile) {
-      throw InputError(str(path, ": is ", cursor_.size(), " bytes; a caffemodel has at most ",
-                           kLargestFile, ", protobuf's limit"));
-    }
+    check_binary_size(cursor_, "a caffemodel");
     const std::string head = read_head(cursor_);
-    if (head.starts_with("\x89HDF\r\n\x1a\n")) {
-      throw UnsupportedError(str(path,
-                                 ": HDF5 weights are not supported yet; convert the file to a "
-                                 "binary caffemodel"));
-    }
     const std::string not_binary =
         str(path,
             ": is text, expected a binary caffemodel (a prototxt, a web page or a Git LFS "
@@ -123,8 +131,9 @@ class Caffemodel final : public WeightsFile {
       if (v1_at != 0 && v2_at != 0) {
         throw WireError(field.begin, "has both V1 `layers` and V2 `layer`; Caffe reads neither");
       }
-      if (layers_.size() == kMostLayers) {
-        throw WireError(field.begin, str("more than ", kMostLayers, " layers"));
+      if (static_cast<int64_t>(layers_.size()) == limits_.layers) {
+        throw WireError(field.begin, str("more than ", limits_.layers,
+                                         " layers (--max-layers raises the limit)"));
       }
       Layer layer;
       std::vector<Range> blobs;
@@ -159,8 +168,11 @@ class Caffemodel final : public WeightsFile {
         layer.type = v2_type_of_v1(static_cast<int>(field.value));
       }
       if (!field.is(numbers.blobs, WireType::kLength)) continue;
-      if (++n_blobs_ > kMostBlobs)
-        throw WireError(field.begin, str("more than ", kMostBlobs, " blobs"));
+      if (++n_blobs_ > limits_.layers * kBlobsPerLayer) {
+        throw WireError(field.begin, str("more than ", limits_.layers * kBlobsPerLayer,
+                                         " blobs (--max-layers raises the limit, ", kBlobsPerLayer,
+                                         " for each layer)"));
+      }
       blobs.push_back({field.begin, field.end});
     }
   }
@@ -177,25 +189,29 @@ class Caffemodel final : public WeightsFile {
   }
 
   FileCursor cursor_;
+  Limits limits_;
   std::vector<Layer> layers_;
   std::vector<std::vector<Range>> blobs_;  // of each layer
-  size_t n_blobs_ = 0;
+  int64_t n_blobs_ = 0;
 };
 
 }  // namespace
 
-std::unique_ptr<WeightsFile> WeightsFile::open(const fs::path& file) {
-  return std::make_unique<Caffemodel>(file);
+std::unique_ptr<WeightsFile> WeightsFile::open(const fs::path& file, const Limits& limits) {
+  FileCursor cursor(file);
+  check_size(cursor, limits);
+  if (is_hdf5(read_head(cursor))) return open_hdf5(file, limits);
+  return std::make_unique<Caffemodel>(file, limits);
 }
 
-Blob read_binaryproto(const fs::path& file) {
+Blob read_binaryproto(const fs::path& file, const Limits& limits) {
   FileCursor cursor(file);
-  if (cursor.size() > kLargestFile) {
-    throw InputError(str(file.string(), ": is ", cursor.size(),
-                         " bytes; a binaryproto has at most ", kLargestFile, ", protobuf's limit"));
-  }
+  check_size(cursor, limits);
+  check_binary_size(cursor, "a binaryproto");
   try {
-    return read_blob(cursor, 0, cursor.size());
+    Blob blob = read_blob(cursor, 0, cursor.size(), limits.elements);
+    if (blob.data.empty()) throw WireError(0, "it holds no values");
+    return blob;
   } catch (const WireError& error) {
     throw malformed(cursor, error, "not a binaryproto (one BlobProto), or a damaged one: ");
   }

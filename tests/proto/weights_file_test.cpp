@@ -126,8 +126,8 @@ TEST(BlobEncoding, CorruptBlobsAreErrorsWithOffsetLayerAndBlob) {
   contains(decode_error(shape({uint64_t(-1)}) + packed_data({1})),
            "negative dimension in shape -1");
   contains(decode_error(varint_field(2, uint64_t(-4))), "negative dimension in shape 0x-4x0x0");
-  contains(decode_error(shape({1U << 16, 1U << 15})), "has more than 2^31-1 elements");
-  contains(decode_error(shape({uint64_t{1} << 62, 4})), "has more than 2^31-1 elements");
+  contains(decode_error(shape({1U << 16, 1U << 15})), "has more than 2147483647 elements");
+  contains(decode_error(shape({uint64_t{1} << 62, 4})), "has more than 2147483647 elements");
   contains(decode_error(shape(std::vector<uint64_t>(33, 1)) + packed_data({1})),
            "more than 32 axes");
   contains(decode_error(bytes_field(5, "abc")),
@@ -209,8 +209,8 @@ TEST(WeightsFile, ThingsThatAreNoCaffemodel) {
   contains(open_error(bytes_field(100, bytes_field(1, std::string(100'000, 'x')))),
            "a layer name or type of 100000 bytes");
   std::string many;
-  for (int i = 0; i < 100'001; ++i) many += bytes_field(100, "");
-  contains(open_error(many), "more than 100000 layers");
+  for (int i = 0; i < 20'001; ++i) many += bytes_field(100, "");
+  contains(open_error(many), "more than 20000 layers (--max-layers");
 
   const TempDir dir;
   contains(message_of<InputError>([&] { WeightsFile::open(dir / "none"); }),
@@ -220,9 +220,18 @@ TEST(WeightsFile, ThingsThatAreNoCaffemodel) {
   ASSERT_EQ(::mkfifo((dir / "pipe").c_str(), 0600), 0);
   contains(message_of<InputError>([&] { WeightsFile::open(dir / "pipe"); }),
            "pipe: is not a regular file");
-  write_file(dir / "h5", "\x89HDF\r\n\x1a\n...");
-  contains(message_of<UnsupportedError>([&] { WeightsFile::open(dir / "h5"); }),
-           "HDF5 weights are not supported yet");
+}
+
+TEST(WeightsFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
+  const TempDir dir;
+  write_file(dir / "w", model_of({shape({3}) + packed_data({1, 2, 3})}) + bytes_field(100, ""));
+  const auto error = [&](const Limits& limits) {
+    return message_of<InputError>([&] { WeightsFile::open(dir / "w", limits)->read(0); });
+  };
+  contains(error({.weight_bytes = 10}), "more than the limit of 0 MB (--max-weights-mb raises it)");
+  contains(error({.layers = 1}), "more than 1 layers (--max-layers raises the limit)");
+  contains(error({.elements = 2}), "shape 3 has more than 2 elements");
+  EXPECT_EQ(WeightsFile::open(dir / "w", {.layers = 2, .elements = 3})->read(0).size(), 1U);
 }
 
 TEST(WeightsFile, LargerThanProtobufAllows) {
@@ -452,6 +461,39 @@ TEST(Binaryproto, MeanOfBothShapesEqualsItsNpy) {
   EXPECT_EQ(current.data, truth.data);
   EXPECT_TRUE(legacy.legacy_shape);
   EXPECT_FALSE(current.legacy_shape);
+}
+
+TEST(Binaryproto, DamagedFilesAreErrorsOrMeans) {
+  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const TempDir dir;
+  const fs::path path = dir / "m";
+  const auto is_error = [&] {
+    try {
+      const Blob blob = read_binaryproto(path);
+      int64_t elements = 1;
+      for (const int64_t dim : blob.shape) elements *= dim;
+      EXPECT_EQ(static_cast<size_t>(elements), blob.data.size());
+      return false;
+    } catch (const InputError& error) {
+      EXPECT_TRUE(std::string(error.what()).starts_with(path.string() + ": byte ")) << error.what();
+      return true;
+    }
+  };
+  for (const char* name : {"mean_legacy.binaryproto", "mean_shape.binaryproto"}) {
+    const std::string whole = read_file(folder / name);
+    for (size_t size = 0; size < whole.size(); ++size) {
+      write_file(path, whole.substr(0, size));
+      EXPECT_TRUE(is_error()) << size;
+    }
+    write_file(path, whole);
+    for (size_t at = 0; at < whole.size(); ++at) {
+      for (const char value : {'\0', '\x01', '\x08', '\x3a', '\x7f', '\x80', '\xff'}) {
+        patch_file(path, at, value);
+        is_error();
+      }
+      patch_file(path, at, whole[at]);
+    }
+  }
 }
 
 TEST(Binaryproto, AnotherFileInItsPlace) {

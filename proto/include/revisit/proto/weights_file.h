@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/limits.h"
 
 namespace revisit::proto {
 
@@ -16,6 +17,9 @@ struct Blob {
   /// right-aligned with the last 4 axes of what a layer wants (SEMANTICS section 8).
   std::vector<int64_t> shape;
   bool legacy_shape = false;
+  /// Not in this file, though later blobs of the layer are: Caffe's HDF5 files keep an array that
+  /// several layers share with the first of them only.
+  bool absent = false;
   std::vector<float> data;
 };
 
@@ -31,9 +35,12 @@ class WeightsFile {
 
   virtual ~WeightsFile() = default;
 
-  /// Opens a .caffemodel (V1 `layers` or V2 `layer`, by content). Reads names and positions only.
-  /// Throws InputError with the byte offset for files that are not one, truncated or corrupt.
-  static std::unique_ptr<WeightsFile> open(const std::filesystem::path& file);
+  /// Opens a .caffemodel (V1 `layers` or V2 `layer`) or an HDF5 file of weights, by content. Reads
+  /// names and positions only. Throws InputError with the byte offset for files that are neither,
+  /// truncated, corrupt or beyond a limit; UnsupportedError for HDF5 of a form Caffe does not
+  /// write.
+  static std::unique_ptr<WeightsFile> open(const std::filesystem::path& file,
+                                           const Limits& limits = {});
 
   /// The layers in file order. Names can repeat.
   virtual const std::vector<Layer>& layers() const = 0;
@@ -48,6 +55,6 @@ class WeightsFile {
 };
 
 /// Reads a .binaryproto: one blob, in Caffe the mean image of a training set. Throws InputError.
-Blob read_binaryproto(const std::filesystem::path& file);
+Blob read_binaryproto(const std::filesystem::path& file, const Limits& limits = {});
 
 }  // namespace revisit::proto

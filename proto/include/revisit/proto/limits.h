@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+
+namespace revisit::proto {
+
+/// What a file may ask for before it is refused: far beyond any honest model, so that a hostile
+/// or damaged one cannot take the machine's memory. Each message names its limit and the option of
+/// `revisit net` that raises it.
+struct Limits {
+  /// Of a network description. Text costs up to 100 times its size in memory.
+  int64_t text_bytes = int64_t{16} << 20;
+  /// Of a weights file. (A binary caffemodel ends at 2^31-1 bytes in any case, protobuf's limit.)
+  int64_t weight_bytes = int64_t{8} << 30;
+  /// Of a network: three times the deepest published ones.
+  int64_t layers = 20'000;
+  /// Of one array: Caffe's own limit.
+  int64_t elements = INT32_MAX;
+  /// Of messages inside messages: protobuf's own limit.
+  int64_t nesting = 100;
+};
+
+}  // namespace revisit::proto

@@ -1,0 +1,96 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "file_cursor.h"
+
+namespace revisit::proto {
+
+/// A place in a file where HDF5's format is broken. Becomes an InputError once the path is known.
+struct Hdf5Error : std::runtime_error {
+  Hdf5Error(uint64_t at, const std::string& reason) : std::runtime_error(reason), offset(at) {}
+  uint64_t offset;  // [bytes] from the beginning of the file
+};
+
+/// Something well-formed that this reader does not know. Becomes an UnsupportedError.
+struct Hdf5Unsupported : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// How an array's numbers are stored.
+struct Hdf5Number {
+  enum class Kind { kFloat, kSigned, kUnsigned, kOther } kind = Kind::kOther;
+  uint64_t bytes = 0;
+  bool big_endian = false;
+};
+
+/// What the header of an object says: a group has `tree` and `heap`, an array the rest.
+struct Hdf5Object {
+  bool is_group = false, is_array = false;
+  uint64_t tree = 0, heap = 0;  // addresses
+
+  std::vector<int64_t> shape;
+  Hdf5Number number;
+  bool is_written = false;         // has `stored` bytes at `begin` in the file
+  uint64_t begin = 0, stored = 0;  // [bytes]
+  std::string unsupported;         // why its values cannot be read, or ""
+};
+
+struct Hdf5Link {
+  uint64_t object = 0;  // address of its header
+  std::string target;   // of a soft link: a path instead
+};
+
+/// The links of a group by name.
+using Hdf5Links = std::map<std::string, Hdf5Link>;
+
+/// The structure of an HDF5 file in the format that its library writes unless told otherwise, which
+/// is Caffe's: superblock 0 or 1, groups as symbol tables, arrays in one piece.
+/// Our own reader, because the library (1.10.8) takes all memory for a file with one wrong byte,
+/// and nothing can bound it; here every address, count and size is checked before it is used.
+/// (https://docs.hdfgroup.org/documentation/hdf5/latest/_f_m_t11.html)
+class Hdf5File {
+ public:
+  /// Reads the superblock. `most_steps` bounds the work that a file can ask for.
+  Hdf5File(FileCursor& cursor, int64_t most_steps);
+
+  uint64_t root() const { return root_; }
+  Hdf5Object object(uint64_t address);
+  /// The links of the group whose header is at `address`.
+  const Hdf5Links& links(uint64_t address);
+  /// Counts steps: links, nodes of their trees, parts of soft links. Throws when there are too
+  /// many.
+  void spend(int64_t steps);
+
+ private:
+  void seek(uint64_t address);
+  void check_range(uint64_t begin, uint64_t length, const char* what) const;
+  uint64_t read_number(int bytes);
+  uint64_t read_offset() { return read_number(offset_bytes_); }
+  uint64_t read_length() { return read_number(length_bytes_); }
+  std::string read_signature();
+  bool is_undefined(uint64_t address) const;
+
+  void read_message(int type, uint64_t end, Hdf5Object& object);
+  void read_space(Hdf5Object& object, uint64_t end);
+  void read_type(Hdf5Object& object);
+  void read_layout(Hdf5Object& object);
+  void read_tree(uint64_t address, int level, const Hdf5Object& group, std::set<uint64_t>& seen,
+                 Hdf5Links& links);
+  void read_symbols(uint64_t address, const Hdf5Object& group, Hdf5Links& links);
+  std::string read_name(uint64_t heap, uint64_t offset);
+
+  FileCursor& cursor_;
+  int offset_bytes_ = 8, length_bytes_ = 8;
+  uint64_t base_ = 0;  // [bytes] what addresses are relative to
+  uint64_t root_ = 0;
+  int64_t steps_left_;
+  std::map<uint64_t, Hdf5Links> links_;  // of groups by address
+};
+
+}  // namespace revisit::proto

@@ -1,0 +1,229 @@
+#include "weights_hdf5.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cstring>
+#include <optional>
+#include <set>
+
+#include "hdf5_file.h"
+
+namespace revisit::proto {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kDeepestName = 16;     // parts of a layer's name: "fire2/squeeze1x1" has two
+constexpr int64_t kMostBlobs = 64;      // of one layer
+constexpr int64_t kStepsPerLayer = 16;  // on average: links to it and its blobs, nodes of trees
+constexpr int kMostHops = 16;           // soft links that lead to soft links
+
+/// "12" as a number, or -1 for anything else ("007", "x", "-1").
+int64_t index_of(const std::string& name) {
+  int64_t index = -1;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), index);
+  const bool canonical = error == std::errc() && end == name.data() + name.size() &&
+                         (name.size() == 1 || name[0] != '0');
+  return canonical && index >= 0 ? index : -1;
+}
+
+std::string text(const std::vector<int64_t>& shape) {
+  std::string result;
+  for (const int64_t dim : shape) result += (result.empty() ? "" : "x") + std::to_string(dim);
+  return result.empty() ? "()" : result;
+}
+
+/// One number of type Stored, in the byte order of this machine or the other, as float.
+template <class Stored>
+float convert(const unsigned char* bytes, bool swap) {
+  std::array<unsigned char, sizeof(Stored)> own;
+  std::copy_n(bytes, own.size(), own.begin());
+  if (swap) std::reverse(own.begin(), own.end());
+  Stored value;
+  std::memcpy(&value, own.data(), sizeof value);
+  return static_cast<float>(value);
+}
+
+using Converter = float (*)(const unsigned char*, bool);
+
+/// How to read numbers of this kind; null when we cannot.
+Converter converter(const Hdf5Number& number) {
+  using Kind = Hdf5Number::Kind;
+  switch (number.kind) {
+    case Kind::kFloat:
+      return number.bytes == 4 ? convert<float> : convert<double>;
+    case Kind::kSigned:
+      return number.bytes == 1   ? convert<int8_t>
+             : number.bytes == 2 ? convert<int16_t>
+             : number.bytes == 4 ? convert<int32_t>
+                                 : convert<int64_t>;
+    case Kind::kUnsigned:
+      return number.bytes == 1   ? convert<uint8_t>
+             : number.bytes == 2 ? convert<uint16_t>
+             : number.bytes == 4 ? convert<uint32_t>
+                                 : convert<uint64_t>;
+    case Kind::kOther:
+      return nullptr;
+  }
+  return nullptr;
+}
+
+class Hdf5Weights final : public WeightsFile {
+ public:
+  Hdf5Weights(const fs::path& path, const Limits& limits) : cursor_(path), limits_(limits) {
+    explain("", [&] {
+      file_.emplace(cursor_, limits.layers * kStepsPerLayer);
+      const Hdf5Links& top = file_->links(file_->root());
+      const auto data = top.find("data");
+      const std::optional<uint64_t> group =
+          data == top.end() ? std::nullopt : follow(file_->root(), data->second, 0);
+      if (!group || !file_->object(*group).is_group)
+        fail("an HDF5 file without the group /data, where Caffe keeps weights");
+      visited_.insert(*group);
+      index_group(*group, "", 0, true);
+      if (layers_.empty()) fail("an HDF5 file that holds no layers in /data");
+    });
+  }
+
+  const std::vector<Layer>& layers() const override { return layers_; }
+  uint64_t bytes_read() const override { return cursor_.bytes_read(); }
+
+  std::vector<Blob> read(size_t index) override {
+    std::vector<Blob> blobs(layers_.at(index).n_blobs);
+    for (size_t i = 0; i < blobs.size(); ++i) {
+      blobs[i].absent = !blobs_[index][i];
+      if (blobs[i].absent) continue;
+      const std::string place = str("layer '", layers_[index].name, "', blob ", i, ": ");
+      explain(place, [&] { read_blob(*blobs_[index][i], place, blobs[i]); });
+    }
+    return blobs;
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& reason) const {
+    throw InputError(str(cursor_.file().string(), ": ", reason));
+  }
+
+  /// Runs `action`; what it finds wrong with the format becomes an error with file and place.
+  template <class Action>
+  void explain(const std::string& place, Action&& action) {
+    try {
+      action();
+    } catch (const Hdf5Error& error) {
+      fail(str("byte ", error.offset, ": ", place, "a damaged HDF5 file: ", error.what()));
+    } catch (const Hdf5Unsupported& error) {
+      throw UnsupportedError(str(cursor_.file().string(), ": ", place, error.what()));
+    }
+  }
+
+  /// The address of the object that a link in `group` leads to, or nothing when it dangles.
+  std::optional<uint64_t> follow(uint64_t group, const Hdf5Link& link, int hops) {
+    if (link.target.empty()) return link.object;
+    if (hops == kMostHops) return std::nullopt;
+    uint64_t object = link.target[0] == '/' ? file_->root() : group;
+    for (size_t begin = 0; begin < link.target.size();) {
+      const size_t end = std::min(link.target.find('/', begin), link.target.size());
+      const std::string part = link.target.substr(begin, end - begin);
+      begin = end + 1;
+      if (part.empty() || part == ".") continue;
+      file_->spend(1);
+      if (!file_->object(object).is_group) return std::nullopt;
+      const Hdf5Links& links = file_->links(object);
+      const auto next = links.find(part);
+      if (next == links.end()) return std::nullopt;
+      const std::optional<uint64_t> reached = follow(object, next->second, hops + 1);
+      if (!reached) return std::nullopt;
+      object = *reached;
+    }
+    return object;
+  }
+
+  /// Notes the layer that a group is, and if asked those below, whose names begin with its own.
+  void index_group(uint64_t group, const std::string& name, size_t depth, bool with_groups) {
+    std::vector<std::optional<uint64_t>> blobs;
+    bool has_groups = false;
+    const std::string prefix = name.empty() ? "" : name + "/";
+    for (const auto& [part, link] : file_->links(group)) {
+      const std::string place = prefix + part;
+      const int64_t index = name.empty() ? -1 : index_of(part);
+      const std::optional<uint64_t> address = follow(group, link, 0);
+      const Hdf5Object object = address ? file_->object(*address) : Hdf5Object();
+      if (object.is_group) {
+        has_groups = true;
+        if (!with_groups) continue;
+        if (depth + 1 == kDeepestName)
+          fail(str("'/data/", place, "' is nested too deeply for the name of a layer"));
+        // Links can make circles: what is below a group is looked at once, under its own name.
+        const bool is_own = link.target.empty() && visited_.insert(*address).second;
+        index_group(*address, place, depth + 1, is_own);
+      } else if (index >= 0) {
+        if (!object.is_array) fail(str("'/data/", place, "' leads to no array of this file"));
+        if (index >= kMostBlobs)
+          fail(str("layer '", name, "' has a blob ", index, "; at most ", kMostBlobs, " are read"));
+        blobs.resize(std::max(blobs.size(), static_cast<size_t>(index) + 1));
+        blobs[static_cast<size_t>(index)] = address;
+      }
+    }
+    if (name.empty() || (blobs.empty() && has_groups)) return;
+    if (static_cast<int64_t>(layers_.size()) == limits_.layers)
+      fail(str("more than ", limits_.layers, " layers (--max-layers raises the limit)"));
+    layers_.push_back({name, "", blobs.size()});
+    blobs_.push_back(std::move(blobs));
+  }
+
+  void read_blob(uint64_t address, const std::string& place, Blob& blob) {
+    const Hdf5Object array = file_->object(address);
+    if (!array.unsupported.empty()) throw Hdf5Unsupported(array.unsupported);
+    const Converter number = converter(array.number);
+    if (!number) throw Hdf5Unsupported("holds no floats, doubles or integers");
+    const auto blame = [&](const std::string& reason) {
+      fail(str(place, "shape ", text(array.shape), " ", reason));
+    };
+    uint64_t elements = 1;
+    for (const int64_t dim : array.shape) {
+      if (dim < 0 || (dim > 0 && elements > static_cast<uint64_t>(limits_.elements / dim)))
+        blame(str("has more than ", limits_.elements, " elements"));
+      elements *= static_cast<uint64_t>(dim);
+    }
+    const uint64_t bytes = elements * array.number.bytes;
+    if (bytes > 0 && !array.is_written) blame("has no values: they were never written");
+    if (bytes > 0 && bytes != array.stored)
+      blame(str("needs ", bytes, " bytes, found ", array.stored));
+    if (bytes > cursor_.size() || array.begin > cursor_.size() - bytes)
+      blame(str("needs ", bytes, " bytes at ", array.begin, ", beyond the end of the file"));
+
+    blob.shape = array.shape;
+    blob.data.resize(elements);
+    cursor_.seek(array.begin);
+    if (array.number.kind == Hdf5Number::Kind::kFloat && array.number.bytes == sizeof(float) &&
+        !array.number.big_endian) {
+      cursor_.read(blob.data.data(), bytes);
+      return;
+    }
+    std::array<unsigned char, sizeof(int64_t)> stored;
+    for (float& value : blob.data) {
+      cursor_.read(stored.data(), array.number.bytes);
+      value = number(stored.data(), array.number.big_endian);
+    }
+  }
+
+  FileCursor cursor_;
+  Limits limits_;
+  std::optional<Hdf5File> file_;
+  std::vector<Layer> layers_;
+  std::vector<std::vector<std::optional<uint64_t>>> blobs_;  // addresses; nothing: absent
+  std::set<uint64_t> visited_;                               // groups looked into
+};
+
+}  // namespace
+
+bool is_hdf5(std::string_view head) {
+  return head.starts_with("\x89HDF\r\n\x1a\n");
+}
+
+std::unique_ptr<WeightsFile> open_hdf5(const fs::path& file, const Limits& limits) {
+  return std::make_unique<Hdf5Weights>(file, limits);
+}
+
+}  // namespace revisit::proto
