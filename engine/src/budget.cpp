@@ -25,7 +25,7 @@ void check_weight_bytes(const Net::Impl& net, int64_t limit) {
         str(net.file, ": layer '", node.name, "' (", node.param.type(),
             "): the weights up to here take ", bytes / kMegabyte, " MB, more than the limit of ",
             limit / kMegabyte,
-            " MB (LoadOptions::max_weight_bytes); is its num_output or kernel right?"));
+            " MB (--max-weights-mb raises it); is its num_output or kernel right?"));
   }
 }
 

@@ -6,27 +6,6 @@
 namespace revisit::engine {
 namespace {
 
-/// Caffe's StateMeetsRule: every condition that is set must hold.
-bool meets(const caffe::NetState& state, const caffe::NetStateRule& rule) {
-  const auto has_stage = [&](const std::string& stage) {
-    return std::find(state.stage().begin(), state.stage().end(), stage) != state.stage().end();
-  };
-  if (rule.has_phase() && rule.phase() != state.phase()) return false;
-  if (rule.has_min_level() && state.level() < rule.min_level()) return false;
-  if (rule.has_max_level() && state.level() > rule.max_level()) return false;
-  return std::all_of(rule.stage().begin(), rule.stage().end(), has_stage) &&
-         std::none_of(rule.not_stage().begin(), rule.not_stage().end(), has_stage);
-}
-
-bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) {
-  const auto met = [&](const caffe::NetStateRule& rule) { return meets(state, rule); };
-  if (layer.include_size() > 0 && layer.exclude_size() > 0)
-    throw InputError(str("layer '", layer.name(), "': give include or exclude rules, not both"));
-  if (layer.include_size() > 0)
-    return std::any_of(layer.include().begin(), layer.include().end(), met);
-  return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);
-}
-
 /// A layer without the fields that inference never looks at.
 caffe::LayerParameter description(const caffe::LayerParameter& layer) {
   caffe::LayerParameter result = layer;
@@ -125,14 +104,10 @@ Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId v
 }  // namespace
 
 Graph parse(const caffe::NetParameter& net) {
-  caffe::NetState state = net.state();
-  state.set_phase(caffe::TEST);
   Graph graph;
   graph.name = net.name();
   Builder builder(graph);
-  for (const caffe::LayerParameter& layer : net.layer())
-    if (included(state, layer)) builder.add(layer);
-  if (graph.nodes.empty()) throw InputError("the net has no layers in the TEST phase");
+  for (const caffe::LayerParameter& layer : net.layer()) builder.add(layer);
   builder.finish();
   return graph;
 }

@@ -36,8 +36,9 @@ struct Graph {
   std::vector<Output> outputs;  // of the whole graph: the blobs nobody consumes
 };
 
-/// Builds the graph of the TEST phase (include and exclude rules applied). Layer types are not
-/// looked at. Throws InputError naming the layer: unknown input, a blob written twice.
+/// Builds the graph of a net that proto::read_net gave: the layers of the TEST phase only. Layer
+/// types are not looked at. Throws InputError naming the layer: unknown input, a blob written
+/// twice.
 Graph parse(const caffe::NetParameter& net);
 
 /// Keeps what `truncation` needs, with the grafted layer appended. Throws UsageError for layers

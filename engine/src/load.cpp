@@ -26,9 +26,14 @@ void check_param_count(const Node& node, size_t n_weights) {
                          " weight blobs, found ", n_params));
 }
 
+proto::NetFile read(const fs::path& prototxt, const LoadOptions& options) {
+  return proto::read_net(prototxt,
+                         {.allow_unknown_fields = options.allow_unknown, .limits = options.limits});
+}
+
 /// Everything but the weights' values; their shapes are set.
 std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOptions& options) {
-  proto::NetFile file = proto::read_net(prototxt, {options.allow_unknown});
+  proto::NetFile file = read(prototxt, options);
   auto net = std::make_shared<Net::Impl>();
   net->file = prototxt.string();
   net->warnings = std::move(file.warnings);
@@ -75,15 +80,15 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
 
 Net Net::load(const fs::path& prototxt, const fs::path& weights, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
-  check_weight_bytes(*net, options.max_weight_bytes);
-  load_weights(*net, weights, options.allow_missing);
+  check_weight_bytes(*net, options.limits.weight_bytes);
+  load_weights(*net, weights, options);
   return Net(std::move(net));
 }
 
 Net Net::load_with_random_weights(const fs::path& prototxt, uint64_t seed,
                                   const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
-  check_weight_bytes(*net, options.max_weight_bytes);
+  check_weight_bytes(*net, options.limits.weight_bytes);
   fill_randomly(*net, seed);
   return Net(std::move(net));
 }
@@ -95,8 +100,8 @@ Net Net::load_without_weights(const fs::path& prototxt, const LoadOptions& optio
   return Net(std::move(net));
 }
 
-std::vector<std::string> input_blobs(const fs::path& prototxt, bool allow_unknown) {
-  const proto::NetFile file = proto::read_net(prototxt, {allow_unknown});
+std::vector<std::string> input_blobs(const fs::path& prototxt, const LoadOptions& options) {
+  const proto::NetFile file = read(prototxt, options);
   std::vector<std::string> blobs;
   for (const caffe::LayerParameter& layer : file.net.layer())
     if (layer.type() == "Input") blobs.insert(blobs.end(), layer.top().begin(), layer.top().end());

@@ -39,8 +39,8 @@ struct Place {
 
 class Loader {
  public:
-  Loader(Net::Impl& net, const std::filesystem::path& path)
-      : net_(net), path_(path.string()), file_(proto::WeightsFile::open(path)) {
+  Loader(Net::Impl& net, const std::filesystem::path& path, const proto::Limits& limits)
+      : net_(net), path_(path.string()), file_(proto::WeightsFile::open(path, limits)) {
     for (size_t i = 0; i < net.nodes.size(); ++i) {
       const std::string& name = net.graph.nodes[i].name;
       by_name_.try_emplace(name, i);  // of layers that share a name, the first takes the weights
@@ -104,6 +104,7 @@ class Loader {
     const auto own = by_name_.find(layer);
     if (own != by_name_.end()) check(own->second, blobs);
     for (size_t b = 0; b < blobs.size(); ++b) {
+      if (blobs[b].absent) continue;
       const auto group = net_.sharing.find({layer, b});
       if (group != net_.sharing.end()) {
         const auto members = members_.find(group->second);
@@ -117,11 +118,16 @@ class Loader {
 
   void check(size_t node, const std::vector<proto::Blob>& blobs) const {
     const std::vector<Tensor>& weights = net_.nodes[node].weights;
-    if (blobs.size() != weights.size())
+    // A file may leave blobs out that it has under another layer, which shares them.
+    size_t n_expected = weights.size();
+    while (n_expected > blobs.size() &&
+           net_.sharing.contains({net_.graph.nodes[node].name, n_expected - 1}))
+      --n_expected;
+    if (blobs.size() != n_expected)
       throw InputError(str(place_text(node), ": expected ", weights.size(), " blobs, found ",
                            blobs.size(), "; these weights belong to another network"));
     for (size_t b = 0; b < blobs.size(); ++b)
-      if (!shape_fits(blobs[b], weights[b].shape))
+      if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
         throw InputError(str(place_text(node), " blob ", b, ": expected shape ", weights[b].shape,
                              ", found ", text(blobs[b].shape),
                              "; these weights belong to another network"));
@@ -185,10 +191,11 @@ void check_sharing(const Net::Impl& net) {
   }
 }
 
-void load_weights(Net::Impl& net, const std::filesystem::path& weights, bool allow_missing) {
-  Loader loader(net, weights);
+void load_weights(Net::Impl& net, const std::filesystem::path& weights,
+                  const LoadOptions& options) {
+  Loader loader(net, weights, options.limits);
   loader.read_all();
-  loader.finish(allow_missing);
+  loader.finish(options.allow_missing);
 }
 
 }  // namespace revisit::engine

@@ -7,10 +7,14 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <optional>
 #include <string_view>
 
+#include "inference_net.h"
 #include "net_text.h"
 #include "revisit/proto/atomic_file.h"
+#include "revisit/proto/weights_file.h"
+#include "solver_file.h"
 #include "upgrade.h"
 
 namespace revisit::proto {
@@ -18,10 +22,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Hundreds of times the longest known network; text costs up to 100 times its size in memory.
-constexpr size_t kLargestText = 16 << 20;  // [bytes]
+// A message takes up to 700 bytes in memory and two bytes in a text; a layer of a real net has
+// about five.
+constexpr int64_t kMessagesPerLayer = 16;
 
-std::string read_text(const fs::path& file) {
+std::string read_text(const fs::path& file, const Limits& limits) {
   std::error_code ignored;
   if (fs::is_directory(file, ignored))
     throw InputError(str(file.string(), ": is a folder, expected a prototxt"));
@@ -31,7 +36,7 @@ std::string read_text(const fs::path& file) {
     throw InputError(str(file.string(), ": cannot open: ", std::strerror(errno ? errno : EIO)));
   std::string text;
   std::vector<char> chunk(1 << 16);
-  while (in && text.size() <= kLargestText) {
+  while (in && static_cast<int64_t>(text.size()) <= limits.text_bytes) {
     in.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
     text.append(chunk.data(), static_cast<size_t>(in.gcount()));
   }
@@ -41,7 +46,7 @@ std::string read_text(const fs::path& file) {
 }
 
 /// Says plainly what was given in a prototxt's place.
-void check_is_text(const std::string& text, const std::string& name) {
+void check_is_text(const std::string& text, const std::string& name, const Limits& limits) {
   const std::string_view head = std::string_view(text).substr(0, 4096);
   const char* found = nullptr;
   if (text.empty()) {
@@ -58,10 +63,45 @@ void check_is_text(const std::string& text, const std::string& name) {
     throw InputError(
         str(name, ":1:1: starts with a byte order mark; save it as UTF-8 without one"));
   }
-  if (text.size() > kLargestText) {
-    throw InputError(
-        str(name, ": is larger than ", kLargestText >> 20, " MB; no network description is"));
+  if (static_cast<int64_t>(text.size()) > limits.text_bytes) {
+    throw InputError(str(name, ": is larger than ", limits.text_bytes >> 20,
+                         " MB, the limit for a network description (--max-text-mb raises it)"));
   }
+  const auto opens = [](char c) { return c == '{' || c == '<'; };
+  if (std::ranges::count_if(text, opens) > limits.layers * kMessagesPerLayer) {
+    throw InputError(str(name, ": has more than ", limits.layers * kMessagesPerLayer, " pairs of ",
+                         "braces, ", kMessagesPerLayer, " for each of at most ", limits.layers,
+                         " layers (--max-layers raises the limit)"));
+  }
+}
+
+void check_layers(const caffe::NetParameter& net, const std::string& name, const Limits& limits) {
+  const int64_t layers = int64_t{net.layer_size()} + net.layers_size();
+  if (layers <= limits.layers) return;
+  throw InputError(str(name, ": has ", layers, " layers, more than the limit of ", limits.layers,
+                       " (--max-layers raises it)"));
+}
+
+/// Everything that is done to a text once it is parsed.
+NetFile finish(NetFile file, const std::string& text, const std::string& name,
+               const NetReadOptions& options) {
+  check_layers(file.net, name, options.limits);
+  const bool has_layers = file.net.layer_size() + file.net.layers_size() > 0;
+  std::vector<std::string> notes;
+  try {
+    upgrade(file.net, notes);
+    if (!options.keep_training) keep_inference(file.net, notes);
+  } catch (const UpgradeError& error) {
+    throw InputError(message_start(name, locate(text, error.field, error.index)) + error.what());
+  } catch (const InputError& error) {
+    throw InputError(str(name, ": ", error.what()));
+  }
+  for (const std::string& note : notes) file.warnings.push_back(str(name, ": ", note));
+  if (file.net.layer_size() == 0) {
+    throw InputError(str(name, has_layers ? ": none of its layers is for inference (TEST phase)"
+                                          : ": describes no layers"));
+  }
+  return file;
 }
 
 void check_writable(const fs::path& file, const caffe::NetParameter& net) {
@@ -74,30 +114,60 @@ void check_writable(const fs::path& file, const caffe::NetParameter& net) {
 }  // namespace
 
 NetFile parse_net(const std::string& text, const std::string& name, const NetReadOptions& options) {
-  check_is_text(text, name);
+  check_is_text(text, name, options.limits);
+  NetFile file;
+  file.net = parse_net_text(text, name, options, file.warnings);
+  return finish(std::move(file), text, name, options);
+}
+
+NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
+  const std::string text = read_text(prototxt, options.limits);
+  check_is_text(text, prototxt.string(), options.limits);
+  const std::optional<SolverNet> solver = net_of_solver(text, prototxt, options.limits);
+  if (!solver) return parse_net(text, prototxt.string(), options);
+
+  const std::string name = solver->file.string();
+  const std::string net_text = read_text(solver->file, options.limits);
+  check_is_text(net_text, name, options.limits);
+  NetFile file;
+  file.warnings.push_back(
+      str(prototxt.string(), ": is a solver file; read the net it names, ", name));
+  file.net = parse_net_text(net_text, name, options, file.warnings);
+  file.net.mutable_state()->MergeFrom(solver->state);  // Caffe's order: the solver's word counts
+  return finish(std::move(file), net_text, name, options);
+}
+
+NetFile read_net_binary(const fs::path& file, const Limits& limits) {
+  const std::string name = file.string();
+  // The indexing reader checks the structure, says well what is wrong, and reads little.
+  WeightsFile::open(file, limits);
+  std::ifstream in(file, std::ios::binary);
   NetFile result;
-  result.net = parse_net_text(text, name, options.allow_unknown_fields, result.warnings);
+  if (!result.net.ParsePartialFromIstream(&in))
+    throw InputError(str(name, ": protobuf cannot parse it as a caffemodel"));
+  if (!result.net.IsInitialized())
+    throw InputError(
+        str(name, ": missing required field ", result.net.InitializationErrorString()));
   std::vector<std::string> notes;
   try {
     upgrade(result.net, notes);
   } catch (const UpgradeError& error) {
-    throw InputError(message_start(name, locate(text, error.field, error.index)) + error.what());
+    throw InputError(str(name, ": ", error.what()));
   }
   for (const std::string& note : notes) result.warnings.push_back(str(name, ": ", note));
-  if (result.net.layer_size() == 0) throw InputError(str(name, ": describes no layers"));
   return result;
 }
 
-NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
-  return parse_net(read_text(prototxt), prototxt.string(), options);
+std::string net_text(const caffe::NetParameter& net) {
+  std::string text;
+  if (!google::protobuf::TextFormat::PrintToString(net, &text))
+    throw Error("protobuf cannot print this net as text");
+  return text;
 }
 
 void write_net_text(const fs::path& file, const caffe::NetParameter& net) {
   check_writable(file, net);
-  std::string text;
-  if (!google::protobuf::TextFormat::PrintToString(net, &text)) {
-    throw Error(str(file.string(), ": cannot write the net as text"));
-  }
+  const std::string text = net_text(net);
   write_atomically(file, [&](std::ostream& out) { out << text; });
 }
 

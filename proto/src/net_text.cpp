@@ -18,8 +18,6 @@ using google::protobuf::EnumDescriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::TextFormat;
 
-constexpr int kDeepestNesting = 100;  // protobuf's limit for binary messages
-
 std::vector<std::string> field_names(const Descriptor& message) {
   std::vector<std::string> names;
   for (int i = 0; i < message.field_count(); ++i) names.push_back(message.field(i)->name());
@@ -152,7 +150,7 @@ void map_text(const std::string& text, TextFormat::ParseInfoTree& tree) {
   parser.WriteLocationsTo(&tree);
   parser.AllowPartialMessage(true);
   parser.AllowUnknownField(true);
-  parser.SetRecursionLimit(kDeepestNesting);
+  parser.SetRecursionLimit(static_cast<int>(Limits{}.nesting));
   caffe::NetParameter unused;
   parser.ParseFromString(text, &unused);
 }
@@ -203,13 +201,14 @@ std::string message_start(const std::string& name, TextPosition position) {
 }
 
 caffe::NetParameter parse_net_text(const std::string& text, const std::string& name,
-                                   bool allow_unknown_fields, std::vector<std::string>& warnings) {
+                                   const NetReadOptions& options,
+                                   std::vector<std::string>& warnings) {
   Complaints complaints(text, name, warnings);
   TextFormat::Parser parser;
   parser.RecordErrorsTo(&complaints);
-  parser.AllowUnknownField(allow_unknown_fields);
+  parser.AllowUnknownField(options.allow_unknown_fields);
   parser.AllowPartialMessage(true);
-  parser.SetRecursionLimit(kDeepestNesting);
+  parser.SetRecursionLimit(static_cast<int>(options.limits.nesting));
   caffe::NetParameter net;
   if (!parser.ParseFromString(text, &net)) {
     throw InputError(complaints.first_error.empty() ? message_start(name, {}) + "cannot be parsed"

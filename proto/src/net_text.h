@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "caffe.pb.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::proto {
 
@@ -19,7 +20,8 @@ std::string message_start(const std::string& name, TextPosition position);
 /// Parses prototxt text as it stands, without upgrading. Throws InputError with the position.
 /// Unknown fields are errors or, if allowed, warnings.
 caffe::NetParameter parse_net_text(const std::string& text, const std::string& name,
-                                   bool allow_unknown_fields, std::vector<std::string>& warnings);
+                                   const NetReadOptions& options,
+                                   std::vector<std::string>& warnings);
 
 /// Where entry `index` of NetParameter's `field` stands in a text that parses.
 TextPosition locate(const std::string& text, const std::string& field, int index);

@@ -152,11 +152,13 @@ TEST(SqueezeNet, PanoramaSizedInput) {
 
 TEST(TrainedModels, OfEarlyCaffe) {
   REVISIT_NEED_SHARED(models, "data/caffemodels");
-  for (const char* name :
-       {"lenet_v1_2014", "lenet_v1_older", "cifar10_quick_v1", "cifar10_full_v1_lrn_within"}) {
+  for (const char* name : {"lenet_v1_2014", "lenet_v1_older", "cifar10_quick_v1",
+                           "cifar10_full_v1_lrn_within", "cifar10_quick_h5"}) {
     SCOPED_TRACE(name);
+    const bool hdf5 = std::string_view(name).ends_with("h5");
     const Net net =
-        Net::load(models / name / "deploy.prototxt", models / name / "weights.caffemodel");
+        Net::load(models / name / "deploy.prototxt",
+                  models / name / (hdf5 ? "weights.caffemodel.h5" : "weights.caffemodel"));
     const engine::Run run = forward(net, read(models / name / "in.npy"));
     const proto::NpyArray wanted = read(models / name / "out_prob.npy");
     const auto found = run.output("prob").values();

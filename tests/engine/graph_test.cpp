@@ -87,20 +87,5 @@ TEST(Graph, RefusesDanglingAndDoublyWrittenBlobs) {
       {"'b'", "already written"});
 }
 
-TEST(Graph, RulesOfThePhaseDecide) {
-  const Graph graph = parse_text(R"(
-    layer { name: "train" type: "Input" top: "x" include { phase: TRAIN } }
-    layer { name: "test" type: "Input" top: "x" include { phase: TEST } }
-    layer { name: "not_test" type: "ReLU" bottom: "x" top: "y" exclude { phase: TEST } }
-    layer { name: "stage" type: "ReLU" bottom: "x" top: "z" include { stage: "deploy" } })");
-  EXPECT_EQ(names(graph), std::vector<std::string>{"test"});
-  expect_error<InputError>(
-      [] {
-        parse_text(
-            R"(layer { name: "both" type: "Input" top: "x" include { phase: TEST } exclude { phase: TRAIN } })");
-      },
-      {"'both'", "not both"});
-}
-
 }  // namespace
 }  // namespace revisit::engine

@@ -121,9 +121,11 @@ TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
       },
       {"running the net takes", "limit of 9 MB", "most is for 'concat': 7 MB"});
   EXPECT_GT(net.plan({{"data", large}}).arena_bytes(), int64_t{9} << 20);
-  expect_error<InputError>([&] { Net::load(prototxt(), weights(), {.max_weight_bytes = 7}); },
-                           {"'conv' (Convolution)", "max_weight_bytes"});
-  Net::load(prototxt(), weights(), {.max_weight_bytes = 8});
+  const auto load = [&](int64_t bytes) {
+    Net::load_with_random_weights(prototxt(), 1, {.limits = {.weight_bytes = bytes}});
+  };
+  expect_error<InputError>([&] { load(7); }, {"'conv' (Convolution)", "--max-weights-mb"});
+  load(8);
 }
 
 TEST_F(NetTest, TooManyThreadsAreRefused) {

@@ -89,9 +89,9 @@ void load_and_run(const std::string& text) {
   const InputFile file(text);
   std::map<std::string, engine::Shape> shapes;
   if (request.shape)
-    for (const std::string& blob : engine::input_blobs(file.path(), true))
+    for (const std::string& blob : engine::input_blobs(file.path(), {.allow_unknown = true}))
       shapes.insert_or_assign(blob, *request.shape);
-  engine::LoadOptions load{.allow_unknown = true, .max_weight_bytes = kMostBytes};
+  engine::LoadOptions load{.allow_unknown = true, .limits = {.weight_bytes = kMostBytes}};
   if (request.shape_at_load) load.inputs = shapes;
   const engine::Net net = engine::Net::load_with_random_weights(file.path(), 1, load);
 

@@ -21,7 +21,7 @@ using test::message_of;
 NetFile expect_upgrade(const std::string& text, const std::string& wanted) {
   caffe::NetParameter expected;
   EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(wanted, &expected));
-  NetFile file = parse_net(text, "net");
+  NetFile file = parse_net(text, "net", {.keep_training = true});
   MessageDifferencer differencer;
   std::string difference;
   differencer.ReportDifferencesToString(&difference);

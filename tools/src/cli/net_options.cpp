@@ -6,6 +6,12 @@ namespace revisit::cli {
 namespace {
 
 constexpr uint64_t kRandomSeed = 1;
+constexpr int64_t kMostMb = int64_t{1} << 40;  // so that bytes do not overflow
+
+void check_limit(const char* option, int64_t value, int64_t most) {
+  if (value < 1 || value > most)
+    throw UsageError(str(option, ": expected 1 to ", most, ", found ", value));
+}
 
 /// The input shapes by blob name; a shape without a name belongs to the only input of the net.
 std::map<std::string, engine::Shape> named_shapes(const NetOptions& options) {
@@ -14,7 +20,7 @@ std::map<std::string, engine::Shape> named_shapes(const NetOptions& options) {
     const size_t equals = text.rfind('=');
     std::string blob = equals == std::string::npos ? "" : text.substr(0, equals);
     if (blob.empty()) {
-      const auto inputs = engine::input_blobs(options.prototxt, options.allow_unknown);
+      const std::vector<std::string> inputs = options.input_blobs();
       if (inputs.size() != 1)
         throw UsageError(str("--input-shape: ", options.prototxt.string(), " has ", inputs.size(),
                              " inputs; say which one: BLOB=", text));
@@ -27,6 +33,25 @@ std::map<std::string, engine::Shape> named_shapes(const NetOptions& options) {
 }
 
 }  // namespace
+
+void LimitOptions::declare(Parser& parser) {
+  parser.group("Limits that keep hostile files from taking the machine's memory:");
+  parser.option("max-text-mb", "N", str("largest prototxt (default ", text_mb, ")"), &text_mb);
+  parser.option("max-weights-mb", "N", str("largest weights file (default ", weights_mb, ")"),
+                &weights_mb);
+  parser.option("max-layers", "N", str("most layers in a file (default ", layers, ")"), &layers);
+}
+
+proto::Limits LimitOptions::limits() const {
+  check_limit("--max-text-mb", text_mb, kMostMb);
+  check_limit("--max-weights-mb", weights_mb, kMostMb);
+  check_limit("--max-layers", layers, INT32_MAX);
+  proto::Limits result;
+  result.text_bytes = text_mb << 20;
+  result.weight_bytes = weights_mb << 20;
+  result.layers = layers;
+  return result;
+}
 
 void NetOptions::declare(Parser& parser) {
   parser.positional("PROTOTXT", &prototxt);
@@ -46,11 +71,16 @@ void NetOptions::declare(Parser& parser) {
               &allow_missing);
   parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
               &allow_unknown);
+  limits.declare(parser);
+}
+
+std::vector<std::string> NetOptions::input_blobs() const {
+  return engine::input_blobs(prototxt, {.allow_unknown = allow_unknown, .limits = limits.limits()});
 }
 
 engine::LoadOptions NetOptions::load_options() const {
   if (threads < 1) throw UsageError(str("--threads: expected at least 1, found ", threads));
-  return {truncation, named_shapes(*this), allow_missing, allow_unknown};
+  return {truncation, named_shapes(*this), allow_missing, allow_unknown, limits.limits()};
 }
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {

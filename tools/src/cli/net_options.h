@@ -11,6 +11,17 @@
 
 namespace revisit::cli {
 
+/// What a model file may ask for (proto::Limits), as options.
+struct LimitOptions {
+  int64_t text_mb = proto::Limits{}.text_bytes >> 20;
+  int64_t weights_mb = proto::Limits{}.weight_bytes >> 20;
+  int64_t layers = proto::Limits{}.layers;
+
+  void declare(Parser& parser);
+  /// Throws UsageError for values that make no sense.
+  proto::Limits limits() const;
+};
+
 /// What every command that loads a Caffe net takes.
 struct NetOptions {
   std::filesystem::path prototxt;
@@ -19,10 +30,13 @@ struct NetOptions {
   std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
   int threads = 1;
   bool allow_missing = false, allow_unknown = false;
+  LimitOptions limits;
 
   /// Declares the positional PROTOTXT [WEIGHTS] and the options.
   void declare(Parser& parser);
   engine::LoadOptions load_options() const;
+  /// Names of the net's inputs, in order.
+  std::vector<std::string> input_blobs() const;
 };
 
 /// How to do without a weights file.

@@ -18,8 +18,7 @@ std::map<std::string, proto::NpyArray> read_inputs(const std::vector<std::string
   std::map<std::string, proto::NpyArray> arrays;
   for (const std::string& text : texts) {
     const size_t equals = text.find('=');
-    const std::vector<std::string> blobs =
-        engine::input_blobs(options.prototxt, options.allow_unknown);
+    const std::vector<std::string> blobs = options.input_blobs();
     std::string blob = text.substr(0, equals == std::string::npos ? 0 : equals);
     if (equals == std::string::npos) {
       if (blobs.size() != 1)

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "revisit/engine/tensor.h"
+#include "revisit/proto/limits.h"
 
 namespace revisit::engine {
 
@@ -33,9 +34,9 @@ struct LoadOptions {
   bool allow_missing = false;
   /// Unknown fields in the prototxt become warnings instead of errors.
   bool allow_unknown = false;
-  /// Loading more weights than this is refused before they are allocated: a prototxt of a few lines
-  /// can ask for any amount.
-  int64_t max_weight_bytes = int64_t{8} << 30;
+  /// What the files may ask for. A prototxt of a few lines can ask for any amount of weights: more
+  /// than `limits.weight_bytes` in memory are refused, too, before they are allocated.
+  proto::Limits limits;
 };
 
 /// A tensor of the net that has a name outside: an input or an output.
@@ -155,9 +156,10 @@ class Net {
   std::shared_ptr<const Impl> impl_;
 };
 
-/// Names of the input blobs of a prototxt, in order; weights are not needed.
+/// Names of the input blobs of a prototxt, in order; weights are not needed. Of the options only
+/// those about reading the file count.
 std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
-                                     bool allow_unknown = false);
+                                     const LoadOptions& options = {});
 
 /// The name of output `port` of a layer in a run with keep_all: "slice", "slice.1", "slice.2", ...
 std::string port_name(const std::string& layer, size_t port);

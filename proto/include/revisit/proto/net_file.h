@@ -6,29 +6,44 @@
 
 #include "caffe.pb.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/limits.h"
 
 namespace revisit::proto {
 
 struct NetReadOptions {
   /// Unknown fields are errors with the nearest known name; true makes them warnings.
   bool allow_unknown_fields = false;
+  /// Keep what only training needs (layers of other phases, data layers, losses): the file as it
+  /// is, merely upgraded. Otherwise the net is the one inference runs.
+  bool keep_training = false;
+  Limits limits;
 };
 
 /// A network description in the current form (V2): only `layer`, every input an Input layer, no
-/// `input*` fields and no V1 `layers`. `warnings` says what a person should know about the upgrade.
+/// `input*` fields and no V1 `layers`. `warnings` says what a person should know: what the upgrade
+/// did, and what became of the layers that are for training.
 struct NetFile {
   caffe::NetParameter net;
   std::vector<std::string> warnings;
 };
 
-/// Reads a .prototxt of any generation and upgrades it in Caffe's order (SEMANTICS section 7).
-/// Throws InputError, `path:line:column: reason`, for text that does not parse or upgrade, that
-/// describes no layers, or is larger than 16 MB.
+/// Reads a .prototxt of any generation, upgrades it in Caffe's order (SEMANTICS section 7) and
+/// takes out what the TEST phase runs (inference_net.h). A solver file is followed to the one net
+/// it names, looked for beside the solver, then in the working folder. Throws InputError,
+/// `path:line:column: reason`, for text that does not parse or upgrade, that describes no layers,
+/// or exceeds a limit.
 NetFile read_net(const std::filesystem::path& prototxt, const NetReadOptions& options = {});
 
-/// The same for text in memory; `name` stands for the path in messages.
+/// The same for text in memory, which cannot be a solver; `name` stands for the path in messages.
 NetFile parse_net(const std::string& text, const std::string& name,
                   const NetReadOptions& options = {});
+
+/// Reads a binary caffemodel whole, weights included, and upgrades it; nothing is left out.
+/// Throws InputError for a file that is not one, or exceeds a limit.
+NetFile read_net_binary(const std::filesystem::path& file, const Limits& limits = {});
+
+/// The net as prototxt text.
+std::string net_text(const caffe::NetParameter& net);
 
 /// Writes the net as prototxt text, or as binary (with weights: a caffemodel). The file appears
 /// whole or not at all. Throws Error when it cannot be written.

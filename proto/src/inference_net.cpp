@@ -1,0 +1,295 @@
+#include "inference_net.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <string_view>
+
+#include "phase.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::proto {
+namespace {
+
+using Layer = caffe::LayerParameter;
+using Names = std::set<std::string_view>;
+
+const Names kDataTypes = {"Data", "HDF5Data", "ImageData", "MemoryData", "WindowData"};
+const Names kTrainingTypes = {
+    "Accuracy",  "ContrastiveLoss", "EuclideanLoss",           "HDF5Output",
+    "HingeLoss", "InfogainLoss",    "MultinomialLogisticLoss", "SigmoidCrossEntropyLoss",
+    "Silence",   "SoftmaxWithLoss"};
+/// What comes out of one of these was learned: it is a prediction, not a label.
+const Names kLearnedTypes = {"BatchNorm",    "Bias", "Convolution", "Deconvolution", "Embed",
+                             "InnerProduct", "LSTM", "PReLU",       "RNN",           "Scale"};
+
+/// The shape of a data layer's images, as far as the file says it; empty when it does not.
+std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
+  const auto& transform = layer.transform_param();
+  const int64_t crop = transform.crop_size();
+  int64_t batch = 0, height = crop, width = crop, channels = transform.force_gray() ? 1 : 3;
+  if (layer.type() == "MemoryData") {
+    const auto& memory = layer.memory_data_param();
+    batch = memory.batch_size(), channels = memory.channels();
+    height = memory.height(), width = memory.width();
+    reason = "as its memory_data_param says";
+  } else {
+    reason = str("its batch_size and crop_size, ", channels,
+                 channels == 1 ? " channel" : " channels", " assumed");
+    if (layer.type() == "Data") batch = layer.data_param().batch_size();
+    if (layer.type() == "WindowData") batch = layer.window_data_param().batch_size();
+    if (layer.type() == "ImageData") {
+      const auto& image = layer.image_data_param();
+      batch = image.batch_size();
+      channels = image.is_color() ? 3 : 1;
+      reason = "its batch_size and crop_size";
+      if (crop == 0) {
+        height = image.new_height(), width = image.new_width();
+        reason = "its batch_size, new_height and new_width";
+      }
+    }
+  }
+  std::vector<int64_t> shape = {batch, channels, height, width};
+  if (std::ranges::any_of(shape, [](int64_t size) { return size < 1; })) return {};
+  return shape;
+}
+
+std::string text(const std::vector<int64_t>& shape) {
+  std::string result;
+  for (const int64_t size : shape) result += (result.empty() ? "" : "x") + std::to_string(size);
+  return result;
+}
+
+/// What a data layer did to its images; inference has to do the same before the network.
+std::string preprocessing(const caffe::TransformationParameter& transform) {
+  std::string done;
+  const auto add = [&](const std::string& what) { done += (done.empty() ? "" : ", ") + what; };
+  if (transform.has_mean_file()) add(str("mean_file '", transform.mean_file(), "'"));
+  for (const float value : transform.mean_value()) add(str("mean_value ", value));
+  if (transform.has_scale() && transform.scale() != 1) add(str("scale ", transform.scale()));
+  return done;
+}
+
+/// Works out what of a net that reads training data is for inference.
+class Extraction {
+ public:
+  Extraction(caffe::NetParameter& net, std::vector<std::string>& warnings)
+      : net_(net), warnings_(warnings), n_(net.layer_size()) {}
+
+  void run() {
+    resolve();
+    find_training_layers();
+    find_label_layers();
+    choose_softmax();
+    build();
+  }
+
+ private:
+  /// Who wrote a blob: a layer and which of its tops.
+  struct Maker {
+    int layer = -1, top = 0;
+  };
+  struct Use {
+    int layer, bottom;
+  };
+
+  const Layer& layer(int i) const { return net_.layer(i); }
+  bool is_data(int i) const { return kDataTypes.contains(layer(i).type()); }
+
+  void resolve() {
+    std::map<std::string, Maker> current;
+    makers_.resize(n_);
+    uses_.resize(n_);
+    learned_.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+      learned_[i] = kLearnedTypes.contains(layer(i).type());
+      for (int b = 0; b < layer(i).bottom_size(); ++b) {
+        const auto found = current.find(layer(i).bottom(b));
+        const Maker maker = found == current.end() ? Maker{} : found->second;
+        makers_[i].push_back(maker);
+        if (maker.layer < 0) continue;
+        uses_[maker.layer][maker.top].push_back({i, b});
+        if (learned_[maker.layer]) learned_[i] = true;
+      }
+      uses_[i].resize(layer(i).top_size());
+      for (int t = 0; t < layer(i).top_size(); ++t) current[layer(i).top(t)] = {i, t};
+    }
+  }
+
+  /// Losses, Accuracy, Silence, and what computes with their results.
+  void find_training_layers() {
+    training_.resize(n_);
+    for (int i = 0; i < n_; ++i) {
+      training_[i] = kTrainingTypes.contains(layer(i).type());
+      for (const Maker& maker : makers_[i])
+        // The second top of a SoftmaxWithLoss is the prediction itself.
+        if (maker.layer >= 0 && training_[maker.layer] &&
+            !(layer(maker.layer).type() == "SoftmaxWithLoss" && maker.top == 1))
+          training_[i] = true;
+    }
+  }
+
+  /// Whether a training layer takes a label there, not a prediction.
+  bool is_label(const Use& use) const {
+    const auto learned = [&](const Maker& maker) {
+      return maker.layer >= 0 && learned_[maker.layer];
+    };
+    const std::vector<Maker>& makers = makers_[use.layer];
+    if (std::ranges::any_of(makers, learned) || layer(use.layer).type() == "Silence")
+      return !learned(makers[use.bottom]);
+    return use.bottom > 0;
+  }
+
+  bool serves_training(const Use& use) const {
+    return labels_[use.layer] || (training_[use.layer] && is_label(use));
+  }
+
+  /// Layers all of whose outputs end as labels. From the back: users come after makers.
+  void find_label_layers() {
+    labels_.assign(n_, false);
+    for (int i = n_; i-- > 0;) {
+      if (training_[i] || is_data(i)) continue;
+      bool used = false, only_labels = true;
+      for (const std::vector<Use>& uses : uses_[i])
+        for (const Use& use : uses) {
+          used = true;
+          only_labels &= serves_training(use);
+        }
+      labels_[i] = used && only_labels;
+    }
+  }
+
+  /// The tops of a data layer that the network needs.
+  std::vector<int> needed_tops(int i) const {
+    std::vector<int> tops;
+    for (int t = 0; t < layer(i).top_size(); ++t)
+      if (!std::ranges::all_of(uses_[i][t], [&](const Use& use) { return serves_training(use); }))
+        tops.push_back(t);
+    return tops;
+  }
+
+  /// A SoftmaxWithLoss becomes a Softmax when it gives its probabilities to others, or is the only
+  /// one and nobody else takes the softmax of the prediction.
+  void choose_softmax() {
+    std::vector<int> losses;
+    for (int i = 0; i < n_; ++i) {
+      if (layer(i).type() == "SoftmaxWithLoss" && layer(i).bottom_size() > 0) losses.push_back(i);
+    }
+    for (const int i : losses) {
+      const Maker maker = makers_[i][0];
+      const bool has_softmax =
+          maker.layer >= 0 &&
+          std::ranges::any_of(uses_[maker.layer][maker.top],
+                              [&](const Use& use) { return layer(use.layer).type() == "Softmax"; });
+      if (layer(i).top_size() > 1 || (losses.size() == 1 && !has_softmax)) softmax_.insert(i);
+    }
+  }
+
+  bool is_taken(const std::string& name) const {
+    return std::ranges::any_of(net_.layer(), [&](const Layer& other) {
+      return other.name() == name || std::ranges::find(other.top(), name) != other.top().end();
+    });
+  }
+
+  void build() {
+    for (int i = 0; i < n_; ++i) {
+      if (is_data(i)) {
+        add_inputs(i);
+      } else if (softmax_.contains(i)) {
+        add_softmax(i);
+      } else if (layer(i).type() == "Silence") {
+        add_silence(i);
+      } else if (training_[i] || labels_[i]) {
+        left_out_.push_back(i);
+      } else {
+        *kept_.add_layer() = layer(i);
+      }
+    }
+    std::string names;
+    for (const int i : left_out_)
+      names += str(names.empty() ? "" : ", ", "'", layer(i).name(), "' (", layer(i).type(), ")");
+    if (!names.empty()) warnings_.push_back(str("left out, being for training only: ", names));
+    net_.mutable_layer()->Swap(kept_.mutable_layer());
+  }
+
+  /// One Input layer for each top: an Input layer tells the shapes of all its tops or of none.
+  void add_inputs(int i) {
+    const std::vector<int> tops = needed_tops(i);
+    if (tops.empty()) left_out_.push_back(i);
+    for (const int top : tops) {
+      const std::string& blob = layer(i).top(top);
+      Layer& input = *kept_.add_layer();
+      input.set_name(tops.size() == 1 ? layer(i).name() : blob);
+      input.set_type("Input");
+      input.add_top(blob);
+      warnings_.push_back(str("layer '", layer(i).name(), "' (", layer(i).type(),
+                              ") is now the input '", blob, "', ", set_shape(i, top, input)));
+    }
+  }
+
+  /// Gives an input the shape of a top of a data layer, if known. Returns what to say of it.
+  std::string set_shape(int i, int top, Layer& input) const {
+    std::string reason;
+    std::vector<int64_t> shape;
+    if (layer(i).type() != "HDF5Data") shape = image_shape(layer(i), reason);
+    if (top == 1 && !shape.empty()) {
+      shape = {shape[0]};
+      reason = "a label for each image";
+    }
+    if (!shape.empty()) {
+      auto& dims = *input.mutable_input_param()->add_shape()->mutable_dim();
+      dims.Add(shape.begin(), shape.end());
+    }
+    const std::string lost = top == 1 ? "" : preprocessing(layer(i).transform_param());
+    return str(shape.empty() ? "whose shape the file does not say: give it with --input-shape"
+                             : str(text(shape), " (", reason, ")"),
+               lost.empty() ? "" : "; not applied to it: " + lost);
+  }
+
+  void add_softmax(int i) {
+    const Layer& loss = layer(i);
+    Layer& softmax = *kept_.add_layer();
+    const std::string name = is_taken("prob") ? loss.name() : "prob";
+    softmax.set_name(name);
+    softmax.set_type("Softmax");
+    softmax.add_bottom(loss.bottom(0));
+    softmax.add_top(loss.top_size() > 1 ? loss.top(1) : name);
+    if (loss.has_softmax_param()) *softmax.mutable_softmax_param() = loss.softmax_param();
+    warnings_.push_back(str("layer '", loss.name(), "' (SoftmaxWithLoss) is now '", name,
+                            "' (Softmax) of '", loss.bottom(0), "'"));
+  }
+
+  /// A Silence hides outputs nobody wants; hiding labels is needless once they are gone.
+  void add_silence(int i) {
+    Layer silence = layer(i);
+    silence.clear_bottom();
+    for (int b = 0; b < layer(i).bottom_size(); ++b)
+      if (!is_label({i, b})) silence.add_bottom(layer(i).bottom(b));
+    if (silence.bottom_size() > 0) {
+      *kept_.add_layer() = std::move(silence);
+    } else {
+      left_out_.push_back(i);
+    }
+  }
+
+  caffe::NetParameter& net_;
+  std::vector<std::string>& warnings_;
+  const int n_;
+  std::vector<std::vector<Maker>> makers_;           // [layer][bottom]
+  std::vector<std::vector<std::vector<Use>>> uses_;  // [layer][top]
+  std::vector<bool> learned_, training_, labels_;    // [layer]
+  std::set<int> softmax_;
+  std::vector<int> left_out_;
+  caffe::NetParameter kept_;
+};
+
+}  // namespace
+
+void keep_inference(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+  keep_test_phase(net);
+  const bool reads_data = std::ranges::any_of(
+      net.layer(), [](const Layer& layer) { return kDataTypes.contains(layer.type()); });
+  if (reads_data) Extraction(net, warnings).run();
+}
+
+}  // namespace revisit::proto

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "caffe.pb.h"
+
+namespace revisit::proto {
+
+/// Reduces a V2 net to what inference runs: the layers of the TEST phase and, of a net that reads
+/// training data (a train_val.prototxt), the part between data and prediction. Then data layers
+/// become Input layers, of the shape the file says, if it does; losses, Accuracy and what only
+/// serves them (labels) are left out; the only SoftmaxWithLoss becomes the Softmax a deploy
+/// prototxt has in its place. Nets without data layers keep all that Caffe itself would run.
+/// Each thing done is said in `warnings`. Throws InputError for contradictory phase rules.
+void keep_inference(caffe::NetParameter& net, std::vector<std::string>& warnings);
+
+}  // namespace revisit::proto

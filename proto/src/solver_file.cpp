@@ -1,0 +1,73 @@
+#include "solver_file.h"
+
+#include <google/protobuf/io/tokenizer.h>
+#include <google/protobuf/text_format.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::proto {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Silence final : public google::protobuf::io::ErrorCollector {
+  void AddError(int, google::protobuf::io::ColumnNumber, const std::string&) override {}
+};
+
+/// The nets a solver names that have a TEST phase, each once.
+std::vector<std::string> named_nets(const caffe::SolverParameter& solver) {
+  std::vector<std::string> names(solver.test_net().begin(), solver.test_net().end());
+  if (solver.has_net()) names.push_back(solver.net());
+  if (names.empty() && solver.has_train_net()) names.push_back(solver.train_net());
+  std::ranges::sort(names);
+  const auto repeated = std::ranges::unique(names);
+  names.erase(repeated.begin(), repeated.end());
+  return names;
+}
+
+fs::path find_net(const std::string& name, const fs::path& solver) {
+  const fs::path beside = solver.parent_path() / name;  // `name` itself when absolute
+  for (const fs::path& candidate : {beside, fs::path(name)}) {
+    std::error_code ignored;
+    if (fs::is_regular_file(candidate, ignored)) return candidate;
+  }
+  throw InputError(str(solver.string(), ": is a solver file; the net it names, '", name,
+                       "', is neither beside it nor in the working folder; give the net itself"));
+}
+
+}  // namespace
+
+std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& path,
+                                       const Limits& limits) {
+  caffe::SolverParameter solver;
+  google::protobuf::TextFormat::Parser parser;
+  Silence silence;
+  parser.RecordErrorsTo(&silence);
+  parser.AllowPartialMessage(true);
+  parser.SetRecursionLimit(static_cast<int>(limits.nesting));
+  if (!parser.ParseFromString(text, &solver)) return std::nullopt;
+  const bool has_net_inside =
+      solver.has_net_param() || solver.has_train_net_param() || solver.test_net_param_size() > 0;
+  const std::vector<std::string> names = named_nets(solver);
+  if (names.empty() && !has_net_inside) return std::nullopt;
+
+  const auto fail = [&](const std::string& reason) {
+    throw InputError(str(path.string(), ": is a solver file ", reason));
+  };
+  if (has_net_inside) fail("with a net inside; put that into a prototxt of its own and give that");
+  if (names.size() > 1) {
+    std::string list;
+    for (const std::string& name : names) list += str(list.empty() ? "'" : ", '", name, "'");
+    fail(str("that names several nets: ", list, "; give one of them"));
+  }
+  if (solver.test_state_size() > 1)
+    fail(str("that tests its net in several states; give the net itself, '", names[0], "'"));
+  SolverNet result{find_net(names[0], path), {}};
+  if (solver.test_state_size() == 1) result.state = solver.test_state(0);
+  return result;
+}
+
+}  // namespace revisit::proto

@@ -1,0 +1,210 @@
+// What of a training net inference runs: each rule against a hand-written expectation.
+#include <google/protobuf/text_format.h>
+#include <google/protobuf/util/message_differencer.h>
+#include <gtest/gtest.h>
+
+#include "expect_error.h"
+#include "revisit/proto/net_file.h"
+
+namespace revisit::proto {
+namespace {
+
+using test::expect_error;
+
+/// Expects the inference net of `text` to be `wanted`; returns its warnings.
+std::vector<std::string> expect_net(const std::string& text, const std::string& wanted) {
+  caffe::NetParameter expected;
+  EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(wanted, &expected));
+  const NetFile file = parse_net(text, "net");
+  google::protobuf::util::MessageDifferencer differencer;
+  std::string difference;
+  differencer.ReportDifferencesToString(&difference);
+  EXPECT_TRUE(differencer.Compare(expected, file.net)) << difference << file.net.DebugString();
+  return file.warnings;
+}
+
+const std::string kData =
+    "layer { name: 'd' type: 'Data' top: 'data' top: 'label' data_param { batch_size: 5 }"
+    "        transform_param { crop_size: 8 } }";
+const std::string kInput =
+    "layer { name: 'd' type: 'Input' top: 'data' input_param { shape { dim: [5, 3, 8, 8] } } }";
+const std::string kFc = "layer { name: 'fc' type: 'InnerProduct' bottom: 'data' top: 'fc' }";
+
+TEST(InferenceNet, RulesOfThePhaseDecide) {
+  expect_net(R"(
+    layer { name: 'train' type: 'Input' top: 'x' include { phase: TRAIN } }
+    layer { name: 'test' type: 'Input' top: 'x' include { phase: TEST } }
+    layer { name: 'not_test' type: 'ReLU' bottom: 'x' top: 'y' exclude { phase: TEST } }
+    layer { name: 'stage' type: 'ReLU' bottom: 'x' top: 'z' include { stage: 'deploy' } })",
+             "layer { name: 'test' type: 'Input' top: 'x' include { phase: TEST } }");
+  expect_net(
+      "state { phase: TRAIN level: 2 stage: 'deploy' }"
+      "layer { name: 'a' include { stage: 'deploy' min_level: 2 } }"
+      "layer { name: 'b' include { not_stage: 'deploy' } }"
+      "layer { name: 'c' include { max_level: 1 } include { phase: TEST } }"
+      "layer { name: 'd' exclude { min_level: 3 } exclude { phase: TEST } }",
+      "state { phase: TRAIN level: 2 stage: 'deploy' }"
+      "layer { name: 'a' include { stage: 'deploy' min_level: 2 } }"
+      "layer { name: 'c' include { max_level: 1 } include { phase: TEST } }");
+  expect_error<InputError>(
+      [] { parse_net("layer { name: 'both' include { } exclude { } }", "net"); },
+      {"net: layer 'both'", "not both"});
+  expect_error<InputError>([] { parse_net("layer { name: 'a' exclude { } }", "net"); },
+                           {"net: none of its layers is for inference"});
+}
+
+TEST(InferenceNet, NetsWithoutDataLayersKeepTheirLossesAndLabels) {
+  const std::string net =
+      "layer { name: 'in' type: 'Input' top: 'x' top: 'label' }"
+      "layer { name: 'dummy' type: 'DummyData' top: 'h' }"
+      "layer { name: 'loss' type: 'SoftmaxWithLoss' bottom: 'x' bottom: 'label' top: 'loss' }"
+      "layer { name: 'acc' type: 'Accuracy' bottom: 'x' bottom: 'label' top: 'acc' }";
+  EXPECT_TRUE(expect_net(net, net).empty());
+}
+
+TEST(InferenceNet, OfAClassifier) {
+  const auto warnings = expect_net(
+      kData + kFc +
+          "layer { name: 'accuracy' type: 'Accuracy' bottom: 'fc' bottom: 'label' top: 'acc' }"
+          "layer { name: 'loss' type: 'SoftmaxWithLoss' bottom: 'fc' bottom: 'label' top: 'loss'"
+          "        softmax_param { axis: 2 } }",
+      kInput + kFc +
+          "layer { name: 'prob' type: 'Softmax' bottom: 'fc' top: 'prob' softmax_param { axis: 2 } "
+          "}");
+  EXPECT_EQ(warnings,
+            (std::vector<std::string>{
+                "net: layer 'd' (Data) is now the input 'data', 5x3x8x8 (its batch_size and "
+                "crop_size, 3 channels assumed)",
+                "net: layer 'loss' (SoftmaxWithLoss) is now 'prob' (Softmax) of 'fc'",
+                "net: left out, being for training only: 'accuracy' (Accuracy)"}));
+}
+
+TEST(InferenceNet, PreprocessingThatIsLostIsSaid) {
+  const auto warnings = expect_net(
+      "layers { name: 'd' type: IMAGE_DATA top: 'data' top: 'label'"
+      " image_data_param { batch_size: 2 new_height: 6 new_width: 7 scale: 0.5 mean_file: 'm' } }"
+      "layers { name: 'r' type: RELU bottom: 'data' top: 'r' }",
+      "layer { name: 'd' type: 'Input' top: 'data' input_param { shape { dim: [2, 3, 6, 7] } } }"
+      "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'r' }");
+  EXPECT_EQ(warnings[0],
+            "net: layer 'd' (ImageData) is now the input 'data', 2x3x6x7 (its batch_size, "
+            "new_height and new_width); not applied to it: mean_file 'm', scale 0.5");
+}
+
+TEST(InferenceNet, ShapesThatTheFileSaysAndDoesNot) {
+  const auto input = [](const std::string& layer) {
+    const NetFile file = parse_net("layer { name: 'd' top: 'x' " + layer + " }" +
+                                       "layer { name: 'r' type: 'ReLU' bottom: 'x' top: 'r' }",
+                                   "net");
+    EXPECT_EQ(file.net.layer(0).type(), "Input");
+    const auto& shapes = file.net.layer(0).input_param().shape();
+    return shapes.empty() ? std::vector<int64_t>{}
+                          : std::vector<int64_t>(shapes[0].dim().begin(), shapes[0].dim().end());
+  };
+  using Shape = std::vector<int64_t>;
+  EXPECT_EQ(input("type: 'MemoryData' memory_data_param { batch_size: 2 channels: 3 height: 4 "
+                  "width: 5 } transform_param { crop_size: 2 }"),
+            (Shape{2, 3, 4, 5}));
+  EXPECT_EQ(input("type: 'WindowData' window_data_param { batch_size: 2 } transform_param { "
+                  "crop_size: 6 }"),
+            (Shape{2, 3, 6, 6}));
+  EXPECT_EQ(
+      input("type: 'ImageData' image_data_param { is_color: false new_height: 9 new_width: 9 } "
+            "transform_param { crop_size: 6 }"),
+      (Shape{1, 1, 6, 6}));
+  EXPECT_EQ(input("type: 'Data' data_param { batch_size: 4 } transform_param { crop_size: 6 "
+                  "force_gray: true }"),
+            (Shape{4, 1, 6, 6}));
+  EXPECT_EQ(input("type: 'Data' data_param { batch_size: 4 }"), Shape{});
+  EXPECT_EQ(input("type: 'Data' transform_param { crop_size: 6 }"), Shape{});
+  EXPECT_EQ(input("type: 'HDF5Data' hdf5_data_param { batch_size: 4 }"), Shape{});
+}
+
+TEST(InferenceNet, LabelsGoWithAllThatServesThem) {
+  expect_net(kData +
+                 "layer { name: 'split' type: 'Slice' bottom: 'label' top: 'l1' top: 'l2' }"
+                 "layer { name: 'half' type: 'Power' bottom: 'l1' top: 'l1' }"
+                 "layer { name: 'dummy' type: 'DummyData' top: 'weights' }" +
+                 kFc +
+                 "layer { name: 'e' type: 'EuclideanLoss' bottom: 'l1' bottom: 'fc' }"
+                 "layer { name: 'i' type: 'InfogainLoss' bottom: 'fc' bottom: 'l2' bottom: "
+                 "'weights' top: 'i' }"
+                 "layer { name: 'w' type: 'Power' bottom: 'i' top: 'w' }"
+                 "layer { name: 's' type: 'Silence' bottom: 'l2' }",
+             kInput + kFc);
+}
+
+TEST(InferenceNet, WhatTheNetworkNeedsStays) {
+  // An autoencoder: its target is its input.
+  expect_net(kData +
+                 "layer { name: 'flat' type: 'Flatten' bottom: 'data' top: 'flat' }"
+                 "layer { name: 'code' type: 'InnerProduct' bottom: 'flat' top: 'code' }"
+                 "layer { name: 'loss' type: 'EuclideanLoss' bottom: 'flat' bottom: 'code' }",
+             kInput +
+                 "layer { name: 'flat' type: 'Flatten' bottom: 'data' top: 'flat' }"
+                 "layer { name: 'code' type: 'InnerProduct' bottom: 'flat' top: 'code' }");
+  // A label that is fed to a layer of its own.
+  expect_net(kData + kFc + "layer { name: 'em' type: 'Embed' bottom: 'label' top: 'em' }",
+             "layer { name: 'data' type: 'Input' top: 'data'"
+             "        input_param { shape { dim: [5, 3, 8, 8] } } }"
+             "layer { name: 'label' type: 'Input' top: 'label' input_param { shape { dim: 5 } } }" +
+                 kFc + "layer { name: 'em' type: 'Embed' bottom: 'label' top: 'em' }");
+  // Hidden outputs stay hidden.
+  expect_net(kData + kFc + "layer { name: 's' type: 'Silence' bottom: 'label' bottom: 'fc' }",
+             kInput + kFc + "layer { name: 's' type: 'Silence' bottom: 'fc' }");
+  // A loss of what nothing was learned for.
+  expect_net(kData +
+                 "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'r' }"
+                 "layer { name: 'h' type: 'HingeLoss' bottom: 'r' bottom: 'label' top: 'h' }",
+             kInput + "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'r' }");
+}
+
+TEST(InferenceNet, SiameseBranches) {
+  const std::string branches =
+      "layer { name: 'cut' type: 'Slice' bottom: 'pair' top: 'a' top: 'b' }"
+      "layer { name: 'fa' type: 'InnerProduct' bottom: 'a' top: 'fa' param { name: 'w' } }"
+      "layer { name: 'fb' type: 'InnerProduct' bottom: 'b' top: 'fb' param { name: 'w' } }";
+  expect_net(
+      "layer { name: 'd' type: 'Data' top: 'pair' top: 'same' }" + branches +
+          "layer { name: 'l' type: 'ContrastiveLoss' bottom: 'fa' bottom: 'fb' bottom: 'same' }",
+      "layer { name: 'd' type: 'Input' top: 'pair' }" + branches);
+}
+
+TEST(InferenceNet, SoftmaxOnlyWhereItIsClear) {
+  const auto loss = [](const std::string& name, const std::string& bottom, const std::string& top) {
+    return "layer { name: '" + name + "' type: 'SoftmaxWithLoss' bottom: '" + bottom +
+           "' bottom: 'label' top: '" + name + "' " + top + " }";
+  };
+  const std::string fc2 = "layer { name: 'fc2' type: 'InnerProduct' bottom: 'fc' top: 'fc2' }";
+  // Two heads: which is the prediction?
+  expect_net(kData + kFc + fc2 + loss("l1", "fc", "") + loss("l2", "fc2", ""), kInput + kFc + fc2);
+  // It has a softmax already.
+  const std::string softmax = "layer { name: 'p' type: 'Softmax' bottom: 'fc' top: 'p' }";
+  expect_net(kData + kFc + softmax + loss("l", "fc", ""), kInput + kFc + softmax);
+  // The loss gives its probabilities a name, and somebody uses them.
+  const std::string argmax = "layer { name: 'best' type: 'ArgMax' bottom: 'q' top: 'best' }";
+  expect_net(
+      kData + kFc + loss("l", "fc", "top: 'q'") + argmax,
+      kInput + kFc + "layer { name: 'prob' type: 'Softmax' bottom: 'fc' top: 'q' }" + argmax);
+  // 'prob' is taken.
+  const std::string prob = "layer { name: 'prob' type: 'InnerProduct' bottom: 'data' top: 'x' }";
+  expect_net(kData + prob + loss("l", "x", ""),
+             kInput + prob + "layer { name: 'l' type: 'Softmax' bottom: 'x' top: 'l' }");
+}
+
+TEST(InferenceNet, OddNetsAreNetsOrErrors) {
+  expect_error<InputError>([] { parse_net(kData, "net"); }, {"none of its layers"});
+  parse_net(kData + "layer { name: 'l' type: 'SoftmaxWithLoss' }", "net", {.keep_training = true});
+  expect_error<InputError>(
+      [] { parse_net(kData + "layer { name: 'l' type: 'SoftmaxWithLoss' }", "net"); },
+      {"none of its layers"});
+  // Unknown bottoms are the engine's to complain of.
+  EXPECT_EQ(parse_net(kData + "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'no' } "
+                              "layer { name: 'r' type: 'ReLU' bottom: 'data' top: 'data' }",
+                      "net")
+                .net.layer_size(),
+            3);
+}
+
+}  // namespace
+}  // namespace revisit::proto
