@@ -20,6 +20,7 @@ struct Entry {
 /// THE table of layer types. ("Input" is not here: it runs nothing, graph.cpp takes it.)
 constexpr Entry kTable[] = {
     {"AbsVal", make_abs_val, "Caffe", "absolute value"},
+    {"Accuracy", make_accuracy, "Caffe", "share of labels among the k best scores"},
     {"ArgMax", make_argmax, "Caffe", "index and value of the largest entries"},
     {"Axpy", make_axpy, "SENet", "a x + y, a per channel"},
     {"BatchNorm", make_batch_norm, "Caffe", "(x - mean) / deviation per channel"},
@@ -71,6 +72,7 @@ constexpr Entry kTable[] = {
     {"Silence", make_silence, "Caffe", "takes its inputs and gives nothing"},
     {"Slice", make_slice, "Caffe", "cuts along an axis"},
     {"Softmax", make_softmax, "Caffe", "normalised exponentials along an axis"},
+    {"SoftmaxWithLoss", make_softmax_with_loss, "Caffe", "mean of -log softmax of the labels"},
     {"Split", make_identity, "Caffe", "the same values again"},
     {"SPP", make_spp, "Caffe", "spatial pyramid pooling"},
     {"Swish", make_swish, "Caffe", "x sigmoid(beta x)"},

@@ -12,6 +12,7 @@ namespace revisit::engine {
 using LayerFactory = std::unique_ptr<Layer>(const caffe::LayerParameter&);
 
 LayerFactory make_abs_val;
+LayerFactory make_accuracy;
 LayerFactory make_argmax;
 LayerFactory make_axpy;
 LayerFactory make_batch_norm;
@@ -60,6 +61,7 @@ LayerFactory make_sigmoid;
 LayerFactory make_silence;
 LayerFactory make_slice;
 LayerFactory make_softmax;
+LayerFactory make_softmax_with_loss;
 LayerFactory make_spp;
 LayerFactory make_swish;
 LayerFactory make_tanh;

@@ -1,5 +1,4 @@
-#include <algorithm>
-#include <cmath>
+#include "kernels/softmax.h"
 
 #include "layers/layers.h"
 
@@ -25,27 +24,13 @@ class Softmax : public Layer {
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     const size_t axis = shape.canonical_axis(axis_, "softmax axis");
-    const int64_t outer = shape.product(0, axis), classes = shape[axis];
-    const int64_t inner = shape.product(axis + 1, shape.rank());
-    return {"softmax", [outer, classes, inner](const Call& call) {
-              for (int64_t o = 0; o < outer; ++o)
-                for (int64_t i = 0; i < inner; ++i)
-                  normalise(call.inputs[0] + o * classes * inner + i, classes, inner,
-                            call.outputs[0] + o * classes * inner + i);
-            }};
+    const ClassLines lines{shape.product(0, axis), shape[axis],
+                           shape.product(axis + 1, shape.rank())};
+    return {"softmax",
+            [lines](const Call& call) { softmax(call.inputs[0], lines, call.outputs[0]); }};
   }
 
  private:
-  /// exp(x - max) / sum along one line of `classes` values, `stride` apart.
-  static void normalise(const float* in, int64_t classes, int64_t stride, float* out) {
-    float largest = in[0];
-    for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * stride]);
-    float sum = 0;
-    for (int64_t c = 0; c < classes; ++c)
-      sum += out[c * stride] = std::exp(in[c * stride] - largest);
-    for (int64_t c = 0; c < classes; ++c) out[c * stride] /= sum;
-  }
-
   int axis_;
 };
 
