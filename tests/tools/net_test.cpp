@@ -136,6 +136,33 @@ TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlace) {
                  "bad.npy");
 }
 
+TEST_F(NetCommand, LimitsAreOptions) {
+  expect_failure(3, "net inspect --max-layers 3 " + path("net.prototxt"),
+                 "has 4 layers, more than the limit of 3 (--max-layers raises it)");
+  test::write_file(dir_ / "large", std::string((1 << 20) + 1, ' '));
+  expect_failure(3, "net inspect --max-text-mb 1 " + path("large"), "--max-text-mb raises it");
+  fs::resize_file(dir_ / "net.caffemodel", (1 << 20) + 1);
+  expect_failure(3, "net inspect --max-weights-mb 1 " + model(), "--max-weights-mb raises it");
+  expect_failure(2, "net inspect --max-layers 0 " + model(), "--max-layers: expected 1 to");
+}
+
+TEST_F(NetCommand, TrainingNetsAndSolversRunAsInference) {
+  test::write_file(dir_ / "train.prototxt",
+                   "layer { name: 'd' type: 'Data' top: 'data' top: 'label' "
+                   "data_param { batch_size: 1 } transform_param { scale: 0.5 } }"
+                   "layer { name: 'ip' type: 'InnerProduct' bottom: 'data' top: 'ip' "
+                   "inner_product_param { num_output: 2 } }"
+                   "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'ip' bottom: 'label' }");
+  test::write_file(dir_ / "solver.prototxt", "net: 'train.prototxt' base_lr: 0.1");
+  expect_failure(3, "net inspect " + path("solver.prototxt"), "--input-shape");
+  const auto result =
+      run_revisit("net inspect " + path("solver.prototxt") + " --input-shape 1x3x4x4");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("prob"), std::string::npos) << result.out;
+  for (const char* part : {"is a solver file", "is now the input 'data'", "scale 0.5", "'prob'"})
+    EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
+}
+
 TEST_F(NetCommand, UnsupportedLayersAreExitCode4) {
   test::write_file(dir_ / "odd.prototxt",
                    std::string(kNet) +

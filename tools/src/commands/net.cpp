@@ -11,7 +11,9 @@ int net_command(const Arguments& arguments) {
                    {"forward", "run it on .npy arrays", net_forward_command},
                    {"profile", "time every layer and the whole", net_profile_command},
                    {"verify", "compare with outputs of the original", net_verify_command},
-                   {"layers", "the layer types that networks can use", net_layers_command}},
+                   {"layers", "the layer types that networks can use", net_layers_command},
+                   {"upgrade", "write an old prototxt or weights file in the current format",
+                    net_upgrade_command}},
                   arguments);
 }
 

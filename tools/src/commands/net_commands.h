@@ -12,6 +12,7 @@ int net_forward_command(const Arguments&);
 int net_layers_command(const Arguments&);
 int net_profile_command(const Arguments&);
 int net_verify_command(const Arguments&);
+int net_upgrade_command(const Arguments&);
 
 /// The layers and totals of a plan, with timings when there are any; shared by inspect and profile.
 reports::NetReport net_report(const NetOptions& options, const std::string& weights,

@@ -1,0 +1,140 @@
+// `revisit net upgrade` against what the original's own upgrade tools wrote.
+#include <google/protobuf/text_format.h>
+#include <google/protobuf/util/message_differencer.h>
+#include <gtest/gtest.h>
+
+#include "caffe.pb.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/proto/weights_file.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+using google::protobuf::util::MessageDifferencer;
+using test::run_revisit;
+
+class NetUpgrade : public testing::Test {
+ protected:
+  std::string path(const std::string& name) const { return (dir_ / name).string(); }
+  void expect_failure(int code, const std::string& arguments, const std::string& part) const {
+    const auto result = run_revisit("net upgrade " + arguments);
+    EXPECT_EQ(result.exit_code, code) << arguments << "\n" << result.err;
+    EXPECT_NE(result.err.find(part), std::string::npos) << "no '" << part << "' in: " << result.err;
+  }
+  const test::TempDir dir_;
+};
+
+caffe::NetParameter text_net(const std::string& text) {
+  caffe::NetParameter net;
+  EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(text, &net));
+  return net;
+}
+
+/// Blobs by layer and index, without layers that have none.
+std::map<std::string, std::vector<float>> weights_of(const fs::path& path) {
+  std::map<std::string, std::vector<float>> all;
+  const auto file = proto::WeightsFile::open(path);
+  for (size_t i = 0; i < file->layers().size(); ++i)
+    for (const proto::Blob& blob : file->read(i)) {
+      std::vector<float>& values = all[file->layers()[i].name];
+      values.insert(values.end(), blob.data.begin(), blob.data.end());
+    }
+  return all;
+}
+
+TEST_F(NetUpgrade, TextIsThatOfTheOriginal) {
+  REVISIT_NEED_SHARED(folder, "golden/formats");
+  for (const std::string name : {"mini_v0", "mini_v1"}) {
+    SCOPED_TRACE(name);
+    const std::string in = (folder / (name + ".prototxt")).string();
+    ASSERT_EQ(run_revisit("net upgrade " + in + " " + path(name)).exit_code, 0);
+    const auto ours = text_net(test::read_file(dir_ / name));
+    const auto wanted = text_net(test::read_file(folder / (name + "_upgraded_by_caffe.prototxt")));
+    MessageDifferencer differencer;
+    std::string difference;
+    differencer.ReportDifferencesToString(&difference);
+    EXPECT_TRUE(differencer.Compare(wanted, ours)) << difference;
+    EXPECT_EQ(run_revisit("net upgrade " + in).out, test::read_file(dir_ / name));
+  }
+}
+
+TEST_F(NetUpgrade, BinaryIsThatOfTheOriginal) {
+  REVISIT_NEED_SHARED(folder, "golden/formats");
+  for (const std::string name : {"mini_v0", "mini_v1"}) {
+    SCOPED_TRACE(name);
+    const std::string in = (folder / (name + ".caffemodel")).string();
+    ASSERT_EQ(run_revisit("net upgrade " + in + " " + path(name)).exit_code, 0);
+    caffe::NetParameter ours, wanted;
+    ASSERT_TRUE(ours.ParseFromString(test::read_file(dir_ / name)));
+    ASSERT_TRUE(
+        wanted.ParseFromString(test::read_file(folder / (name + "_upgraded_by_caffe.caffemodel"))));
+    MessageDifferencer differencer;
+    std::string difference;
+    differencer.ReportDifferencesToString(&difference);
+    EXPECT_TRUE(differencer.Compare(wanted, ours)) << difference.substr(0, 2000);
+  }
+}
+
+TEST_F(NetUpgrade, EveryWeightsFileReadsTheSameAfterwards) {
+  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const auto truth = weights_of(folder / "mini_v2.caffemodel");
+  int n_files = 0;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string name = entry.path().filename().string();
+    if (name.find(".caffemodel") == std::string::npos) continue;
+    SCOPED_TRACE(name);
+    ASSERT_EQ(run_revisit("net upgrade " + entry.path().string() + " " + path(name)).exit_code, 0);
+    caffe::NetParameter net;
+    ASSERT_TRUE(net.ParseFromString(test::read_file(dir_ / name)));
+    EXPECT_EQ(net.layers_size(), 0);
+    EXPECT_EQ(weights_of(dir_ / name), truth);
+    ++n_files;
+  }
+  EXPECT_GE(n_files, 12);
+}
+
+TEST_F(NetUpgrade, TrainingLayersStay) {
+  test::write_file(dir_ / "train.prototxt",
+                   "layers { name: 'd' type: DATA top: 'x' data_param { batch_size: 2 crop_size: 3 "
+                   "} include { phase: TRAIN } }"
+                   "layers { name: 'l' type: SOFTMAX_LOSS bottom: 'x' bottom: 'y' }");
+  const auto result = run_revisit("net upgrade " + path("train.prototxt"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_TRUE(MessageDifferencer::Equals(
+      text_net(result.out),
+      text_net("layer { name: 'd' type: 'Data' top: 'x' include { phase: TRAIN } data_param { "
+               "batch_size: 2 } transform_param { crop_size: 3 } }"
+               "layer { name: 'l' type: 'SoftmaxWithLoss' bottom: 'x' bottom: 'y' }")));
+  EXPECT_EQ(result.err, "");
+}
+
+TEST_F(NetUpgrade, OverwritesOnlyWhenForced) {
+  test::write_file(dir_ / "in", "layers { name: 'r' type: RELU bottom: 'x' top: 'x' }");
+  test::write_file(dir_ / "out", "mine");
+  expect_failure(2, path("in") + " " + path("out"), "--force");
+  EXPECT_EQ(test::read_file(dir_ / "out"), "mine");
+  EXPECT_EQ(run_revisit("net upgrade --force " + path("in") + " " + path("out")).exit_code, 0);
+  EXPECT_EQ(text_net(test::read_file(dir_ / "out")).layer(0).type(), "ReLU");
+  // In place, too: the file is written whole before it takes the old one's name.
+  EXPECT_EQ(run_revisit("net upgrade --force " + path("in") + " " + path("in")).exit_code, 0);
+  EXPECT_EQ(test::read_file(dir_ / "in"), test::read_file(dir_ / "out"));
+}
+
+TEST_F(NetUpgrade, BadFilesSayWhatTheyAre) {
+  expect_failure(3, path("none") + " " + path("o"), "none: cannot open");
+  test::write_file(dir_ / "text", "layer {\n  nme: 'x'\n}");
+  expect_failure(3, path("text"), "text:2:3: unknown field 'nme'");
+  EXPECT_EQ(run_revisit("net upgrade --allow-unknown " + path("text")).exit_code, 0);
+  test::write_file(dir_ / "binary", std::string("\x01\x02\x00\x03", 4));
+  expect_failure(3, path("binary") + " " + path("o"), "not a caffemodel");
+  expect_failure(2, path("binary"), "holds weights: give the file to write");
+  test::write_file(dir_ / "h5", "\x89HDF\r\n\x1a\n");
+  expect_failure(3, path("h5") + " " + path("o"), "a damaged HDF5 file");
+  expect_failure(2, "--max-text-mb 0 " + path("text"), "--max-text-mb: expected 1 to");
+  EXPECT_FALSE(fs::exists(dir_ / "o"));
+}
+
+}  // namespace
+}  // namespace revisit

@@ -1,0 +1,95 @@
+#include <fstream>
+#include <iostream>
+
+#include "net_commands.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/proto/weights_file.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+enum class Kind { kText, kBinary, kHdf5 };
+
+/// What a file is by its beginning. A binary caffemodel has control characters in the tags of its
+/// fields; files that cannot be read count as text, whose reader says why.
+Kind kind_of(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::string head(4096, '\0');
+  in.read(head.data(), static_cast<std::streamsize>(head.size()));
+  head.resize(static_cast<size_t>(in.gcount()));
+  if (head.starts_with("\x89HDF")) return Kind::kHdf5;
+  for (const char c : head) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte < ' ' && !(byte >= '\t' && byte <= '\r')) return Kind::kBinary;
+  }
+  return Kind::kText;
+}
+
+/// HDF5 tells only names and weights; Caffe asks no more of a weights file.
+proto::NetFile read_hdf5(const fs::path& path, const proto::Limits& limits) {
+  proto::NetFile result;
+  const auto file = proto::WeightsFile::open(path, limits);
+  for (size_t i = 0; i < file->layers().size(); ++i) {
+    caffe::LayerParameter& layer = *result.net.add_layer();
+    layer.set_name(file->layers()[i].name);
+    for (const proto::Blob& blob : file->read(i)) {
+      if (blob.absent)
+        throw InputError(str(path.string(), ": layer '", layer.name(),
+                             "' shares an array that the file has under another layer; a "
+                             "caffemodel cannot leave it out"));
+      caffe::BlobProto& out = *layer.add_blobs();
+      out.mutable_shape()->mutable_dim()->Add(blob.shape.begin(), blob.shape.end());
+      out.mutable_data()->Add(blob.data.begin(), blob.data.end());
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+int net_upgrade_command(const Arguments& arguments) {
+  fs::path in;
+  std::optional<fs::path> out;
+  bool force = false;
+  proto::NetReadOptions read{.keep_training = true};
+  LimitOptions limits;
+  Parser parser("revisit net upgrade", "IN [OUT]",
+                "Write a prototxt, a caffemodel or an HDF5 weights file of any age in the current "
+                "format of Caffe (V2): prototxt as text, weights as a binary caffemodel. What a "
+                "file is, its content says. Nothing is left out: training layers stay. Without "
+                "OUT, text goes to the standard output.",
+                "  revisit net upgrade old.prototxt new.prototxt\n"
+                "  revisit net upgrade old.caffemodel new.caffemodel\n"
+                "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n");
+  parser.positional("IN", &in);
+  parser.optional_positional("OUT", &out);
+  parser.flag("force", "overwrite OUT", &force);
+  parser.flag("allow-unknown", "unknown prototxt fields are dropped with a warning",
+              &read.allow_unknown_fields);
+  limits.declare(parser);
+  parser.parse(arguments);
+  read.limits = limits.limits();
+
+  const Kind kind = kind_of(in);
+  if (!out && kind != Kind::kText)
+    throw UsageError(str(in.string(), " holds weights: give the file to write after it"));
+  if (out && !force && fs::exists(*out))
+    throw UsageError(str(out->string(), " exists; --force overwrites it"));
+
+  const proto::NetFile file = kind == Kind::kText     ? proto::read_net(in, read)
+                              : kind == Kind::kBinary ? proto::read_net_binary(in, read.limits)
+                                                      : read_hdf5(in, read.limits);
+  for (const std::string& warning : file.warnings) std::cerr << "warning: " << warning << "\n";
+  if (kind != Kind::kText) {
+    proto::write_net_binary(*out, file.net);
+  } else if (out) {
+    proto::write_net_text(*out, file.net);
+  } else {
+    std::cout << proto::net_text(file.net);
+  }
+  return kOk;
+}
+
+}  // namespace revisit::cli
