@@ -1,0 +1,117 @@
+// The verdict of the original Caffe on odd prototxts (../shared/golden/parse): the same here, but
+// for the differences of docs/STRICTER.md.
+#include <google/protobuf/struct.pb.h>
+#include <google/protobuf/util/json_util.h>
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "revisit/engine/net.h"
+#include "revisit/proto/net_file.h"
+#include "test_data.h"
+
+namespace revisit::engine {
+namespace {
+
+namespace fs = std::filesystem;
+
+using Shapes = std::map<std::string, std::vector<int64_t>>;  // by blob
+
+struct Verdict {
+  bool accept = false;
+  Shapes blobs;
+  std::string reason;        // why not
+  bool unsupported = false;  // because of a layer type that is not known
+};
+
+/// Where we differ from Caffe on purpose, each with a row of docs/STRICTER.md that begins with the
+/// same name.
+struct Difference {
+  const char* name;
+  bool we_accept;
+};
+constexpr Difference kDifferences[] = {
+    {"engine_cudnn", true},      {"net_inplace_conv", false},    {"net_inplace_lrn", false},
+    {"net_inplace_pool", false}, {"net_inplace_softmax", false},
+};
+
+std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
+  google::protobuf::Struct json;
+  EXPECT_TRUE(google::protobuf::util::JsonStringToMessage(test::read_file(index), &json).ok());
+  std::map<std::string, Verdict> verdicts;
+  for (const auto& [name, value] : json.fields()) {
+    const auto& fields = value.struct_value().fields();
+    Verdict& verdict = verdicts[name];
+    verdict.accept = fields.at("accept").bool_value();
+    if (!verdict.accept) verdict.reason = fields.at("error").string_value();
+    if (!verdict.accept) continue;
+    for (const auto& [blob, shape] : fields.at("blobs").struct_value().fields()) {
+      if (blob.find("_split_") != std::string::npos) continue;  // Caffe's own, not of the file
+      std::vector<int64_t>& axes = verdict.blobs[blob];
+      for (const auto& size : shape.list_value().values())
+        axes.push_back(static_cast<int64_t>(size.number_value()));
+    }
+  }
+  return verdicts;
+}
+
+/// What `revisit net inspect` says.
+Verdict our_verdict(const fs::path& prototxt) {
+  Verdict verdict;
+  try {
+    const Plan plan = Net::load_without_weights(prototxt).plan();
+    const auto net = proto::read_net(prototxt).net;
+    EXPECT_EQ(plan.layers().size(), static_cast<size_t>(net.layer_size()));
+    for (int i = 0; i < net.layer_size(); ++i)
+      for (int top = 0; top < net.layer(i).top_size(); ++top)
+        verdict.blobs[net.layer(i).top(top)] = plan.layers().at(i).outputs.at(top).axes();
+    verdict.accept = true;
+  } catch (const Error& error) {
+    verdict.unsupported = dynamic_cast<const UnsupportedError*>(&error) != nullptr;
+    verdict.reason = error.what();
+    EXPECT_NE(verdict.reason.find(prototxt.filename().string()), std::string::npos)
+        << verdict.reason;
+  }
+  return verdict;
+}
+
+TEST(ParseVerdicts, AreThoseOfCaffe) {
+  REVISIT_NEED_SHARED(folder, "golden/parse");
+  const auto verdicts = caffe_verdicts(folder / "index.json");
+  EXPECT_EQ(verdicts.size(), 77U);
+  for (const auto& [name, caffe] : verdicts) {
+    SCOPED_TRACE(name);
+    const Verdict ours = our_verdict(folder / (name + ".prototxt"));
+    const auto* difference =
+        std::find_if(std::begin(kDifferences), std::end(kDifferences),
+                     [&, &key = name](const Difference& entry) { return key == entry.name; });
+    const bool differs = difference != std::end(kDifferences);
+    EXPECT_EQ(ours.accept, differs ? difference->we_accept : caffe.accept)
+        << "Caffe: " << caffe.reason << "\nwe: " << ours.reason;
+    if (differs) {
+      EXPECT_NE(ours.accept, caffe.accept) << "no difference any more";
+    }
+    // To refuse what we do not know is no verdict on the file.
+    EXPECT_EQ(ours.unsupported, name == "net_type_unknown" || name == "pool_stochastic")
+        << ours.reason;
+    if (ours.accept && caffe.accept) {
+      EXPECT_EQ(ours.blobs, caffe.blobs);
+    }
+  }
+}
+
+TEST(ParseVerdicts, DifferencesAreThoseOfTheDocument) {
+  std::vector<std::string> rows, listed;
+  std::istringstream text(test::read_file(test::doc("STRICTER.md")));
+  for (std::string line; std::getline(text, line);) {
+    constexpr std::string_view start = "| `";
+    if (line.starts_with(start))
+      rows.push_back(line.substr(start.size(), line.find('`', start.size()) - start.size()));
+  }
+  for (const Difference& difference : kDifferences) listed.emplace_back(difference.name);
+  std::sort(rows.begin(), rows.end());
+  EXPECT_EQ(rows, listed);
+}
+
+}  // namespace
+}  // namespace revisit::engine
