@@ -102,7 +102,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
 
 TEST(ParseVerdicts, DifferencesAreThoseOfTheDocument) {
   std::vector<std::string> rows, listed;
-  std::istringstream text(test::read_file(test::doc("STRICTER.md")));
+  std::istringstream text(test::read_file(test::project_file("docs/STRICTER.md")));
   for (std::string line; std::getline(text, line);) {
     constexpr std::string_view start = "| `";
     if (line.starts_with(start))
