@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+
+#include "golden_case.h"
+
+namespace revisit::cli {
+
+/// The worst layer of a case, and the first that is off.
+struct CaseVerdict {
+  int compared = 0;  // layers
+  int rounding = 0;  // of them, passed only as `amplified rounding`, see below
+  double worst = 0;  // error, of `worst_at`
+  std::string worst_at, diverges_at, failure;
+  bool passed() const { return failure.empty() && diverges_at.empty() && compared > 0; }
+};
+
+struct CompareOptions {
+  double tolerance = 1e-5;
+  int threads = 1;
+  bool reference_kernels = false;
+};
+
+/// Runs a case and compares every layer that the original's outputs are there for. The error of a
+/// layer is max|a - b| / max|b|; of a Softmax, max|a - b|, with tolerance 1e-6; nets that only move
+/// values must agree exactly.
+///
+/// Some nets amplify rounding (batch normalisation of channels with little variance; the softmax of
+/// large scores that nearly cancel): there two ways of summing in our own kernels, in single and in
+/// double precision, are further apart than the tolerance. A layer beyond the tolerance is then
+/// judged by that distance d, the largest of any layer of the net: it passes below 2d, since we and
+/// the original may be off by as much in opposite directions, and never above 1e-4.
+///
+/// Never throws: what goes wrong is the verdict's `failure`.
+CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options);
+
+}  // namespace revisit::cli
