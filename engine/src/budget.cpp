@@ -21,11 +21,10 @@ void check_weight_bytes(const Net::Impl& net, int64_t limit) {
     for (const Tensor& weight : net.nodes[i].weights) bytes += bytes_of(weight.shape);
     if (bytes <= limit) continue;
     const Node& node = net.graph.nodes[i];
-    throw InputError(
-        str(net.file, ": layer '", node.name, "' (", node.param.type(),
-            "): the weights up to here take ", bytes / kMegabyte, " MB, more than the limit of ",
-            limit / kMegabyte,
-            " MB (--max-weights-mb raises it); is its num_output or kernel right?"));
+    throw InputError(str(net.file, ": layer '", node.name, "' (", node.param.type(),
+                         "): the weights up to here take ", bytes / kMegabyte,
+                         " MB, more than the limit of ", limit / kMegabyte,
+                         " MB (--max-weights-mb raises it); is its num_output or kernel right?"));
   }
 }
 

@@ -39,7 +39,7 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
       for (size_t port = 0; port < node.inputs.size(); ++port) {
         const ValueId id = node.inputs[port];
         inputs.push_back(shapes[id]);
-        if (result[id] && !(is_view && port == 0))
+        if (result[id] && !is_view)
           throw UnsupportedError(str("the number of rows of its input '", net.graph.values[id].blob,
                                      "' depends on the data (layer '",
                                      net.graph.nodes[result[id]->layer].name,

@@ -15,19 +15,24 @@ uint64_t next_random(uint64_t& state) {
 
 }  // namespace
 
-/// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth.
+/// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth;
+/// moving variances of BatchNorm (blob 1; blob 2 divides both sums) around 1.
 void fill_randomly(Net::Impl& net, uint64_t seed) {
   uint64_t state = seed;
-  for (LoadedNode& node : net.nodes) {
-    for (Tensor& weight : node.weights) {
+  for (size_t n = 0; n < net.nodes.size(); ++n) {
+    std::vector<Tensor>& weights = net.nodes[n].weights;
+    const bool batch_norm = net.graph.nodes[n].param.type() == "BatchNorm";
+    for (size_t blob = 0; blob < weights.size(); ++blob) {
+      Tensor& weight = weights[blob];
       const int64_t fan_in =
           weight.shape.rank() > 1 ? weight.shape.product(1, weight.shape.rank()) : 1;
       const double limit =
           weight.shape.rank() > 1 ? std::sqrt(6.0 / static_cast<double>(fan_in)) : 0.1;
+      const double centre = batch_norm && blob > 0 ? 1 : 0;
       weight.values.resize(weight.shape.elements());
       for (float& value : weight.values) {
         const double unit = static_cast<double>(next_random(state) >> 11) * 0x1.0p-53;  // [0, 1)
-        value = static_cast<float>(limit * (2 * unit - 1));
+        value = static_cast<float>(centre + limit * (2 * unit - 1));
       }
     }
   }

@@ -3,66 +3,66 @@
 
 #include <cmath>
 
+#include "checked_layer.h"
 #include "expect_error.h"
-#include "run_layer.h"
 
 namespace revisit::engine {
 namespace {
 
 using test::expect_error;
-using test::expect_values;
+using test::expect_near;
 using test::kInf;
 using test::kNan;
-using test::layer_from;
+using test::layer_of;
 using test::run;
-using test::run_layer;
+using test::run_checked;
 
 TEST(PReLU, OneSlopePerChannelOrOneForAll) {
   const std::vector<float> x{-1, 2, -3, 4, -kInf, kNan, -2, kInf};
-  expect_values(run("PReLU", "", {2, 2, 2}, x, {{0.5F, 10}}),
-                {-0.5F, 2, -30, 4, -kInf, kNan, -20, kInf});
-  expect_values(run("PReLU", "prelu_param { channel_shared: true }", {2, 2, 2}, x, {{0.5F}}),
-                {-0.5F, 2, -1.5F, 4, -kInf, kNan, -1, kInf});
-  expect_values(run("PReLU", "", {2, 2}, {-1, -1, 1, -2}, {{3, 4}}), {-3, -4, 1, -8});
+  expect_near(run("PReLU", "", {2, 2, 2}, x, {{0.5F, 10}}),
+              {-0.5F, 2, -30, 4, -kInf, kNan, -20, kInf});
+  expect_near(run("PReLU", "prelu_param { channel_shared: true }", {2, 2, 2}, x, {{0.5F}}),
+              {-0.5F, 2, -1.5F, 4, -kInf, kNan, -1, kInf});
+  expect_near(run("PReLU", "", {2, 2}, {-1, -1, 1, -2}, {{3, 4}}), {-3, -4, 1, -8});
   EXPECT_EQ(
-      layer_from("PReLU", "prelu_param { channel_shared: true }")->weight_shapes({Shape{2, 2}})[0],
+      layer_of("PReLU", "prelu_param { channel_shared: true }")->weight_shapes({Shape{2, 2}})[0],
       Shape{});
-  expect_error<InputError>([] { layer_from("PReLU", "")->infer({Shape{3}}, 1); }, {"2 axes"});
+  expect_error<InputError>([] { layer_of("PReLU", "")->infer({Shape{3}}, 1); }, {"2 axes"});
 }
 
 TEST(Scale, AlongAnyRangeOfAxes) {
   const std::vector<float> x{1, 2, 3, 4, 5, 6, 7, 8};
   const Shape shape{2, 2, 2};
-  expect_values(run("Scale", "", shape, x, {{10, 100}}), {10, 20, 300, 400, 50, 60, 700, 800});
-  expect_values(run("Scale", "scale_param { axis: -1 }", shape, x, {{10, 100}}),
-                {10, 200, 30, 400, 50, 600, 70, 800});
-  expect_values(run("Scale", "scale_param { axis: 0 num_axes: 2 }", shape, x, {{0, 1, 2, 3}}),
-                {0, 0, 3, 4, 10, 12, 21, 24});
-  expect_values(
+  expect_near(run("Scale", "", shape, x, {{10, 100}}), {10, 20, 300, 400, 50, 60, 700, 800});
+  expect_near(run("Scale", "scale_param { axis: -1 }", shape, x, {{10, 100}}),
+              {10, 200, 30, 400, 50, 600, 70, 800});
+  expect_near(run("Scale", "scale_param { axis: 0 num_axes: 2 }", shape, x, {{0, 1, 2, 3}}),
+              {0, 0, 3, 4, 10, 12, 21, 24});
+  expect_near(
       run("Scale", "scale_param { axis: 0 num_axes: -1 }", shape, x, {{1, 0, 1, 0, 1, 0, 1, 0}}),
       {1, 0, 3, 0, 5, 0, 7, 0});
-  expect_values(run("Scale", "scale_param { num_axes: 0 }", shape, x, {{2}}),
-                {2, 4, 6, 8, 10, 12, 14, 16});
+  expect_near(run("Scale", "scale_param { num_axes: 0 }", shape, x, {{2}}),
+              {2, 4, 6, 8, 10, 12, 14, 16});
 }
 
 TEST(Scale, AddsALearnedBias) {
-  expect_values(run("Scale", "scale_param { bias_term: true }", {1, 2, 2}, {1, 2, 3, 4},
-                    {{10, 100}, {1, -1}}),
-                {11, 21, 299, 399});
+  expect_near(run("Scale", "scale_param { bias_term: true }", {1, 2, 2}, {1, 2, 3, 4},
+                  {{10, 100}, {1, -1}}),
+              {11, 21, 299, 399});
 }
 
 TEST(Scale, TakesTheScaleFromASecondInput) {
   const Tensor x{Shape{2, 2, 2}, {1, 2, 3, 4, 5, 6, 7, 8}};
-  expect_values(
-      run_layer("Scale", "scale_param { axis: 0 }", {x, {Shape{2, 2}, {0, 1, 2, 3}}})[0].values,
+  expect_near(
+      run_checked("Scale", "scale_param { axis: 0 }", {x, {Shape{2, 2}, {0, 1, 2, 3}}})[0].values,
       {0, 0, 3, 4, 10, 12, 21, 24});
-  expect_values(run_layer("Scale", "scale_param { axis: 7 }", {x, {Shape{}, {2}}})[0].values,
-                {2, 4, 6, 8, 10, 12, 14, 16});
+  expect_near(run_checked("Scale", "scale_param { axis: 7 }", {x, {Shape{}, {2}}})[0].values,
+              {2, 4, 6, 8, 10, 12, 14, 16});
   // A bias then has the shape of the second input.
-  expect_values(run_layer("Scale", "scale_param { bias_term: true }", {x, {Shape{2}, {10, 100}}},
+  expect_near(run_checked("Scale", "scale_param { bias_term: true }", {x, {Shape{2}, {10, 100}}},
                           {{1, -1}})[0]
-                    .values,
-                {11, 21, 299, 399, 51, 61, 699, 799});
+                  .values,
+              {11, 21, 299, 399, 51, 61, 699, 799});
 }
 
 TEST(Scale, RunsOfAnyLength) {
@@ -79,17 +79,17 @@ TEST(Scale, RunsOfAnyLength) {
 
 TEST(Bias, IsBroadcastAsScaleIs) {
   const Tensor x{Shape{1, 2, 2}, {1, 2, 3, 4}};
-  expect_values(run("Bias", "", x.shape, x.values, {{10, 100}}), {11, 12, 103, 104});
-  expect_values(run("Bias", "bias_param { axis: 2 }", x.shape, x.values, {{10, 100}}),
-                {11, 102, 13, 104});
-  expect_values(run_layer("Bias", "", {x, {Shape{2, 2}, {1, 2, 3, 4}}})[0].values, {2, 4, 6, 8});
+  expect_near(run("Bias", "", x.shape, x.values, {{10, 100}}), {11, 12, 103, 104});
+  expect_near(run("Bias", "bias_param { axis: 2 }", x.shape, x.values, {{10, 100}}),
+              {11, 102, 13, 104});
+  expect_near(run_checked("Bias", "", {x, {Shape{2, 2}, {1, 2, 3, 4}}})[0].values, {2, 4, 6, 8});
 }
 
 TEST(ScaleAndBias, RefuseWhatDoesNotFit) {
   for (const auto& [type, param] : {std::pair{"Scale", "scale_param"}, {"Bias", "bias_param"}}) {
     const auto infer = [&, t = std::string(type), p = std::string(param)](
                            const std::string& given, const std::vector<Shape>& inputs) {
-      layer_from(t, p + " {" + given + "}")->infer(inputs, 1);
+      layer_of(t, p + " {" + given + "}")->infer(inputs, 1);
     };
     expect_error<InputError>([&] { infer("axis: 3", {Shape{1, 2, 3}}); }, {"axis 3", "1x2x3"});
     expect_error<InputError>([&] { infer("num_axes: 3", {Shape{1, 2, 3}}); }, {"reach past"});
@@ -112,52 +112,59 @@ TEST(ScaleAndBias, RefuseWhatDoesNotFit) {
 TEST(BatchNorm, DividesTheStoredSumsByTheirWeight) {
   // Mean 2 and 0, variance 4 and 1, both stored times 10.
   const std::string param = "batch_norm_param { eps: 0 }";
-  expect_values(run("BatchNorm", param, {1, 2, 2}, {2, 6, 3, kInf}, {{20, 0}, {40, 10}, {10}}),
-                {0, 2, 3, kInf}, 1e-6F);
+  expect_near(run("BatchNorm", param, {1, 2, 2}, {2, 6, 3, kInf}, {{20, 0}, {40, 10}, {10}}),
+              {0, 2, 3, kInf}, 1e-6F);
   // A weight of 0: nothing was summed.
-  expect_values(
+  expect_near(
       run("BatchNorm", "batch_norm_param { eps: 0.25 }", {1, 1, 2}, {2, 6}, {{20}, {40}, {0}}),
       {4, 12});
 }
 
 TEST(BatchNorm, OfTheBatchWhenAskedFor) {
   // Channel 0 holds 1, 3, 5, 7 (mean 4, variance 5), channel 1 a constant.
-  expect_values(run("BatchNorm", "batch_norm_param { use_global_stats: false eps: 4 }", {2, 2, 2},
-                    {1, 3, 9, 9, 5, 7, 9, 9}, {{0, 0}, {0, 0}, {0}}),
-                {-1, -1.0F / 3, 0, 0, 1.0F / 3, 1, 0, 0}, 1e-7F);
+  expect_near(run("BatchNorm", "batch_norm_param { use_global_stats: false eps: 4 }", {2, 2, 2},
+                  {1, 3, 9, 9, 5, 7, 9, 9}, {{0, 0}, {0, 0}, {0}}),
+              {-1, -1.0F / 3, 0, 0, 1.0F / 3, 1, 0, 0}, 1e-7F);
 }
 
 TEST(BatchNorm, RefusesLearningRatesAndSingleAxes) {
-  expect_error<InputError>([] { layer_from("BatchNorm", "param { lr_mult: 1 }"); }, {"lr_mult"});
-  layer_from("BatchNorm", "param { lr_mult: 0 }");
-  layer_from("BatchNorm", "param {} param {} param {}");  // nets of before that rule
-  expect_error<InputError>([] { layer_from("BatchNorm", "")->infer({Shape{3}}, 1); }, {"2 axes"});
+  expect_error<InputError>([] { layer_of("BatchNorm", "param { lr_mult: 1 }"); }, {"lr_mult"});
+  layer_of("BatchNorm", "param { lr_mult: 0 }");
+  layer_of("BatchNorm", "param {} param {} param {}");  // nets of before that rule
+  expect_error<InputError>([] { layer_of("BatchNorm", "")->infer({Shape{3}}, 1); }, {"2 axes"});
 }
 
 TEST(Mvn, PerChannelOrAcross) {
   const std::vector<float> x{1, 3, 10, 30};
   const Shape shape{1, 2, 1, 2};
-  expect_values(run("MVN", "", shape, x), {-1, 1, -1, 1}, 1e-6F);
-  expect_values(run("MVN", "mvn_param { normalize_variance: false }", shape, x), {-1, 1, -10, 10});
-  expect_values(
-      run("MVN", "mvn_param { normalize_variance: false across_channels: true }", shape, x),
-      {-10, -8, -1, 19});
+  expect_near(run("MVN", "", shape, x), {-1, 1, -1, 1}, 1e-6F);
+  expect_near(run("MVN", "mvn_param { normalize_variance: false }", shape, x), {-1, 1, -10, 10});
+  expect_near(run("MVN", "mvn_param { normalize_variance: false across_channels: true }", shape, x),
+              {-10, -8, -1, 19});
   // eps is added to the deviation, not to the variance.
-  expect_values(run("MVN", "mvn_param { eps: 1 }", shape, x),
-                {-0.5F, 0.5F, -10.0F / 11, 10.0F / 11}, 1e-6F);
-  expect_values(run("MVN", "", {2, 2}, x), {0, 0, 0, 0});  // a channel is one value
+  expect_near(run("MVN", "mvn_param { eps: 1 }", shape, x), {-0.5F, 0.5F, -10.0F / 11, 10.0F / 11},
+              1e-6F);
+  expect_near(run("MVN", "", {2, 2}, x), {0, 0, 0, 0});  // a channel is one value
   expect_error<InputError>(
       [] {
-        layer_from("MVN", "")->infer({Shape{1, 1, 1, 1, 1}}, 1);
+        layer_of("MVN", "")->infer({Shape{1, 1, 1, 1, 1}}, 1);
       },
       {"4 axes"});
+}
+
+TEST(Normalisation, OverTheImageSeesAllOfIt) {
+  const Shape shape{1, 4, 5, 6};
+  EXPECT_FALSE(layer_of("MVN", "")->window(shape));
+  EXPECT_TRUE(layer_of("BatchNorm", "")->window(shape));
+  EXPECT_FALSE(
+      layer_of("BatchNorm", "batch_norm_param { use_global_stats: false }")->window(shape));
 }
 
 TEST(Axpy, OneFactorPerImageAndChannel) {
   const Tensor x{Shape{2, 1, 1, 2}, {1, 2, 3, kNan}}, y{Shape{2, 1, 1, 2}, {10, 20, 30, 40}};
   for (const Shape& shape : {Shape{2, 1}, Shape{2, 1, 1, 1}})
-    expect_values(run_layer("Axpy", "", {{shape, {5, 0}}, x, y})[0].values, {15, 30, 30, 40});
-  const auto axpy = layer_from("Axpy", "");
+    expect_near(run_checked("Axpy", "", {{shape, {5, 0}}, x, y})[0].values, {15, 30, 30, 40});
+  const auto axpy = layer_of("Axpy", "");
   expect_error<InputError>(
       [&] {
         axpy->infer({Shape{1, 1}, x.shape, y.shape}, 1);

@@ -40,6 +40,19 @@ TEST(Normalize, EpsilonKeepsZeroFromDividing) {
   expect_near(found[0].values, {0, 1 / std::sqrt(5.0F)}, 1e-7F);
 }
 
+TEST(Normalize, MayOverwriteItsInput) {
+  for (const std::string across : {"true", "false"}) {
+    const Tensor image{Shape{2, 3, 20, 30}, test::random_floats(2 * 3 * 20 * 30, 3)};
+    test::SingleLayer layer{"Normalize",
+                            "norm_param { channel_shared: false across_spatial: " + across + " }",
+                            {image},
+                            {{1, 2, 3}}};
+    const auto apart = run_layer(layer)[0].values;
+    layer.in_place = true;
+    EXPECT_EQ(run_layer(layer)[0].values, apart) << across;
+  }
+}
+
 TEST(Normalize, SameForAnyNumberOfThreads) {
   const Tensor image{Shape{2, 5, 30, 31}, test::random_floats(2 * 5 * 930, 1)};
   for (const std::string across : {"false", "true"}) {

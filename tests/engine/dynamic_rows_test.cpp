@@ -108,6 +108,18 @@ TEST_F(FilterNet, RowsBelongToTheRun) {
   EXPECT_EQ(b.output("kept").shape, (Shape{1, 2, 2}));
 }
 
+TEST(FilterNetWithTwoOutputs, BothMayEndInSilence) {
+  const test::TempDir dir;
+  test::write_file(dir / "net.prototxt", R"(
+    layer { name: "in" type: "Input" top: "x" top: "y" top: "chosen" input_param {
+      shape { dim: 3 dim: 2 } shape { dim: 3 dim: 1 } shape { dim: 3 } } }
+    layer { name: "filter" type: "Filter" bottom: "x" bottom: "y" bottom: "chosen"
+            top: "kept_x" top: "kept_y" }
+    layer { name: "silence" type: "Silence" bottom: "kept_x" bottom: "kept_y" }
+  )");
+  EXPECT_NO_THROW(Net::load_without_weights(dir / "net.prototxt").plan());
+}
+
 TEST(DetectorNet, TheOutputHasARowForEachDetection) {
   const test::TempDir dir;
   test::write_file(dir / "net.prototxt", R"(

@@ -3,17 +3,17 @@
 
 #include <cmath>
 
+#include "checked_layer.h"
 #include "expect_error.h"
-#include "run_layer.h"
 
 namespace revisit::engine {
 namespace {
 
 using test::expect_error;
-using test::expect_values;
+using test::expect_near;
 using test::kInf;
 using test::kNan;
-using test::layer_from;
+using test::layer_of;
 using test::run;
 
 /// One layer on a row of numbers.
@@ -23,93 +23,90 @@ std::vector<float> of(const std::string& type, const std::string& param,
 }
 
 TEST(AbsVal, IsTheMagnitude) {
-  expect_values(of("AbsVal", "", {-2, 0, 3, -kInf, kNan}), {2, 0, 3, kInf, kNan});
+  expect_near(of("AbsVal", "", {-2, 0, 3, -kInf, kNan}), {2, 0, 3, kInf, kNan});
 }
 
 TEST(Bnll, IsTheLogOfOnePlusExp) {
   const float ln2 = std::log(2.0F);
-  expect_values(of("BNLL", "", {0, 1000, -1000, kInf, -kInf}), {ln2, 1000, 0, kInf, 0}, 1e-7F);
-  expect_values(of("BNLL", "", {1, -1}), {1.3132617F, 0.3132617F}, 1e-6F);
+  expect_near(of("BNLL", "", {0, 1000, -1000, kInf, -kInf}), {ln2, 1000, 0, kInf, 0}, 1e-7F);
+  expect_near(of("BNLL", "", {1, -1}), {1.3132617F, 0.3132617F}, 1e-6F);
   EXPECT_GT(of("BNLL", "", {-20})[0], 2e-9F);  // double inside: it does not vanish
 }
 
 TEST(Clip, NanBecomesTheMinimum) {
-  expect_values(of("Clip", "clip_param { min: -1 max: 2 }", {-3, 0.5F, 3, kInf, -kInf, kNan}),
-                {-1, 0.5F, 2, 2, -1, -1});
+  expect_near(of("Clip", "clip_param { min: -1 max: 2 }", {-3, 0.5F, 3, kInf, -kInf, kNan}),
+              {-1, 0.5F, 2, 2, -1, -1});
 }
 
 TEST(Elu, SaturatesAtMinusAlpha) {
-  expect_values(of("ELU", "", {2, 0, -1, -kInf, kInf, kNan}),
-                {2, 0, std::exp(-1.0F) - 1, -1, kInf, kNan}, 1e-7F);
-  expect_values(of("ELU", "elu_param { alpha: 0.5 }", {-kInf, 3}), {-0.5F, 3});
+  expect_near(of("ELU", "", {2, 0, -1, -kInf, kInf, kNan}),
+              {2, 0, std::exp(-1.0F) - 1, -1, kInf, kNan}, 1e-7F);
+  expect_near(of("ELU", "elu_param { alpha: 0.5 }", {-kInf, 3}), {-0.5F, 3});
 }
 
 TEST(Exp, AnyBase) {
-  expect_values(of("Exp", "", {0, 1, -kInf}), {1, std::exp(1.0F), 0}, 1e-6F);
+  expect_near(of("Exp", "", {0, 1, -kInf}), {1, std::exp(1.0F), 0}, 1e-6F);
   // 2 ^ (1 + 0.5 x)
-  expect_values(of("Exp", "exp_param { base: 2 scale: 0.5 shift: 1 }", {0, 2, -2}), {2, 4, 1},
-                1e-6F);
-  expect_values(of("Exp", "exp_param { shift: 2 }", {-2}), {1}, 1e-6F);
+  expect_near(of("Exp", "exp_param { base: 2 scale: 0.5 shift: 1 }", {0, 2, -2}), {2, 4, 1}, 1e-6F);
+  expect_near(of("Exp", "exp_param { shift: 2 }", {-2}), {1}, 1e-6F);
 }
 
 TEST(Log, AnyBase) {
-  expect_values(of("Log", "", {1, 0, -1, kInf}), {0, -kInf, kNan, kInf});
+  expect_near(of("Log", "", {1, 0, -1, kInf}), {0, -kInf, kNan, kInf});
   // log2(2 x + 1)
-  expect_values(of("Log", "log_param { base: 2 scale: 2 shift: 1 }", {0, 0.5F, 3.5F}), {0, 1, 3},
-                1e-6F);
+  expect_near(of("Log", "log_param { base: 2 scale: 2 shift: 1 }", {0, 0.5F, 3.5F}), {0, 1, 3},
+              1e-6F);
 }
 
 TEST(ExpAndLog, RefuseBasesWithoutALogarithm) {
   for (const char* base : {"-2", "0", "inf", "nan"}) {
     const std::string given = "{ base: " + std::string(base) + " }";
-    expect_error<InputError>([&] { layer_from("Exp", "exp_param " + given); },
-                             {"base", "positive"});
-    expect_error<InputError>([&] { layer_from("Log", "log_param " + given); },
-                             {"base", "positive"});
+    expect_error<InputError>([&] { layer_of("Exp", "exp_param " + given); }, {"base", "positive"});
+    expect_error<InputError>([&] { layer_of("Log", "log_param " + given); }, {"base", "positive"});
   }
-  expect_error<InputError>([] { layer_from("Log", "log_param { base: 1 }"); }, {"base", "1"});
+  expect_error<InputError>([] { layer_of("Log", "log_param { base: 1 }"); }, {"base", "1"});
 }
 
 TEST(Power, ShiftScalePower) {
-  expect_values(of("Power", "power_param { power: 2 scale: 0.5 shift: 1 }", {0, 2, -6}), {1, 4, 4});
-  expect_values(of("Power", "power_param { scale: -2 shift: 1 }", {0, 3, kInf}), {1, -5, -kInf});
-  expect_values(of("Power", "power_param { power: 3 }", {-2}), {-8});
-  expect_values(of("Power", "power_param { power: 0.5 }", {4, -1}), {2, kNan});
+  expect_near(of("Power", "power_param { power: 2 scale: 0.5 shift: 1 }", {0, 2, -6}), {1, 4, 4});
+  expect_near(of("Power", "power_param { scale: -2 shift: 1 }", {0, 3, kInf}), {1, -5, -kInf});
+  expect_near(of("Power", "power_param { power: 3 }", {-2}), {-8});
+  expect_near(of("Power", "power_param { power: 0.5 }", {4, -1}), {2, kNan});
 }
 
 TEST(Power, WithoutAShiftTheSignOfZeroStays) {
-  expect_values(of("Power", "power_param { power: -1 }", {-0.0F, 0.0F}), {-kInf, kInf});
+  expect_near(of("Power", "power_param { power: -1 }", {-0.0F, 0.0F}), {-kInf, kInf});
 }
 
 TEST(Power, AProductOfZeroIgnoresTheInput) {
-  expect_values(of("Power", "power_param { power: 2 scale: 0 shift: 3 }", {1, kNan}), {9, 9});
-  expect_values(of("Power", "power_param { power: 0 scale: 2 shift: 3 }", {1, kNan}), {1, 1});
+  expect_near(of("Power", "power_param { power: 2 scale: 0 shift: 3 }", {1, kNan}), {9, 9});
+  expect_near(of("Power", "power_param { power: 0 scale: 2 shift: 3 }", {1, kNan}), {1, 1});
 }
 
 TEST(ReLU6, SaturatesAtSix) {
-  expect_values(of("ReLU6", "", {-1, 0, 5, 6, 7, kInf}), {0, 0, 5, 6, 6, 6});
-  expect_values(of("ReLU6", "relu6_param { negative_slope: 0.5 }", {-2, 7}), {-1, 6});
-  expect_values(of("ReLU6", "relu_param { negative_slope: 0.5 }", {-2, 7}), {-1, 6});
+  expect_near(of("ReLU6", "", {-1, 0, 5, 6, 7, kInf}), {0, 0, 5, 6, 6, 6});
+  expect_near(of("ReLU6", "relu6_param { negative_slope: 0.5 }", {-2, 7}), {-1, 6});
+  expect_near(of("ReLU6", "relu_param { negative_slope: 0.5 }", {-2, 7}), {-1, 6});
 }
 
 TEST(Sigmoid, IsZeroAndOneFarOut) {
-  expect_values(of("Sigmoid", "", {0, kInf, -kInf, 500, -500, kNan}), {0.5F, 1, 0, 1, 0, kNan});
-  expect_values(of("Sigmoid", "", {std::log(3.0F)}), {0.75F}, 1e-7F);
+  expect_near(of("Sigmoid", "", {0, kInf, -kInf, 500, -500, kNan}), {0.5F, 1, 0, 1, 0, kNan});
+  expect_near(of("Sigmoid", "", {std::log(3.0F)}), {0.75F}, 1e-7F);
 }
 
 TEST(Swish, IsXTimesSigmoid) {
   const float ln3 = std::log(3.0F);
-  expect_values(of("Swish", "", {0, ln3}), {0, 0.75F * ln3}, 1e-6F);
-  expect_values(of("Swish", "swish_param { beta: 2 }", {ln3 / 2}), {0.75F * ln3 / 2}, 1e-6F);
+  expect_near(of("Swish", "", {0, ln3}), {0, 0.75F * ln3}, 1e-6F);
+  expect_near(of("Swish", "swish_param { beta: 2 }", {ln3 / 2}), {0.75F * ln3 / 2}, 1e-6F);
 }
 
 TEST(TanH, OfLogTwo) {
-  expect_values(of("TanH", "", {0, std::log(2.0F), kInf, -kInf}), {0, 0.6F, 1, -1}, 1e-7F);
+  expect_near(of("TanH", "", {0, std::log(2.0F), kInf, -kInf}), {0, 0.6F, 1, -1}, 1e-7F);
 }
 
 TEST(Threshold, IsStrict) {
-  expect_values(of("Threshold", "threshold_param { threshold: 0.5 }", {0.5F, 0.6F, -1, kNan}),
-                {0, 1, 0, 0});
+  expect_near(of("Threshold", "threshold_param { threshold: 0.5 }", {0.5F, 0.6F, -1, kNan}),
+              {0, 1, 0, 0});
 }
 
 TEST(Elementwise, LargeArraysAreCoveredWhole) {
@@ -124,11 +121,11 @@ TEST(Elementwise, LargeArraysAreCoveredWhole) {
 }
 
 TEST(Elementwise, KeepsAnyShapeAndTakesOneInput) {
-  EXPECT_EQ(layer_from("TanH", "")->infer({Shape{2, 3, 1, 4, 5}}, 1)[0], (Shape{2, 3, 1, 4, 5}));
-  EXPECT_EQ(layer_from("TanH", "")->infer({Shape{}}, 1)[0], Shape{});
+  EXPECT_EQ(layer_of("TanH", "")->infer({Shape{2, 3, 1, 4, 5}}, 1)[0], (Shape{2, 3, 1, 4, 5}));
+  EXPECT_EQ(layer_of("TanH", "")->infer({Shape{}}, 1)[0], Shape{});
   expect_error<InputError>(
       [] {
-        layer_from("TanH", "")->infer({Shape{1}, Shape{1}}, 1);
+        layer_of("TanH", "")->infer({Shape{1}, Shape{1}}, 1);
       },
       {"expected 1 inputs, found 2"});
 }

@@ -70,14 +70,14 @@ class GoldenZoo : public testing::TestWithParam<std::string> {
     return fs::exists(weights) ? Net::load(prototxt, weights) : Net::load_without_weights(prototxt);
   }
 
-  engine::Run forward(const Net& net, int threads) const {
+  engine::Run forward(const Net& net, const PlanOptions& options) const {
     std::map<std::string, proto::NpyArray> arrays;
     std::map<std::string, Shape> shapes;
     for (const Port& port : net.inputs()) {
       arrays[port.name] = proto::read_npy(folder() / ("in_" + file_name(port.name) + ".npy"));
       shapes[port.name] = Shape(arrays[port.name].shape);
     }
-    engine::Run run(net.plan(shapes, {.threads = threads}));
+    engine::Run run(net.plan(shapes, options));
     for (const auto& [blob, array] : arrays)
       std::copy(array.data.begin(), array.data.end(), run.input(blob).data);
     run.forward();
@@ -100,9 +100,10 @@ TEST_P(GoldenZoo, AsTheOriginal) {
   EXPECT_EQ(static_cast<int>(net.inputs().size()), count_files("in_"));
   EXPECT_EQ(static_cast<int>(net.outputs().size()), count_files("out_"));
   double worst = 0;
-  for (const int threads : {1, 2}) {
-    SCOPED_TRACE(threads);
-    const engine::Run run = forward(net, threads);
+  for (const PlanOptions& options : {PlanOptions{.threads = 1}, PlanOptions{.threads = 2},
+                                     PlanOptions{.reference_kernels = true}}) {
+    SCOPED_TRACE(str(options.threads, " threads, reference ", options.reference_kernels));
+    const engine::Run run = forward(net, options);
     for (const std::string& blob : net.outputs()) {
       const auto wanted = proto::read_npy(folder() / ("out_" + file_name(blob) + ".npy"));
       const View<const float> found = run.output(blob);

@@ -28,8 +28,9 @@ Net in_place(const std::string& type, const std::string& param = "") {
 
 TEST(InPlace, IsForLayersThatReadEachValueBeforeTheyWriteIt) {
   for (const std::string type :
-       {"BNLL", "BatchNorm", "Bias", "Clip", "Dropout", "ELU", "Exp", "Log", "MVN", "Power",
-        "PReLU", "ReLU", "ReLU6", "Scale", "Sigmoid", "Swish", "TanH", "Threshold"})
+       {"BNLL",  "BatchNorm", "Bias",      "Clip",  "Dropout", "ELU",      "Exp",
+        "Log",   "MVN",       "Normalize", "Power", "PReLU",   "ReLU",     "ReLU6",
+        "Scale", "Sigmoid",   "Softmax",   "Swish", "TanH",    "Threshold"})
     EXPECT_EQ(in_place(type).outputs().size(), 2U) << type;
 }
 
@@ -51,7 +52,6 @@ TEST(InPlace, IsRefusedWhereItIsUndefined) {
   refused("Reshape", "reshape_param { shape { dim: 0 dim: 0 dim: 0 dim: 0 } }");
   refused("ShuffleChannel");
   refused("Slice");
-  refused("Softmax");
   refused("Tile", "tile_param { tiles: 1 }");
 }
 
@@ -123,11 +123,10 @@ TEST(Buffers, OfLayersThatReuseTheirInputHoldWhatIsStillRead) {
 TEST(GoldenParse, LayersRefuseWhatCaffeRefuses) {
   REVISIT_NEED_SHARED(folder, "golden/parse");
   for (const std::string name :
-       {"bn_four_params", "concat_mismatch", "conv_zero_then_pool", "eltwise_coeff_count",
-        "eltwise_prod_coeff", "eltwise_shape_mismatch", "exp_base_neg2", "lrn_2axis",
-        "lrn_even_size", "net_inplace_conv", "net_inplace_lrn", "net_inplace_pool",
-        "net_inplace_softmax", "net_two_bottoms_relu", "reshape_bad_count", "reshape_two_m1",
-        "slice_uneven"}) {
+       {"bn_four_params", "concat_mismatch", "eltwise_coeff_count", "eltwise_prod_coeff",
+        "eltwise_shape_mismatch", "exp_base_neg2", "lrn_2axis", "lrn_even_size", "net_inplace_conv",
+        "net_inplace_lrn", "net_inplace_pool", "net_inplace_softmax", "net_two_bottoms_relu",
+        "reshape_bad_count", "reshape_two_m1", "slice_uneven"}) {
     SCOPED_TRACE(name);
     expect_error<InputError>([&] { Net::load_without_weights(folder / (name + ".prototxt")); },
                              {name + ".prototxt: layer '"});

@@ -4,22 +4,22 @@
 #include <cfloat>
 #include <cmath>
 
+#include "checked_layer.h"
 #include "expect_error.h"
-#include "run_layer.h"
 
 namespace revisit::engine {
 namespace {
 
 using test::expect_error;
-using test::expect_values;
+using test::expect_near;
 using test::kInf;
 using test::kNan;
-using test::layer_from;
+using test::layer_of;
 using test::run;
 
 TEST(ReLU, KeepsCaffesSpecialCases) {
-  expect_values(run("ReLU", "", {6}, {-2, 0, 3, kInf, -kInf, kNan}), {0, 0, 3, kInf, kNan, kNan});
-  expect_values(run("ReLU", "relu_param { negative_slope: 0.5 }", {3}, {-2, 0, 3}), {-1, 0, 3});
+  expect_near(run("ReLU", "", {6}, {-2, 0, 3, kInf, -kInf, kNan}), {0, 0, 3, kInf, kNan, kNan});
+  expect_near(run("ReLU", "relu_param { negative_slope: 0.5 }", {3}, {-2, 0, 3}), {-1, 0, 3});
 }
 
 TEST(Pooling, RoundsUpAndClipsTheLastWindow) {
@@ -27,93 +27,92 @@ TEST(Pooling, RoundsUpAndClipsTheLastWindow) {
   // pair.
   const std::string max =
       "pooling_param { pool: MAX kernel_h: 1 kernel_w: 3 stride_h: 1 stride_w: 2 }";
-  expect_values(run("Pooling", max, {1, 1, 1, 4}, {1, 5, 2, 4}), {5, 4});
+  expect_near(run("Pooling", max, {1, 1, 1, 4}, {1, 5, 2, 4}), {5, 4});
   const std::string ave =
       "pooling_param { pool: AVE kernel_h: 1 kernel_w: 3 stride_h: 1 stride_w: 2 }";
-  expect_values(run("Pooling", ave, {1, 1, 1, 4}, {1, 5, 2, 4}), {8.0F / 3, 3}, 1e-6F);
+  expect_near(run("Pooling", ave, {1, 1, 1, 4}, {1, 5, 2, 4}), {8.0F / 3, 3}, 1e-6F);
   const std::string floor =
       "pooling_param { kernel_h: 1 kernel_w: 3 stride_h: 1 stride_w: 2 round_mode: FLOOR }";
-  expect_values(run("Pooling", floor, {1, 1, 1, 4}, {1, 5, 2, 4}), {5});
+  expect_near(run("Pooling", floor, {1, 1, 1, 4}, {1, 5, 2, 4}), {5});
 }
 
 TEST(Pooling, PaddingNeverWinsAndCountsInTheAverage) {
   const std::string pad = "kernel_size: 2 stride: 2 pad: 1 }";
   // 2x2 with pad 1: windows hold one pixel each.
-  expect_values(run("Pooling", "pooling_param { pool: MAX " + pad, {1, 1, 2, 2}, {-1, -2, -3, -4}),
-                {-1, -2, -3, -4});
-  expect_values(run("Pooling", "pooling_param { pool: AVE " + pad, {1, 1, 2, 2}, {4, 8, 12, 16}),
-                {1, 2, 3, 4});
+  expect_near(run("Pooling", "pooling_param { pool: MAX " + pad, {1, 1, 2, 2}, {-1, -2, -3, -4}),
+              {-1, -2, -3, -4});
+  expect_near(run("Pooling", "pooling_param { pool: AVE " + pad, {1, 1, 2, 2}, {4, 8, 12, 16}),
+              {1, 2, 3, 4});
 }
 
 TEST(Pooling, NanNeverWinsAndAnEmptyMaximumIsTheSmallestFloat) {
-  expect_values(
-      run("Pooling", "pooling_param { kernel_size: 2 }", {1, 1, 2, 2}, {kNan, 1, 0, kNan}), {1});
-  expect_values(
+  expect_near(run("Pooling", "pooling_param { kernel_size: 2 }", {1, 1, 2, 2}, {kNan, 1, 0, kNan}),
+              {1});
+  expect_near(
       run("Pooling", "pooling_param { kernel_size: 2 }", {1, 1, 2, 2}, {kNan, kNan, kNan, kNan}),
       {-FLT_MAX});
 }
 
 TEST(Pooling, GlobalTakesTheWholeImage) {
   Shape shape;
-  expect_values(run("Pooling", "pooling_param { pool: AVE global_pooling: true }", {1, 2, 2, 2},
-                    {1, 2, 3, 6, -1, -1, -1, -1}, {}, &shape),
-                {3, -1});
+  expect_near(run("Pooling", "pooling_param { pool: AVE global_pooling: true }", {1, 2, 2, 2},
+                  {1, 2, 3, 6, -1, -1, -1, -1}, {}, &shape),
+              {3, -1});
   EXPECT_EQ(shape, (Shape{1, 2, 1, 1}));
 }
 
 TEST(Pooling, MaskIsTheIndexInTheImage) {
-  const auto outputs = test::run_layer("Pooling", "pooling_param { kernel_size: 2 stride: 2 }",
-                                       {{Shape{1, 1, 2, 4}, {1, 2, 9, 3, 4, 0, 5, 6}}}, {}, 2);
-  expect_values(outputs[0].values, {4, 9});
-  expect_values(outputs[1].values, {4, 2});
+  const auto outputs = test::run_checked("Pooling", "pooling_param { kernel_size: 2 stride: 2 }",
+                                         {{Shape{1, 1, 2, 4}, {1, 2, 9, 3, 4, 0, 5, 6}}}, {}, 2);
+  expect_near(outputs[0].values, {4, 9});
+  expect_near(outputs[1].values, {4, 2});
 }
 
 TEST(Lrn, AcrossChannels) {
   // size 3, alpha 3, beta 1, k 2: y = x / (2 + sum of squares of the neighbours)
   const std::string param = "lrn_param { local_size: 3 alpha: 3 beta: 1 k: 2 }";
-  expect_values(run("LRN", param, {1, 3, 1, 1}, {1, 2, 3}), {1.0F / 7, 2.0F / 16, 3.0F / 15},
-                1e-7F);
+  expect_near(run("LRN", param, {1, 3, 1, 1}, {1, 2, 3}), {1.0F / 7, 2.0F / 16, 3.0F / 15}, 1e-7F);
   // beta 0.75 takes another path: 16 ^ -0.75 = 1 / 8
   const std::string usual = "lrn_param { local_size: 3 alpha: 3 beta: 0.75 k: 2 }";
-  expect_values(run("LRN", usual, {1, 3, 1, 1}, {1, 2, 3}),
-                {std::pow(7.0F, -0.75F), 2.0F / 8, 3 * std::pow(15.0F, -0.75F)}, 1e-6F);
+  expect_near(run("LRN", usual, {1, 3, 1, 1}, {1, 2, 3}),
+              {std::pow(7.0F, -0.75F), 2.0F / 8, 3 * std::pow(15.0F, -0.75F)}, 1e-6F);
 }
 
 TEST(Lrn, WithinChannelIgnoresKAndCountsPadding) {
   // 3x3 window over 1x2: mean of squares = (1 + 4) / 9 everywhere; y = x / (1 + 9 * 5 / 9)
   const std::string param =
       "lrn_param { local_size: 3 alpha: 9 beta: 1 k: 100 norm_region: WITHIN_CHANNEL }";
-  expect_values(run("LRN", param, {1, 1, 1, 2}, {1, 2}), {1.0F / 6, 2.0F / 6}, 1e-7F);
+  expect_near(run("LRN", param, {1, 1, 1, 2}, {1, 2}), {1.0F / 6, 2.0F / 6}, 1e-7F);
 }
 
 TEST(Convolution, OutputSizeTruncatesTowardZero) {
   // Kernel 3 on one row, stride 4: (1 - 3) / 4 + 1 = 1; the missing rows read as zero.
   Shape shape;
-  expect_values(run("Convolution", "convolution_param { num_output: 1 kernel_size: 3 stride: 4 }",
-                    {1, 1, 1, 1}, {2}, {{3, 1, 1, 1, 1, 1, 1, 1, 1}, {0.5F}}, &shape),
-                {6.5F});
+  expect_near(run("Convolution", "convolution_param { num_output: 1 kernel_size: 3 stride: 4 }",
+                  {1, 1, 1, 1}, {2}, {{3, 1, 1, 1, 1, 1, 1, 1, 1}, {0.5F}}, &shape),
+              {6.5F});
   EXPECT_EQ(shape, (Shape{1, 1, 1, 1}));
 }
 
 TEST(Convolution, OneDimensional) {
-  expect_values(run("Convolution",
-                    "convolution_param { num_output: 1 kernel_size: 2 pad: 1 bias_term: false }",
-                    {1, 1, 3}, {1, 2, 3}, {{10, 1}}),
-                {1, 12, 23, 30});
+  expect_near(run("Convolution",
+                  "convolution_param { num_output: 1 kernel_size: 2 pad: 1 bias_term: false }",
+                  {1, 1, 3}, {1, 2, 3}, {{10, 1}}),
+              {1, 12, 23, 30});
 }
 
 TEST(Convolution, Groups) {
-  expect_values(run("Convolution",
-                    "convolution_param { num_output: 2 kernel_size: 1 group: 2 bias_term: false }",
-                    {1, 2, 1, 2}, {1, 2, 3, 4}, {{10, 100}}),
-                {10, 20, 300, 400});
+  expect_near(run("Convolution",
+                  "convolution_param { num_output: 2 kernel_size: 1 group: 2 bias_term: false }",
+                  {1, 2, 1, 2}, {1, 2, 3, 4}, {{10, 100}}),
+              {10, 20, 300, 400});
 }
 
 TEST(InnerProduct, BothOrdersOfWeights) {
-  expect_values(run("InnerProduct", "inner_product_param { num_output: 2 }", {1, 3}, {1, 2, 3},
-                    {{1, 0, 0, 1, 1, 1}, {0.5F, -1}}),
-                {1.5F, 5});
-  expect_values(
+  expect_near(run("InnerProduct", "inner_product_param { num_output: 2 }", {1, 3}, {1, 2, 3},
+                  {{1, 0, 0, 1, 1, 1}, {0.5F, -1}}),
+              {1.5F, 5});
+  expect_near(
       run("InnerProduct", "inner_product_param { num_output: 2 transpose: true bias_term: false }",
           {1, 3}, {1, 2, 3}, {{1, 1, 0, 1, 0, 1}}),
       {1, 6});
@@ -122,47 +121,46 @@ TEST(InnerProduct, BothOrdersOfWeights) {
 TEST(Softmax, SumsToOneAlongItsAxisAndSurvivesLargeValues) {
   const auto found =
       run("Softmax", "softmax_param { axis: 1 }", {1, 2, 2}, {1000, 0, 1000, std::log(3.0F)});
-  expect_values(found, {0.5F, 0.25F, 0.5F, 0.75F}, 1e-6F);
+  expect_near(found, {0.5F, 0.25F, 0.5F, 0.75F}, 1e-6F);
 }
 
 TEST(Concat, AlongAnyAxis) {
   const std::string param = "concat_param { axis: -1 }";
   const auto output =
-      test::run_layer("Concat", param, {{Shape{2, 1}, {1, 2}}, {Shape{2, 2}, {3, 4, 5, 6}}})[0];
+      test::run_checked("Concat", param, {{Shape{2, 1}, {1, 2}}, {Shape{2, 2}, {3, 4, 5, 6}}})[0];
   EXPECT_EQ(output.shape, (Shape{2, 3}));
-  expect_values(output.values, {1, 3, 4, 2, 5, 6});
-  EXPECT_THROW(layer_from("Concat", param)->infer({Shape{2, 1}, Shape{3, 2}}, 1), InputError);
+  expect_near(output.values, {1, 3, 4, 2, 5, 6});
+  EXPECT_THROW(layer_of("Concat", param)->infer({Shape{2, 1}, Shape{3, 2}}, 1), InputError);
 }
 
 TEST(Flatten, MergesARangeOfAxes) {
-  EXPECT_EQ(layer_from("Flatten", "")->infer({Shape{2, 3, 4, 5}}, 1)[0], (Shape{2, 60}));
-  EXPECT_EQ(layer_from("Flatten", "flatten_param { axis: 1 end_axis: 2 }")
+  EXPECT_EQ(layer_of("Flatten", "")->infer({Shape{2, 3, 4, 5}}, 1)[0], (Shape{2, 60}));
+  EXPECT_EQ(layer_of("Flatten", "flatten_param { axis: 1 end_axis: 2 }")
                 ->infer({Shape{2, 3, 4, 5}}, 1)[0],
             (Shape{2, 12, 5}));
 }
 
 TEST(Layers, RefuseWhatCannotBe) {
-  expect_error<UnsupportedError>([] { layer_from("Convolutoin", ""); },
+  expect_error<UnsupportedError>([] { layer_of("Convolutoin", ""); },
                                  {"did you mean 'Convolution'"});
   expect_error<InputError>(
-      [] { layer_from("Convolution", "convolution_param { num_output: 3 group: 2 }"); },
+      [] { layer_of("Convolution", "convolution_param { num_output: 3 group: 2 }"); },
       {"multiple of group"});
-  expect_error<InputError>([] { layer_from("LRN", "lrn_param { local_size: 4 }"); }, {"odd"});
-  expect_error<InputError>([] { layer_from("LRN", "lrn_param { local_size: 4294967295 }"); },
+  expect_error<InputError>([] { layer_of("LRN", "lrn_param { local_size: 4 }"); }, {"odd"});
+  expect_error<InputError>([] { layer_of("LRN", "lrn_param { local_size: 4294967295 }"); },
                            {"local_size must be at most 2147483647, found 4294967295"});
-  expect_error<InputError>([] { layer_from("Pooling", "pooling_param { kernel_size: 2 pad: 2 }"); },
+  expect_error<InputError>([] { layer_of("Pooling", "pooling_param { kernel_size: 2 pad: 2 }"); },
                            {"pad 2"});
   expect_error<InputError>(
       [] {
-        layer_from("Convolution", "convolution_param { num_output: 1 kernel_size: 9 }")
+        layer_of("Convolution", "convolution_param { num_output: 1 kernel_size: 9 }")
             ->infer({Shape{1, 1, 4, 4}}, 1);
       },
       {"spans 9", "empty"});
   expect_error<InputError>(
       [] {
-        layer_from(
-            "Convolution",
-            "convolution_param { num_output: 1 kernel_size: 4294967295 dilation: 4294967295 }")
+        layer_of("Convolution",
+                 "convolution_param { num_output: 1 kernel_size: 4294967295 dilation: 4294967295 }")
             ->infer({Shape{1, 1, 4, 4}}, 1);
       },
       {"kernel size is too large: 4294967295"});

@@ -3,18 +3,18 @@
 
 #include <numeric>
 
+#include "checked_layer.h"
 #include "expect_error.h"
-#include "run_layer.h"
 
 namespace revisit::engine {
 namespace {
 
 using test::expect_error;
-using test::expect_values;
+using test::expect_near;
 using test::kNan;
-using test::layer_from;
+using test::layer_of;
 using test::run;
-using test::run_layer;
+using test::run_checked;
 
 /// 0, 1, 2, ...
 Tensor count_up(const Shape& shape) {
@@ -24,7 +24,7 @@ Tensor count_up(const Shape& shape) {
 }
 
 Shape reshaped(const std::string& param, const Shape& input) {
-  return layer_from("Reshape", "reshape_param { " + param + " }")->infer({input}, 1)[0];
+  return layer_of("Reshape", "reshape_param { " + param + " }")->infer({input}, 1)[0];
 }
 
 TEST(Reshape, CopiesInfersAndInserts) {
@@ -54,26 +54,26 @@ TEST(Reshape, RefusesWhatDoesNotFit) {
   refused("shape { dim: 1 } axis: 1 num_axes: 3", "reach past");
   refused("shape { dim: 24 } num_axes: -2", "num_axes");
   refused("shape { dim: 4294967296 dim: 4294967296 dim: -1 }", "more than");
-  EXPECT_FALSE(layer_from("Reshape", "")->allows_in_place());
+  EXPECT_FALSE(layer_of("Reshape", "")->allows_in_place());
 }
 
 TEST(Slice, AtPointsOrEqually) {
   const Tensor x = count_up({2, 3});
-  const auto parts = run_layer("Slice", "slice_param { slice_point: 1 }", {x}, {}, 2);
+  const auto parts = run_checked("Slice", "slice_param { slice_point: 1 }", {x}, {}, 2);
   EXPECT_EQ(parts[0].shape, (Shape{2, 1}));
   EXPECT_EQ(parts[1].shape, (Shape{2, 2}));
-  expect_values(parts[0].values, {0, 3});
-  expect_values(parts[1].values, {1, 2, 4, 5});
-  const auto rows = run_layer("Slice", "slice_param { slice_dim: 0 }", {x}, {}, 2);
-  expect_values(rows[1].values, {3, 4, 5});
-  const auto columns = run_layer("Slice", "slice_param { axis: -1 }", {x}, {}, 3);
-  expect_values(columns[2].values, {2, 5});
-  expect_values(run_layer("Slice", "", {x})[0].values, x.values);
+  expect_near(parts[0].values, {0, 3});
+  expect_near(parts[1].values, {1, 2, 4, 5});
+  const auto rows = run_checked("Slice", "slice_param { slice_dim: 0 }", {x}, {}, 2);
+  expect_near(rows[1].values, {3, 4, 5});
+  const auto columns = run_checked("Slice", "slice_param { axis: -1 }", {x}, {}, 3);
+  expect_near(columns[2].values, {2, 5});
+  expect_near(run_checked("Slice", "", {x})[0].values, x.values);
 }
 
 TEST(Slice, RefusesPointsOutOfOrder) {
   const auto infer = [](const std::string& param, size_t outputs) {
-    layer_from("Slice", "slice_param { " + param + " }")->infer({Shape{1, 4}}, outputs);
+    layer_of("Slice", "slice_param { " + param + " }")->infer({Shape{1, 4}}, outputs);
   };
   expect_error<InputError>([&] { infer("", 3); }, {"3 equal parts", "1x4"});
   expect_error<InputError>([&] { infer("slice_point: 1", 3); }, {"2 slice points", "found 1"});
@@ -88,16 +88,15 @@ TEST(Slice, RefusesPointsOutOfOrder) {
 
 TEST(Tile, RepeatsAlongAnAxis) {
   Shape shape;
-  expect_values(run("Tile", "tile_param { tiles: 2 }", {2, 2}, {1, 2, 3, 4}, {}, &shape),
-                {1, 2, 1, 2, 3, 4, 3, 4});
+  expect_near(run("Tile", "tile_param { tiles: 2 }", {2, 2}, {1, 2, 3, 4}, {}, &shape),
+              {1, 2, 1, 2, 3, 4, 3, 4});
   EXPECT_EQ(shape, (Shape{2, 4}));
-  expect_values(run("Tile", "tile_param { axis: 0 tiles: 2 }", {1, 2}, {1, 2}), {1, 2, 1, 2});
+  expect_near(run("Tile", "tile_param { axis: 0 tiles: 2 }", {1, 2}, {1, 2}), {1, 2, 1, 2});
   for (const std::string tiles : {"", "tiles: 0", "tiles: -1"})
-    expect_error<InputError>([&] { layer_from("Tile", "tile_param { " + tiles + " }"); },
-                             {"tiles"});
+    expect_error<InputError>([&] { layer_of("Tile", "tile_param { " + tiles + " }"); }, {"tiles"});
   expect_error<InputError>(
       [] {
-        layer_from("Tile", "tile_param { tiles: 2147483647 }")->infer({Shape{2, 2}}, 1);
+        layer_of("Tile", "tile_param { tiles: 2147483647 }")->infer({Shape{2, 2}}, 1);
       },
       {"more than"});
 }
@@ -106,13 +105,13 @@ TEST(Crop, ToTheSizeOfTheSecondInput) {
   const Tensor x = count_up({1, 1, 3, 4});
   const Tensor size = count_up({1, 9, 2, 2});
   const auto crop = [&](const std::string& param) {
-    return run_layer("Crop", "crop_param { " + param + " }", {x, size})[0];
+    return run_checked("Crop", "crop_param { " + param + " }", {x, size})[0];
   };
   EXPECT_EQ(crop("").shape, (Shape{1, 1, 2, 2}));
-  expect_values(crop("").values, {0, 1, 4, 5});
-  expect_values(crop("offset: 1").values, {5, 6, 9, 10});
-  expect_values(crop("offset: 1 offset: 2").values, {6, 7, 10, 11});
-  expect_values(crop("axis: -1 offset: 2").values, {2, 3, 6, 7, 10, 11});
+  expect_near(crop("").values, {0, 1, 4, 5});
+  expect_near(crop("offset: 1").values, {5, 6, 9, 10});
+  expect_near(crop("offset: 1 offset: 2").values, {6, 7, 10, 11});
+  expect_near(crop("axis: -1 offset: 2").values, {2, 3, 6, 7, 10, 11});
   expect_error<InputError>([&] { crop("offset: 2"); }, {"axis 2", "from 2"});
   expect_error<InputError>([&] { crop("axis: 1"); }, {"axis 1", "9 values"});
   expect_error<InputError>([&] { crop("offset: 1 offset: 1 offset: 1"); }, {"2 axes", "found 3"});
@@ -120,20 +119,21 @@ TEST(Crop, ToTheSizeOfTheSecondInput) {
   expect_error<InputError>([&] { crop("axis: 4"); }, {"axis 4"});
   expect_error<InputError>(
       [&] {
-        layer_from("Crop", "")->infer({x.shape, Shape{2, 2}}, 1);
+        layer_of("Crop", "")->infer({x.shape, Shape{2, 2}}, 1);
       },
       {"fewer axes"});
 }
 
 TEST(BatchReindex, ChoosesImagesAndMarksBadIndices) {
   const auto reindex = [](const std::vector<float>& indices) {
-    return run_layer("BatchReindex", "",
-                     {count_up({2, 2}), {Shape{static_cast<int64_t>(indices.size())}, indices}})[0];
+    return run_checked(
+        "BatchReindex", "",
+        {count_up({2, 2}), {Shape{static_cast<int64_t>(indices.size())}, indices}})[0];
   };
   EXPECT_EQ(reindex({1, 0, 1}).shape, (Shape{3, 2}));
-  expect_values(reindex({1, 0, 1.5F}).values, {2, 3, 0, 1, 2, 3});
-  expect_values(reindex({2, -0.5F, kNan, 1e30F}).values, std::vector<float>(8, kNan));
-  const auto layer = layer_from("BatchReindex", "");
+  expect_near(reindex({1, 0, 1.5F}).values, {2, 3, 0, 1, 2, 3});
+  expect_near(reindex({2, -0.5F, kNan, 1e30F}).values, std::vector<float>(8, kNan));
+  const auto layer = layer_of("BatchReindex", "");
   expect_error<InputError>([&] { layer->infer({Shape{2, 2}, Shape{1, 2}}, 1); }, {"one axis"});
   expect_error<InputError>([&] { layer->infer({Shape{}, Shape{2}}, 1); }, {"one axis"});
 }
@@ -141,78 +141,78 @@ TEST(BatchReindex, ChoosesImagesAndMarksBadIndices) {
 TEST(Embed, LooksRowsUpAndMarksBadIndices) {
   const std::string param = "embed_param { input_dim: 3 num_output: 2 bias_term: false }";
   Shape shape;
-  expect_values(run("Embed", param, {1, 2}, {2, 0}, {{1, 2, 3, 4, 5, 6}}, &shape), {5, 6, 1, 2});
+  expect_near(run("Embed", param, {1, 2}, {2, 0}, {{1, 2, 3, 4, 5, 6}}, &shape), {5, 6, 1, 2});
   EXPECT_EQ(shape, (Shape{1, 2, 2}));
-  expect_values(run("Embed", param, {6}, {2.5F, -0.5F, 3, -1, kNan, -1e30F}, {{1, 2, 3, 4, 5, 6}}),
-                {5, 6, 1, 2, kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan});
-  expect_values(
+  expect_near(run("Embed", param, {6}, {2.5F, -0.5F, 3, -1, kNan, -1e30F}, {{1, 2, 3, 4, 5, 6}}),
+              {5, 6, 1, 2, kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan});
+  expect_near(
       run("Embed", "embed_param { input_dim: 1 num_output: 2 }", {1}, {0}, {{1, 2}, {10, 20}}),
       {11, 22});
-  expect_error<InputError>([] { layer_from("Embed", "embed_param { input_dim: 3 }"); },
+  expect_error<InputError>([] { layer_of("Embed", "embed_param { input_dim: 3 }"); },
                            {"num_output"});
-  expect_error<InputError>([] { layer_from("Embed", "embed_param { num_output: 3 }"); },
+  expect_error<InputError>([] { layer_of("Embed", "embed_param { num_output: 3 }"); },
                            {"input_dim"});
 }
 
 TEST(Permute, TransposesAndCompletesTheOrder) {
   const Tensor x = count_up({2, 3});
   Shape shape;
-  expect_values(run("Permute", "permute_param { order: 1 }", x.shape, x.values, {}, &shape),
-                {0, 3, 1, 4, 2, 5});
+  expect_near(run("Permute", "permute_param { order: 1 }", x.shape, x.values, {}, &shape),
+              {0, 3, 1, 4, 2, 5});
   EXPECT_EQ(shape, (Shape{3, 2}));
   const auto twice = [&](const Tensor& t) {  // n c h w -> n h w c and back
     const auto last =
-        run_layer("Permute", "permute_param { order: 0 order: 2 order: 3 order: 1 }", {t})[0];
+        run_checked("Permute", "permute_param { order: 0 order: 2 order: 3 order: 1 }", {t})[0];
     EXPECT_EQ(last.shape, (Shape{2, 40, 50, 3}));
     EXPECT_EQ(last.values[1], t.values[2000]);
-    return run_layer("Permute", "permute_param { order: 0 order: 3 }", {last})[0];
+    return run_checked("Permute", "permute_param { order: 0 order: 3 }", {last})[0];
   };
   const Tensor images = count_up({2, 3, 40, 50});
   EXPECT_EQ(twice(images).values, images.values);
-  expect_values(run("Permute", "", {}, {7}), {7});
-  expect_error<InputError>([] { layer_from("Permute", "permute_param { order: 1 order: 1 }"); },
+  expect_near(run("Permute", "", {}, {7}), {7});
+  expect_error<InputError>([] { layer_of("Permute", "permute_param { order: 1 order: 1 }"); },
                            {"axis 1 twice"});
   expect_error<InputError>(
       [] {
-        layer_from("Permute", "permute_param { order: 2 }")->infer({Shape{2, 3}}, 1);
+        layer_of("Permute", "permute_param { order: 2 }")->infer({Shape{2, 3}}, 1);
       },
       {"axis 2", "2x3"});
 }
 
 TEST(ShuffleChannel, TransposesGroups) {
-  expect_values(
+  expect_near(
       run("ShuffleChannel", "shuffle_channel_param { group: 2 }", {1, 6, 1, 1}, {0, 1, 2, 3, 4, 5}),
       {0, 3, 1, 4, 2, 5});
-  expect_values(run("ShuffleChannel", "shuffle_channel_param { group: 3 }", {1, 6, 1, 2},
-                    count_up({12}).values),
-                {0, 1, 4, 5, 8, 9, 2, 3, 6, 7, 10, 11});
+  expect_near(run("ShuffleChannel", "shuffle_channel_param { group: 3 }", {1, 6, 1, 2},
+                  count_up({12}).values),
+              {0, 1, 4, 5, 8, 9, 2, 3, 6, 7, 10, 11});
   expect_error<InputError>(
       [] {
-        layer_from("ShuffleChannel", "shuffle_channel_param { group: 4 }")->infer({Shape{1, 6}}, 1);
+        layer_of("ShuffleChannel", "shuffle_channel_param { group: 4 }")->infer({Shape{1, 6}}, 1);
       },
       {"6 channels", "group 4"});
-  expect_error<InputError>(
-      [] { layer_from("ShuffleChannel", "shuffle_channel_param { group: 0 }"); }, {"group"});
+  expect_error<InputError>([] { layer_of("ShuffleChannel", "shuffle_channel_param { group: 0 }"); },
+                           {"group"});
 }
 
 TEST(DummyData, ConstantsOfAnyShape) {
-  const auto blobs = run_layer("DummyData",
-                               "dummy_data_param { data_filler { value: 1.5 } data_filler {} "
-                               "shape { dim: 2 } shape {} }",
-                               {}, {}, 2);
-  expect_values(blobs[0].values, {1.5F, 1.5F});
+  const auto blobs = run_checked("DummyData",
+                                 "dummy_data_param { data_filler { value: 1.5 } data_filler {} "
+                                 "shape { dim: 2 } shape {} }",
+                                 {}, {}, 2);
+  expect_near(blobs[0].values, {1.5F, 1.5F});
   EXPECT_EQ(blobs[1].shape, Shape{});
-  expect_values(blobs[1].values, {0});
-  EXPECT_EQ(
-      run_layer("DummyData", "dummy_data_param { num: 1 channels: 2 height: 3 height: 4 width: 5 }",
-                {}, {}, 2)[1]
-          .shape,
-      (Shape{1, 2, 4, 5}));
+  expect_near(blobs[1].values, {0});
+  EXPECT_EQ(run_checked("DummyData",
+                        "dummy_data_param { num: 1 channels: 2 height: 3 height: 4 width: 5 }", {},
+                        {}, 2)[1]
+                .shape,
+            (Shape{1, 2, 4, 5}));
 }
 
 TEST(DummyData, RefusesRandomFillersAndOddCounts) {
   const auto infer = [](const std::string& param, size_t outputs = 1) {
-    layer_from("DummyData", "dummy_data_param { " + param + " }")->infer({}, outputs);
+    layer_of("DummyData", "dummy_data_param { " + param + " }")->infer({}, outputs);
   };
   expect_error<UnsupportedError>(
       [&] { infer("data_filler { type: 'gaussian' } shape { dim: 1 }"); }, {"'gaussian'"});
@@ -229,15 +229,33 @@ TEST(DummyData, RefusesRandomFillersAndOddCounts) {
 
 TEST(Parameter, IsItsWeights) {
   const auto blob =
-      run_layer("Parameter", "parameter_param { shape { dim: 1 dim: 3 } }", {}, {{1, 2, 3}})[0];
+      run_checked("Parameter", "parameter_param { shape { dim: 1 dim: 3 } }", {}, {{1, 2, 3}})[0];
   EXPECT_EQ(blob.shape, (Shape{1, 3}));
-  expect_values(blob.values, {1, 2, 3});
+  expect_near(blob.values, {1, 2, 3});
+}
+
+TEST(MovingLayers, KnowWhichPixelsTheySee) {
+  const auto window = [](const std::string& type, const std::string& param) {
+    return layer_of(type, param)->window(Shape{1, 4, 5, 6});
+  };
+  const auto crop = window("Crop", "crop_param { offset: 1 offset: 2 }");
+  ASSERT_TRUE(crop.has_value());
+  EXPECT_EQ(crop->h.pad, -1);  // output row 0 is input row 1
+  EXPECT_EQ(crop->w.pad, -2);
+  EXPECT_EQ(window("Crop", "crop_param { axis: 3 offset: 2 }")->h.pad, 0);
+  EXPECT_TRUE(window("Slice", ""));
+  EXPECT_FALSE(window("Slice", "slice_param { axis: 2 }"));
+  EXPECT_TRUE(window("Tile", "tile_param { tiles: 2 }"));
+  EXPECT_FALSE(window("Tile", "tile_param { axis: -1 tiles: 2 }"));
+  EXPECT_TRUE(window("ShuffleChannel", ""));
+  EXPECT_FALSE(window("Permute", ""));
+  EXPECT_FALSE(window("Reshape", ""));
 }
 
 TEST(Silence, TakesAnythingAndGivesNothing) {
-  EXPECT_TRUE(layer_from("Silence", "")->infer({Shape{2}, Shape{}}, 0).empty());
-  expect_error<InputError>([] { layer_from("Silence", "")->infer({Shape{2}}, 1); }, {"0 outputs"});
-  expect_error<InputError>([] { layer_from("Silence", "")->infer({}, 0); }, {"at least one input"});
+  EXPECT_TRUE(layer_of("Silence", "")->infer({Shape{2}, Shape{}}, 0).empty());
+  expect_error<InputError>([] { layer_of("Silence", "")->infer({Shape{2}}, 1); }, {"0 outputs"});
+  expect_error<InputError>([] { layer_of("Silence", "")->infer({}, 0); }, {"at least one input"});
 }
 
 }  // namespace

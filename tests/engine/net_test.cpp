@@ -193,6 +193,15 @@ TEST_F(NetTest, RandomWeightsAreTheSameForTheSameSeed) {
   EXPECT_NE(first_output(1), first_output(2));
 }
 
+TEST_F(NetTest, RandomWeightsOfBatchNormHavePositiveVariance) {
+  test::write_file(
+      prototxt(),
+      std::string(kNet) + "layer { name: 'bn' type: 'BatchNorm' bottom: 'concat' top: 'bn' }");
+  engine::Run run(Net::load_with_random_weights(prototxt(), 3).plan());
+  for (const float value : forward(run, {1, 2, 3, 4, 5, 6}, "bn"))
+    EXPECT_TRUE(std::isfinite(value)) << value;
+}
+
 TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
   test::write_file(
       prototxt(),

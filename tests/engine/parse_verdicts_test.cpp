@@ -31,8 +31,10 @@ struct Difference {
   bool we_accept;
 };
 constexpr Difference kDifferences[] = {
-    {"engine_cudnn", true},      {"net_inplace_conv", false},    {"net_inplace_lrn", false},
-    {"net_inplace_pool", false}, {"net_inplace_softmax", false},
+    {"engine_cudnn", true},
+    {"net_inplace_conv", false},
+    {"net_inplace_lrn", false},
+    {"net_inplace_pool", false},
 };
 
 std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {

@@ -13,6 +13,9 @@
 
 namespace revisit::test {
 
+constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
 inline std::unique_ptr<engine::Layer> layer_of(const std::string& type, const std::string& param) {
   const auto file =
       proto::parse_net("layer { name: 'l' type: '" + type + "' " + param + " }", "test");
@@ -26,7 +29,8 @@ struct SingleLayer {
   size_t n_outputs = 1;
   int threads = 1;
   bool reference = false;
-  int passes = 1;  // forward passes; the outputs are those of the last
+  int passes = 1;         // forward passes; the outputs are those of the last
+  bool in_place = false;  // the first output overwrites the first input
 };
 
 /// Runs one layer on arrays. Outputs are poisoned with NaN, scratch with 0xA5 bytes.
@@ -52,9 +56,12 @@ inline std::vector<engine::Tensor> run_layer(const SingleLayer& l) {
   std::vector<Tensor> outputs;
   std::vector<float*> out;
   for (const Shape& shape : shapes)
-    outputs.push_back({shape, std::vector<float>(static_cast<size_t>(shape.elements()),
-                                                 std::numeric_limits<float>::quiet_NaN())});
+    outputs.push_back({shape, std::vector<float>(static_cast<size_t>(shape.elements()), kNan)});
   for (Tensor& output : outputs) out.push_back(output.values.data());
+  if (l.in_place) {
+    outputs[0].values = l.inputs[0].values;
+    in[0] = out[0] = outputs[0].values.data();
+  }
   std::vector<float> scratch(static_cast<size_t>(kernel.scratch_floats));
   if (!scratch.empty()) std::memset(scratch.data(), 0xA5, scratch.size() * sizeof(float));
   std::vector<float> state(static_cast<size_t>(kernel.state_floats), 0.0F);

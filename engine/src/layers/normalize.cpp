@@ -23,6 +23,8 @@ class Normalize : public Layer {
     return {param_.channel_shared() ? Shape{} : Shape{inputs[0][1]}};
   }
 
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+
   std::optional<WindowHw> window(const Shape&) const override {
     return param_.across_spatial() ? std::nullopt : std::optional(WindowHw{});
   }

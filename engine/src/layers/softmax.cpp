@@ -21,6 +21,9 @@ class Softmax : public Layer {
     return WindowHw{};
   }
 
+  // The original copies its input first.
+  bool allows_in_place() const override { return true; }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     const size_t axis = shape.canonical_axis(axis_, "softmax axis");
