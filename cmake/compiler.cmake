@@ -13,7 +13,7 @@ if(REVISIT_FUZZ)
 endif()
 if(REVISIT_SANITIZE)
   # Sanitizer code makes g++ 12 warn falsely, e.g. inside <regex>; the plain build has the warning on.
-  target_compile_options(revisit_build_flags INTERFACE -Wno-maybe-uninitialized)
+  target_compile_options(revisit_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   add_compile_options(-fsanitize=${REVISIT_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${REVISIT_SANITIZE})
 endif()

@@ -22,9 +22,8 @@ std::vector<std::string> named_nets(const caffe::SolverParameter& solver) {
   std::vector<std::string> names(solver.test_net().begin(), solver.test_net().end());
   if (solver.has_net()) names.push_back(solver.net());
   if (names.empty() && solver.has_train_net()) names.push_back(solver.train_net());
-  std::ranges::sort(names);
-  const auto repeated = std::ranges::unique(names);
-  names.erase(repeated.begin(), repeated.end());
+  std::sort(names.begin(), names.end());
+  names.erase(std::unique(names.begin(), names.end()), names.end());
   return names;
 }
 
