@@ -69,6 +69,33 @@ TEST_F(NetCommand, ForwardTakesTheShapeOfTheArrayAndCutsOff) {
             (std::vector<int64_t>{1, 1, 2, 3}));
 }
 
+TEST_F(NetCommand, ForwardSubtractsMeans) {
+  const std::string forward =
+      "net forward " + model() + " --input " + path("in.npy") + " -o " + path("out") + " --mean ";
+  const auto output = [&] { return proto::read_npy(path("out/out_a_pool.npy")).data; };
+  const float five = 5;
+  proto::write_npy(dir_ / "channel.npy", {1}, &five);
+  ASSERT_EQ(run_revisit(forward + path("channel.npy")).exit_code, 0);
+  EXPECT_EQ(output(), (std::vector<float>{0, 3, 15, 19}));
+
+  // A mean image of 6 x 6 with 1 in its centre of 4 x 4, as Caffe keeps it.
+  caffe::BlobProto image;
+  image.set_num(1), image.set_channels(1), image.set_height(6), image.set_width(6);
+  for (int y = 0; y < 6; ++y)
+    for (int x = 0; x < 6; ++x) image.add_data(y > 0 && y < 5 && x > 0 && x < 5 ? 1 : 100);
+  test::write_file(dir_ / "mean.binaryproto", image.SerializeAsString());
+  ASSERT_EQ(run_revisit(forward + "data=" + path("mean.binaryproto")).exit_code, 0);
+  EXPECT_EQ(output(), (std::vector<float>{7, 11, 23, 27}));
+
+  const std::vector<float> two(9, 2);
+  proto::write_npy(dir_ / "small.npy", {1, 3, 3}, two.data());
+  expect_failure(2, forward + path("small.npy"), "means of its channels as .npy: 2");
+  proto::write_npy(dir_ / "three.npy", {3}, two.data());
+  expect_failure(2, forward + path("three.npy"), "3 channels");
+  proto::write_npy(dir_ / "flat.npy", {3, 3}, two.data());
+  expect_failure(3, forward + path("flat.npy"), "found 3x3");
+}
+
 TEST_F(NetCommand, ForwardAllWritesEachLayerAsItWas) {
   std::vector<float> values(16, -1);
   proto::write_npy(dir_ / "in.npy", {1, 1, 4, 4}, values.data());

@@ -3,6 +3,7 @@
 #include <numeric>
 #include <set>
 
+#include "cli/mean_file.h"
 #include "cli/table.h"
 #include "net_commands.h"
 #include "revisit/proto/npy.h"
@@ -12,24 +13,37 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Arrays for the net's inputs, by blob name; "FILE.npy" alone is for a net with one input.
-std::map<std::string, proto::NpyArray> read_inputs(const std::vector<std::string>& texts,
-                                                   const NetOptions& options) {
-  std::map<std::string, proto::NpyArray> arrays;
-  for (const std::string& text : texts) {
-    const size_t equals = text.find('=');
-    const std::vector<std::string> blobs = options.input_blobs();
-    std::string blob = text.substr(0, equals == std::string::npos ? 0 : equals);
-    if (equals == std::string::npos) {
-      if (blobs.size() != 1)
-        throw UsageError(
-            str("--input: the net has ", blobs.size(), " inputs; say which one: BLOB=", text));
-      blob = blobs[0];
-    }
-    if (std::find(blobs.begin(), blobs.end(), blob) == blobs.end())
+/// "BLOB=FILE", or "FILE" alone for a net with one input.
+std::pair<std::string, fs::path> split_blob(const std::string& option, const std::string& text,
+                                            const std::vector<std::string>& blobs) {
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos) {
+    if (blobs.size() != 1)
       throw UsageError(
-          str("--input: the net has no input '", blob, "'", did_you_mean(blob, blobs)));
-    arrays[blob] = proto::read_npy(text.substr(equals == std::string::npos ? 0 : equals + 1));
+          str(option, ": the net has ", blobs.size(), " inputs; say which one: BLOB=", text));
+    return {blobs[0], text};
+  }
+  const std::string blob = text.substr(0, equals);
+  if (std::find(blobs.begin(), blobs.end(), blob) == blobs.end())
+    throw UsageError(str(option, ": the net has no input '", blob, "'", did_you_mean(blob, blobs)));
+  return {blob, text.substr(equals + 1)};
+}
+
+/// Arrays for the net's inputs, by blob name, means subtracted.
+std::map<std::string, proto::NpyArray> read_inputs(const std::vector<std::string>& inputs,
+                                                   const std::vector<std::string>& means,
+                                                   const std::vector<std::string>& blobs) {
+  std::map<std::string, proto::NpyArray> arrays;
+  for (const std::string& text : inputs) {
+    const auto [blob, file] = split_blob("--input", text, blobs);
+    arrays[blob] = proto::read_npy(file);
+  }
+  for (const std::string& text : means) {
+    const auto [blob, file] = split_blob("--mean", text, blobs);
+    const auto found = arrays.find(blob);
+    if (found == arrays.end())
+      throw UsageError(str("--mean: the input '", blob, "' has no array to subtract it from"));
+    subtract(read_mean(file), engine::Shape(found->second.shape), found->second.data.data());
   }
   return arrays;
 }
@@ -47,7 +61,7 @@ fs::path output_file(const fs::path& directory, std::string name, std::set<fs::p
 
 int net_forward_command(const Arguments& arguments) {
   NetOptions options;
-  std::vector<std::string> inputs;
+  std::vector<std::string> inputs, means;
   fs::path directory;
   bool all = false, reference = false;
   Parser parser(
@@ -63,13 +77,17 @@ int net_forward_command(const Arguments& arguments) {
   parser.group("Arrays:");
   parser.option("input", "BLOB=FILE.npy",
                 "array for one input (float32 or float64); repeat for more", &inputs, 'i');
+  parser.option("mean", "BLOB=FILE",
+                "mean to subtract from an input: .binaryproto or .npy, an image (its centre when "
+                "larger) or a value a channel",
+                &means);
   parser.option("output", "DIR", "folder for the outputs", &directory, 'o');
   parser.flag("all", "write every layer's output, as it was right after that layer ran", &all);
   parser.flag("reference", "use the slow reference kernels", &reference);
   parser.parse(arguments);
   if (directory.empty()) throw UsageError("give the folder for the outputs: -o DIR");
 
-  std::map<std::string, proto::NpyArray> arrays = read_inputs(inputs, options);
+  std::map<std::string, proto::NpyArray> arrays = read_inputs(inputs, means, options.input_blobs());
   for (const auto& [blob, array] : arrays)
     options.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
   const engine::Net net = load_net(options, NoWeights::kNone);

@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "cli/interrupt.h"
+#include "cli/mean_file.h"
 #include "cli/progress.h"
 #include "models/checksum.h"
 
@@ -17,15 +18,26 @@ namespace fs = std::filesystem;
 std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
   if (text.empty()) return std::nullopt;
   std::array<double, 3> mean{};
+  if (std::error_code none; fs::is_regular_file(text, none)) {
+    const std::vector<double> means = channel_means(read_mean(text));
+    if (means.size() != mean.size())
+      throw UsageError(str("--mean-bgr: ", text, " has ", means.size(), " channels, expected 3"));
+    std::copy(means.begin(), means.end(), mean.begin());
+    return mean;
+  }
   std::istringstream fields(text);
   std::string field;
   for (double& value : mean) {
     if (!std::getline(fields, field, ','))
-      throw UsageError("--mean-bgr: expected three numbers B,G,R, found '" + text + "'");
+      throw UsageError(
+          "--mean-bgr: expected three numbers B,G,R or a .npy or .binaryproto file, found '" +
+          text + "'");
     value = parse_value<double>("--mean-bgr", field);
   }
   if (std::getline(fields, field))
-    throw UsageError("--mean-bgr: expected three numbers B,G,R, found '" + text + "'");
+    throw UsageError(
+        "--mean-bgr: expected three numbers B,G,R or a .npy or .binaryproto file, found '" + text +
+        "'");
   return mean;
 }
 
@@ -54,7 +66,9 @@ void FeatureOptions::declare(Parser& parser) {
   parser.option("weights", "W", "caffemodel", &weights);
   parser.option("end", "LAYER", "the layer that is the feature", &end);
   parser.option("graft", "LAYER", "pooling layer of the net to append, e.g. pool5", &graft);
-  parser.option("mean-bgr", "B,G,R", "channel means to subtract (default: the model's own)",
+  parser.option("mean-bgr", "B,G,R|FILE",
+                "channel means to subtract, or a .binaryproto or .npy mean to take them from "
+                "(default: the model's own)",
                 &mean_bgr);
   parser.group("Reduction:");
   parser.option("pca", "K", "numbers a scan (default 400; 0: as many as the data gives)",
