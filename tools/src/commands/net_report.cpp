@@ -95,7 +95,11 @@ Table layer_table(const reports::NetReport& report) {
 }
 
 void print_summary(const reports::NetReport& report) {
-  std::cout << "\nnet " << report.net() << ", weights " << report.weights() << "\n";
+  std::cout << "\nnet " << report.net() << ", weights " << report.weights();
+  if (report.has_weight_file_bytes())
+    std::cout << " (read " << mebi(report.weight_bytes_read()) << " of "
+              << mebi(report.weight_file_bytes()) << " MiB)";
+  std::cout << "\n";
   for (const auto& port : report.inputs())
     std::cout << "input  " << port.name() << "  " << shape_text(port.shape()) << "\n";
   for (const auto& port : report.outputs())
@@ -148,6 +152,10 @@ reports::NetReport net_report(const NetOptions& options, const std::string& weig
   report.set_net(net.name());
   report.set_prototxt(options.prototxt.string());
   report.set_weights(weights);
+  if (std::error_code none; std::filesystem::is_regular_file(weights, none)) {
+    report.set_weight_bytes_read(static_cast<double>(net.weight_bytes_read()));
+    report.set_weight_file_bytes(static_cast<double>(std::filesystem::file_size(weights, none)));
+  }
   report.set_threads(options.threads);
   report.set_arena_bytes(static_cast<double>(plan.arena_bytes()));
   report.set_weight_bytes(static_cast<double>(plan.weight_bytes()));
