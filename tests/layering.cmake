@@ -15,6 +15,7 @@ set(owned_libraries
   "png.h|pipeline/src/project/write_png"
   "liblzf/|pipeline/src/io/pcd"
   "embree3/|pipeline/src/simulation/ray_caster"
+  "hwy/|engine/src/kernels/"
   "cblas|engine/src/|pipeline/src/linear_algebra/"
   "lapacke|pipeline/src/linear_algebra/"
   "yaml-cpp/|tools/src/"

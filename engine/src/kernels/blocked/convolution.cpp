@@ -1,0 +1,23 @@
+#include "kernels/blocked/convolution.h"
+
+namespace revisit::engine {
+
+std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
+  return {};
+}
+
+const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
+                                                           Layout input) {
+  const BlockedConvolutionKernel* best = nullptr;
+  double best_ms = 0;
+  for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
+    if (kernel.input != input || !kernel.supports(p)) continue;
+    const double ms = kernel.predicted_ms(p);
+    if (best && best_ms <= ms) continue;
+    best = &kernel;
+    best_ms = ms;
+  }
+  return best;
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "kernels/convolution.h"
+#include "kernels/epilogue.h"
+#include "layout.h"
+
+namespace revisit::engine {
+
+/// All arrays are 64-byte aligned and do not overlap.
+struct BlockedConvolutionArguments {
+  const float* input;   // in BlockedConvolutionKernel::input's layout
+  const float* packed;  // what `pack` wrote
+  const float* bias;    // [padded_channels(c_out)], zeros where there is none
+  const float* addend;  // added before the activation, layout and shape of the output; or null
+  Epilogue epilogue;
+  float* output;   // blocked
+  float* scratch;  // scratch_floats() of them, any content
+};
+
+/// A convolution with blocked output: fast, with bias, addend and activation in one pass. The
+/// result is the same bit for bit for any number of threads.
+struct BlockedConvolutionKernel {
+  const char* name;
+  Layout input;
+  bool (*supports)(const ConvolutionProblem&);
+  /// Of a small cost model: meaningful against other kernels' only.
+  double (*predicted_ms)(const ConvolutionProblem&);
+  /// Packing depends on c_in, c_out, kernel_h, kernel_w and group only.
+  int64_t (*packed_floats)(const ConvolutionProblem&);
+  void (*pack)(const ConvolutionProblem&, const float* weights, float* packed);
+  int64_t (*scratch_floats)(const ConvolutionProblem&);  // of all threads together
+  void (*run)(const ConvolutionProblem&, const BlockedConvolutionArguments&);
+};
+
+std::span<const BlockedConvolutionKernel> blocked_convolution_kernels();
+
+/// The kernel with the smallest predicted time among those that support the problem and take this
+/// layout; null when none does.
+const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
+                                                           Layout input);
+
+}  // namespace revisit::engine

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <cstdint>
+
+namespace revisit::engine {
+
+/// How the numbers of a value `[n][c][h][w]` lie in memory.
+enum class Layout {
+  kPlain,    // [n][c][h][w]
+  kBlocked,  // [n][ceil(c / kLanes)][h][w][kLanes], lanes beyond c are zero, 64-byte aligned
+};
+
+/// Channels of a block, on every CPU: one AVX-512 register, two of AVX2, four of NEON.
+constexpr int64_t kLanes = 16;
+
+constexpr int64_t channel_blocks(int64_t c) {
+  return (c + kLanes - 1) / kLanes;
+}
+constexpr int64_t padded_channels(int64_t c) {
+  return channel_blocks(c) * kLanes;
+}
+
+constexpr int64_t floats_in_layout(Layout layout, int64_t n, int64_t c, int64_t h, int64_t w) {
+  return n * (layout == Layout::kBlocked ? padded_channels(c) : c) * h * w;
+}
+
+}  // namespace revisit::engine
