@@ -1,9 +1,11 @@
 #include "kernels/blocked/convolution.h"
 
+#include "kernels/blocked/kernels.h"
+
 namespace revisit::engine {
 
 std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
-  return {};
+  return winograd_kernels();
 }
 
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,

@@ -1,0 +1,15 @@
+#pragma once
+
+#include "kernels/blocked/convolution.h"
+
+namespace revisit::engine {
+
+// The kernels, one kind a file.
+std::span<const BlockedConvolutionKernel> winograd_kernels();
+
+/// Whether no block holds channels of two groups.
+inline bool groups_are_whole_blocks(const ConvolutionProblem& p) {
+  return p.group == 1 || (p.c_in_per_group() % kLanes == 0 && p.c_out_per_group() % kLanes == 0);
+}
+
+}  // namespace revisit::engine

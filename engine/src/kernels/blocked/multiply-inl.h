@@ -1,0 +1,104 @@
+// The matrix product under every blocked convolution: a strip of columns (pixels or tiles) times
+// blocks of output channels, summed over blocks of input channels. Highway includes this file once
+// per target.
+#if defined(REVISIT_MULTIPLY_INL_H_) == defined(HWY_TARGET_TOGGLE)
+#ifdef REVISIT_MULTIPLY_INL_H_
+#undef REVISIT_MULTIPLY_INL_H_
+#else
+#define REVISIT_MULTIPLY_INL_H_
+#endif
+
+#include <utility>
+
+#include "kernels/blocked/block-inl.h"
+#include "kernels/blocked/columns.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+
+// Sums held in registers: they, the weights of one input channel and one broadcast input value must
+// fit the register file, and there must be enough sums to hide the latency of a fused multiply-add.
+#if HWY_TARGET <= HWY_AVX3
+constexpr int kTileBlocks = 2, kTileColumns = kMaxColumns;
+#elif HWY_TARGET == HWY_NEON
+constexpr int kTileBlocks = 1, kTileColumns = 6;
+#elif HWY_TARGET == HWY_AVX2
+constexpr int kTileBlocks = 1, kTileColumns = 6;
+#else
+constexpr int kTileBlocks = 1, kTileColumns = 2;
+#endif
+
+/// Factors of a product, in steps of floats.
+struct Factors {
+  int64_t in_blocks;     // of the sum
+  const float* inputs;   // [in_blocks][columns][kLanes]
+  int64_t inputs_step;   // from block to block; columns are kLanes apart
+  const float* weights;  // [output block][in_blocks * kLanes][kLanes]
+  int64_t weights_step;  // from output block to output block
+};
+
+/// Calls `sink(output block, column, sum)` for `kBlocks` x `kColumns` sums.
+template <int kBlocks, int kColumns, class Sink>
+void multiply_tile(const Factors& f, const Sink& sink) {
+  const Tag d;
+  Block sums[kBlocks][kColumns];
+  REVISIT_UNROLL
+  for (int b = 0; b < kBlocks; ++b) {
+    REVISIT_UNROLL
+    for (int c = 0; c < kColumns; ++c) sums[b][c] = zero_block();
+  }
+  const float* HWY_RESTRICT weights = f.weights;
+  const float* HWY_RESTRICT inputs = f.inputs;
+  for (int64_t block = 0; block < f.in_blocks; ++block, inputs += f.inputs_step) {
+    for (int64_t channel = 0; channel < kLanes; ++channel, weights += kLanes) {
+      Block w[kBlocks];
+      REVISIT_UNROLL
+      for (int b = 0; b < kBlocks; ++b) w[b] = load_block(weights + b * f.weights_step);
+      REVISIT_UNROLL
+      for (int c = 0; c < kColumns; ++c) {
+        const Vector input = hn::Set(d, inputs[c * kLanes + channel]);
+        REVISIT_UNROLL
+        for (int b = 0; b < kBlocks; ++b) sums[b][c] = mul_add(input, w[b], sums[b][c]);
+      }
+    }
+  }
+  REVISIT_UNROLL
+  for (int b = 0; b < kBlocks; ++b) {
+    REVISIT_UNROLL
+    for (int c = 0; c < kColumns; ++c) sink(b, c, sums[b][c]);
+  }
+}
+
+template <int kBlocks, class Sink, size_t... kIndex>
+void multiply_columns(const Factors& f, int64_t columns, const Sink& sink,
+                      std::index_sequence<kIndex...>) {
+  using Function = void (*)(const Factors&, const Sink&);
+  static constexpr Function kFunctions[] = {multiply_tile<kBlocks, kIndex + 1, Sink>...};
+  kFunctions[columns - 1](f, sink);
+}
+
+/// The same for `blocks` output blocks and up to kMaxColumns columns.
+template <class Sink>
+void multiply(const Factors& f, int64_t blocks, int64_t columns, const Sink& sink) {
+  const int64_t parts = (columns + kTileColumns - 1) / kTileColumns;
+  for (int64_t b = 0; b < blocks; b += kTileBlocks) {
+    for (int64_t part = 0; part < parts; ++part) {
+      const int64_t first = columns * part / parts, last = columns * (part + 1) / parts;
+      Factors here = f;
+      here.weights += b * f.weights_step;
+      here.inputs += first * kLanes;
+      const auto shifted = [=](int block, int column, const Block& sum)
+                               HWY_ATTR { sink(b + block, first + column, sum); };
+      constexpr auto kColumns = std::make_index_sequence<kTileColumns>();
+      if (kTileBlocks > 1 && blocks - b > 1)
+        multiply_columns<kTileBlocks>(here, last - first, shifted, kColumns);
+      else
+        multiply_columns<1>(here, last - first, shifted, kColumns);
+    }
+  }
+}
+
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif  // per-target include guard

@@ -1,0 +1,302 @@
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/blocked/winograd.cpp"
+#include <hwy/foreach_target.h>  // includes this file again for every target
+
+#include "kernels/blocked/convolution.h"
+#include "kernels/blocked/cost_model.h"
+#include "kernels/blocked/epilogue-inl.h"
+#include "kernels/blocked/kernels.h"
+#include "kernels/blocked/multiply-inl.h"
+#include "kernels/blocked/winograd_lines-inl.h"
+#include "kernels/blocked/winograd_shape.h"
+#include "kernels/parallel.h"
+
+#ifndef REVISIT_WINOGRAD_VARIANTS
+#define REVISIT_WINOGRAD_VARIANTS
+namespace revisit::engine {
+constexpr WinogradVariant kVariants[] = {
+    {"winograd F(4x4,3x3)", 4, 4, 3}, {"winograd F(4x6,3x3)", 4, 6, 3},
+    {"winograd F(5x6,3x3)", 5, 6, 3}, {"winograd F(6x6,3x3)", 6, 6, 3},
+    {"winograd F(7x4,3x3)", 7, 4, 3}, {"winograd F(7x6,3x3)", 7, 6, 3},
+    {"winograd F(4x4,5x5)", 4, 4, 5}, {"winograd F(5x4,5x5)", 5, 4, 5},
+    {"winograd F(6x4,5x5)", 6, 4, 5},
+};
+}  // namespace revisit::engine
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+
+template <size_t kVariant>
+class Winograd {
+ public:
+  Winograd(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
+      : p_(p), a_(a), shape_(kVariants[kVariant], p) {}
+
+  void run() const {
+    if (shape_.chunk_per_thread(p_.threads)) {
+      const int64_t floats = shape_.inputs_floats() + shape_.products_floats();
+      parallel_for(shape_.chunks(), p_.threads, [&](int64_t chunk, int thread) {
+        float* const inputs = a_.scratch + thread * floats;
+        for (int64_t i = 0; i < input_items(chunk); ++i) transform_inputs(chunk, i, inputs);
+        for (int64_t i = 0; i < shape_.slices(); ++i)
+          compute_slice(chunk, i, inputs, inputs + shape_.inputs_floats());
+      });
+      return;
+    }
+    float* const inputs = a_.scratch;
+    float* const products = inputs + shape_.inputs_floats();
+    for (int64_t chunk = 0; chunk < shape_.chunks(); ++chunk) {
+      parallel_for(input_items(chunk), p_.threads,
+                   [&](int64_t i, int) { transform_inputs(chunk, i, inputs); });
+      parallel_for(shape_.slices(), p_.threads, [&](int64_t i, int thread) {
+        compute_slice(chunk, i, inputs, products + thread * shape_.products_floats());
+      });
+    }
+  }
+
+ private:
+  static constexpr WinogradVariant kTile = kVariants[kVariant];
+  using Rows = WinogradTransform<kTile.rows, kTile.taps>;
+  using Columns = WinogradTransform<kTile.columns, kTile.taps>;
+  static constexpr int kRows = Rows::kPoints, kColumns = Columns::kPoints;
+  static constexpr int kPoints = kRows * kColumns;
+
+  struct Tile {
+    int64_t image, y, x;  // of its first output
+  };
+  Tile locate(int64_t tile) const {
+    const int64_t row = tile / shape_.tiles_x;
+    return {row / shape_.tiles_y, row % shape_.tiles_y * kTile.rows,
+            tile % shape_.tiles_x * kTile.columns};
+  }
+
+  int64_t first_tile(int64_t chunk) const { return shape_.strips.begin(shape_.first_strip(chunk)); }
+
+  /// An item is one strip of tiles and one block of input channels.
+  int64_t input_items(int64_t chunk) const {
+    return (shape_.first_strip(chunk + 1) - shape_.first_strip(chunk)) * shape_.in_blocks;
+  }
+
+  /// Writes [strip][block][point][tile][kLanes].
+  void transform_inputs(int64_t chunk, int64_t item, float* inputs) const {
+    const int64_t strip = shape_.first_strip(chunk) + item / shape_.in_blocks;
+    const int64_t block = item % shape_.in_blocks;
+    const int64_t first = shape_.strips.begin(strip), width = shape_.strips.width(strip);
+    float* const to = inputs + ((first - first_tile(chunk)) * shape_.in_blocks + block * width) *
+                                   kPoints * kLanes;
+    for (int64_t t = 0; t < width; ++t) {
+      const Tile tile = locate(first + t);
+      const float* image =
+          a_.input + (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
+      transform_input(image, tile.y - p_.pad_h, tile.x - p_.pad_w, to + t * kLanes, width * kLanes);
+    }
+  }
+
+  /// Point (i, j) goes to `to + (i * kColumns + j) * step`. Columns of the tile are transformed
+  /// first, each on its own.
+  void transform_input(const float* image, int64_t y0, int64_t x0, float* to, int64_t step) const {
+    alignas(64) static constexpr float kZeros[kColumns * kLanes] = {};
+    const int64_t x_begin = std::clamp<int64_t>(-x0, 0, kColumns);
+    const int64_t x_end = std::clamp<int64_t>(p_.w - x0, x_begin, kColumns);
+    const float* rows[kRows];
+    for (int i = 0; i < kRows; ++i) {
+      const int64_t y = y0 + i;
+      rows[i] = y >= 0 && y < p_.h ? image + (y * p_.w + x0 + x_begin) * kLanes : kZeros;
+    }
+    alignas(64) float half[kRows][kColumns][kLanes];
+    for (int64_t j = 0; j < kColumns; ++j) {
+      if (j < x_begin || j >= x_end) {
+        for (int i = 0; i < kRows; ++i) store_block(zero_block(), half[i][j]);
+        continue;
+      }
+      Block line[kRows];
+      REVISIT_UNROLL
+      for (int i = 0; i < kRows; ++i) line[i] = load_block(rows[i] + (j - x_begin) * kLanes);
+      transform_input_line<Rows>(
+          line, [&](int i, const Block& b) HWY_ATTR { store_block(b, half[i][j]); });
+    }
+    for (int i = 0; i < kRows; ++i) {
+      Block line[kColumns];
+      REVISIT_UNROLL
+      for (int j = 0; j < kColumns; ++j) line[j] = load_block(half[i][j]);
+      transform_input_line<Columns>(line, [&](int j, const Block& b) HWY_ATTR {
+        store_block(b, to + (i * kColumns + j) * step);
+      });
+    }
+  }
+
+  /// Multiplies for every point, then transforms the products back while they are in cache:
+  /// [strip][block][point][tile][kLanes].
+  void compute_slice(int64_t chunk, int64_t slice, const float* inputs, float* products) const {
+    const int64_t group = slice / shape_.slices_per_group();
+    const int64_t in_blocks = shape_.in_blocks_per_group();
+    const int64_t begin = slice % shape_.slices_per_group() * WinogradShape::kSliceBlocks;
+    const int64_t blocks =
+        std::min(WinogradShape::kSliceBlocks, shape_.out_blocks_per_group() - begin);
+    const int64_t first_block = group * shape_.out_blocks_per_group() + begin;
+    const int64_t first_strip = shape_.first_strip(chunk), end = shape_.first_strip(chunk + 1);
+    const int64_t weights_floats = in_blocks * kLanes * kLanes;  // of a point
+
+    for (int64_t point = 0; point < kPoints; ++point) {
+      for (int64_t pair = 0; pair < blocks; pair += kTileBlocks) {
+        const float* weights =
+            a_.packed + ((first_block + pair) * kPoints + point) * weights_floats;
+        for (int64_t strip = first_strip; strip < end; ++strip) {
+          const int64_t width = shape_.strips.width(strip);
+          const int64_t first = shape_.strips.begin(strip) - first_tile(chunk);
+          const int64_t step = kPoints * width * kLanes;
+          const Factors factors = {in_blocks,
+                                   inputs + first * shape_.in_blocks * kPoints * kLanes +
+                                       group * in_blocks * step + point * width * kLanes,
+                                   step, weights, kPoints * weights_floats};
+          float* const to =
+              products + first * blocks * kPoints * kLanes + pair * step + point * width * kLanes;
+          multiply(factors, std::min<int64_t>(kTileBlocks, blocks - pair), width,
+                   [=](int64_t b, int64_t t, const Block& sum)
+                       HWY_ATTR { store_block(sum, to + b * step + t * kLanes); });
+        }
+      }
+    }
+    for (int64_t b = 0; b < blocks; ++b) {
+      const BlockEpilogue epilogue(a_.epilogue, a_.bias, first_block + b, p_.c_out);
+      for (int64_t strip = first_strip; strip < end; ++strip) {
+        const int64_t width = shape_.strips.width(strip);
+        const int64_t first = shape_.strips.begin(strip) - first_tile(chunk);
+        const float* from = products + (first * blocks + b * width) * kPoints * kLanes;
+        for (int64_t t = 0; t < width; ++t)
+          transform_output(locate(shape_.strips.begin(strip) + t), from + t * kLanes,
+                           width * kLanes, first_block + b, epilogue);
+      }
+    }
+  }
+
+  void transform_output(const Tile& tile, const float* from, int64_t step, int64_t block,
+                        const BlockEpilogue& epilogue) const {
+    alignas(64) float half[kRows][kTile.columns][kLanes];
+    for (int i = 0; i < kRows; ++i) {
+      Block line[kColumns];
+      REVISIT_UNROLL
+      for (int j = 0; j < kColumns; ++j) line[j] = load_block(from + (i * kColumns + j) * step);
+      transform_output_line<Columns>(
+          line, [&](int j, const Block& b) HWY_ATTR { store_block(b, half[i][j]); });
+    }
+    const int64_t rows = std::min<int64_t>(kTile.rows, p_.out_h - tile.y);
+    const int64_t columns = std::min<int64_t>(kTile.columns, p_.out_w - tile.x);
+    const int64_t offset =
+        (((tile.image * shape_.out_blocks + block) * p_.out_h + tile.y) * p_.out_w + tile.x) *
+        kLanes;
+    for (int64_t j = 0; j < columns; ++j) {
+      Block line[kRows];
+      REVISIT_UNROLL
+      for (int i = 0; i < kRows; ++i) line[i] = load_block(half[i][j]);
+      const int64_t at = offset + j * kLanes;
+      transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR {
+        if (i >= rows) return;
+        const int64_t pixel = at + i * p_.out_w * kLanes;
+        epilogue.finish(b, a_.addend ? a_.addend + pixel : nullptr, a_.output + pixel);
+      });
+    }
+  }
+
+  const ConvolutionProblem& p_;
+  const BlockedConvolutionArguments& a_;
+  const WinogradShape shape_;
+};
+
+template <size_t... kVariant>
+void run_variant(size_t variant, const ConvolutionProblem& p, const BlockedConvolutionArguments& a,
+                 std::index_sequence<kVariant...>) {
+  using Function = void (*)(const ConvolutionProblem&, const BlockedConvolutionArguments&);
+  static constexpr Function kRun[] = {
+      [](const ConvolutionProblem& problem, const BlockedConvolutionArguments& arguments) {
+        Winograd<kVariant>(problem, arguments).run();
+      }...};
+  kRun[variant](p, a);
+}
+
+void run_winograd(size_t variant, const ConvolutionProblem& p,
+                  const BlockedConvolutionArguments& a) {
+  run_variant(variant, p, a, std::make_index_sequence<std::size(kVariants)>());
+}
+
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit::engine {
+namespace {
+
+HWY_EXPORT(run_winograd);
+
+template <size_t kVariant>
+bool supports(const ConvolutionProblem& p) {
+  constexpr int kTaps = kVariants[kVariant].taps;
+  return p.kernel_h == kTaps && p.kernel_w == kTaps && p.stride_h == 1 && p.stride_w == 1 &&
+         p.dilation_h == 1 && p.dilation_w == 1 && groups_are_whole_blocks(p);
+}
+
+template <size_t kVariant>
+int64_t packed_floats(const ConvolutionProblem& p) {
+  return padded_channels(p.c_out) * padded_channels(p.c_in_per_group()) *
+         kVariants[kVariant].points();
+}
+
+/// Writes [output block][point][input channel][kLanes].
+template <size_t kVariant>
+void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
+  constexpr WinogradVariant kTile = kVariants[kVariant];
+  using Rows = WinogradTransform<kTile.rows, kTile.taps>;
+  using Columns = WinogradTransform<kTile.columns, kTile.taps>;
+  const int64_t channels = padded_channels(p.c_in_per_group());
+  const int64_t point_floats = channels * kLanes;
+  parallel_for(channel_blocks(p.c_out) * channels, p.threads, [&](int64_t item, int) {
+    const int64_t block = item / channels, c = item % channels;
+    float* to = packed + block * kTile.points() * point_floats + c * kLanes;
+    for (int64_t lane = 0; lane < kLanes; ++lane, ++to) {
+      const int64_t co = block * kLanes + lane;
+      const bool present = co < p.c_out && c < p.c_in_per_group();
+      const float* g = weights + (co * p.c_in_per_group() + c) * kTile.taps * kTile.taps;
+      for (int i = 0; i < Rows::kPoints; ++i)
+        for (int j = 0; j < Columns::kPoints; ++j) {
+          double sum = 0;
+          for (int y = 0; present && y < kTile.taps; ++y)
+            for (int x = 0; x < kTile.taps; ++x)
+              sum += Rows::kWeights[i][y] * Columns::kWeights[j][x] *
+                     static_cast<double>(g[y * kTile.taps + x]);
+          to[(i * Columns::kPoints + j) * point_floats] = static_cast<float>(sum);
+        }
+    }
+  });
+}
+
+template <size_t kVariant>
+constexpr BlockedConvolutionKernel kernel() {
+  return {kVariants[kVariant].name,
+          Layout::kBlocked,
+          supports<kVariant>,
+          [](const ConvolutionProblem& p) { return winograd_ms(kVariants[kVariant], p); },
+          packed_floats<kVariant>,
+          pack<kVariant>,
+          [](const ConvolutionProblem& p) {
+            return WinogradShape(kVariants[kVariant], p).scratch_floats(p.threads);
+          },
+          [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+            HWY_DYNAMIC_DISPATCH(run_winograd)(kVariant, p, a);
+          }};
+}
+
+template <size_t... kVariant>
+std::span<const BlockedConvolutionKernel> list(std::index_sequence<kVariant...>) {
+  static constexpr BlockedConvolutionKernel kList[] = {kernel<kVariant>()...};
+  return kList;
+}
+
+}  // namespace
+
+std::span<const BlockedConvolutionKernel> winograd_kernels() {
+  return list(std::make_index_sequence<std::size(kVariants)>());
+}
+
+}  // namespace revisit::engine
+#endif
