@@ -1,11 +1,20 @@
 #include "kernels/blocked/convolution.h"
 
+#include <vector>
+
 #include "kernels/blocked/kernels.h"
 
 namespace revisit::engine {
 
 std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
-  return winograd_kernels();
+  static const std::vector<BlockedConvolutionKernel> kList = [] {
+    std::vector<BlockedConvolutionKernel> list = {kBlockedPlainInput, kBlockedDepthwise,
+                                                  kBlockedPointwise, kBlockedDirect};
+    const auto winograd = winograd_kernels();
+    list.insert(list.end(), winograd.begin(), winograd.end());
+    return list;
+  }();
+  return kList;
 }
 
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,

@@ -5,7 +5,11 @@
 namespace revisit::engine {
 
 // The kernels, one kind a file.
-std::span<const BlockedConvolutionKernel> winograd_kernels();
+extern const BlockedConvolutionKernel kBlockedPlainInput;
+extern const BlockedConvolutionKernel kBlockedDepthwise;
+extern const BlockedConvolutionKernel kBlockedPointwise;
+extern const BlockedConvolutionKernel kBlockedDirect;
+std::span<const BlockedConvolutionKernel> winograd_kernels();  // one for each size of tile
 
 /// Whether no block holds channels of two groups.
 inline bool groups_are_whole_blocks(const ConvolutionProblem& p) {
