@@ -54,12 +54,8 @@ TEST_P(ConvolutionKernels, AgreeWithTheDefinition) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Problems, ConvolutionKernels,
-                         testing::ValuesIn(test::convolution_problems()), [](const auto& instance) {
-                           std::string name = instance.param.name;
-                           for (char& c : name)
-                             if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
-                           return name;
-                         });
+                         testing::ValuesIn(test::convolution_problems()),
+                         [](const auto& instance) { return test::test_name(instance.param); });
 
 TEST(ConvolutionReference, ByHand) {
   // 1 x 1 x 2 x 3 input, 2 x 2 kernel, stride 1, pad 0: a cross-correlation, no flip.

@@ -4,15 +4,36 @@
 #include <vector>
 
 #include "kernels/convolution.h"
+#include "kernels/lrn.h"
+#include "kernels/pooling.h"
 
+/// The lines of tests/problems/.
 namespace revisit::test {
 
-struct NamedConvolution {
+template <class Problem>
+struct Named {
   std::string name;
-  engine::ConvolutionProblem problem;
+  Problem problem;
 };
 
-/// The lines of tests/problems/convolution.txt.
+using NamedConvolution = Named<engine::ConvolutionProblem>;
 std::vector<NamedConvolution> convolution_problems();
+
+struct BlockedPooling {
+  int64_t n, c;
+  engine::PoolingProblem window;
+};
+std::vector<Named<BlockedPooling>> pooling_problems();
+
+std::vector<Named<engine::LrnProblem>> lrn_problems();
+
+/// The name with what GoogleTest allows in names of tests.
+template <class Problem>
+std::string test_name(const Named<Problem>& named) {
+  std::string name = named.name;
+  for (char& c : name)
+    if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+  return name;
+}
 
 }  // namespace revisit::test

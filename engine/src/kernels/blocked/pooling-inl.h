@@ -1,0 +1,120 @@
+// Pooling of one row of windows on a blocked plane. Included once for each SIMD target.
+#if defined(REVISIT_BLOCKED_POOLING_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef REVISIT_BLOCKED_POOLING_INL_H
+#undef REVISIT_BLOCKED_POOLING_INL_H
+#else
+#define REVISIT_BLOCKED_POOLING_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <cfloat>
+
+#include "kernels/pooling.h"
+#include "layout.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// All or a part of a block.
+using Part = hn::CappedTag<float, kLanes>;
+using PartVector = hn::Vec<Part>;
+
+/// A window along one axis: where it starts before it is clipped, and what the image has of it.
+struct WindowRange {
+  int64_t start, begin, end;
+};
+
+HWY_INLINE WindowRange window_range(int64_t out, int64_t stride, int64_t pad, int64_t kernel,
+                                    int64_t size) {
+  const int64_t start = out * stride - pad;
+  const int64_t begin = std::clamp<int64_t>(start, 0, size);
+  return {start, begin, std::clamp(start + kernel, begin, size)};
+}
+
+struct Largest {
+  static HWY_INLINE PartVector first() { return hn::Set(Part(), -FLT_MAX); }
+  /// A comparison with NaN is false: NaN never wins.
+  static HWY_INLINE PartVector add(PartVector best, PartVector x) {
+    return hn::IfThenElse(hn::Gt(x, best), x, best);
+  }
+  static HWY_INLINE PartVector last(PartVector best, float) { return best; }
+};
+
+struct Mean {
+  static HWY_INLINE PartVector first() { return hn::Zero(Part()); }
+  static HWY_INLINE PartVector add(PartVector sum, PartVector x) { return hn::Add(sum, x); }
+  static HWY_INLINE PartVector last(PartVector sum, float area) {
+    return hn::Div(sum, hn::Set(Part(), area));
+  }
+};
+
+/// Rows of a plane, all or some of them, that one row of windows reads, and what to do with them.
+struct RowOfWindows {
+  const float* in;       // the first row, from column `first_column` on
+  int64_t first_column;  // of the image
+  int64_t row_floats;    // from one row to the next
+  int64_t rows;
+  int64_t height;      // of the windows, clipped to image and padding: what a mean is taken over
+  int64_t begin, end;  // the windows wanted, of the whole row of `out_w`
+  float* out;          // window `begin`
+  bool continued;      // further rows of windows that `out` already has something of
+};
+
+/// `kCount` windows from `in` on, each of `columns` pixels.
+template <class Operation, int kCount>
+HWY_INLINE void pool_windows(const RowOfWindows& row, const float* in, int64_t step,
+                             int64_t columns, float area, float* out) {
+  const Part d;
+  for (size_t part = 0; part < kLanes; part += hn::Lanes(d)) {
+    PartVector result[kCount];
+#pragma GCC unroll 8
+    for (int i = 0; i < kCount; ++i)
+      result[i] = row.continued ? hn::Load(d, out + i * kLanes + part) : Operation::first();
+    for (int64_t y = 0; y < row.rows; ++y)
+      for (int64_t x = 0; x < columns; ++x) {
+        const float* pixel = in + y * row.row_floats + x * kLanes + part;
+#pragma GCC unroll 8
+        for (int i = 0; i < kCount; ++i)
+          result[i] = Operation::add(result[i], hn::Load(d, pixel + i * step));
+      }
+#pragma GCC unroll 8
+    for (int i = 0; i < kCount; ++i)
+      hn::Store(Operation::last(result[i], area), d, out + i * kLanes + part);
+  }
+}
+
+template <class Operation>
+HWY_INLINE void pool_row(const PoolingProblem& p, const RowOfWindows& row) {
+  constexpr int kCount = 8;
+  // The windows that lie in the image from left to right are those from `whole_begin` to
+  // `whole_end`.
+  const int64_t whole_begin = (p.pad_w + p.stride_w - 1) / p.stride_w;
+  const int64_t room = p.w + p.pad_w - p.kernel_w;
+  const int64_t whole_end = room < 0 ? 0 : room / p.stride_w + 1;
+  for (int64_t x = row.begin; x < row.end;) {
+    const WindowRange columns = window_range(x, p.stride_w, p.pad_w, p.kernel_w, p.w);
+    const int64_t width = std::min(columns.start + p.kernel_w, p.w + p.pad_w) - columns.start;
+    const auto run = [&](auto count) HWY_ATTR {
+      pool_windows<Operation, decltype(count)::value>(
+          row, row.in + (columns.begin - row.first_column) * kLanes, p.stride_w * kLanes,
+          columns.end - columns.begin, static_cast<float>(row.height * width),
+          row.out + (x - row.begin) * kLanes);
+      x += count;
+    };
+    if (x >= whole_begin && x + kCount <= std::min(whole_end, row.end))
+      run(std::integral_constant<int, kCount>());
+    else
+      run(std::integral_constant<int, 1>());
+  }
+}
+
+}  // namespace
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif  // include guard per target

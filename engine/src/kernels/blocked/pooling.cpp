@@ -1,0 +1,67 @@
+#include "kernels/blocked/pooling.h"
+
+#include "kernels/blocked/planes.h"
+#include "kernels/parallel.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/blocked/pooling.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include "kernels/blocked/pooling-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+namespace {
+
+template <class Operation>
+void pool(const PoolingProblem& p, int64_t channels, const float* input, float* output) {
+  const int64_t blocks = channel_blocks(channels);
+  parallel_for(p.planes / channels * blocks * p.out_h, p.threads, [&](int64_t item, int) HWY_ATTR {
+    const int64_t plane = item / p.out_h, y = item % p.out_h;
+    const WindowRange rows = window_range(y, p.stride_h, p.pad_h, p.kernel_h, p.h);
+    const int64_t height = std::min(rows.start + p.kernel_h, p.h + p.pad_h) - rows.start;
+    float* out = output + item * p.out_w * kLanes;
+    pool_row<Operation>(p, {.in = input + (plane * p.h + rows.begin) * p.w * kLanes,
+                            .first_column = 0,
+                            .row_floats = p.w * kLanes,
+                            .rows = rows.end - rows.begin,
+                            .height = height,
+                            .begin = 0,
+                            .end = p.out_w,
+                            .out = out,
+                            .continued = false});
+    clear_tail_lanes(channels, plane % blocks, p.out_w, out);
+  });
+}
+
+}  // namespace
+
+void max_pool(const PoolingProblem& p, int64_t channels, const float* input, float* output) {
+  pool<Largest>(p, channels, input, output);
+}
+
+void average_pool(const PoolingProblem& p, int64_t channels, const float* input, float* output) {
+  pool<Mean>(p, channels, input, output);
+}
+
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit::engine {
+
+HWY_EXPORT(max_pool);
+HWY_EXPORT(average_pool);
+
+void blocked_max_pool(const PoolingProblem& p, int64_t channels, const float* input,
+                      float* output) {
+  HWY_DYNAMIC_DISPATCH(max_pool)(p, channels, input, output);
+}
+
+void blocked_average_pool(const PoolingProblem& p, int64_t channels, const float* input,
+                          float* output) {
+  HWY_DYNAMIC_DISPATCH(average_pool)(p, channels, input, output);
+}
+
+}  // namespace revisit::engine
+#endif  // HWY_ONCE

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "kernels/pooling.h"
+#include "layout.h"
+
+namespace revisit::engine {
+
+/// Windows side by side, from the top of the image to its bottom: the unit of work where pooling
+/// is done with what comes before it. One row of its pixels, all channels, stays in cache.
+struct PoolingStrip {
+  int64_t windows;
+  int64_t columns;  // of the image that they read, at most
+
+  PoolingStrip(const PoolingProblem& p, int64_t channels) {
+    constexpr int64_t kRowFloats = 8192;
+    const int64_t wanted = kRowFloats / padded_channels(channels);
+    windows = std::clamp<int64_t>((wanted - p.kernel_w) / p.stride_w + 1, 1, p.out_w);
+    columns = std::min((windows - 1) * p.stride_w + p.kernel_w, p.w);
+  }
+};
+
+}  // namespace revisit::engine

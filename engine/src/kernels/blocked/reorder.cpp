@@ -1,0 +1,102 @@
+#include "kernels/blocked/reorder.h"
+
+#include "kernels/blocked/planes.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/blocked/reorder.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Side of the square that is transposed in registers: what every SIMD target can do.
+constexpr int64_t kSide = 4;
+
+/// to[column][row] = from[row][column] for a kSide x kSide square; the steps are those of rows.
+HWY_INLINE void transpose_square(const float* from, int64_t from_step, float* to, int64_t to_step) {
+#if HWY_TARGET == HWY_SCALAR
+  for (int64_t i = 0; i < kSide; ++i)
+    for (int64_t j = 0; j < kSide; ++j) to[j * to_step + i] = from[i * from_step + j];
+#else
+  const hn::FixedTag<float, kSide> d;
+  const hn::RepartitionToWide<decltype(d)> pairs;
+  const auto row0 = hn::LoadU(d, from), row1 = hn::LoadU(d, from + from_step);
+  const auto row2 = hn::LoadU(d, from + 2 * from_step), row3 = hn::LoadU(d, from + 3 * from_step);
+  const auto low01 = hn::BitCast(pairs, hn::InterleaveLower(d, row0, row1));
+  const auto low23 = hn::BitCast(pairs, hn::InterleaveLower(d, row2, row3));
+  const auto high01 = hn::BitCast(pairs, hn::InterleaveUpper(d, row0, row1));
+  const auto high23 = hn::BitCast(pairs, hn::InterleaveUpper(d, row2, row3));
+  hn::StoreU(hn::BitCast(d, hn::InterleaveLower(pairs, low01, low23)), d, to);
+  hn::StoreU(hn::BitCast(d, hn::InterleaveUpper(pairs, low01, low23)), d, to + to_step);
+  hn::StoreU(hn::BitCast(d, hn::InterleaveLower(pairs, high01, high23)), d, to + 2 * to_step);
+  hn::StoreU(hn::BitCast(d, hn::InterleaveUpper(pairs, high01, high23)), d, to + 3 * to_step);
+#endif
+}
+
+/// to[column][row] = from[row][column] for any matrix.
+void transpose(int64_t rows, int64_t columns, const float* from, int64_t from_step, float* to,
+               int64_t to_step) {
+  const int64_t whole_rows = rows / kSide * kSide, whole_columns = columns / kSide * kSide;
+  for (int64_t j = 0; j < whole_columns; j += kSide)
+    for (int64_t i = 0; i < whole_rows; i += kSide)
+      transpose_square(from + i * from_step + j, from_step, to + j * to_step + i, to_step);
+  for (int64_t j = 0; j < columns; ++j)
+    for (int64_t i = j < whole_columns ? whole_rows : 0; i < rows; ++i)
+      to[j * to_step + i] = from[i * from_step + j];
+}
+
+/// A piece of a plane: its size, and where its first channel begins in the plain value.
+struct Piece {
+  int64_t channels, pixels, plain;
+};
+
+Piece piece_of(const BlockedSize& size, int64_t block, int64_t begin, int64_t end) {
+  const int64_t plane = begin / kLanes / size.pixels, image = plane / channel_blocks(size.c);
+  const int64_t first = begin / kLanes % size.pixels;
+  return {std::min(size.c - block * kLanes, kLanes), (end - begin) / kLanes,
+          (image * size.c + block * kLanes) * size.pixels + first};
+}
+
+}  // namespace
+
+void to_blocked(const BlockedSize& size, const float* plain, float* blocked) {
+  for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
+    const Piece piece = piece_of(size, block, begin, end);
+    transpose(piece.channels, piece.pixels, plain + piece.plain, size.pixels, blocked + begin,
+              kLanes);
+    clear_tail_lanes(size.c, block, piece.pixels, blocked + begin);
+  });
+}
+
+void to_plain(const BlockedSize& size, const float* blocked, float* plain) {
+  for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
+    const Piece piece = piece_of(size, block, begin, end);
+    transpose(piece.pixels, piece.channels, blocked + begin, kLanes, plain + piece.plain,
+              size.pixels);
+  });
+}
+
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit::engine {
+
+HWY_EXPORT(to_blocked);
+HWY_EXPORT(to_plain);
+
+void reorder_to_blocked(const BlockedSize& size, const float* plain, float* blocked) {
+  HWY_DYNAMIC_DISPATCH(to_blocked)(size, plain, blocked);
+}
+
+void reorder_to_plain(const BlockedSize& size, const float* blocked, float* plain) {
+  HWY_DYNAMIC_DISPATCH(to_plain)(size, blocked, plain);
+}
+
+}  // namespace revisit::engine
+#endif  // HWY_ONCE

@@ -1,0 +1,13 @@
+#pragma once
+
+#include "kernels/blocked/size.h"
+
+namespace revisit::engine {
+
+/// `[n][c][pixels]` to `[n][ceil(c / kLanes)][pixels][kLanes]`, lanes beyond c zero.
+void reorder_to_blocked(const BlockedSize& size, const float* plain, float* blocked);
+
+/// The way back.
+void reorder_to_plain(const BlockedSize& size, const float* blocked, float* plain);
+
+}  // namespace revisit::engine

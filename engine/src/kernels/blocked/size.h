@@ -1,0 +1,17 @@
+#pragma once
+
+#include <cstdint>
+
+#include "layout.h"
+
+namespace revisit::engine {
+
+/// The size of a blocked value, for kernels that work on each pixel by itself.
+struct BlockedSize {
+  int64_t n = 1, c = 1, pixels = 1;
+  int threads = 1;
+
+  int64_t planes() const { return n * channel_blocks(c); }
+};
+
+}  // namespace revisit::engine

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "layout.h"
+
+/// Blocked values for tests of kernels.
+namespace revisit::test {
+
+/// A buffer as the engine's: 64-byte aligned.
+class AlignedFloats {
+ public:
+  /// Every byte is `byte`: 0xFF makes each float NaN.
+  AlignedFloats(int64_t count, unsigned char byte);
+  AlignedFloats(AlignedFloats&&) noexcept;
+  ~AlignedFloats();
+
+  float* data() { return data_; }
+  const float* data() const { return data_; }
+  std::span<const float> values() const { return {data_, size_}; }
+
+ private:
+  float* data_;
+  size_t size_;
+};
+
+/// `[n][c][pixels]` in Layout::kBlocked, and back; both written from the definition.
+AlignedFloats to_blocked(int64_t n, int64_t c, int64_t pixels, std::span<const float> plain);
+std::vector<float> to_plain(int64_t n, int64_t c, int64_t pixels, std::span<const float> blocked);
+
+/// The first lane beyond `c` that is not zero, or -1.
+int64_t find_dirty_tail(int64_t n, int64_t c, int64_t pixels, std::span<const float> blocked);
+
+}  // namespace revisit::test
