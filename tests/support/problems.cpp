@@ -64,4 +64,12 @@ std::vector<Named<engine::LrnProblem>> lrn_problems() {
       });
 }
 
+std::vector<Named<engine::InnerProductProblem>> inner_product_problems() {
+  return problems_of<engine::InnerProductProblem>(
+      REVISIT_PROBLEMS "/inner_product.txt",
+      [](std::istream& fields, engine::InnerProductProblem& p) {
+        fields >> p.m >> p.n >> p.k >> p.transposed;
+      });
+}
+
 }  // namespace revisit::test

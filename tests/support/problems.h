@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "kernels/convolution.h"
+#include "kernels/inner_product.h"
 #include "kernels/lrn.h"
 #include "kernels/pooling.h"
 
@@ -26,6 +27,8 @@ struct BlockedPooling {
 std::vector<Named<BlockedPooling>> pooling_problems();
 
 std::vector<Named<engine::LrnProblem>> lrn_problems();
+
+std::vector<Named<engine::InnerProductProblem>> inner_product_problems();
 
 /// The name with what GoogleTest allows in names of tests.
 template <class Problem>

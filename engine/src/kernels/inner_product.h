@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 namespace revisit::engine {
 
@@ -12,9 +13,24 @@ struct InnerProductProblem {
   int threads = 1;
 };
 
+struct InnerProductKernel {
+  const char* name;
+  bool (*supports)(const InnerProductProblem&);
+  void (*run)(const InnerProductProblem&, const float* input, const float* weights,
+              const float* bias, float* output);
+};
+
+/// In order of preference; the last is the reference and supports everything.
+std::span<const InnerProductKernel> inner_product_kernels();
+
+/// The first of them that supports the problem.
+const InnerProductKernel& choose_inner_product(const InnerProductProblem& problem);
 void inner_product(const InnerProductProblem& problem, const float* input, const float* weights,
                    const float* bias, float* output);
-void inner_product_reference(const InnerProductProblem& problem, const float* input,
-                             const float* weights, const float* bias, float* output);
+
+// The kernels, one a file.
+extern const InnerProductKernel kInnerProductGemv;       // few inputs: the weights are read once
+extern const InnerProductKernel kInnerProductGemm;       // a matrix product
+extern const InnerProductKernel kInnerProductReference;  // the definition, in double precision
 
 }  // namespace revisit::engine

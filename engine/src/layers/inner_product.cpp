@@ -37,9 +37,10 @@ class InnerProduct : public Layer {
                                       binding.threads};
     const float* weights = binding.weights[0].values.data();
     const float* bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
-    auto* const run = binding.reference_kernels ? inner_product_reference : inner_product;
-    return {binding.reference_kernels ? "reference" : "gemm",
-            [problem, run, weights, bias](const Call& call) {
+    const InnerProductKernel& kernel =
+        binding.reference_kernels ? kInnerProductReference : choose_inner_product(problem);
+    return {kernel.name,
+            [problem, run = kernel.run, weights, bias](const Call& call) {
               run(problem, call.inputs[0], weights, bias, call.outputs[0]);
             },
             0, problem.m * problem.n * problem.k};
