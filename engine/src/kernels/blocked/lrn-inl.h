@@ -7,43 +7,38 @@
 #endif
 
 #include <hwy/contrib/math/math-inl.h>
-#include <hwy/highway.h>
 
 #include <cfloat>
 #include <cmath>
 
+#include "kernels/blocked/block-inl.h"
 #include "kernels/blocked/lrn_tile.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-namespace hn = hwy::HWY_NAMESPACE;
-
-using LrnPart = hn::CappedTag<float, kLanes>;
-using LrnVector = hn::Vec<LrnPart>;
-
 /// x * scale ^ -0.75, of every published network.
 struct ThreeQuarters {
   explicit ThreeQuarters(float) {}
 
-  HWY_INLINE LrnVector operator()(LrnVector x, LrnVector scale) const {
+  HWY_INLINE Vector operator()(Vector x, Vector scale) const {
 #if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
-    const LrnPart d;
+    const Tag d;
     // r = scale ^ -0.25 (1 + e) with |e| < 1e-4 from two reciprocal roots of 14 bits. Then
     // q = scale * r^4 = 1 + 4e + ..., and r^3 * (1.75 - 0.75 q) has a relative error below 11 e^2.
     // Outside of this range (NaN included) a power of r or scale could leave that of float.
     const auto usual = hn::And(hn::Ge(scale, hn::Set(d, 1e-30F)), hn::Le(scale, hn::Set(d, 1e30F)));
     if (HWY_LIKELY(hn::AllTrue(d, usual))) {
-      const LrnVector root = hn::ApproximateReciprocalSqrt(scale);
-      const LrnVector r = hn::Mul(root, hn::ApproximateReciprocalSqrt(root));
-      const LrnVector r2 = hn::Mul(r, r);
-      const LrnVector q = hn::Mul(hn::Mul(scale, r2), r2);
-      const LrnVector correction = hn::NegMulAdd(q, hn::Set(d, 0.75F), hn::Set(d, 1.75F));
+      const Vector root = hn::ApproximateReciprocalSqrt(scale);
+      const Vector r = hn::Mul(root, hn::ApproximateReciprocalSqrt(root));
+      const Vector r2 = hn::Mul(r, r);
+      const Vector q = hn::Mul(hn::Mul(scale, r2), r2);
+      const Vector correction = hn::NegMulAdd(q, hn::Set(d, 0.75F), hn::Set(d, 1.75F));
       return hn::Mul(hn::Mul(x, hn::Mul(r, r2)), correction);
     }
 #endif
-    const LrnVector root = hn::Sqrt(scale);
+    const Vector root = hn::Sqrt(scale);
     return hn::Div(x, hn::Mul(root, hn::Sqrt(root)));
   }
 };
@@ -53,16 +48,16 @@ struct AnyPower {
   float beta;
   explicit AnyPower(float b) : beta(b) {}
 
-  HWY_INLINE LrnVector operator()(LrnVector x, LrnVector scale) const {
-    const LrnPart d;
+  HWY_INLINE Vector operator()(Vector x, Vector scale) const {
+    const Tag d;
     const auto usual =
         hn::And(hn::Ge(scale, hn::Set(d, FLT_MIN)), hn::Le(scale, hn::Set(d, FLT_MAX)));
     if (HWY_LIKELY(hn::AllTrue(d, usual)))
       return hn::Mul(x, hn::Exp(d, hn::Mul(hn::Set(d, -beta), hn::Log(d, scale))));
-    HWY_ALIGN float values[hn::MaxLanes(d)], scales[hn::MaxLanes(d)];
+    HWY_ALIGN float values[kVectorLanes], scales[kVectorLanes];
     hn::Store(x, d, values);
     hn::Store(scale, d, scales);
-    for (size_t i = 0; i < hn::Lanes(d); ++i) values[i] *= std::pow(scales[i], -beta);
+    for (int64_t i = 0; i < kVectorLanes; ++i) values[i] *= std::pow(scales[i], -beta);
     return hn::Load(d, values);
   }
 };
@@ -87,11 +82,11 @@ HWY_INLINE void clear_margins(const LrnSquares& s, float* squares) {
 /// `taps`: p.size clipped to the channels, of a type that may tell it at compile time.
 template <class Power, class Taps>
 HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps, const LrnTile& t) {
-  const LrnPart d;
+  const Tag d;
   const int64_t blocks = channel_blocks(p.c);
   for (int64_t block = 0; block < blocks; ++block)
     for (int64_t i = 0; i < t.pixels; ++i)
-      for (size_t part = 0; part < kLanes; part += hn::Lanes(d)) {
+      for (int64_t part = 0; part < kLanes; part += kVectorLanes) {
         const auto x = hn::Load(d, t.input + block * t.input_step + i * kLanes + part);
         hn::Store(hn::Mul(x, x), d, t.squares + i * s.pitch + s.margin + block * kLanes + part);
       }
@@ -99,7 +94,7 @@ HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps, c
   const auto k = hn::Set(d, p.k), factor = hn::Set(d, p.alpha / static_cast<float>(p.size));
   for (int64_t block = 0; block < blocks; ++block)
     for (int64_t i = 0; i < t.pixels; ++i)
-      for (size_t part = 0; part < kLanes; part += hn::Lanes(d)) {
+      for (int64_t part = 0; part < kLanes; part += kVectorLanes) {
         const float* window = t.squares + i * s.pitch + s.margin + block * kLanes + part - s.half;
         auto sum = hn::LoadU(d, window);
         for (int64_t j = 1; j < taps; ++j) sum = hn::Add(sum, hn::LoadU(d, window + j));

@@ -6,23 +6,15 @@
 #define REVISIT_BLOCKED_POOLING_INL_H
 #endif
 
-#include <hwy/highway.h>
-
 #include <algorithm>
 #include <cfloat>
 
+#include "kernels/blocked/block-inl.h"
 #include "kernels/pooling.h"
-#include "layout.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
-
-namespace hn = hwy::HWY_NAMESPACE;
-
-/// All or a part of a block.
-using Part = hn::CappedTag<float, kLanes>;
-using PartVector = hn::Vec<Part>;
 
 /// A window along one axis: where it starts before it is clipped, and what the image has of it.
 struct WindowRange {
@@ -37,19 +29,19 @@ HWY_INLINE WindowRange window_range(int64_t out, int64_t stride, int64_t pad, in
 }
 
 struct Largest {
-  static HWY_INLINE PartVector first() { return hn::Set(Part(), -FLT_MAX); }
+  static HWY_INLINE Vector first() { return hn::Set(Tag(), -FLT_MAX); }
   /// A comparison with NaN is false: NaN never wins.
-  static HWY_INLINE PartVector add(PartVector best, PartVector x) {
+  static HWY_INLINE Vector add(Vector best, Vector x) {
     return hn::IfThenElse(hn::Gt(x, best), x, best);
   }
-  static HWY_INLINE PartVector last(PartVector best, float) { return best; }
+  static HWY_INLINE Vector last(Vector best, float) { return best; }
 };
 
 struct Mean {
-  static HWY_INLINE PartVector first() { return hn::Zero(Part()); }
-  static HWY_INLINE PartVector add(PartVector sum, PartVector x) { return hn::Add(sum, x); }
-  static HWY_INLINE PartVector last(PartVector sum, float area) {
-    return hn::Div(sum, hn::Set(Part(), area));
+  static HWY_INLINE Vector first() { return hn::Zero(Tag()); }
+  static HWY_INLINE Vector add(Vector sum, Vector x) { return hn::Add(sum, x); }
+  static HWY_INLINE Vector last(Vector sum, float area) {
+    return hn::Div(sum, hn::Set(Tag(), area));
   }
 };
 
@@ -69,20 +61,20 @@ struct RowOfWindows {
 template <class Operation, int kCount>
 HWY_INLINE void pool_windows(const RowOfWindows& row, const float* in, int64_t step,
                              int64_t columns, float area, float* out) {
-  const Part d;
-  for (size_t part = 0; part < kLanes; part += hn::Lanes(d)) {
-    PartVector result[kCount];
-#pragma GCC unroll 8
+  const Tag d;
+  for (int64_t part = 0; part < kLanes; part += kVectorLanes) {
+    Vector result[kCount];
+    REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i)
       result[i] = row.continued ? hn::Load(d, out + i * kLanes + part) : Operation::first();
     for (int64_t y = 0; y < row.rows; ++y)
       for (int64_t x = 0; x < columns; ++x) {
         const float* pixel = in + y * row.row_floats + x * kLanes + part;
-#pragma GCC unroll 8
+        REVISIT_UNROLL
         for (int i = 0; i < kCount; ++i)
           result[i] = Operation::add(result[i], hn::Load(d, pixel + i * step));
       }
-#pragma GCC unroll 8
+    REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i)
       hn::Store(Operation::last(result[i], area), d, out + i * kLanes + part);
   }
