@@ -8,6 +8,7 @@
 
 #include "blocked.h"
 #include "compare.h"
+#include "kernels/blocked/elementwise.h"
 #include "kernels/blocked/lrn.h"
 #include "kernels/blocked/pooling.h"
 #include "kernels/blocked/reorder.h"
@@ -237,6 +238,139 @@ TEST_P(BlockedLrnMaxPool, GivesTheBitsOfOneAfterTheOther) {
 
 INSTANTIATE_TEST_SUITE_P(Problems, BlockedLrnMaxPool, testing::ValuesIn(test::pooling_problems()),
                          [](const auto& instance) { return test::test_name(instance.param); });
+
+/// Sizes with and without a tail, of less and of more than one item of work.
+const Result kSizes[] = {{1, 16, 1}, {2, 5, 37}, {1, 35, 1500}};
+
+/// What the plain layer makes of `inputs`, all of one size.
+std::vector<float> layer_result(const Result& r, const std::string& type, const std::string& param,
+                                const std::vector<std::vector<float>>& inputs,
+                                const std::vector<std::vector<float>>& weights = {}) {
+  test::SingleLayer layer{type, param, {}, weights};
+  for (const std::vector<float>& input : inputs)
+    layer.inputs.push_back({{r.n, r.c, 1, r.pixels}, input});
+  return test::run_layer(layer)[0].values;
+}
+
+/// Padded to whole blocks with what must not show.
+test::AlignedFloats padded(const std::vector<float>& values) {
+  test::AlignedFloats result(padded_channels(static_cast<int64_t>(values.size())), kDirty);
+  std::copy(values.begin(), values.end(), result.data());
+  return result;
+}
+
+void expect_near(const std::vector<float>& found, const std::vector<float>& wanted,
+                 float tolerance) {
+  ASSERT_EQ(found.size(), wanted.size());
+  for (size_t i = 0; i < found.size(); ++i)
+    if (std::isfinite(wanted[i]))
+      EXPECT_NEAR(found[i], wanted[i], tolerance * std::max(1.0F, std::abs(wanted[i]))) << i;
+    else
+      EXPECT_TRUE(same({&found[i], 1}, {&wanted[i], 1})) << i;
+}
+
+TEST(BlockedActivation, AgreesWithTheLayers) {
+  using Activation = Epilogue::Activation;
+  for (const Result& r : kSizes) {
+    const std::vector<float> slopes = test::random_floats(r.c, kSeed + 1);
+    const test::AlignedFloats padded_slopes = padded(slopes);
+    struct Case {
+      Epilogue epilogue;
+      const char *type, *param;
+      std::vector<std::vector<float>> weights = {};
+    };
+    for (const Case& c :
+         {Case{{Activation::kRelu}, "ReLU", ""},
+          Case{{Activation::kRelu, 0.25F}, "ReLU", "relu_param { negative_slope: 0.25 }"},
+          Case{{Activation::kPrelu, 0, 0, 0, padded_slopes.data()}, "PReLU", "", {slopes}},
+          Case{{Activation::kElu, 1.5F}, "ELU", "elu_param { alpha: 1.5 }"},
+          Case{{Activation::kClip, 0, -1, 6}, "Clip", "clip_param { min: -1 max: 6 }"}}) {
+      SCOPED_TRACE(c.type);
+      std::vector<float> input = with_specials(r.n * r.c * r.pixels, kSeed);
+      for (size_t i = 1; i < input.size(); i += 3) input[i] *= 20;
+      auto wanted = layer_result(r, c.type, c.param, {input}, c.weights);
+      for (size_t i = 0; i < input.size(); ++i)
+        if (std::isnan(input[i])) wanted[i] = NAN;  // the layer Clip gives `min`
+      const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
+      test::for_each_simd_target([&] {
+        expect_near(result_of(r,
+                              [&](int threads, float* output, float*) {
+                                blocked_activation({r.n, r.c, r.pixels, threads}, c.epilogue,
+                                                   blocked.data(), output);
+                              }),
+                    wanted, 5e-7F);
+      });
+    }
+  }
+}
+
+TEST(BlockedScale, AgreesWithTheLayers) {
+  for (const Result& r : kSizes) {
+    const std::vector<float> scale = test::random_floats(r.c, kSeed + 1);
+    const std::vector<float> shift = test::random_floats(r.c, kSeed + 2);
+    const test::AlignedFloats padded_scale = padded(scale), padded_shift = padded(shift);
+    const std::vector<float> input = with_specials(r.n * r.c * r.pixels, kSeed);
+    const auto scaled =
+        layer_result(r, "Scale", "scale_param { bias_term: true }", {input}, {scale, shift});
+    const auto wanted = layer_result(r, "ReLU", "", {scaled});
+    const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
+    test::for_each_simd_target([&] {
+      expect_near(result_of(r,
+                            [&](int threads, float* output, float*) {
+                              blocked_scale({r.n, r.c, r.pixels, threads}, padded_scale.data(),
+                                            padded_shift.data(), {Epilogue::Activation::kRelu},
+                                            blocked.data(), output);
+                            }),
+                  wanted, 5e-7F);
+    });
+  }
+}
+
+TEST(BlockedEltwise, AgreesWithTheLayer) {
+  using Operation = BlockedEltwise::Operation;
+  constexpr size_t kInputs = 3;
+  const float ones[kInputs] = {1, 1, 1}, some[kInputs] = {0.5F, 0, -2};
+  struct Case {
+    BlockedEltwise eltwise;
+    const char* param;
+  };
+  for (const Result& r : kSizes) {
+    std::vector<std::vector<float>> inputs;
+    std::vector<test::AlignedFloats> blocked;
+    std::vector<const float*> pointers;
+    for (unsigned k = 0; k < kInputs; ++k) {
+      inputs.push_back(test::random_floats(r.n * r.c * r.pixels, kSeed + k));
+      // NaN in one input at a time, and in two.
+      for (size_t i = k; i < inputs[k].size(); i += 5) inputs[k][i] = NAN;
+      blocked.push_back(test::to_blocked(r.n, r.c, r.pixels, inputs[k]));
+    }
+    for (const test::AlignedFloats& b : blocked) pointers.push_back(b.data());
+    for (const Case& c : {Case{{Operation::kSum, ones}, "eltwise_param { operation: SUM }"},
+                          Case{{Operation::kSum, some},
+                               "eltwise_param { operation: SUM coeff: 0.5 coeff: 0 coeff: -2 }"},
+                          Case{{Operation::kProduct}, "eltwise_param { operation: PROD }"},
+                          Case{{Operation::kMaximum}, "eltwise_param { operation: MAX }"},
+                          Case{{Operation::kSum, ones, {Epilogue::Activation::kRelu}}, ""}}) {
+      SCOPED_TRACE(c.param);
+      const bool relu = c.eltwise.epilogue.activation == Epilogue::Activation::kRelu;
+      auto wanted = layer_result(r, "Eltwise", c.param, inputs);
+      if (relu) wanted = layer_result(r, "ReLU", "", {wanted});
+      test::for_each_simd_target([&] {
+        EXPECT_TRUE(same(
+            result_of(r,
+                      [&](int threads, float* output, float*) {
+                        blocked_eltwise({r.n, r.c, r.pixels, threads}, c.eltwise, pointers, output);
+                      }),
+            wanted));
+      });
+      // Onto one of the inputs.
+      test::AlignedFloats copy = test::to_blocked(r.n, r.c, r.pixels, inputs[1]);
+      const float* const aliased[kInputs] = {pointers[0], copy.data(), pointers[2]};
+      blocked_eltwise({r.n, r.c, r.pixels, 2}, c.eltwise, aliased, copy.data());
+      EXPECT_TRUE(same(test::to_plain(r.n, r.c, r.pixels, copy.values()), wanted));
+    }
+  }
+}
 
 }  // namespace
 }  // namespace revisit::engine

@@ -1,0 +1,114 @@
+#include "kernels/blocked/elementwise.h"
+
+#include "kernels/blocked/planes.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/blocked/elementwise.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include "kernels/blocked/epilogue-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+namespace {
+
+/// output = activation(compute(place, channel)) where `place` counts floats of the value and
+/// `channel` is the first of the block there.
+template <class Compute>
+HWY_INLINE void for_each_block(const BlockedSize& size, const Epilogue& epilogue, float* output,
+                               const Compute& compute) {
+  for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
+    const int64_t channel = block * kLanes;
+    const float* slopes = epilogue.slopes ? epilogue.slopes + channel : nullptr;
+    for (int64_t i = begin; i < end; i += kLanes)
+      store_block(activate(epilogue, slopes, compute(i, channel)), output + i);
+    clear_tail_lanes(size.c, block, (end - begin) / kLanes, output + begin);
+  });
+}
+
+HWY_INLINE Block operator*(Block a, const Block& b) {
+  REVISIT_UNROLL
+  for (int i = 0; i < kVectors; ++i) a.v[i] = hn::Mul(a.v[i], b.v[i]);
+  return a;
+}
+
+/// a where a > b, else b: of a NaN and another number, b.
+HWY_INLINE Block greater(const Block& a, Block b) {
+  REVISIT_UNROLL
+  for (int i = 0; i < kVectors; ++i)
+    b.v[i] = hn::IfThenElse(hn::Gt(a.v[i], b.v[i]), a.v[i], b.v[i]);
+  return b;
+}
+
+}  // namespace
+
+void activation(const BlockedSize& size, const Epilogue& epilogue, const float* input,
+                float* output) {
+  for_each_block(size, epilogue, output,
+                 [&](int64_t i, int64_t) HWY_ATTR { return load_block(input + i); });
+}
+
+void scale_shift(const BlockedSize& size, const float* scale, const float* shift,
+                 const Epilogue& epilogue, const float* input, float* output) {
+  for_each_block(size, epilogue, output, [&](int64_t i, int64_t channel) HWY_ATTR {
+    return mul_add(load_block(input + i), load_block(scale + channel), load_block(shift + channel));
+  });
+}
+
+void eltwise(const BlockedSize& size, const BlockedEltwise& e, std::span<const float* const> inputs,
+             float* output) {
+  switch (e.operation) {
+    case BlockedEltwise::Operation::kSum:
+      for_each_block(size, e.epilogue, output, [&](int64_t i, int64_t) HWY_ATTR {
+        Block sum = zero_block();
+        for (size_t k = 0; k < inputs.size(); ++k)
+          if (e.coefficients[k] != 0)
+            sum = mul_add(hn::Set(Tag(), e.coefficients[k]), load_block(inputs[k] + i), sum);
+        return sum;
+      });
+      break;
+    case BlockedEltwise::Operation::kProduct:
+      for_each_block(size, e.epilogue, output, [&](int64_t i, int64_t) HWY_ATTR {
+        Block product = load_block(inputs[0] + i);
+        for (const float* input : inputs.subspan(1)) product = product * load_block(input + i);
+        return product;
+      });
+      break;
+    case BlockedEltwise::Operation::kMaximum:
+      // As in Caffe: of the first two a NaN in the second wins, then NaN neither wins nor loses.
+      for_each_block(size, e.epilogue, output, [&](int64_t i, int64_t) HWY_ATTR {
+        Block best = greater(load_block(inputs[0] + i), load_block(inputs[1] + i));
+        for (const float* input : inputs.subspan(2)) best = greater(load_block(input + i), best);
+        return best;
+      });
+      break;
+  }
+}
+
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit::engine {
+
+HWY_EXPORT(activation);
+HWY_EXPORT(scale_shift);
+HWY_EXPORT(eltwise);
+
+void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const float* input,
+                        float* output) {
+  HWY_DYNAMIC_DISPATCH(activation)(size, epilogue, input, output);
+}
+
+void blocked_scale(const BlockedSize& size, const float* scale, const float* shift,
+                   const Epilogue& epilogue, const float* input, float* output) {
+  HWY_DYNAMIC_DISPATCH(scale_shift)(size, scale, shift, epilogue, input, output);
+}
+
+void blocked_eltwise(const BlockedSize& size, const BlockedEltwise& eltwise,
+                     std::span<const float* const> inputs, float* output) {
+  HWY_DYNAMIC_DISPATCH(eltwise)(size, eltwise, inputs, output);
+}
+
+}  // namespace revisit::engine
+#endif  // HWY_ONCE

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <span>
+
+#include "kernels/blocked/size.h"
+#include "kernels/epilogue.h"
+
+// Kernels on each element of blocked values by itself. All arrays are 64-byte aligned; the output may
+// be one of the inputs.
+namespace revisit::engine {
+
+/// The activation of `epilogue` alone.
+void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const float* input,
+                        float* output);
+
+/// input * scale[c] + shift[c], then the epilogue; both are `[padded_channels(c)]`.
+void blocked_scale(const BlockedSize& size, const float* scale, const float* shift,
+                   const Epilogue& epilogue, const float* input, float* output);
+
+/// At least two inputs, combined as Caffe's Eltwise does, then the epilogue.
+struct BlockedEltwise {
+  enum class Operation { kSum, kProduct, kMaximum };
+  Operation operation = Operation::kSum;
+  /// Of a sum, one for each input. Where it is 0 the input is not looked at: NaN does not show.
+  std::span<const float> coefficients = {};
+  Epilogue epilogue = {};
+};
+void blocked_eltwise(const BlockedSize& size, const BlockedEltwise& eltwise,
+                     std::span<const float* const> inputs, float* output);
+
+}  // namespace revisit::engine
