@@ -6,6 +6,7 @@
 #define REVISIT_BLOCKED_LRN_INL_H
 #endif
 
+#include <hwy/cache_control.h>
 #include <hwy/contrib/math/math-inl.h>
 
 #include <cfloat>
@@ -27,13 +28,12 @@ struct ThreeQuarters {
     const Tag d;
     // r = scale ^ -0.25 (1 + e) with |e| < 1e-4 from two reciprocal roots of 14 bits. Then
     // q = scale * r^4 = 1 + 4e + ..., and r^3 * (1.75 - 0.75 q) has a relative error below 11 e^2.
-    // Outside of this range (NaN included) a power of r or scale could leave that of float.
-    const auto usual = hn::And(hn::Ge(scale, hn::Set(d, 1e-30F)), hn::Le(scale, hn::Set(d, 1e30F)));
-    if (HWY_LIKELY(hn::AllTrue(d, usual))) {
-      const Vector root = hn::ApproximateReciprocalSqrt(scale);
-      const Vector r = hn::Mul(root, hn::ApproximateReciprocalSqrt(root));
-      const Vector r2 = hn::Mul(r, r);
-      const Vector q = hn::Mul(hn::Mul(scale, r2), r2);
+    // Of 0, infinity, NaN and negative numbers q is NaN.
+    const Vector inverse_root = hn::ApproximateReciprocalSqrt(scale);
+    const Vector r = hn::Mul(inverse_root, hn::ApproximateReciprocalSqrt(inverse_root));
+    const Vector r2 = hn::Mul(r, r);
+    const Vector q = hn::Mul(hn::Mul(scale, r2), r2);
+    if (HWY_LIKELY(hn::AllTrue(d, hn::Eq(q, q)))) {
       const Vector correction = hn::NegMulAdd(q, hn::Set(d, 0.75F), hn::Set(d, 1.75F));
       return hn::Mul(hn::Mul(x, hn::Mul(r, r2)), correction);
     }
@@ -69,6 +69,7 @@ struct LrnTile {
   float* output;
   int64_t output_step;
   int64_t pixels;
+  int64_t ahead;  // floats from the input to what will be needed next: fetched into cache meanwhile
   float* squares;  // [pixels][pitch], zero in the margins
 };
 
@@ -98,7 +99,9 @@ HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps, c
         const float* window = t.squares + i * s.pitch + s.margin + block * kLanes + part - s.half;
         auto sum = hn::LoadU(d, window);
         for (int64_t j = 1; j < taps; ++j) sum = hn::Add(sum, hn::LoadU(d, window + j));
-        const auto x = hn::Load(d, t.input + block * t.input_step + i * kLanes + part);
+        const float* pixel = t.input + block * t.input_step + i * kLanes + part;
+        if (part == 0) hwy::Prefetch(pixel + t.ahead);
+        const auto x = hn::Load(d, pixel);
         hn::Store(power(x, hn::MulAdd(factor, sum, k)), d,
                   t.output + block * t.output_step + i * kLanes + part);
       }

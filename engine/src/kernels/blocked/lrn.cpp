@@ -23,7 +23,7 @@ void lrn(const LrnProblem& p, const float* input, float* output, float* scratch)
     const int64_t image = item / pieces * blocks * step;
     for (int64_t i = first; i < last; i += s.pixels) {
       const int64_t at = image + i * kLanes, count = std::min(s.pixels, last - i);
-      normalise(p, s, {input + at, step, output + at, step, count, squares});
+      normalise(p, s, {input + at, step, output + at, step, count, s.pixels * kLanes, squares});
     }
     float* const tail = output + image + (blocks - 1) * step + first * kLanes;
     clear_tail_lanes(p.c, blocks - 1, last - first, tail);

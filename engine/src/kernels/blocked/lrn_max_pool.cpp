@@ -35,7 +35,7 @@ struct LrnPoolStrip {
     for (int64_t x = left; x < right; x += squares_layout.pixels)
       normalise(lrn, squares_layout,
                 {input + (y * lrn.w + x) * kLanes, in_step, row + (x - left) * kLanes, out_step,
-                 std::min(squares_layout.pixels, right - x), squares});
+                 std::min(squares_layout.pixels, right - x), lrn.w * kLanes, squares});
   }
 
   /// Adds `rows` (0 or 1) rows to row `y` of windows.

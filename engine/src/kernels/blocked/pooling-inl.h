@@ -30,9 +30,13 @@ HWY_INLINE WindowRange window_range(int64_t out, int64_t stride, int64_t pad, in
 
 struct Largest {
   static HWY_INLINE Vector first() { return hn::Set(Tag(), -FLT_MAX); }
-  /// A comparison with NaN is false: NaN never wins.
+  /// NaN never wins: x > best ? x : best, which is what the instruction of x86 does.
   static HWY_INLINE Vector add(Vector best, Vector x) {
+#if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR
+    return hn::Max(x, best);
+#else
     return hn::IfThenElse(hn::Gt(x, best), x, best);
+#endif
   }
   static HWY_INLINE Vector last(Vector best, float) { return best; }
 };

@@ -15,7 +15,7 @@ struct PoolingStrip {
   int64_t columns;  // of the image that they read, at most
 
   PoolingStrip(const PoolingProblem& p, int64_t channels) {
-    constexpr int64_t kRowFloats = 8192;
+    constexpr int64_t kRowFloats = 16384;
     const int64_t wanted = kRowFloats / padded_channels(channels);
     windows = std::clamp<int64_t>((wanted - p.kernel_w) / p.stride_w + 1, 1, p.out_w);
     columns = std::min((windows - 1) * p.stride_w + p.kernel_w, p.w);
