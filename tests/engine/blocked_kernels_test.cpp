@@ -8,10 +8,13 @@
 
 #include "blocked.h"
 #include "compare.h"
+#include "kernels/blocked/convolution_max_pool.h"
 #include "kernels/blocked/elementwise.h"
+#include "kernels/blocked/kernels.h"
 #include "kernels/blocked/lrn.h"
 #include "kernels/blocked/pooling.h"
 #include "kernels/blocked/reorder.h"
+#include "layers/pooling_window.h"
 #include "problems.h"
 #include "simd_targets.h"
 #include "single_layer.h"
@@ -238,6 +241,83 @@ TEST_P(BlockedLrnMaxPool, GivesTheBitsOfOneAfterTheOther) {
 
 INSTANTIATE_TEST_SUITE_P(Problems, BlockedLrnMaxPool, testing::ValuesIn(test::pooling_problems()),
                          [](const auto& instance) { return test::test_name(instance.param); });
+
+struct FirstLayers {
+  const char* name;
+  ConvolutionProblem convolution;
+  bool with_lrn;
+  caffe::PoolingParameter pooling;
+};
+
+FirstLayers first_layers(const char* name, int64_t n, int64_t c_in, int64_t h, int64_t w,
+                         int64_t c_out, std::array<int64_t, 3> kernel_stride_pad, bool with_lrn,
+                         std::array<uint32_t, 3> pooling) {
+  FirstLayers f{name, {}, with_lrn, {}};
+  ConvolutionProblem& p = f.convolution;
+  p.n = n, p.c_in = c_in, p.h = h, p.w = w, p.c_out = c_out;
+  p.kernel_h = p.kernel_w = kernel_stride_pad[0];
+  p.stride_h = p.stride_w = kernel_stride_pad[1];
+  p.pad_h = p.pad_w = kernel_stride_pad[2];
+  p.out_h = (h + 2 * p.pad_h - p.kernel_h) / p.stride_h + 1;
+  p.out_w = (w + 2 * p.pad_w - p.kernel_w) / p.stride_w + 1;
+  f.pooling.set_kernel_size(pooling[0]);
+  f.pooling.set_stride(pooling[1]);
+  f.pooling.set_pad(pooling[2]);
+  return f;
+}
+
+TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
+  for (const FirstLayers& f :
+       {first_layers("alexnet", 1, 1, 67, 1100, 96, {11, 4, 0}, true, {3, 2, 0}),
+        first_layers("vgg-cnn-s", 1, 3, 67, 400, 96, {7, 2, 0}, true, {3, 3, 0}),
+        first_layers("places-cnds-8", 1, 1, 40, 700, 64, {7, 2, 1}, false, {3, 2, 0}),
+        first_layers("tail-batch-pads", 2, 3, 13, 37, 20, {3, 1, 1}, true, {3, 2, 1}),
+        first_layers("gaps", 1, 2, 30, 30, 17, {2, 1, 0}, true, {2, 4, 0}),
+        first_layers("narrow", 3, 4, 9, 5, 5, {3, 1, 0}, false, {2, 1, 0})}) {
+    SCOPED_TRACE(f.name);
+    ConvolutionProblem c = f.convolution;
+    const int64_t pixels = c.out_pixels(), channels = padded_channels(c.c_out);
+    LrnProblem lrn{c.n, c.c_out, c.out_h, c.out_w, 5, 0.1F, 0.75F, 2};
+    PoolingProblem pooling = PoolingWindow(f.pooling).problem({c.n, c.c_out, c.out_h, c.out_w});
+    std::vector<float> input = with_specials(c.n * c.c_in * c.h * c.w, kSeed);
+    for (size_t i = 0; i < input.size(); ++i)
+      if (i % 401 != 0 && !std::isfinite(input[i])) input[i] = 1;  // some, not everywhere
+    const std::vector<float> weights = test::random_floats(c.c_out * c.depth(), kSeed + 1);
+    test::AlignedFloats bias(channels, 0), packed(kBlockedPlainInput.packed_floats(c), kNan);
+    bias.data()[1] = 0.5F;
+    kBlockedPlainInput.pack(c, weights.data(), packed.data());
+    const Epilogue relu{Epilogue::Activation::kRelu};
+
+    test::for_each_simd_target([&] {
+      c.threads = pooling.threads = lrn.threads = 1;
+      test::AlignedFloats scratch(kBlockedPlainInput.scratch_floats(c), kDirty);
+      test::AlignedFloats convolved(c.n * channels * pixels, kNan);
+      kBlockedPlainInput.run(c, {input.data(), packed.data(), bias.data(), nullptr, relu,
+                                 convolved.data(), scratch.data()});
+      test::AlignedFloats wanted(c.n * channels * pooling.out_h * pooling.out_w, kNan);
+      if (f.with_lrn) {
+        test::AlignedFloats lrn_scratch(blocked_lrn_max_pool_scratch_floats(lrn, pooling), kDirty);
+        blocked_lrn_max_pool(lrn, pooling, convolved.data(), wanted.data(), lrn_scratch.data());
+      } else {
+        blocked_max_pool(pooling, c.c_out, convolved.data(), wanted.data());
+      }
+      const auto fused = [&](int threads) {
+        ConvolutionMaxPool p{c, f.with_lrn ? &lrn : nullptr, pooling};
+        p.convolution.threads = threads;
+        return p;
+      };
+      const std::vector<float> found = result_of(
+          {c.n, c.c_out, pooling.out_h * pooling.out_w},
+          [&](int threads, float* output, float* fused_scratch) {
+            blocked_convolution_max_pool(fused(threads), {input.data(), packed.data(), bias.data(),
+                                                          nullptr, relu, output, fused_scratch});
+          },
+          [&](int threads) { return blocked_convolution_max_pool_scratch_floats(fused(threads)); });
+      EXPECT_TRUE(same_bits(
+          found, test::to_plain(c.n, c.c_out, pooling.out_h * pooling.out_w, wanted.values())));
+    });
+  }
+}
 
 /// Sizes with and without a tail, of less and of more than one item of work.
 const Result kSizes[] = {{1, 16, 1}, {2, 5, 37}, {1, 35, 1500}};

@@ -5,8 +5,8 @@
 #include "kernels/blocked/size.h"
 #include "kernels/epilogue.h"
 
-// Kernels on each element of blocked values by itself. All arrays are 64-byte aligned; the output may
-// be one of the inputs.
+// Kernels on each element of blocked values by itself. All arrays are 64-byte aligned; the output
+// may be one of the inputs.
 namespace revisit::engine {
 
 /// The activation of `epilogue` alone.

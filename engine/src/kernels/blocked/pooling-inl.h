@@ -38,7 +38,9 @@ struct Largest {
     return hn::IfThenElse(hn::Gt(x, best), x, best);
 #endif
   }
-  static HWY_INLINE Vector last(Vector best, float) { return best; }
+  static HWY_INLINE Vector last(Vector best, float) {
+    return best;
+  }
 };
 
 struct Mean {

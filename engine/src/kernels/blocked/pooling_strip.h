@@ -13,12 +13,16 @@ namespace revisit::engine {
 struct PoolingStrip {
   int64_t windows;
   int64_t columns;  // of the image that they read, at most
+  int64_t per_image;
+  int64_t row_floats;  // of one row of its pixels
 
   PoolingStrip(const PoolingProblem& p, int64_t channels) {
     constexpr int64_t kRowFloats = 16384;
     const int64_t wanted = kRowFloats / padded_channels(channels);
     windows = std::clamp<int64_t>((wanted - p.kernel_w) / p.stride_w + 1, 1, p.out_w);
     columns = std::min((windows - 1) * p.stride_w + p.kernel_w, p.w);
+    per_image = (p.out_w + windows - 1) / windows;
+    row_floats = columns * padded_channels(channels);
   }
 };
 

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "kernels/blocked/convolution.h"
+#include "kernels/lrn.h"
+#include "kernels/pooling.h"
+
+namespace revisit::engine {
+
+/// The first layers of a net as one: the convolution kBlockedPlainInput with its epilogue, then
+/// blocked_lrn() where there is one, then blocked_max_pool(); the same bits. What is between them,
+/// the largest values of these nets, stays in cache.
+struct ConvolutionMaxPool {
+  ConvolutionProblem convolution;   // one that kBlockedPlainInput supports; its threads count
+  const LrnProblem* lrn = nullptr;  // of the convolution's output; or null
+  PoolingProblem pooling;           // of the convolution's output
+};
+
+/// `arguments` as of the convolution, without addend; the output is that of the pooling.
+void blocked_convolution_max_pool(const ConvolutionMaxPool& p,
+                                  const BlockedConvolutionArguments& arguments);
+int64_t blocked_convolution_max_pool_scratch_floats(const ConvolutionMaxPool& p);
+
+}  // namespace revisit::engine
