@@ -7,9 +7,13 @@
 #include <vector>
 
 #include "caffe.pb.h"
+#include "form.h"
+#include "layout.h"
 #include "revisit/engine/tensor.h"
 
 namespace revisit::engine {
+
+class WeightCache;
 
 /// The pointers of one execution of one kernel; shapes were fixed when it was bound.
 struct Call {
@@ -29,7 +33,22 @@ struct Kernel {
   /// Memory that starts as zeros and keeps its values from one forward pass to the next, for layers
   /// that remember (LSTM).
   int64_t state_floats = 0;
+  /// The layout it wants each input in; empty: all plain. The planner reorders where needed.
+  std::vector<Layout> reads = {};
+  Layout writes = Layout::kPlain;
+  /// The output is the inputs one after another: where they already lie so, nothing has to run.
+  bool joins_inputs = false;
+  int64_t packed_floats = 0;  // weights in its own order, beside those of the net
 };
+
+/// One whose inputs and outputs are all blocked.
+inline Kernel blocked_kernel(std::string name, size_t n_inputs,
+                             std::function<void(const Call&)> run, int64_t scratch_floats = 0) {
+  Kernel kernel{std::move(name), std::move(run), scratch_floats};
+  kernel.reads.assign(n_inputs, Layout::kBlocked);
+  kernel.writes = Layout::kBlocked;
+  return kernel;
+}
 
 /// All that a layer may know when it is bound.
 struct Binding {
@@ -38,6 +57,14 @@ struct Binding {
   const std::vector<Tensor>& weights;  // kept alive by the plan; empty values when only inspected
   int threads = 1;
   bool reference_kernels = false;
+  /// The layouts that the inputs are in. Empty: this must be a kernel on plain values.
+  std::vector<Layout> layouts = {};
+  bool blocked(size_t input) const {
+    return !layouts.empty() && layouts[input] == Layout::kBlocked;
+  }
+  Fusion fusion = {};            // only for layers whose form() is Convolving
+  WeightCache* cache = nullptr;  // there when `layouts` are given or something is fused
+  std::string cache_key = {};    // names the layer and what is fused into its weights
 };
 
 /// Where the outputs live.
@@ -71,6 +98,9 @@ class Layer {
   virtual std::vector<Shape> weight_shapes(const std::vector<Shape>&) const { return {}; }
 
   virtual OutputMemory output_memory() const { return OutputMemory::kOwn; }
+
+  /// What it computes, where the planner can merge that with its neighbours.
+  virtual Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const { return {}; }
 
   /// The window of each output pixel; nothing when it can see the whole input. Layers that work
   /// element by element see one pixel.

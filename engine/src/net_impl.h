@@ -9,13 +9,14 @@
 #include "graph.h"
 #include "layer.h"
 #include "revisit/engine/net.h"
+#include "weight_cache.h"
 
 namespace revisit::engine {
 
 /// A node ready to be planned.
 struct LoadedNode {
-  std::unique_ptr<Layer> layer;  // null for Input
-  std::vector<Tensor> weights;   // values are empty when the net was loaded without weights
+  std::shared_ptr<const Layer> layer;  // null for Input
+  std::vector<Tensor> weights;         // values are empty when the net was loaded without weights
 };
 
 /// (layer name, blob index) -> name of the parameter, for blobs that `param { name }` shares.
@@ -31,6 +32,7 @@ struct Net::Impl {
   std::vector<std::string> warnings;
   uint64_t weight_bytes_read = 0;
   bool has_weights = false;
+  mutable WeightCache packed_weights;  // filled by plans
 };
 
 /// Shapes of all values of a graph; empty shapes for values of pruned nodes.

@@ -38,6 +38,7 @@ struct Plan::Impl {
   int64_t arena_floats = 0;
   int64_t unshared_floats = 0;
   int64_t weight_floats = 0;
+  int64_t packed_floats = 0;
 };
 
 }  // namespace revisit::engine

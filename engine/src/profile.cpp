@@ -17,12 +17,16 @@ double milliseconds_since(Clock::time_point start) {
 class LayerClock : public StepObserver {
  public:
   explicit LayerClock(size_t layers) : samples_(layers) {}
+  /// A layer can take several steps: a kernel and the reorders it needed.
+  void start_pass() {
+    for (auto& layer : samples_) layer.push_back(0);
+  }
   void before(size_t) override { start_ = Clock::now(); }
-  void after(size_t layer) override { samples_[layer].push_back(milliseconds_since(start_)); }
+  void after(size_t layer) override { samples_[layer].back() += milliseconds_since(start_); }
   const std::vector<std::vector<double>>& samples() const { return samples_; }
 
  private:
-  std::vector<std::vector<double>> samples_;  // [layer][pass]
+  std::vector<std::vector<double>> samples_;  // [layer][pass]; 0 where nothing runs
   Clock::time_point start_;
 };
 
@@ -48,16 +52,16 @@ Profile profile(Run& run, const ProfileOptions& options) {
     run.forward();
     totals.push_back(milliseconds_since(start));
 
+    clock.start_pass();
     run.forward(clock);
-    sums.push_back(std::accumulate(
-        clock.samples().begin(), clock.samples().end(), 0.0,
-        [](double sum, const auto& layer) { return sum + (layer.empty() ? 0 : layer.back()); }));
+    sums.push_back(
+        std::accumulate(clock.samples().begin(), clock.samples().end(), 0.0,
+                        [](double sum, const auto& layer) { return sum + layer.back(); }));
   }
 
   Profile result;
   result.passes = static_cast<int>(totals.size());
-  for (const auto& samples : clock.samples())
-    result.layers.push_back(samples.empty() ? Timing{} : summarize(samples));
+  for (const auto& samples : clock.samples()) result.layers.push_back(summarize(samples));
   result.layer_sum = summarize(std::move(sums));
   result.total = summarize(std::move(totals));
   return result;

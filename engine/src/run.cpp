@@ -1,26 +1,17 @@
 #include <algorithm>
-#include <cstdlib>
 #include <limits>
-#include <new>
 
+#include "aligned.h"
 #include "plan_impl.h"
 
 namespace revisit::engine {
 namespace {
 
-struct FreeDeleter {
-  void operator()(float* memory) const { std::free(memory); }
-};
-
-/// Aligned to a cache line and filled with NaN: a read of memory that nothing wrote shows.
-std::unique_ptr<float[], FreeDeleter> allocate_arena(int64_t floats) {
-  constexpr size_t kCacheLine = 64;
-  const size_t bytes =
-      (static_cast<size_t>(floats) * sizeof(float) + kCacheLine - 1) / kCacheLine * kCacheLine;
-  auto* memory = static_cast<float*>(std::aligned_alloc(kCacheLine, std::max(bytes, kCacheLine)));
-  if (!memory) throw std::bad_alloc();
-  std::fill_n(memory, floats, std::numeric_limits<float>::quiet_NaN());
-  return std::unique_ptr<float[], FreeDeleter>(memory);
+/// Filled with NaN: a read of memory that nothing wrote shows.
+AlignedFloats allocate_arena(int64_t floats) {
+  AlignedFloats arena(floats);
+  std::fill_n(arena.data(), floats, std::numeric_limits<float>::quiet_NaN());
+  return arena;
 }
 
 template <class Slots>
@@ -35,7 +26,7 @@ const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, con
 }  // namespace
 
 struct Run::Memory {
-  std::unique_ptr<float[], FreeDeleter> arena;
+  AlignedFloats arena;
   struct Operands {
     std::vector<const float*> inputs;
     std::vector<float*> outputs;
@@ -57,7 +48,7 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {
     throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
   memory_ = std::make_unique<Memory>(
       Memory{allocate_arena(impl.arena_floats), {}, std::vector<int64_t>(impl.costs.size(), 0)});
-  float* const arena = memory_->arena.get();
+  float* const arena = memory_->arena.data();
   for (const Step& step : impl.steps) {
     Memory::Operands operands{{}, {}, arena + step.scratch, arena + step.state};
     std::fill_n(operands.state, step.kernel.state_floats, 0.0F);
@@ -73,7 +64,7 @@ Run::~Run() = default;
 
 View<float> Run::input(std::string_view blob) {
   const Plan::Impl::Slot& slot = find_slot(plan_.impl_->input_slots, blob, "input");
-  return {memory_->arena.get() + slot.offset, slot.shape};
+  return {memory_->arena.data() + slot.offset, slot.shape};
 }
 
 View<const float> Run::output(std::string_view name) const {
@@ -81,7 +72,7 @@ View<const float> Run::output(std::string_view name) const {
   Shape shape = slot.shape;
   if (const auto& rows = slot.rows)
     shape = shape.with_rows(rows->axis, rows->multiple * memory_->rows[rows->layer]);
-  return {memory_->arena.get() + slot.offset, std::move(shape)};
+  return {memory_->arena.data() + slot.offset, std::move(shape)};
 }
 
 void Run::forward() noexcept {

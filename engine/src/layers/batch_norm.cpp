@@ -3,6 +3,7 @@
 
 #include "kernels/channels.h"
 #include "kernels/moments.h"
+#include "layers/broadcast.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -38,6 +39,19 @@ class BatchNorm : public Layer {
     return of_batch() ? std::nullopt : std::optional(WindowHw{});
   }
 
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
+    if (of_batch()) return {};
+    const Statistics statistics = stored_statistics(weights);
+    ChannelAffine affine;
+    for (size_t c = 0; c < statistics.means.size(); ++c) {
+      affine.scale.push_back(1.0 / statistics.deviations[c]);
+      affine.shift.push_back(-statistics.means[c] / double{statistics.deviations[c]});
+    }
+    // A net that is only inspected has no values: any will do.
+    affine.scale.resize(inputs[0][1], 1), affine.shift.resize(inputs[0][1], 0);
+    return all_finite(affine) ? Form(std::move(affine)) : Form();
+  }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     const ChannelRuns runs{shape[0], shape[1], shape.product(2, shape.rank())};
@@ -48,18 +62,26 @@ class BatchNorm : public Layer {
  private:
   bool of_batch() const { return param_.has_use_global_stats() && !param_.use_global_stats(); }
 
-  Kernel with_stored_statistics(const ChannelRuns& runs, const Binding& binding) const {
-    const std::vector<float>&sums = binding.weights[0].values,
-          &square_sums = binding.weights[1].values;
-    // The file holds sums with a common weight in the third blob; 0 means that nothing was summed.
-    const float weight = binding.weights[2].values.empty() ? 0 : binding.weights[2].values[0];
-    const float factor = weight == 0 ? 0 : 1 / weight;
+  struct Statistics {
     std::vector<float> means, deviations;
-    for (const float sum : sums) means.push_back(factor * sum);
+  };
+
+  Statistics stored_statistics(const std::vector<Tensor>& weights) const {
+    const std::vector<float>&sums = weights[0].values, &square_sums = weights[1].values;
+    // The file holds sums with a common weight in the third blob; 0 means that nothing was summed.
+    const float weight = weights[2].values.empty() ? 0 : weights[2].values[0];
+    const float factor = weight == 0 ? 0 : 1 / weight;
+    Statistics result;
+    for (const float sum : sums) result.means.push_back(factor * sum);
     for (const float sum : square_sums)
-      deviations.push_back(std::sqrt(factor * sum + param_.eps()));
-    return {"batch-norm", [runs, threads = binding.threads, means = std::move(means),
-                           deviations = std::move(deviations)](const Call& call) {
+      result.deviations.push_back(std::sqrt(factor * sum + param_.eps()));
+    return result;
+  }
+
+  Kernel with_stored_statistics(const ChannelRuns& runs, const Binding& binding) const {
+    Statistics statistics = stored_statistics(binding.weights);
+    return {"batch-norm", [runs, threads = binding.threads, means = std::move(statistics.means),
+                           deviations = std::move(statistics.deviations)](const Call& call) {
               const float* in = call.inputs[0];
               float* out = call.outputs[0];
               for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {

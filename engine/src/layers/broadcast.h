@@ -1,5 +1,6 @@
 #pragma once
 
+#include "form.h"
 #include "kernels/channels.h"
 #include "revisit/engine/tensor.h"
 
@@ -11,5 +12,14 @@ Shape learned_operand(const Shape& input, int64_t axis, int64_t num_axes);
 
 /// How `operand` lies on `input`, its first axis on `axis`. A single number lies anywhere.
 ChannelRuns lay_over(const Shape& operand, const Shape& input, int64_t axis);
+
+/// x * scale + shift as ChannelAffine, where `runs` gives every channel of `input` (or all of them)
+/// one number; without `scale` or `shift` the other alone. Nothing for other runs, nor for numbers
+/// that are not finite: as factors of weights they would not give what they give as factors of
+/// sums.
+Form channel_affine(const ChannelRuns& runs, const Shape& input, const std::vector<float>* scale,
+                    const std::vector<float>* shift);
+
+bool all_finite(const ChannelAffine& affine);
 
 }  // namespace revisit::engine

@@ -34,17 +34,38 @@ class Concat : public Layer {
   Kernel bind(const Binding& binding) const override {
     const Shape& output = binding.outputs[0];
     const size_t axis = concat_axis(output);
+    const bool blocked = joins_blocks(binding, axis);
     std::vector<int64_t> runs;  // floats that are contiguous in each input
-    for (const Shape& input : binding.inputs) runs.push_back(input.product(axis, input.rank()));
-    return {"copy", [outer = output.product(0, axis), runs = std::move(runs)](const Call& call) {
-              float* out = call.outputs[0];
-              for (int64_t i = 0; i < outer; ++i)
-                for (size_t input = 0; input < runs.size(); ++input)
-                  out = std::copy_n(call.inputs[input] + i * runs[input], runs[input], out);
-            }};
+    for (const Shape& input : binding.inputs)
+      runs.push_back(blocked ? padded_channels(input[1]) * input[2] * input[3]
+                             : input.product(axis, input.rank()));
+    const int64_t outer = output.product(0, axis);
+    Kernel kernel{"copy", [outer, runs = std::move(runs)](const Call& call) {
+                    float* out = call.outputs[0];
+                    for (int64_t i = 0; i < outer; ++i)
+                      for (size_t input = 0; input < runs.size(); ++input)
+                        out = std::copy_n(call.inputs[input] + i * runs[input], runs[input], out);
+                  }};
+    kernel.joins_inputs = outer == 1 && !binding.reference_kernels;
+    if (blocked) {
+      kernel.reads.assign(binding.inputs.size(), Layout::kBlocked);
+      kernel.writes = Layout::kBlocked;
+    }
+    return kernel;
   }
 
  private:
+  /// Channels can be joined in blocks when every input but the last fills its blocks.
+  static bool joins_blocks(const Binding& binding, size_t axis) {
+    if (axis != 1 || binding.outputs[0].rank() != 4) return false;
+    bool any_blocked = false;
+    for (size_t i = 0; i < binding.inputs.size(); ++i) {
+      any_blocked |= binding.blocked(i);
+      if (i + 1 < binding.inputs.size() && binding.inputs[i][1] % kLanes != 0) return false;
+    }
+    return any_blocked;
+  }
+
   size_t concat_axis(const Shape& shape) const {
     return shape.canonical_axis(
         param_.has_concat_dim() ? static_cast<int64_t>(param_.concat_dim()) : param_.axis(),

@@ -1,10 +1,7 @@
-#include "kernels/convolution.h"
-
-#include <algorithm>
-
 #include "kernels/convolution_nd.h"
 #include "layers/convolution_window.h"
 #include "layers/layers.h"
+#include "layers/planar_convolution.h"
 
 namespace revisit::engine {
 namespace {
@@ -56,15 +53,22 @@ class Convolution : public Layer {
     return window_of_last_axes(problem(input).axes);
   }
 
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    if (inputs.size() != 1 || inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
+    return Convolving{problem(inputs[0]).group};
+  }
+
   Kernel bind(const Binding& binding) const override {
     Problem p = problem(binding.inputs[0]);
     p.threads = binding.threads;
-    const float* weights = binding.weights[0].values.data();
-    const float* bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
+    const bool inspected = binding.weights[0].values.empty();
+    const float* weights = inspected ? nullptr : binding.weights[0].values.data();
+    const float* bias =
+        inspected || !param_.bias_term() ? nullptr : binding.weights[1].values.data();
     Kernel kernel = p.axes.size() <= 2
-                        ? bind_2d(planar(p), binding.reference_kernels, weights, bias)
+                        ? bind_planar_convolution(planar(p), blockable(binding), weights, bias)
                         : bind_nd(p, binding.reference_kernels, weights, bias);
-    kernel.macs = static_cast<int64_t>(binding.inputs.size()) * p.macs();
+    kernel.macs = static_cast<int64_t>(binding.outputs.size()) * p.macs();
     return kernel;
   }
 
@@ -97,6 +101,14 @@ class Convolution : public Layer {
     return p;
   }
 
+  /// Blocked values are images: other inputs that run as 2-D ones stay plain.
+  Binding blockable(const Binding& binding) const {
+    Binding result = binding;
+    if (binding.inputs[0].rank() != 4 || channel_axis(binding.inputs[0]) != 1)
+      result.layouts.clear();
+    return result;
+  }
+
   /// Problems of up to two axes run as 2-D ones, with leading axes of size 1.
   static ConvolutionProblem planar(const Problem& p) {
     WindowAxes axes = p.axes;
@@ -105,23 +117,6 @@ class Convolution : public Layer {
     return {p.n,       p.c_image,  h.image,    w.image,  p.c_windows, h.windows,
             w.windows, h.kernel,   w.kernel,   h.stride, w.stride,    h.pad,
             w.pad,     h.dilation, w.dilation, p.group,  p.threads};
-  }
-
-  static Kernel bind_2d(const ConvolutionProblem& problem, bool reference, const float* weights,
-                        const float* bias) {
-    const auto kernels = convolution_kernels();
-    const ConvolutionKernel& chosen =
-        reference
-            ? kernels.back()
-            : *std::find_if(kernels.begin(), kernels.end(), [&](const ConvolutionKernel& kernel) {
-                return kernel.supports(problem);
-              });
-    return {chosen.name,
-            [problem, &chosen, weights, bias](const Call& call) {
-              for (size_t i = 0; i < call.inputs.size(); ++i)
-                chosen.run(problem, call.inputs[i], weights, bias, call.outputs[i], call.scratch);
-            },
-            chosen.scratch_floats(problem)};
   }
 
   static Kernel bind_nd(const Problem& problem, bool reference, const float* weights,

@@ -12,8 +12,8 @@ namespace {
 template <class Function>
 class Elementwise : public Layer {
  public:
-  Elementwise(const char* name, Function function, bool in_place)
-      : name_(name), function_(std::move(function)), in_place_(in_place) {}
+  Elementwise(const char* name, Function function, bool in_place, Form form)
+      : name_(name), function_(std::move(function)), in_place_(in_place), form_(std::move(form)) {}
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     expect_count(inputs.size(), 1, "inputs");
@@ -23,6 +23,7 @@ class Elementwise : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
   bool allows_in_place() const override { return in_place_; }
+  Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const override { return form_; }
 
   Kernel bind(const Binding& binding) const override {
     return {name_, [elements = binding.inputs[0].elements(), threads = binding.threads,
@@ -39,11 +40,20 @@ class Elementwise : public Layer {
   const char* name_;
   Function function_;
   bool in_place_;
+  Form form_;
 };
 
 template <class Function>
-std::unique_ptr<Layer> elementwise(const char* name, Function function, bool in_place = true) {
-  return std::make_unique<Elementwise<Function>>(name, std::move(function), in_place);
+std::unique_ptr<Layer> elementwise(const char* name, Function function, bool in_place = true,
+                                   Form form = {}) {
+  return std::make_unique<Elementwise<Function>>(name, std::move(function), in_place,
+                                                 std::move(form));
+}
+
+/// A function that kernels can apply while their results are in registers.
+template <class Function>
+std::unique_ptr<Layer> activation(const char* name, Function function, const Epilogue& epilogue) {
+  return elementwise(name, std::move(function), true, Activating{epilogue, {}});
 }
 
 float sigmoid(float x) {
@@ -87,9 +97,10 @@ std::unique_ptr<Layer> make_clip(const caffe::LayerParameter& param) {
 
 std::unique_ptr<Layer> make_elu(const caffe::LayerParameter& param) {
   const float alpha = param.elu_param().alpha();
-  return elementwise("elu", [alpha](float x) {
-    return std::max(x, 0.0F) + alpha * (std::exp(std::min(x, 0.0F)) - 1);
-  });
+  return activation(
+      "elu",
+      [alpha](float x) { return std::max(x, 0.0F) + alpha * (std::exp(std::min(x, 0.0F)) - 1); },
+      {.activation = Epilogue::Activation::kElu, .slope = alpha});
 }
 
 std::unique_ptr<Layer> make_exp(const caffe::LayerParameter& param) {
@@ -124,9 +135,12 @@ std::unique_ptr<Layer> make_relu6(const caffe::LayerParameter& param) {
   // Some forks keep the slope in relu_param.
   const float slope = param.has_relu6_param() ? param.relu6_param().negative_slope()
                                               : param.relu_param().negative_slope();
-  return elementwise("relu6", [slope](float x) {
+  const auto relu6 = [slope](float x) {
     return std::min(std::max(x, 0.0F), 6.0F) + slope * std::min(x, 0.0F);
-  });
+  };
+  if (slope != 0) return elementwise("relu6", relu6);
+  return activation("relu6", relu6,
+                    {.activation = Epilogue::Activation::kClip, .low = 0, .high = 6});
 }
 
 std::unique_ptr<Layer> make_sigmoid(const caffe::LayerParameter&) {

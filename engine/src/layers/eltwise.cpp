@@ -61,6 +61,13 @@ class Eltwise : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    const bool plain_sum =
+        param_.operation() == caffe::EltwiseParameter::SUM && inputs.size() == 2 &&
+        std::all_of(param_.coeff().begin(), param_.coeff().end(), [](float c) { return c == 1; });
+    return plain_sum ? Form(Adding{}) : Form();
+  }
+
   /// Caffe zeroes the output of a sum before it reads the inputs.
   bool allows_in_place() const override {
     return param_.operation() != caffe::EltwiseParameter::SUM;

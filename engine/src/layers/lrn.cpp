@@ -1,5 +1,6 @@
 #include "kernels/lrn.h"
 
+#include "kernels/blocked/lrn.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -22,27 +23,43 @@ class Lrn : public Layer {
   }
 
   std::optional<WindowHw> window(const Shape&) const override {
-    if (param_.norm_region() == caffe::LRNParameter::ACROSS_CHANNELS) return WindowHw{};
+    if (across()) return WindowHw{};
     const Window square{param_.local_size(), 1, param_.local_size() / 2};
     return WindowHw{square, square};
   }
 
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    return across() ? Form(problem_of(inputs[0])) : Form();
+  }
+
   Kernel bind(const Binding& binding) const override {
-    const Shape& shape = binding.inputs[0];
-    const LrnProblem problem{
-        shape[0],       shape[1],      shape[2],   shape[3],       param_.local_size(),
-        param_.alpha(), param_.beta(), param_.k(), binding.threads};
-    const bool within = param_.norm_region() == caffe::LRNParameter::WITHIN_CHANNEL;
-    auto* const run = within                      ? lrn_within_channel
-                      : binding.reference_kernels ? lrn_across_channels_reference
-                                                  : lrn_across_channels;
-    return {within                      ? "lrn-within"
-            : binding.reference_kernels ? "reference"
-                                        : "lrn-across",
+    LrnProblem problem = problem_of(binding.inputs[0]);
+    problem.threads = binding.threads;
+    if (!across())
+      return {"lrn-within", [problem](const Call& call) {
+                lrn_within_channel(problem, call.inputs[0], call.outputs[0]);
+              }};
+    if (binding.blocked(0))
+      return blocked_kernel(
+          "lrn-across", 1,
+          [problem](const Call& call) {
+            blocked_lrn(problem, call.inputs[0], call.outputs[0], call.scratch);
+          },
+          blocked_lrn_scratch_floats(problem));
+    auto* const run =
+        binding.reference_kernels ? lrn_across_channels_reference : lrn_across_channels;
+    return {binding.reference_kernels ? "reference" : "lrn-across",
             [problem, run](const Call& call) { run(problem, call.inputs[0], call.outputs[0]); }};
   }
 
  private:
+  bool across() const { return param_.norm_region() == caffe::LRNParameter::ACROSS_CHANNELS; }
+
+  LrnProblem problem_of(const Shape& shape) const {
+    return {shape[0],       shape[1],      shape[2],  shape[3], param_.local_size(),
+            param_.alpha(), param_.beta(), param_.k()};
+  }
+
   caffe::LRNParameter param_;
 };
 

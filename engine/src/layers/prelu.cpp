@@ -25,6 +25,12 @@ class PReLU : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
+    std::vector<float> slopes = weights[0].values;
+    slopes.resize(inputs[0][1], shared_ && !slopes.empty() ? slopes[0] : 0);
+    return Activating{{.activation = Epilogue::Activation::kPrelu}, std::move(slopes)};
+  }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     const ChannelRuns runs = shared_

@@ -18,6 +18,10 @@ class ReLU : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
+  Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const override {
+    return Activating{{.activation = Epilogue::Activation::kRelu, .slope = slope_}, {}};
+  }
+
   Kernel bind(const Binding& binding) const override {
     const int64_t elements = binding.inputs[0].elements();
     return {"relu", [elements, slope = slope_, threads = binding.threads](const Call& call) {

@@ -30,6 +30,12 @@ class Scale : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
+    if (inputs.size() == 2) return {};
+    return channel_affine(runs(inputs), inputs[0], &weights[0].values,
+                          param_.bias_term() ? &weights[1].values : nullptr);
+  }
+
   Kernel bind(const Binding& binding) const override {
     const bool learned = binding.inputs.size() == 1;
     const float* weights = learned ? binding.weights[0].values.data() : nullptr;

@@ -54,6 +54,10 @@ struct PlanOptions {
   bool reference_kernels = false;
   /// A plan whose runs would need more memory than this is refused.
   int64_t max_arena_bytes = int64_t{8} << 30;
+  /// The caller promises that all channels of the net's only image input are one picture, up to a
+  /// constant: channel c is the picture plus gray_offsets[c]. The run's input then is the picture,
+  /// of one channel, and the first convolution is that much cheaper.
+  std::optional<std::vector<float>> gray_offsets = {};
 };
 
 /// Which pixels of the net's input an output pixel can see, along one axis: output pixel i sees the
@@ -74,13 +78,16 @@ struct BufferUse {
 /// What one layer is and costs under a plan.
 struct LayerCost {
   std::string name, type;
-  std::string kernel;  // "" when the layer is only another view of its input
+  /// "" when the layer is only another view of its input, "in conv1" when layer conv1 does its
+  /// work.
+  std::string kernel;
   std::vector<Shape> inputs, outputs;
   std::vector<std::string>
       blobs;               // what the file calls the outputs; an in-place layer repeats a name
   int64_t macs = 0;        // multiply-accumulates; 0 where the notion does not apply
   int64_t parameters = 0;  // weights and biases
-  int64_t activation_bytes = 0;  // memory of its outputs; 0 when they share their input's
+  int64_t packed_weight_bytes = 0;  // its weights once more, in the order its kernel wants
+  int64_t activation_bytes = 0;     // memory of its outputs; 0 when they share their input's
   /// Of the rows and columns of the first output; absent when it sees the whole input, or is no
   /// image.
   std::optional<ReceptiveField> field_h, field_w;
@@ -101,6 +108,9 @@ class Plan {
   /// What the activations would take without sharing memory over time [bytes].
   int64_t unshared_activation_bytes() const;
   int64_t weight_bytes() const;
+  /// What kernels hold in an order of their own, beside the weights [bytes]. All plans of a net
+  /// share it where they use the same kernels; it goes with the last of them.
+  int64_t packed_weight_bytes() const;
   /// The arena, buffer by buffer.
   const std::vector<BufferUse>& buffers() const;
 
@@ -164,7 +174,7 @@ std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
 /// The name of output `port` of a layer in a run with keep_all: "slice", "slice.1", "slice.2", ...
 std::string port_name(const std::string& layer, size_t port);
 
-/// Called around each layer of an instrumented forward pass.
+/// Called around each step of an instrumented forward pass; a layer can have none or several.
 class StepObserver {
  public:
   virtual ~StepObserver() = default;

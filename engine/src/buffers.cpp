@@ -1,0 +1,168 @@
+#include "buffers.h"
+
+#include <algorithm>
+
+namespace revisit::engine {
+namespace {
+
+constexpr int64_t kAlignment = 16;  // floats: one cache line, one AVX-512 register
+
+/// Memory of its own or, with a parent, a part of another buffer's.
+struct Buffer {
+  std::string what;
+  int64_t floats = 0;
+  int first = 0, last = 0;  // steps
+  int parent = -1;
+  int64_t offset = 0;  // in the parent
+};
+
+class Placer {
+ public:
+  Placer(const Net::Impl& net, const Schedule& schedule)
+      : net_(net),
+        schedule_(schedule),
+        end_(static_cast<int>(schedule.steps.size())),
+        last_use_(schedule.stored.size(), -1),
+        buffer_of_(schedule.stored.size(), -1) {
+    for (int step = 0; step < end_; ++step)
+      for (const size_t id : schedule.steps[step].inputs) last_use_[id] = step;
+    for (size_t id = 0; id < schedule.stored.size(); ++id)
+      if (schedule.stored[id].pinned) last_use_[id] = end_;
+  }
+
+  Placement run() {
+    // Inputs keep their values over forward passes: nothing else is ever where they are.
+    for (const size_t id : schedule_.inputs)
+      add_buffer(id, 0, net_.graph.values[schedule_.stored[id].value].blob);
+    n_inputs_ = buffers_.size();
+    for (int step = 0; step < end_; ++step) add_step(step);
+    return lay_out();
+  }
+
+ private:
+  void add_step(int index) {
+    const ScheduledStep& step = schedule_.steps[index];
+    const std::string& name = net_.graph.nodes[step.layer].name;
+    const bool joined = step.kernel.joins_inputs && can_join(step);
+    const size_t n_before = buffers_.size();
+    for (size_t port = 0; port < step.outputs.size(); ++port) {
+      const size_t output = step.outputs[port];
+      if (step.memory == OutputMemory::kViewOfInput || (port == 0 && may_overwrite(step, index)))
+        share(output, step.inputs[0]);
+      else
+        add_buffer(output, index, name);
+    }
+    if (joined) join(step);
+    int64_t floats = 0;
+    for (size_t b = n_before; b < buffers_.size(); ++b) floats += buffers_[b].floats;
+    result_.new_floats.push_back(joined ? 0 : floats);
+    result_.runs.push_back(step.memory != OutputMemory::kViewOfInput && !joined);
+    scratch_.push_back(add(name + " (scratch)", step.kernel.scratch_floats, index, index));
+    state_.push_back(add(name + " (state)", step.kernel.state_floats, 0, end_));
+  }
+
+  int add(std::string what, int64_t floats, int first, int last) {
+    buffers_.push_back({std::move(what), floats, first, last});
+    return static_cast<int>(buffers_.size()) - 1;
+  }
+
+  void add_buffer(size_t id, int step, const std::string& what) {
+    buffer_of_[id] = add(what, schedule_.stored[id].floats, step, std::max(step, last_use_[id]));
+  }
+
+  void share(size_t id, size_t with) {
+    buffer_of_[id] = buffer_of_[with];
+    for (int b = buffer_of_[id]; b >= 0; b = buffers_[b].parent)
+      buffers_[b].last = std::max(buffers_[b].last, last_use_[id]);
+  }
+
+  /// Whether the first output can be where the first input is: nothing reads that buffer later, nor
+  /// what it is a part of, under any of the names it has.
+  bool may_overwrite(const ScheduledStep& step, int index) const {
+    if (step.memory != OutputMemory::kMayReuseInput) return false;
+    const Stored &input = schedule_.stored[step.inputs[0]],
+                 &output = schedule_.stored[step.outputs[0]];
+    return input.layout == output.layout && input.floats == output.floats &&
+           buffers_[root(buffer_of_[step.inputs[0]])].last <= index;
+  }
+
+  int root(int buffer) const {
+    while (buffers_[buffer].parent >= 0) buffer = buffers_[buffer].parent;
+    return buffer;
+  }
+
+  /// Whether the inputs can lie one after another in the output, each on a cache line.
+  bool can_join(const ScheduledStep& step) const {
+    std::vector<int> seen;
+    for (size_t i = 0; i < step.inputs.size(); ++i) {
+      const int b = buffer_of_[step.inputs[i]];
+      const bool is_input = static_cast<size_t>(b) < n_inputs_;
+      if (is_input || buffers_[b].parent >= 0 || std::count(seen.begin(), seen.end(), b) > 0 ||
+          (i + 1 < step.inputs.size() && buffers_[b].floats % kAlignment != 0))
+        return false;
+      seen.push_back(b);
+    }
+    return true;
+  }
+
+  void join(const ScheduledStep& step) {
+    const int whole = buffer_of_[step.outputs[0]];
+    int64_t offset = 0;
+    for (const size_t input : step.inputs) {
+      Buffer& part = buffers_[buffer_of_[input]];
+      part.parent = whole;
+      part.offset = offset;
+      offset += part.floats;
+      buffers_[whole].first = std::min(buffers_[whole].first, part.first);
+      buffers_[whole].last = std::max(buffers_[whole].last, part.last);
+    }
+  }
+
+  Placement lay_out() {
+    std::vector<Lifetime> lifetimes;
+    for (const Buffer& buffer : buffers_)
+      lifetimes.push_back({buffer.parent < 0 ? buffer.floats : 0, buffer.first, buffer.last});
+    const MemoryPlan memory = plan_memory(lifetimes, kAlignment);
+    const auto offset_of = [&](int b) {
+      int64_t offset = 0;
+      for (; buffers_[b].parent >= 0; b = buffers_[b].parent) offset += buffers_[b].offset;
+      return memory.offsets[b] + offset;
+    };
+    for (const int b : buffer_of_) result_.stored.push_back(offset_of(b));
+    for (const int b : scratch_) result_.scratch.push_back(offset_of(b));
+    for (const int b : state_) result_.state.push_back(offset_of(b));
+    result_.arena_floats = memory.total;
+    for (size_t b = 0; b < buffers_.size(); ++b) describe(buffers_[b], memory.offsets[b]);
+    return std::move(result_);
+  }
+
+  void describe(const Buffer& buffer, int64_t offset) {
+    if (buffer.parent >= 0 || buffer.floats == 0) return;
+    constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
+    const auto layer_of = [&](int step) {
+      return step == end_ ? net_.graph.nodes.size() : schedule_.steps[step].layer;
+    };
+    result_.unshared_floats += buffer.floats;
+    result_.buffers.push_back({buffer.what, offset * kFloat, buffer.floats * kFloat,
+                               buffer.first == 0 ? 0 : layer_of(buffer.first),
+                               layer_of(buffer.last)});
+  }
+
+  const Net::Impl& net_;
+  const Schedule& schedule_;
+  const int end_;                     // one past the last step
+  std::vector<int> last_use_;         // of each stored value: step; end_ when it outlives the run
+  std::vector<int> buffer_of_;        // of each stored value
+  std::vector<int> scratch_, state_;  // of each step
+  std::vector<Buffer> buffers_;
+  size_t n_inputs_ = 0;
+  Placement result_;
+};
+
+}  // namespace
+
+Placement place(const Net::Impl& net, const Schedule& schedule) {
+  return Placer(net, schedule).run();
+}
+
+}  // namespace revisit::engine

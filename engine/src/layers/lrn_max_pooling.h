@@ -1,0 +1,12 @@
+#pragma once
+
+#include <memory>
+
+#include "layer.h"
+
+namespace revisit::engine {
+
+/// Normalisation across channels and then maximum pooling, as one.
+std::unique_ptr<Layer> make_lrn_max_pooling(const LrnProblem& lrn, const PoolingProblem& pooling);
+
+}  // namespace revisit::engine

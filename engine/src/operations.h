@@ -1,0 +1,31 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "net_impl.h"
+
+namespace revisit::engine {
+
+/// What runs as one: a layer, with the layers around it that it does the work of.
+struct Operation {
+  size_t node;                   // the layer it is listed under: index into Graph::nodes
+  std::vector<size_t> absorbed;  // the other layers
+  std::shared_ptr<const Layer> layer;
+  std::vector<ValueId> inputs, outputs;
+  Fusion fusion;
+};
+
+/// The layers of a net as operations, in execution order; Input layers are not among them.
+struct Operations {
+  std::vector<Operation> list;
+  /// The value that holds the numbers of each value: itself, but for outputs of layers that change
+  /// nothing.
+  std::vector<ValueId> held_by;
+  std::optional<ValueId> gray_input;  // has one channel in memory, which stands for all
+};
+
+/// One operation a layer, nothing merged.
+Operations operations_of(const Net::Impl& net);
+
+}  // namespace revisit::engine

@@ -1,0 +1,155 @@
+#include "schedule.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "budget.h"
+#include "kernels/blocked/reorder.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Weights belong to the shapes the net was loaded with; a reshape must not change what they are.
+void check_weight_shapes(const std::vector<Shape>& wanted, const std::vector<Tensor>& weights) {
+  for (size_t i = 0; i < wanted.size(); ++i)
+    if (wanted[i] != weights[i].shape)
+      throw InputError(str("with these input shapes weight blob ", i, " would have to be ",
+                           wanted[i], ", it is ", weights[i].shape,
+                           "; choose another input shape or cut the net before this layer"));
+}
+
+Kernel reorder_kernel(const Shape& shape, Layout to, int threads) {
+  const BlockedSize size{shape[0], shape[1], shape.product(2, shape.rank()), threads};
+  auto* const run = to == Layout::kBlocked ? reorder_to_blocked : reorder_to_plain;
+  Kernel kernel;
+  kernel.name = "reorder";
+  kernel.run = [size, run](const Call& call) { run(size, call.inputs[0], call.outputs[0]); };
+  return kernel;
+}
+
+/// Names the weights of an operation and all that is worked into them.
+std::string cache_key(const Operation& operation) {
+  std::string key = str("layer ", operation.node);
+  for (const size_t layer : operation.fusion.affine_layers) key += str(" + ", layer);
+  if (const auto& offsets = operation.fusion.gray_offsets)
+    for (const float offset : *offsets) key += str(" gray ", std::bit_cast<uint32_t>(offset));
+  return key;
+}
+
+class Scheduler {
+ public:
+  Scheduler(const Net::Impl& net, const std::vector<Shape>& shapes, const Operations& operations,
+            const PlanOptions& options)
+      : net_(net),
+        shapes_(shapes),
+        operations_(operations),
+        options_(options),
+        read_outside_(shapes.size(), false) {
+    result_.plain.resize(shapes.size());
+    blocked_.resize(shapes.size());
+  }
+
+  Schedule run() {
+    for (const Graph::Output& output : net_.graph.outputs)
+      read_outside_[operations_.held_by[output.value]] = true;
+    for (size_t i = 0; i < net_.graph.nodes.size(); ++i)
+      if (!net_.nodes[i].layer)
+        for (const ValueId id : net_.graph.nodes[i].outputs)
+          result_.inputs.push_back(pin(store(id, Layout::kPlain)));
+    for (const Operation& operation : operations_.list) {
+      try {
+        add(operation);
+      } catch (const Error&) {
+        rethrow_at(net_.file, net_.graph.nodes[operation.node]);
+      }
+    }
+    return std::move(result_);
+  }
+
+ private:
+  std::optional<size_t>& place(ValueId id, Layout layout) {
+    return layout == Layout::kBlocked ? blocked_[id] : result_.plain[id];
+  }
+
+  size_t store(ValueId id, Layout layout) {
+    const Shape shape = operations_.gray_input == id ? shapes_[id].with(1, 1) : shapes_[id];
+    int64_t floats = shape.elements();
+    if (layout == Layout::kBlocked) floats = floats / shape[1] * padded_channels(shape[1]);
+    result_.stored.push_back({id, layout, shape, floats});
+    place(id, layout) = result_.stored.size() - 1;
+    return result_.stored.size() - 1;
+  }
+
+  size_t pin(size_t stored) {
+    result_.stored[stored].pinned = true;
+    return stored;
+  }
+
+  /// Where the value is in this layout; a reorder that has to be made counts for `layer`.
+  size_t require(ValueId id, Layout layout, size_t layer) {
+    if (const auto found = place(id, layout)) return *found;
+    const Layout other = layout == Layout::kPlain ? Layout::kBlocked : Layout::kPlain;
+    const size_t from = place(id, other).value();
+    const size_t to = store(id, layout);
+    result_.steps.push_back({layer,
+                             reorder_kernel(result_.stored[from].shape, layout, options_.threads),
+                             OutputMemory::kOwn,
+                             {from},
+                             {to},
+                             true});
+    return to;
+  }
+
+  void add(const Operation& operation) {
+    const LoadedNode& loaded = net_.nodes[operation.node];
+    std::vector<Shape> inputs, outputs;
+    for (const ValueId id : operation.inputs) inputs.push_back(shapes_[id]);
+    for (const ValueId id : operation.outputs) outputs.push_back(shapes_[id]);
+    check_weight_shapes(loaded.layer->weight_shapes(inputs), loaded.weights);
+
+    ScheduledStep step{operation.node, {}, operation.layer->output_memory(), {}, {}};
+    if (step.memory != OutputMemory::kViewOfInput) {
+      check_outputs(outputs, options_.max_arena_bytes);
+      step.kernel = bind(operation, inputs, outputs);
+    }
+    for (size_t i = 0; i < operation.inputs.size(); ++i)
+      step.inputs.push_back(require(
+          operation.inputs[i], step.kernel.reads.empty() ? Layout::kPlain : step.kernel.reads[i],
+          operation.node));
+    for (const ValueId id : operation.outputs)
+      step.outputs.push_back(store(id, step.kernel.writes));
+    result_.steps.push_back(std::move(step));
+    for (const ValueId id : operation.outputs)
+      if (options_.keep_all || read_outside_[id]) pin(require(id, Layout::kPlain, operation.node));
+  }
+
+  Kernel bind(const Operation& operation, const std::vector<Shape>& inputs,
+              const std::vector<Shape>& outputs) {
+    Binding binding{inputs, outputs, net_.nodes[operation.node].weights,
+                    std::max(options_.threads, 1), options_.reference_kernels};
+    if (!options_.reference_kernels)
+      for (const ValueId id : operation.inputs)
+        binding.layouts.push_back(blocked_[id] ? Layout::kBlocked : Layout::kPlain);
+    binding.fusion = operation.fusion;
+    binding.cache = &net_.packed_weights;
+    binding.cache_key = cache_key(operation);
+    return operation.layer->bind(binding);
+  }
+
+  const Net::Impl& net_;
+  const std::vector<Shape>& shapes_;
+  const Operations& operations_;
+  const PlanOptions& options_;
+  Schedule result_;
+  std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::plain
+  std::vector<bool> read_outside_;              // of each value
+};
+
+}  // namespace
+
+Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
+                  const Operations& operations, const PlanOptions& options) {
+  return Scheduler(net, shapes, operations, options).run();
+}
+
+}  // namespace revisit::engine

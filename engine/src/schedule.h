@@ -1,0 +1,40 @@
+#pragma once
+
+#include "operations.h"
+
+namespace revisit::engine {
+
+/// A value as it lies in memory. One value can be stored in both layouts.
+struct Stored {
+  ValueId value;
+  Layout layout;
+  Shape shape;  // of the value; one channel for a gray input
+  int64_t floats;
+  bool pinned = false;  // read or written from outside: keeps its numbers to the end
+};
+
+/// A kernel with its operands: indices into Schedule::stored.
+struct ScheduledStep {
+  size_t layer;  // it counts for: index into Graph::nodes
+  Kernel kernel;
+  OutputMemory memory = OutputMemory::kOwn;  // kViewOfInput: nothing runs
+  std::vector<size_t> inputs, outputs;
+  bool is_reorder = false;
+};
+
+/// All kernels of a forward pass in order, with the reorders between layouts.
+struct Schedule {
+  std::vector<Stored> stored;
+  std::vector<ScheduledStep> steps;
+  std::vector<size_t> inputs;                // of the net, in the order of its Input layers
+  std::vector<std::optional<size_t>> plain;  // of each value: where it lies in plain layout
+};
+
+/// Binds every operation: blocked kernels where a layer has one that takes what is there, with
+/// reorders only where a layer needs what is not there yet. Values that are read from outside (the
+/// outputs of the net; all, with keep_all) are plain in the end. Throws InputError naming the layer
+/// that cannot take the shapes.
+Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
+                  const Operations& operations, const PlanOptions& options);
+
+}  // namespace revisit::engine
