@@ -19,7 +19,8 @@ class Fuser {
     result_.held_by = all.held_by;
     for (const Operation& operation : all.list) forget_identities(operation);
     for (const Operation& operation : all.list)
-      for (const ValueId id : operation.inputs) ++readers_[held(id)];
+      if (!is_identity(operation))
+        for (const ValueId id : operation.inputs) ++readers_[held(id)];
     for (const Graph::Output& output : net_.graph.outputs) ++readers_[held(output.value)];
 
     for (Operation operation : all.list) {

@@ -127,6 +127,10 @@ uint64_t Net::weight_bytes_read() const {
   return impl_->weight_bytes_read;
 }
 
+int64_t Net::packed_weight_bytes() const {
+  return impl_->packed_weights.floats_in_use() * static_cast<int64_t>(sizeof(float));
+}
+
 std::vector<std::string> Net::outputs() const {
   std::vector<std::string> names;
   for (const Graph::Output& output : impl_->graph.outputs) names.push_back(output.name);

@@ -158,6 +158,8 @@ class Net {
   const std::vector<std::string>& warnings() const;
   /// Bytes read from the weights file.
   uint64_t weight_bytes_read() const;
+  /// Weights that the kernels of all living plans hold in orders of their own [bytes].
+  int64_t packed_weight_bytes() const;
 
   struct Impl;
 

@@ -1,0 +1,209 @@
+// What plans merge, each rewrite where it must apply and where it must not; whatever they do, the
+// result is that of the reference kernels without any.
+#include <gtest/gtest.h>
+
+#include "net_case.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::expect_as_reference;
+using test::kernel_of;
+using test::small_net;
+
+const Shape kData{1, 16, 9, 11};
+
+std::string conv(const std::string& name, const std::string& bottom,
+                 const std::string& param = "num_output: 32 kernel_size: 3 pad: 1") {
+  return "layer { name: '" + name + "' type: 'Convolution' bottom: '" + bottom + "' top: '" + name +
+         "' convolution_param { " + param + " } }\n";
+}
+
+std::string layer(const std::string& name, const std::string& type,
+                  const std::vector<std::string>& bottoms, const std::string& param = "",
+                  std::string top = "") {
+  if (top.empty()) top = name;
+  std::string text = "layer { name: '" + name + "' type: '" + type + "' ";
+  for (const std::string& bottom : bottoms) text += "bottom: '" + bottom + "' ";
+  return text + "top: '" + top + "' " + param + " }\n";
+}
+
+std::string in_place(const std::string& name, const std::string& type, const std::string& blob,
+                     const std::string& param = "") {
+  return layer(name, type, {blob}, param, blob);
+}
+
+struct Activation {
+  const char *name, *type, *param;
+};
+
+class FusedActivation : public testing::TestWithParam<Activation> {};
+
+TEST_P(FusedActivation, IsDoneByTheConvolution) {
+  const Net net =
+      small_net(kData, conv("c", "data") + in_place("a", GetParam().type, "c", GetParam().param) +
+                           conv("next", "c"));
+  EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "in c");
+  EXPECT_NE(kernel_of(net.plan({}, {.keep_all = true}), "a"), "in c");
+  EXPECT_NE(kernel_of(net.plan({}, {.reference_kernels = true}), "a"), "in c");
+}
+
+TEST_P(FusedActivation, OnAConvolutionThatHasNoBlockedKernel) {
+  // 6 channels in groups of 3; batch of 2; dilation.
+  const Net net = small_net(
+      {2, 6, 9, 11},
+      conv("c", "data", "num_output: 4 kernel_size: 3 pad: 2 dilation: 2 stride: 2 group: 2") +
+          in_place("a", GetParam().type, "c", GetParam().param));
+  EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "in c");
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Types, FusedActivation,
+    testing::Values(Activation{"ReLU", "ReLU", ""},
+                    Activation{"LeakyReLU", "ReLU", "relu_param { negative_slope: 0.3 }"},
+                    Activation{"PReLU", "PReLU", ""},
+                    Activation{"SharedPReLU", "PReLU", "prelu_param { channel_shared: true }"},
+                    Activation{"ELU", "ELU", "elu_param { alpha: 0.7 }"},
+                    Activation{"ReLU6", "ReLU6", ""}),
+    [](const auto& instance) { return std::string(instance.param.name); });
+
+TEST(Fuse, NotAcrossAValueThatIsReadTwice) {
+  const Net net = small_net(
+      kData, conv("c", "data") + layer("a", "ReLU", {"c"}) + layer("both", "Concat", {"c", "a"}));
+  EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "relu");
+}
+
+TEST(Fuse, NotAcrossAValueThatIsAnOutput) {
+  // --end c: the net ends before the ReLU, which is gone; with --graft the ReLU is in between.
+  const std::string layers = conv("c", "data") + in_place("a", "ReLU", "c") +
+                             layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 2 }");
+  const Net cut = small_net(kData, layers, {"c", ""});
+  EXPECT_EQ(expect_as_reference(cut).layers().size(), 2U);
+  const Net grafted = small_net(kData, layers, {"c", "p"});
+  EXPECT_EQ(kernel_of(expect_as_reference(grafted), "a"), "in c");
+  const Net at_relu = small_net(kData, layers, {"a", ""});
+  EXPECT_EQ(kernel_of(expect_as_reference(at_relu), "a"), "in c");
+}
+
+TEST(Fuse, OnlyOneActivationAndNoScaleAfterIt) {
+  const Net net = small_net(kData, conv("c", "data") + in_place("a", "ReLU", "c") +
+                                       in_place("b", "ELU", "c") + in_place("s", "Scale", "c"));
+  const Plan plan = expect_as_reference(net);
+  EXPECT_EQ(kernel_of(plan, "a"), "in c");
+  EXPECT_EQ(kernel_of(plan, "b"), "elu");
+  EXPECT_EQ(kernel_of(plan, "s"), "scale");
+}
+
+TEST(Fuse, LayersThatChangeNothingAreGone) {
+  const Net net = small_net(
+      kData, conv("c", "data") + in_place("drop", "Dropout", "c") + in_place("a", "ReLU", "c") +
+                 "layer { name: 'split' type: 'Split' bottom: 'c' top: 's1' top: 's2' }" +
+                 conv("c1", "s1") + conv("c2", "s2") + layer("sum", "Eltwise", {"c1", "c2"}) +
+                 in_place("drop2", "Dropout", "sum"));
+  const Plan plan = expect_as_reference(net);
+  EXPECT_EQ(kernel_of(plan, "a"), "in c");
+  EXPECT_EQ(kernel_of(plan, "drop"), "");
+  EXPECT_EQ(kernel_of(plan, "split"), "");
+  EXPECT_EQ(plan.outputs().size(), 1U);
+}
+
+TEST(FusedAffine, BatchNormScaleAndBiasGoIntoTheWeights) {
+  const Net net = small_net(
+      kData, conv("c", "data") + in_place("bn", "BatchNorm", "c") +
+                 in_place("s", "Scale", "c", "scale_param { bias_term: true }") +
+                 in_place("b", "Bias", "c") + in_place("a", "PReLU", "c") +
+                 conv("d", "c", "num_output: 32 kernel_size: 1 bias_term: false group: 2") +
+                 in_place("s2", "Scale", "d", "scale_param { axis: 0 num_axes: 0 }"));
+  const Plan plan = expect_as_reference(net);
+  for (const char* name : {"bn", "s", "b", "a"}) EXPECT_EQ(kernel_of(plan, name), "in c");
+  EXPECT_EQ(kernel_of(plan, "s2"), "in d");
+  for (const char* name : {"bn", "s", "b", "a"})
+    EXPECT_NE(kernel_of(net.plan({}, {.keep_all = true}), name), "in c");
+}
+
+TEST(FusedAffine, OnlyWhatIsOneNumberAChannel) {
+  const Net net = small_net(
+      {1, 16, 9, 16},
+      conv("c", "data", "num_output: 16 kernel_size: 1") +
+          layer("rows", "Scale", {"c"}, "scale_param { axis: 3 }") +
+          conv("d", "rows", "num_output: 16 kernel_size: 1") +
+          layer("given", "Scale", {"d", "c"}, "scale_param { axis: 0 }") +
+          conv("e", "given", "num_output: 16 kernel_size: 1") +
+          layer("batch", "BatchNorm", {"e"}, "batch_norm_param { use_global_stats: false }"));
+  const Plan plan = expect_as_reference(net);
+  EXPECT_EQ(kernel_of(plan, "rows"), "scale");
+  EXPECT_EQ(kernel_of(plan, "given"), "scale");
+  EXPECT_EQ(kernel_of(plan, "batch"), "batch-norm-of-batch");
+}
+
+TEST(FusedSum, IsDoneByTheLaterConvolution) {
+  for (const auto& inputs : {std::vector<std::string>{"c1", "c2"}, {"c2", "c1"}}) {
+    const Net net =
+        small_net(kData, conv("c0", "data") + conv("c1", "c0") + conv("c2", "c0") +
+                             in_place("bn", "BatchNorm", "c2") + layer("sum", "Eltwise", inputs) +
+                             in_place("a", "ReLU", "sum"));
+    const Plan plan = expect_as_reference(net);
+    EXPECT_EQ(kernel_of(plan, "bn"), "in c2");
+    EXPECT_EQ(kernel_of(plan, "sum"), "in c2");
+    EXPECT_EQ(kernel_of(plan, "a"), "in c2");
+  }
+}
+
+TEST(FusedSum, ShortcutAroundTwoConvolutions) {
+  const Net net =
+      small_net({2, 16, 9, 11}, conv("c1", "data", "num_output: 16 kernel_size: 3 pad: 1") +
+                                    in_place("a1", "ReLU", "c1") +
+                                    conv("c2", "c1", "num_output: 16 kernel_size: 3 pad: 1") +
+                                    layer("sum", "Eltwise", {"data", "c2"}) +
+                                    in_place("a2", "ReLU", "sum") + conv("c3", "sum"));
+  const Plan plan = expect_as_reference(net);
+  EXPECT_EQ(kernel_of(plan, "sum"), "in c2");
+  EXPECT_EQ(kernel_of(plan, "a2"), "in c2");
+}
+
+TEST(FusedSum, NotOfOtherSums) {
+  const std::string two = conv("c1", "data") + conv("c2", "data");
+  const auto kernel = [&](const std::string& layers) {
+    return kernel_of(expect_as_reference(small_net(kData, two + layers)), "sum");
+  };
+  EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c1", "c2", "c1"})), "sum");
+  EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c2", "c2"})), "sum");
+  EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c1", "c2"}, "eltwise_param { coeff: 1 coeff: -1 }")),
+            "sum");
+  EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c1", "c2"}, "eltwise_param { operation: MAX }")),
+            "maximum");
+  // The later convolution has its activation already; the earlier one runs before it.
+  EXPECT_EQ(kernel(in_place("a", "ReLU", "c2") + layer("sum", "Eltwise", {"c1", "c2"})), "sum");
+  // Somebody else reads c2.
+  EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c1", "c2"}) + layer("p", "Power", {"c2"})), "sum");
+  // Nothing is multiplied after the sum.
+  const Net net =
+      small_net(kData, two + layer("sum", "Eltwise", {"c1", "c2"}) + in_place("s", "Scale", "sum"));
+  EXPECT_EQ(kernel_of(expect_as_reference(net), "s"), "scale");
+}
+
+TEST(FusedLrn, WithTheMaximumPoolingAfterIt) {
+  const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
+  const std::string pool = "pooling_param { kernel_size: 3 stride: 2 pad: 1 }";
+  const Net net = small_net(kData, conv("c", "data") + norm + layer("p", "Pooling", {"n"}, pool));
+  EXPECT_EQ(kernel_of(expect_as_reference(net), "p"), "in n");
+
+  const auto kernel = [&](const std::string& layers) {
+    return kernel_of(expect_as_reference(small_net(kData, conv("c", "data") + layers)), "p");
+  };
+  EXPECT_EQ(
+      kernel(norm + layer("p", "Pooling", {"n"}, "pooling_param { pool: AVE kernel_size: 3 }")),
+      "average-pool");
+  EXPECT_EQ(kernel(norm + layer("p", "Pooling", {"n"}, pool) + layer("x", "Power", {"n"})),
+            "max-pool");
+  EXPECT_EQ(kernel(norm + "layer { name: 'p' type: 'Pooling' bottom: 'n' top: 'p' top: 'mask' " +
+                   pool + "}"),
+            "max-pool");
+  EXPECT_EQ(kernel(layer("n", "LRN", {"c"}, "lrn_param { norm_region: WITHIN_CHANNEL }") +
+                   layer("p", "Pooling", {"n"}, pool)),
+            "max-pool");
+}
+
+}  // namespace
+}  // namespace revisit::engine

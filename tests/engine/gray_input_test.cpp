@@ -1,0 +1,94 @@
+// Plans for inputs whose channels are one picture plus a constant each.
+#include <gtest/gtest.h>
+
+#include "compare.h"
+#include "expect_error.h"
+#include "net_case.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::expect_error;
+using test::small_net;
+
+/// The picture as the gray plan takes it, and as the original takes it: in every channel.
+std::vector<float> run(const Net& net, const PlanOptions& options) {
+  engine::Run run(net.plan({}, options));
+  const View<float> input = run.input("data");
+  const int64_t channels = input.shape[1], pixels = input.shape[2] * input.shape[3];
+  static const std::vector<float> kOffsets{0.5F, -2, 3};
+  for (int64_t n = 0; n < input.shape[0]; ++n)
+    for (int64_t c = 0; c < channels; ++c)
+      for (int64_t i = 0; i < pixels; ++i)
+        input.data[(n * channels + c) * pixels + i] =
+            static_cast<float>((i * 7919 + n) % 255) / 50 + (channels == 3 ? kOffsets[c] : 0);
+  run.forward();
+  const auto values = run.output(run.plan().outputs()[0].name).values();
+  return {values.begin(), values.end()};
+}
+
+struct Case {
+  const char *name, *convolution;
+};
+
+class GrayInput : public testing::TestWithParam<Case> {};
+
+TEST_P(GrayInput, GivesWhatThreeChannelsGive) {
+  for (const int64_t n : {1, 2}) {
+    const Net net = small_net(
+        {n, 3, 13, 17}, std::string("layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' "
+                                    "convolution_param { ") +
+                            GetParam().convolution +
+                            " } } layer { name: 'a' type: 'ReLU' bottom: 'c' top: 'c' }");
+    const std::vector<float> wanted = run(net, {.reference_kernels = true});
+    const std::vector<float> offsets{0.5F, -2, 3};
+    for (const bool reference : {false, true}) {
+      PlanOptions options{.reference_kernels = reference, .gray_offsets = offsets};
+      EXPECT_EQ(net.plan({}, options).inputs()[0].shape, (Shape{n, 1, 13, 17}));
+      EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
+      options.keep_all = true;
+      EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Convolutions, GrayInput,
+    testing::Values(Case{"NoPadding", "num_output: 32 kernel_size: 3 stride: 2"},
+                    Case{"Padding", "num_output: 32 kernel_size: 7 stride: 2 pad: 1"},
+                    Case{"MuchPadding", "num_output: 16 kernel_size: 5 pad: 4"},
+                    Case{"PaddingWiderThanTheStride",
+                         "num_output: 16 kernel_h: 1 kernel_w: 6 "
+                         "stride_h: 1 stride_w: 3 pad_h: 0 pad_w: 5"},
+                    Case{"PaddedRowsOnly", "num_output: 32 kernel_size: 5 pad_h: 2 pad_w: 0"},
+                    Case{"LargerThanTheImage", "num_output: 16 kernel_size: 19 pad: 6"},
+                    Case{"Dilation", "num_output: 16 kernel_size: 3 pad: 2 dilation: 3"},
+                    Case{"NoBias", "num_output: 32 kernel_size: 3 pad: 1 bias_term: false"},
+                    Case{"FewOutputs", "num_output: 3 kernel_size: 3 pad: 1"}),
+    [](const auto& instance) { return std::string(instance.param.name); });
+
+TEST(GrayInputOptions, OnlyWhereConvolutionsReadTheInput) {
+  const auto plan = [](const std::string& layers, std::vector<float> offsets) {
+    small_net({1, 3, 8, 8}, layers).plan({}, {.gray_offsets = std::move(offsets)});
+  };
+  const std::string conv =
+      "layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' convolution_param { "
+      "num_output: 3 kernel_size: 1 ";
+  expect_error<UsageError>([&] { plan(conv + "} }", {0, 0}); }, {"each channel", "found 2"});
+  expect_error<UsageError>(
+      [&] {
+        plan(conv + "group: 3 } }", {0, 0, 0});
+      },
+      {"'c' (Convolution)", "without groups"});
+  expect_error<UsageError>(
+      [&] {
+        plan(conv +
+                 "} } layer { name: 'p' type: 'Pooling' bottom: 'data' top: 'p' "
+                 "pooling_param { kernel_size: 2 } }",
+             {0, 0, 0});
+      },
+      {"'p' (Pooling)", "reads the input"});
+}
+
+}  // namespace
+}  // namespace revisit::engine

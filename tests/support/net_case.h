@@ -1,0 +1,32 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "revisit/engine/net.h"
+
+namespace revisit::test {
+
+/// A net of a few layers in text, with random weights: `layers` follow an input "data" of this
+/// shape.
+engine::Net small_net(const engine::Shape& data, const std::string& layers,
+                      const engine::Truncation& truncation = {});
+
+/// Outputs of one pass, by name, on inputs between -1 and 1 that `seed` makes. A gray input is the
+/// first channel of what the same seed makes otherwise.
+std::map<std::string, engine::Tensor> forward(const engine::Net& net,
+                                              const engine::PlanOptions& options,
+                                              unsigned seed = 1);
+
+/// golden/README.md, of the largest value of a blob: more where the plan has a Winograd kernel.
+double tolerance_of(const engine::Plan& plan, double otherwise = 1e-5);
+
+/// Expects that the plan with `options` gives what the reference kernels give without any rewrite
+/// and the same bits on three threads, and returns it.
+engine::Plan expect_as_reference(const engine::Net& net, engine::PlanOptions options = {});
+
+/// The kernel that the plan shows for a layer.
+std::string kernel_of(const engine::Plan& plan, const std::string& layer);
+
+}  // namespace revisit::test
