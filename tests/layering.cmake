@@ -12,7 +12,7 @@ set(sees_tools tools pipeline engine proto weights_conversion)
 # library header pattern -> files that may include it
 set(owned_libraries
   "opencv2/|pipeline/src/project/close_holes"
-  "png.h|pipeline/src/project/write_png"
+  "png.h|pipeline/src/io/gray_png"
   "liblzf/|pipeline/src/io/pcd"
   "embree3/|pipeline/src/simulation/ray_caster"
   "hwy/|engine/src/kernels/"

@@ -47,7 +47,7 @@ TEST_F(DescribeTest, NetworkSeesTheGrayImageMinusTheMeans) {
   ASSERT_EQ(features.dim, 3 * 4 * 16);
   RangeImage image{64, 16, std::vector<float>(64 * 16, 10.0F)};
   std::vector<float> feature(static_cast<size_t>(features.dim));
-  features.make()(image, feature);
+  std::get<FeatureMaker<RangeImage>>(features.make)()(image, feature);
   EXPECT_EQ(feature[0], 9);
   EXPECT_EQ(feature[64], 8);
   EXPECT_EQ(feature[128], 7);
@@ -59,7 +59,7 @@ TEST_F(DescribeTest, DataIsTheImageItself) {
   const RangeImage image =
       scan_to_image(read_scan(dataset_.scans[0].file), AlignMode::kCase1, options_.geometry);
   std::vector<float> feature(static_cast<size_t>(features.dim));
-  features.make()(image, feature);
+  std::get<FeatureMaker<RangeImage>>(features.make)()(image, feature);
   EXPECT_EQ(feature, image.pixels);
 }
 

@@ -62,9 +62,9 @@ Match slow_twin(const FloatMatrix& asked, const FloatMatrix& stored, const Task&
   Match match;
   for (size_t i = 0; i < std::min<size_t>(k, all.size()); ++i) {
     match.ranks.push_back(all[i].second);
-    match.cosines.push_back(-all[i].first);
+    match.similarities.push_back(-all[i].first);
   }
-  match.score = 2 * match.cosines.front() - match.cosines.back();
+  match.score = 2 * match.similarities.front() - match.similarities.back();
   return match;
 }
 
@@ -76,7 +76,7 @@ TEST(Retrieve, ScoreByHand) {
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 1, 3, 4}));
   EXPECT_NEAR(match.score, 2 * 1 - 0, 1e-12);
   EXPECT_NEAR(retrieve(m, first_stored(6, 5), {.k = 3}).at(0).score, 2 - 0.6, 1e-7);
-  EXPECT_NEAR(retrieve(m, first_stored(6, 5), {.score = Score::kCosine}).at(0).score, 1, 1e-12);
+  EXPECT_NEAR(retrieve(m, first_stored(6, 5), {.score = Score::kBest}).at(0).score, 1, 1e-12);
   EXPECT_EQ(match.which_case, 1);
 }
 
@@ -113,7 +113,7 @@ TEST(Retrieve, EqualScansAreOrderedByIndex) {
   for (const Match& match : retrieve(m, first_stored(m.n, 1100), {.k = 6})) {
     const int64_t kind = match.query % 5;
     for (int64_t r = 0; r < 6; ++r) EXPECT_EQ(match.ranks[r], kind + 5 * r);
-    EXPECT_EQ(match.cosines.front(), match.cosines.back());
+    EXPECT_EQ(match.similarities.front(), match.similarities.back());
   }
 }
 
@@ -121,7 +121,7 @@ TEST(Retrieve, ZeroDescriptorsAreLikeNothing) {
   const FloatMatrix m = matrix({{0, 0}, {-1, 0}, {0, 0}, {1, 0}});
   const Match match = retrieve(m, first_stored(4, 3)).at(0);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 2, 1}));
-  EXPECT_EQ(match.cosines, (std::vector<double>{0, 0, -1}));
+  EXPECT_EQ(match.similarities, (std::vector<double>{0, 0, -1}));
   const FloatMatrix all_zero(3000, 2);
   EXPECT_EQ(retrieve(all_zero, first_stored(3000, 2999)).at(0).ranks,
             (std::vector<int64_t>{0, 1, 2, 3}));
@@ -131,7 +131,7 @@ TEST(Retrieve, HugeAndTinyDescriptors) {
   FloatMatrix m = matrix({{1e30F, 0}, {1e-30F, 1e-30F}, {0, 1}, {1e-38F, 0}});
   const Match match = retrieve(m, first_stored(4, 3)).at(0);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 1, 2}));
-  EXPECT_NEAR(match.cosines[1], std::sqrt(0.5), 1e-6);
+  EXPECT_NEAR(match.similarities[1], std::sqrt(0.5), 1e-6);
 }
 
 TEST(Retrieve, HigherScoreOfTheTwoCasesWins) {
@@ -162,9 +162,67 @@ TEST(Retrieve, SameBitsForAnyNumberOfThreads) {
   const std::vector<Match> two = retrieve(m, task);
   for (size_t q = 0; q < one.size(); ++q) {
     EXPECT_EQ(one[q].ranks, two[q].ranks);
-    EXPECT_EQ(one[q].cosines, two[q].cosines);
+    EXPECT_EQ(one[q].similarities, two[q].similarities);
   }
   EXPECT_THROW(set_linear_algebra_threads(0), UsageError);
+}
+
+/// Minus the distance on a line: descriptors of one number.
+void nearness(std::span<const float> query, const FloatMatrix& stored,
+              std::span<const int64_t> candidates, std::span<double> similarities) {
+  for (size_t i = 0; i < candidates.size(); ++i)
+    similarities[i] = -std::abs(double{query[0]} - stored.row(candidates[i])[0]);
+}
+
+TEST(Retrieve, BySimilarityOfItsOwn) {
+  // From 5: 1 (distance 4), 4 (1), 7 (2), 6 (1), 9 (4). Equals by row.
+  const FloatMatrix m = matrix({{1}, {4}, {7}, {6}, {9}, {5}});
+  RetrieveOptions options;
+  options.similarity = nearness;
+  const Match match = retrieve(m, first_stored(6, 5), options).at(0);
+  EXPECT_EQ(match.ranks, (std::vector<int64_t>{1, 3, 2, 0}));
+  EXPECT_EQ(match.similarities, (std::vector<double>{-1, -1, -2, -4}));
+  EXPECT_EQ(match.score, 2 * -1 - -4);
+  options.score = Score::kBest;
+  EXPECT_EQ(retrieve(m, first_stored(6, 5), options).at(0).score, -1);
+  // Case 2 asks with another descriptor, 9: the stored ones stay as they are.
+  const FloatMatrix turned = matrix({{0}, {0}, {0}, {0}, {0}, {9}});
+  const Match second = retrieve(m, first_stored(6, 5), options, &turned).at(0);
+  EXPECT_EQ(second.which_case, 2);
+  EXPECT_EQ(second.ranks[0], 4);
+}
+
+TEST(Retrieve, BySimilarityOnlyCandidatesAreCompared) {
+  const FloatMatrix m = random_matrix(300, 1, 4);
+  const Task task =
+      make_tasks("leave-one-out", "", consecutive(m.n), parse_exclusion("frames=40")).at(0);
+  RetrieveOptions options;
+  options.similarity = nearness;
+  const std::vector<Match> one = retrieve(m, task, options);
+  options.threads = 3;
+  const std::vector<Match> three = retrieve(m, task, options);
+  ASSERT_EQ(one.size(), task.queries.size());
+  for (size_t q = 0; q < one.size(); ++q) {
+    int64_t nearest = -1;
+    const int64_t asked = task.queries[q].scan;
+    const auto distance = [&](int64_t s) { return std::abs(m.row(asked)[0] - m.row(s)[0]); };
+    for (int64_t s = 0; s < m.n; ++s)
+      if (std::abs(s - asked) > 40 && (nearest < 0 || distance(s) < distance(nearest))) nearest = s;
+    EXPECT_EQ(one[q].ranks[0], nearest);
+    EXPECT_EQ(one[q].ranks, three[q].ranks);
+    EXPECT_EQ(one[q].similarities, three[q].similarities);
+  }
+}
+
+TEST(Retrieve, RefusesASimilarityThatIsNone) {
+  RetrieveOptions options;
+  options.similarity = [](auto, const auto&, auto, std::span<double> similarities) {
+    similarities.back() = std::nan("");
+  };
+  EXPECT_THROW(retrieve(random_matrix(4, 2, 1), first_stored(4, 3), options), Error);
+  options.similarity = nearness;
+  options.threads = 0;
+  EXPECT_THROW(retrieve(random_matrix(4, 2, 1), first_stored(4, 3), options), UsageError);
 }
 
 TEST(Retrieve, RefusesNonsense) {

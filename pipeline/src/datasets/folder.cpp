@@ -28,10 +28,46 @@ bool naturally_less(const std::string& a, const std::string& b) {
   return ::strverscmp(a.c_str(), b.c_str()) < 0;
 }
 
-bool is_scan(const fs::path& file) {
+bool is_visible_file(const fs::path& file) {
   std::error_code ignored;
-  return is_scan_file_name(file) && !file.filename().string().starts_with(".") &&
-         fs::is_regular_file(file, ignored);
+  return !file.filename().string().starts_with(".") && fs::is_regular_file(file, ignored);
+}
+
+bool is_scan(const fs::path& file) {
+  return is_scan_file_name(file) && is_visible_file(file);
+}
+
+bool is_image(const fs::path& file) {
+  return (file.extension() == ".png" || file.extension() == ".PNG") && is_visible_file(file);
+}
+
+/// The files that pass `keep` by frame; `kind` and `example` are for people.
+std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const fs::path&),
+                                     FrameNumbers numbers, const char* kind, const char* example) {
+  const std::vector<std::string> names = list_names(folder, keep);
+  if (names.empty()) throw InputError(str(folder.string(), ": no ", kind, " in this folder"));
+
+  const auto unnumbered = std::find_if(names.begin(), names.end(),
+                                       [](const std::string& name) { return !number_of(name); });
+  if (unnumbered != names.end() && numbers == FrameNumbers::kFromNames)
+    throw InputError(str((folder / *unnumbered).string(),
+                         ": expected the frame's number as the file name, e.g. ", example));
+
+  std::vector<NumberedFile> files;
+  for (const std::string& name : names) {
+    const int frame = unnumbered == names.end() ? *number_of(name) : static_cast<int>(files.size());
+    files.push_back({frame, folder / name});
+  }
+  std::stable_sort(files.begin(), files.end(),
+                   [](const NumberedFile& a, const NumberedFile& b) { return a.frame < b.frame; });
+  const auto twice = std::adjacent_find(
+      files.begin(), files.end(),
+      [](const NumberedFile& a, const NumberedFile& b) { return a.frame == b.frame; });
+  if (twice != files.end())
+    throw InputError(str(folder.string(), ": frame ", twice->frame,
+                         " is there twice: ", twice->file.filename().string(), " and ",
+                         std::next(twice)->file.filename().string()));
+  return files;
 }
 
 }  // namespace
@@ -53,31 +89,11 @@ bool holds_scans(const fs::path& folder) {
 }
 
 std::vector<NumberedFile> list_scans(const fs::path& folder, FrameNumbers numbers) {
-  const std::vector<std::string> names = list_names(folder, is_scan);
-  if (names.empty())
-    throw InputError(folder.string() + ": no scans (.bin, .pcd or .ply) in this folder");
+  return list_files(folder, is_scan, numbers, "scans (.bin, .pcd or .ply)", "000123.bin");
+}
 
-  const auto unnumbered = std::find_if(names.begin(), names.end(),
-                                       [](const std::string& name) { return !number_of(name); });
-  if (unnumbered != names.end() && numbers == FrameNumbers::kFromNames)
-    throw InputError(str((folder / *unnumbered).string(),
-                         ": expected the frame's number as the file name, e.g. 000123.bin"));
-
-  std::vector<NumberedFile> scans;
-  for (const std::string& name : names) {
-    const int frame = unnumbered == names.end() ? *number_of(name) : static_cast<int>(scans.size());
-    scans.push_back({frame, folder / name});
-  }
-  std::stable_sort(scans.begin(), scans.end(),
-                   [](const NumberedFile& a, const NumberedFile& b) { return a.frame < b.frame; });
-  const auto twice = std::adjacent_find(
-      scans.begin(), scans.end(),
-      [](const NumberedFile& a, const NumberedFile& b) { return a.frame == b.frame; });
-  if (twice != scans.end())
-    throw InputError(str(folder.string(), ": frame ", twice->frame,
-                         " is there twice: ", twice->file.filename().string(), " and ",
-                         std::next(twice)->file.filename().string()));
-  return scans;
+std::vector<NumberedFile> list_images(const fs::path& folder) {
+  return list_files(folder, is_image, FrameNumbers::kFromNames, "images (.png)", "000123.png");
 }
 
 }  // namespace revisit::pipeline

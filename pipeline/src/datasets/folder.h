@@ -6,7 +6,7 @@
 
 namespace revisit::pipeline {
 
-/// A scan file and its place in the drive.
+/// A file and its place in the drive.
 struct NumberedFile {
   int frame = 0;
   std::filesystem::path file;
@@ -20,6 +20,9 @@ enum class FrameNumbers {
 /// The scan files of a folder by frame. Hidden files and other kinds are passed over. Throws
 /// InputError for a folder that cannot be read, holds no scan, or names a frame twice.
 std::vector<NumberedFile> list_scans(const std::filesystem::path& folder, FrameNumbers numbers);
+
+/// The same for .png images, whose names must be numbers.
+std::vector<NumberedFile> list_images(const std::filesystem::path& folder);
 
 /// True when the folder holds at least one scan file.
 bool holds_scans(const std::filesystem::path& folder);

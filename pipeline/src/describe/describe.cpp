@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <limits>
 
 #include "revisit/pipeline/feature_file.h"
 #include "revisit/pipeline/scan_file.h"
@@ -65,8 +66,26 @@ Alignment alignment_for(const PointCloud& cloud, AlignMode mode) {
   return principal_alignment(cloud, mode == AlignMode::kCase2 ? AlignCase::kTwo : AlignCase::kOne);
 }
 
+/// What a feature is computed from, of one scan.
+template <class Input>
+Input input_of(const PointCloud& cloud, const Alignment& alignment, const DescribeOptions& options);
+
+template <>
+PointCloud input_of(const PointCloud& cloud, const Alignment& alignment,
+                    const DescribeOptions& options) {
+  return options.align == AlignMode::kNone ? cloud : rotated(cloud, alignment.R_aligned_sensor);
+}
+
+template <>
+RangeImage input_of(const PointCloud& cloud, const Alignment& alignment,
+                    const DescribeOptions& options) {
+  return close_holes(project(input_of<PointCloud>(cloud, alignment, options), options.geometry),
+                     options.geometry);
+}
+
+template <class Input>
 void describe_scan(const ScanRef& scan, const DescribeOptions& options,
-                   const FeatureFunction& describe, Work& work) {
+                   const FeatureFunction<Input>& describe, Work& work) {
   const Clock::time_point start = Clock::now();
   const PointCloud cloud = read_scan(scan.file);
   const Clock::time_point have_points = Clock::now();
@@ -76,17 +95,26 @@ void describe_scan(const ScanRef& scan, const DescribeOptions& options,
   } catch (const InputError& error) {
     throw InputError(scan.file.string() + ": " + error.what());
   }
-  const RangeImage image = close_holes(
-      project(
-          options.align == AlignMode::kNone ? cloud : rotated(cloud, alignment.R_aligned_sensor),
-          options.geometry),
-      options.geometry);
-  const Clock::time_point have_image = Clock::now();
-  describe(image, work.feature);
+  const auto input = input_of<Input>(cloud, alignment, options);
+  const Clock::time_point have_input = Clock::now();
+  describe(input, work.feature);
   work.alignment = {alignment.yaw, alignment.eigenvalue_ratio, alignment.abs_t11,
                     alignment.mirrored_choice ? 1.0F : 0.0F};
   work.read_ms = milliseconds(start, have_points);
-  work.image_ms = milliseconds(have_points, have_image);
+  work.image_ms = milliseconds(have_points, have_input);
+  work.feature_ms = milliseconds(have_input, Clock::now());
+}
+
+template <>
+void describe_scan(const ScanRef& scan, const DescribeOptions&,
+                   const FeatureFunction<GrayImage>& describe, Work& work) {
+  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+  const Clock::time_point start = Clock::now();
+  const GrayImage image = read_gray_png(scan.file);
+  const Clock::time_point have_image = Clock::now();
+  describe(image, work.feature);
+  work.alignment = {kNone, kNone, kNone, kNone};
+  work.read_ms = milliseconds(start, have_image);
   work.feature_ms = milliseconds(have_image, Clock::now());
 }
 
@@ -125,22 +153,25 @@ FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
   return paths;
 }
 
-DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
-                             const FeatureExtractor& extractor, const DescribeOptions& options) {
+namespace {
+
+template <class Input>
+DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& dataset, int64_t dim,
+                                const FeatureMaker<Input>& make, const DescribeOptions& options) {
   DescribeTimes times;
   if (features_complete(paths.features, paths.key) &&
       features_complete(paths.alignments, paths.key))
     return times;
   const auto n = static_cast<int64_t>(dataset.scans.size());
   FeatureWriter alignments(paths.alignments, paths.key, n, 4);
-  FeatureWriter features(paths.features, paths.key, n, extractor.dim);
+  FeatureWriter features(paths.features, paths.key, n, dim);
 
   const int threads = std::max(options.threads, 1);
-  std::vector<FeatureFunction> functions;
-  for (int t = 0; t < threads; ++t) functions.push_back(extractor.make());
+  std::vector<FeatureFunction<Input>> functions;
+  for (int t = 0; t < threads; ++t) functions.push_back(make());
   // A few scans a thread at a time: rows are written in order, and little is lost on a stop.
   std::vector<Work> batch(static_cast<size_t>(threads) * 2);
-  for (Work& work : batch) work.feature.resize(static_cast<size_t>(extractor.dim));
+  for (Work& work : batch) work.feature.resize(static_cast<size_t>(dim));
 
   int64_t next = std::min(features.rows_written(), alignments.rows_written());
   while (next < n) {
@@ -175,6 +206,17 @@ DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
   alignments.finish();
   features.finish();
   return times;
+}
+
+}  // namespace
+
+DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
+                             const FeatureExtractor& extractor, const DescribeOptions& options) {
+  return std::visit(
+      [&](const auto& make) {
+        return write_features_of(paths, dataset, extractor.dim, make, options);
+      },
+      extractor.make);
 }
 
 std::vector<AlignmentRecord> read_alignments(const fs::path& file) {

@@ -41,7 +41,7 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
   extractor.dim = plan.outputs()[0].shape.elements();
   extractor.key = str(net_key, "\nlayer ", extractor.name, "\nmean_bgr ", mean_bgr[0], " ",
                       mean_bgr[1], " ", mean_bgr[2], "\n", geometry_key(geometry));
-  extractor.make = [plan, input, mean_bgr]() -> FeatureFunction {
+  extractor.make = [plan, input, mean_bgr]() -> FeatureFunction<RangeImage> {
     auto run = std::make_shared<engine::Run>(plan);
     return [run, input, mean_bgr](const RangeImage& image, std::span<float> feature) {
       float* channel = run->input(input.name).data;
@@ -63,7 +63,7 @@ FeatureExtractor range_vector_features(const ImageGeometry& geometry) {
   extractor.name = "data";
   extractor.dim = int64_t{geometry.width} * geometry.height;
   extractor.key = "data\n" + geometry_key(geometry);
-  extractor.make = []() -> FeatureFunction {
+  extractor.make = []() -> FeatureFunction<RangeImage> {
     return [](const RangeImage& image, std::span<float> feature) {
       std::copy(image.pixels.begin(), image.pixels.end(), feature.begin());
     };

@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "linear_algebra/linear_algebra.h"
+#include "retrieve/by_similarity.h"
+#include "retrieve/ranking.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
@@ -95,10 +97,6 @@ bool is_candidate(const TaskQuery& query, int64_t position) {
          (position >= query.candidates[1].begin && position < query.candidates[1].end);
 }
 
-double score_of(const std::vector<double>& cosines, Score score) {
-  return score == Score::kCosine ? cosines.front() : 2 * cosines.front() - cosines.back();
-}
-
 /// One descriptor a query against the stored ones.
 class Retrieval {
  public:
@@ -163,24 +161,14 @@ class Retrieval {
   Match exact(int64_t index, Shortlist& shortlist, const FloatMatrix& asked,
               const std::vector<double>& asked_lengths, int which_case) const {
     const int64_t query = task_.queries[index].scan;
-    std::vector<std::pair<double, int64_t>> best;  // (-cosine, stored scan): sorts as we want it
+    std::vector<RankedScan> best;
     for (const Candidate& candidate : shortlist.finish()) {
       const int64_t scan = task_.stored[candidate.position];
       best.emplace_back(
           -cosine(asked.row(query), asked_lengths[query], stored_.row(scan), stored_lengths_[scan]),
           scan);
     }
-    const size_t kept = std::min<size_t>(options_.k, best.size());
-    std::partial_sort(best.begin(), best.begin() + kept, best.end());
-    Match match;
-    match.query = query;
-    match.which_case = which_case;
-    for (size_t i = 0; i < kept; ++i) {
-      match.ranks.push_back(best[i].second);
-      match.cosines.push_back(-best[i].first);
-    }
-    match.score = score_of(match.cosines, options_.score);
-    return match;
+    return best_match(query, best, which_case, options_);
   }
 
   const FloatMatrix& stored_;
@@ -195,6 +183,8 @@ class Retrieval {
 void check(const FloatMatrix& case1, const Task& task, const RetrieveOptions& options,
            const FloatMatrix* case2) {
   if (options.k < 1) throw UsageError(str("k: expected at least 1, found ", options.k));
+  if (options.threads < 1)
+    throw UsageError(str("threads: expected at least 1, found ", options.threads));
   if (case2 && (case2->n != case1.n || case2->d != case1.d))
     throw Error(str("descriptors of alignment case 2 are ", case2->n, " x ", case2->d,
                     ", of case 1 ", case1.n, " x ", case1.d));
@@ -218,7 +208,7 @@ void check(const FloatMatrix& case1, const Task& task, const RetrieveOptions& op
 
 Score parse_score(const std::string& text) {
   if (text == "margin") return Score::kMargin;
-  if (text == "cosine") return Score::kCosine;
+  if (text == "cosine") return Score::kBest;
   throw UsageError(str("score: expected margin or cosine, found '", text, "'"));
 }
 
@@ -236,18 +226,24 @@ std::vector<Match> retrieve(const FloatMatrix& case1, const Task& task,
     if (options.progress) options.progress(++answered, total);
   };
 
-  const std::vector<double> lengths = row_lengths(case1, 1);
-  Retrieval retrieval(case1, lengths, task, options);
   std::vector<Match> matches(n_queries);
-  retrieval.run(case1, lengths, 1, [&](int64_t index, Match match) {
+  const auto take = [&](int64_t index, Match match) {
     matches[index] = std::move(match);
     report();
-  });
-  if (!case2) return matches;
-  retrieval.run(*case2, row_lengths(*case2, 2), 2, [&](int64_t index, Match match) {
+  };
+  const auto take_better = [&](int64_t index, Match match) {
     if (match.score > matches[index].score) matches[index] = std::move(match);
     report();
-  });
+  };
+  if (options.similarity) {
+    retrieve_by_similarity(case1, case1, task, options, 1, take);
+    if (case2) retrieve_by_similarity(*case2, case1, task, options, 2, take_better);
+    return matches;
+  }
+  const std::vector<double> lengths = row_lengths(case1, 1);
+  Retrieval retrieval(case1, lengths, task, options);
+  retrieval.run(case1, lengths, 1, take);
+  if (case2) retrieval.run(*case2, row_lengths(*case2, 2), 2, take_better);
   return matches;
 }
 

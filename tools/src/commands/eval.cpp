@@ -165,8 +165,8 @@ void print_matches(const TaskResult& result, const pipeline::Trajectory& traject
       return trajectory.positions[static_cast<size_t>(scan)];
     };
     const bool has_next = m.ranks.size() > 1;
-    table.row({frame(m.query), frame(m.ranks[0]), number(m.cosines[0], 3),
-               has_next ? frame(m.ranks[1]) : "", has_next ? number(m.cosines[1], 3) : "",
+    table.row({frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
+               has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
                number(m.score, 3),
                number(pipeline::distance_between(position(m.query), position(m.ranks[0]),
                                                  result.rule.distance),

@@ -102,15 +102,15 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
           str(rank + 1),
           time_of(match.query),
           time_of(match.ranks[rank]),
-          number(match.cosines[rank], 6)};
+          number(match.similarities[rank], 6)};
       if (rank == 0) {
         // Accepted at the threshold of the best F1; blank when there is none.
         const double threshold = result.summary.f1_max_threshold;
-        row.insert(row.end(),
-                   {number(match.score, 6), number(match.cosines[0] - match.cosines.back(), 6),
-                    number(relative_yaw_deg(match, context.alignments), 2),
-                    std::isnan(threshold) ? "" : str(match.score >= threshold ? 1 : 0),
-                    str(result.verdicts[q].correct ? 1 : 0)});
+        row.insert(row.end(), {number(match.score, 6),
+                               number(match.similarities[0] - match.similarities.back(), 6),
+                               number(relative_yaw_deg(match, context.alignments), 2),
+                               std::isnan(threshold) ? "" : str(match.score >= threshold ? 1 : 0),
+                               str(result.verdicts[q].correct ? 1 : 0)});
       }
       table.row(std::move(row));
     }

@@ -45,6 +45,12 @@ struct DatasetNeeds {
 Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,
                      const DatasetNeeds& needs = {});
 
+/// The camera images of a data set's scans: the same frames, poses and times, each with the image
+/// of the same frame number, e.g. 000123.png, as its file. `folder` may be empty for a KITTI
+/// sequence: its image_0 (left, gray) is taken. Throws InputError for a missing folder, names that
+/// are no numbers, and scans without an image, naming the first of them.
+Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folder = {});
+
 /// Where the poses of a KITTI sequence are: `poses/NN.txt` under the root, or `poses.txt` in the
 /// sequence folder. Throws InputError listing the places looked at.
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,

@@ -6,25 +6,39 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "revisit/engine/net.h"
 #include "revisit/pipeline/align.h"
 #include "revisit/pipeline/dataset.h"
+#include "revisit/pipeline/gray_image.h"
 #include "revisit/pipeline/range_image.h"
+#include "revisit/pipeline/similarity.h"
 
 namespace revisit::pipeline {
 
-/// Writes the feature of one range image; the span has FeatureExtractor::dim floats.
-using FeatureFunction = std::function<void(const RangeImage&, std::span<float>)>;
+/// Writes the feature of one input; the span has FeatureExtractor::dim floats.
+template <class Input>
+using FeatureFunction = std::function<void(const Input&, std::span<float>)>;
+/// Makes a function with its own working memory: one per thread.
+template <class Input>
+using FeatureMaker = std::function<FeatureFunction<Input>()>;
 
-/// A way to turn range images of one geometry into feature vectors.
+/// A way to turn scans into feature vectors.
 struct FeatureExtractor {
   std::string name;  // for people and plots: "conv3+pool5", "data"
-  std::string key;   // names everything the values depend on besides the image
+  std::string key;   // names everything the values depend on besides the input
   int64_t dim = 0;
-  /// Makes a function with its own working memory: one per thread.
-  std::function<FeatureFunction()> make;
+  /// What the feature sees of a scan: the range image of its aligned points, the aligned points
+  /// themselves, or the camera image of the same moment.
+  std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
+  Similarity similarity;  // how two of them are compared; empty: cosine
+
+  template <class Input>
+  bool sees() const {
+    return std::holds_alternative<FeatureMaker<Input>>(make);
+  }
 };
 
 /// The output of a network, flattened. The gray image is given to every input channel, minus that
@@ -62,7 +76,8 @@ struct DescribeTimes {
   std::vector<double> read, image, feature;
 };
 
-/// What one scan's alignment was, as write_features() stores it: a row of 4 floats.
+/// What one scan's alignment was, as write_features() stores it: a row of 4 floats. All are NaN
+/// when there was no scan to align, only a camera image.
 struct AlignmentRecord {
   float yaw = 0;               // [rad], Alignment::yaw
   float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio
@@ -80,7 +95,8 @@ struct FeaturePaths {
 FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& dataset,
                            const FeatureExtractor& extractor, const DescribeOptions& options);
 
-/// Describes every scan into `paths`, continuing what an earlier call left. Does nothing when the
+/// Describes every scan into `paths` (for a feature that sees camera images, `dataset` is one of
+/// camera_images()), continuing what an earlier call left. Does nothing when the
 /// files are complete. Throws Interrupted (what was done is kept), InputError naming the scan that
 /// cannot be read or aligned, Error when the disk is full.
 DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,

@@ -1,0 +1,45 @@
+#include <map>
+
+#include "datasets/folder.h"
+#include "revisit/pipeline/dataset.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// image_0 beside the velodyne folder of a KITTI sequence.
+fs::path kitti_images(const Dataset& dataset) {
+  const fs::path scans = dataset.scans.empty() ? "" : dataset.scans[0].file.parent_path();
+  if (scans.filename() != "velodyne")
+    throw InputError(str(scans.string(),
+                         ": no KITTI sequence, so say where its camera images are (frame numbers "
+                         "as names, e.g. 000123.png)"));
+  return scans.parent_path() / "image_0";
+}
+
+}  // namespace
+
+Dataset camera_images(const Dataset& dataset, const fs::path& folder) {
+  const fs::path images = folder.empty() ? kitti_images(dataset) : folder;
+  std::error_code ignored;
+  if (!fs::is_directory(images, ignored))
+    throw InputError(images.string() + ": no such folder of camera images");
+  std::map<int, fs::path> by_frame;
+  for (NumberedFile& image : list_images(images)) by_frame[image.frame] = std::move(image.file);
+
+  Dataset result = dataset;
+  for (ScanRef& scan : result.scans) {
+    const auto image = by_frame.find(scan.frame);
+    if (image == by_frame.end())
+      throw InputError(str(images.string(), ": no image of frame ", scan.frame,
+                           ", which has the scan ", scan.file.string(), "; there are ",
+                           by_frame.size(), " images, frames ", by_frame.begin()->first, " to ",
+                           by_frame.rbegin()->first));
+    scan.file = image->second;
+  }
+  return result;
+}
+
+}  // namespace revisit::pipeline
