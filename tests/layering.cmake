@@ -14,6 +14,7 @@ set(owned_libraries
   "opencv2/|pipeline/src/project/close_holes"
   "png.h|pipeline/src/io/gray_png"
   "liblzf/|pipeline/src/io/pcd"
+  "pcl/|pipeline/src/baselines/pcl/"
   "embree3/|pipeline/src/simulation/ray_caster"
   "hwy/|engine/src/kernels/"
   "cblas|engine/src/|pipeline/src/linear_algebra/"
