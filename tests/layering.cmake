@@ -11,7 +11,7 @@ set(sees_tools tools pipeline engine proto weights_conversion)
 
 # library header pattern -> files that may include it
 set(owned_libraries
-  "opencv2/|pipeline/src/project/close_holes"
+  "opencv2/|pipeline/src/project/close_holes|pipeline/src/baselines/visual_words"
   "png.h|pipeline/src/io/gray_png"
   "liblzf/|pipeline/src/io/pcd"
   "pcl/|pipeline/src/baselines/pcl/"

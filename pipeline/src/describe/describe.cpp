@@ -7,6 +7,7 @@
 #include <exception>
 #include <limits>
 
+#include "describe/keys.h"
 #include "revisit/pipeline/feature_file.h"
 #include "revisit/pipeline/scan_file.h"
 
@@ -20,32 +21,6 @@ constexpr const char* kAlignModes[] = {"none", "case1", "case2"};
 
 double milliseconds(Clock::time_point begin, Clock::time_point end) {
   return std::chrono::duration<double, std::milli>(end - begin).count();
-}
-
-/// FNV-1a, 64 bit: names files, does not protect them (the whole key is compared on reading).
-uint64_t hash(const std::string& text) {
-  uint64_t value = 0xCBF29CE484222325ULL;
-  for (const unsigned char c : text) value = (value ^ c) * 0x100000001B3ULL;
-  return value;
-}
-
-std::string hex(uint64_t value) {
-  std::string digits(16, '0');
-  for (size_t i = digits.size(); i-- > 0; value >>= 4) digits[i] = "0123456789abcdef"[value & 15];
-  return digits;
-}
-
-/// Identifies the scans by path, size and time of change: reading them all would take as long as
-/// describing them.
-std::string dataset_key(const Dataset& dataset) {
-  std::string scans;
-  for (const ScanRef& scan : dataset.scans) {
-    std::error_code error;
-    const auto changed = fs::last_write_time(scan.file, error).time_since_epoch().count();
-    scans += str(fs::absolute(scan.file).string(), " ", fs::file_size(scan.file, error), " ",
-                 changed, "\n");
-  }
-  return str("scans ", dataset.scans.size(), " ", hex(hash(scans)));
 }
 
 std::string file_name(std::string name) {
@@ -147,7 +122,7 @@ FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
   paths.key =
       str(extractor.key, "\nalign ", name_of(options.align), "\n", dataset_key(dataset), "\n");
   const std::string stem =
-      file_name(extractor.name) + "-" + name_of(options.align) + "-" + hex(hash(paths.key));
+      file_name(extractor.name) + "-" + name_of(options.align) + "-" + short_name_of(paths.key);
   paths.features = folder / (stem + ".npy");
   paths.alignments = folder / (stem + "-alignment.npy");
   return paths;
