@@ -21,13 +21,21 @@ fs::path kitti_images(const Dataset& dataset) {
 
 }  // namespace
 
+Dataset image_folder(const fs::path& folder) {
+  std::error_code ignored;
+  if (!fs::is_directory(folder, ignored))
+    throw InputError(folder.string() + ": no such folder of camera images");
+  Dataset images;
+  images.name = fs::canonical(folder).filename().string();
+  for (NumberedFile& image : list_images(folder))
+    images.scans.push_back({std::move(image.file), image.frame, {}, {}});
+  return images;
+}
+
 Dataset camera_images(const Dataset& dataset, const fs::path& folder) {
   const fs::path images = folder.empty() ? kitti_images(dataset) : folder;
-  std::error_code ignored;
-  if (!fs::is_directory(images, ignored))
-    throw InputError(images.string() + ": no such folder of camera images");
   std::map<int, fs::path> by_frame;
-  for (NumberedFile& image : list_images(images)) by_frame[image.frame] = std::move(image.file);
+  for (ScanRef& image : image_folder(images).scans) by_frame[image.frame] = std::move(image.file);
 
   Dataset result = dataset;
   for (ScanRef& scan : result.scans) {

@@ -34,7 +34,6 @@ void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
 int describe_command(const Arguments& arguments) {
   FeatureOptions options;
   fs::path output;
-  std::string align = "case1";
   Parser parser("revisit describe", "DATA -o DIR",
                 "Turn every scan of a KITTI sequence or a folder of .bin, .pcd or .ply files into "
                 "a descriptor: "
@@ -46,8 +45,6 @@ int describe_command(const Arguments& arguments) {
                 "  revisit describe scans/ --sensor vlp16 --feature data --pca 100 -o out\n"
                 "  revisit describe KITTI --sequence 05 --pca-fit out/pca -o out05\n");
   options.declare(parser);
-  parser.option("align", "none|case1|case2",
-                "align scans with their principal directions (default case1)", &align);
   parser.group("Output:");
   parser.option("output", "DIR", "folder for the descriptors", &output, 'o');
   parser.config(read_config_file);
@@ -57,16 +54,15 @@ int describe_command(const Arguments& arguments) {
     throw UsageError("--pca-fit map needs a task with stored scans: use `revisit eval`");
 
   const pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence);
-  const FeatureSource source = open_feature(options);
+  const fs::path cache = options.cache_folder(output);
+  const FeatureSource source = open_feature(options, dataset, cache);
   pipeline::set_linear_algebra_threads(options.thread_count());
   pipeline::DescribeTimes times;
-  const fs::path cache = options.cache.empty() ? output / "features" : fs::path(options.cache);
-  const Features features =
-      compute_features(options, dataset, source, pipeline::parse_align_mode(align), cache, &times);
+  const Features features = compute_features(options, source, source.align, cache, &times);
 
   const bool fits = options.pca_fit == "all";
   const Descriptors descriptors =
-      reduce(options, {}, features, nullptr, fits ? output / "pca" : fs::path());
+      reduce(options, source.components, {}, features, nullptr, fits ? output / "pca" : fs::path());
   if (!descriptors.note.empty() && !options.quiet)
     std::cerr << "note: " << descriptors.note << "\n";
   const pipeline::FloatMatrix& matrix = descriptors.case1;

@@ -20,7 +20,8 @@ namespace fs = std::filesystem;
 struct EvalOptions {
   FeatureOptions feature;
   fs::path output = "results";
-  std::string protocol = "paper", align = "case1", score = "margin", format = "table";
+  std::string protocol = "paper", format = "table";
+  std::optional<std::string> score;  // absent: the feature's own way
   std::optional<std::string> distance, exclusion;
   std::optional<double> radius;
   int k = 4;
@@ -41,12 +42,16 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"end", f.end},
           {"graft", f.graft},
           {"mean-bgr", f.mean_bgr},
-          {"pca", str(f.components)},
+          {"images", f.images.string()},
+          {"training-images", f.training_images.string()},
+          {"new-place", f.new_place},
+          {"ring-key-candidates", str(f.ring_key_candidates)},
+          {"pca", f.components ? str(*f.components) : ""},
           {"pca-fit", f.pca_fit},
           {"memory", str(f.memory_gb)},
           {"protocol", o.protocol},
-          {"align", o.align},
-          {"score", o.score},
+          {"align", f.align.value_or("")},
+          {"score", o.score.value_or("")},
           {"k", str(o.k)},
           {"distance", o.distance.value_or("")},
           {"exclusion", o.exclusion.value_or("")},
@@ -68,16 +73,18 @@ EvalOptions parse_options(const Arguments& arguments) {
                 "  revisit eval KITTI --sequence 05 --protocol online --radius 5 --distance xz "
                 "--exclusion frames=50\n"
                 "  revisit eval KITTI --sequence 00 --feature data     # the range image itself, "
-                "for comparison\n");
+                "for comparison\n"
+                "  revisit eval KITTI --sequence 00 --feature scan-context --threads 1\n");
   o.feature.declare(parser);
   parser.group("Evaluation:");
   parser.option(
       "protocol", "NAME[,NAME]",
       "paper, paper-easy, paper-median, paper-difficult, online, leave-one-out (default paper)",
       &o.protocol);
-  parser.option("align", "none|case1",
-                "align scans with their principal directions (default case1)", &o.align);
-  parser.option("score", "margin|cosine", "s = 2 c1 - ck, or c1 alone (default margin)", &o.score);
+  parser.option("score", "margin|cosine",
+                "s = 2 c1 - ck, or c1 alone (default margin; cosine, which then is their own "
+                "similarity, for scan-context and fabmap)",
+                &o.score);
   parser.option("k", "K", "retrieved scans a query (default 4)", &o.k);
   parser.option("distance", "xz|3d|box",
                 "how the distance to a true match is measured (default: the protocol's)",
@@ -117,20 +124,29 @@ std::vector<pipeline::Task> tasks_for(const EvalOptions& o, const pipeline::Data
   return tasks;
 }
 
-TaskResult run_task(const EvalOptions& o, const pipeline::Task& task,
+/// How sure a match is, by default: the features that are compared in their own way say it
+/// themselves.
+pipeline::Score score_for(const EvalOptions& o, const FeatureSource& source) {
+  if (o.score) return pipeline::parse_score(*o.score);
+  return source.extractor.similarity ? pipeline::Score::kBest : pipeline::Score::kMargin;
+}
+
+TaskResult run_task(const EvalOptions& o, const FeatureSource& source, const pipeline::Task& task,
                     const pipeline::Trajectory& trajectory, const Features& case1,
                     const Features* case2) {
   TaskResult result;
   result.task = task;
   result.rule = task.rule;
-  const Descriptors descriptors = reduce(o.feature, task, case1, task.both_cases ? case2 : nullptr);
+  const Descriptors descriptors =
+      reduce(o.feature, source.components, task, case1, task.both_cases ? case2 : nullptr);
   if (!descriptors.note.empty() && !o.feature.quiet)
     std::cerr << "note: " << descriptors.note << "\n";
   result.pca_fit = descriptors.pca_fit;
 
   Progress progress("retrieving", "queries", !o.feature.no_progress && !o.feature.quiet);
-  const pipeline::RetrieveOptions retrieve{o.k, pipeline::parse_score(o.score), progress.callback(),
-                                           interrupted};
+  const pipeline::RetrieveOptions retrieve{
+      o.k,         score_for(o, source),        progress.callback(),
+      interrupted, source.extractor.similarity, o.feature.thread_count()};
   result.matches = pipeline::retrieve(descriptors.case1, task, retrieve,
                                       descriptors.case2 ? &*descriptors.case2 : nullptr);
   result.verdicts = pipeline::judge(result.matches, task, trajectory, task.rule);
@@ -151,14 +167,15 @@ void print_summary(const std::vector<TaskResult>& results) {
 }
 
 /// For a handful of queries: what each of them found.
-void print_matches(const TaskResult& result, const pipeline::Trajectory& trajectory) {
+void print_matches(const TaskResult& result, const pipeline::Trajectory& trajectory,
+                   const std::string& similarity) {
   constexpr size_t kHandful = 20;
   if (result.matches.size() > kHandful) return;
   const auto frame = [&](int64_t scan) {
     return str(trajectory.frames[static_cast<size_t>(scan)]);
   };
-  Table table(
-      {"query", "best", "cosine", "next", "cosine of next", "score", "metres to best", "true"});
+  Table table({"query", "best", similarity, "next", similarity + " of next", "score",
+               "metres to best", "true"});
   for (size_t q = 0; q < result.matches.size(); ++q) {
     const pipeline::Match& m = result.matches[q];
     const auto position = [&](int64_t scan) {
@@ -183,36 +200,32 @@ void print_matches(const TaskResult& result, const pipeline::Trajectory& traject
 
 int eval_command(const Arguments& arguments) {
   const EvalOptions o = parse_options(arguments);
-  const pipeline::AlignMode align = pipeline::parse_align_mode(o.align);
-  pipeline::parse_score(o.score);
+  if (o.score) pipeline::parse_score(*o.score);
   const pipeline::Dataset dataset =
       pipeline::open_dataset(o.feature.data, o.feature.sequence, {.poses = true});
   const pipeline::Trajectory trajectory = pipeline::make_trajectory(dataset);
   const std::vector<pipeline::Task> tasks = tasks_for(o, dataset, trajectory);
-  const FeatureSource source = open_feature(o.feature);
+  const fs::path cache = o.feature.cache_folder(o.output);
+  const FeatureSource source = open_feature(o.feature, dataset, cache);
   pipeline::set_linear_algebra_threads(o.feature.thread_count());
 
-  const fs::path cache =
-      o.feature.cache.empty() ? o.output / "features" : fs::path(o.feature.cache);
   pipeline::DescribeTimes times;
-  const Features case1 = compute_features(o.feature, dataset, source, align, cache, &times);
+  const Features case1 = compute_features(o.feature, source, source.align, cache, &times);
   const bool need_case2 =
       std::any_of(tasks.begin(), tasks.end(), [](const auto& task) { return task.both_cases; });
   std::optional<Features> case2;
-  if (need_case2 && align == pipeline::AlignMode::kCase1)
-    case2 =
-        compute_features(o.feature, dataset, source, pipeline::AlignMode::kCase2, cache, &times);
+  if (need_case2 && source.align == pipeline::AlignMode::kCase1)
+    case2 = compute_features(o.feature, source, pipeline::AlignMode::kCase2, cache, &times);
 
   std::vector<TaskResult> results;
   for (const pipeline::Task& task : tasks)
-    results.push_back(run_task(o, task, trajectory, case1, case2 ? &*case2 : nullptr));
+    results.push_back(run_task(o, source, task, trajectory, case1, case2 ? &*case2 : nullptr));
 
   const fs::path run = make_run_folder(o.output, dataset);
   const RunContext context{o.feature,        dataset,        trajectory, source,
                            case1.alignments, settings_of(o), o.k};
-  write_run(run, context, results,
-            {{"read", times.read}, {"image", times.image}, {"feature", times.feature}});
-  if (!o.no_plots) write_figures(run, context, results, align);
+  write_run(run, context, results, times);
+  if (!o.no_plots) write_figures(run, context, results, source.align);
   link_latest(run);
 
   if (o.format == "json") {
@@ -222,10 +235,14 @@ int eval_command(const Arguments& arguments) {
     return kOk;
   }
   std::cout << "feature " << source.extractor.name << " (" << source.extractor.dim
-            << " numbers a scan), " << dataset.scans.size() << " scans, PCA fitted on "
-            << results.front().pca_fit << "\n\n";
+            << " numbers a scan), " << dataset.scans.size() << " scans, "
+            << (source.components < 0 ? "no PCA" : "PCA fitted on " + results.front().pca_fit);
+  if (const auto speed = frames_per_second(times))
+    std::cout << ", " << number(*speed, 1) << " scans/s a thread";
+  std::cout << "\n\n";
   print_summary(results);
-  for (const TaskResult& result : results) print_matches(result, trajectory);
+  for (const TaskResult& result : results)
+    print_matches(result, trajectory, similarity_name(source));
   if (source.model && !source.model->trained)
     std::cout << "\nThe network is UNTRAINED (random weights): these figures say nothing about the "
                  "method.\n";

@@ -16,21 +16,37 @@ pipeline::FloatMatrix rows_of(const pipeline::FloatMatrix& all, int64_t first, i
   return part;
 }
 
+pipeline::FloatMatrix all_rows(const pipeline::FeatureFile& file, double memory_gb) {
+  const double gigabytes = 4e-9 * static_cast<double>(file.n()) * static_cast<double>(file.d());
+  if (gigabytes > memory_gb)
+    throw UsageError(str("--memory: ", file.path().string(), " takes ", gigabytes,
+                         " GB, more than the ", memory_gb, " allowed"));
+  pipeline::FloatMatrix matrix(file.n(), file.d());
+  for (int64_t i = 0; i < file.n(); ++i) file.read(i, 0, file.d(), matrix.row(i).data());
+  return matrix;
+}
+
 }  // namespace
 
-Descriptors reduce(const FeatureOptions& options, const pipeline::Task& task, const Features& case1,
-                   const Features* case2, const std::filesystem::path& model_folder) {
-  if (options.components < 0)
-    throw UsageError(str("--pca: expected at least 0, found ", options.components));
+Descriptors reduce(const FeatureOptions& options, int64_t components, const pipeline::Task& task,
+                   const Features& case1, const Features* case2,
+                   const std::filesystem::path& model_folder) {
   if (!(options.memory_gb > 0))
     throw UsageError("--memory: expected a positive number of gigabytes");
+  if (components < 0) {
+    Descriptors whole;
+    whole.pca_fit = "none";
+    whole.case1 = all_rows(case1.file, options.memory_gb);
+    if (case2) whole.case2 = all_rows(case2->file, options.memory_gb);
+    return whole;
+  }
   const int64_t n = case1.file.n();
   pipeline::FeatureFiles files{&case1.file};
   if (case2) files.push_back(&case2->file);
 
   Progress progress("reducing", "columns", !options.no_progress && !options.quiet);
   pipeline::PcaOptions pca;
-  pca.components = options.components ? options.components : n;
+  pca.components = components ? components : n;
   pca.memory = static_cast<int64_t>(options.memory_gb * 1e9);
   pca.progress = progress.callback();
   pca.stop = interrupted;

@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <iostream>
+#include <numeric>
 #include <sstream>
 #include <thread>
 
 #include "cli/interrupt.h"
 #include "cli/mean_file.h"
 #include "cli/progress.h"
+#include "eval/competitors.h"
 #include "models/checksum.h"
 
 namespace revisit::cli {
@@ -59,8 +61,10 @@ void FeatureOptions::declare(Parser& parser) {
   parser.option("height", "PIXELS", "rows of the range image (default: the sensor's)", &height);
   parser.option("max-range", "METRES", "range of pixel value 255 (default 80)", &max_range);
   parser.group("Feature:");
-  parser.option("feature", "net|data",
-                "output of a network, or the range image itself (default net)", &feature);
+  parser.option("feature", "NAME",
+                "cnn (output of a network), data (the range image itself), vfh, esf, grsd, "
+                "scan-context, m2dp, or fabmap on camera images (default cnn)",
+                &feature);
   parser.option("model", "P",
                 "prototxt, or the name of a known model (default: the best one found)", &model);
   parser.option("weights", "W", "caffemodel", &weights);
@@ -70,8 +74,29 @@ void FeatureOptions::declare(Parser& parser) {
                 "channel means to subtract, or a .binaryproto or .npy mean to take them from "
                 "(default: the model's own)",
                 &mean_bgr);
+  parser.option("align", "none|case1|case2",
+                "align scans with their principal directions (default case1 for cnn and data; the "
+                "others see the scan as it is)",
+                &align);
+  parser.group("Competitors:");
+  parser.option("ring-key-candidates", "N",
+                "scan-context: candidates chosen by ring keys, 10 or 50 in its paper (default 0: "
+                "all are compared)",
+                &ring_key_candidates);
+  parser.option("images", "DIR",
+                "fabmap: PNG images with frame numbers as names (default: the sequence's image_0)",
+                &images);
+  parser.option("training-images", "DIR",
+                "fabmap: images to learn the words from (default: those of the drive itself)",
+                &training_images);
+  parser.option("new-place", "mean-field|sampled",
+                "fabmap: likelihood of a place never seen; sampled needs --training-images "
+                "(default mean-field)",
+                &new_place);
   parser.group("Reduction:");
-  parser.option("pca", "K", "numbers a scan (default 400; 0: as many as the data gives)",
+  parser.option("pca", "K",
+                "numbers a scan; 0: as many as the data gives (default 400 for cnn and data, the "
+                "others are not reduced)",
                 &components);
   parser.option("pca-fit", "all|map|DIR",
                 "scans the PCA learns from, or a folder it was written to (default all)", &pca_fit);
@@ -98,12 +123,13 @@ int FeatureOptions::thread_count() const {
   return threads ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
-FeatureSource open_feature(const FeatureOptions& options) {
-  const pipeline::ImageGeometry geometry = options.geometry();
-  if (options.feature == "data") return {pipeline::range_vector_features(geometry), std::nullopt};
-  if (options.feature != "net")
-    throw UsageError("--feature: expected net or data, found '" + options.feature + "'");
+fs::path FeatureOptions::cache_folder(const fs::path& output) const {
+  return cache.empty() ? output / "features" : fs::path(cache);
+}
 
+namespace {
+
+FeatureSource open_network(const FeatureOptions& options) {
   models::FoundModel model = models::find_model(
       {options.model, options.weights, options.end, options.graft, parse_mean(options.mean_bgr)});
   for (const std::string& warning : model.warnings) std::cerr << "warning: " << warning << "\n";
@@ -116,14 +142,99 @@ FeatureSource open_feature(const FeatureOptions& options) {
   for (const std::string& warning : net.warnings()) std::cerr << "warning: " << warning << "\n";
   const std::string key = str("net ", models::file_checksum(model.prototxt, "sha256"), " ",
                               models::file_checksum(model.weights, "sha256"));
-  pipeline::FeatureExtractor extractor =
-      pipeline::network_features(net, key, model.mean_bgr, geometry);
-  return {std::move(extractor), std::move(model)};
+  FeatureSource source;
+  source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.geometry());
+  source.model = std::move(model);
+  return source;
 }
 
-Features compute_features(const FeatureOptions& options, const pipeline::Dataset& dataset,
-                          const FeatureSource& source, pipeline::AlignMode align,
-                          const fs::path& folder, pipeline::DescribeTimes* times) {
+bool is_range_image_feature(const FeatureSource& source) {
+  return source.extractor.sees<pipeline::RangeImage>();
+}
+
+/// Numbers after reduction, see FeatureSource. A feature with a similarity of its own is compared
+/// as it is.
+int64_t components_for(const FeatureOptions& options, const FeatureSource& source) {
+  const bool asked = options.components || options.pca_fit != "all";
+  if (asked && source.extractor.similarity)
+    throw UsageError(str("--pca: the feature ", source.extractor.name,
+                         " is compared in its own way, which a PCA would destroy"));
+  if (options.components && *options.components < 0)
+    throw UsageError(str("--pca: expected at least 0, found ", *options.components));
+  constexpr int64_t kDefault = 400, kNoPca = -1;
+  return options.components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
+}
+
+pipeline::AlignMode align_for(const FeatureOptions& options, const FeatureSource& source) {
+  const auto mode = pipeline::parse_align_mode(
+      options.align.value_or(is_range_image_feature(source) ? "case1" : "none"));
+  if (mode != pipeline::AlignMode::kNone && source.extractor.sees<pipeline::GrayImage>())
+    throw UsageError(
+        str("--align: the feature ", source.extractor.name, " sees camera images, not scans"));
+  return mode;
+}
+
+/// Scans that have no description: their similarity to anything means nothing.
+void warn_of_zeros(const pipeline::FeatureFile& features, const std::string& name) {
+  int64_t zeros = 0;
+  for (int64_t i = 0; i < features.n(); ++i) {
+    const auto row = features.row(i);
+    zeros += std::all_of(row.begin(), row.end(), [](float x) { return x == 0; }) ? 1 : 0;
+  }
+  if (zeros > 0)
+    std::cerr << "warning: " << zeros << " of " << features.n() << " scans have no " << name
+              << " (all zero): there was nothing in them that it describes\n";
+}
+
+}  // namespace
+
+std::vector<std::string> feature_names() {
+  std::vector<std::string> names{"cnn", "data"};
+  const std::vector<std::string> others = competitor_names();
+  names.insert(names.end(), others.begin(), others.end());
+  return names;
+}
+
+FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                           const fs::path& folder) {
+  const std::vector<std::string> names = feature_names();
+  const bool is_network = options.feature == "cnn" || options.feature == "net";  // an older name
+  if (!is_network && std::find(names.begin(), names.end(), options.feature) == names.end())
+    throw UsageError(str(
+        "--feature: unknown feature '", options.feature, "'", did_you_mean(options.feature, names),
+        "; known: ",
+        std::accumulate(names.begin() + 1, names.end(), names[0],
+                        [](const std::string& a, const std::string& b) { return a + ", " + b; })));
+  FeatureSource source;
+  if (is_network)
+    source = open_network(options);
+  else if (options.feature == "data")
+    source.extractor = pipeline::range_vector_features(options.geometry());
+  else
+    source.extractor = competitor(options, dataset, folder);
+  source.inputs = source.extractor.sees<pipeline::GrayImage>()
+                      ? pipeline::camera_images(dataset, options.images)
+                      : dataset;
+  source.align = align_for(options, source);
+  source.components = components_for(options, source);
+  return source;
+}
+
+std::string similarity_name(const FeatureSource& source) {
+  return source.extractor.similarity ? "similarity" : "cosine";
+}
+
+std::optional<double> frames_per_second(const pipeline::DescribeTimes& times) {
+  if (times.feature.empty()) return std::nullopt;
+  const double total_ms = std::accumulate(times.image.begin(), times.image.end(), 0.0) +
+                          std::accumulate(times.feature.begin(), times.feature.end(), 0.0);
+  return total_ms > 0 ? std::optional(1000 * static_cast<double>(times.feature.size()) / total_ms)
+                      : std::nullopt;
+}
+
+Features compute_features(const FeatureOptions& options, const FeatureSource& source,
+                          pipeline::AlignMode align, const fs::path& folder,
+                          pipeline::DescribeTimes* times) {
   pipeline::DescribeOptions describe;
   describe.geometry = options.geometry();
   describe.align = align;
@@ -136,13 +247,17 @@ Features compute_features(const FeatureOptions& options, const pipeline::Dataset
   fs::create_directories(folder, error);
   if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
   const pipeline::FeaturePaths paths =
-      pipeline::feature_paths(folder, dataset, source.extractor, describe);
+      pipeline::feature_paths(folder, source.inputs, source.extractor, describe);
   const pipeline::DescribeTimes spent =
-      pipeline::write_features(paths, dataset, source.extractor, describe);
+      pipeline::write_features(paths, source.inputs, source.extractor, describe);
   append(times->read, spent.read);
   append(times->image, spent.image);
   append(times->feature, spent.feature);
-  return {pipeline::FeatureFile(paths.features), pipeline::read_alignments(paths.alignments)};
+  Features features{pipeline::FeatureFile(paths.features),
+                    pipeline::read_alignments(paths.alignments)};
+  if (!is_range_image_feature(source) && !options.quiet)
+    warn_of_zeros(features.file, source.extractor.name);
+  return features;
 }
 
 }  // namespace revisit::cli

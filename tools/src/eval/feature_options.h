@@ -10,7 +10,7 @@
 #include "models/find_model.h"
 #include "revisit/pipeline/dataset.h"
 #include "revisit/pipeline/describe.h"
-#include "revisit/pipeline/pca.h"
+#include "revisit/pipeline/feature_file.h"
 
 namespace revisit::cli {
 
@@ -21,11 +21,15 @@ struct FeatureOptions {
   std::string sensor = "hdl64";
   int width = 0, height = 0;  // 0: the sensor's
   double max_range = 0;       // [m]; 0: the sensor's
-  std::string feature = "net";
+  std::string feature = "cnn";
   std::filesystem::path model, weights;
   std::string end, graft, mean_bgr;
-  int threads = 0;  // 0: all cores
-  int64_t components = 400;
+  std::filesystem::path images, training_images;  // of FAB-MAP
+  std::string new_place = "mean-field";
+  int64_t ring_key_candidates = 0;    // of Scan Context; 0: all
+  std::optional<std::string> align;   // absent: the feature's own way
+  int threads = 0;                    // 0: all cores
+  std::optional<int64_t> components;  // of the PCA; absent: the feature's own way
   std::string pca_fit = "all";
   double memory_gb = 2;
   std::string cache;  // folder of the features; "" means below the output folder
@@ -34,17 +38,30 @@ struct FeatureOptions {
   void declare(Parser& parser);
   pipeline::ImageGeometry geometry() const;
   int thread_count() const;
+  /// The folder the features go to, of a command with this output folder.
+  std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 };
 
-/// The feature and where it comes from, for people and for run.json.
+/// The names --feature takes: cnn, data and the competitors.
+std::vector<std::string> feature_names();
+
+/// The feature, where it comes from and what becomes of it, for people and for run.json.
 struct FeatureSource {
   pipeline::FeatureExtractor extractor;
-  std::optional<models::FoundModel> model;  // absent for `data`
+  std::optional<models::FoundModel> model;  // absent for all but cnn
+  pipeline::Dataset inputs;                 // what is described: the scans, or their camera images
+  pipeline::AlignMode align = pipeline::AlignMode::kNone;
+  int64_t components = -1;  // of the PCA; 0: all; -1: no PCA
 };
 
-/// Loads the network (or takes the range image itself). Warnings, and the plain word that a network
-/// is untrained, go to stderr.
-FeatureSource open_feature(const FeatureOptions& options);
+/// What the feature's similarity is called: cosine, or similarity when it has one of its own.
+std::string similarity_name(const FeatureSource& source);
+
+/// Loads the network, or makes the feature that takes none. FAB-MAP learns its words here, into
+/// `folder`. Warnings, and the plain word that a network is untrained, go to stderr. Throws
+/// UsageError for options that do not fit the feature.
+FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                           const std::filesystem::path& folder);
 
 /// A finished feature file with its alignments.
 struct Features {
@@ -52,10 +69,15 @@ struct Features {
   std::vector<pipeline::AlignmentRecord> alignments;
 };
 
-/// Describes all scans in one alignment mode, or takes the finished file from the cache. Progress
+/// Describes all inputs in one alignment mode, or takes the finished file from the cache. Progress
 /// on stderr; Ctrl-C throws Interrupted and keeps what was done. Times are appended to `times`.
-Features compute_features(const FeatureOptions& options, const pipeline::Dataset& dataset,
-                          const FeatureSource& source, pipeline::AlignMode align,
-                          const std::filesystem::path& folder, pipeline::DescribeTimes* times);
+/// Scans without any description (all zero) are counted in a warning on stderr.
+Features compute_features(const FeatureOptions& options, const FeatureSource& source,
+                          pipeline::AlignMode align, const std::filesystem::path& folder,
+                          pipeline::DescribeTimes* times);
+
+/// Scans a second of one thread, from points (or a camera image) in memory to the feature, as the
+/// paper gives speeds; nothing when no scan was described.
+std::optional<double> frames_per_second(const pipeline::DescribeTimes& times);
 
 }  // namespace revisit::cli

@@ -80,8 +80,8 @@ PlotFiles plot_match(const fs::path& run, const RunContext& context, const TaskR
          "xtics\nunset ytics\n"
       << "set title "
       << quoted(str("query ", frame(match.query), " and its best match ", frame(match.ranks[0]),
-                    ": cosine ", number(match.similarities[0], 3), ", score ",
-                    number(match.score, 3), ", ", number(apart, 1),
+                    ": ", similarity_name(context.source), " ", number(match.similarities[0], 3),
+                    ", score ", number(match.score, 3), ", ", number(apart, 1),
                     " m apart: ", result.verdicts[q].correct ? "right" : "wrong"))
       << "\nplot '" << name
       << ".dat' index 0 with points pt 7 ps 0.3 lc rgb '#999999' title 'all scans', '' index 1 "

@@ -45,7 +45,7 @@ std::string config_yaml(const RunContext& context) {
 }
 
 reports::RunInfo run_info(const RunContext& context, const std::vector<TaskResult>& results,
-                          const std::map<std::string, std::vector<double>>& stage_ms) {
+                          const pipeline::DescribeTimes& times) {
   reports::RunInfo info;
   info.set_version(REVISIT_VERSION);
   info.set_data(fs::absolute(context.options.data).string());
@@ -68,7 +68,9 @@ reports::RunInfo run_info(const RunContext& context, const std::vector<TaskResul
   info.set_max_range_m(g.max_range);
   info.set_pca_fit(results.empty() ? "" : results.front().pca_fit);
   info.set_threads(context.options.thread_count());
-  for (const auto& [stage, samples] : stage_ms) {
+  const std::pair<const char*, const std::vector<double>&> stages[] = {
+      {"read", times.read}, {"image", times.image}, {"feature", times.feature}};
+  for (const auto& [stage, samples] : stages) {
     if (samples.empty()) continue;
     const engine::Timing timing = engine::summarize(samples);
     reports::Stage& out = *info.add_stages();
@@ -78,6 +80,8 @@ reports::RunInfo run_info(const RunContext& context, const std::vector<TaskResul
     out.set_p95_ms(timing.p95);
     out.set_total_ms(std::accumulate(samples.begin(), samples.end(), 0.0));
   }
+  if (const auto speed = frames_per_second(times)) info.set_frames_per_second(*speed);
+  info.set_align(pipeline::name_of(context.source.align));
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   info.set_peak_resident_bytes(static_cast<double>(usage.ru_maxrss) * 1024);
@@ -162,10 +166,9 @@ reports::MetricsList metrics_list(const std::vector<TaskResult>& results) {
 }
 
 void write_run(const fs::path& run, const RunContext& context,
-               const std::vector<TaskResult>& results,
-               const std::map<std::string, std::vector<double>>& stage_ms) {
+               const std::vector<TaskResult>& results, const pipeline::DescribeTimes& times) {
   write_text(run / "config.yaml", config_yaml(context));
-  write_text(run / "run.json", to_json(run_info(context, results, stage_ms)) + "\n");
+  write_text(run / "run.json", to_json(run_info(context, results, times)) + "\n");
   for (const TaskResult& result : results) {
     pipeline::write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);
     write_loops(run / ("loops_" + result.task.name + ".csv"), context, result);

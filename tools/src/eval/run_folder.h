@@ -44,8 +44,7 @@ void link_latest(const std::filesystem::path& run);
 /// The files of DESIGN section 5: config.yaml, run.json, loops_<task>.csv, pr_<task>.csv,
 /// metrics.json.
 void write_run(const std::filesystem::path& run, const RunContext& context,
-               const std::vector<TaskResult>& results,
-               const std::map<std::string, std::vector<double>>& stage_ms);
+               const std::vector<TaskResult>& results, const pipeline::DescribeTimes& times);
 
 /// What metrics.json holds.
 reports::MetricsList metrics_list(const std::vector<TaskResult>& results);

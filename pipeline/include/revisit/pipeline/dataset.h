@@ -51,6 +51,10 @@ Dataset open_dataset(const std::filesystem::path& root, const std::string& seque
 /// are no numbers, and scans without an image, naming the first of them.
 Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folder = {});
 
+/// A folder of .png images by the frame numbers that are their names, without poses. Throws
+/// InputError as camera_images() does.
+Dataset image_folder(const std::filesystem::path& folder);
+
 /// Where the poses of a KITTI sequence are: `poses/NN.txt` under the root, or `poses.txt` in the
 /// sequence folder. Throws InputError listing the places looked at.
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,

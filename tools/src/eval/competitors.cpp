@@ -1,0 +1,79 @@
+#include "competitors.h"
+
+#include "cli/interrupt.h"
+#include "cli/progress.h"
+#include "revisit/pipeline/m2dp.h"
+#include "revisit/pipeline/pcl_features.h"
+#include "revisit/pipeline/scan_context.h"
+#include "revisit/pipeline/visual_words.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+pipeline::FeatureExtractor scan_context(const FeatureOptions& options, const pipeline::Dataset&,
+                                        const fs::path&) {
+  return pipeline::scan_context_features({.ring_key_candidates = options.ring_key_candidates});
+}
+
+bool wants_samples(const FeatureOptions& options) {
+  if (options.new_place == "mean-field") return false;
+  if (options.new_place != "sampled")
+    throw UsageError("--new-place: expected mean-field or sampled, found '" + options.new_place +
+                     "'");
+  if (options.training_images.empty())
+    throw UsageError(
+        "--new-place sampled: the samples must be images of other places; give them "
+        "with --training-images DIR");
+  return true;
+}
+
+pipeline::FeatureExtractor fabmap(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                                  const fs::path& folder) {
+  const bool sampled = wants_samples(options);
+  Progress progress("learning words", "images", !options.no_progress && !options.quiet);
+  pipeline::TrainingOptions training;
+  training.threads = options.thread_count();
+  training.progress = progress.callback();
+  training.stop = interrupted;
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
+  const pipeline::Dataset images = options.training_images.empty()
+                                       ? pipeline::camera_images(dataset, options.images)
+                                       : pipeline::image_folder(options.training_images);
+  return pipeline::fabmap_features(pipeline::learn_words(images, training, folder), {}, sampled);
+}
+
+struct Competitor {
+  const char* name;
+  pipeline::FeatureExtractor (*make)(const FeatureOptions&, const pipeline::Dataset&,
+                                     const fs::path&);
+};
+
+const Competitor kCompetitors[] = {
+    {"vfh", [](const auto&, const auto&, const auto&) { return pipeline::vfh_features(); }},
+    {"esf", [](const auto&, const auto&, const auto&) { return pipeline::esf_features(); }},
+    {"grsd", [](const auto&, const auto&, const auto&) { return pipeline::grsd_features(); }},
+    {"scan-context", scan_context},
+    {"m2dp", [](const auto&, const auto&, const auto&) { return pipeline::m2dp_features(); }},
+    {"fabmap", fabmap},
+};
+
+}  // namespace
+
+std::vector<std::string> competitor_names() {
+  std::vector<std::string> names;
+  for (const Competitor& competitor : kCompetitors) names.emplace_back(competitor.name);
+  return names;
+}
+
+pipeline::FeatureExtractor competitor(const FeatureOptions& options,
+                                      const pipeline::Dataset& dataset, const fs::path& folder) {
+  for (const Competitor& competitor : kCompetitors)
+    if (options.feature == competitor.name) return competitor.make(options, dataset, folder);
+  throw UsageError("--feature: unknown feature '" + options.feature + "'");
+}
+
+}  // namespace revisit::cli

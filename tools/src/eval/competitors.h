@@ -1,0 +1,19 @@
+#pragma once
+
+#include <filesystem>
+
+#include "feature_options.h"
+
+namespace revisit::cli {
+
+/// The features other than the method's own that --feature takes.
+std::vector<std::string> competitor_names();
+
+/// The feature `options.feature`, one of competitor_names(). FAB-MAP learns its words first (or
+/// finds them in `folder`), with progress on stderr. Throws UsageError for options that it refuses
+/// and for a feature that this build does not have.
+pipeline::FeatureExtractor competitor(const FeatureOptions& options,
+                                      const pipeline::Dataset& dataset,
+                                      const std::filesystem::path& folder);
+
+}  // namespace revisit::cli
