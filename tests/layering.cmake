@@ -11,12 +11,12 @@ set(sees_tools tools pipeline engine proto weights_conversion)
 
 # library header pattern -> files that may include it
 set(owned_libraries
-  "opencv2/|pipeline/src/project/close_holes|pipeline/src/baselines/visual_words"
+  "opencv2/|pipeline/src/baselines/visual_words"
   "png.h|pipeline/src/io/gray_png"
   "liblzf/|pipeline/src/io/pcd"
   "pcl/|pipeline/src/baselines/pcl/"
   "embree3/|pipeline/src/simulation/ray_caster"
-  "hwy/|engine/src/kernels/"
+  "hwy/|engine/src/kernels/|pipeline/src/project/|pipeline/src/align/"
   "cblas|engine/src/|pipeline/src/linear_algebra/"
   "lapacke|pipeline/src/linear_algebra/"
   "yaml-cpp/|tools/src/"

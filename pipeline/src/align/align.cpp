@@ -2,50 +2,38 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
+#include "align/moments.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {
 
-Eigen::Vector3d vector_of(const Point& point) {
-  return {point.x, point.y, point.z};
-}
-
 /// Covariance about the mean. Two passes: the sums of one pass would cancel for a cloud far from
 /// the origin. The mean is taken from the first point on, so that equal points give exactly zero.
 Eigen::Matrix3d covariance_of(const PointCloud& cloud) {
   const auto first = std::find_if(cloud.points.begin(), cloud.points.end(), is_return);
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  size_t count = 0;
-  for (auto point = first; point != cloud.points.end(); ++point) {
-    if (!is_return(*point)) continue;
-    sum += vector_of(*point) - vector_of(*first);
-    ++count;
-  }
-  if (count < 3)
-    throw InputError(str("alignment needs at least 3 usable points, found ", count, " among ",
-                         cloud.points.size(), " (the others are NaN or at the sensor's origin)"));
+  const std::array<double, 3> start =
+      first == cloud.points.end()
+          ? std::array<double, 3>{}
+          : std::array{double{first->x}, double{first->y}, double{first->z}};
+  const size_t n = cloud.points.size();
+  const FirstMoments m = first_moments(as_floats(cloud), n, start);
+  if (m.count < 3)
+    throw InputError(str("alignment needs at least 3 usable points, found ", m.count, " among ", n,
+                         " (the others are NaN or at the sensor's origin)"));
 
-  const Eigen::Vector3d mean = vector_of(*first) + sum / static_cast<double>(count);
-  double xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0;
-  for (const Point& point : cloud.points) {
-    if (!is_return(point)) continue;
-    const Eigen::Vector3d d = vector_of(point) - mean;
-    xx += d.x() * d.x();
-    xy += d.x() * d.y();
-    xz += d.x() * d.z();
-    yy += d.y() * d.y();
-    yz += d.y() * d.z();
-    zz += d.z() * d.z();
-  }
+  std::array<double, 3> mean;
+  for (size_t i = 0; i < 3; ++i) mean[i] = start[i] + m.sum[i] / m.count;
+  const auto [xx, xy, xz, yy, yz, zz] = second_moments(as_floats(cloud), n, mean);
   Eigen::Matrix3d covariance;
   covariance << xx, xy, xz,  //
       xy, yy, yz,            //
       xz, yz, zz;
-  return covariance / static_cast<double>(count);
+  return covariance / m.count;
 }
 
 /// The direction or its opposite, so that the first non-zero of the components, asked in the order

@@ -24,4 +24,10 @@ struct PointCloud {
   std::vector<Point> points;
 };
 
+/// The points as floats `[points][4]`: x, y, z, intensity, as a Point lies in memory.
+inline const float* as_floats(const PointCloud& cloud) {
+  static_assert(sizeof(Point) == 4 * sizeof(float));
+  return cloud.points.empty() ? nullptr : &cloud.points.front().x;
+}
+
 }  // namespace revisit::pipeline

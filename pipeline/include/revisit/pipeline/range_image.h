@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
@@ -49,15 +50,22 @@ void check_geometry(const ImageGeometry& geometry);
 ///   column = floor((pi - azimuth) / (2 pi) * width)
 ///   row    = floor((top - elevation) / (top - bottom) * height), dropped when outside the image
 ///   pixel  = 255 * min(range, max_range) / max_range, the nearest return wins, 0 without one
-/// NaN points and points at the origin are skipped. With an even width a cloud turned by exactly
-/// 180 degrees (x and y negated) gives exactly the image shifted by width / 2: align case 2 is
-/// free. Throws UsageError as check_geometry() does.
+/// in double arithmetic: the image has the same bits on every CPU. NaN points and points at the
+/// origin are skipped. With an even width a cloud turned by exactly 180 degrees (x and y negated)
+/// gives exactly the image shifted by width / 2: align case 2 is free. Throws UsageError as
+/// check_geometry() does.
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
+
+/// The same of the cloud turned about the sensor, project(rotated(cloud, R_image_sensor)), without
+/// making the turned cloud; into an image whose memory is used again when it is large enough.
+void project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
+                    const ImageGeometry& geometry, RangeImage& image);
 
 /// Morphological closing (dilation, then erosion) with the geometry's rectangle, wrap-around in
 /// azimuth. Above and below the image counts as absent (neutral for both operations). Throws
 /// UsageError for an even rectangle or one larger than the image.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
+void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
 
 /// The image moved `columns` to the left (negative: to the right), around the edge: the image of
 /// the cloud turned by `columns` * 360 / width deg about z. Half the width is align case 2.

@@ -1,0 +1,123 @@
+#include "align/moments.h"
+
+#include <algorithm>
+#include <limits>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "align/moments.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::pipeline::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+// Sums are kept in eight lanes, whatever the CPU's vectors have: so the order of the additions is
+// the same everywhere.
+constexpr size_t kSumLanes = 8;
+using D = hn::CappedTag<double, kSumLanes>;
+using Narrow = hn::Rebind<float, D>;
+using V = hn::Vec<D>;
+constexpr D kD;
+constexpr size_t kVectors = kSumLanes / hn::MaxLanes(kD);
+static_assert(kVectors * hn::MaxLanes(kD) == kSumLanes);
+
+struct Differences {
+  V x, y, z;  // 0 where there is no return
+  V one;      // 1 for a return
+};
+
+HWY_INLINE Differences differences(const float* points, const std::array<double, 3>& about) {
+  const Narrow narrow;
+  hn::Vec<Narrow> nx, ny, nz, unused;
+  hn::LoadInterleaved4(narrow, points, nx, ny, nz, unused);
+  const V x = hn::PromoteTo(kD, nx), y = hn::PromoteTo(kD, ny), z = hn::PromoteTo(kD, nz);
+  // The squares of floats cannot overflow in double: finite and not 0 when the coordinates are.
+  const V square = hn::Add(hn::Add(hn::Mul(x, x), hn::Mul(y, y)), hn::Mul(z, z));
+  const auto is_return =
+      hn::And(hn::Gt(square, hn::Zero(kD)),
+              hn::Lt(square, hn::Set(kD, std::numeric_limits<double>::infinity())));
+  const auto difference = [&](V coordinate, double from) HWY_ATTR {
+    return hn::IfThenElseZero(is_return, hn::Sub(coordinate, hn::Set(kD, from)));
+  };
+  return {difference(x, about[0]), difference(y, about[1]), difference(z, about[2]),
+          hn::IfThenElseZero(is_return, hn::Set(kD, 1))};
+}
+
+/// Sums `kCount` numbers of every point, `terms(differences)` -> array of vectors.
+template <size_t kCount, class Terms>
+HWY_INLINE std::array<double, kCount> sums_of(const float* points, size_t n,
+                                              const std::array<double, 3>& about, Terms terms) {
+  V sums[kVectors][kCount];
+  for (auto& vector : sums)
+    for (V& sum : vector) sum = hn::Zero(kD);
+  const auto add = [&](const float* eight) HWY_ATTR {
+    for (size_t v = 0; v < kVectors; ++v) {
+      V term[kCount];
+      terms(differences(eight + v * 4 * hn::MaxLanes(kD), about), term);
+      for (size_t i = 0; i < kCount; ++i) sums[v][i] = hn::Add(sums[v][i], term[i]);
+    }
+  };
+  const size_t whole = n / kSumLanes * kSumLanes;
+  for (size_t i = 0; i < whole; i += kSumLanes) add(points + 4 * i);
+  float rest[4 * kSumLanes] = {};  // the others are at the origin: no returns
+  std::copy(points + 4 * whole, points + 4 * n, rest);
+  add(rest);
+
+  std::array<double, kCount> result;
+  for (size_t i = 0; i < kCount; ++i) {
+    double lanes[kSumLanes];
+    for (size_t v = 0; v < kVectors; ++v) hn::StoreU(sums[v][i], kD, lanes + v * hn::MaxLanes(kD));
+    result[i] = ((lanes[0] + lanes[4]) + (lanes[1] + lanes[5])) +
+                ((lanes[2] + lanes[6]) + (lanes[3] + lanes[7]));
+  }
+  return result;
+}
+
+}  // namespace
+
+std::array<double, 4> first_sums(const float* points, size_t n,
+                                 const std::array<double, 3>& about) {
+  return sums_of<4>(points, n, about, [](const Differences& d, V* terms) HWY_ATTR {
+    terms[0] = d.one;
+    terms[1] = d.x;
+    terms[2] = d.y;
+    terms[3] = d.z;
+  });
+}
+
+std::array<double, 6> second_sums(const float* points, size_t n,
+                                  const std::array<double, 3>& about) {
+  return sums_of<6>(points, n, about, [](const Differences& d, V* terms) HWY_ATTR {
+    terms[0] = hn::Mul(d.x, d.x);
+    terms[1] = hn::Mul(d.x, d.y);
+    terms[2] = hn::Mul(d.x, d.z);
+    terms[3] = hn::Mul(d.y, d.y);
+    terms[4] = hn::Mul(d.y, d.z);
+    terms[5] = hn::Mul(d.z, d.z);
+  });
+}
+
+}  // namespace revisit::pipeline::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit::pipeline {
+
+HWY_EXPORT(first_sums);
+HWY_EXPORT(second_sums);
+
+FirstMoments first_moments(const float* points, size_t n, const std::array<double, 3>& about) {
+  const std::array<double, 4> sums = HWY_DYNAMIC_DISPATCH(first_sums)(points, n, about);
+  return {sums[0], {sums[1], sums[2], sums[3]}};
+}
+
+std::array<double, 6> second_moments(const float* points, size_t n,
+                                     const std::array<double, 3>& about) {
+  return HWY_DYNAMIC_DISPATCH(second_sums)(points, n, about);
+}
+
+}  // namespace revisit::pipeline
+#endif  // HWY_ONCE

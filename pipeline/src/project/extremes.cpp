@@ -1,0 +1,79 @@
+#include "project/extremes.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "project/extremes.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::pipeline::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::ScalableTag<float>;
+constexpr D kD;
+
+struct Largest {
+  template <class V>
+  HWY_INLINE V operator()(V a, V b) const {
+    return hn::Max(a, b);
+  }
+};
+struct Smallest {
+  template <class V>
+  HWY_INLINE V operator()(V a, V b) const {
+    return hn::Min(a, b);
+  }
+};
+
+/// out[i] = extreme(in[i], in[i + ahead]); `out` may be `in`: what is written is not read again.
+template <class Extreme>
+HWY_INLINE void pair_up(const float* in, int64_t ahead, int64_t n, Extreme extreme, float* out) {
+  const int64_t lanes = static_cast<int64_t>(hn::Lanes(kD));
+  int64_t i = 0;
+  for (; i + lanes <= n; i += lanes)
+    hn::StoreU(extreme(hn::LoadU(kD, in + i), hn::LoadU(kD, in + i + ahead)), kD, out + i);
+  const hn::CappedTag<float, 1> one;
+  for (; i < n; ++i)
+    hn::StoreU(extreme(hn::LoadU(one, in + i), hn::LoadU(one, in + i + ahead)), one, out + i);
+}
+
+/// A window of any size is two windows of the largest power of two in it, which are made by
+/// doubling.
+template <class Extreme>
+void slide(float* in, int64_t n, int64_t step, int64_t window, Extreme extreme, float* out) {
+  int64_t covered = 1;
+  for (; 2 * covered < window; covered *= 2)
+    pair_up(in, covered * step, (n + window - 2 * covered) * step, extreme, in);
+  pair_up(in, (window - covered) * step, n * step, extreme, out);
+}
+
+}  // namespace
+
+void sliding_max(float* in, int64_t n, int64_t step, int64_t window, float* out) {
+  slide(in, n, step, window, Largest(), out);
+}
+void sliding_min(float* in, int64_t n, int64_t step, int64_t window, float* out) {
+  slide(in, n, step, window, Smallest(), out);
+}
+
+}  // namespace revisit::pipeline::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit::pipeline {
+
+HWY_EXPORT(sliding_max);
+HWY_EXPORT(sliding_min);
+
+void sliding_extreme(float* in, int64_t n, int64_t step, int64_t window, Extreme extreme,
+                     float* out) {
+  if (extreme == Extreme::kMax)
+    HWY_DYNAMIC_DISPATCH(sliding_max)(in, n, step, window, out);
+  else
+    HWY_DYNAMIC_DISPATCH(sliding_min)(in, n, step, window, out);
+}
+
+}  // namespace revisit::pipeline
+#endif  // HWY_ONCE
