@@ -137,7 +137,7 @@ TEST(Pca, MemoryBoundChangesNothingButThePanels) {
   const FeatureFile file = stored(dir, "x.npy", x);
   const PcaResult whole = fit_pca({&file}, {.components = 10});
   int64_t steps = 0, last = 0;
-  PcaOptions tight{.components = 10, .memory = 60'000, .model_folder = dir / "model"};
+  PcaOptions tight{.components = 10, .memory = 17'000, .model_folder = dir / "model"};
   tight.progress = [&](int64_t done, int64_t total) {
     ++steps;
     last = done;
@@ -179,6 +179,42 @@ TEST(Pca, ModelProjectsAsTheFitDid) {
   }
 }
 
+TEST(Pca, SameBitsForAnyNumberOfThreads) {
+  // More rows than one tile of the Gram matrix, of the fitted and of the other scans; two panels.
+  const test::TempDir dir;
+  const int64_t n = 1200, d = 9000;
+  std::mt19937 random(10);
+  std::normal_distribution<float> normal;
+  FeatureWriter writer(dir / "x.npy", "test", n, d);
+  std::vector<float> row(static_cast<size_t>(d));
+  for (int64_t i = 0; i < n; ++i) {
+    for (float& value : row) value = normal(random) + 3;
+    writer.append(row);
+  }
+  writer.finish();
+  const FeatureFile file(dir / "x.npy");
+  const auto run = [&](int threads) {
+    return fit_pca({&file}, {.components = 20,
+                             .fit_rows = rows(30, 650),
+                             .threads = threads,
+                             .model_folder = dir / "model"});
+  };
+  const PcaResult one = run(1);
+  const std::string basis = test::read_file(dir / "model/basis.npy");
+  const FloatMatrix projected = PcaModel(dir / "model").project({&file}, {.threads = 1});
+  const PcaResult three = run(3);
+  EXPECT_EQ(three.descriptors.values, one.descriptors.values);
+  EXPECT_EQ(three.variances, one.variances);
+  EXPECT_EQ(test::read_file(dir / "model/basis.npy"), basis);
+  EXPECT_EQ(PcaModel(dir / "model").project({&file}, {.threads = 3}).values, projected.values);
+  double largest = 0;
+  for (size_t i = 0; i < projected.values.size(); ++i) {
+    largest = std::max(largest, std::abs(double{one.descriptors.values[i]}));
+    EXPECT_NEAR(projected.values[i], one.descriptors.values[i], 2e-3) << i;
+  }
+  EXPECT_GT(largest, 1);
+}
+
 TEST(Pca, SameInputSameSigns) {
   const test::TempDir dir;
   const Matrix x = random_features(25, 40, 8);
@@ -201,6 +237,7 @@ TEST(Pca, RefusesNonsense) {
   EXPECT_THROW(fit_pca({}), UsageError);
   EXPECT_THROW(fit_pca({&file, &other}), InputError);
   EXPECT_THROW(fit_pca({&file}, {.components = 0}), UsageError);
+  EXPECT_THROW(fit_pca({&file}, {.threads = 0}), UsageError);
   EXPECT_THROW(fit_pca({&file}, {.fit_rows = {0, 6}}), UsageError);
   EXPECT_THROW(fit_pca({&file}, {.fit_rows = {0, 0}}), UsageError);
   EXPECT_THROW(fit_pca({&file}, {.fit_rows = {3}}), UsageError);

@@ -153,20 +153,6 @@ TEST(Retrieve, HigherScoreOfTheTwoCasesWins) {
   for (const Match& match : retrieve(m, task, {}, &m)) EXPECT_EQ(match.which_case, 1);  // a tie
 }
 
-TEST(Retrieve, SameBitsForAnyNumberOfThreads) {
-  const FloatMatrix m = random_matrix(900, 130, 9);
-  const Task task = make_tasks("online", "", consecutive(m.n)).at(0);
-  set_linear_algebra_threads(1);
-  const std::vector<Match> one = retrieve(m, task);
-  set_linear_algebra_threads(2);
-  const std::vector<Match> two = retrieve(m, task);
-  for (size_t q = 0; q < one.size(); ++q) {
-    EXPECT_EQ(one[q].ranks, two[q].ranks);
-    EXPECT_EQ(one[q].similarities, two[q].similarities);
-  }
-  EXPECT_THROW(set_linear_algebra_threads(0), UsageError);
-}
-
 /// Minus the distance on a line: descriptors of one number.
 void nearness(std::span<const float> query, const FloatMatrix& stored,
               std::span<const int64_t> candidates, std::span<double> similarities) {

@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <vector>
 
+/// Dense products and eigenvectors, each on one thread, whatever other users of the library ask
+/// for: the work is split outside, in the same way for any number of threads.
 namespace revisit::pipeline {
 
 /// C [m][n] = A [m][k] B^T, B [n][k]; row-major with row strides `lda`, `ldb`, `ldc`.
@@ -10,6 +12,10 @@ void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_
                          const float* b, int64_t ldb, float* c, int64_t ldc);
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64_t lda,
                          const double* b, int64_t ldb, double* c, int64_t ldc);
+
+/// The upper triangle of C [m][m] = A A^T, A [m][k]; the rest of C is left as it is.
+void multiply_by_own_transpose(int64_t m, int64_t k, const float* a, int64_t lda, float* c,
+                               int64_t ldc);
 
 /// C [m][n] = A [m][k] B, B [k][n]; row-major.
 void multiply(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda, const float* b,

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <bit>
 
+#include "parallel_for.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {
+
+constexpr int64_t kFewestColumns = 64;  // narrower panels would spend their time on seeking
 
 /// Looks at the exponent bits only, which the compiler vectorises.
 bool all_finite(const float* values, int64_t count) {
@@ -44,26 +47,39 @@ void check_stop(const PcaOptions& options) {
   if (options.stop && options.stop()) throw Interrupted("PCA stopped");
 }
 
+int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, int64_t d) {
+  const int64_t columns = (memory - fixed) / bytes_per_column;
+  const int64_t fewest = std::min(d, kFewestColumns);
+  if (memory < fixed || columns < fewest)
+    throw UsageError(str("PCA: a memory bound of ", memory,
+                         " bytes is too small; this many scans need at least ",
+                         fixed + fewest * bytes_per_column));
+  return std::min({columns, d, kPanelColumns});
+}
+
 void Panel::load(const StackedFeatures& features, const std::vector<int64_t>& order, int64_t m,
-                 int64_t first_column, int64_t columns, const PcaOptions& options) {
+                 int64_t first_column, int64_t columns, int threads) {
   first = first_column;
   width = columns;
-  values.resize(order.size() * columns);
-  std::vector<double> sums(columns);
-  for (size_t r = 0; r < order.size(); ++r) {
-    if (r % 64 == 0) check_stop(options);
-    float* const row = values.data() + r * columns;
-    features.read(order[r], first, width, row);
-    if (static_cast<int64_t>(r) < m)
-      for (int64_t c = 0; c < columns; ++c) sums[c] += static_cast<double>(row[c]);
-  }
-  mean.resize(columns);
-  for (int64_t c = 0; c < columns; ++c)
-    mean[c] = static_cast<float>(sums[c] / static_cast<double>(m));
-  for (size_t r = 0; r < order.size(); ++r) {
-    float* const row = values.data() + r * columns;
-    for (int64_t c = 0; c < columns; ++c) row[c] -= mean[c];
-  }
+  const auto rows = static_cast<int64_t>(order.size());
+  values.resize(rows * width);
+  mean.resize(width);
+  constexpr int64_t kRows = 64;  // of one read task
+  parallel_ranges(rows, kRows, threads, [&](int64_t begin, int64_t end) {
+    for (int64_t r = begin; r < end; ++r)
+      features.read(order[r], first, width, values.data() + r * width);
+  });
+  constexpr int64_t kColumns = 256;  // of one task of centring
+  parallel_ranges(width, kColumns, threads, [&](int64_t begin, int64_t end) {
+    double sums[kColumns] = {};
+    for (int64_t r = 0; r < m; ++r)
+      for (int64_t c = begin; c < end; ++c)
+        sums[c - begin] += static_cast<double>(values[r * width + c]);
+    for (int64_t c = begin; c < end; ++c)
+      mean[c] = static_cast<float>(sums[c - begin] / static_cast<double>(m));
+    for (int64_t r = 0; r < rows; ++r)
+      for (int64_t c = begin; c < end; ++c) values[r * width + c] -= mean[c];
+  });
 }
 
 }  // namespace revisit::pipeline

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <vector>
 
 #include "revisit/pipeline/pca.h"
@@ -27,6 +26,14 @@ class StackedFeatures {
 /// Throws Interrupted when the caller wants to stop.
 void check_stop(const PcaOptions& options);
 
+/// Columns of a panel: as many as a product in float may sum before the sums go on in double, and
+/// few enough that a panel of some thousand rows is used again from the cache.
+inline constexpr int64_t kPanelColumns = 8192;
+
+/// How wide panels are that take `bytes_per_column` beside `fixed` bytes: at most kPanelColumns and
+/// `d`. Throws UsageError when `memory` cannot hold even a few columns.
+int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, int64_t d);
+
 /// Columns [first, first + width) of the rows asked for, each column minus its mean.
 struct Panel {
   int64_t first = 0, width = 0;
@@ -35,7 +42,7 @@ struct Panel {
 
   /// Reads rows `order`; the mean is that of the first `m` of them.
   void load(const StackedFeatures& features, const std::vector<int64_t>& order, int64_t m,
-            int64_t first_column, int64_t columns, const PcaOptions& options);
+            int64_t first_column, int64_t columns, int threads);
 };
 
 }  // namespace revisit::pipeline

@@ -56,7 +56,6 @@ int describe_command(const Arguments& arguments) {
   const pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence);
   const fs::path cache = options.cache_folder(output);
   const FeatureSource source = open_feature(options, dataset, cache);
-  pipeline::set_linear_algebra_threads(options.thread_count());
   pipeline::DescribeTimes times;
   const Features features = compute_features(options, source, source.align, cache, &times);
 

@@ -207,7 +207,6 @@ int eval_command(const Arguments& arguments) {
   const std::vector<pipeline::Task> tasks = tasks_for(o, dataset, trajectory);
   const fs::path cache = o.feature.cache_folder(o.output);
   const FeatureSource source = open_feature(o.feature, dataset, cache);
-  pipeline::set_linear_algebra_threads(o.feature.thread_count());
 
   pipeline::DescribeTimes times;
   const Features case1 = compute_features(o.feature, source, source.align, cache, &times);

@@ -48,6 +48,7 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
   pipeline::PcaOptions pca;
   pca.components = components ? components : n;
   pca.memory = static_cast<int64_t>(options.memory_gb * 1e9);
+  pca.threads = options.thread_count();
   pca.progress = progress.callback();
   pca.stop = interrupted;
   pca.model_folder = model_folder;

@@ -20,8 +20,4 @@ struct FloatMatrix {
   std::span<float> row(int64_t i) { return {values.data() + i * d, static_cast<size_t>(d)}; }
 };
 
-/// Threads of the linear algebra library (pca.h, retrieve.h), for the whole process.
-/// Throws UsageError when `threads` is below 1.
-void set_linear_algebra_threads(int threads);
-
 }  // namespace revisit::pipeline

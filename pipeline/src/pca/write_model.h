@@ -1,0 +1,16 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "feature_panels.h"
+#include "linear_algebra/linear_algebra.h"
+
+namespace revisit::pipeline {
+
+/// Writes the PCA that `pairs` of the Gram matrix of rows `fitted` make to `options.model_folder`,
+/// its first `rank` components.
+void write_model(const StackedFeatures& features, const std::vector<int64_t>& fitted,
+                 const Eigenpairs& pairs, int64_t rank, const PcaOptions& options);
+
+}  // namespace revisit::pipeline
