@@ -73,6 +73,22 @@ TEST_F(DescribeTest, ThreadsDoNotChangeTheBytes) {
   EXPECT_EQ(read_alignments(one.alignments).size(), 12U);
 }
 
+TEST_F(DescribeTest, EveryStageOfEveryScanIsTimed) {
+  options_.threads = 2;
+  const DescribeTimes times = write_features(paths("timed"), dataset_, extractor(), options_);
+  double sum = 0;
+  for (const auto* stage :
+       {&times.read, &times.align, &times.project, &times.close, &times.feature, &times.write}) {
+    ASSERT_EQ(stage->size(), 12U);
+    for (const double ms : *stage) {
+      EXPECT_GE(ms, 0);
+      sum += ms;
+    }
+  }
+  EXPECT_GT(sum, 0);
+  EXPECT_GT(times.wall_ms, sum / 4) << "of two threads and the one that writes";
+}
+
 TEST_F(DescribeTest, AStoppedRunGoesOnWhereItWas) {
   const FeaturePaths whole = paths("whole"), parts = paths("parts");
   write_features(whole, dataset_, extractor(), options_);

@@ -1,13 +1,14 @@
 #include "revisit/pipeline/describe.h"
 
-#include <omp.h>
-
 #include <algorithm>
 #include <chrono>
-#include <exception>
 #include <limits>
+#include <optional>
+#include <utility>
 
+#include "describe/in_order.h"
 #include "describe/keys.h"
+#include "io/file_content.h"
 #include "revisit/pipeline/feature_file.h"
 #include "revisit/pipeline/scan_file.h"
 
@@ -19,9 +20,17 @@ using Clock = std::chrono::steady_clock;
 
 constexpr const char* kAlignModes[] = {"none", "case1", "case2"};
 
-double milliseconds(Clock::time_point begin, Clock::time_point end) {
-  return std::chrono::duration<double, std::milli>(end - begin).count();
-}
+/// Gives the milliseconds since it was made, or since it was asked last.
+class Stopwatch {
+ public:
+  double lap() {
+    const Clock::time_point now = Clock::now();
+    return std::chrono::duration<double, std::milli>(now - std::exchange(last_, now)).count();
+  }
+
+ private:
+  Clock::time_point last_ = Clock::now();
+};
 
 std::string file_name(std::string name) {
   std::replace_if(
@@ -29,68 +38,102 @@ std::string file_name(std::string name) {
   return name;
 }
 
+/// Milliseconds of the stages of one scan; none where the feature has no such stage.
+struct ScanTimes {
+  double read = 0, feature = 0, write = 0;
+  std::optional<double> align, project, close;
+};
+
 /// One scan on its way to a feature, with what was measured.
 struct Work {
   std::vector<float> feature;
   AlignmentRecord alignment;
-  double read_ms = 0, image_ms = 0, feature_ms = 0;
-  std::exception_ptr error;
+  ScanTimes ms;
+};
+
+/// What a thread keeps from scan to scan, so that its memory is used again.
+struct Memory {
+  PointCloud cloud, turned;
+  RangeImage image;
 };
 
 Alignment alignment_for(const PointCloud& cloud, AlignMode mode) {
   return principal_alignment(cloud, mode == AlignMode::kCase2 ? AlignCase::kTwo : AlignCase::kOne);
 }
 
-/// What a feature is computed from, of one scan.
+/// What the mode does to the points.
+Eigen::Matrix3f turn_for(const Alignment& alignment, AlignMode mode) {
+  return mode == AlignMode::kNone ? Eigen::Matrix3f::Identity() : alignment.R_aligned_sensor;
+}
+
+/// What a feature is computed from, of the points in `memory`.
 template <class Input>
-Input input_of(const PointCloud& cloud, const Alignment& alignment, const DescribeOptions& options);
+const Input& input_of(Memory& memory, const Alignment& alignment, const DescribeOptions& options,
+                      Stopwatch& watch, ScanTimes& ms);
 
 template <>
-PointCloud input_of(const PointCloud& cloud, const Alignment& alignment,
-                    const DescribeOptions& options) {
-  return options.align == AlignMode::kNone ? cloud : rotated(cloud, alignment.R_aligned_sensor);
+const PointCloud& input_of(Memory& memory, const Alignment& alignment,
+                           const DescribeOptions& options, Stopwatch& watch, ScanTimes& ms) {
+  if (options.align == AlignMode::kNone) return memory.cloud;
+  memory.turned = rotated(memory.cloud, alignment.R_aligned_sensor);
+  *ms.align += watch.lap();
+  return memory.turned;
 }
 
 template <>
-RangeImage input_of(const PointCloud& cloud, const Alignment& alignment,
-                    const DescribeOptions& options) {
-  return close_holes(project(input_of<PointCloud>(cloud, alignment, options), options.geometry),
-                     options.geometry);
+const RangeImage& input_of(Memory& memory, const Alignment& alignment,
+                           const DescribeOptions& options, Stopwatch& watch, ScanTimes& ms) {
+  project_turned(memory.cloud, turn_for(alignment, options.align), options.geometry, memory.image);
+  ms.project = watch.lap();
+  close_holes_in_place(memory.image, options.geometry);
+  ms.close = watch.lap();
+  return memory.image;
 }
 
 template <class Input>
 void describe_scan(const ScanRef& scan, const DescribeOptions& options,
-                   const FeatureFunction<Input>& describe, Work& work) {
-  const Clock::time_point start = Clock::now();
-  const PointCloud cloud = read_scan(scan.file);
-  const Clock::time_point have_points = Clock::now();
+                   const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
+  work.ms = {};
+  Stopwatch watch;
+  read_scan_into(scan.file, memory.cloud);
+  work.ms.read = watch.lap();
   Alignment alignment;
   try {
-    alignment = alignment_for(cloud, options.align);
+    alignment = alignment_for(memory.cloud, options.align);
   } catch (const InputError& error) {
     throw InputError(scan.file.string() + ": " + error.what());
   }
-  const auto input = input_of<Input>(cloud, alignment, options);
-  const Clock::time_point have_input = Clock::now();
+  work.ms.align = watch.lap();
+  const Input& input = input_of<Input>(memory, alignment, options, watch, work.ms);
   describe(input, work.feature);
+  work.ms.feature = watch.lap();
   work.alignment = {alignment.yaw, alignment.eigenvalue_ratio, alignment.abs_t11,
                     alignment.mirrored_choice ? 1.0F : 0.0F};
-  work.read_ms = milliseconds(start, have_points);
-  work.image_ms = milliseconds(have_points, have_input);
-  work.feature_ms = milliseconds(have_input, Clock::now());
 }
 
 template <>
 void describe_scan(const ScanRef& scan, const DescribeOptions&,
-                   const FeatureFunction<GrayImage>& describe, Work& work) {
+                   const FeatureFunction<GrayImage>& describe, Memory&, Work& work) {
   constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
-  const Clock::time_point start = Clock::now();
+  work.ms = {};
+  Stopwatch watch;
   const GrayImage image = read_gray_png(scan.file);
-  const Clock::time_point have_image = Clock::now();
+  work.ms.read = watch.lap();
   describe(image, work.feature);
+  work.ms.feature = watch.lap();
   work.alignment = {kNone, kNone, kNone, kNone};
-  work.read_ms = milliseconds(start, have_image);
-  work.feature_ms = milliseconds(have_image, Clock::now());
+}
+
+void append(const ScanTimes& ms, DescribeTimes& times) {
+  const auto add = [](const std::optional<double>& value, std::vector<double>& values) {
+    if (value) values.push_back(*value);
+  };
+  add(ms.read, times.read);
+  add(ms.align, times.align);
+  add(ms.project, times.project);
+  add(ms.close, times.close);
+  add(ms.feature, times.feature);
+  add(ms.write, times.write);
 }
 
 std::span<const float> as_row(const AlignmentRecord& record) {
@@ -110,10 +153,19 @@ const char* name_of(AlignMode mode) {
   return kAlignModes[static_cast<size_t>(mode)];
 }
 
+void DescribeTimes::append(const DescribeTimes& more) {
+  for (const auto stage : {&DescribeTimes::read, &DescribeTimes::align, &DescribeTimes::project,
+                           &DescribeTimes::close, &DescribeTimes::feature, &DescribeTimes::write})
+    (this->*stage).insert((this->*stage).end(), (more.*stage).begin(), (more.*stage).end());
+  wall_ms += more.wall_ms;
+}
+
 RangeImage scan_to_image(const PointCloud& cloud, AlignMode mode, const ImageGeometry& geometry) {
-  if (mode == AlignMode::kNone) return close_holes(project(cloud, geometry), geometry);
-  return close_holes(project(rotated(cloud, alignment_for(cloud, mode).R_aligned_sensor), geometry),
-                     geometry);
+  const Alignment alignment = mode == AlignMode::kNone ? Alignment() : alignment_for(cloud, mode);
+  RangeImage image;
+  project_turned(cloud, turn_for(alignment, mode), geometry, image);
+  close_holes_in_place(image, geometry);
+  return image;
 }
 
 FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
@@ -144,42 +196,41 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
   const int threads = std::max(options.threads, 1);
   std::vector<FeatureFunction<Input>> functions;
   for (int t = 0; t < threads; ++t) functions.push_back(make());
-  // A few scans a thread at a time: rows are written in order, and little is lost on a stop.
-  std::vector<Work> batch(static_cast<size_t>(threads) * 2);
-  for (Work& work : batch) work.feature.resize(static_cast<size_t>(dim));
+  std::vector<Memory> memories(static_cast<size_t>(threads));
+  // Beside the scans in work, as many that wait for an earlier one to be written.
+  std::vector<Work> slots(static_cast<size_t>(threads) * 2);
+  for (Work& work : slots) work.feature.resize(static_cast<size_t>(dim));
 
-  int64_t next = std::min(features.rows_written(), alignments.rows_written());
-  while (next < n) {
-    if (options.progress) options.progress(next, n);
-    if (options.stop && options.stop())
-      throw Interrupted(str("stopped after ", next, " of ", n,
+  const int64_t first = std::min(features.rows_written(), alignments.rows_written());
+  const auto ahead = static_cast<int64_t>(slots.size());
+  const auto check_stop = [&](int64_t done) {
+    if (options.progress) options.progress(done, n);
+    if (done < n && options.stop && options.stop())
+      throw Interrupted(str("stopped after ", done, " of ", n,
                             " scans; they are kept, the same command goes on"));
-    const int64_t count = std::min<int64_t>(static_cast<int64_t>(batch.size()), n - next);
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-    for (int64_t i = 0; i < count; ++i) {
-      Work& work = batch[static_cast<size_t>(i)];
-      work.error = nullptr;
-      try {
-        describe_scan(dataset.scans[static_cast<size_t>(next + i)], options,
-                      functions[static_cast<size_t>(omp_get_thread_num())], work);
-      } catch (...) {
-        work.error = std::current_exception();
-      }
-    }
-    for (int64_t i = 0; i < count; ++i, ++next) {
-      const Work& work = batch[static_cast<size_t>(i)];
-      if (work.error) std::rethrow_exception(work.error);
-      // After a stop between the two, one file is a row ahead of the other.
-      if (alignments.rows_written() == next) alignments.append(as_row(work.alignment));
-      if (features.rows_written() == next) features.append(work.feature);
-      times.read.push_back(work.read_ms);
-      times.image.push_back(work.image_ms);
-      times.feature.push_back(work.feature_ms);
-    }
-  }
-  if (options.progress) options.progress(n, n);
+  };
+  Stopwatch wall;
+  check_stop(first);
+  in_order(
+      first, n, threads, slots,
+      [&](int64_t i, int thread, Work& work) {
+        if (i + ahead < n) read_ahead(dataset.scans[static_cast<size_t>(i + ahead)].file);
+        const auto t = static_cast<size_t>(thread);
+        describe_scan(dataset.scans[static_cast<size_t>(i)], options, functions[t], memories[t],
+                      work);
+      },
+      [&](int64_t i, Work& work) {
+        Stopwatch watch;
+        // After a stop between the two, one file is a row ahead of the other.
+        if (alignments.rows_written() == i) alignments.append(as_row(work.alignment));
+        if (features.rows_written() == i) features.append(work.feature);
+        work.ms.write = watch.lap();
+        append(work.ms, times);
+        check_stop(i + 1);
+      });
   alignments.finish();
   features.finish();
+  times.wall_ms = wall.lap();
   return times;
 }
 

@@ -1,5 +1,8 @@
 #include "io/file_content.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -28,6 +31,13 @@ void OpenFile::read(char* to) {
   stream.read(to, static_cast<std::streamsize>(size));
   if (static_cast<uint64_t>(stream.gcount()) != size)
     throw InputError(str(name, ": expected ", size, " bytes, could read ", stream.gcount()));
+}
+
+void read_ahead(const fs::path& file) {
+  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (descriptor < 0) return;
+  ::posix_fadvise(descriptor, 0, 0, POSIX_FADV_WILLNEED);
+  ::close(descriptor);
 }
 
 std::string read_content(const fs::path& file) {

@@ -21,6 +21,10 @@ struct OpenFile {
   uint64_t size = 0;  // [bytes]
 };
 
+/// Asks the system to have the file in memory soon, without waiting for it. What cannot be read is
+/// left to the reader to report.
+void read_ahead(const std::filesystem::path& file);
+
 /// The whole file. Throws InputError as OpenFile does.
 std::string read_content(const std::filesystem::path& file);
 

@@ -18,17 +18,15 @@ namespace fs = std::filesystem;
 // KITTI's record is a Point as it lies in memory.
 static_assert(sizeof(Point) == 16 && std::endian::native == std::endian::little);
 
-PointCloud read_kitti_bin(const fs::path& file) {
+void read_kitti_bin(const fs::path& file, PointCloud& cloud) {
   OpenFile in(file);
   if (in.size == 0) throw InputError(file.string() + ": empty file, it holds no points");
   if (const uint64_t remainder = in.size % sizeof(Point))
     throw InputError(str(file.string(), ": ", in.size, " bytes is not a whole number of points of ",
                          sizeof(Point), " bytes (float32 x y z reflectance): remainder ", remainder,
                          "; the file is truncated or is no KITTI scan"));
-  PointCloud cloud;
   cloud.points.resize(in.size / sizeof(Point));
   in.read(reinterpret_cast<char*>(cloud.points.data()));
-  return cloud;
 }
 
 /// Lower case, so that SCAN.PCD is one too.
@@ -39,13 +37,17 @@ std::string extension_of(const fs::path& file) {
   return extension;
 }
 
-PointCloud read_by_extension(const fs::path& file) {
+void read_by_extension(const fs::path& file, PointCloud& cloud) {
   const std::string extension = extension_of(file);
-  if (extension == ".bin") return read_kitti_bin(file);
-  if (extension == ".pcd") return read_pcd(file);
-  if (extension == ".ply") return read_ply(file);
-  throw InputError(str(file.string(), ": unknown kind of scan '", extension,
-                       "'; expected .bin (KITTI), .pcd or .ply"));
+  if (extension == ".bin")
+    read_kitti_bin(file, cloud);
+  else if (extension == ".pcd")
+    cloud = read_pcd(file);
+  else if (extension == ".ply")
+    cloud = read_ply(file);
+  else
+    throw InputError(str(file.string(), ": unknown kind of scan '", extension,
+                         "'; expected .bin (KITTI), .pcd or .ply"));
 }
 
 }  // namespace
@@ -55,11 +57,16 @@ bool is_scan_file_name(const fs::path& file) {
   return extension == ".bin" || extension == ".pcd" || extension == ".ply";
 }
 
-PointCloud read_scan(const fs::path& file) {
-  PointCloud cloud = read_by_extension(file);
+void read_scan_into(const fs::path& file, PointCloud& cloud) {
+  read_by_extension(file, cloud);
   if (std::none_of(cloud.points.begin(), cloud.points.end(), is_return))
     throw InputError(str(file.string(), ": none of its ", cloud.points.size(),
                          " points is usable: all are NaN or at the sensor's origin"));
+}
+
+PointCloud read_scan(const fs::path& file) {
+  PointCloud cloud;
+  read_scan_into(file, cloud);
   return cloud;
 }
 

@@ -43,10 +43,6 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
   return mean;
 }
 
-void append(std::vector<double>& to, const std::vector<double>& from) {
-  to.insert(to.end(), from.begin(), from.end());
-}
-
 }  // namespace
 
 void FeatureOptions::declare(Parser& parser) {
@@ -226,8 +222,9 @@ std::string similarity_name(const FeatureSource& source) {
 
 std::optional<double> frames_per_second(const pipeline::DescribeTimes& times) {
   if (times.feature.empty()) return std::nullopt;
-  const double total_ms = std::accumulate(times.image.begin(), times.image.end(), 0.0) +
-                          std::accumulate(times.feature.begin(), times.feature.end(), 0.0);
+  double total_ms = 0;
+  for (const auto* stage : {&times.align, &times.project, &times.close, &times.feature})
+    total_ms = std::accumulate(stage->begin(), stage->end(), total_ms);
   return total_ms > 0 ? std::optional(1000 * static_cast<double>(times.feature.size()) / total_ms)
                       : std::nullopt;
 }
@@ -250,9 +247,7 @@ Features compute_features(const FeatureOptions& options, const FeatureSource& so
       pipeline::feature_paths(folder, source.inputs, source.extractor, describe);
   const pipeline::DescribeTimes spent =
       pipeline::write_features(paths, source.inputs, source.extractor, describe);
-  append(times->read, spent.read);
-  append(times->image, spent.image);
-  append(times->feature, spent.feature);
+  times->append(spent);
   Features features{pipeline::FeatureFile(paths.features),
                     pipeline::read_alignments(paths.alignments)};
   if (!is_range_image_feature(source) && !options.quiet)

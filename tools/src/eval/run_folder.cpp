@@ -69,7 +69,8 @@ reports::RunInfo run_info(const RunContext& context, const std::vector<TaskResul
   info.set_pca_fit(results.empty() ? "" : results.front().pca_fit);
   info.set_threads(context.options.thread_count());
   const std::pair<const char*, const std::vector<double>&> stages[] = {
-      {"read", times.read}, {"image", times.image}, {"feature", times.feature}};
+      {"read", times.read},   {"align", times.align},     {"project", times.project},
+      {"close", times.close}, {"feature", times.feature}, {"write", times.write}};
   for (const auto& [stage, samples] : stages) {
     if (samples.empty()) continue;
     const engine::Timing timing = engine::summarize(samples);

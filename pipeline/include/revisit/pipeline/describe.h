@@ -70,10 +70,13 @@ struct DescribeOptions {
   std::function<bool()> stop;                                 // true: throw Interrupted
 };
 
-/// Milliseconds spent on each scan described in this process, by stage. (Scans kept from an
-/// earlier run are not in it.)
+/// Milliseconds of one thread for each scan described in this process, by stage; empty for a stage
+/// that the feature does not have. (Scans kept from an earlier run are not in it.)
 struct DescribeTimes {
-  std::vector<double> read, image, feature;
+  std::vector<double> read, align, project, close, feature, write;
+  double wall_ms = 0;  // of all of them, all threads together
+
+  void append(const DescribeTimes& more);
 };
 
 /// What one scan's alignment was, as write_features() stores it: a row of 4 floats. All are NaN

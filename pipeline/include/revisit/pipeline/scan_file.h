@@ -13,6 +13,9 @@ namespace revisit::pipeline {
 /// headers are checked against the file's size before anything is allocated.
 PointCloud read_scan(const std::filesystem::path& file);
 
+/// The same, into a cloud whose memory is used again.
+void read_scan_into(const std::filesystem::path& file, PointCloud& cloud);
+
 /// True for the extensions read_scan() knows, in any case.
 bool is_scan_file_name(const std::filesystem::path& file);
 

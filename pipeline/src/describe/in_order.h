@@ -1,0 +1,84 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace revisit::pipeline {
+
+/// Work on items first..n-1 in several threads, taken in order by the calling thread. A worker goes
+/// on with the next item as soon as one of the `slots`, which hold the results on their way, is
+/// free: nobody waits for the slowest of a batch.
+///
+///   in_order(0, n, threads, slots, [&](int64_t i, int thread, Slot& slot) { slot = work(i); },
+///            [&](int64_t i, Slot& slot) { write(slot); });
+///
+/// What `make` throws comes out when the item's turn has come, and what `take` throws at once; both
+/// after the workers have finished what they have begun.
+template <class Slot, class Make, class Take>
+void in_order(int64_t first, int64_t n, int threads, std::vector<Slot>& slots, const Make& make,
+              const Take& take) {
+  enum class State { kFree, kMaking, kMade };
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::vector<State> states(slots.size(), State::kFree);
+  std::vector<std::exception_ptr> errors(slots.size());
+  int64_t next = first;  // item that no worker has begun
+  bool stopped = false;
+  const auto slot_of = [&](int64_t item) { return static_cast<size_t>(item) % slots.size(); };
+
+  const auto work = [&](int thread) {
+    std::unique_lock lock(mutex);
+    for (;;) {
+      changed.wait(lock,
+                   [&] { return stopped || next == n || states[slot_of(next)] == State::kFree; });
+      if (stopped || next == n) return;
+      const int64_t item = next++;
+      const size_t s = slot_of(item);
+      states[s] = State::kMaking;
+      lock.unlock();
+      try {
+        make(item, thread, slots[s]);
+      } catch (...) {
+        errors[s] = std::current_exception();
+      }
+      lock.lock();
+      states[s] = State::kMade;
+      changed.notify_all();
+    }
+  };
+  const auto stop = [&] {
+    {
+      const std::scoped_lock lock(mutex);
+      stopped = true;
+    }
+    changed.notify_all();
+  };
+
+  std::vector<std::jthread> workers;
+  try {
+    for (int t = 0; t < threads; ++t) workers.emplace_back(work, t);
+    for (int64_t item = first; item < n; ++item) {
+      const size_t s = slot_of(item);
+      {
+        std::unique_lock lock(mutex);
+        changed.wait(lock, [&] { return states[s] == State::kMade; });
+      }
+      if (errors[s]) std::rethrow_exception(errors[s]);
+      take(item, slots[s]);
+      {
+        const std::scoped_lock lock(mutex);
+        states[s] = State::kFree;
+      }
+      changed.notify_all();
+    }
+  } catch (...) {
+    stop();  // then the workers are joined
+    throw;
+  }
+}
+
+}  // namespace revisit::pipeline
