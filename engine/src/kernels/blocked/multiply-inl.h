@@ -8,6 +8,9 @@
 #define REVISIT_MULTIPLY_INL_H_
 #endif
 
+#include <hwy/cache_control.h>
+
+#include <algorithm>
 #include <utility>
 
 #include "kernels/blocked/block-inl.h"
@@ -37,6 +40,16 @@ struct Factors {
   int64_t weights_step;  // from output block to output block
 };
 
+/// A sink that stores [output block][column][kLanes].
+struct StoreProducts {
+  float* to;
+  int64_t step;  // from output block to output block
+
+  HWY_INLINE void operator()(int64_t block, int64_t column, const Block& sum) const {
+    store_block(sum, to + block * step + column * kLanes);
+  }
+};
+
 /// Calls `sink(output block, column, sum)` for `kBlocks` x `kColumns` sums.
 template <int kBlocks, int kColumns, class Sink>
 void multiply_tile(const Factors& f, const Sink& sink) {
@@ -51,6 +64,7 @@ void multiply_tile(const Factors& f, const Sink& sink) {
   const float* HWY_RESTRICT inputs = f.inputs;
   for (int64_t block = 0; block < f.in_blocks; ++block, inputs += f.inputs_step) {
     for (int64_t channel = 0; channel < kLanes; ++channel, weights += kLanes) {
+      hwy::Prefetch(inputs + f.inputs_step + std::min<int64_t>(channel, kColumns - 1) * kLanes);
       Block w[kBlocks];
       REVISIT_UNROLL
       for (int b = 0; b < kBlocks; ++b) w[b] = load_block(weights + b * f.weights_step);
@@ -81,9 +95,10 @@ void multiply_columns(const Factors& f, int64_t columns, const Sink& sink,
 template <class Sink>
 void multiply(const Factors& f, int64_t blocks, int64_t columns, const Sink& sink) {
   const int64_t parts = (columns + kTileColumns - 1) / kTileColumns;
+  const int64_t width = parts == 1 ? columns : (columns + parts - 1) / parts;
   for (int64_t b = 0; b < blocks; b += kTileBlocks) {
-    for (int64_t part = 0; part < parts; ++part) {
-      const int64_t first = columns * part / parts, last = columns * (part + 1) / parts;
+    for (int64_t first = 0; first < columns; first += width) {
+      const int64_t count = std::min(width, columns - first);
       Factors here = f;
       here.weights += b * f.weights_step;
       here.inputs += first * kLanes;
@@ -91,9 +106,9 @@ void multiply(const Factors& f, int64_t blocks, int64_t columns, const Sink& sin
                                HWY_ATTR { sink(b + block, first + column, sum); };
       constexpr auto kColumns = std::make_index_sequence<kTileColumns>();
       if (kTileBlocks > 1 && blocks - b > 1)
-        multiply_columns<kTileBlocks>(here, last - first, shifted, kColumns);
+        multiply_columns<kTileBlocks>(here, count, shifted, kColumns);
       else
-        multiply_columns<1>(here, last - first, shifted, kColumns);
+        multiply_columns<1>(here, count, shifted, kColumns);
     }
   }
 }

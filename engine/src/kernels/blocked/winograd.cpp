@@ -130,45 +130,55 @@ class Winograd {
   /// [strip][block][point][tile][kLanes].
   void compute_slice(int64_t chunk, int64_t slice, const float* inputs, float* products) const {
     const int64_t group = slice / shape_.slices_per_group();
-    const int64_t in_blocks = shape_.in_blocks_per_group();
-    const int64_t begin = slice % shape_.slices_per_group() * WinogradShape::kSliceBlocks;
-    const int64_t blocks =
-        std::min(WinogradShape::kSliceBlocks, shape_.out_blocks_per_group() - begin);
+    const int64_t begin = slice % shape_.slices_per_group() * shape_.slice_blocks;
+    const int64_t blocks = std::min(shape_.slice_blocks, shape_.out_blocks_per_group() - begin);
     const int64_t first_block = group * shape_.out_blocks_per_group() + begin;
-    const int64_t first_strip = shape_.first_strip(chunk), end = shape_.first_strip(chunk + 1);
-    const int64_t weights_floats = in_blocks * kLanes * kLanes;  // of a point
 
-    for (int64_t point = 0; point < kPoints; ++point) {
-      for (int64_t pair = 0; pair < blocks; pair += kTileBlocks) {
-        const float* weights =
-            a_.packed + ((first_block + pair) * kPoints + point) * weights_floats;
-        for (int64_t strip = first_strip; strip < end; ++strip) {
-          const int64_t width = shape_.strips.width(strip);
-          const int64_t first = shape_.strips.begin(strip) - first_tile(chunk);
-          const int64_t step = kPoints * width * kLanes;
-          const Factors factors = {in_blocks,
-                                   inputs + first * shape_.in_blocks * kPoints * kLanes +
-                                       group * in_blocks * step + point * width * kLanes,
-                                   step, weights, kPoints * weights_floats};
-          float* const to =
-              products + first * blocks * kPoints * kLanes + pair * step + point * width * kLanes;
-          multiply(factors, std::min<int64_t>(kTileBlocks, blocks - pair), width,
-                   [=](int64_t b, int64_t t, const Block& sum)
-                       HWY_ATTR { store_block(sum, to + b * step + t * kLanes); });
-        }
-      }
+    ChunkStrip strips[WinogradShape::kMostChunkStrips];
+    const int64_t n_strips = shape_.first_strip(chunk + 1) - shape_.first_strip(chunk);
+    for (int64_t i = 0; i < n_strips; ++i) {
+      const int64_t strip = shape_.first_strip(chunk) + i;
+      const int64_t first = shape_.strips.begin(strip), width = shape_.strips.width(strip);
+      const int64_t block_floats = kPoints * width * kLanes;
+      const int64_t before = (first - first_tile(chunk)) * kPoints * kLanes;
+      strips[i] = {
+          first, width, block_floats,
+          inputs + before * shape_.in_blocks + group * shape_.in_blocks_per_group() * block_floats,
+          products + before * blocks};
     }
+
+    for (int64_t point = 0; point < kPoints; ++point)
+      for (int64_t pair = 0; pair < blocks; pair += kTileBlocks)
+        for (int64_t i = 0; i < n_strips; ++i)
+          multiply_point(strips[i], point, first_block, pair,
+                         std::min<int64_t>(kTileBlocks, blocks - pair));
+
     for (int64_t b = 0; b < blocks; ++b) {
       const BlockEpilogue epilogue(a_.epilogue, a_.bias, first_block + b, p_.c_out);
-      for (int64_t strip = first_strip; strip < end; ++strip) {
-        const int64_t width = shape_.strips.width(strip);
-        const int64_t first = shape_.strips.begin(strip) - first_tile(chunk);
-        const float* from = products + (first * blocks + b * width) * kPoints * kLanes;
-        for (int64_t t = 0; t < width; ++t)
-          transform_output(locate(shape_.strips.begin(strip) + t), from + t * kLanes,
-                           width * kLanes, first_block + b, epilogue);
-      }
+      for (int64_t i = 0; i < n_strips; ++i)
+        for (int64_t t = 0; t < strips[i].width; ++t)
+          transform_output(locate(strips[i].first_tile + t),
+                           strips[i].products + b * strips[i].block_floats + t * kLanes,
+                           strips[i].width * kLanes, first_block + b, epilogue);
     }
+  }
+
+  struct ChunkStrip {
+    int64_t first_tile, width;
+    int64_t block_floats;  // of all points
+    const float* inputs;   // from the first block of the group on
+    float* products;
+  };
+
+  void multiply_point(const ChunkStrip& strip, int64_t point, int64_t first_block, int64_t pair,
+                      int64_t blocks) const {
+    const int64_t weights_floats = shape_.in_blocks_per_group() * kLanes * kLanes;
+    const int64_t offset = point * strip.width * kLanes, step = strip.block_floats;
+    const Factors factors = {shape_.in_blocks_per_group(), strip.inputs + offset, step,
+                             a_.packed + ((first_block + pair) * kPoints + point) * weights_floats,
+                             kPoints * weights_floats};
+    multiply(factors, blocks, strip.width,
+             StoreProducts{strip.products + pair * step + offset, step});
   }
 
   void transform_output(const Tile& tile, const float* from, int64_t step, int64_t block,
