@@ -1,8 +1,10 @@
-#include <pcl/features/grsd.h>
-#include <pcl/features/rsd.h>
+#include <pcl/features/feature.h>
 #include <pcl/search/kdtree.h>
 
 #include <algorithm>
+#include <pcl/features/impl/feature.hpp>
+#include <pcl/features/impl/grsd.hpp>
+#include <pcl/features/impl/rsd.hpp>
 
 #include "baselines/pcl/surface.h"
 #include "revisit/pipeline/pcl_features.h"

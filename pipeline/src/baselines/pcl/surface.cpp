@@ -1,8 +1,11 @@
 #include "baselines/pcl/surface.h"
 
 #include <pcl/console/print.h>
-#include <pcl/features/normal_3d.h>
+#include <pcl/features/feature.h>
 #include <pcl/search/kdtree.h>
+
+#include <pcl/features/impl/feature.hpp>
+#include <pcl/features/impl/normal_3d.hpp>
 
 #include "baselines/pcl/clouds.h"
 #include "revisit/proto/error.h"
