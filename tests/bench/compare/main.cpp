@@ -1,0 +1,208 @@
+// Runs one net through several engines in turn, on the same input, and prints what each takes and
+// how far its output is from that of the first as JSON.
+//   revisit_compare net.prototxt net.caffemodel [--threads N] [--repeat R] [--engines A,B] [--gray]
+//   [--steps R]
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <thread>
+
+#include "revisit/engine/blas.h"
+#include "subject.h"
+
+namespace {
+
+using namespace revisit;
+using namespace revisit::bench;
+
+struct Engine {
+  std::string name;
+  MakeSubject make;
+};
+
+std::vector<Engine> engines() {
+  return {
+      {"revisit", make_ours},
+      {"original", make_original},
+#ifdef REVISIT_HAVE_ONEDNN
+      {"onednn", make_onednn},
+#endif
+#ifdef REVISIT_HAVE_OPENCV
+      {"opencv", make_opencv},
+#endif
+  };
+}
+
+struct Options {
+  std::string prototxt, weights;
+  Setting setting;
+  int repeat = 20, steps = 0;
+  std::vector<std::string> engines = {};
+};
+
+std::vector<std::string> split(const std::string& text) {
+  std::vector<std::string> parts;
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find(',', begin), text.size());
+    parts.push_back(text.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return parts;
+}
+
+Options parse(int argc, char** argv) {
+  Options options;
+  std::vector<std::string> files;
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const auto value = [&] {
+      if (i + 1 == argc) throw UsageError(str(argument, ": missing value"));
+      return std::string(argv[++i]);
+    };
+    if (argument == "--threads")
+      options.setting.threads = std::stoi(value());
+    else if (argument == "--repeat")
+      options.repeat = std::stoi(value());
+    else if (argument == "--steps")
+      options.steps = std::stoi(value());
+    else if (argument == "--gray")
+      options.setting.gray = true;
+    else if (argument == "--engines")
+      options.engines = split(value());
+    else if (argument.starts_with("--"))
+      throw UsageError(str("unknown option ", argument));
+    else
+      files.push_back(argument);
+  }
+  if (files.size() != 2)
+    throw UsageError(
+        "usage: revisit_compare PROTOTXT WEIGHTS [--threads N] [--repeat R] [--engines A,B] "
+        "[--gray] [--steps R]");
+  options.prototxt = files[0], options.weights = files[1];
+  if (options.engines.empty())
+    for (const Engine& engine : engines()) options.engines.push_back(engine.name);
+  return options;
+}
+
+/// The kernels that OpenBLAS 0.3.21 chooses on a CPU newer than itself are slow; its better ones
+/// have to be asked for before it is loaded.
+void restart_with_best_blas(char** argv) {
+  const std::string core = engine::faster_blas_core();
+  if (core.empty() || std::getenv("OPENBLAS_CORETYPE")) return;
+  setenv("OPENBLAS_CORETYPE", core.c_str(), 1);
+  execv("/proc/self/exe", argv);
+}
+
+/// One channel of values about their mean, the same in every channel.
+std::vector<float> equal_channels(const engine::Shape& shape) {
+  const int64_t pixels = shape[2] * shape[3];
+  std::vector<float> values(shape.elements());
+  for (size_t i = 0; i < values.size(); ++i) {
+    const auto at =
+        static_cast<int64_t>(i) % pixels + static_cast<int64_t>(i) / (shape[1] * pixels);
+    values[i] = 100 * std::sin(0.37F * static_cast<float>(at % 9973));
+  }
+  return values;
+}
+
+/// [ms]
+double time_of(Subject& subject) {
+  using Clock = std::chrono::steady_clock;
+  const auto start = Clock::now();
+  subject.forward();
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+struct Difference {
+  double max = 0, rms = 0;  // relative to the largest, to the rms, of the wanted values
+};
+
+Difference difference(std::span<const float> found, std::span<const float> wanted) {
+  if (found.size() != wanted.size()) throw Error("outputs differ in size");
+  double max = 0, largest = 0, squares = 0, wanted_squares = 0;
+  for (size_t i = 0; i < wanted.size(); ++i) {
+    const double d = static_cast<double>(found[i]) - wanted[i], w = wanted[i];
+    max = std::max(max, std::isnan(d) ? INFINITY : std::abs(d));
+    largest = std::max(largest, std::abs(w));
+    squares += d * d;
+    wanted_squares += w * w;
+  }
+  return {max / largest, std::sqrt(squares / wanted_squares)};
+}
+
+struct Measured {
+  std::string key;
+  std::unique_ptr<Subject> subject;
+  std::vector<double> samples_ms = {};
+};
+
+/// In turn, so that a drifting machine touches all alike. The pauses let the threads of one engine
+/// go to sleep before the next begins.
+void measure(std::vector<Measured>& all, int repeat) {
+  constexpr auto kPause = std::chrono::milliseconds(20);
+  constexpr int kWarmup = 2;
+  for (int i = 0; i < kWarmup + repeat; ++i)
+    for (Measured& m : all) {
+      std::this_thread::sleep_for(kPause);
+      const double ms = time_of(*m.subject);
+      if (i >= kWarmup) m.samples_ms.push_back(ms);
+    }
+}
+
+void print_steps(const std::vector<StepTime>& steps) {
+  std::printf(",\n     \"steps\": [");
+  for (size_t i = 0; i < steps.size(); ++i)
+    std::printf("%s\n       {\"name\": \"%s\", \"how\": \"%s\", \"min_ms\": %.4f}", i ? "," : "",
+                steps[i].name.c_str(), steps[i].how.c_str(), steps[i].ms);
+  std::printf("]");
+}
+
+void print(const Options& options, const Model& model, std::vector<Measured>& all) {
+  std::printf("{\"prototxt\": \"%s\", \"input\": [", options.prototxt.c_str());
+  for (size_t i = 0; i < model.input().rank(); ++i)
+    std::printf("%s%lld", i ? ", " : "", static_cast<long long>(model.input()[i]));
+  std::printf(
+      "], \"threads\": %d, \"gray\": %s, \"repeat\": %d, \"blas\": \"%s\",\n \"engines\": [",
+      options.setting.threads, options.setting.gray ? "true" : "false", options.repeat,
+      engine::blas_core().c_str());
+  for (size_t i = 0; i < all.size(); ++i) {
+    std::sort(all[i].samples_ms.begin(), all[i].samples_ms.end());
+    const Difference d = difference(all[i].subject->output(), all[0].subject->output());
+    std::printf(
+        "%s\n    {\"engine\": \"%s\", \"name\": \"%s\", \"min_ms\": %.4f, \"median_ms\": %.4f, "
+        "\"max_difference\": %.3g, \"rms_difference\": %.3g",
+        i ? "," : "", all[i].key.c_str(), all[i].subject->name().c_str(), all[i].samples_ms.front(),
+        all[i].samples_ms[all[i].samples_ms.size() / 2], d.max, d.rms);
+    if (options.steps > 0) print_steps(all[i].subject->steps(options.steps));
+    std::printf("}");
+  }
+  std::printf("]}\n");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  const Options options = parse(argc, argv);
+  restart_with_best_blas(argv);
+  const Model model = read_model(options.prototxt, options.weights);
+  const std::vector<float> input = equal_channels(model.input());
+  std::vector<Measured> all;
+  for (const std::string& name : options.engines) {
+    const std::vector<Engine> known = engines();
+    const auto found = std::find_if(known.begin(), known.end(),
+                                    [&](const Engine& engine) { return engine.name == name; });
+    if (found == known.end()) throw UsageError(str("no engine '", name, "' in this build"));
+    all.push_back({name, found->make(model, options.setting, input)});
+  }
+  measure(all, options.repeat);
+  print(options, model, all);
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "revisit_compare: %s\n", error.what());
+  return 1;
+}
