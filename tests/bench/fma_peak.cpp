@@ -85,7 +85,7 @@ double peak(int threads) {
 int main(int argc, char** argv) {
   const int most = argc > 1 ? std::stoi(argv[1]) : 1;
   std::printf("{\"instructions\": \"%s\", \"gflops\": {",
-              hwy::TargetName(hwy::SupportedTargets() & -hwy::SupportedTargets()));
+              hwy::TargetName(hwy::SupportedAndGeneratedTargets()[0]));
   for (int threads = 1; threads <= most; ++threads)
     std::printf("%s\"%d\": %.1f", threads > 1 ? ", " : "", threads, revisit::bench::peak(threads));
   std::printf("}}\n");

@@ -209,7 +209,10 @@ class Original : public Subject {
   Original(const Model& model, const Setting& setting, std::span<const float> input)
       : model_(model), threads_(setting.threads), memory_(model.values.size()) {
     memory_[0] = std::make_shared<Values>(input.begin(), input.end());
-    for (const ModelLayer& layer : model_.layers) add(layer);
+    for (const ModelLayer& layer : model_.layers) {
+      add(layer);
+      step_layers_.resize(steps_.size(), layer.param.name());
+    }
   }
 
   std::string name() const override { return "im2col + OpenBLAS"; }
@@ -218,6 +221,18 @@ class Original : public Subject {
     openblas_set_num_threads(threads_);
     for (const Step& step : steps_) step();
     openblas_set_num_threads(1);  // as the engines beside it expect
+  }
+
+  std::vector<StepTime> timed_forward() override {
+    openblas_set_num_threads(threads_);
+    std::vector<StepTime> times;
+    for (size_t i = 0; i < steps_.size(); ++i) {
+      const double start = now_ms();
+      steps_[i]();
+      times.push_back({step_layers_[i], "", now_ms() - start});
+    }
+    openblas_set_num_threads(1);
+    return times;
   }
 
   std::span<const float> output() const override { return *memory_[model_.output()]; }
@@ -289,6 +304,7 @@ class Original : public Subject {
   int threads_;
   std::vector<std::shared_ptr<Values>> memory_;  // of each value; in-place layers share
   std::vector<Step> steps_;
+  std::vector<std::string> step_layers_;  // the name of the layer of each
 };
 
 }  // namespace

@@ -6,18 +6,44 @@
 namespace revisit::bench {
 namespace {
 
+engine::Plan plan(const Model& model, const Setting& setting) {
+  engine::PlanOptions options{.threads = setting.threads};
+  if (setting.gray) options.gray_offsets = std::vector<float>(model.input()[1], 0.0F);
+  return engine::Net::load(model.prototxt, model.weights)
+      .plan({{model.input_name, model.input()}}, options);
+}
+
+/// A layer can take several steps: a kernel and the reorders it needed.
+class LayerClock : public engine::StepObserver {
+ public:
+  explicit LayerClock(const engine::Plan& plan) {
+    for (const engine::LayerCost& layer : plan.layers())
+      times_.push_back({layer.name, layer.kernel, 0});
+  }
+  void before(size_t) override { start_ = now_ms(); }
+  void after(size_t layer) override { times_[layer].ms += now_ms() - start_; }
+  std::vector<StepTime> times() && { return std::move(times_); }
+
+ private:
+  std::vector<StepTime> times_;
+  double start_ = 0;
+};
+
 class Ours : public Subject {
  public:
   Ours(const Model& model, const Setting& setting, std::span<const float> input)
-      : output_name_(model.output_name()),
-        run_(engine::Net::load(model.prototxt, model.weights)
-                 .plan({{model.input_name, model.input()}}, {.threads = setting.threads})) {
+      : output_name_(model.output_name()), run_(plan(model, setting)) {
     const auto to = run_.input(model.input_name).values();
     std::copy_n(input.begin(), to.size(), to.begin());
   }
 
   std::string name() const override { return "revisit"; }
   void forward() override { run_.forward(); }
+  std::vector<StepTime> timed_forward() override {
+    LayerClock clock(run_.plan());
+    run_.forward(clock);
+    return std::move(clock).times();
+  }
   std::span<const float> output() const override { return run_.output(output_name_).values(); }
 
  private:

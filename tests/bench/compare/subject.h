@@ -12,8 +12,10 @@ namespace revisit::bench {
 /// What one layer, or one step of an engine that makes one of several, takes.
 struct StepTime {
   std::string name, how;
-  double ms = 0;  // the least of several
+  double ms = 0;
 };
+
+double now_ms();
 
 /// An engine with one net loaded for one input size and one number of threads.
 class Subject {
@@ -25,8 +27,8 @@ class Subject {
   virtual void forward() = 0;
   /// What it made of it, `[n][c][h][w]`.
   virtual std::span<const float> output() const = 0;
-  /// Empty where the engine does not tell.
-  virtual std::vector<StepTime> steps(int) { return {}; }
+  /// The same pass with a clock around every step.
+  virtual std::vector<StepTime> timed_forward() = 0;
 };
 
 struct Setting {

@@ -1,0 +1,218 @@
+#!/usr/bin/env python3
+"""Builds the benchmarks, runs them and prints their tables: Markdown on stdout, JSON beside it.
+
+  tests/bench/compare.py engines               revisit, im2col + OpenBLAS, oneDNN and OpenCV in one run
+  tests/bench/compare.py layers                time and share of the measured FMA peak of every layer
+  tests/bench/compare.py scaling               how time grows with width, threads and batch
+  tests/bench/compare.py all -o results        all of it
+
+Nothing but Python's own modules is needed, and the packages of tools/bench_packages.txt.
+"""
+
+import argparse
+import json
+import os
+import platform
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from nets import NETS
+
+ROOT = Path(__file__).resolve().parents[2]
+RANGE_IMAGE = (107, 4000)
+# Net, height, width, whether the engines may know that all input channels are equal.
+CASES = [('alexnet', *RANGE_IMAGE, True),
+         ('vgg_cnn_s', *RANGE_IMAGE, True),
+         ('places_cnds8', *RANGE_IMAGE, True),
+         ('alexnet', 112, 4000, True),
+         ('alexnet', 227, 227, False),
+         ('squeezenet', 227, 227, False),
+         ('squeezenet', 112, 4000, True),
+         ('vgg16', 224, 224, False),
+         ('vgg16', 112, 4000, True),
+         ('resnet50', 224, 224, False),
+         ('resnet50', 112, 4000, True)]
+PAPER_CASES = CASES[:3]
+WIDTHS = (1000, 2000, 4000, 8000, 16000)
+BATCHES = (1, 2, 4)
+NOTES = {('opencv', 'vgg_cnn_s'): "wrong result: OpenCV's importer of Caffe nets ignores k of LRN"}
+
+
+def run(command, **options):
+    return subprocess.run([str(part) for part in command], check=True, text=True, cwd=ROOT, **options)
+
+
+def output_of(command):
+    # Slower kernels would be chosen if these were left over in the environment.
+    environment = {k: v for k, v in os.environ.items()
+                   if k not in ('OPENBLAS_CORETYPE', 'OPENBLAS_L2_SIZE', 'OMP_NUM_THREADS')}
+    return json.loads(run(command, stdout=subprocess.PIPE, env=environment).stdout)
+
+
+class Programs:
+    """What is measured, built in `build`; descriptions and weights of nets go to `folder`."""
+
+    def __init__(self, build, folder, jobs):
+        self.build, self.folder = build, folder
+        run(['cmake', '-S', ROOT, '-B', build, '-G', 'Ninja', '-DREVISIT_BENCH=ON', '-DREVISIT_PIPELINE=OFF',
+             '-DCMAKE_BUILD_TYPE=Release'], stdout=subprocess.DEVNULL)
+        run(['cmake', '--build', build, '-j', jobs, '--target', 'revisit', 'revisit_compare',
+             'revisit_random_weights', 'revisit_fma_peak'], stdout=subprocess.DEVNULL)
+
+    def bench(self, name):
+        return self.build / 'tests' / 'bench' / name
+
+    def net(self, name, batch, height, width):
+        """Prototxt and random weights; made once."""
+        stem = self.folder / f'{name}_{batch}x3x{height}x{width}'
+        prototxt, weights = stem.with_suffix('.prototxt'), stem.with_suffix('.caffemodel')
+        if not weights.exists():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            prototxt.write_text(NETS[name](batch, 3, height, width))
+            run([self.bench('revisit_random_weights'), prototxt, 1, weights])
+        return prototxt, weights
+
+    def compare(self, case, threads, repeat, extra=()):
+        net, height, width, gray = case
+        command = [self.bench('revisit_compare'), *self.net(net, 1, height, width),
+                   '--threads', threads, '--repeat', repeat, *extra]
+        return output_of(command + (['--gray'] if gray else []))
+
+    def profile(self, net, batch, height, width, threads, repeat):
+        prototxt, weights = self.net(net, batch, height, width)
+        return output_of([self.build / 'tools' / 'revisit', 'net', 'profile', prototxt, weights,
+                          '--threads', threads, '--repeat', repeat, '--format', 'json', '--gray'])
+
+
+def table(header, rows):
+    lines = ['| ' + ' | '.join(header) + ' |', '|' + '---|' * len(header)]
+    return '\n'.join(lines + ['| ' + ' | '.join(row) + ' |' for row in rows]) + '\n'
+
+
+def engines_table(results):
+    """Times, and how many times longer an engine takes than revisit in the same run."""
+    rows = []
+    for result in results:
+        ours = result['engines'][0]
+        for engine in result['engines']:
+            times = [f"{engine['min_ms']:.2f}", f"{engine['median_ms']:.2f}",
+                     f"{engine['cpu_ms']:.2f}", f"{engine['steps_ms']:.2f}"]
+            ratios = [f"{engine[key] / ours[key]:.2f}" for key in ('min_ms', 'median_ms', 'cpu_ms')]
+            note = NOTES.get((engine['engine'], result['net']), '')
+            rows.append([result['net'], 'x'.join(map(str, result['input'])), str(result['threads']),
+                         engine['name'], *times, *ratios, f"{engine['max_difference']:.1e}",
+                         f"{engine['rms_difference']:.1e}", note])
+    return table(['net', 'input', 'threads', 'engine', 'min ms', 'median ms', 'min CPU ms',
+                  'sum of layer minima', 'min / ours', 'median / ours', 'CPU / ours', 'max diff',
+                  'rms diff', 'note'], rows)
+
+
+def layers_table(results, peak):
+    rows = []
+    for result in results:
+        gflops = peak['gflops'][str(result['threads'])]
+        for layer in result['profile']['layers']:
+            ms, macs = layer['ms']['min'], layer.get('macs', 0)
+            if ms == 0:
+                continue
+            speed = 2e-6 * macs / ms
+            rows.append([result['net'], str(result['threads']), layer['name'], layer['kernel'],
+                         f'{ms:.3f}', f'{speed:.0f}' if macs else '',
+                         f'{100 * speed / gflops:.0f}' if macs else ''])
+    return table(['net', 'threads', 'layer', 'kernel', 'min ms', 'GFLOP/s of the definition',
+                  '% of FMA peak'], rows)
+
+
+def scaling_table(results):
+    rows = []
+    for result in results:
+        batch, _, _, width = result['input']
+        ms = result['profile']['total_ms']['min']
+        rows.append([result['net'], str(result['threads']), str(batch), str(width), f'{ms:.2f}',
+                     f'{1e6 * ms / (batch * width):.0f}'])
+    return table(['net', 'threads', 'batch', 'width', 'min ms', 'ns a column'], rows)
+
+
+def measure_engines(programs, options):
+    results = []
+    for case in options.cases:
+        for threads in options.threads:
+            extra = ['--steps'] + (['--engines', options.engines] if options.engines else [])
+            result = programs.compare(case, threads, options.repeat, extra)
+            results.append({'net': case[0], **result})
+            print(f'{case[0]} {case[1]}x{case[2]}, {threads} threads: done', file=sys.stderr)
+    return results
+
+
+def measure_layers(programs, options):
+    return [{'net': net, 'threads': threads,
+             'profile': programs.profile(net, 1, height, width, threads, options.repeat)}
+            for net, height, width, gray in options.cases if gray for threads in options.threads]
+
+
+def measure_scaling(programs, options):
+    sizes = [(1, width) for width in WIDTHS] + [(batch, RANGE_IMAGE[1]) for batch in BATCHES[1:]]
+    return [{'net': net, 'threads': threads, 'input': [batch, 3, RANGE_IMAGE[0], width],
+             'profile': programs.profile(net, batch, RANGE_IMAGE[0], width, threads,
+                                         options.repeat)}
+            for net, *_ in PAPER_CASES for threads in options.threads for batch, width in sizes]
+
+
+def machine():
+    model = re.search(r'model name\s*:\s*(.*)', Path('/proc/cpuinfo').read_text())
+    return {'cpu': model.group(1) if model else platform.processor(), 'cores': os.cpu_count(),
+            'load': os.getloadavg()[0], 'system': platform.platform()}
+
+
+def parse_options():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('what', choices=['engines', 'layers', 'scaling', 'all'])
+    parser.add_argument('-b', '--build', type=Path, default=ROOT / 'build' / 'bench',
+                        help='build folder (default: build/bench)')
+    parser.add_argument('-o', '--output', type=Path,
+                        help='folder for results.json and results.md (default: the build folder)')
+    parser.add_argument('--nets', help='regular expression: only these of ' + ', '.join(NETS))
+    parser.add_argument('--all-sizes', action='store_true',
+                        help="every net and input size (default: the paper's three nets)")
+    parser.add_argument('--engines', help='of revisit,original,onednn,opencv; revisit first')
+    parser.add_argument('--threads', default='1,2', help='default: 1,2')
+    parser.add_argument('--repeat', type=int, default=20, help='passes (default: 20)')
+    parser.add_argument('-j', '--jobs', type=int, default=os.cpu_count(), help='of the build')
+    options = parser.parse_args()
+    options.threads = [int(number) for number in options.threads.split(',')]
+    options.cases = [case for case in (CASES if options.all_sizes else PAPER_CASES)
+                     if not options.nets or re.search(options.nets, case[0])]
+    options.build = options.build.absolute()
+    options.output = (options.output or options.build).absolute()
+    return options
+
+
+def main():
+    options = parse_options()
+    programs = Programs(options.build, options.build / 'nets', options.jobs)
+    peak = output_of([programs.bench('revisit_fma_peak'), max(options.threads)])
+    report = {'machine': machine(), 'fma_peak': peak}
+    peaks = ', '.join(f'{gflops} GFLOP/s on {threads}' for threads, gflops in peak['gflops'].items())
+    text = [f"{report['machine']['cpu']}, {report['machine']['cores']} cores, load "
+            f"{report['machine']['load']:.1f}. FMA peak ({peak['instructions']}, float32): {peaks} "
+            f'threads.\n']
+    if options.what in ('engines', 'all'):
+        report['engines'] = measure_engines(programs, options)
+        text.append(engines_table(report['engines']))
+    if options.what in ('layers', 'all'):
+        report['layers'] = measure_layers(programs, options)
+        text.append(layers_table(report['layers'], peak))
+    if options.what in ('scaling', 'all'):
+        report['scaling'] = measure_scaling(programs, options)
+        text.append(scaling_table(report['scaling']))
+    options.output.mkdir(parents=True, exist_ok=True)
+    (options.output / 'results.json').write_text(json.dumps(report, indent=1))
+    (options.output / 'results.md').write_text('\n'.join(text))
+    print('\n'.join(text))
+
+
+if __name__ == '__main__':
+    main()
