@@ -65,6 +65,8 @@ struct Binding {
   Fusion fusion = {};            // only for layers whose form() is Convolving
   WeightCache* cache = nullptr;  // there when `layouts` are given or something is fused
   std::string cache_key = {};    // names the layer and what is fused into its weights
+  /// The net amplifies rounding: kernels that round more than a plain sum are to be avoided.
+  bool careful = false;
 };
 
 /// Where the outputs live.

@@ -52,6 +52,11 @@ class Scheduler {
   Schedule run() {
     for (const Graph::Output& output : net_.graph.outputs)
       read_outside_[operations_.held_by[output.value]] = true;
+    // Division by a small deviation amplifies what kernels before it rounded.
+    normalises_ =
+        std::any_of(net_.graph.nodes.begin(), net_.graph.nodes.end(), [](const Node& node) {
+          return node.param.type() == "BatchNorm" || node.param.type() == "MVN";
+        });
     for (size_t i = 0; i < net_.graph.nodes.size(); ++i)
       if (!net_.nodes[i].layer)
         for (const ValueId id : net_.graph.nodes[i].outputs)
@@ -133,6 +138,7 @@ class Scheduler {
     binding.fusion = operation.fusion;
     binding.cache = &net_.packed_weights;
     binding.cache_key = cache_key(operation);
+    binding.careful = normalises_;
     return operation.layer->bind(binding);
   }
 
@@ -143,6 +149,7 @@ class Scheduler {
   Schedule result_;
   std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::plain
   std::vector<bool> read_outside_;              // of each value
+  bool normalises_ = false;                     // by statistics, in any layer
 };
 
 }  // namespace

@@ -13,6 +13,7 @@ namespace fs = std::filesystem;
 int net_verify_command(const Arguments& arguments) {
   std::vector<fs::path> folders;
   CompareOptions options;
+  double tolerance = 0;
   Parser parser("revisit net verify", "DIR...",
                 "Run networks and compare with outputs of the original, layer by layer where those "
                 "are there: the "
@@ -30,6 +31,7 @@ int net_verify_command(const Arguments& arguments) {
   parser.option("threads", "N", "threads of one forward pass (default 1)", &options.threads);
   parser.flag("reference", "use the slow reference kernels", &options.reference_kernels);
   parser.parse(arguments);
+  if (tolerance > 0) options.tolerance = tolerance;
 
   std::vector<GoldenCase> cases;
   for (const fs::path& folder : folders)

@@ -83,6 +83,13 @@ bool only_moves_values(const engine::Plan& plan) {
                      });
 }
 
+double default_tolerance(const engine::Plan& plan) {
+  const bool winograd = std::any_of(
+      plan.layers().begin(), plan.layers().end(),
+      [](const engine::LayerCost& layer) { return layer.kernel.starts_with("winograd"); });
+  return winograd ? 1e-4 : 1e-5;
+}
+
 /// The kept value that `name` (with '/' written as '_') means: an output of the net, or a blob as
 /// it is after the whole run, which is what the last layer that writes it made of it.
 std::string find_output(const engine::Plan& plan, const std::string& name) {
@@ -174,7 +181,9 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
   try {
     const Comparison comparison(golden);
     const engine::Run run = comparison.run(options.threads, options.reference_kernels);
-    const double tolerance = only_moves_values(run.plan()) ? 0 : options.tolerance;
+    const double tolerance = only_moves_values(run.plan())
+                                 ? 0
+                                 : options.tolerance.value_or(default_tolerance(run.plan()));
     const auto limit = [&](const LayerError& e) {
       return e.is_probability ? std::min(kProbability, tolerance) : tolerance;
     };

@@ -18,11 +18,12 @@ std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
 }
 
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
-                                                           Layout input) {
+                                                           Layout input, int most_points) {
   const BlockedConvolutionKernel* best = nullptr;
   double best_ms = 0;
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
-    if (kernel.input != input || !kernel.supports(p)) continue;
+    if (kernel.input != input || kernel.transform_points > most_points || !kernel.supports(p))
+      continue;
     const double ms = kernel.predicted_ms(p);
     if (best && best_ms <= ms) continue;
     best = &kernel;

@@ -33,13 +33,18 @@ struct BlockedConvolutionKernel {
   void (*pack)(const ConvolutionProblem&, const float* weights, float* packed);
   int64_t (*scratch_floats)(const ConvolutionProblem&);  // of all threads together
   void (*run)(const ConvolutionProblem&, const BlockedConvolutionArguments&);
+  /// Of a line of its Winograd transform, 0 for others: rounding grows quickly with it.
+  int transform_points = 0;
 };
+
+constexpr int kAnyPoints = 99;
 
 std::span<const BlockedConvolutionKernel> blocked_convolution_kernels();
 
-/// The kernel with the smallest predicted time among those that support the problem and take this
-/// layout; null when none does.
+/// The kernel with the smallest predicted time among those that support the problem, take this
+/// layout and have transforms of at most `most_points`; null when none does.
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
-                                                           Layout input);
+                                                           Layout input,
+                                                           int most_points = kAnyPoints);
 
 }  // namespace revisit::engine

@@ -293,7 +293,9 @@ constexpr BlockedConvolutionKernel kernel() {
           },
           [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
             HWY_DYNAMIC_DISPATCH(run_winograd)(kVariant, p, a);
-          }};
+          },
+          std::max(kVariants[kVariant].rows, kVariants[kVariant].columns) +
+              kVariants[kVariant].taps - 1};
 }
 
 template <size_t... kVariant>
