@@ -11,7 +11,7 @@ revisit="$root/build/release/tools/revisit"
 step() { printf '\n== %s\n' "$*"; }
 
 step "1/4  build"
-"$root/tools/install_packages.sh"
+"$root/tools/install_packages.sh" demo
 mkdir -p "$output"
 (cd "$root" && cmake --preset release) >"$output/build.log" 2>&1 || { cat "$output/build.log" >&2; exit 1; }
 cmake --build "$root/build/release" --target revisit
