@@ -16,11 +16,14 @@ if(REVISIT_SANITIZE)
   target_compile_options(revisit_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   add_compile_options(-fsanitize=${REVISIT_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${REVISIT_SANITIZE})
+  set(REVISIT_NO_SANITIZER -fno-sanitize=all)  # for generated code, which takes minutes to instrument
 endif()
 
 find_program(REVISIT_CCACHE ccache)
 if(REVISIT_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${REVISIT_CCACHE})
+  # The tests have precompiled headers, which ccache takes only so.
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${REVISIT_CCACHE})
+  add_compile_options($<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-fpch-preprocess>)
 endif()
 
 # revisit_library(NAME DEPENDS...): a static library from src/**.cpp with public headers in include/.

@@ -1,10 +1,8 @@
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
 #include <memory>
-#include <new>
 #include <span>
 
 namespace revisit::engine {
@@ -14,13 +12,7 @@ class AlignedFloats {
  public:
   AlignedFloats() = default;
   /// Throws std::bad_alloc.
-  explicit AlignedFloats(int64_t size) : size_(size) {
-    constexpr size_t kCacheLine = 64;
-    const size_t bytes = static_cast<size_t>(size) * sizeof(float);
-    data_.reset(
-        static_cast<float*>(std::aligned_alloc(kCacheLine, (bytes / kCacheLine + 1) * kCacheLine)));
-    if (!data_) throw std::bad_alloc();
-  }
+  explicit AlignedFloats(int64_t size);
 
   float* data() const { return data_.get(); }
   int64_t size() const { return size_; }
@@ -33,5 +25,15 @@ class AlignedFloats {
   std::unique_ptr<float[], Free> data_;
   int64_t size_ = 0;
 };
+
+/// `values` and then zeros.
+template <class Values>
+AlignedFloats padded(const Values& values, int64_t size) {
+  AlignedFloats result(size);
+  const auto used = static_cast<int64_t>(values.size());
+  for (int64_t i = 0; i < size; ++i)
+    result.data()[i] = i < used ? static_cast<float>(values[static_cast<size_t>(i)]) : 0.0F;
+  return result;
+}
 
 }  // namespace revisit::engine

@@ -6,6 +6,7 @@ namespace revisit::engine {
 namespace {
 
 constexpr int64_t kAlignment = 16;  // floats: one cache line, one AVX-512 register
+constexpr int kBefore = -1;         // all steps
 
 /// Memory of its own or, with a parent, a part of another buffer's.
 struct Buffer {
@@ -33,7 +34,7 @@ class Placer {
   Placement run() {
     // Inputs keep their values over forward passes: nothing else is ever where they are.
     for (const size_t id : schedule_.inputs)
-      add_buffer(id, 0, net_.graph.values[schedule_.stored[id].value].blob);
+      add_buffer(id, kBefore, net_.graph.values[schedule_.stored[id].value].blob);
     n_inputs_ = buffers_.size();
     for (int step = 0; step < end_; ++step) add_step(step);
     return lay_out();
@@ -58,7 +59,7 @@ class Placer {
     result_.new_floats.push_back(joined ? 0 : floats);
     result_.runs.push_back(step.memory != OutputMemory::kViewOfInput && !joined);
     scratch_.push_back(add(name + " (scratch)", step.kernel.scratch_floats, index, index));
-    state_.push_back(add(name + " (state)", step.kernel.state_floats, 0, end_));
+    state_.push_back(add(name + " (state)", step.kernel.state_floats, kBefore, end_));
   }
 
   int add(std::string what, int64_t floats, int first, int last) {
@@ -140,12 +141,13 @@ class Placer {
     if (buffer.parent >= 0 || buffer.floats == 0) return;
     constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
     const auto layer_of = [&](int step) {
-      return step == end_ ? net_.graph.nodes.size() : schedule_.steps[step].layer;
+      return step == kBefore ? 0
+             : step == end_  ? net_.graph.nodes.size()
+                             : schedule_.steps[step].layer;
     };
     result_.unshared_floats += buffer.floats;
     result_.buffers.push_back({buffer.what, offset * kFloat, buffer.floats * kFloat,
-                               buffer.first == 0 ? 0 : layer_of(buffer.first),
-                               layer_of(buffer.last)});
+                               layer_of(buffer.first), layer_of(buffer.last)});
   }
 
   const Net::Impl& net_;

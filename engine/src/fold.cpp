@@ -7,50 +7,54 @@ namespace {
 
 using Doubles = std::vector<double>;
 
-/// Sums over the input channels: of the weights for the picture, of weights times offsets for what
-/// the channels are beyond the picture.
-Doubles fold_gray(const std::vector<float>& offsets, const WeightSize& size, int64_t channels,
-                  const float* weights, Doubles* bias) {
-  Doubles folded(size.c_out * channels * size.taps, 0.0);
+/// Sums of `[c_out][c_in][taps]` over c_in, each channel times its factor.
+Doubles sum_of_channels(const WeightSize& size, const float* weights, const Doubles& factors) {
+  Doubles sums(size.c_out * size.taps, 0.0);
   for (int64_t co = 0; co < size.c_out; ++co)
     for (int64_t ci = 0; ci < size.c_in; ++ci)
-      for (int64_t k = 0; k < size.taps; ++k) {
-        const double weight = weights[(co * size.c_in + ci) * size.taps + k];
-        double* const picture = &folded[co * channels * size.taps];
-        picture[k] += weight;
-        const double constant = weight * offsets[ci];
-        if (channels == 2)
-          picture[size.taps + k] += constant;
-        else
-          (*bias)[co] += constant;
-      }
-  return folded;
+      for (int64_t k = 0; k < size.taps; ++k)
+        sums[co * size.taps + k] += factors[ci] * weights[(co * size.c_in + ci) * size.taps + k];
+  return sums;
+}
+
+/// Multiplies each output channel, `values` being [c_out][...].
+void scale_outputs(const Doubles& factors, Doubles* values) {
+  const size_t run = values->size() / factors.size();
+  for (size_t i = 0; i < values->size(); ++i) (*values)[i] *= factors[i / run];
+}
+
+std::vector<float> rounded(const Doubles& values) {
+  return {values.begin(), values.end()};
 }
 
 }  // namespace
 
-int64_t gray_channels(const Fusion& fusion, bool padded) {
-  if (!fusion.gray_offsets) return 0;
-  const std::vector<float>& offsets = *fusion.gray_offsets;
-  const bool equal = std::all_of(offsets.begin(), offsets.end(), [](float o) { return o == 0; });
-  return padded && !equal ? 2 : 1;
+bool needs_constants(const Fusion& fusion, bool padded) {
+  return padded && fusion.gray_offsets &&
+         std::any_of(fusion.gray_offsets->begin(), fusion.gray_offsets->end(),
+                     [](float offset) { return offset != 0; });
 }
 
-FoldedWeights fold(const Fusion& fusion, const WeightSize& size, int64_t channels,
-                   const float* weights, const float* bias) {
-  Doubles b(size.c_out, 0.0);
+FoldedWeights fold(const Fusion& fusion, const WeightSize& size, bool padded, const float* weights,
+                   const float* bias) {
+  Doubles w(weights, weights + size.c_out * size.c_in * size.taps);
+  Doubles b(size.c_out, 0.0), constants;
   if (bias) std::copy_n(bias, size.c_out, b.begin());
-  Doubles w = channels > 0 ? fold_gray(*fusion.gray_offsets, size, channels, weights, &b)
-                           : Doubles(weights, weights + size.c_out * size.c_in * size.taps);
-  if (fusion.affine) {
-    const auto per_output = static_cast<int64_t>(w.size()) / size.c_out;
-    for (int64_t co = 0; co < size.c_out; ++co) {
-      const double scale = fusion.affine->scale[co];
-      for (int64_t i = 0; i < per_output; ++i) w[co * per_output + i] *= scale;
-      b[co] = b[co] * scale + fusion.affine->shift[co];
+  if (const auto& offsets = fusion.gray_offsets) {
+    w = sum_of_channels(size, weights, Doubles(size.c_in, 1.0));
+    constants = sum_of_channels(size, weights, Doubles(offsets->begin(), offsets->end()));
+    if (!needs_constants(fusion, padded)) {
+      for (size_t i = 0; i < constants.size(); ++i) b[i / size.taps] += constants[i];
+      constants.clear();
     }
   }
-  return {{w.begin(), w.end()}, {b.begin(), b.end()}};
+  if (fusion.affine) {
+    scale_outputs(fusion.affine->scale, &w);
+    scale_outputs(fusion.affine->scale, &constants);
+    for (int64_t co = 0; co < size.c_out; ++co)
+      b[co] = b[co] * fusion.affine->scale[co] + fusion.affine->shift[co];
+  }
+  return {rounded(w), rounded(b), rounded(constants)};
 }
 
 }  // namespace revisit::engine

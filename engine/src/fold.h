@@ -11,18 +11,19 @@ struct WeightSize {
 
 /// Weights and bias of a convolution after the parts of a Fusion that they can take.
 struct FoldedWeights {
-  std::vector<float> weights;  // [c_out][c_in, or the channels of the gray input][taps]
+  std::vector<float> weights;  // [c_out][c_in; one channel of a gray input][taps]
   std::vector<float> bias;     // [c_out]
+  /// What the offsets of a gray input add for each tap inside the image, [c_out][taps]. Empty where
+  /// no tap is ever outside: then the bias has their sum. Padding is 0 in every channel of the
+  /// original, not the offset.
+  std::vector<float> constants;
 };
 
-/// How many channels a gray input must have for a convolution: the picture itself, and where
-/// padding meets channels that differ by a constant, a second one that is 1 inside the image and,
-/// by the padding, 0 outside. There the original sees 0 and not the constant.
-int64_t gray_channels(const Fusion& fusion, bool padded);
+/// Whether padding meets channels of a gray input that are not all the same.
+bool needs_constants(const Fusion& fusion, bool padded);
 
-/// Computed in double precision. `bias` may be null. `channels` is what gray_channels() says, or 0
-/// when the fusion has no gray input.
-FoldedWeights fold(const Fusion& fusion, const WeightSize& size, int64_t channels,
-                   const float* weights, const float* bias);
+/// Computed in double precision. `bias` may be null.
+FoldedWeights fold(const Fusion& fusion, const WeightSize& size, bool padded, const float* weights,
+                   const float* bias);
 
 }  // namespace revisit::engine

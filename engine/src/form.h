@@ -5,6 +5,8 @@
 #include <variant>
 #include <vector>
 
+#include "kernels/blocked/elementwise.h"
+#include "kernels/convolution.h"
 #include "kernels/epilogue.h"
 #include "kernels/lrn.h"
 #include "kernels/pooling.h"
@@ -16,7 +18,7 @@ namespace revisit::engine {
 
 /// Sums of products over the channels of `[n][c][h][w]`, which can take a Fusion.
 struct Convolving {
-  int64_t group = 1;
+  ConvolutionProblem problem;
 };
 
 /// A function of each element.
@@ -30,14 +32,24 @@ struct ChannelAffine {
   std::vector<double> scale, shift;
 };
 
-/// The sum of two inputs of one shape.
-struct Adding {};
+/// Inputs of one shape, element by element.
+struct Combining {
+  BlockedEltwise::Operation operation;
+  std::vector<float> coefficients;  // of a sum, one for each input
+};
 
-using Form = std::variant<std::monostate, Convolving, Activating, ChannelAffine, Adding,
-                          LrnProblem /* across channels */, PoolingProblem /* maximum */>;
+/// Normalisation across channels, then the maximum of windows.
+struct LrnMaxPooling {
+  LrnProblem lrn;
+  PoolingProblem pooling;
+};
 
-/// What a convolution does beside its own sums, in this order: all channels of its input are one
-/// picture (`gray_offsets`), scale and shift, an addend, an activation.
+using Form =
+    std::variant<std::monostate, Convolving, Activating, ChannelAffine, Combining,
+                 LrnProblem /* across channels */, PoolingProblem /* maximum */, LrnMaxPooling>;
+
+/// What an operation does beside what its layer says, in this order. All of it is for convolutions;
+/// ChannelAffine takes scale and shift and activations, Combining activations.
 struct Fusion {
   /// The input holds one channel, x, which stands for channels x + offset.
   std::optional<std::vector<float>> gray_offsets;
@@ -45,6 +57,17 @@ struct Fusion {
   std::vector<size_t> affine_layers;  // that it comes from: indices into Graph::nodes
   bool adds_last_input = false;       // of the shape of the output
   Activating activation;
+  std::optional<LrnProblem> lrn;  // only with pooling
+  std::optional<PoolingProblem> pooling;
 };
+
+/// `next` after `first`.
+inline ChannelAffine composed(ChannelAffine first, const ChannelAffine& next) {
+  for (size_t c = 0; c < first.scale.size(); ++c) {
+    first.scale[c] *= next.scale[c];
+    first.shift[c] = first.shift[c] * next.scale[c] + next.shift[c];
+  }
+  return first;
+}
 
 }  // namespace revisit::engine

@@ -62,7 +62,7 @@ struct Binding {
   bool blocked(size_t input) const {
     return !layouts.empty() && layouts[input] == Layout::kBlocked;
   }
-  Fusion fusion = {};            // only for layers whose form() is Convolving
+  Fusion fusion = {};            // only convolutions look at it, bind_operation() does the rest
   WeightCache* cache = nullptr;  // there when `layouts` are given or something is fused
   std::string cache_key = {};    // names the layer and what is fused into its weights
   /// The net amplifies rounding: kernels that round more than a plain sum are to be avoided.

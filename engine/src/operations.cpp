@@ -1,18 +1,36 @@
 #include "operations.h"
 
+#include <algorithm>
 #include <numeric>
 
 namespace revisit::engine {
+namespace {
 
-Operations operations_of(const Net::Impl& net) {
+bool changes_nothing(const Layer& layer, const Node& node, const std::vector<Shape>& shapes) {
+  return layer.output_memory() == OutputMemory::kViewOfInput &&
+         std::all_of(node.outputs.begin(), node.outputs.end(),
+                     [&](ValueId id) { return shapes[id] == shapes[node.inputs[0]]; });
+}
+
+}  // namespace
+
+Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes) {
   Operations operations;
+  std::vector<ValueId>& held_by = operations.held_by;
+  held_by.resize(net.graph.values.size());
+  std::iota(held_by.begin(), held_by.end(), 0);
   for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
     const Node& node = net.graph.nodes[i];
-    if (net.nodes[i].layer)
-      operations.list.push_back({i, {}, net.nodes[i].layer, node.inputs, node.outputs, {}});
+    const std::shared_ptr<const Layer>& layer = net.nodes[i].layer;
+    if (!layer) continue;
+    if (changes_nothing(*layer, node, shapes)) {
+      for (const ValueId id : node.outputs) held_by[id] = held_by[node.inputs[0]];
+      continue;
+    }
+    Operation operation{i, {}, layer, node.inputs, node.outputs, {}};
+    for (ValueId& id : operation.inputs) id = held_by[id];
+    operations.list.push_back(std::move(operation));
   }
-  operations.held_by.resize(net.graph.values.size());
-  std::iota(operations.held_by.begin(), operations.held_by.end(), 0);
   return operations;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "net_impl.h"
@@ -25,7 +26,8 @@ struct Operations {
   std::optional<ValueId> gray_input;  // has one channel in memory, which stands for all
 };
 
-/// One operation a layer, nothing merged.
-Operations operations_of(const Net::Impl& net);
+/// One operation a layer, nothing merged; layers that change nothing (Dropout, Split) are gone.
+/// `shapes` are those of the net's values.
+Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes);
 
 }  // namespace revisit::engine

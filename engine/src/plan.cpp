@@ -18,13 +18,33 @@ std::vector<Shape> shapes_for(const Net::Impl& net, const std::map<std::string, 
   return infer_shapes(net, input_shapes);
 }
 
+/// Weights belong to the shapes the net was loaded with; a reshape must not change what they are.
+void check_weight_shapes(const Net::Impl& net, const std::vector<Shape>& shapes) {
+  for (size_t n = 0; n < net.nodes.size(); ++n) {
+    const LoadedNode& loaded = net.nodes[n];
+    if (!loaded.layer) continue;
+    std::vector<Shape> inputs;
+    for (const ValueId id : net.graph.nodes[n].inputs) inputs.push_back(shapes[id]);
+    try {
+      const std::vector<Shape> wanted = loaded.layer->weight_shapes(inputs);
+      for (size_t i = 0; i < wanted.size(); ++i)
+        if (wanted[i] != loaded.weights[i].shape)
+          throw InputError(str("with these input shapes weight blob ", i, " would have to be ",
+                               wanted[i], ", it is ", loaded.weights[i].shape,
+                               "; choose another input shape or cut the net before this layer"));
+    } catch (const Error&) {
+      rethrow_at(net.file, net.graph.nodes[n]);
+    }
+  }
+}
+
 Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
                    const PlanOptions& options) {
   // Kept values are read from outside: nothing may be merged across them.
   const bool merge = !options.keep_all && !options.reference_kernels;
-  Operations operations = merge ? fuse(net, shapes) : operations_of(net);
+  Operations operations = operations_of(net, shapes);
   if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
-  return operations;
+  return merge ? fuse(net, shapes, std::move(operations)) : operations;
 }
 
 int64_t count_elements(const std::vector<Tensor>& weights) {
@@ -66,9 +86,9 @@ void count_step(const ScheduledStep& step, bool runs, int64_t new_floats, LayerC
   cost->activation_bytes += new_floats * kFloatBytes;
   cost->packed_weight_bytes += step.kernel.packed_floats * kFloatBytes;
   cost->macs += step.kernel.macs;
-  // A reorder only shows where its layer runs nothing else.
-  if (cost->kernel.empty() || !step.is_reorder)
-    cost->kernel = step.kernel.joins_inputs && !runs ? "in place" : step.kernel.name;
+  const std::string name = step.kernel.joins_inputs && !runs ? "in place" : step.kernel.name;
+  // A reorder only shows where its layer runs nothing else; a view runs nothing.
+  if (cost->kernel.empty() || (!step.is_reorder && !name.empty())) cost->kernel = name;
 }
 
 }  // namespace
@@ -77,6 +97,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   check_threads(options.threads);
   const std::vector<Shape> shapes = shapes_for(*impl_, inputs);
   const std::vector<std::optional<DynamicRows>> rows = dynamic_rows(*impl_, shapes);
+  check_weight_shapes(*impl_, shapes);
   const Operations operations = rewrite(*impl_, shapes, options);
   Schedule schedule = engine::schedule(*impl_, shapes, operations, options);
   const Placement placement = place(*impl_, schedule);

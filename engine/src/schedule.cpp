@@ -3,20 +3,12 @@
 #include <algorithm>
 #include <bit>
 
+#include "bind_operation.h"
 #include "budget.h"
 #include "kernels/blocked/reorder.h"
 
 namespace revisit::engine {
 namespace {
-
-/// Weights belong to the shapes the net was loaded with; a reshape must not change what they are.
-void check_weight_shapes(const std::vector<Shape>& wanted, const std::vector<Tensor>& weights) {
-  for (size_t i = 0; i < wanted.size(); ++i)
-    if (wanted[i] != weights[i].shape)
-      throw InputError(str("with these input shapes weight blob ", i, " would have to be ",
-                           wanted[i], ", it is ", weights[i].shape,
-                           "; choose another input shape or cut the net before this layer"));
-}
 
 Kernel reorder_kernel(const Shape& shape, Layout to, int threads) {
   const BlockedSize size{shape[0], shape[1], shape.product(2, shape.rank()), threads};
@@ -52,10 +44,12 @@ class Scheduler {
   Schedule run() {
     for (const Graph::Output& output : net_.graph.outputs)
       read_outside_[operations_.held_by[output.value]] = true;
-    // Division by a small deviation amplifies what kernels before it rounded.
-    normalises_ =
+    // Division by a small deviation amplifies what kernels before it rounded; so does Softmax, to
+    // which only the differences of large values count.
+    amplifies_rounding_ =
         std::any_of(net_.graph.nodes.begin(), net_.graph.nodes.end(), [](const Node& node) {
-          return node.param.type() == "BatchNorm" || node.param.type() == "MVN";
+          const std::string& type = node.param.type();
+          return type == "BatchNorm" || type == "MVN" || type == "Softmax";
         });
     for (size_t i = 0; i < net_.graph.nodes.size(); ++i)
       if (!net_.nodes[i].layer)
@@ -106,12 +100,9 @@ class Scheduler {
   }
 
   void add(const Operation& operation) {
-    const LoadedNode& loaded = net_.nodes[operation.node];
     std::vector<Shape> inputs, outputs;
     for (const ValueId id : operation.inputs) inputs.push_back(shapes_[id]);
     for (const ValueId id : operation.outputs) outputs.push_back(shapes_[id]);
-    check_weight_shapes(loaded.layer->weight_shapes(inputs), loaded.weights);
-
     ScheduledStep step{operation.node, {}, operation.layer->output_memory(), {}, {}};
     if (step.memory != OutputMemory::kViewOfInput) {
       check_outputs(outputs, options_.max_arena_bytes);
@@ -138,8 +129,8 @@ class Scheduler {
     binding.fusion = operation.fusion;
     binding.cache = &net_.packed_weights;
     binding.cache_key = cache_key(operation);
-    binding.careful = normalises_;
-    return operation.layer->bind(binding);
+    binding.careful = amplifies_rounding_;
+    return bind_operation(*operation.layer, binding);
   }
 
   const Net::Impl& net_;
@@ -149,7 +140,7 @@ class Scheduler {
   Schedule result_;
   std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::plain
   std::vector<bool> read_outside_;              // of each value
-  bool normalises_ = false;                     // by statistics, in any layer
+  bool amplifies_rounding_ = false;             // some layer does
 };
 
 }  // namespace

@@ -13,8 +13,9 @@ namespace revisit::engine {
 
 /// Weights of one layer in the order of one kernel.
 struct PackedWeights {
-  AlignedFloats weights, bias, slopes;
-  int64_t floats() const { return weights.size() + bias.size() + slopes.size(); }
+  AlignedFloats weights, bias;
+  AlignedFloats outside = {};  // BlockedConvolutionArguments::outside
+  int64_t floats() const { return weights.size() + bias.size() + outside.size(); }
 };
 
 /// The packed weights of a net, shared by all its plans and gone when no plan needs them. Safe to

@@ -65,13 +65,15 @@ class Programs:
         return self.build / 'tests' / 'bench' / name
 
     def net(self, name, batch, height, width):
-        """Prototxt and random weights; made once."""
-        stem = self.folder / f'{name}_{batch}x3x{height}x{width}'
-        prototxt, weights = stem.with_suffix('.prototxt'), stem.with_suffix('.caffemodel')
+        """Prototxt and random weights, the same at every size: all layers there are at 224 x 224."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        prototxt = self.folder / f'{name}_{batch}x3x{height}x{width}.prototxt'
+        prototxt.write_text(NETS[name](batch, 3, height, width))
+        weights = self.folder / f'{name}.caffemodel'
         if not weights.exists():
-            self.folder.mkdir(parents=True, exist_ok=True)
-            prototxt.write_text(NETS[name](batch, 3, height, width))
-            run([self.bench('revisit_random_weights'), prototxt, 1, weights])
+            whole = self.folder / f'{name}.prototxt'
+            whole.write_text(NETS[name](1, 3, 224, 224))
+            run([self.bench('revisit_random_weights'), whole, 1, weights])
         return prototxt, weights
 
     def compare(self, case, threads, repeat, extra=()):
@@ -174,7 +176,8 @@ def parse_options():
                         help='build folder (default: build/bench)')
     parser.add_argument('-o', '--output', type=Path,
                         help='folder for results.json and results.md (default: the build folder)')
-    parser.add_argument('--nets', help='regular expression: only these of ' + ', '.join(NETS))
+    parser.add_argument('--nets', default='', help='regular expression of net and size, e.g. "resnet50 224x224": '
+                        'only these of ' + ', '.join(NETS))
     parser.add_argument('--all-sizes', action='store_true',
                         help="every net and input size (default: the paper's three nets)")
     parser.add_argument('--engines', help='of revisit,original,onednn,opencv; revisit first')
@@ -184,7 +187,7 @@ def parse_options():
     options = parser.parse_args()
     options.threads = [int(number) for number in options.threads.split(',')]
     options.cases = [case for case in (CASES if options.all_sizes else PAPER_CASES)
-                     if not options.nets or re.search(options.nets, case[0])]
+                     if re.search(options.nets, f'{case[0]} {case[1]}x{case[2]}')]
     options.build = options.build.absolute()
     options.output = (options.output or options.build).absolute()
     return options

@@ -2,37 +2,21 @@
 // result is that of the reference kernels without any.
 #include <gtest/gtest.h>
 
+#include "expect_error.h"
 #include "net_case.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::engine {
 namespace {
 
+using test::conv;
 using test::expect_as_reference;
+using test::in_place;
 using test::kernel_of;
+using test::layer;
 using test::small_net;
 
 const Shape kData{1, 16, 9, 11};
-
-std::string conv(const std::string& name, const std::string& bottom,
-                 const std::string& param = "num_output: 32 kernel_size: 3 pad: 1") {
-  return "layer { name: '" + name + "' type: 'Convolution' bottom: '" + bottom + "' top: '" + name +
-         "' convolution_param { " + param + " } }\n";
-}
-
-std::string layer(const std::string& name, const std::string& type,
-                  const std::vector<std::string>& bottoms, const std::string& param = "",
-                  std::string top = "") {
-  if (top.empty()) top = name;
-  std::string text = "layer { name: '" + name + "' type: '" + type + "' ";
-  for (const std::string& bottom : bottoms) text += "bottom: '" + bottom + "' ";
-  return text + "top: '" + top + "' " + param + " }\n";
-}
-
-std::string in_place(const std::string& name, const std::string& type, const std::string& blob,
-                     const std::string& param = "") {
-  return layer(name, type, {blob}, param, blob);
-}
 
 struct Activation {
   const char *name, *type, *param;
@@ -71,7 +55,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Fuse, NotAcrossAValueThatIsReadTwice) {
   const Net net = small_net(
       kData, conv("c", "data") + layer("a", "ReLU", {"c"}) + layer("both", "Concat", {"c", "a"}));
-  EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "relu");
+  EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "activation");
 }
 
 TEST(Fuse, NotAcrossAValueThatIsAnOutput) {
@@ -91,7 +75,7 @@ TEST(Fuse, OnlyOneActivationAndNoScaleAfterIt) {
                                        in_place("b", "ELU", "c") + in_place("s", "Scale", "c"));
   const Plan plan = expect_as_reference(net);
   EXPECT_EQ(kernel_of(plan, "a"), "in c");
-  EXPECT_EQ(kernel_of(plan, "b"), "elu");
+  EXPECT_EQ(kernel_of(plan, "b"), "activation");
   EXPECT_EQ(kernel_of(plan, "s"), "scale");
 }
 
@@ -135,6 +119,58 @@ TEST(FusedAffine, OnlyWhatIsOneNumberAChannel) {
   EXPECT_EQ(kernel_of(plan, "rows"), "scale");
   EXPECT_EQ(kernel_of(plan, "given"), "scale");
   EXPECT_EQ(kernel_of(plan, "batch"), "batch-norm-of-batch");
+}
+
+TEST(FusedAffine, WeightsOfOtherShapesAreRefusedFirst) {
+  const Net net =
+      small_net(kData, layer("bn", "BatchNorm", {"data"}) + in_place("s", "Scale", "bn"));
+  test::expect_error<InputError>(
+      [&] {
+        net.plan({{"data", Shape{1, 24, 9, 11}}});
+      },
+      {"'bn'", "blob 0", "24"});
+}
+
+TEST(FusedAffine, WithoutAConvolutionIntoOneAnother) {
+  // As before the convolutions of a DenseNet; blocked, and plain where nothing is blocked yet.
+  for (const bool blocked : {true, false}) {
+    const Net net = small_net(
+        {2, 16, 9, 11}, (blocked ? conv("c", "data") : layer("c", "TanH", {"data"})) +
+                            layer("bn", "BatchNorm", {"c"}) +
+                            in_place("s", "Scale", "bn", "scale_param { bias_term: true }") +
+                            in_place("a", "PReLU", "bn") + layer("both", "Concat", {"bn", "c"}));
+    const Plan plan = expect_as_reference(net);
+    EXPECT_EQ(kernel_of(plan, "bn"), blocked ? "scale" : "batch-norm");
+    EXPECT_EQ(kernel_of(plan, "s"), "in bn");
+    EXPECT_EQ(kernel_of(plan, "a"), "in bn");
+  }
+}
+
+TEST(FusedSum, TakesTheActivationAfterIt) {
+  for (const bool blocked : {true, false}) {
+    const std::string two = blocked ? conv("x", "data") + conv("y", "data")
+                                    : layer("x", "TanH", {"data"}) + layer("y", "Exp", {"data"});
+    const Net net = small_net(
+        kData, two + layer("m", "Eltwise", {"x", "y"}, "eltwise_param { operation: MAX }") +
+                   in_place("a", "ELU", "m") +
+                   layer("p", "Eltwise", {"m", "x"}, "eltwise_param { operation: PROD }") +
+                   in_place("b", "PReLU", "p") +
+                   layer("s", "Eltwise", {"p", "y"}, "eltwise_param { coeff: 0.5 coeff: -2 }") +
+                   in_place("c", "ReLU", "s"));
+    const Plan plan = expect_as_reference(net);
+    EXPECT_EQ(kernel_of(plan, "a"), "in m");
+    EXPECT_EQ(kernel_of(plan, "b"), "in p");
+    EXPECT_EQ(kernel_of(plan, "c"), "in s");
+  }
+}
+
+TEST(FusedSum, OfValuesThatAreNoImages) {
+  for (const Shape& shape : {Shape{7}, Shape{3, 5}, Shape{2, 3, 4}}) {
+    const Net net =
+        small_net(shape, layer("t", "TanH", {"data"}) + layer("s", "Eltwise", {"data", "t"}) +
+                             in_place("r", "ReLU", "s"));
+    EXPECT_EQ(kernel_of(expect_as_reference(net), "r"), "in s");
+  }
 }
 
 TEST(FusedSum, IsDoneByTheLaterConvolution) {
@@ -203,6 +239,34 @@ TEST(FusedLrn, WithTheMaximumPoolingAfterIt) {
   EXPECT_EQ(kernel(layer("n", "LRN", {"c"}, "lrn_param { norm_region: WITHIN_CHANNEL }") +
                    layer("p", "Pooling", {"n"}, pool)),
             "max-pool");
+}
+
+TEST(FusedFirstConvolution, WithNormalisationAndPooling) {
+  const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
+  const std::string pool = "pooling_param { kernel_size: 3 stride: 2 }";
+  for (const int64_t n : {1, 2}) {
+    const Shape data{n, 3, 21, 33};
+    const std::string first = conv("c", "data", "num_output: 24 kernel_size: 5 stride: 2 pad: 1") +
+                              in_place("a", "PReLU", "c");
+    const Plan both =
+        expect_as_reference(small_net(data, first + norm + layer("p", "Pooling", {"n"}, pool)));
+    for (const char* name : {"a", "n", "p"}) EXPECT_EQ(kernel_of(both, name), "in c");
+    const Plan pooled = expect_as_reference(
+        small_net(data, first + layer("p", "Pooling", {"c"}, pool) + conv("next", "p")));
+    for (const char* name : {"a", "p"}) EXPECT_EQ(kernel_of(pooled, name), "in c");
+    const Plan normed = expect_as_reference(small_net(data, first + norm));
+    EXPECT_EQ(kernel_of(normed, "n"), "lrn-across");
+    // Somebody else reads c, or c is no first convolution, or the input has too many channels.
+    const Plan twice = expect_as_reference(
+        small_net(data, first + layer("p", "Pooling", {"c"}, pool) + layer("q", "TanH", {"c"})));
+    EXPECT_EQ(kernel_of(twice, "p"), "max-pool");
+    const Plan second = expect_as_reference(
+        small_net(data, first + conv("d", "c") + layer("p", "Pooling", {"d"}, pool)));
+    EXPECT_EQ(kernel_of(second, "p"), "max-pool");
+    const Plan wide =
+        expect_as_reference(small_net({n, 16, 21, 33}, first + layer("p", "Pooling", {"c"}, pool)));
+    EXPECT_EQ(kernel_of(wide, "p"), "max-pool");
+  }
 }
 
 }  // namespace

@@ -166,5 +166,16 @@ TEST(TrainedModels, OfEarlyCaffe) {
   }
 }
 
+/// Plans as they are used, everything merged: `net verify` keeps every layer, which merges nothing.
+TEST(SlimNets, MergedPlansGiveWhatTheReferenceGives) {
+  REVISIT_NEED_SHARED(slim, "golden/slim");
+  for (const auto& entry : fs::directory_iterator(slim)) {
+    if (!entry.is_directory()) continue;
+    SCOPED_TRACE(entry.path().filename());
+    test::expect_as_reference(
+        Net::load(entry.path() / "deploy.prototxt", entry.path() / "weights.caffemodel"));
+  }
+}
+
 }  // namespace
 }  // namespace revisit::engine

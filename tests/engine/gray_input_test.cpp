@@ -4,6 +4,7 @@
 #include "compare.h"
 #include "expect_error.h"
 #include "net_case.h"
+#include "simd_targets.h"
 
 namespace revisit::engine {
 namespace {
@@ -34,22 +35,40 @@ struct Case {
 class GrayInput : public testing::TestWithParam<Case> {};
 
 TEST_P(GrayInput, GivesWhatThreeChannelsGive) {
-  for (const int64_t n : {1, 2}) {
-    const Net net = small_net(
-        {n, 3, 13, 17}, std::string("layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' "
-                                    "convolution_param { ") +
-                            GetParam().convolution +
-                            " } } layer { name: 'a' type: 'ReLU' bottom: 'c' top: 'c' }");
-    const std::vector<float> wanted = run(net, {.reference_kernels = true});
-    const std::vector<float> offsets{0.5F, -2, 3};
-    for (const bool reference : {false, true}) {
-      PlanOptions options{.reference_kernels = reference, .gray_offsets = offsets};
-      EXPECT_EQ(net.plan({}, options).inputs()[0].shape, (Shape{n, 1, 13, 17}));
-      EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
-      options.keep_all = true;
-      EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
+  test::for_each_simd_target([] {
+    for (const int64_t n : {1, 2}) {
+      const Net net =
+          small_net({n, 3, 13, 17},
+                    std::string("layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' "
+                                "convolution_param { ") +
+                        GetParam().convolution +
+                        " } } layer { name: 'a' type: 'ReLU' bottom: 'c' top: 'c' }");
+      const std::vector<float> wanted = run(net, {.reference_kernels = true});
+      const std::vector<float> offsets{0.5F, -2, 3};
+      for (const bool reference : {false, true}) {
+        PlanOptions options{.reference_kernels = reference, .gray_offsets = offsets};
+        EXPECT_EQ(net.plan({}, options).inputs()[0].shape, (Shape{n, 1, 13, 17}));
+        EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
+        options.keep_all = true;
+        EXPECT_LE(test::relative_error(run(net, options), wanted), 1e-5);
+      }
     }
-  }
+  });
+}
+
+TEST(GrayInputOptions, ExactWithScaleAndPoolingBehind) {
+  const Net net = small_net(
+      {1, 3, 23, 31},
+      test::conv("c", "data", "num_output: 32 kernel_size: 5 stride: 2 pad: 2") +
+          test::in_place("b", "BatchNorm", "c") + test::in_place("s", "Scale", "c") +
+          test::in_place("a", "ReLU", "c") +
+          test::layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 3 stride: 2 }"));
+  EXPECT_TRUE(net.takes_gray_input());
+  const PlanOptions gray{.gray_offsets = std::vector<float>{0.5F, -2, 3}};
+  const Plan plan = net.plan({}, gray);
+  for (const char* name : {"b", "s", "a", "p"}) EXPECT_EQ(test::kernel_of(plan, name), "in c");
+  EXPECT_EQ(plan.layers()[1].macs, net.plan().layers()[1].macs) << "those of the file";
+  EXPECT_LE(test::relative_error(run(net, gray), run(net, {.reference_kernels = true})), 1e-5);
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -74,7 +93,11 @@ TEST(GrayInputOptions, OnlyWhereConvolutionsReadTheInput) {
   const std::string conv =
       "layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' convolution_param { "
       "num_output: 3 kernel_size: 1 ";
-  expect_error<UsageError>([&] { plan(conv + "} }", {0, 0}); }, {"each channel", "found 2"});
+  expect_error<UsageError>(
+      [&] {
+        plan(conv + "} }", {0, 0});
+      },
+      {"each of the 3 channels", "found 2"});
   expect_error<UsageError>(
       [&] {
         plan(conv + "group: 3 } }", {0, 0, 0});

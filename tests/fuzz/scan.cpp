@@ -1,7 +1,14 @@
-// A scan, and the range image of it. The first byte tells the format, as it does in files: 'p'
-// begins a PLY, '#' or one of the header's words a PCD; all else is KITTI's .bin.
+// A scan, its range image, and the features of its points. The first byte tells the format, as it
+// does in files: 'p' begins a PLY, '#' or one of the header's words a PCD; all else is KITTI's
+// .bin.
+#include <cmath>
+#include <span>
+
 #include "fuzz.h"
 #include "revisit/pipeline/describe.h"
+#include "revisit/pipeline/m2dp.h"
+#include "revisit/pipeline/pcl_features.h"
+#include "revisit/pipeline/scan_context.h"
 #include "revisit/pipeline/scan_file.h"
 
 namespace revisit::fuzz {
@@ -22,6 +29,21 @@ void make_images(const pipeline::PointCloud& cloud) {
     works_or_refuses([&] { pipeline::scan_to_image(cloud, mode, geometry); });
 }
 
+void make_features(const pipeline::PointCloud& cloud) {
+  using namespace pipeline;
+  FeatureExtractor (*const makers[])() = {
+      [] { return scan_context_features(); }, [] { return m2dp_features(); },
+      [] { return vfh_features(); }, [] { return grsd_features(); }, [] { return esf_features(); }};
+  const bool with_esf = cloud.points.size() % 8 == 0;  // it takes 20 ms whatever the scan
+  for (const auto& make : std::span(makers).first(with_esf ? 5 : 4))
+    works_or_refuses([&] {
+      const FeatureExtractor extractor = make();  // refuses in a build without PCL
+      std::vector<float> feature(static_cast<size_t>(extractor.dim));
+      std::get<FeatureMaker<PointCloud>>(extractor.make)()(cloud, feature);
+      for (const float value : feature) require(std::isfinite(value), "features are finite");
+    });
+}
+
 }  // namespace
 }  // namespace revisit::fuzz
 
@@ -33,6 +55,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const pipeline::PointCloud cloud = pipeline::read_scan(file.path());
     fuzz::require(!cloud.points.empty(), "a scan that is read has points");
     fuzz::make_images(cloud);
+    fuzz::make_features(cloud);
   });
   return 0;
 }

@@ -199,5 +199,53 @@ TEST(RealDataset, TwelveScansOfSequence00) {
   EXPECT_NO_THROW(find_kitti_poses(root, "03"));
 }
 
+TEST(PlacesDataset, AFolderPerPlace) {
+  const TempDir dir;
+  const fs::path root = dir / "campus";
+  for (const char* const file : {"place_10/0.bin", "place_2/b.pcd", "place_2/a.PLY", "hall/7.bin",
+                                 "hall/3.bin", ".git/0.bin", "notes/readme.txt"})
+    write_file(root / file, "0123456789abcdef");
+  const Dataset dataset = open_dataset(root, "");
+  EXPECT_EQ(dataset.name, "campus");
+  EXPECT_EQ(dataset.sequence, "");
+  EXPECT_TRUE(dataset.has_places());
+  EXPECT_FALSE(dataset.has_poses());
+  EXPECT_EQ(frames(dataset), (std::vector<int>{0, 1, 2, 3, 4})) << "counted through all places";
+  const std::vector<std::pair<std::string, std::string>> expected = {{"hall", "3.bin"},
+                                                                     {"hall", "7.bin"},
+                                                                     {"place_2", "a.PLY"},
+                                                                     {"place_2", "b.pcd"},
+                                                                     {"place_10", "0.bin"}};
+  ASSERT_EQ(dataset.scans.size(), expected.size());
+  for (size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_EQ(dataset.scans[i].place, expected[i].first);
+    EXPECT_EQ(dataset.scans[i].file, root / expected[i].first / expected[i].second);
+  }
+  EXPECT_HAS(complaint([&] { open_dataset(root, "", {.poses = true}); }),
+             "no poses, which this needs");
+  EXPECT_HAS(complaint([&] { open_dataset(root, "", {.calibration = true}); }),
+             "a folder per place has none");
+  EXPECT_FALSE(open_dataset(root / "hall", "").has_places()) << "one place alone is a plain folder";
+  // Scans in the folder itself: a plain folder, whatever lies beside them.
+  write_file(root / "0.bin", "0123456789abcdef");
+  EXPECT_EQ(open_dataset(root, "").scans.size(), 1U);
+}
+
+TEST(PlacesDataset, SetsOfPlacesBesideEachOther) {
+  const TempDir dir;
+  const fs::path root = dir / "hkust";
+  write_file(root / "rotation/place_1/0.bin", "0123456789abcdef");
+  EXPECT_EQ(open_dataset(root, "").sequence, "rotation") << "the only one";
+  write_file(root / "objects/place_1/0.bin", "0123456789abcdef");
+  write_file(root / "objects/place_2/0.bin", "0123456789abcdef");
+  const Dataset dataset = open_dataset(root, "objects");
+  EXPECT_EQ(dataset.name, "hkust");
+  EXPECT_EQ(dataset.sequence, "objects");
+  EXPECT_EQ(dataset.scans.size(), 2U);
+  EXPECT_EQ(open_dataset(root / "objects", "").scans.size(), 2U);
+  EXPECT_HAS(complaint([&] { open_dataset(root, ""); }), "objects, rotation");
+  EXPECT_HAS(complaint([&] { open_dataset(root, "rotations"); }), "did you mean 'rotation'");
+}
+
 }  // namespace
 }  // namespace revisit::pipeline

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <random>
+
 #include "expect_error.h"
 #include "revisit/pipeline/feature_file.h"
 #include "revisit/pipeline/scan_file.h"
@@ -51,6 +54,35 @@ TEST_F(DescribeTest, NetworkSeesTheGrayImageMinusTheMeans) {
   EXPECT_EQ(feature[0], 9);
   EXPECT_EQ(feature[64], 8);
   EXPECT_EQ(feature[128], 7);
+}
+
+TEST_F(DescribeTest, OneChannelStandsForAllBeforeAConvolution) {
+  test::write_file(dir_ / "net.prototxt", R"(
+    layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 3 dim: 16 dim: 64 } } }
+    layer { name: "conv" type: "Convolution" bottom: "data" top: "conv"
+            convolution_param { num_output: 5 kernel_size: 3 pad: 1 stride: 2 } })");
+  const engine::Net net = engine::Net::load_with_random_weights(dir_ / "net.prototxt", 3, {});
+  std::mt19937 random(1);
+  RangeImage image{64, 16, std::vector<float>(64 * 16)};
+  for (float& pixel : image.pixels) pixel = static_cast<float>(random() % 256);
+  const std::array<double, 3> mean = {104, 117, 123};
+
+  // The slow twin: three channels, each minus its mean, in the reference kernels.
+  engine::Run run(net.plan({}, {.reference_kernels = true}));
+  float* channel = run.input("data").data;
+  for (const double m : mean)
+    for (const float pixel : image.pixels) *channel++ = pixel - static_cast<float>(m);
+  run.forward();
+  const auto expected = run.output("conv").values();
+
+  for (const int threads : {1, 2}) {
+    const FeatureExtractor features =
+        network_features(net, "test", mean, options_.geometry, threads);
+    ASSERT_EQ(features.dim, static_cast<int64_t>(expected.size()));
+    std::vector<float> feature(expected.size());
+    std::get<FeatureMaker<RangeImage>>(features.make)()(image, feature);
+    for (size_t i = 0; i < feature.size(); ++i) ASSERT_NEAR(feature[i], expected[i], 1e-3) << i;
+  }
 }
 
 TEST_F(DescribeTest, DataIsTheImageItself) {
@@ -116,6 +148,44 @@ TEST_F(DescribeTest, OtherSettingsAreOtherFiles) {
   options_.align = AlignMode::kCase1;
   options_.geometry.max_range = 60;
   EXPECT_NE(paths("x").features, case1.features);
+}
+
+TEST_F(DescribeTest, APointFeatureSeesTheAlignedPoints) {
+  FeatureExtractor first;
+  first.name = first.key = "first point";
+  first.dim = 3;
+  first.make = []() -> FeatureFunction<PointCloud> {
+    return [](const PointCloud& cloud, std::span<float> feature) {
+      const Point& p = cloud.points.at(0);
+      std::ranges::copy(std::initializer_list<float>{p.x, p.y, p.z}, feature.begin());
+    };
+  };
+  const PointCloud cloud = read_scan(dataset_.scans[3].file);
+  for (const AlignMode align : {AlignMode::kNone, AlignMode::kCase2}) {
+    options_.align = align;
+    std::filesystem::create_directories(dir_ / "points");
+    const FeaturePaths paths = feature_paths(dir_ / "points", dataset_, first, options_);
+    const DescribeTimes times = write_features(paths, dataset_, first, options_);
+    EXPECT_EQ(times.processor.size(), 12U);
+    const PointCloud seen =
+        align == AlignMode::kNone
+            ? cloud
+            : rotated(cloud, principal_alignment(cloud, AlignCase::kTwo).R_aligned_sensor);
+    EXPECT_EQ(FeatureFile(paths.features).row(3)[0], seen.points[0].x);
+    EXPECT_EQ(FeatureFile(paths.features).row(3)[1], seen.points[0].y);
+  }
+}
+
+TEST_F(DescribeTest, AScanThatAFeatureRefusesIsNamed) {
+  FeatureExtractor refusing;
+  refusing.name = refusing.key = "refusing";
+  refusing.dim = 1;
+  refusing.make = []() -> FeatureFunction<PointCloud> {
+    return [](const PointCloud&, std::span<float>) { throw InputError("nothing to see"); };
+  };
+  const FeaturePaths paths = feature_paths(dir_.path(), dataset_, refusing, options_);
+  expect_error<InputError>([&] { write_features(paths, dataset_, refusing, options_); },
+                           {"000000.bin", "nothing to see"});
 }
 
 TEST_F(DescribeTest, ABadScanIsNamed) {

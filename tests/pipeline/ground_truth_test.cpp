@@ -29,9 +29,35 @@ TEST(GroundTruth, DistancesByHand) {
 }
 
 TEST(GroundTruth, RadiusIsStrict) {
-  EXPECT_FALSE(is_true_match({0, 0, 0}, {3, 0, 0}, {Distance::kBox, 3}));
-  EXPECT_TRUE(is_true_match({0, 0, 0}, {std::nextafter(3.0, 0.0), 2.9, -2.9}, {Distance::kBox, 3}));
-  EXPECT_FALSE(is_true_match({0, 0, 0}, {0, 0, -5}, {Distance::kXz, 5}));
+  EXPECT_FALSE((TrueMatchRule{Distance::kBox, 3}).is_true(3));
+  EXPECT_TRUE((TrueMatchRule{Distance::kBox, 3}).is_true(std::nextafter(3.0, 0.0)));
+}
+
+TEST(GroundTruth, BetweenRadiusAndFalseBeyondItIsNeither) {
+  const TrueMatchRule rule{Distance::kXz, 3, 20};
+  const auto at = [&](double x) { return std::pair(rule.is_true(x), rule.is_false(x)); };
+  EXPECT_EQ(at(2.9), std::pair(true, false));
+  EXPECT_EQ(at(3), std::pair(false, false));
+  EXPECT_EQ(at(20), std::pair(false, false));
+  EXPECT_EQ(at(20.1), std::pair(false, true));
+  EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5}).is_false(5));  // what is not true
+  EXPECT_TRUE((TrueMatchRule{Distance::kXz, 5, 4}).is_false(5));
+  EXPECT_FALSE((TrueMatchRule{Distance::kXz, 5, 4}).is_false(4.9));
+}
+
+TEST(GroundTruth, NamedPlacesAreNearOrInfinitelyFar) {
+  Trajectory set;
+  set.frames = {0, 1, 2};
+  set.places = {"library", "gate", "library"};
+  EXPECT_EQ(distance_between(set, 0, 2, Distance::kPlace), 0);
+  EXPECT_EQ(distance_between(set, 0, 1, Distance::kPlace), HUGE_VAL);
+  const LoopTruth truth = find_loops(set, {Distance::kPlace, 1}, parse_exclusion("none"));
+  ASSERT_EQ(truth.pairs.size(), 1u);
+  EXPECT_EQ(truth.pairs[0].query, 2);
+  EXPECT_THROW(find_loops(set, {Distance::kXz, 5}, parse_exclusion("none")), UsageError);
+  EXPECT_THROW(find_loops(along_x({0, 1}), {Distance::kPlace, 1}, {}), UsageError);
+  EXPECT_EQ(parse_distance("place"), Distance::kPlace);
+  EXPECT_STREQ(name_of(Distance::kPlace), "place");
 }
 
 TEST(GroundTruth, ParsesExclusions) {

@@ -67,6 +67,24 @@ TEST(Poses, RefusesWithFileAndLine) {
   EXPECT_THROW(read_kitti_poses("/nowhere/poses.txt"), InputError);
 }
 
+TEST(Calibration, ProjectionsByName) {
+  const TempDir dir;
+  write_file(dir / "calib.txt",
+             "P0: 7 0 6 0 0 8 2 0 0 0 1 0\r\nP1: 7 0 6 -3 0 7 2 0 0 0 1 0\n" + kIdentity);
+  Eigen::Matrix<double, 3, 4> P1;
+  P1 << 7, 0, 6, -3, 0, 7, 2, 0, 0, 0, 1, 0;
+  EXPECT_EQ(read_kitti_projection(dir / "calib.txt", "P1"), P1);
+  EXPECT_EQ(read_kitti_projection(dir / "calib.txt", "P0")(1, 1), 8);
+  const auto read_P0 = [](const std::filesystem::path& file) {
+    return read_kitti_projection(file, "P0");
+  };
+  EXPECT_HAS(complaint(read_P0, "Tr: 1\n"), "no line 'P0:' (projection of a camera); found Tr");
+  EXPECT_HAS(complaint(read_P0, "P0: 7 0 6 0 0 8 2 0 0 0 1\n"), ":1: expected the 12");
+  for (const char* const bad : {"-7 0 6 0 0 8 2 0 0 0 1 0", "7 0 6 0 0 0 2 0 0 0 1 0",
+                                "7 0 6 0 0 8 2 0 0 1 0 0", "7 0 6 0 0 8 2 0 0 0 2 0"})
+    EXPECT_HAS(complaint(read_P0, str("P0: ", bad, "\n")), ":1: expected a projection");
+}
+
 TEST(Calibration, TrUnderBothNames) {
   const TempDir dir;
   for (const char* const key : {"Tr", "Tr_velo_to_cam"}) {

@@ -6,6 +6,7 @@
 #include <random>
 #include <set>
 
+#include "decision_cases.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
 
@@ -140,7 +141,122 @@ TEST(PrecisionRecall, AgreesWithTheSlowTwin) {
   }
 }
 
+TEST(PrecisionRecall, AgreesWithScikitLearn) {
+  const auto cases = test::decision_cases();
+  ASSERT_EQ(cases.size(), 7u);
+  for (const auto& [name, one] : cases) {
+    SCOPED_TRACE(name);
+    std::vector<Verdict> verdicts;
+    for (const auto& [score, label] : one.decisions) verdicts.push_back({score, label, label});
+    const std::vector<PrPoint> curve = precision_recall(verdicts);
+    ASSERT_EQ(curve.size(), one.curve.size());
+    for (size_t i = 0; i < curve.size(); ++i) {
+      EXPECT_EQ(curve[i].threshold, one.curve[i].threshold);
+      EXPECT_DOUBLE_EQ(curve[i].precision, one.curve[i].precision);
+      EXPECT_DOUBLE_EQ(curve[i].recall, one.curve[i].recall);
+    }
+    const PrSummary s = summarize(verdicts);
+    EXPECT_NEAR(s.average_precision, one.average_precision, 1e-12);
+    EXPECT_NEAR(s.f1_max, one.f1_max, 1e-12);
+    EXPECT_NEAR(s.max_recall_at_precision_1, one.max_recall_at_precision_1, 1e-12);
+    EXPECT_NEAR(s.extended_precision, one.extended_precision, 1e-12);
+
+    // Half of the positives are accepted with a wrong match: scikit-learn counts recall over what
+    // is found, we count it over all positives.
+    int64_t n_found = 0, n_positives = 0;
+    for (const Verdict& v : verdicts) n_found += v.correct;
+    for (size_t i = 0; i < verdicts.size(); ++i) {
+      verdicts[i].positive |= i % 2 == 0;
+      n_positives += verdicts[i].positive;
+    }
+    EXPECT_NEAR(
+        summarize(verdicts).average_precision,
+        one.average_precision * static_cast<double>(n_found) / static_cast<double>(n_positives),
+        1e-12);
+  }
+}
+
+// The best match of the first and of the fourth query is neither right nor wrong; the third accepts
+// a wrong match though there is a true one.
+const std::vector<Verdict> kOnlyRejectedMissed = {
+    {0.9, false, true, true},  {0.8, true, true, false}, {0.7, false, true, false},
+    {0.6, false, false, true}, {0.5, true, true, false}, {0.4, false, false, false}};
+
+TEST(PrecisionRecall, OnlyRejectedPositivesMissedByHand) {
+  const std::vector<PrPoint> curve = precision_recall(kOnlyRejectedMissed, Missed::kRejected);
+  ASSERT_EQ(curve.size(), 6u);
+  // tp, fp, fn (the rejected of the 4 positives), tn
+  const int64_t expected[6][4] = {{0, 0, 3, 2}, {1, 0, 2, 2}, {1, 1, 1, 2},
+                                  {1, 1, 1, 1}, {2, 1, 0, 1}, {2, 2, 0, 0}};
+  for (size_t i = 0; i < 6; ++i) {
+    EXPECT_EQ(curve[i].tp, expected[i][0]) << i;
+    EXPECT_EQ(curve[i].fp, expected[i][1]) << i;
+    EXPECT_EQ(curve[i].fn, expected[i][2]) << i;
+    EXPECT_EQ(curve[i].tn, expected[i][3]) << i;
+  }
+  EXPECT_TRUE(std::isnan(curve[0].precision));  // nothing that counts is accepted
+  EXPECT_EQ(curve[0].recall, 0);
+  EXPECT_EQ(curve[0].f1, 0);
+
+  const PrSummary s = summarize(kOnlyRejectedMissed, Missed::kRejected);
+  EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / 5);  // at 0.5: 2 tp 4, fp 1, fn 0
+  EXPECT_EQ(s.f1_max_threshold, 0.5);
+  // Recall 1/3 at precision 1, then 1/2 at 1/2, then 1 at 2/3.
+  EXPECT_DOUBLE_EQ(s.average_precision,
+                   1.0 / 3 + (1.0 / 2 - 1.0 / 3) / 2 + (1 - 1.0 / 2) * 2.0 / 3);
+  EXPECT_DOUBLE_EQ(s.recall_at_1, 2.0 / 4);  // over all positives all the same
+  EXPECT_DOUBLE_EQ(s.max_recall_at_precision_1, 1.0 / 3);
+  EXPECT_DOUBLE_EQ(s.extended_precision, (1 + 1.0 / 3) / 2);
+}
+
+TEST(PrecisionRecall, IgnoredMatchesAreNoFalsePositives) {
+  // The same with every miss counted: fn = 4 - tp throughout.
+  const PrSummary s = summarize(kOnlyRejectedMissed);
+  EXPECT_DOUBLE_EQ(s.f1_max, 4.0 / (4 + 1 + 2));
+  EXPECT_DOUBLE_EQ(s.average_precision, 1.0 / 4 + 1.0 / 4 * 2 / 3);
+  const std::vector<Verdict> nothing_counts = {{0.9, false, true, true}, {0.8, false, true, true}};
+  for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
+    const PrSummary none = summarize(nothing_counts, missed);
+    EXPECT_EQ(none.f1_max, 0);
+    EXPECT_EQ(none.average_precision, 0);
+    EXPECT_TRUE(std::isnan(none.f1_max_threshold));
+  }
+}
+
+TEST(PrecisionRecall, SummaryIsThatOfTheCurve) {
+  // The curve and the summary count for themselves; ties, ignored matches, both kinds of misses.
+  for (unsigned seed = 0; seed < 200; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    std::vector<Verdict> verdicts(1 + random() % 80);
+    for (Verdict& v : verdicts) {
+      v.positive = random() % 2;
+      v.correct = v.positive && random() % 3;
+      v.ignored = !v.correct && random() % 3 == 0;
+      v.score = static_cast<double>(random() % 20) / 7;
+    }
+    verdicts[0].positive = true;
+    for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
+      double average = 0, f1_max = 0, last = 0, at_full = 0, first = std::nan("");
+      for (const PrPoint& p : precision_recall(verdicts, missed)) {
+        f1_max = std::max(f1_max, p.f1);
+        if (p.fp == 0) at_full = p.recall;
+        if (std::isnan(p.precision)) continue;
+        if (std::isnan(first)) first = p.precision;
+        average += (p.recall - last) * p.precision;
+        last = p.recall;
+      }
+      const PrSummary s = summarize(verdicts, missed);
+      EXPECT_NEAR(s.average_precision, average, 1e-12);
+      EXPECT_NEAR(s.f1_max, f1_max, 1e-12);
+      EXPECT_EQ(s.max_recall_at_precision_1, at_full);
+      EXPECT_NEAR(s.extended_precision, ((std::isnan(first) ? 0 : first) + at_full) / 2, 1e-12);
+    }
+  }
+}
+
 TEST(PrecisionRecall, RefusesContradictions) {
+  EXPECT_THROW(precision_recall({{1, true, true, true}}), Error);
   EXPECT_THROW(precision_recall({{1, true, false}}), Error);
   EXPECT_THROW(precision_recall({{std::nan(""), true, true}}), Error);
 }
@@ -166,6 +282,10 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
   EXPECT_TRUE(verdicts[1].positive);
   EXPECT_FALSE(verdicts[2].positive);
   EXPECT_FALSE(verdicts[3].positive);  // scan 0 is near, but not a candidate of scan 5
+  // A false match must be farther than 99.5 m: those of scans 2 (99 m) and 5 (98 m) are neither.
+  const std::vector<Verdict> tolerant = judge(matches, task, drive, {Distance::kXz, 5, 99.5});
+  for (size_t i = 0; i < 4; ++i) EXPECT_EQ(tolerant[i].ignored, i == 0 || i == 3) << i;
+  for (const Verdict& verdict : verdicts) EXPECT_FALSE(verdict.ignored);
   matches.pop_back();
   EXPECT_THROW(judge(matches, task, drive, {}), Error);
   EXPECT_THROW(judge(matches, task, Trajectory{}, {}), UsageError);

@@ -15,6 +15,7 @@
 #include "../../pipeline/src/simulation/ray_caster.h"
 #include "../../pipeline/src/simulation/traffic.h"
 #include "../../pipeline/src/simulation/world.h"
+#include "revisit/pipeline/align.h"
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
@@ -110,7 +111,8 @@ TEST(RayCaster, AgreesWithTestingEveryTriangle) {
   const Scene scene(std::move(still));
   RayCaster caster(scene);
   std::vector<Hit> hits(directions.size());
-  caster.cast(moving, origin, directions, 100, hits);
+  caster.place(moving);
+  caster.cast(origin, directions, 100, hits);
   int met = 0, edges = 0;
   for (size_t i = 0; i < directions.size(); ++i) {
     const double expected = nearest_triangle(both, origin, directions[i]);
@@ -118,9 +120,50 @@ TEST(RayCaster, AgreesWithTestingEveryTriangle) {
                                            : static_cast<double>(hits[i].range);
     if (std::isfinite(expected)) ++met;
     if (expected != found && !(std::abs(expected - found) < 1e-3)) ++edges;
+    if (hits[i].range < 0) continue;
+    const auto& t = hits[i].mesh->triangles[hits[i].triangle];
+    const auto& v = hits[i].mesh->vertices;
+    const Vec3 point = v[t[0]] + hits[i].u * (v[t[1]] - v[t[0]]) + hits[i].v * (v[t[2]] - v[t[0]]);
+    EXPECT_LT((point - origin - hits[i].range * directions[i]).norm(), 1e-3f) << i;
   }
   EXPECT_GT(met, 200);
   EXPECT_LE(edges, 2) << "a ray along an edge may pass on either side";
+}
+
+TEST(RayCaster, SaysWhatIsObstructedAsTestingEveryTriangleDoes) {
+  Random random(6);
+  const auto coordinate = [&](double reach) {
+    return static_cast<float>(random.uniform(-reach, reach));
+  };
+  Mesh still, moving;
+  for (int i = 0; i < 200; ++i) {
+    Vec3 corner[3];
+    const Vec3 center(coordinate(20), coordinate(20), coordinate(20));
+    for (Vec3& c : corner) c = center + Vec3(coordinate(8), coordinate(8), coordinate(8));
+    (i % 4 ? still : moving)
+        .triangle(corner[0], corner[1], corner[2], surface(Material::kSolid, 0.5));
+  }
+  Mesh both = still;
+  both.append(moving, {});
+  std::vector<Vec3> origins;
+  for (int i = 0; i < 517; ++i)
+    origins.emplace_back(coordinate(25), coordinate(25), coordinate(25));
+  const Vec3 direction = Vec3(0.3f, -0.5f, 0.8f).normalized();
+  constexpr float kReach = 12;
+  const Scene scene(std::move(still));
+  RayCaster caster(scene);
+  caster.place(moving);
+  std::vector<uint8_t> obstructed(origins.size());
+  caster.obstructed(origins, direction, kReach, obstructed);
+  int yes = 0, edges = 0;
+  for (size_t i = 0; i < origins.size(); ++i) {
+    const double nearest = nearest_triangle(both, origins[i], direction);
+    yes += obstructed[i];
+    edges += (nearest > 0.05 && nearest < static_cast<double>(kReach)) != (obstructed[i] != 0);
+  }
+  EXPECT_GT(yes, 50);
+  EXPECT_LT(yes, 450);
+  EXPECT_LE(edges, 1) << "a ray along an edge may pass on either side";
 }
 
 TEST(RayCaster, GivesTheCosineOfTheIncidence) {
@@ -130,7 +173,7 @@ TEST(RayCaster, GivesTheCosineOfTheIncidence) {
   RayCaster caster(scene);
   const std::vector<Vec3> directions = {Vec3(0, 0, -1), Vec3(0, 0.8f, -0.6f), Vec3(0, 0, 1)};
   std::vector<Hit> hits(3);
-  caster.cast({}, {0, 0, 3}, directions, 50, hits);
+  caster.cast({0, 0, 3}, directions, 50, hits);
   EXPECT_FLOAT_EQ(hits[0].range, 3);
   EXPECT_FLOAT_EQ(hits[0].cos_incidence, 1);
   EXPECT_FLOAT_EQ(hits[1].range, 5);
@@ -167,9 +210,10 @@ TEST(Lidar, RangeNoiseHasTheSigmaAskedForAndNoReturnIsBeyondTheMaximum) {
             surface(Material::kSolid, 0.9));
   const Scene scene(std::move(room));
   const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
-  Lidar exact(pattern, {0, 0}, 1, scene), noisy(pattern, {0.05, 0}, 1, scene);
-  const PointCloud truth = exact.scan(3, Pose::Identity(), {});
-  const PointCloud cloud = noisy.scan(3, Pose::Identity(), {});
+  RayCaster rays(scene);
+  Lidar exact(pattern, {0, 0}, 1), noisy(pattern, {0.05, 0}, 1);
+  const PointCloud truth = exact.scan(3, Pose::Identity(), rays);
+  const PointCloud cloud = noisy.scan(3, Pose::Identity(), rays);
   ASSERT_EQ(truth.points.size(), 16u * 1800u);
   ASSERT_EQ(cloud.points.size(), truth.points.size());
   double squares = 0;
@@ -192,9 +236,11 @@ TEST(Lidar, DropoutIsTheShareAskedFor) {
   room.quad({-9, -9, -3}, {9, -9, -3}, {9, 9, -3}, {-9, 9, -3}, surface(Material::kSolid, 1));
   const Scene scene(std::move(room));
   const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
-  Lidar lidar(pattern, {0.02, 0.25}, 1, scene);
-  EXPECT_NEAR(static_cast<double>(lidar.scan(0, Pose::Identity(), {}).points.size()) / (16 * 1800),
-              0.75, 0.01);
+  RayCaster rays(scene);
+  Lidar lidar(pattern, {0.02, 0.25}, 1);
+  EXPECT_NEAR(
+      static_cast<double>(lidar.scan(0, Pose::Identity(), rays).points.size()) / (16 * 1800), 0.75,
+      0.01);
 }
 
 // ---- the town ----
@@ -310,6 +356,46 @@ TEST(Traffic, DependsOnTheTimeAloneAndKeepsOffTheVehicle) {
   }
   EXPECT_GT(there, 50);
   EXPECT_GE(moved, there * 9 / 10);
+}
+
+/// The cars within 40 m of the vehicle at a frame.
+std::vector<Object> cars_at(const Town& town, const Traffic& traffic, size_t frame) {
+  const Mesh mesh =
+      traffic.at(0.1 * static_cast<double>(frame), town.path.point_of_pose[frame], 40);
+  return {mesh.objects.begin() + 1, mesh.objects.end()};
+}
+
+void expect_other_cars_on_the_next_visit(const SimulationConfig& config) {
+  const Town town(config);
+  const Traffic traffic(config.seed, town.path.points, town.ground);
+  const std::vector<PlanarPose>& poses = town.drive.poses;
+  int visits = 0, cars = 0, still_there = 0;
+  for (size_t i = 0; i < poses.size(); i += 5)
+    for (size_t j = i + 200; j < poses.size(); j += 5) {
+      if (std::hypot(poses[i].x - poses[j].x, poses[i].y - poses[j].y) > 3) continue;
+      ++visits;
+      const std::vector<Object> before = cars_at(town, traffic, i);
+      for (const Object& car : cars_at(town, traffic, j)) {
+        ++cars;
+        still_there += std::any_of(before.begin(), before.end(), [&](const Object& other) {
+          return other.kind == car.kind && (other.origin - car.origin).norm() < 1;
+        });
+      }
+    }
+  EXPECT_GT(visits, 40);
+  EXPECT_GT(cars, visits / 3);
+  EXPECT_LE(still_there, cars / 20);
+}
+
+TEST(Traffic, IsAnotherOnTheNextVisit) {
+  expect_other_cars_on_the_next_visit(SimulationConfig{});
+  for (const char* sequence : {"00", "05", "06", "08"}) {
+    REVISIT_NEED_SHARED(poses, str("data/kitti/poses/", sequence, ".txt"));
+    SCOPED_TRACE(sequence);
+    SimulationConfig config;
+    config.poses = poses;
+    expect_other_cars_on_the_next_visit(config);
+  }
 }
 
 // ---- routes ----
@@ -435,6 +521,32 @@ TEST(Simulate, AnHdl64ScanIsLikeARealOne) {
     EXPECT_GT(low / static_cast<double>(ranges.size()), 0.3) << frame;
     EXPECT_LT(low / static_cast<double>(ranges.size()), 0.85) << frame;
   }
+}
+
+TEST(Simulate, TheStreetIsThePrincipalDirectionAsInRealScans) {
+  std::vector<double> yaws, ratios;
+  for (const uint64_t seed : {1, 2}) {
+    const TempDir dir;
+    SimulationConfig config = quick(dir.path());
+    config.sensor = LidarModel::kHdl64;
+    config.seed = seed;
+    config.length = 800;
+    config.last_frame = 900;
+    config.every = 60;
+    simulate(config);
+    for (int frame = 0; frame <= 900; frame += 60) {
+      const Alignment alignment =
+          principal_alignment(read_scan(scan_path(dir.path(), frame)), AlignCase::kOne);
+      yaws.push_back(std::abs(static_cast<double>(alignment.yaw)) * 180 / std::numbers::pi);
+      ratios.push_back(static_cast<double>(alignment.eigenvalue_ratio));
+    }
+  }
+  std::sort(yaws.begin(), yaws.end());
+  std::sort(ratios.begin(), ratios.end());
+  // The 12 real scans of KITTI 00: medians 1.75 degrees and 2.06. In streets that are open at the
+  // sides it is 12 degrees, another on every visit.
+  EXPECT_LT(yaws[yaws.size() / 2], 7);
+  EXPECT_GT(ratios[ratios.size() / 2], 1.8);
 }
 
 using Voxel = std::tuple<int, int, int>;

@@ -12,14 +12,34 @@
 namespace revisit::test {
 
 engine::Net small_net(const engine::Shape& data, const std::string& layers,
-                      const engine::Truncation& truncation) {
+                      const engine::Truncation& truncation, Weights weights) {
   std::string dims;
   for (const int64_t size : data.axes()) dims += " dim: " + std::to_string(size);
   const TempDir dir;
   write_file(dir / "net.prototxt",
              "layer { name: 'data' type: 'Input' top: 'data' input_param { shape {" + dims +
                  " } } }\n" + layers);
-  return engine::Net::load_with_random_weights(dir / "net.prototxt", 1, {.truncation = truncation});
+  const engine::LoadOptions options{.truncation = truncation};
+  return weights == Weights::kNone
+             ? engine::Net::load_without_weights(dir / "net.prototxt", options)
+             : engine::Net::load_with_random_weights(dir / "net.prototxt", 1, options);
+}
+
+std::string conv(const std::string& name, const std::string& bottom, const std::string& param) {
+  return layer(name, "Convolution", {bottom}, "convolution_param { " + param + " }");
+}
+
+std::string layer(const std::string& name, const std::string& type,
+                  const std::vector<std::string>& bottoms, const std::string& param) {
+  std::string text = "layer { name: '" + name + "' type: '" + type + "' ";
+  for (const std::string& bottom : bottoms) text += "bottom: '" + bottom + "' ";
+  return text + "top: '" + name + "' " + param + " }\n";
+}
+
+std::string in_place(const std::string& name, const std::string& type, const std::string& blob,
+                     const std::string& param) {
+  return "layer { name: '" + name + "' type: '" + type + "' bottom: '" + blob + "' top: '" + blob +
+         "' " + param + " }\n";
 }
 
 std::map<std::string, engine::Tensor> forward(const engine::Net& net,

@@ -8,13 +8,22 @@
 
 namespace revisit::test {
 
-/// A net of a few layers in text, with random weights: `layers` follow an input "data" of this
-/// shape.
-engine::Net small_net(const engine::Shape& data, const std::string& layers,
-                      const engine::Truncation& truncation = {});
+enum class Weights { kRandom, kNone };
 
-/// Outputs of one pass, by name, on inputs between -1 and 1 that `seed` makes. A gray input is the
-/// first channel of what the same seed makes otherwise.
+/// A net of a few layers in text: `layers` follow an input "data" of this shape.
+engine::Net small_net(const engine::Shape& data, const std::string& layers,
+                      const engine::Truncation& truncation = {},
+                      Weights weights = Weights::kRandom);
+
+/// Layers as text. The output has the name of the layer, or for in_place() of its input.
+std::string conv(const std::string& name, const std::string& bottom,
+                 const std::string& param = "num_output: 32 kernel_size: 3 pad: 1");
+std::string layer(const std::string& name, const std::string& type,
+                  const std::vector<std::string>& bottoms, const std::string& param = "");
+std::string in_place(const std::string& name, const std::string& type, const std::string& blob,
+                     const std::string& param = "");
+
+/// Outputs of one pass, by name, on inputs between -1 and 1 that `seed` makes.
 std::map<std::string, engine::Tensor> forward(const engine::Net& net,
                                               const engine::PlanOptions& options,
                                               unsigned seed = 1);

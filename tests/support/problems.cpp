@@ -31,12 +31,15 @@ std::vector<Named<Problem>> problems_of(const char* path, const Read& read) {
 
 }  // namespace
 
-std::vector<NamedConvolution> convolution_problems() {
+std::vector<NamedConvolution> convolution_problems(MapSize size) {
   return problems_of<engine::ConvolutionProblem>(
-      REVISIT_PROBLEMS "/convolution.txt", [](std::istream& fields, engine::ConvolutionProblem& p) {
+      REVISIT_PROBLEMS "/convolution.txt",
+      [size](std::istream& fields, engine::ConvolutionProblem& p) {
+        int64_t h = 1, w = 1;  // as in the network
         fields >> p.n >> p.c_in >> p.h >> p.w >> p.c_out >> p.kernel_h >> p.kernel_w >>
             p.stride_h >> p.stride_w >> p.pad_h >> p.pad_w >> p.dilation_h >> p.dilation_w >>
-            p.group;
+            p.group >> h >> w;
+        if (size == MapSize::kFull) p.h = h, p.w = w;
         p.out_h = (p.h + 2 * p.pad_h - p.dilation_h * (p.kernel_h - 1) - 1) / p.stride_h + 1;
         p.out_w = (p.w + 2 * p.pad_w - p.dilation_w * (p.kernel_w - 1) - 1) / p.stride_w + 1;
       });

@@ -18,7 +18,8 @@ struct Named {
 };
 
 using NamedConvolution = Named<engine::ConvolutionProblem>;
-std::vector<NamedConvolution> convolution_problems();
+enum class MapSize { kSmall, kFull };  // for tests; as in the network
+std::vector<NamedConvolution> convolution_problems(MapSize size = MapSize::kSmall);
 
 struct BlockedPooling {
   int64_t n, c;

@@ -43,6 +43,30 @@ TEST(DoctorData, WholeSequenceIsOk) {
   EXPECT_EQ(checks[1].found, "3 scans, 8 poses, calib, 8 times");
 }
 
+TEST(DoctorData, CameraImagesAreCounted) {
+  const test::TempDir dir;
+  write_kitti(dir);
+  test::write_file(dir.path() / "sequences/00/image_0/000001.png", "");
+  EXPECT_EQ(data_checks(dir.path())[1].found, "3 scans, 8 poses, calib, 8 times, 1 image");
+}
+
+TEST(DoctorData, FoldersOfPlacesAndSetsOfThem) {
+  const test::TempDir dir;
+  for (const char* file : {"rotation/place_1/0.bin", "rotation/place_1/1.bin",
+                           "rotation/place_2/a.pcd", "objects/hall/0.ply", "notes/readme.txt"})
+    test::write_file(dir.path() / file, "1234567890123456");
+  const auto one = data_checks(dir.path() / "rotation");
+  ASSERT_EQ(one.size(), 1U);
+  EXPECT_EQ(one[0].status, Status::kOk);
+  EXPECT_TRUE(one[0].found.ends_with(": 2 places with 3 scans")) << one[0].found;
+  const auto sets = data_checks(dir.path());
+  ASSERT_EQ(sets.size(), 3U);
+  EXPECT_TRUE(sets[0].found.ends_with(": sets of places")) << sets[0].found;
+  EXPECT_EQ(sets[1].name, "set objects");
+  EXPECT_EQ(sets[1].found, "1 place with 1 scan");
+  EXPECT_EQ(sets[2].found, "2 places with 3 scans");
+}
+
 TEST(DoctorData, OneSequenceFolderFindsItsPoses) {
   const test::TempDir dir;
   write_kitti(dir);

@@ -2,7 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <map>
+#include <sstream>
 
+#include "revisit/pipeline/protocols.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -32,13 +35,33 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("online"), std::string::npos);
   for (const char* file :
-       {"config.yaml", "run.json", "metrics.json", "loops_online.csv", "pr_online.csv",
+       {"config.yaml", "run.json", "metrics.json", "loops_online.csv", "pr_online.csv", "scans.csv",
         "precision_recall.gp", "trajectory_online.gp", "match_online.gp"})
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
   const std::string loops = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(loops.substr(0, loops.find('\n')),
             "query_index,match_index,rank,query_time,match_time,cosine,score,margin,yaw_deg,"
-            "accepted,true");
+            "accepted,true,positive,case");
+}
+
+TEST_F(EvalCommand, SaysWhereTheTimeWent) {
+  const auto result = run_revisit(eval("--no-plots --threads 3 --threads-per-scan 2"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("described 24 scans in "), std::string::npos) << result.out;
+  const std::string run = test::read_file(run_folder() / "run.json");
+  size_t at = 0;  // in this order
+  for (const char* stage :
+       {"read", "align", "project", "close", "feature", "write", "reduce", "retrieve"}) {
+    EXPECT_NE(result.out.find("\n" + std::string(stage) + " "), std::string::npos) << result.out;
+    at = run.find("\"name\": \"" + std::string(stage) + "\"", at);
+    ASSERT_NE(at, std::string::npos) << stage << " in " << run;
+  }
+  EXPECT_NE(run.find("\"scans_per_second\": "), std::string::npos);
+  EXPECT_NE(run.find("\"threads_per_scan\": 2"), std::string::npos);
+
+  const auto again = run_revisit(eval("--no-plots"));
+  EXPECT_EQ(again.out.find("described"), std::string::npos) << "the scans were described before";
+  EXPECT_EQ(run_revisit(eval("--threads-per-scan 0")).exit_code, 2);
 }
 
 TEST_F(EvalCommand, FindsTheSecondPassOfASmallDrive) {
@@ -46,6 +69,90 @@ TEST_F(EvalCommand, FindsTheSecondPassOfASmallDrive) {
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("\"n_positives\": 12"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("\"recall_at_1\": 1"), std::string::npos) << result.out;
+}
+
+TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
+  ASSERT_EQ(run_revisit(eval("--no-plots --every 2 --pca 7 --score cosine")).exit_code, 0);
+  const std::string first = test::read_file(run_folder() / "metrics.json");
+  const std::string info = test::read_file(run_folder() / "run.json");
+  const std::string start = "\"command\": \"revisit ";
+  const size_t at = info.find(start);
+  ASSERT_NE(at, std::string::npos) << info;
+  const std::string command =
+      info.substr(at + start.size(), info.find('"', at + start.size()) - at - start.size());
+  EXPECT_NE(command.find("--every 2"), std::string::npos) << command;
+  const auto again = run_revisit(command + " --no-plots -o " + (dir_ / "again").string());
+  ASSERT_EQ(again.exit_code, 0) << again.err << command;
+  EXPECT_EQ(test::read_file(dir_ / "again/drive_00/latest/metrics.json"), first);
+}
+
+TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {
+  const fs::path cache = dir_ / "cache";
+  const std::string common = "--no-plots --cache " + cache.string();
+  ASSERT_EQ(run_revisit(eval(common + " --pca 0")).exit_code, 0);
+  for (const auto& entry : fs::directory_iterator(cache))
+    if (entry.path().filename().string().starts_with("data-case1") &&
+        entry.path().string().find("align") == std::string::npos)
+      fs::remove(entry.path());
+  ASSERT_EQ(run_revisit(eval(common + " --pca 6")).exit_code, 0);
+  const std::string cached = test::read_file(run_folder() / "loops_online.csv");
+  for (const auto& entry : fs::directory_iterator(cache))
+    EXPECT_FALSE(entry.path().filename().string().ends_with(".npy") &&
+                 entry.path().filename().string().starts_with("data-case1") &&
+                 entry.path().string().find("align") == std::string::npos)
+        << "described again: " << entry.path();
+  ASSERT_EQ(run_revisit(eval("--no-plots --pca 6")).exit_code, 0);
+  EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), cached);
+}
+
+TEST_F(EvalCommand, EveryNthFrame) {
+  ASSERT_EQ(run_revisit(eval("--no-plots --every 3")).exit_code, 0);
+  std::istringstream scans(test::read_file(run_folder() / "scans.csv"));
+  std::string line;
+  std::getline(scans, line);
+  for (int frame = 0; frame < 24; frame += 3) {
+    ASSERT_TRUE(std::getline(scans, line));
+    EXPECT_EQ(line.substr(0, line.find(',')), std::to_string(frame));
+  }
+  EXPECT_FALSE(std::getline(scans, line)) << line;
+  EXPECT_EQ(run_revisit(eval("--every 0")).exit_code, 2);
+}
+
+/// Column `column` of the best matches in a loops CSV, in the order of the queries.
+std::vector<double> of_best_matches(const std::string& csv, int column) {
+  std::vector<double> values;
+  std::istringstream lines(csv);
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line)) {
+    std::istringstream cells(line);
+    std::vector<std::string> row;
+    for (std::string cell; std::getline(cells, cell, ',');) row.push_back(cell);
+    if (row.at(2) == "1") values.push_back(std::stod(row.at(static_cast<size_t>(column))));
+  }
+  return values;
+}
+
+TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
+  const std::string easy = "--no-plots --protocol paper-easy --query-case ";
+  std::map<std::string, std::vector<double>> scores, cases;
+  for (const char* which : {"1", "2", "both"}) {
+    const auto result = run_revisit(eval(easy + which));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    const std::string loops = test::read_file(run_folder() / "loops_paper-easy.csv");
+    scores[which] = of_best_matches(loops, 6);
+    cases[which] = of_best_matches(loops, 12);
+  }
+  ASSERT_EQ(scores["both"].size(), 16U);  // of 24, every third is stored
+  EXPECT_EQ(cases["1"], std::vector<double>(16, 1));
+  EXPECT_EQ(cases["2"], std::vector<double>(16, 2));
+  for (size_t i = 0; i < 16; ++i) {
+    EXPECT_NEAR(scores["both"][i], std::max(scores["1"][i], scores["2"][i]), 2e-6);
+    EXPECT_EQ(cases["both"][i], scores["2"][i] > scores["1"][i] ? 2 : 1);
+  }
+  EXPECT_EQ(run_revisit(eval("--query-case 2")).exit_code, 2) << "online stores what it asks";
+  EXPECT_EQ(run_revisit(eval("--query-case 3")).exit_code, 2);
+  EXPECT_EQ(run_revisit(eval(easy + "both --align none")).exit_code, 2);
 }
 
 TEST_F(EvalCommand, ItsOwnConfigRepeatsARun) {
@@ -138,12 +245,105 @@ TEST_F(EvalCommand, BadInputHasItsExitCode) {
   expect(3, "07", "--sequence 07");
 }
 
+TEST_F(EvalCommand, ProtocolListNeedsNoData) {
+  for (const char* arguments : {"eval --protocol list", "eval --protocol=list"}) {
+    const auto result = run_revisit(arguments);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    for (const std::string& name : pipeline::protocol_names())
+      EXPECT_NE(("\n" + result.out).find("\n" + name + "\n"), std::string::npos) << name;
+  }
+  const auto unknown = run_revisit(eval("--protocol lcdnet"));
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_NE(unknown.err.find("did you mean 'lcdnet"), std::string::npos) << unknown.err;
+}
+
+TEST_F(EvalCommand, PlacesNeedNamesAndNoPoses) {
+  fs::remove(root() / "poses/00.txt");
+  const auto result =
+      run_revisit("eval " + root().string() + " --feature data --protocol places-3");
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_NE(result.err.find("needs named places"), std::string::npos) << result.err;
+}
+
+TEST_F(EvalCommand, AFolderPerPlaceIsTheTruth) {
+  const fs::path set = dir_ / "sets/rotation";
+  for (int place = 0; place < 3; ++place) {
+    const fs::path folder = set / ("place_" + std::to_string(place));
+    fs::create_directories(folder);
+    for (int scan = 0; scan < 4; ++scan)
+      fs::copy_file(
+          root() / "sequences/00/velodyne" / ("00000" + std::to_string(3 * place) + ".bin"),
+          folder / (std::to_string(scan) + ".bin"));
+  }
+  const auto result =
+      run_revisit("eval " + (dir_ / "sets").string() +
+                  " --sequence rotation --feature data --width 400 --protocol places-3 "
+                  "--no-plots --format json -o " +
+                  results().string());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  for (const char* part : {"\"recall_at_1\": 1,", "\"n_queries\": 8,", "\"n_positives\": 8,",
+                           "\"pose_source\": \"names of the places\"", "\"distance\": \"place\""})
+    EXPECT_NE(result.out.find(part), std::string::npos) << part << " not in " << result.out;
+  const fs::path page = dir_ / "report.html";
+  const auto report =
+      run_revisit("report " + results().string() + " --no-plots -o " + page.string());
+  EXPECT_EQ(report.exit_code, 0) << report.err;
+}
+
+TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
+  const auto result = run_revisit("eval " + root().string() +
+                                  " --feature data --width 400 --protocol ssc --exclusion frames=8 "
+                                  "-o " +
+                                  results().string());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find(" of them true"), std::string::npos) << result.out;
+  for (const char* file : {"metrics.json", "pr_ssc.csv", "scores_ssc.gp", "precision_recall.gp"})
+    EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
+  EXPECT_FALSE(fs::exists(run_folder() / "loops_ssc.csv"));
+  const std::string metrics = test::read_file(run_folder() / "metrics.json");
+  for (const char* part : {"\"decision\": \"pair\"", "\"n_true_pairs\": ", "\"recall_at_1_ci\": []",
+                           "\"false_beyond_m\": 20", "\"definition\": \"pairs nearer than 3 m"})
+    EXPECT_NE(metrics.find(part), std::string::npos) << part << "\n" << metrics;
+  EXPECT_EQ(metrics.find("\"recall_at_1\":"), std::string::npos);
+}
+
+TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
+  ASSERT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+  const std::string with = test::read_file(run_folder() / "metrics.json");
+  EXPECT_NE(with.find("\"bootstrap_resamples\": 1000"), std::string::npos) << with;
+  EXPECT_NE(with.find("\"average_precision_ci\": [\n"), std::string::npos) << with;
+  const auto threads = run_revisit(eval("--no-plots --threads 3"));
+  EXPECT_EQ(test::read_file(run_folder() / "metrics.json"), with) << threads.err;
+  const auto without = run_revisit(eval("--no-plots --bootstrap 0"));
+  ASSERT_EQ(without.exit_code, 0);
+  EXPECT_EQ(without.out.find("95 %"), std::string::npos);
+  const std::string metrics = test::read_file(run_folder() / "metrics.json");
+  EXPECT_EQ(metrics.find("bootstrap_resamples"), std::string::npos);
+  EXPECT_NE(metrics.find("\"average_precision_ci\": []"), std::string::npos);
+  EXPECT_EQ(run_revisit(eval("--bootstrap -1")).exit_code, 2);
+}
+
+TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
+  const auto score = [&](const std::string& more) {
+    const auto result = run_revisit(eval("--no-plots --format json " + more));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return result.out.find("\"score\": \"margin\"") != std::string::npos   ? "margin"
+           : result.out.find("\"score\": \"cosine\"") != std::string::npos ? "cosine"
+                                                                           : "none";
+  };
+  EXPECT_STREQ(score(""), "margin");
+  EXPECT_STREQ(score("--score cosine"), "cosine");
+  EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8"), "cosine");
+  EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8 --score margin"), "margin");
+}
+
 TEST_F(EvalCommand, DescribeWritesDescriptorsAndAPcaModel) {
   const fs::path out = dir_ / "out";
   const std::string common = root().string() + " --feature data --width 400 --pca 5 -o ";
   const auto result = run_revisit("describe " + common + out.string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  for (const char* file : {"descriptors.npy", "frames.csv", "pca/mean.npy", "pca/basis.npy"})
+  for (const char* file :
+       {"descriptors.npy", "frames.csv", "run.json", "pca/mean.npy", "pca/basis.npy"})
     EXPECT_TRUE(fs::exists(out / file)) << file;
   const auto again = run_revisit("describe " + common + (dir_ / "two").string() + " --pca-fit " +
                                  (out / "pca").string());

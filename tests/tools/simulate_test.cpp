@@ -68,6 +68,40 @@ TEST(SimulateCommand, MisuseIsExplained) {
   EXPECT_TRUE(has(absent.err, "no.txt")) << absent.err;
 }
 
+TEST(SimulateCommand, ACameraWritesPicturesBesideTheScans) {
+  const TempDir dir;
+  const ProgramResult run =
+      run_revisit(quick(dir.path()) + "--camera --image-scale 0.1 --light steady");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_TRUE(has(run.out, "each with a picture")) << run.out;
+  for (const char* frame : {"000000", "000001", "000002"})
+    EXPECT_TRUE(fs::exists(dir / ("sequences/00/image_0/" + std::string(frame) + ".png")));
+  const ProgramResult no_camera = run_revisit(quick(dir / "other") + "--light steady");
+  EXPECT_EQ(no_camera.exit_code, 2);
+  EXPECT_TRUE(has(no_camera.err, "add --camera")) << no_camera.err;
+  const ProgramResult light = run_revisit(quick(dir / "other") + "--camera --light stead");
+  EXPECT_EQ(light.exit_code, 2);
+  EXPECT_TRUE(has(light.err, "did you mean 'steady'")) << light.err;
+  EXPECT_EQ(run_revisit(quick(dir / "other") + "--camera --image-scale 2").exit_code, 2);
+}
+
+TEST(SimulateCommand, PresetsAreSetsOfPlaces) {
+  const TempDir dir;
+  const std::string output = "simulate -o '" + (dir / "set").string() + "' ";
+  const ProgramResult run = run_revisit(output + "--preset hkust-rotation");
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_TRUE(has(run.out, "77 scans")) << run.out;
+  EXPECT_TRUE(fs::exists(dir / "set/place_7/0010.bin"));
+  const ProgramResult name = run_revisit(output + "--preset hkust");
+  EXPECT_EQ(name.exit_code, 2);
+  EXPECT_TRUE(has(name.err, "hkust-objects")) << name.err;
+  for (const char* option : {"--camera", "--frames 3", "--sequence 01", "--sensor vlp16"}) {
+    const ProgramResult both = run_revisit(output + "--preset hkust-objects " + option);
+    EXPECT_EQ(both.exit_code, 2);
+    EXPECT_TRUE(has(both.err, "is about drives")) << both.err;
+  }
+}
+
 TEST(SimulateCommand, AFolderThatCannotBeWrittenIsAnError) {
   const TempDir dir;
   write_file(dir / "file", "");

@@ -24,6 +24,11 @@ int run(const cli::Arguments& arguments) {
   const std::vector<cli::Command> commands = {
 #ifdef REVISIT_HAVE_PIPELINE
       {"eval", "place recognition with ground truth: precision, recall, plots", cli::eval_command},
+      {"summarize", "mean and standard deviation over runs, e.g. of several seeds",
+       cli::summarize_command},
+      {"experiment", "the experiments of the paper, each one command", cli::experiment_command},
+      {"report", "one HTML file of runs and experiments, with interactive figures",
+       cli::report_command},
       {"describe", "scans -> descriptors", cli::describe_command},
       {"image", "the range image the network sees, as PNG", cli::image_command},
       {"gt", "the ground truth itself: number and list of true pairs", cli::gt_command},

@@ -64,7 +64,10 @@ std::vector<KnownModel> table() {
        .licence = "BSD",
        .mean_bgr = kRoundMeanBgr,
        .input_size = 227,
-       .cuts = {{"pool8", ""}, {"fire8/concat", ""}},
+       .cuts = {{"pool8", ""},
+                {"fire6/concat", "pool8"},
+                {"fire5/concat", "pool8"},
+                {"fire8/concat", ""}},
        .prototxt_address = "comes with the copy",
        .notes = "no public address is known for this copy; the layers of DeepScale's release have "
                 "other names"},

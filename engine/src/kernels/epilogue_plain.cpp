@@ -38,13 +38,15 @@ void activate(const Epilogue& e, int64_t channel, int64_t begin, int64_t end, fl
 
 }  // namespace
 
-void add_and_activate(const ChannelRuns& runs, const Epilogue& epilogue, const float* addend,
-                      int threads, float* values) {
-  if (!addend && epilogue.activation == Epilogue::Activation::kNone) return;
+void finish(const ChannelRuns& runs, const PlainEpilogue& e, int threads, float* values) {
+  if (!e.scale && !e.addend && e.epilogue.activation == Epilogue::Activation::kNone) return;
   for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-    if (addend)
-      for (int64_t i = begin; i < end; ++i) values[i] += addend[i];
-    activate(epilogue, channel, begin, end, values);
+    if (e.scale)
+      for (int64_t i = begin; i < end; ++i)
+        values[i] = values[i] * e.scale[channel] + e.shift[channel];
+    if (e.addend)
+      for (int64_t i = begin; i < end; ++i) values[i] += e.addend[i];
+    activate(e.epilogue, channel, begin, end, values);
   });
 }
 

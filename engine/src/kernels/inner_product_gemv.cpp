@@ -76,7 +76,7 @@ HWY_EXPORT(gemv);
 namespace {
 
 bool supports(const InnerProductProblem& p) {
-  constexpr int64_t kMaxInputs = 4;  // from here on a matrix product is as fast
+  constexpr int64_t kMaxInputs = 8;  // a matrix product is faster from about 12 on
   return !p.transposed && p.m <= kMaxInputs;
 }
 

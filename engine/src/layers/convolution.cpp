@@ -55,7 +55,7 @@ class Convolution : public Layer {
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     if (inputs.size() != 1 || inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
-    return Convolving{problem(inputs[0]).group};
+    return Convolving{planar(problem(inputs[0]))};
   }
 
   Kernel bind(const Binding& binding) const override {

@@ -62,10 +62,16 @@ class Eltwise : public Layer {
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    const bool plain_sum =
-        param_.operation() == caffe::EltwiseParameter::SUM && inputs.size() == 2 &&
-        std::all_of(param_.coeff().begin(), param_.coeff().end(), [](float c) { return c == 1; });
-    return plain_sum ? Form(Adding{}) : Form();
+    using Operation = BlockedEltwise::Operation;
+    switch (param_.operation()) {
+      case caffe::EltwiseParameter::PROD:
+        return Combining{Operation::kProduct, {}};
+      case caffe::EltwiseParameter::MAX:
+        return Combining{Operation::kMaximum, {}};
+      case caffe::EltwiseParameter::SUM:
+        break;
+    }
+    return Combining{Operation::kSum, coefficients(inputs.size())};
   }
 
   /// Caffe zeroes the output of a sum before it reads the inputs.
@@ -84,16 +90,20 @@ class Eltwise : public Layer {
       case caffe::EltwiseParameter::SUM:
         break;
     }
-    std::vector<float> coefficients(param_.coeff().begin(), param_.coeff().end());
-    coefficients.resize(binding.inputs.size(), 1);
     return kernel("sum", elements, threads,
-                  [coefficients = std::move(coefficients)](const Inputs& inputs, int64_t begin,
-                                                           int64_t count, float* result) {
+                  [coefficients = coefficients(binding.inputs.size())](
+                      const Inputs& inputs, int64_t begin, int64_t count, float* result) {
                     add(inputs, coefficients, begin, count, result);
                   });
   }
 
  private:
+  std::vector<float> coefficients(size_t n_inputs) const {
+    std::vector<float> result(param_.coeff().begin(), param_.coeff().end());
+    result.resize(n_inputs, 1);
+    return result;
+  }
+
   /// Every input of a chunk is read before the output is written, which may lie on any of them.
   template <class Combine>
   static Kernel kernel(const char* name, int64_t elements, int threads, Combine combine) {

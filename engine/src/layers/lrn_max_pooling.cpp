@@ -5,36 +5,38 @@
 namespace revisit::engine {
 namespace {
 
-class LrnMaxPooling : public Layer {
+class LrnMaxPoolingLayer : public Layer {
  public:
-  LrnMaxPooling(const LrnProblem& lrn, const PoolingProblem& pooling)
-      : lrn_(lrn), pooling_(pooling) {}
+  explicit LrnMaxPoolingLayer(const LrnMaxPooling& problem) : problem_(problem) {}
 
   std::vector<Shape> infer(const std::vector<Shape>&, size_t) const override {
-    return {Shape{lrn_.n, lrn_.c, pooling_.out_h, pooling_.out_w}};
+    const PoolingProblem& p = problem_.pooling;
+    return {Shape{problem_.lrn.n, problem_.lrn.c, p.out_h, p.out_w}};
+  }
+
+  Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const override {
+    return problem_;
   }
 
   Kernel bind(const Binding& binding) const override {
-    LrnProblem lrn = lrn_;
-    PoolingProblem pooling = pooling_;
-    lrn.threads = pooling.threads = binding.threads;
+    LrnMaxPooling p = problem_;
+    p.lrn.threads = p.pooling.threads = binding.threads;
     return blocked_kernel(
         "lrn + max-pool", 1,
-        [lrn, pooling](const Call& call) {
-          blocked_lrn_max_pool(lrn, pooling, call.inputs[0], call.outputs[0], call.scratch);
+        [p](const Call& call) {
+          blocked_lrn_max_pool(p.lrn, p.pooling, call.inputs[0], call.outputs[0], call.scratch);
         },
-        blocked_lrn_max_pool_scratch_floats(lrn, pooling));
+        blocked_lrn_max_pool_scratch_floats(p.lrn, p.pooling));
   }
 
  private:
-  LrnProblem lrn_;
-  PoolingProblem pooling_;
+  LrnMaxPooling problem_;
 };
 
 }  // namespace
 
-std::unique_ptr<Layer> make_lrn_max_pooling(const LrnProblem& lrn, const PoolingProblem& pooling) {
-  return std::make_unique<LrnMaxPooling>(lrn, pooling);
+std::unique_ptr<Layer> make_lrn_max_pooling(const LrnMaxPooling& problem) {
+  return std::make_unique<LrnMaxPoolingLayer>(problem);
 }
 
 }  // namespace revisit::engine

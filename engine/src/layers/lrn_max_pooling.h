@@ -7,6 +7,6 @@
 namespace revisit::engine {
 
 /// Normalisation across channels and then maximum pooling, as one.
-std::unique_ptr<Layer> make_lrn_max_pooling(const LrnProblem& lrn, const PoolingProblem& pooling);
+std::unique_ptr<Layer> make_lrn_max_pooling(const LrnMaxPooling& problem);
 
 }  // namespace revisit::engine

@@ -10,4 +10,8 @@ namespace revisit::engine {
 Kernel bind_planar_convolution(const ConvolutionProblem& problem, const Binding& binding,
                                const float* weights, const float* bias);
 
+/// Whether that kernel reads a plain input and writes a blocked output, when there is nothing but
+/// the input in plain layout: only that one can take pooling, too.
+bool takes_plain_input(const ConvolutionProblem& problem, const Fusion& fusion);
+
 }  // namespace revisit::engine

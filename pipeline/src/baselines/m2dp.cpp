@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "baselines/near_return.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
@@ -47,7 +48,7 @@ AlignedPoints align_points(const PointCloud& cloud) {
   std::vector<Eigen::Vector3d> points;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Point& point : cloud.points)
-    if (is_return(point)) {
+    if (is_near_return(point)) {
       points.emplace_back(point.x, point.y, point.z);
       sum += points.back();
     }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 
@@ -28,12 +29,17 @@ FloatMatrix copy_of(const cv::Mat& matrix, int columns) {
   return copy;
 }
 
+/// Images are described side by side, one thread each: OpenCV must not add threads of its own.
+/// Process-wide, and only once: the call tears down OpenCV's pool, which others may be using.
+void use_one_thread() {
+  static std::once_flag once;
+  std::call_once(once, [] { cv::setNumThreads(1); });
+}
+
 }  // namespace
 
 FloatMatrix sift_descriptors(const GrayImage& image) {
-  // Images are described side by side, one thread each: OpenCV must not add threads of its own.
-  // (Process-wide; nothing else here gains by them.)
-  cv::setNumThreads(1);
+  use_one_thread();
   std::vector<cv::KeyPoint> keypoints;
   cv::Mat descriptors;
   cv::SIFT::create(kMostKeypoints)

@@ -2,6 +2,7 @@
 
 #include "datasets/folder.h"
 #include "datasets/kitti.h"
+#include "datasets/places.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
@@ -57,8 +58,22 @@ void add_calibration(const KittiSequence& sequence, bool needed, Dataset* datase
 std::vector<ScanRef> scan_refs(const fs::path& folder, FrameNumbers numbers) {
   std::vector<ScanRef> scans;
   for (NumberedFile& scan : list_scans(folder, numbers))
-    scans.push_back({std::move(scan.file), scan.frame, {}, {}});
+    scans.push_back({std::move(scan.file), scan.frame, {}, {}, ""});
   return scans;
+}
+
+Dataset by_place(const PlaceFolders& folders) {
+  Dataset dataset;
+  dataset.name = folders.name;
+  dataset.sequence = folders.sequence;
+  for (const fs::path& place : folders.places)
+    for (NumberedFile& scan : list_scans(place, FrameNumbers::kFromNamesOrOrder))
+      dataset.scans.push_back({std::move(scan.file),
+                               static_cast<int>(dataset.scans.size()),
+                               {},
+                               {},
+                               place.filename().string()});
+  return dataset;
 }
 
 }  // namespace
@@ -75,21 +90,27 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, const Da
     return dataset;
   }
 
-  if (!holds_scans(root))
+  const bool plain = holds_scans(root);
+  const PlaceFolders sorted = plain ? PlaceFolders{} : find_places(root, sequence);
+  if (!plain && sorted.places.empty())
     throw InputError(str(root.string(), ": no scans here: looked for ",
                          (root / "sequences" / "NN" / "velodyne").string(), ", ",
                          (root / "velodyne").string(),
-                         " and for .bin, .pcd or .ply files in the folder itself"));
-  if (!sequence.empty())
+                         ", for .bin, .pcd or .ply files in the folder itself and in a folder per "
+                         "place"));
+  if (plain && !sequence.empty())
     throw InputError(str(root.string(), ": a plain folder of scans has no sequence ", sequence,
                          ": looked for ", (root / "sequences" / sequence).string()));
+  const char* const has_none =
+      plain ? "; a plain folder of scans has none" : "; a folder per place has none";
   if (needs.poses)
     fail_missing(root, "poses",
-                 "the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "
-                 "poses.txt); a plain folder of scans has none");
+                 str("the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "
+                     "poses.txt)",
+                     has_none));
   if (needs.calibration)
-    fail_missing(root, "calibration",
-                 "the KITTI layout (sequences/NN/calib.txt); a plain folder of scans has none");
+    fail_missing(root, "calibration", str("the KITTI layout (sequences/NN/calib.txt)", has_none));
+  if (!plain) return by_place(sorted);
   dataset.name = fs::canonical(root).filename().string();
   dataset.scans = scan_refs(root, FrameNumbers::kFromNamesOrOrder);
   return dataset;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <ctime>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -32,6 +33,13 @@ class Stopwatch {
   Clock::time_point last_ = Clock::now();
 };
 
+/// Processor time of this thread.
+double processor_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
+}
+
 std::string file_name(std::string name) {
   std::replace_if(
       name.begin(), name.end(), [](char c) { return c == '/' || c == ' '; }, '_');
@@ -42,6 +50,7 @@ std::string file_name(std::string name) {
 struct ScanTimes {
   double read = 0, feature = 0, write = 0;
   std::optional<double> align, project, close;
+  double processor = 0;
 };
 
 /// One scan on its way to a feature, with what was measured.
@@ -90,6 +99,16 @@ const RangeImage& input_of(Memory& memory, const Alignment& alignment,
   return memory.image;
 }
 
+/// Does what may refuse the content of a scan, and does not know its file.
+template <class Doing>
+void naming_the_file(const ScanRef& scan, const Doing& doing) {
+  try {
+    doing();
+  } catch (const InputError& error) {
+    throw InputError(scan.file.string() + ": " + error.what());
+  }
+}
+
 template <class Input>
 void describe_scan(const ScanRef& scan, const DescribeOptions& options,
                    const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
@@ -97,16 +116,17 @@ void describe_scan(const ScanRef& scan, const DescribeOptions& options,
   Stopwatch watch;
   read_scan_into(scan.file, memory.cloud);
   work.ms.read = watch.lap();
+  const double processor_start = processor_ms();
   Alignment alignment;
-  try {
-    alignment = alignment_for(memory.cloud, options.align);
-  } catch (const InputError& error) {
-    throw InputError(scan.file.string() + ": " + error.what());
-  }
+  naming_the_file(scan, [&] { alignment = alignment_for(memory.cloud, options.align); });
   work.ms.align = watch.lap();
+  const double processor_aligned = processor_ms();
   const Input& input = input_of<Input>(memory, alignment, options, watch, work.ms);
-  describe(input, work.feature);
+  naming_the_file(scan, [&] { describe(input, work.feature); });
   work.ms.feature = watch.lap();
+  // An alignment that is only recorded is no part of the feature.
+  work.ms.processor =
+      processor_ms() - (options.align == AlignMode::kNone ? processor_aligned : processor_start);
   work.alignment = {alignment.yaw, alignment.eigenvalue_ratio, alignment.abs_t11,
                     alignment.mirrored_choice ? 1.0F : 0.0F};
 }
@@ -119,8 +139,10 @@ void describe_scan(const ScanRef& scan, const DescribeOptions&,
   Stopwatch watch;
   const GrayImage image = read_gray_png(scan.file);
   work.ms.read = watch.lap();
-  describe(image, work.feature);
+  const double processor_start = processor_ms();
+  naming_the_file(scan, [&] { describe(image, work.feature); });
   work.ms.feature = watch.lap();
+  work.ms.processor = processor_ms() - processor_start;
   work.alignment = {kNone, kNone, kNone, kNone};
 }
 
@@ -134,6 +156,7 @@ void append(const ScanTimes& ms, DescribeTimes& times) {
   add(ms.close, times.close);
   add(ms.feature, times.feature);
   add(ms.write, times.write);
+  add(ms.processor, times.processor);
 }
 
 std::span<const float> as_row(const AlignmentRecord& record) {
@@ -154,8 +177,9 @@ const char* name_of(AlignMode mode) {
 }
 
 void DescribeTimes::append(const DescribeTimes& more) {
-  for (const auto stage : {&DescribeTimes::read, &DescribeTimes::align, &DescribeTimes::project,
-                           &DescribeTimes::close, &DescribeTimes::feature, &DescribeTimes::write})
+  for (const auto stage :
+       {&DescribeTimes::read, &DescribeTimes::align, &DescribeTimes::project, &DescribeTimes::close,
+        &DescribeTimes::feature, &DescribeTimes::write, &DescribeTimes::processor})
     (this->*stage).insert((this->*stage).end(), (more.*stage).begin(), (more.*stage).end());
   wall_ms += more.wall_ms;
 }

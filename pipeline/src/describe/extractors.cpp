@@ -26,13 +26,25 @@ engine::Port image_input(const engine::Net& net, const ImageGeometry& geometry) 
   return {port.name, engine::Shape{1, port.shape[1], geometry.height, geometry.width}};
 }
 
+/// All channels are the range image, less the mean of each: they differ from the first by
+/// constants.
+std::vector<float> offsets_to_first(const std::array<double, 3>& mean_bgr, int64_t channels) {
+  std::vector<float> offsets;
+  for (int64_t c = 0; c < channels; ++c)
+    offsets.push_back(static_cast<float>(mean_bgr[0] - mean_bgr[static_cast<size_t>(c)]));
+  return offsets;
+}
+
 }  // namespace
 
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,
-                                  const ImageGeometry& geometry) {
-  const engine::Port input = image_input(net, geometry);
-  const engine::Plan plan = net.plan({{input.name, input.shape}});
+                                  const ImageGeometry& geometry, int threads) {
+  const engine::Port all = image_input(net, geometry);
+  engine::PlanOptions options{.threads = threads};
+  if (net.takes_gray_input()) options.gray_offsets = offsets_to_first(mean_bgr, all.shape[1]);
+  const engine::Plan plan = net.plan({{all.name, all.shape}}, options);
+  const engine::Port input = plan.inputs()[0];  // one channel, or all
   if (plan.outputs().size() != 1)
     throw UsageError(str("the net '", net.name(), "' has ", plan.outputs().size(),
                          " outputs; choose the layer that is the feature with --end"));

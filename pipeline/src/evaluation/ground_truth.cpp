@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "revisit/proto/error.h"
@@ -39,7 +40,8 @@ Distance parse_distance(const std::string& text) {
   if (text == "xz") return Distance::kXz;
   if (text == "3d") return Distance::k3d;
   if (text == "box") return Distance::kBox;
-  throw UsageError(str("distance: expected xz, 3d or box, found '", text, "'"));
+  if (text == "place") return Distance::kPlace;
+  throw UsageError(str("distance: expected xz, 3d, box or place, found '", text, "'"));
 }
 
 const char* name_of(Distance distance) {
@@ -50,6 +52,8 @@ const char* name_of(Distance distance) {
       return "3d";
     case Distance::kBox:
       return "box";
+    case Distance::kPlace:
+      return "place";
   }
   return "";
 }
@@ -104,6 +108,7 @@ Trajectory make_trajectory(const Dataset& dataset) {
                            trajectory.frames.back(), "; frames must increase"));
     trajectory.frames.push_back(scan.frame);
     if (has_times) trajectory.times.push_back(*scan.time);
+    if (dataset.has_places()) trajectory.places.push_back(scan.place);
     if (!has_poses) continue;
     trajectory.positions.emplace_back(scan.pose->translation());
     if (!trajectory.positions.back().allFinite())
@@ -138,12 +143,26 @@ double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Dist
       return difference.norm();
     case Distance::kBox:
       return difference.cwiseAbs().maxCoeff();
+    case Distance::kPlace:
+      break;
   }
-  return 0;
+  throw Error("the distance of places is not one of positions");
 }
 
-bool is_true_match(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const TrueMatchRule& rule) {
-  return distance_between(a, b, rule.distance) < rule.radius;
+double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind) {
+  if (kind == Distance::kPlace)
+    return trajectory.places.at(a) == trajectory.places.at(b)
+               ? 0
+               : std::numeric_limits<double>::infinity();
+  return distance_between(trajectory.positions.at(a), trajectory.positions.at(b), kind);
+}
+
+void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {
+  if (kind == Distance::kPlace && trajectory.places.empty())
+    throw UsageError(str(what, " needs named places; this data set has none"));
+  if (kind != Distance::kPlace && trajectory.positions.empty())
+    throw UsageError(str(what, " needs poses; this data set has none",
+                         trajectory.places.empty() ? "" : ", but places: use --distance place"));
 }
 
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
@@ -172,8 +191,7 @@ std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclus
 
 LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion) {
-  if (trajectory.positions.empty())
-    throw UsageError("ground truth needs poses; this data set has none");
+  need_distances(trajectory, rule.distance, "ground truth");
   if (!(rule.radius > 0) || !std::isfinite(rule.radius))
     throw UsageError(str("radius: expected a positive number of metres, found ", rule.radius));
   const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
@@ -181,9 +199,8 @@ LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
   for (int64_t i = 0; i < trajectory.size(); ++i) {
     const size_t before = truth.pairs.size();
     for (int64_t j = 0; j < ends[i]; ++j) {
-      const double distance =
-          distance_between(trajectory.positions[i], trajectory.positions[j], rule.distance);
-      if (distance < rule.radius) truth.pairs.push_back({i, j, distance});
+      const double distance = distance_between(trajectory, i, j, rule.distance);
+      if (rule.is_true(distance)) truth.pairs.push_back({i, j, distance});
     }
     truth.n_queries += ends[i] > 0;
     truth.n_positives += truth.pairs.size() > before;

@@ -1,144 +1,185 @@
 #include "revisit/pipeline/protocols.h"
 
-#include <algorithm>
-#include <functional>
-#include <numeric>
-
+#include "evaluation/protocol_tasks.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {
 
-constexpr TrueMatchRule kPaperRule{Distance::kBox, 3};
-constexpr TrueMatchRule kDriveRule{Distance::kXz, 5};
+constexpr const char* kPaper =
+    "Sun, Liu, Ye, Yeung: Point-cloud-based place recognition using CNN feature extraction";
+constexpr Exclusion k50Frames{Exclusion::Kind::kFrames, 50};
+constexpr Exclusion k30Seconds{Exclusion::Kind::kSeconds, 30};
 
-/// Table 1 of the paper: the stored scans, 1-based and inclusive as printed there.
-struct StoredScans {
-  const char* sequence;
-  std::array<std::array<int, 2>, 2> ranges;  // {0, 0}: none
-  bool bidirectional;
-};
-constexpr StoredScans kTable1[] = {
-    {"00", {{{1, 200}, {3280, 3840}}}, false},
-    {"05", {{{13, 150}, {530, 885}}}, false},
-    {"06", {{{1, 276}, {0, 0}}}, false},
-    {"08", {{{1420, 1503}, {1620, 1840}}}, true},
+struct Entry {
+  Protocol protocol;
+  /// `exclusion` is the one asked for, or else the protocol's own.
+  Task (*make)(const std::string& sequence, const Trajectory& trajectory,
+               const Exclusion& exclusion);
+  Exclusion exclusion;
 };
 
-const StoredScans* table_entry(const std::string& sequence) {
-  for (const StoredScans& entry : kTable1)
-    if (sequence == entry.sequence) return &entry;
+/// THE table. `paper` is no entry: it is up to three of the others.
+const std::vector<Entry>& table() {
+  using S = const std::string&;
+  using T = const Trajectory&;
+  using E = const Exclusion&;
+  static const std::vector<Entry> entries = {
+      {{"paper-easy",
+        "every 3rd frame is stored, the others are queries; the best match is true when all three "
+        "coordinate differences are below 3 m",
+        kPaper},
+       [](S, T t, E) { return paper_easy_task(t); },
+       {}},
+      {{"paper-median",
+        "the scans of the paper's table 1 are stored, all others are queries in alignment case 1; "
+        "truth as in paper-easy; 00, 05, 06, 08",
+        kPaper},
+       [](S s, T t, E) { return paper_median_task(s, t); },
+       {}},
+      {{"paper-difficult",
+        "paper-median with the queries in both alignment cases, the higher score counts; 08",
+        kPaper},
+       [](S s, T t, E) { return paper_difficult_task(s, t); },
+       {}},
+      {{"places-3",
+        "every 3rd frame is stored, the others are queries; the best match is true when it is of "
+        "the same named place (the HKUST sets)",
+        kPaper},
+       [](S, T t, E) { return places_task(3, t); },
+       {}},
+      {{"places-6", "as places-3 with every 6th frame", kPaper},
+       [](S, T t, E) { return places_task(6, t); },
+       {}},
+      {{"places-10", "as places-3 with every 10th frame", kPaper},
+       [](S, T t, E) { return places_task(10, t); },
+       {}},
+      {{"online",
+        "each scan against all scans more than 50 frames before it; the best match is true when "
+        "nearer than 5 m, horizontally",
+        "the usual setting of loop detection"},
+       [](S, T t, E e) { return online_task(t, e); },
+       k50Frames},
+      {{"leave-one-out",
+        "each scan against all scans more than 50 frames before or after it; truth as in online",
+        "for sets without an order of time"},
+       [](S, T t, E e) { return leave_one_out_task(t, e); },
+       k50Frames},
+      {{"lcdnet1",
+        "each scan from frame 100 on against all scans more than 50 frames before it; the best "
+        "match is true when nearer than 4 m; a wrong match is a false positive and not also a "
+        "false negative",
+        "Cattaneo, Vaghi, Valada: LCDNet, T-RO 2022, protocol 1"},
+       [](S, T t, E e) { return lcdnet1_task(t, e); },
+       k50Frames},
+      {{"lcdnet2",
+        "every pair of a scan from frame 100 on with a scan more than 50 frames before it; true "
+        "when nearer than 4 m",
+        "Cattaneo, Vaghi, Valada: LCDNet, T-RO 2022, protocol 2"},
+       [](S, T t, E e) { return lcdnet2_task(t, e); },
+       k50Frames},
+      {{"ssc",
+        "pairs nearer than 3 m and more than 50 frames apart are true; 100 times as many pairs, "
+        "drawn among those farther apart than 20 m, are false",
+        "Li et al.: SSC, Semantic Scan Context, IROS 2021"},
+       [](S, T t, E e) { return ssc_task(t, e); },
+       k50Frames},
+      {{"logg3d",
+        "each scan against all scans more than 30 s before it; the best match is true when nearer "
+        "than 3 m, false when farther than 20 m, not counted between; a false match is not also a "
+        "false negative",
+        "Vidanapathirana et al.: LoGG3D-Net, ICRA 2022"},
+       [](S, T t, E e) { return logg3d_task(t, e); },
+       k30Seconds},
+      {{"bevplace",
+        "frames of fixed ranges are stored and asked (00: 0-2999, 3200-4540; 02: 0-3399, "
+        "3600-4660; 05: 0-999, 1200-2750; 06: 0-599, 800-1100; 08: 0-999, 1200-4070); the best "
+        "match is true when nearer than 5 m",
+        "Luo et al.: BEVPlace, ICCV 2023, and BEVPlace++, T-RO 2025"},
+       [](S s, T t, E) { return bevplace_task(s, t); },
+       {}},
+  };
+  return entries;
+}
+
+const Entry* find_entry(const std::string& name) {
+  for (const Entry& entry : table())
+    if (entry.protocol.name == name) return &entry;
   return nullptr;
 }
 
-/// Stores the scans whose frame `is_stored` accepts; asks all others against all of them.
-Task split(std::string name, std::string population, const Trajectory& trajectory,
-           const std::function<bool(int frame)>& is_stored) {
-  Task task{std::move(name), std::move(population),      {}, {}, false,
-            kPaperRule,      {Exclusion::Kind::kNone, 0}};
-  for (int64_t i = 0; i < trajectory.size(); ++i)
-    if (is_stored(trajectory.frames[i])) task.stored.push_back(i);
-  const CandidateRange all{0, static_cast<int64_t>(task.stored.size())};
-  for (int64_t i = 0; i < trajectory.size(); ++i)
-    if (!is_stored(trajectory.frames[i])) task.queries.push_back({i, {all, {}}});
-  return task;
+/// Names that make_tasks() does one after the other.
+std::vector<std::string> task_names(const std::string& protocol, const std::string& sequence) {
+  if (protocol != "paper") return {protocol};
+  std::vector<std::string> names{"paper-easy"};
+  if (has_median_task(sequence)) names.emplace_back("paper-median");
+  if (has_difficult_task(sequence)) names.emplace_back("paper-difficult");
+  return names;
 }
 
-Task easy(const Trajectory& trajectory) {
-  return split("paper-easy", "every 3rd scan stored (frame % 3 == 0), all others are queries",
-               trajectory, [](int frame) { return frame % 3 == 0; });
-}
-
-Task table_task(const StoredScans& entry, bool difficult, const Trajectory& trajectory) {
-  std::string population = "stored: scans ";
-  for (size_t i = 0; i < entry.ranges.size(); ++i)
-    if (entry.ranges[i][1])
-      population += str(i ? ", " : "", entry.ranges[i][0], "-", entry.ranges[i][1]);
-  population += " (1-based); all others are queries, in alignment case 1";
-  if (difficult) population += " and case 2";
-  Task task =
-      split(difficult ? "paper-difficult" : "paper-median", population, trajectory, [&](int frame) {
-        return std::any_of(entry.ranges.begin(), entry.ranges.end(), [&](const auto& range) {
-          return range[1] && frame + 1 >= range[0] && frame + 1 <= range[1];
-        });
-      });
-  task.both_cases = difficult;
-  return task;
-}
-
-Task online(const Trajectory& trajectory, const Exclusion& exclusion) {
-  Task task{"online", "each scan against all earlier ones beyond the exclusion",
-            {},       {},
-            false,    kDriveRule,
-            exclusion};
-  task.stored.resize(trajectory.frames.size());
-  std::iota(task.stored.begin(), task.stored.end(), 0);
-  const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
-  for (int64_t i = 0; i < trajectory.size(); ++i)
-    if (ends[i] > 0) task.queries.push_back({i, {CandidateRange{0, ends[i]}, {}}});
-  return task;
-}
-
-Task leave_one_out(const Trajectory& trajectory, const Exclusion& exclusion) {
-  Task task = online(trajectory, exclusion);
-  task.name = "leave-one-out";
-  task.population = "each scan against all others, earlier and later, beyond the exclusion";
-  task.queries.clear();
-  const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
-  const std::vector<int64_t> begins = later_candidates(trajectory, exclusion);
-  for (int64_t i = 0; i < trajectory.size(); ++i) {
-    const TaskQuery query{
-        i, {CandidateRange{0, ends[i]}, CandidateRange{begins[i], trajectory.size()}}};
-    if (query.n_candidates() > 0) task.queries.push_back(query);
-  }
-  return task;
-}
-
-/// The table's tasks of one sequence, or a UsageError saying which sequences have them.
-const StoredScans& need_table_entry(const std::string& protocol, const std::string& sequence) {
-  const StoredScans* entry = table_entry(sequence);
-  const bool difficult = protocol == "paper-difficult";
-  if (entry && (!difficult || entry->bidirectional)) return *entry;
-  throw UsageError(str("protocol ", protocol, ": the paper has no such task for sequence '",
-                       sequence, "', only for ", difficult ? "08" : "00, 05, 06 and 08",
-                       "; paper-easy, online and leave-one-out work for any"));
+void need_scans(const Task& task, int64_t n_scans) {
+  if (!task.stored.empty() && !task.queries.empty()) return;
+  throw UsageError(str("task ", task.name, " (", task.population, "): of the ", n_scans,
+                       " scans of this data set ", task.stored.size(), " are stored and ",
+                       task.queries.size(),
+                       " can be asked; use another protocol, a smaller exclusion or more scans"));
 }
 
 }  // namespace
 
+const std::vector<Protocol>& protocols() {
+  static const std::vector<Protocol> all = [] {
+    std::vector<Protocol> list{
+        {"paper", "those of paper-easy, paper-median and paper-difficult that the sequence has",
+         kPaper}};
+    for (const Entry& entry : table()) list.push_back(entry.protocol);
+    return list;
+  }();
+  return all;
+}
+
 std::vector<std::string> protocol_names() {
-  return {"paper", "paper-easy", "paper-median", "paper-difficult", "online", "leave-one-out"};
+  std::vector<std::string> names;
+  for (const Protocol& protocol : protocols()) names.push_back(protocol.name);
+  return names;
+}
+
+std::vector<int64_t> rows_where(const Trajectory& trajectory,
+                                const std::function<bool(int frame)>& wanted) {
+  std::vector<int64_t> rows;
+  for (int64_t i = 0; i < trajectory.size(); ++i)
+    if (wanted(trajectory.frames[i])) rows.push_back(i);
+  return rows;
+}
+
+Task map_task(std::vector<int64_t> stored, const std::vector<int64_t>& asked) {
+  Task task;
+  const CandidateRange all{0, static_cast<int64_t>(stored.size())};
+  task.stored = std::move(stored);
+  if (all.size() > 0)
+    for (const int64_t scan : asked) task.queries.push_back({scan, {all, {}}});
+  return task;
 }
 
 std::vector<Task> make_tasks(const std::string& protocol, const std::string& sequence,
-                             const Trajectory& trajectory, const Exclusion& exclusion) {
+                             const Trajectory& trajectory,
+                             const std::optional<Exclusion>& exclusion) {
   std::vector<Task> tasks;
-  const StoredScans* entry = table_entry(sequence);
-  if (protocol == "paper") {
-    tasks.push_back(easy(trajectory));
-    if (entry) tasks.push_back(table_task(*entry, false, trajectory));
-    if (entry && entry->bidirectional) tasks.push_back(table_task(*entry, true, trajectory));
-  } else if (protocol == "paper-easy") {
-    tasks.push_back(easy(trajectory));
-  } else if (protocol == "paper-median" || protocol == "paper-difficult") {
-    const StoredScans& found = need_table_entry(protocol, sequence);
-    tasks.push_back(table_task(found, protocol == "paper-difficult", trajectory));
-  } else if (protocol == "online") {
-    tasks.push_back(online(trajectory, exclusion));
-  } else if (protocol == "leave-one-out") {
-    tasks.push_back(leave_one_out(trajectory, exclusion));
-  } else {
-    throw UsageError(
-        str("unknown protocol '", protocol, "'", did_you_mean(protocol, protocol_names()),
-            "; known: paper, paper-easy, paper-median, paper-difficult, online, leave-one-out"));
+  for (const std::string& name : task_names(protocol, sequence)) {
+    const Entry* entry = find_entry(name);
+    if (!entry) {
+      std::string known;
+      for (const std::string& other : protocol_names())
+        known += (known.empty() ? "" : ", ") + other;
+      throw UsageError(str("unknown protocol '", protocol, "'",
+                           did_you_mean(protocol, protocol_names()), "; known: ", known));
+    }
+    Task task = entry->make(sequence, trajectory, exclusion.value_or(entry->exclusion));
+    task.name = name;
+    task.definition = entry->protocol.definition;
+    need_scans(task, trajectory.size());
+    tasks.push_back(std::move(task));
   }
-  for (const Task& task : tasks)
-    if (task.stored.empty() || task.queries.empty() || task.queries[0].n_candidates() == 0)
-      throw UsageError(
-          str("task ", task.name, " (", task.population, "): of the ", trajectory.size(),
-              " scans of this data set ", task.stored.size(), " are stored and ",
-              task.stored.empty() ? 0 : task.queries.size(),
-              " can be asked; use another protocol, a smaller exclusion or more scans"));
   return tasks;
 }
 

@@ -67,7 +67,7 @@ std::vector<std::vector<Opening>> windows(Random& random, const BuildingStyle& s
   const int door = front ? random.integer(0, bays - 1) : -1;
   const int garage =
       front && !style.shop && bays >= 3 && random.chance(0.3) ? (door == 0 ? bays - 1 : 0) : -1;
-  const Surface glass = surface(Material::kGlass, 0.1);
+  const Surface glass = surface(Material::kGlass, 0.1, Look::kWindow);
   std::vector<std::vector<Opening>> rows;
   for (int floor = 0; floor < style.floors; ++floor) {
     std::vector<Opening> row;
@@ -79,18 +79,19 @@ std::vector<std::vector<Opening>> windows(Random& random, const BuildingStyle& s
         row.push_back({middle - w / 2, middle + w / 2, base + z0, base + z1, depth, pane});
       };
       if (floor == 0 && i == door) {
-        const Surface leaf = surface(Material::kSolid, random.uniform(0.15, 0.5));
+        const Surface leaf = surface(Material::kSolid, random.uniform(0.15, 0.5), Look::kDoor);
         const double wide = random.uniform(1.0, 1.5);
         opening(wide, 0.0, 2.2, random.uniform(0.2, 0.8), leaf);
       } else if (floor == 0 && i == garage) {
-        opening(2.6, 0.0, 2.2, random.uniform(0.1, 0.5), surface(Material::kSolid, 0.4));
+        opening(2.6, 0.0, 2.2, random.uniform(0.1, 0.5),
+                surface(Material::kSolid, 0.4, Look::kGarageDoor));
       } else if (floor == 0 && style.shop && front) {
         opening(facade.bay - 0.4, 0.4, 2.5, 0.3, glass);
       } else if (!random.chance(front ? 0.08 : 0.35)) {
         const bool closed = random.chance(facade.shutters);
         opening(facade.window_width * (random.chance(0.15) ? 0.6 : 1), facade.sill,
                 facade.sill + facade.window_height, closed ? 0.06 : facade.recess,
-                closed ? surface(Material::kSolid, 0.45) : glass);
+                closed ? surface(Material::kSolid, 0.45, Look::kShutter) : glass);
       }
     }
     rows.push_back(std::move(row));
@@ -105,7 +106,7 @@ void add_relief(Random& random, const BuildingStyle& style, double height, Surfa
   const auto box = [&](double x0, double x1, double out, double z0, double z1, Surface s) {
     mesh->box({f(std::max(0.0, x0)), f(-out), f(z0)}, {f(std::min(w, x1)), 0, f(z1)}, s);
   };
-  const Surface stone = surface(Material::kSolid, random.uniform(0.25, 0.5));
+  const Surface stone = surface(Material::kSolid, random.uniform(0.25, 0.5), Look::kStone);
   const Surface metal = surface(Material::kSolid, 0.4);
   if (random.chance(0.5)) box(0, w, 0.06, -1.5, random.uniform(0.4, 0.9), stone);
   if (random.chance(0.5)) {
@@ -139,8 +140,8 @@ void add_relief(Random& random, const BuildingStyle& style, double height, Surfa
 }
 
 void add_roof(Random& random, const BuildingStyle& style, double height, Mesh* mesh) {
-  const Surface tiles = surface(Material::kSolid, random.uniform(0.15, 0.4));
-  const Surface wall_surface = surface(Material::kSolid, random.uniform(0.3, 0.6));
+  const Surface tiles = surface(Material::kSolid, random.uniform(0.15, 0.4), Look::kRoof);
+  const Surface wall_surface = surface(Material::kSolid, random.uniform(0.3, 0.6), Look::kWall);
   const float x0 = 0, x1 = f(style.width), y0 = 0, y1 = f(style.depth), z = f(height);
   const float eaves = f(random.uniform(0.2, 0.5));
   const double kind = random.uniform();
@@ -185,7 +186,7 @@ void add_roof(Random& random, const BuildingStyle& style, double height, Mesh* m
 Mesh make_building(Random& random, const BuildingStyle& style) {
   Mesh mesh;
   const double height = style.floors * style.floor_height + random.uniform(0, 0.6);
-  const Surface plaster = surface(Material::kSolid, random.uniform(0.25, 0.65));
+  const Surface plaster = surface(Material::kSolid, random.uniform(0.25, 0.65), Look::kWall);
   const Vec low = Vec::Zero();
   const Vec right(f(style.width), 0, 0), back(f(style.width), f(style.depth), 0);
   constexpr double kQuarter = 1.5707963267948966;

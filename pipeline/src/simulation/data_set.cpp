@@ -1,12 +1,8 @@
 #include "simulation/data_set.h"
 
-#include <algorithm>
 #include <charconv>
 #include <cstdio>
-#include <fstream>
-#include <sstream>
 
-#include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline::simulation {
@@ -14,47 +10,27 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kHeader = "# revisit simulate: the settings of the scans beside this file\n";
-/// To be raised with every change that changes scans: old ones must not be continued.
-constexpr int kWorldVersion = 1;
+constexpr int kCameraVersion = 1;  // as kWorldVersion, for pictures
 
-/// "" when there is no such file.
-std::string content(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  if (in) text << in.rdbuf();
-  return std::move(text).str();
+std::string numbered(int frame, const char* extension) {
+  char name[24];
+  std::snprintf(name, sizeof name, "%06d%s", frame, extension);
+  return name;
 }
 
-void write_text(const fs::path& file, const std::string& text) {
-  if (content(file) == text) return;
-  write_atomically(file, [&](std::ostream& out) { out << text; });
-}
-
-void make_folder(const fs::path& folder) {
+/// Adds the files in the folder that are named by a frame.
+void add_frames(const fs::path& folder, const char* extension, OutputFolder::Files* files) {
   std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    int frame = -1;
+    std::from_chars(name.data(), name.data() + name.size(), frame);
+    if (frame >= 0 && name == numbered(frame, extension)) files->insert(it->path());
+  }
 }
 
-/// FNV-1a, 64 bits.
-std::string fingerprint(const std::string& bytes) {
-  uint64_t hash = 0xcbf29ce484222325u;
-  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
-  return text;
-}
-
-std::string exact(double value) {
-  char text[32];
-  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
-  return {text, end};
-}
-
-}  // namespace
-
-std::string settings_text(const SimulationConfig& config, const Drive& drive) {
+/// What decides the bytes of a scan besides its frame number.
+std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   std::string text = str("version: ", kWorldVersion, "\n");
   text += str("sensor: ", config.sensor == LidarModel::kHdl64 ? "hdl64" : "vlp16", "\n");
   if (drive.given_poses.empty()) {
@@ -68,86 +44,43 @@ std::string settings_text(const SimulationConfig& config, const Drive& drive) {
   text += str("calibration: fnv1a ", fingerprint(drive.calibration), "\n");
   text +=
       str("range-noise: ", exact(config.range_noise), "\ndropout: ", exact(config.dropout), "\n");
-  text += str("seed: ", config.seed, "\n");
-  return str(kHeader, text, "hash: ", fingerprint(text), "\n");
+  if (config.camera)
+    text += str("camera: ", drive.camera.width, " x ", drive.camera.height, ", ",
+                config.camera->changing_light ? "changing" : "steady", " light, version ",
+                kCameraVersion, "\n");
+  return str(text, "seed: ", config.seed, "\n");
 }
 
-DataSet::DataSet(const SimulationConfig& config, std::string settings)
+}  // namespace
+
+DataSet::DataSet(const SimulationConfig& config, const Drive& drive)
     : sequence_(config.output / "sequences" / config.sequence),
-      velodyne_(sequence_ / "velodyne"),
-      settings_file_(sequence_ / "simulation.txt"),
       poses_file_(config.output / "poses" / (config.sequence + ".txt")),
-      settings_(std::move(settings)) {}
+      with_images_(config.camera.has_value()),
+      folder_(sequence_ / "simulation.txt", settings_of(config, drive)) {}
 
 fs::path DataSet::scan_file(int frame) const {
-  char name[24];
-  std::snprintf(name, sizeof name, "%06d.bin", frame);
-  return velodyne_ / name;
+  return sequence_ / "velodyne" / numbered(frame, ".bin");
 }
-
-std::set<int> DataSet::scans_there() const {
-  std::set<int> frames;
-  std::error_code error;
-  for (fs::directory_iterator it(velodyne_, error), end; !error && it != end; it.increment(error)) {
-    const std::string name = it->path().filename().string();
-    int frame = -1;
-    std::from_chars(name.data(), name.data() + name.size(), frame);
-    if (frame >= 0 && name == scan_file(frame).filename()) frames.insert(frame);
-  }
-  return frames;
-}
-
-/// The first line in which the settings there differ from ours.
-std::string DataSet::difference() const {
-  std::istringstream there(content(settings_file_)), ours(settings_);
-  std::string a, b;
-  while (std::getline(there, a) && std::getline(ours, b))
-    if (a != b) return str("there '", a, "', now '", b, "'");
-  return "they end differently";
+fs::path DataSet::image_file(int frame) const {
+  return sequence_ / "image_0" / numbered(frame, ".png");
 }
 
 std::set<int> DataSet::open(const std::set<int>& wanted, bool overwrite) {
-  const std::string known = content(settings_file_);
-  std::set<int> there = scans_there();
-  if (known.empty()) {
-    // Perhaps a real recording: never touched, whatever was asked for.
-    for (const fs::path& file : {sequence_ / "calib.txt", sequence_ / "times.txt", poses_file_,
-                                 there.empty() ? fs::path() : velodyne_})
-      if (!file.empty() && fs::exists(file))
-        throw UsageError(str(file.string(),
-                             " is there already and was not made by `revisit simulate` (no ",
-                             settings_file_.string(), "): choose another --output or --sequence"));
-  } else if (!known.starts_with(kHeader)) {
-    throw UsageError(
-        settings_file_.string() +
-        " is there but is no settings file of `revisit simulate`: choose another --output");
-  } else if (known != settings_ && !overwrite) {
-    throw UsageError(str(sequence_.string(), " holds ", there.size(),
-                         " scans made with other settings (", difference(),
-                         "): choose another --output or --sequence, or replace them with "
-                         "--overwrite"));
+  OutputFolder::Files there, files;
+  add_frames(sequence_ / "velodyne", ".bin", &there);
+  add_frames(sequence_ / "image_0", ".png", &there);
+  for (const int frame : wanted) {
+    files.insert(scan_file(frame));
+    if (with_images_) files.insert(image_file(frame));
   }
-  // Scans that this run would not make: all of other settings, or frames not asked for.
-  std::set<int> stale = there;
-  if (known == settings_) {
-    stale.clear();
-    std::set_difference(there.begin(), there.end(), wanted.begin(), wanted.end(),
-                        std::inserter(stale, stale.end()));
-    if (!stale.empty() && !overwrite)
-      throw UsageError(str(velodyne_.string(), " holds ", stale.size(),
-                           " more scans than asked for (",
-                           scan_file(*stale.begin()).filename().string(),
-                           "): widen --frames or --every, choose another --output, or remove them "
-                           "with --overwrite"));
-  }
-  for (const int frame : stale) {
-    fs::remove(scan_file(frame));
-    there.erase(frame);
-  }
-  make_folder(velodyne_);
-  make_folder(poses_file_.parent_path());
-  write_text(settings_file_, settings_);
-  return there;
+  const OutputFolder::Files done = folder_.open(
+      files, there, {sequence_ / "calib.txt", sequence_ / "times.txt", poses_file_}, overwrite);
+  std::set<int> complete;
+  for (const int frame : wanted)
+    if (done.contains(scan_file(frame)) && (!with_images_ || done.contains(image_file(frame))))
+      complete.insert(frame);
+  return complete;
 }
 
 void DataSet::write_frame(const std::string& poses, const std::string& calibration,

@@ -1,5 +1,6 @@
 #include "simulation/drive.h"
 
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <sstream>
@@ -8,6 +9,8 @@
 
 namespace revisit::pipeline::simulation {
 namespace {
+
+constexpr double kImageWidth = 1241, kImageHeight = 376;  // as in KITTI's sequence 00 [px]
 
 std::string file_content(const std::filesystem::path& file) {
   std::ifstream in(file, std::ios::binary);
@@ -46,16 +49,49 @@ void append_matrix(const Eigen::Matrix<double, 3, 4>& m, const char* format, std
     }
 }
 
-std::string calibration_text(const Pose& T_cam_velo) {
+using Projection = Eigen::Matrix<double, 3, 4>;
+
+Projection typical_projection(int camera) {
+  constexpr double kFocal = 720, kX = 610, kY = 185, kBaseline = 0.54;  // [px], [m]
+  Projection P;
+  P << kFocal, 0, kX, camera % 2 ? -kFocal * kBaseline : 0,  //
+      0, kFocal, kY, 0,                                      //
+      0, 0, 1, 0;
+  return P;
+}
+
+/// Of the same camera with pixels 1 / `scale` times as large. The middle of the first pixel is 0.
+Projection scaled(const Projection& P, double scale) {
+  Eigen::Matrix3d S;
+  S << scale, 0, (scale - 1) / 2,  //
+      0, scale, (scale - 1) / 2,   //
+      0, 0, 1;
+  return S * P;
+}
+
+/// The text of a calib.txt with all projections P0, P1... for pictures of another size.
+std::string scaled_calibration(const std::filesystem::path& file, const std::string& text,
+                               double scale) {
+  std::istringstream lines(text);
+  std::string line, result;
+  while (std::getline(lines, line)) {
+    const size_t colon = line.find(':');
+    if (line.starts_with('P') && colon != std::string::npos) {
+      const std::string name = line.substr(0, colon);
+      result += name + ": ";
+      append_matrix(scaled(read_kitti_projection(file, name), scale), "%.12e", &result);
+    } else {
+      result += line + "\n";
+    }
+  }
+  return result;
+}
+
+std::string calibration_text(const Pose& T_cam_velo, double scale) {
   std::string text;
   for (int camera = 0; camera < 4; ++camera) {
-    constexpr double kFocal = 720, kX = 610, kY = 185, kBaseline = 0.54;  // [px], [m]
-    Eigen::Matrix<double, 3, 4> P;
-    P << kFocal, 0, kX, camera % 2 ? -kFocal * kBaseline : 0,  //
-        0, kFocal, kY, 0,                                      //
-        0, 0, 1, 0;
     text += str("P", camera, ": ");
-    append_matrix(P, "%.12e", &text);
+    append_matrix(scaled(typical_projection(camera), scale), "%.12e", &text);
   }
   text += "Tr: ";
   append_matrix(T_cam_velo.matrix().topRows<3>(), "%.12e", &text);
@@ -66,12 +102,22 @@ std::string calibration_text(const Pose& T_cam_velo) {
 
 Drive make_drive(const SimulationConfig& config) {
   Drive drive;
+  const double scale = config.camera ? config.camera->scale : 1;
   if (config.calibration) {
     drive.T_cam_velo = read_kitti_calibration(*config.calibration);
     drive.calibration = file_content(*config.calibration);
+    if (scale != 1)
+      drive.calibration = scaled_calibration(*config.calibration, drive.calibration, scale);
   } else {
     drive.T_cam_velo = typical_calibration();
-    drive.calibration = calibration_text(drive.T_cam_velo);
+    drive.calibration = calibration_text(drive.T_cam_velo, scale);
+  }
+  if (config.camera) {
+    const Projection P0 = config.calibration ? read_kitti_projection(*config.calibration, "P0")
+                                             : typical_projection(0);
+    drive.camera = {static_cast<int>(std::lround(kImageWidth * scale)),
+                    static_cast<int>(std::lround(kImageHeight * scale)),
+                    scaled(P0, scale).leftCols<3>(), drive.T_cam_velo.inverse()};
   }
   if (config.poses) {
     drive.poses = flatten(read_kitti_poses(*config.poses), drive.T_cam_velo, *config.poses);

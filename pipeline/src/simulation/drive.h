@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "camera.h"
 #include "revisit/pipeline/simulation.h"
 #include "road_map.h"
 #include "route.h"
@@ -15,6 +16,7 @@ struct Drive {
   Pose T_cam_velo;
   std::string given_poses;  // content of the poses file driven along; "" for a generated route
   std::string calibration;  // content of calib.txt
+  CameraModel camera;       // when pictures are asked for
 };
 
 /// The drive that the configuration asks for. Throws UsageError, InputError.

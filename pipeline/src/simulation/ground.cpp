@@ -78,7 +78,7 @@ void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh)
     const int cells = fine ? 2 * kTile : 2;  // 0.5 m, or 4 m
     const double size = static_cast<double>(kTile) / cells;
     const auto first = static_cast<uint32_t>(mesh->vertices.size());
-    std::vector<double> beyond;  // metres from the kerb outwards
+    std::vector<double> beyond;  // from the kerb outwards [m]
     for (int i = 0; i <= cells; ++i)
       for (int j = 0; j <= cells; ++j) {
         const Vec2 p = corner + size * Vec2(i, j);
@@ -86,18 +86,18 @@ void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh)
         const double z = height(p) + kKerbHeight * std::clamp(d / kKerbWidth, 0.0, 1.0);
         mesh->vertices.push_back(Eigen::Vector3d(p.x(), p.y(), z).cast<float>());
         beyond.push_back(d);
+        mesh->from_kerb.push_back(static_cast<float>(d));
       }
     for (int i = 0; i < cells; ++i)
       for (int j = 0; j < cells; ++j) {
         const auto a = static_cast<uint32_t>(i * (cells + 1) + j);
         const auto b = a + static_cast<uint32_t>(cells) + 1;
         const double d = beyond[a];
-        const Surface s = d < 0                ? surface(Material::kRoad, 0.3)
-                          : d < kPavementWidth ? surface(Material::kRoad, 0.36)
-                                               : surface(Material::kLawn, 0.42);
-        mesh->triangles.push_back({first + a, first + b, first + b + 1});
-        mesh->triangles.push_back({first + a, first + b + 1, first + a + 1});
-        mesh->surfaces.insert(mesh->surfaces.end(), 2, s);
+        const Surface s = d < 0                ? surface(Material::kRoad, 0.3, Look::kGround)
+                          : d < kPavementWidth ? surface(Material::kRoad, 0.36, Look::kGround)
+                                               : surface(Material::kLawn, 0.42, Look::kGround);
+        mesh->add({first + a, first + b, first + b + 1}, s);
+        mesh->add({first + a, first + b + 1, first + a + 1}, s);
       }
   }
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "revisit/proto/error.h"
 #include "simulation/random.h"
 
 namespace revisit::pipeline::simulation {
@@ -81,15 +82,23 @@ BeamPattern beam_pattern(LidarModel model) {
   return pattern;
 }
 
-Lidar::Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed, const Scene& scene)
-    : pattern_(pattern), noise_(noise), seed_(seed), caster_(scene) {
+void check(const NoiseModel& noise) {
+  if (!(noise.range_sigma >= 0 && noise.range_sigma <= 1))
+    throw UsageError(str("range noise of ", noise.range_sigma, " m: expected 0 to 1 m"));
+  if (!(noise.dropout >= 0 && noise.dropout < 1))
+    throw UsageError(
+        str("dropout ", noise.dropout, ": expected a share of 0 up to, not including, 1"));
+}
+
+Lidar::Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed)
+    : pattern_(pattern), noise_(noise), seed_(seed) {
   const size_t rays = pattern.elevation.size() * static_cast<size_t>(pattern.azimuths);
   directions_.resize(rays);
   world_directions_.resize(rays);
   hits_.resize(rays);
 }
 
-PointCloud Lidar::scan(int frame, const Pose& T_world_velo, const Mesh& moving) {
+PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene) {
   const uint64_t frame_seed = random_bits(seed_, 0x7363616e, static_cast<uint64_t>(frame));
   const auto azimuths = static_cast<size_t>(pattern_.azimuths);
   const double step = 2 * std::numbers::pi / pattern_.azimuths;
@@ -108,8 +117,8 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, const Mesh& moving) 
       world_directions_[i] = rotation * directions_[i];
     }
   }
-  caster_.cast(moving, T_world_velo.translation().cast<float>(), world_directions_,
-               static_cast<float>(pattern_.max_range), hits_);
+  scene.cast(T_world_velo.translation().cast<float>(), world_directions_,
+             static_cast<float>(pattern_.max_range), hits_);
 
   PointCloud cloud;
   cloud.points.reserve(directions_.size());

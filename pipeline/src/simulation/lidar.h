@@ -22,21 +22,22 @@ struct NoiseModel {
   double range_sigma = 0.02;  // [m]
   double dropout = 0.01;      // share of returns lost at random
 };
+/// Throws UsageError for a noise that cannot be.
+void check(const NoiseModel& noise);
 
 /// Takes scans: one per thread.
 class Lidar {
  public:
-  Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed, const Scene& scene);
+  Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed);
 
   /// One instantaneous revolution from `T_world_velo`, beam by beam from the top, each from
   /// forward to the left. Depends on seed, frame, pose and scene only.
-  PointCloud scan(int frame, const Pose& T_world_velo, const Mesh& moving);
+  PointCloud scan(int frame, const Pose& T_world_velo, RayCaster& scene);
 
  private:
   const BeamPattern& pattern_;
   NoiseModel noise_;
   uint64_t seed_;
-  RayCaster caster_;
   std::vector<Eigen::Vector3f> directions_, world_directions_;  // [beam][azimuth]
   std::vector<Hit> hits_;
 };

@@ -6,23 +6,27 @@
 
 namespace revisit::pipeline::simulation {
 
-Surface surface(Material material, double reflectance) {
-  return {material, static_cast<uint8_t>(std::clamp(reflectance, 0.0, 1.0) * 255 + 0.5)};
+Surface surface(Material material, double reflectance, Look look) {
+  return {material, static_cast<uint8_t>(std::clamp(reflectance, 0.0, 1.0) * 255 + 0.5), look};
+}
+
+void Mesh::add(const std::array<uint32_t, 3>& corners, Surface s) {
+  triangles.push_back(corners);
+  surfaces.push_back(s);
+  object_of.push_back(0);
 }
 
 void Mesh::triangle(const Vec& a, const Vec& b, const Vec& c, Surface s) {
   const auto first = static_cast<uint32_t>(vertices.size());
   vertices.insert(vertices.end(), {a, b, c});
-  triangles.push_back({first, first + 1, first + 2});
-  surfaces.push_back(s);
+  add({first, first + 1, first + 2}, s);
 }
 
 void Mesh::quad(const Vec& a, const Vec& b, const Vec& c, const Vec& d, Surface s) {
   const auto first = static_cast<uint32_t>(vertices.size());
   vertices.insert(vertices.end(), {a, b, c, d});
-  triangles.push_back({first, first + 1, first + 2});
-  triangles.push_back({first, first + 2, first + 3});
-  surfaces.insert(surfaces.end(), 2, s);
+  add({first, first + 1, first + 2}, s);
+  add({first, first + 2, first + 3}, s);
 }
 
 void Mesh::box(const Vec& low, const Vec& high, Surface s) {
@@ -51,7 +55,7 @@ void Mesh::cylinder(const Vec& foot, float radius, float top_radius, float heigh
   }
 }
 
-void Mesh::append(const Mesh& object, const Placement& placement) {
+void Mesh::append(const Mesh& object, const Placement& placement, std::optional<uint32_t> kind) {
   const auto first = static_cast<uint32_t>(vertices.size());
   const auto c = static_cast<float>(std::cos(placement.yaw));
   const auto s = static_cast<float>(std::sin(placement.yaw));
@@ -60,6 +64,9 @@ void Mesh::append(const Mesh& object, const Placement& placement) {
   for (const auto& t : object.triangles)
     triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
   surfaces.insert(surfaces.end(), object.surfaces.begin(), object.surfaces.end());
+  const auto number = static_cast<uint32_t>(objects.size());
+  object_of.resize(triangles.size(), number);
+  objects.push_back({placement.origin, {c, s}, kind.value_or(number)});
 }
 
 }  // namespace revisit::pipeline::simulation

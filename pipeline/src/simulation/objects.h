@@ -10,6 +10,9 @@ namespace revisit::pipeline::simulation {
 /// A car centred on the origin, forward = x. `half` is filled with half its length and width.
 Mesh make_car(Random& random, Eigen::Vector2d* half);
 
+/// Someone walking along x.
+Mesh make_person(Random& random);
+
 /// Trunk at the origin, crown of the given radius.
 Mesh make_tree(Random& random, double crown_radius);
 Mesh make_bush(Random& random, double radius, double height);

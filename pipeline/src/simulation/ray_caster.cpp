@@ -64,6 +64,21 @@ SceneHandle build(RTCDevice device, const Mesh& mesh, RTCBuildQuality quality) {
   return scene;
 }
 
+RTCIntersectContext coherent_context() {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  return context;
+}
+
+void set_ray(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction, float max_range,
+             unsigned k, RTCRay16* rays) {
+  rays->org_x[k] = origin.x(), rays->org_y[k] = origin.y(), rays->org_z[k] = origin.z();
+  rays->dir_x[k] = direction.x(), rays->dir_y[k] = direction.y(), rays->dir_z[k] = direction.z();
+  rays->tnear[k] = kMinRange, rays->tfar[k] = max_range;
+  rays->time[k] = 0, rays->mask[k] = ~0u, rays->flags[k] = 0, rays->id[k] = k;
+}
+
 }  // namespace
 
 struct Scene::Impl {
@@ -83,58 +98,76 @@ const Mesh& Scene::mesh() const {
 
 struct RayCaster::Impl {
   const Scene& still;
+  Mesh moving;
+  SceneHandle moving_scene;
 };
 
-RayCaster::RayCaster(const Scene& scene) : impl_(new Impl{scene}) {}
+RayCaster::RayCaster(const Scene& scene) : impl_(new Impl{scene, {}, {}}) {}
 RayCaster::~RayCaster() = default;
 
-void RayCaster::cast(const Mesh& moving, const Eigen::Vector3f& origin,
-                     std::span<const Eigen::Vector3f> directions, float max_range,
-                     std::span<Hit> hits) {
-  const Scene::Impl& still = *impl_->still.impl_;
-  const SceneHandle cars = build(still.device.get(), moving, RTC_BUILD_QUALITY_LOW);
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+void RayCaster::place(Mesh moving) {
+  impl_->moving = std::move(moving);
+  impl_->moving_scene =
+      impl_->moving.triangles.empty()
+          ? nullptr
+          : build(impl_->still.impl_->device.get(), impl_->moving, RTC_BUILD_QUALITY_LOW);
+}
 
+void RayCaster::cast(const Eigen::Vector3f& origin, std::span<const Eigen::Vector3f> directions,
+                     float max_range, std::span<Hit> hits) {
+  const Scene::Impl& still = *impl_->still.impl_;
+  RTCIntersectContext context = coherent_context();
   alignas(64) RTCRayHit16 packet;
   alignas(64) int valid[kPacket];
   for (size_t first = 0; first < directions.size(); first += kPacket) {
     const auto count = static_cast<unsigned>(std::min<size_t>(kPacket, directions.size() - first));
     for (unsigned k = 0; k < kPacket; ++k) {
       valid[k] = k < count ? -1 : 0;
-      const Eigen::Vector3f& d = directions[first + std::min(k, count - 1)];
-      packet.ray.org_x[k] = origin.x(), packet.ray.org_y[k] = origin.y(),
-      packet.ray.org_z[k] = origin.z();
-      packet.ray.dir_x[k] = d.x(), packet.ray.dir_y[k] = d.y(), packet.ray.dir_z[k] = d.z();
-      packet.ray.tnear[k] = kMinRange, packet.ray.tfar[k] = max_range;
-      packet.ray.time[k] = 0, packet.ray.mask[k] = ~0u, packet.ray.flags[k] = 0,
-      packet.ray.id[k] = k;
+      set_ray(origin, directions[first + std::min(k, count - 1)], max_range, k, &packet.ray);
       packet.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;
     }
+    const auto take_hits = [&](const Mesh& mesh) {
+      for (unsigned k = 0; k < count; ++k) {
+        if (packet.hit.geomID[k] == RTC_INVALID_GEOMETRY_ID) continue;
+        const Eigen::Vector3f n(packet.hit.Ng_x[k], packet.hit.Ng_y[k], packet.hit.Ng_z[k]);
+        hits[first + k] = {packet.ray.tfar[k],
+                           std::abs(n.normalized().dot(directions[first + k])),
+                           mesh.surfaces[packet.hit.primID[k]],
+                           &mesh,
+                           packet.hit.primID[k],
+                           packet.hit.u[k],
+                           packet.hit.v[k]};
+        packet.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;  // tfar stays: only what is nearer counts
+      }
+    };
+    std::fill_n(hits.begin() + static_cast<std::ptrdiff_t>(first), count, Hit{});
     rtcIntersect16(valid, still.scene.get(), &context, &packet);
-    unsigned primitive[kPacket];
-    for (unsigned k = 0; k < count; ++k) {
-      const bool met = packet.hit.geomID[k] != RTC_INVALID_GEOMETRY_ID;
-      primitive[k] = packet.hit.primID[k];
-      hits[first + k] = Hit{};
-      if (met) {
-        hits[first + k].range = packet.ray.tfar[k];
-        hits[first + k].surface = still.mesh.surfaces[primitive[k]];
-      }
-      packet.hit.geomID[k] = RTC_INVALID_GEOMETRY_ID;  // tfar stays: only a nearer car counts
+    take_hits(still.mesh);
+    if (!impl_->moving_scene) continue;
+    rtcIntersect16(valid, impl_->moving_scene.get(), &context, &packet);
+    take_hits(impl_->moving);
+  }
+}
+
+void RayCaster::obstructed(std::span<const Eigen::Vector3f> origins,
+                           const Eigen::Vector3f& direction, float max_range,
+                           std::span<uint8_t> result) {
+  RTCIntersectContext context = coherent_context();
+  alignas(64) RTCRay16 packet;
+  alignas(64) int valid[kPacket];
+  for (size_t first = 0; first < origins.size(); first += kPacket) {
+    const auto count = static_cast<unsigned>(std::min<size_t>(kPacket, origins.size() - first));
+    for (unsigned k = 0; k < kPacket; ++k) {
+      valid[k] = k < count ? -1 : 0;
+      set_ray(origins[first + std::min(k, count - 1)], direction, max_range, k, &packet);
     }
-    if (!moving.triangles.empty()) rtcIntersect16(valid, cars.get(), &context, &packet);
-    for (unsigned k = 0; k < count; ++k) {
-      Hit& hit = hits[first + k];
-      if (packet.hit.geomID[k] != RTC_INVALID_GEOMETRY_ID) {
-        hit.range = packet.ray.tfar[k];
-        hit.surface = moving.surfaces[packet.hit.primID[k]];
-      }
-      if (hit.range < 0) continue;
-      const Eigen::Vector3f n(packet.hit.Ng_x[k], packet.hit.Ng_y[k], packet.hit.Ng_z[k]);
-      hit.cos_incidence = std::abs(n.normalized().dot(directions[first + k]));
+    // Embree marks a ray that meets something by tfar = -infinity.
+    rtcOccluded16(valid, impl_->still.impl_->scene.get(), &context, &packet);
+    if (impl_->moving_scene) {
+      for (unsigned k = 0; k < count; ++k) valid[k] = packet.tfar[k] < 0 ? 0 : -1;
+      rtcOccluded16(valid, impl_->moving_scene.get(), &context, &packet);
     }
+    for (unsigned k = 0; k < count; ++k) result[first + k] = packet.tfar[k] < 0;
   }
 }
 

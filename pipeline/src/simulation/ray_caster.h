@@ -14,6 +14,9 @@ struct Hit {
   float range = -1;         // [m], negative: nothing
   float cos_incidence = 0;  // of the angle between ray and surface normal, >= 0
   Surface surface;
+  const Mesh* mesh = nullptr;  // of the town or of what moves
+  uint32_t triangle = 0;       // of the mesh
+  float u = 0, v = 0;          // barycentric coordinates: corner 0 + u (1 - 0) + v (2 - 0)
 };
 
 /// A scene of triangles that rays can be cast into; Embree builds the tree. The tree is built by
@@ -33,16 +36,21 @@ class Scene {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Casts the rays of one scan into a static scene and a few moving objects. One per thread.
+/// Casts rays into a static scene and a few moving objects. One per thread.
 class RayCaster {
  public:
   explicit RayCaster(const Scene& scene);
   ~RayCaster();
 
+  /// Sets what moves, where it is now. Hits of earlier casts must not be used any more.
+  void place(Mesh moving);
   /// From `origin` along unit `directions` up to `max_range`: hits[i] belongs to directions[i].
   /// Neighbouring directions should be nearly parallel: they share the work.
-  void cast(const Mesh& moving, const Eigen::Vector3f& origin,
-            std::span<const Eigen::Vector3f> directions, float max_range, std::span<Hit> hits);
+  void cast(const Eigen::Vector3f& origin, std::span<const Eigen::Vector3f> directions,
+            float max_range, std::span<Hit> hits);
+  /// Whether anything is within `max_range` of origins[i] along the unit `direction`.
+  void obstructed(std::span<const Eigen::Vector3f> origins, const Eigen::Vector3f& direction,
+                  float max_range, std::span<uint8_t> result);
 
  private:
   struct Impl;

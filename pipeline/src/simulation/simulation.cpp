@@ -1,17 +1,15 @@
 #include "revisit/pipeline/simulation.h"
 
-#include <omp.h>
-
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <cmath>
-#include <exception>
 #include <memory>
 
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/proto/error.h"
+#include "simulation/camera.h"
 #include "simulation/data_set.h"
+#include "simulation/each.h"
 #include "simulation/lidar.h"
 #include "simulation/traffic.h"
 #include "simulation/world.h"
@@ -26,6 +24,10 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+NoiseModel noise_of(const SimulationConfig& config) {
+  return {config.range_noise, config.dropout};
+}
+
 void check(const SimulationConfig& config) {
   const auto refuse = [](const auto&... parts) { throw UsageError(str(parts...)); };
   if (config.output.empty()) refuse("no output folder given");
@@ -34,10 +36,9 @@ void check(const SimulationConfig& config) {
     refuse("sequence '", name, "': expected the name of a folder, e.g. 00");
   if (config.every < 1) refuse("every ", config.every, "th frame: expected 1 or more");
   if (config.threads < 0) refuse(config.threads, " threads: expected 0 (all) or more");
-  if (!(config.range_noise >= 0 && config.range_noise <= 1))
-    refuse("range noise of ", config.range_noise, " m: expected 0 to 1 m");
-  if (!(config.dropout >= 0 && config.dropout < 1))
-    refuse("dropout ", config.dropout, ": expected a share of 0 up to, not including, 1");
+  simulation::check(noise_of(config));
+  if (config.camera && !(config.camera->scale >= 0.1 && config.camera->scale <= 1))
+    refuse("pictures of ", config.camera->scale, " times KITTI's size: expected 0.1 to 1");
   if (config.calibration && !config.poses)
     refuse("a calibration belongs to given poses; a generated route has its own");
 }
@@ -67,6 +68,13 @@ Pose stand(const PlanarPose& pose, const Ground& ground) {
   return T;
 }
 
+/// What one thread drives through the town.
+struct Vehicle {
+  std::unique_ptr<RayCaster> surroundings;
+  std::unique_ptr<Lidar> lidar;
+  std::unique_ptr<Camera> camera;  // or none
+};
+
 }  // namespace
 
 SimulationSummary simulate(const SimulationConfig& config,
@@ -75,7 +83,7 @@ SimulationSummary simulate(const SimulationConfig& config,
   check(config);
   const Drive drive = make_drive(config);
   const std::set<int> wanted = wanted_frames(config, static_cast<int>(drive.poses.size()));
-  DataSet data(config, settings_text(config, drive));
+  DataSet data(config, drive);
   const std::set<int> there = data.open(wanted, config.overwrite);
 
   const Clock::time_point start = Clock::now();
@@ -99,62 +107,57 @@ SimulationSummary simulate(const SimulationConfig& config,
   std::set_difference(wanted.begin(), wanted.end(), there.begin(), there.end(),
                       std::back_inserter(missing));
   const auto total = static_cast<int64_t>(wanted.size());
-  int64_t bytes = 0;
-  for (const int frame : there)
-    bytes += static_cast<int64_t>(std::filesystem::file_size(data.scan_file(frame)));
   if (progress) progress(summary.scans, total);
 
   if (!missing.empty()) {
     const Scene scene(build_world(config.seed, path.points, roads, ground).mesh);
     const Traffic traffic(config.seed, path.points, ground);
     const BeamPattern pattern = beam_pattern(config.sensor);
+    std::optional<Textures> textures;
+    if (config.camera) textures.emplace();
     summary.triangles = static_cast<int64_t>(scene.mesh().triangles.size());
     summary.build_seconds = seconds_since(start);
 
     const Clock::time_point scanning = Clock::now();
-    std::atomic<bool> ended{false};
-    bool stopped = false;
-    std::exception_ptr failure;
-    const int threads = std::min(config.threads > 0 ? config.threads : omp_get_max_threads(),
-                                 static_cast<int>(missing.size()));
-    std::vector<std::unique_ptr<Lidar>> lidars;  // [thread]
-    for (int i = 0; i < threads; ++i)
-      lidars.push_back(std::make_unique<Lidar>(
-          pattern, NoiseModel{config.range_noise, config.dropout}, config.seed, scene));
-#pragma omp parallel for schedule(dynamic) num_threads(threads)
-    for (size_t i = 0; i < missing.size(); ++i) {
-      if (ended) continue;
-      try {
-        const int frame = missing[i];
-        const auto at = static_cast<size_t>(frame);
-        const Mesh moving =
-            traffic.at(frame * kFramePeriod, path.point_of_pose[at], pattern.max_range);
-        const PointCloud cloud =
-            lidars[static_cast<size_t>(omp_get_thread_num())]->scan(frame, T_town_velo[at], moving);
-        write_kitti_scan(data.scan_file(frame), cloud);
-#pragma omp critical(revisit_simulation)
-        {
-          ++summary.scans;
-          bytes += static_cast<int64_t>(cloud.points.size() * 16);
-          if (progress) progress(summary.scans, total);
-          if (stop && summary.scans < total && stop()) ended = stopped = true;
-        }
-      } catch (...) {
-#pragma omp critical(revisit_simulation)
-        {
-          ended = true;
-          if (!failure) failure = std::current_exception();
-        }
-      }
+    const int threads = threads_for(config.threads, static_cast<int64_t>(missing.size()));
+    std::vector<Vehicle> vehicles;  // [thread]
+    for (int i = 0; i < threads; ++i) {
+      vehicles.push_back({std::make_unique<RayCaster>(scene),
+                          std::make_unique<Lidar>(pattern, noise_of(config), config.seed),
+                          nullptr});
+      if (config.camera)
+        vehicles.back().camera = std::make_unique<Camera>(drive.camera, *textures, config.seed);
     }
-    if (failure) std::rethrow_exception(failure);
+    const auto take = [&](int64_t item, int thread) {
+      const int frame = missing[static_cast<size_t>(item)];
+      const auto at = static_cast<size_t>(frame);
+      const double time = frame * kFramePeriod;
+      const Vehicle& vehicle = vehicles[static_cast<size_t>(thread)];
+      vehicle.surroundings->place(traffic.at(time, path.point_of_pose[at], pattern.max_range));
+      write_kitti_scan(data.scan_file(frame),
+                       vehicle.lidar->scan(frame, T_town_velo[at], *vehicle.surroundings));
+      if (!vehicle.camera) return;
+      const Light light = light_at(config.seed, time, config.camera->changing_light);
+      write_gray_png(data.image_file(frame),
+                     vehicle.camera->picture(frame, T_town_velo[at], light, *vehicle.surroundings));
+    };
+    bool stopped = false;
+    const auto count = [&](int64_t) {
+      ++summary.scans;
+      if (progress) progress(summary.scans, total);
+      stopped = stopped || (stop && summary.scans < total && stop());
+      return !stopped;
+    };
+    for_each_item(static_cast<int64_t>(missing.size()), threads, take, count);
     if (stopped)
       throw Interrupted(str("interrupted: ", summary.scans, " of ", total,
                             " scans are complete in ", data.scan_file(0).parent_path().string(),
                             "; run the same command again to continue"));
     summary.scan_seconds = seconds_since(scanning);
   }
-  summary.mean_points = static_cast<double>(bytes) / 16 / static_cast<double>(summary.scans);
+  uintmax_t bytes = 0;
+  for (const int frame : wanted) bytes += std::filesystem::file_size(data.scan_file(frame));
+  summary.mean_points = static_cast<double>(bytes) / 16 / static_cast<double>(total);
   return summary;
 }
 

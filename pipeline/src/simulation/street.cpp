@@ -15,9 +15,9 @@ float f(double value) {
 Mesh make_fence(Random& random, FenceKind kind, double length, double height) {
   Mesh mesh;
   const float top = f(height), end = f(length);
-  const Surface wood = surface(Material::kSolid, random.uniform(0.2, 0.5));
+  const Surface wood = surface(Material::kSolid, random.uniform(0.2, 0.5), Look::kWood);
   const Surface metal = surface(Material::kSolid, random.uniform(0.15, 0.4));
-  const Surface stone = surface(Material::kSolid, random.uniform(0.25, 0.55));
+  const Surface stone = surface(Material::kSolid, random.uniform(0.25, 0.55), Look::kStone);
   switch (kind) {
     case FenceKind::kSlats: {
       const double pitch = random.uniform(0.14, 0.2), slat = pitch * random.uniform(0.5, 0.65);
@@ -65,7 +65,7 @@ Mesh make_sign(Random& random) {
   const float height = f(random.uniform(2.0, 2.7)), size = f(random.uniform(0.3, 0.42));
   mesh.cylinder({0, 0, -0.2f}, 0.035f, 0.035f, height + 0.2f, 6, surface(Material::kSolid, 0.45));
   // Retroreflecting sheet: by far the brightest thing in the street.
-  const Surface sheet = surface(Material::kSolid, 1.0);
+  const Surface sheet = surface(Material::kSolid, 1.0, Look::kTrafficSign);
   mesh.quad({0.04f, -size, height - 2 * size}, {0.04f, size, height - 2 * size},
             {0.04f, size, height}, {0.04f, -size, height}, sheet);
   return mesh;
@@ -95,7 +95,8 @@ Mesh make_street_furniture(Random& random) {
         mesh.box({x, -0.18f, 0}, {x + 0.1f, 0.18f, 0.4f}, plastic);
       break;
     default:  // advertising column
-      mesh.cylinder({0, 0, -0.1f}, 0.6f, 0.6f, f(random.uniform(2.4, 3.0)), 14, plastic);
+      mesh.cylinder({0, 0, -0.1f}, 0.6f, 0.6f, f(random.uniform(2.4, 3.0)), 14,
+                    {plastic.material, plastic.reflectance, Look::kPosters});
   }
   return mesh;
 }

@@ -63,7 +63,8 @@ void Traffic::place(size_t model, double s, double to_left, bool against,
   const Eigen::Vector2d forward = against ? Eigen::Vector2d(-p.forward) : p.forward;
   mesh->append(models_[model],
                {Eigen::Vector3d(position.x(), position.y(), ground_.height(position)).cast<float>(),
-                std::atan2(forward.y(), forward.x())});
+                std::atan2(forward.y(), forward.x())},
+               static_cast<uint32_t>(model));
 }
 
 }  // namespace revisit::pipeline::simulation

@@ -16,7 +16,7 @@ Vec random_direction(Random& random) {
 }
 
 Surface leaves(Random& random) {
-  return surface(Material::kLeaves, random.uniform(0.25, 0.5));
+  return surface(Material::kLeaves, random.uniform(0.25, 0.5), Look::kLeaves);
 }
 
 /// A tuft of leaves: one triangle of about `size` in any direction.
@@ -50,7 +50,7 @@ Mesh make_tree(Random& random, double crown_radius) {
   const double height =
       crown_radius * (conifer ? random.uniform(3, 4.5) : random.uniform(1.7, 2.6));
   const double radius = 0.06 * crown_radius + random.uniform(0.04, 0.12);
-  const Surface bark = surface(Material::kSolid, random.uniform(0.15, 0.35));
+  const Surface bark = surface(Material::kSolid, random.uniform(0.15, 0.35), Look::kBark);
   mesh.cylinder({0, 0, -0.3f}, f(radius), f(radius * 0.6), f(0.3 + trunk + height * 0.6), 7, bark);
   const int tufts = static_cast<int>(90 * crown_radius * crown_radius * std::sqrt(height / 4)) + 60;
   if (conifer) {

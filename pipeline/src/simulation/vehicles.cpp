@@ -29,8 +29,9 @@ Mesh make_car(Random& random, Eigen::Vector2d* half) {
   const double scale = random.uniform(0.95, 1.05);
   const double l = body.length * scale, w = body.width * scale, h = body.height * scale;
   *half = {l / 2, w / 2};
-  const Surface paint = surface(Material::kPaint, random.uniform(0.06, 0.7));
-  const Surface glass = surface(Material::kGlass, 0.08);
+  const Surface paint = surface(Material::kPaint, random.uniform(0.06, 0.7), Look::kCarBody);
+  const Surface end{paint.material, paint.reflectance, Look::kCarEnd};
+  const Surface glass = surface(Material::kGlass, 0.08, Look::kCarGlass);
   const Surface tyre = surface(Material::kSolid, 0.05);
 
   Mesh mesh;
@@ -45,10 +46,10 @@ Mesh make_car(Random& random, Eigen::Vector2d* half) {
                           Surface s) {
     mesh.quad(at(x0, z0, -y0), at(x0, z0, y0), at(x1, z1, y1), at(x1, z1, -y1), s);
   };
-  across(0, sill, y, 0, belt, y, paint);
+  across(0, sill, y, 0, belt, y, end);
   across(0, belt, y, t[0], belt, y, paint);
   across(t[3], belt, y, 1 - 0.02, body.bonnet, y, paint);
-  across(1 - 0.02, body.bonnet, y, 1, sill, y, paint);
+  across(1 - 0.02, body.bonnet, y, 1, sill, y, end);
   // Greenhouse: rear window, roof, windscreen.
   across(t[0], belt, y, t[1], roof, roof_y, glass);
   across(t[1], roof, roof_y, t[2], roof, roof_y, paint);

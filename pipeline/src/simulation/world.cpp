@@ -14,6 +14,10 @@ using Vec2 = Eigen::Vector2d;
 
 constexpr double kClearance = kRoadHalfWidth + 0.25;  // of everything, from any pose [m]
 constexpr double kPavement = 1.4;                     // from the kerb to the front of a lot [m]
+constexpr size_t kFrontPiece = 2;                     // of a closed front [path points]
+
+/// Kinds of fence_line() that nobody looks through: boards, walls, hedges.
+constexpr std::array<int, 6> kOpaque = {1, 2, 4, 5, 6, 7};
 
 /// A piece of land beside the road: x along the road, y away from it, the origin in the
 /// middle of its front.
@@ -36,6 +40,8 @@ class Builder {
     world_.ground_triangles = world_.mesh.triangles.size();
     side_streets();
     lots();
+    closed_fronts();
+    close_side_streets();
     parked_cars();
     pavements();
     background();
@@ -70,13 +76,23 @@ class Builder {
     size_t next = 60;
     for (size_t i = next; i < path_.size(); ++i) {
       if (i < next) continue;
-      next = i + static_cast<size_t>(random_.uniform(90, 220) / kPathStep);
+      next = i + static_cast<size_t>(random_.uniform(120, 280) / kPathStep);
       const int side = random_.chance(0.5) ? 1 : -1;
       const PathPoint& p = path_[i];
       const Lot street{p.position + side * (lane_edge(side) + 3.4) * p.left(), along(p, side),
-                       random_.uniform(6, 10), random_.uniform(35, 80)};
-      if (taken_.free(street.footprint())) taken_.take(street.footprint());
+                       random_.uniform(5, 8), random_.uniform(35, 80)};
+      if (!taken_.free(street.footprint())) continue;
+      taken_.take(street.footprint());
+      streets_.push_back(street);
     }
+  }
+
+  /// They are closed on both sides, too.
+  void close_side_streets() {
+    for (const Lot& street : streets_)
+      for (const double x : {-street.width / 2, street.width / 2})
+        fence_line(street.at(x, 4), street.away(), street.depth - 4, random_.uniform(1.6, 2.8),
+                   opaque_kind());
   }
 
   // ---- houses and gardens along the road ----
@@ -101,7 +117,7 @@ class Builder {
     if (!taken_.free(Vec2(start.position + side * (front + 3) * start.left()))) return 0;
 
     const double density = field(0x64656e73, start.position, 130) + random_.uniform(-0.12, 0.12);
-    const bool urban = density > 0.6, green = density < 0.26;
+    const bool urban = density > 0.6, green = density < 0.2;
     const double width = urban   ? random_.uniform(8, 19)
                          : green ? random_.uniform(14, 28)
                                  : random_.uniform(13, 22);
@@ -123,6 +139,25 @@ class Builder {
       }
     }
     return 0;
+  }
+
+  /// Where no lot found room, a hedge, fence or wall stands beside the pavement: streets are closed
+  /// on both sides, but for the side streets and crossings.
+  void closed_fronts() {
+    for (const int side : {1, -1})
+      for (size_t i = 0; i + kFrontPiece < path_.size(); i += kFrontPiece) {
+        const PathPoint& p = path_[i + kFrontPiece / 2];
+        const double lateral = lane_edge(side) + ground_.kerb(p.position) + kPavement + 0.5;
+        const Vec2 middle = p.position + side * lateral * p.left();
+        const double length = static_cast<double>(kFrontPiece) * kPathStep;
+        const Footprint front{middle, p.forward, {length / 2, 0.4}};
+        if (!taken_.free(front) || !roads_.clear(front, kClearance)) continue;
+        taken_.take(front);
+        // One owner has one kind of fence.
+        const double owner = field(0x66656e63, middle, 25);
+        const int kind = kOpaque[static_cast<size_t>(owner * 997) % kOpaque.size()];
+        fence_line(middle - length / 2 * p.forward, p.forward, length, 1.5 + owner, kind);
+      }
   }
 
   void fill(const Lot& lot, bool urban, bool green) {
@@ -161,9 +196,17 @@ class Builder {
     if (style.depth > 5) house(lot, x, y, style);
     const double gate = random_.uniform(-0.35, 0.35) * lot.width;
     boundary(lot, gate);
-    // Between this house and the next: a fence, a garage, or a look into the garden.
+    // Between this house and the next: a garage, a fence, or a look into the garden.
     const double open = x + lot.width / 2;  // at the left
-    if (open > 3.4 && random_.chance(0.5)) {
+    const bool has_garage = open > 3.4 && random_.chance(0.5);
+    if (!has_garage && open > 0.8 && random_.chance(0.9))
+      fence_line(lot.at(-lot.width / 2, y + 0.5), lot.along, open - 0.4, random_.uniform(1.6, 2.4),
+                 opaque_kind());
+    const double right_end = x + style.width, open_right = lot.width / 2 - right_end;
+    if (open_right > 0.8 && random_.chance(0.9))
+      fence_line(lot.at(right_end + 0.2, y + 0.5), lot.along, open_right - 0.4,
+                 random_.uniform(1.6, 2.4), opaque_kind());
+    if (has_garage) {
       BuildingStyle garage;
       garage.width = std::min(open - 0.6, 3.6), garage.depth = 6, garage.floors = 1;
       garage.floor_height = 2.5, garage.detailed = false;
@@ -180,7 +223,7 @@ class Builder {
   }
 
   void garden(const Lot& lot) {
-    if (random_.chance(0.7)) boundary(lot, random_.uniform(-0.3, 0.3) * lot.width);
+    boundary(lot, random_.uniform(-0.3, 0.3) * lot.width);
     const int count = static_cast<int>(lot.width * lot.depth / random_.uniform(9, 30));
     plants(lot, 1.2, lot.depth, count, 0.55);
     if (random_.chance(0.25) && lot.width > 9) {  // cars beside each other
@@ -197,15 +240,16 @@ class Builder {
 
   /// The line between lot and pavement, with a gate.
   void boundary(const Lot& lot, double gate) {
-    const int kind = random_.integer(0, 8);
-    if (kind == 8) return;
-    const double height =
-        random_.chance(0.4) ? random_.uniform(1.4, 2.2) : random_.uniform(0.7, 1.3);
-    const double opening = random_.uniform(1.0, 3.6), y = 0.45, half = lot.width / 2 - 0.2;
+    const bool tall = random_.chance(0.6);
+    const int kind = tall ? opaque_kind() : random_.integer(0, 7);
+    const double height = tall ? random_.uniform(1.4, 2.4) : random_.uniform(0.7, 1.3);
+    const double opening = random_.uniform(0.9, 3.0), y = 0.45, half = lot.width / 2 - 0.2;
     const double first = gate - opening / 2 + half, second = half - gate - opening / 2;
     if (first > 0.5) fence_line(lot.at(-half, y), lot.along, first, height, kind);
     if (second > 0.5) fence_line(lot.at(half, y), -lot.along, second, height, kind);
   }
+
+  int opaque_kind() { return kOpaque[static_cast<size_t>(random_.integer(0, 5))]; }
 
   /// A hedge or fence from `from`, in pieces that follow the ground.
   void fence_line(const Vec2& from, const Vec2& direction, double length, double height, int kind) {
@@ -331,6 +375,7 @@ class Builder {
   const RoadMap& roads_;
   const Ground& ground_;
   Occupancy taken_, cars_, furniture_;
+  std::vector<Lot> streets_;  // nobody drives them
   World world_;
 };
 

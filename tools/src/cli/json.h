@@ -15,4 +15,8 @@ std::string to_json(const google::protobuf::Message& report);
 /// Reads a JSON file. A list at the top is found under the key "". Throws InputError.
 google::protobuf::Struct read_json(const std::filesystem::path& file);
 
+/// Reads what to_json() wrote; fields that this version does not know are passed over. Throws
+/// InputError.
+void read_report(const std::filesystem::path& file, google::protobuf::Message* report);
+
 }  // namespace revisit::cli

@@ -3,9 +3,11 @@
 #include <numbers>
 
 #include "cli/command.h"
+#include "cli/json.h"
 #include "cli/table.h"
 #include "eval/config_file.h"
 #include "eval/descriptors.h"
+#include "eval/run_info.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/npy.h"
 
@@ -37,8 +39,8 @@ int describe_command(const Arguments& arguments) {
   Parser parser("revisit describe", "DATA -o DIR",
                 "Turn every scan of a KITTI sequence or a folder of .bin, .pcd or .ply files into "
                 "a descriptor: "
-                "DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan) and "
-                "DIR/pca (mean.npy, "
+                "DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan), "
+                "DIR/run.json (how it was made and the time of each stage) and DIR/pca (mean.npy, "
                 "basis.npy: for --pca-fit elsewhere). A stopped run goes on when the same command "
                 "is given again.",
                 "  revisit describe KITTI --sequence 00 -o out\n"
@@ -53,23 +55,32 @@ int describe_command(const Arguments& arguments) {
   if (options.pca_fit == "map")
     throw UsageError("--pca-fit map needs a task with stored scans: use `revisit eval`");
 
-  const pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence);
+  const pipeline::Dataset dataset = open_scans(options);
   const fs::path cache = options.cache_folder(output);
   const FeatureSource source = open_feature(options, dataset, cache);
-  pipeline::DescribeTimes times;
-  const Features features = compute_features(options, source, source.align, cache, &times);
+  LazyFeatures features(options, source, source.align, cache);
+  features.file();  // so that the time of the reduction is its own
+  RunTimes times;
+  times.describe = features.times();
 
   const bool fits = options.pca_fit == "all";
-  const Descriptors descriptors =
-      reduce(options, source.components, {}, features, nullptr, fits ? output / "pca" : fs::path());
+  Descriptors descriptors;
+  times.reduce.push_back(milliseconds_of([&] {
+    descriptors = reduce(options, source.components, {}, features, nullptr,
+                         fits ? output / "pca" : fs::path());
+  }));
   if (!descriptors.note.empty() && !options.quiet)
     std::cerr << "note: " << descriptors.note << "\n";
   const pipeline::FloatMatrix& matrix = descriptors.case1;
   proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());
-  write_frames(output / "frames.csv", dataset, features.alignments);
+  write_frames(output / "frames.csv", dataset, features.alignments());
+  write_atomically(output / "run.json", [&](std::ostream& out) {
+    out << to_json(run_info(options, dataset, source, descriptors.pca_fit, times)) << "\n";
+  });
   std::cout << matrix.n << " scans, feature " << source.extractor.name << " ("
             << source.extractor.dim << " numbers), PCA " << descriptors.pca_fit << "\n"
-            << "descriptors: " << (output / "descriptors.npy").string() << "\n";
+            << "descriptors: " << (output / "descriptors.npy").string() << "\n\n";
+  print_times(times, std::cout);
   return kOk;
 }
 

@@ -3,6 +3,7 @@
 #include <numeric>
 #include <set>
 
+#include "cli/gray_array.h"
 #include "cli/mean_file.h"
 #include "cli/table.h"
 #include "net_commands.h"
@@ -63,7 +64,7 @@ int net_forward_command(const Arguments& arguments) {
   NetOptions options;
   std::vector<std::string> inputs, means;
   fs::path directory;
-  bool all = false, reference = false;
+  bool all = false, reference = false, gray = false;
   Parser parser(
       "revisit net forward", "PROTOTXT [WEIGHTS] --input BLOB=FILE.npy... -o DIR",
       "Run a Caffe net on arrays: the inputs take the shapes of the arrays, each output is written "
@@ -83,6 +84,10 @@ int net_forward_command(const Arguments& arguments) {
                 &means);
   parser.option("output", "DIR", "folder for the outputs", &directory, 'o');
   parser.flag("all", "write every layer's output, as it was right after that layer ran", &all);
+  parser.flag("gray",
+              "the input's channels are one picture, up to a constant each: the first convolution "
+              "reads it once",
+              &gray);
   parser.flag("reference", "use the slow reference kernels", &reference);
   parser.parse(arguments);
   if (directory.empty()) throw UsageError("give the folder for the outputs: -o DIR");
@@ -91,7 +96,14 @@ int net_forward_command(const Arguments& arguments) {
   for (const auto& [blob, array] : arrays)
     options.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
   const engine::Net net = load_net(options, NoWeights::kNone);
-  engine::Run run(net.plan({}, {options.threads, all, reference}));
+  engine::PlanOptions plan{options.threads, all, reference};
+  if (gray) {
+    if (arrays.size() != 1) throw UsageError("--gray: expected one --input, the net's only one");
+    auto& [blob, array] = *arrays.begin();
+    plan.gray_offsets = gray_offsets(array, "--input " + blob);
+    array.data = first_channels(array);
+  }
+  engine::Run run(net.plan({}, plan));
 
   for (const engine::Port& port : run.plan().inputs()) {
     const auto found = arrays.find(port.name);

@@ -17,6 +17,15 @@ void fill_input(engine::View<float> input) {
     value = 100 * std::sin(0.37F * static_cast<float>(i++ % 9973));
 }
 
+/// Constants between the channels like those of colour means.
+std::vector<float> some_offsets(const engine::Net& net) {
+  std::vector<float> offsets;
+  if (net.inputs().size() == 1 && net.inputs()[0].shape.rank() == 4)
+    for (int64_t c = 0; c < net.inputs()[0].shape[1]; ++c)
+      offsets.push_back(-10.0F * static_cast<float>(c));
+  return offsets;
+}
+
 void warn_of_slow_settings() {
   const std::string faster = engine::faster_blas_core();
   if (!faster.empty())
@@ -34,7 +43,7 @@ int net_profile_command(const Arguments& arguments) {
   NetOptions options;
   engine::ProfileOptions measure;
   std::string format = "table";
-  bool reference = false;
+  bool reference = false, gray = false;
   Parser parser("revisit net profile", "PROTOTXT [WEIGHTS]",
                 "Time every layer of a Caffe net and the whole. Instrumented and uninstrumented "
                 "passes alternate after "
@@ -47,6 +56,9 @@ int net_profile_command(const Arguments& arguments) {
   parser.group("Measurement:");
   parser.option("repeat", "R", "timed passes (default 20)", &measure.repeat);
   parser.option("warmup", "W", "passes before them (default 2)", &measure.warmup);
+  parser.flag("gray",
+              "as on range images: the input's channels are one picture, up to a constant each",
+              &gray);
   parser.flag("reference", "time the slow reference kernels instead", &reference);
   parser.option("format", "FORMAT", "table, json or csv", &format);
   parser.parse(arguments);
@@ -58,8 +70,9 @@ int net_profile_command(const Arguments& arguments) {
 
   warn_of_slow_settings();
   const engine::Net net = load_net(options, NoWeights::kRandom);
-  const engine::Plan plan =
-      net.plan({}, {.threads = options.threads, .reference_kernels = reference});
+  engine::PlanOptions plan_options{.threads = options.threads, .reference_kernels = reference};
+  if (gray) plan_options.gray_offsets = some_offsets(net);
+  const engine::Plan plan = net.plan({}, plan_options);
   engine::Run run(plan);
   for (const engine::Port& port : plan.inputs()) fill_input(run.input(port.name));
   const engine::Profile profile = engine::profile(run, measure);

@@ -7,6 +7,7 @@
 #include "cli/json.h"
 #include "cli/table.h"
 #include "net_commands.h"
+#include "revisit/engine/simd.h"
 
 namespace revisit::cli {
 namespace {
@@ -68,8 +69,8 @@ std::string mebi(double bytes) {
 
 Table layer_table(const reports::NetReport& report) {
   const bool timed = report.has_total_ms();
-  std::vector<std::string> header{"layer",      "type",  "kernel",    "output",
-                                  "parameters", "MMACs", "memory MiB"};
+  std::vector<std::string> header{"layer",      "type",  "kernel",     "output",
+                                  "parameters", "MMACs", "packed MiB", "memory MiB"};
   if (!timed) header.push_back("sees /stride @start");
   if (timed) header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "share %"});
   Table table(std::move(header));
@@ -80,6 +81,7 @@ Table layer_table(const reports::NetReport& report) {
                                  shape_text(layer.output_shape()),
                                  number(layer.parameters(), 0),
                                  number(layer.macs() / 1e6, 2),
+                                 mebi(layer.packed_weight_bytes()),
                                  mebi(layer.activation_bytes())};
     if (!timed) row.push_back(field_text(layer));
     if (timed)
@@ -106,7 +108,12 @@ void print_summary(const reports::NetReport& report) {
     std::cout << "output " << port.name() << "  " << shape_text(port.shape()) << "\n";
   std::cout << number(report.parameters(), 0) << " parameters (" << mebi(report.weight_bytes())
             << " MiB), " << number(report.macs() / 1e9, 3) << " GMACs, one run takes "
-            << mebi(report.arena_bytes()) << " MiB of activations and scratch\n";
+            << mebi(report.arena_bytes()) << " MiB of activations and scratch\n"
+            << "memory: weights " << mebi(report.weight_bytes()) << " + packed for the kernels "
+            << mebi(report.packed_weight_bytes()) << " + one run " << mebi(report.arena_bytes())
+            << " = "
+            << mebi(report.weight_bytes() + report.packed_weight_bytes() + report.arena_bytes())
+            << " MiB\n";
   if (!report.has_total_ms()) return;
   const auto line = [](const char* what, const reports::Timing& t) {
     std::cout << what << "  min " << number(t.min(), 3) << "  median " << number(t.median(), 3)
@@ -159,6 +166,8 @@ reports::NetReport net_report(const NetOptions& options, const std::string& weig
   report.set_threads(options.threads);
   report.set_arena_bytes(static_cast<double>(plan.arena_bytes()));
   report.set_weight_bytes(static_cast<double>(plan.weight_bytes()));
+  report.set_packed_weight_bytes(static_cast<double>(plan.packed_weight_bytes()));
+  report.set_simd(engine::simd_target());
   const auto add_port = [](const engine::Port& port, reports::NamedShape* out) {
     out->set_name(port.name);
     set_shape(port.shape, out->mutable_shape());
@@ -178,6 +187,7 @@ reports::NetReport net_report(const NetOptions& options, const std::string& weig
     if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
     layer.set_macs(static_cast<double>(cost.macs));
     layer.set_parameters(static_cast<double>(cost.parameters));
+    layer.set_packed_weight_bytes(static_cast<double>(cost.packed_weight_bytes));
     layer.set_activation_bytes(static_cast<double>(cost.activation_bytes));
     if (cost.field_h) *layer.mutable_field_h() = receptive_field(*cost.field_h);
     if (cost.field_w) *layer.mutable_field_w() = receptive_field(*cost.field_w);
@@ -206,6 +216,8 @@ void print_net_report(const reports::NetReport& report, const std::string& forma
   } else if (format == "csv") {
     layer_table(report).print_csv(std::cout);
   } else if (format == "table") {
+    std::cout << "kernels: " << report.simd() << ", " << report.threads() << " thread"
+              << (report.threads() == 1 ? "" : "s") << "\n\n";
     layer_table(report).print(std::cout);
     if (report.buffers_size() > 0) print_buffers(report);
     print_summary(report);

@@ -24,7 +24,9 @@ constexpr const char* kExamples =
     "  revisit simulate -o town\n"
     "  revisit simulate -o town --sequence 01 --route opposite --seed 7\n"
     "  revisit simulate -o look --sensor vlp16 --frames 0-99\n"
-    "  revisit simulate -o sim --sequence 05 --poses poses/05.txt --every 2\n\n"
+    "  revisit simulate -o seen --camera --image-scale 0.5\n"
+    "  revisit simulate -o sim --sequence 05 --poses poses/05.txt --every 2\n"
+    "  revisit simulate -o places/rotation --preset hkust-rotation\n\n"
     "Given poses are used as seen from above (x, z, heading). The sensor always stands 1.73 m "
     "above "
     "a smooth ground, because the height in ground-truth files drifts by metres between visits of "
@@ -65,20 +67,121 @@ std::string fixed(double value, int digits) {
   return text;
 }
 
-void print(const pipeline::SimulationConfig& config, const pipeline::SimulationSummary& summary) {
-  const int64_t made = summary.scans - summary.kept;
+void print_scans(const pipeline::SimulationSummary& summary) {
   std::cout << summary.scans << " scans of " << fixed(summary.mean_points, 0)
             << " points on average";
   if (summary.kept > 0) std::cout << " (" << summary.kept << " kept from an earlier run)";
+}
+
+void print_speed(const pipeline::SimulationSummary& summary) {
+  const int64_t made = summary.scans - summary.kept;
+  if (made == 0) return;
+  std::cout << fixed(static_cast<double>(made) / summary.scan_seconds, 1) << " scans/s; town of "
+            << fixed(static_cast<double>(summary.triangles) * 1e-6, 2)
+            << " million triangles built in " << fixed(summary.build_seconds, 1) << " s\n";
+}
+
+void print(const pipeline::SimulationConfig& config, const pipeline::SimulationSummary& summary) {
+  print_scans(summary);
+  if (config.camera) std::cout << ", each with a picture";
   std::cout << ", of a drive of " << fixed(summary.path_metres, 0) << " m\n";
-  if (made > 0)
-    std::cout << fixed(static_cast<double>(made) / summary.scan_seconds, 1) << " scans/s; town of "
-              << fixed(static_cast<double>(summary.triangles) * 1e-6, 2)
-              << " million triangles built in " << fixed(summary.build_seconds, 1) << " s\n";
+  print_speed(summary);
   std::cout << "in " << (config.output / "sequences" / config.sequence).string() << ", poses in "
             << (config.output / "poses" / (config.sequence + ".txt")).string() << "\n"
             << "next: revisit eval " << config.output.string() << " --sequence " << config.sequence
             << " --model PROTOTXT --weights CAFFEMODEL\n";
+}
+
+struct SimulateOptions {
+  std::optional<fs::path> output, poses, calib;
+  std::optional<std::string> preset, sequence, route, frames, sensor, light;
+  std::optional<double> length, image_scale;
+  std::optional<int> every;
+  double noise = 0.02, dropout = 0.01;
+  int64_t seed = 1;
+  int threads = 0;
+  bool camera = false, overwrite = false, no_progress = false, quiet = false;
+};
+
+SimulateOptions parse_options(const Arguments& arguments) {
+  SimulateOptions o;
+  Parser parser("revisit simulate", "-o DIR", kSummary, kExamples);
+  parser.option("output", "DIR", "root of the data set", &o.output, 'o')
+      .option("preset", "NAME",
+              "instead of a drive: hkust-rotation (7 places, 77 scans of a VLP-16 turned by about "
+              "40 degrees each) or hkust-objects (the same places, 94 scans with people and cars "
+              "passing); a folder per place",
+              &o.preset)
+      .option("sequence", "NN", "name of the sequence (default 00)", &o.sequence)
+      .flag("overwrite", "replace scans made with other settings", &o.overwrite)
+      .group("Where to drive:")
+      .option("route", "KIND",
+              "generated: loop (revisits in the same direction, the default), opposite, or both",
+              &o.route)
+      .option("length", "M", "of the generated route, in metres (default 1200)", &o.length)
+      .option("poses", "FILE", "drive along these KITTI poses instead", &o.poses)
+      .option("calib", "FILE", "calib.txt of these poses (default: a typical one)", &o.calib)
+      .group("Which frames (10 a second, 0.8 m apart on a generated route):")
+      .option("frames", "N|A-B", "the first N, or A to B inclusive (default: all)", &o.frames)
+      .option("every", "N", "every Nth frame only", &o.every)
+      .group("Sensor:")
+      .option("sensor", "NAME", "hdl64 (default) or vlp16", &o.sensor)
+      .option("noise", "M", "standard deviation of a range in metres (default 0.02)", &o.noise)
+      .option("dropout", "SHARE", "of returns lost at random (default 0.01)", &o.dropout)
+      .group("Camera:")
+      .flag("camera", "also what a camera beside it sees: image_0/000000.png, gray", &o.camera)
+      .option("image-scale", "S", "size of the pictures, 1 is 1241 x 376 (default), down to 0.1",
+              &o.image_scale)
+      .option("light", "KIND",
+              "changing: the sun wanders, clouds pass and the exposure errs, so passes of one "
+              "place differ (default); or steady",
+              &o.light)
+      .group("General:")
+      .option("seed", "S", "another seed is another town (default 1)", &o.seed)
+      .option("threads", "T", "default: all", &o.threads)
+      .flag("no-progress", "no progress line", &o.no_progress)
+      .flag("quiet", "no progress line and no summary", &o.quiet, 'q');
+  parser.parse(arguments);
+  if (!o.output) throw UsageError("--output DIR is missing: where shall the data set go?");
+  if (o.seed < 0) throw UsageError(str("--seed: expected 0 or more, found ", o.seed));
+  return o;
+}
+
+int simulate_places(const SimulateOptions& o) {
+  using pipeline::PlaceScans;
+  pipeline::PlaceSimulationConfig config;
+  config.scans = choose<PlaceScans>(
+      "--preset", *o.preset,
+      {{"hkust-rotation", PlaceScans::kRotation}, {"hkust-objects", PlaceScans::kObjects}});
+  const std::pair<const char*, bool> drive_only[] = {{"sequence", o.sequence.has_value()},
+                                                     {"route", o.route.has_value()},
+                                                     {"length", o.length.has_value()},
+                                                     {"poses", o.poses.has_value()},
+                                                     {"calib", o.calib.has_value()},
+                                                     {"frames", o.frames.has_value()},
+                                                     {"every", o.every.has_value()},
+                                                     {"sensor", o.sensor.has_value()},
+                                                     {"camera", o.camera},
+                                                     {"image-scale", o.image_scale.has_value()},
+                                                     {"light", o.light.has_value()}};
+  for (const auto& [name, given] : drive_only)
+    if (given) throw UsageError(str("--", name, " is about drives: leave it out with --preset"));
+  config.output = *o.output;
+  config.range_noise = o.noise, config.dropout = o.dropout;
+  config.seed = static_cast<uint64_t>(o.seed);
+  config.threads = o.threads, config.overwrite = o.overwrite;
+  pipeline::SimulationSummary summary;
+  {
+    Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
+    summary = pipeline::simulate_places(config, progress.callback(), interrupted);
+  }
+  if (o.quiet) return kOk;
+  print_scans(summary);
+  std::cout << ", of 7 places\n";
+  print_speed(summary);
+  std::cout << "in " << config.output.string() << ", a folder per place; where each was taken in "
+            << (config.output / "scans.csv").string() << "\n";
+  return kOk;
 }
 
 }  // namespace
@@ -86,61 +189,40 @@ void print(const pipeline::SimulationConfig& config, const pipeline::SimulationS
 int simulate_command(const Arguments& arguments) {
   using pipeline::LidarModel;
   using pipeline::RouteKind;
-  pipeline::SimulationConfig config;
-  std::optional<fs::path> output;
-  std::optional<std::string> route, frames;
-  std::optional<double> length;
-  std::string sensor = "hdl64";
-  int64_t seed = 1;
-  bool no_progress = false, quiet = false;
-
-  Parser parser("revisit simulate", "-o DIR", kSummary, kExamples);
-  parser.option("output", "DIR", "root of the data set, in KITTI odometry layout", &output, 'o')
-      .option("sequence", "NN", "name of the sequence (default 00)", &config.sequence)
-      .flag("overwrite", "replace scans made with other settings", &config.overwrite)
-      .group("Where to drive:")
-      .option("route", "KIND",
-              "generated: loop (revisits in the same direction, the default), opposite, or both",
-              &route)
-      .option("length", "M", "of the generated route, in metres (default 1200)", &length)
-      .option("poses", "FILE", "drive along these KITTI poses instead", &config.poses)
-      .option("calib", "FILE", "calib.txt of these poses (default: a typical one)",
-              &config.calibration)
-      .group("Which frames (10 a second, 0.8 m apart on a generated route):")
-      .option("frames", "N|A-B", "the first N, or A to B inclusive (default: all)", &frames)
-      .option("every", "N", "every Nth frame only", &config.every)
-      .group("Sensor:")
-      .option("sensor", "NAME", "hdl64 (default) or vlp16", &sensor)
-      .option("noise", "M", "standard deviation of a range in metres (default 0.02)",
-              &config.range_noise)
-      .option("dropout", "SHARE", "of returns lost at random (default 0.01)", &config.dropout)
-      .group("General:")
-      .option("seed", "S", "another seed is another town (default 1)", &seed)
-      .option("threads", "T", "default: all", &config.threads)
-      .flag("no-progress", "no progress line", &no_progress)
-      .flag("quiet", "no progress line and no summary", &quiet, 'q');
-  parser.parse(arguments);
-
-  if (!output) throw UsageError("--output DIR is missing: where shall the data set go?");
-  if (config.poses && (route || length))
+  const SimulateOptions o = parse_options(arguments);
+  if (o.preset) return simulate_places(o);
+  if (o.poses && (o.route || o.length))
     throw UsageError("--poses gives the route: leave out --route and --length");
-  if (seed < 0) throw UsageError(str("--seed: expected 0 or more, found ", seed));
-  config.output = *output;
-  config.seed = static_cast<uint64_t>(seed);
-  config.length = length.value_or(config.length);
+  if (!o.camera && (o.image_scale || o.light))
+    throw UsageError("--image-scale and --light are about pictures: add --camera");
+
+  pipeline::SimulationConfig config;
+  config.output = *o.output;
+  config.sequence = o.sequence.value_or(config.sequence);
+  config.poses = o.poses, config.calibration = o.calib;
+  config.length = o.length.value_or(config.length);
   config.route = choose<RouteKind>(
-      "--route", route.value_or("loop"),
+      "--route", o.route.value_or("loop"),
       {{"loop", RouteKind::kLoop}, {"opposite", RouteKind::kOpposite}, {"both", RouteKind::kBoth}});
-  config.sensor = choose<LidarModel>(
-      "--sensor", sensor, {{"hdl64", LidarModel::kHdl64}, {"vlp16", LidarModel::kVlp16}});
-  if (frames) parse_frames(*frames, &config);
+  config.sensor =
+      choose<LidarModel>("--sensor", o.sensor.value_or("hdl64"),
+                         {{"hdl64", LidarModel::kHdl64}, {"vlp16", LidarModel::kVlp16}});
+  if (o.frames) parse_frames(*o.frames, &config);
+  config.every = o.every.value_or(config.every);
+  if (o.camera)
+    config.camera = {o.image_scale.value_or(1),
+                     choose<bool>("--light", o.light.value_or("changing"),
+                                  {{"changing", true}, {"steady", false}})};
+  config.range_noise = o.noise, config.dropout = o.dropout;
+  config.seed = static_cast<uint64_t>(o.seed);
+  config.threads = o.threads, config.overwrite = o.overwrite;
 
   pipeline::SimulationSummary summary;
   {
-    Progress progress("simulating", "scans", !no_progress && !quiet);
+    Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
     summary = pipeline::simulate(config, progress.callback(), interrupted);
   }
-  if (!quiet) print(config, summary);
+  if (!o.quiet) print(config, summary);
   return kOk;
 }
 

@@ -38,6 +38,15 @@ Scans count_scans(const fs::path& folder) {
   return scans;
 }
 
+int count_images(const fs::path& folder) {
+  int images = 0;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    images += entry->path().extension() == ".png";
+  return images;
+}
+
 /// Lines that hold something, or nothing when there is no such file.
 std::optional<int> count_lines(const fs::path& file) {
   std::ifstream in(file);
@@ -76,6 +85,8 @@ Sequence check_sequence(const fs::path& folder, const std::vector<fs::path>& pos
   check.found =
       str(plural(scans.count, "scan"), ", ", n_poses ? plural(*n_poses, "pose") : "no poses", ", ",
           calibration ? "calib" : "no calib", ", ", times ? plural(*times, "time") : "no times");
+  if (const int images = count_images(folder / "image_0"); images > 0)
+    check.found += ", " + plural(images, "image");
   const auto warn = [&check](const std::string& advice) {
     check.status = Status::kWarn;
     check.advice += (check.advice.empty() ? "" : "; ") + advice;
@@ -118,6 +129,23 @@ std::vector<Sequence> check_sequences(const fs::path& root) {
   return sequences;
 }
 
+/// "7 places with 77 scans" when the folders of `root` hold scans, else "".
+std::string places_in(const fs::path& root) {
+  int places = 0, scans = 0;
+  for (const fs::path& folder : sorted_folders(root))
+    if (const int count = count_scans(folder).count; count > 0) ++places, scans += count;
+  return places > 0 ? plural(places, "place") + " with " + plural(scans, "scan") : "";
+}
+
+/// The sets of places in the folders of `root`.
+std::vector<Check> check_place_sets(const fs::path& root) {
+  std::vector<Check> sets;
+  for (const fs::path& folder : sorted_folders(root))
+    if (const std::string places = places_in(folder); !places.empty())
+      sets.push_back({"data", "set " + folder_name(folder), Status::kOk, places});
+  return sets;
+}
+
 }  // namespace
 
 void check_data(const fs::path& root, Checks& checks) {
@@ -128,6 +156,7 @@ void check_data(const fs::path& root, Checks& checks) {
     layout.advice = advice;
   };
   std::vector<Sequence> sequences;
+  std::vector<Check> sets;
   std::error_code none;
   if (!fs::is_directory(root, none)) {
     miss(fs::exists(root, none) ? " is not a folder" : " does not exist",
@@ -139,12 +168,18 @@ void check_data(const fs::path& root, Checks& checks) {
       miss(" without scans", "put them into sequences/NN/velodyne/000000.bin and on");
   } else if (const int count = count_scans(root).count; count > 0) {
     layout.found += ": folder of " + plural(count, "scan");
+  } else if (const std::string places = places_in(root); !places.empty()) {
+    layout.found += ": " + places;
+  } else if (sets = check_place_sets(root); !sets.empty()) {
+    layout.found += ": sets of places";
   } else {
     miss(": no scans",
-         "expected sequences/NN/velodyne/*.bin, velodyne/*.bin or *.bin, *.pcd, *.ply");
+         "expected sequences/NN/velodyne/*.bin, velodyne/*.bin, a folder of scans per place, or "
+         "*.bin, *.pcd, *.ply");
   }
   checks.push_back(layout);
   for (const Sequence& sequence : sequences) checks.push_back(sequence.check);
+  checks.insert(checks.end(), sets.begin(), sets.end());
 }
 
 }  // namespace revisit::doctor

@@ -8,6 +8,7 @@
 #include "doctor/checks.h"
 #include "doctor/openblas.h"
 #include "revisit/engine/blas.h"
+#include "revisit/engine/simd.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::doctor {
@@ -68,7 +69,8 @@ void check_cpu(Checks& checks) {
   const std::string model = value_in("/proc/cpuinfo", "model name");
   checks.push_back({"machine", "CPU", Status::kOk, model.empty() ? "unknown model" : model});
   const bool wide = has_wide_vectors();
-  checks.push_back({"machine", "SIMD", wide ? Status::kOk : Status::kWarn, cpu_features(),
+  checks.push_back({"machine", "SIMD", wide ? Status::kOk : Status::kWarn,
+                    cpu_features() + "; kernels use " + engine::simd_target(),
                     wide ? "" : "works, but networks run several times slower"});
   const unsigned logical = std::thread::hardware_concurrency();
   const char* const omp = std::getenv("OMP_NUM_THREADS");

@@ -1,6 +1,8 @@
 #include "descriptors.h"
 
 #include <algorithm>
+#include <functional>
+#include <ios>
 #include <numeric>
 
 #include "cli/interrupt.h"
@@ -8,6 +10,8 @@
 
 namespace revisit::cli {
 namespace {
+
+namespace fs = std::filesystem;
 
 /// Rows [first, first + count) of a matrix.
 pipeline::FloatMatrix rows_of(const pipeline::FloatMatrix& all, int64_t first, int64_t count) {
@@ -26,23 +30,85 @@ pipeline::FloatMatrix all_rows(const pipeline::FeatureFile& file, double memory_
   return matrix;
 }
 
+std::string fit_text(const FeatureOptions& options, int64_t scans, int64_t components) {
+  return str(options.pca_fit, ": ", scans, " scans, ", components, " components");
+}
+
+/// Names everything the descriptors of a task depend on, but the number of components.
+std::string descriptor_key(const FeatureOptions& options, const pipeline::Task& task,
+                           const LazyFeatures& case1, const LazyFeatures* case2) {
+  std::string key = str("descriptors\n", case1.key(), case2 ? case2->key() : "", "pca-fit ",
+                        options.pca_fit, "\n");
+  if (options.pca_fit == "map")
+    for (const int64_t row : task.stored) key += str(row, " ");
+  return key;
+}
+
+fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t components) {
+  return cache / str("descriptors-", std::hex, std::hash<std::string>{}(key), std::dec, "-",
+                     components ? str(components) : "all", ".npy");
+}
+
+/// Rows [first, first + count) and the first `columns` columns of a file.
+pipeline::FloatMatrix read_rows(const pipeline::FeatureFile& file, int64_t first, int64_t count,
+                                int64_t columns) {
+  pipeline::FloatMatrix part(count, columns);
+  for (int64_t i = 0; i < count; ++i) file.read(first + i, 0, columns, part.row(i).data());
+  return part;
+}
+
+void write_rows(pipeline::FeatureWriter& writer, const pipeline::FloatMatrix& rows, int64_t first) {
+  for (int64_t i = std::max<int64_t>(0, writer.rows_written() - first); i < rows.n; ++i)
+    writer.append(rows.row(i));
+}
+
 }  // namespace
 
+Descriptors cached_descriptors(const FeatureOptions& options, int64_t components,
+                               const pipeline::Task& task, LazyFeatures& case1, LazyFeatures* case2,
+                               const fs::path& cache) {
+  const bool learns = options.pca_fit == "all" || options.pca_fit == "map";
+  if (cache.empty() || !learns || components < 0)
+    return reduce(options, components, task, case1, case2);
+  const std::string key = descriptor_key(options, task, case1, case2);
+  for (const int64_t there : {components, int64_t{0}}) {
+    const fs::path path = descriptor_file(cache, key, there);
+    if (!pipeline::features_complete(path, str(key, "\n", there))) continue;
+    const pipeline::FeatureFile file(path);
+    const int64_t columns = components ? std::min(components, file.d()) : file.d();
+    Descriptors found;
+    found.case1 = read_rows(file, 0, case1.n(), columns);
+    if (case2) found.case2 = read_rows(file, case1.n(), case1.n(), columns);
+    const auto fitted =
+        options.pca_fit == "map" ? static_cast<int64_t>(task.stored.size()) : case1.n();
+    found.pca_fit = fit_text(options, fitted, columns);
+    return found;
+  }
+  Descriptors fresh = reduce(options, components, task, case1, case2);
+  pipeline::FeatureWriter writer(descriptor_file(cache, key, components),
+                                 str(key, "\n", components), case2 ? 2 * case1.n() : case1.n(),
+                                 fresh.case1.d);
+  write_rows(writer, fresh.case1, 0);
+  if (case2) write_rows(writer, *fresh.case2, case1.n());
+  writer.finish();
+  return fresh;
+}
+
 Descriptors reduce(const FeatureOptions& options, int64_t components, const pipeline::Task& task,
-                   const Features& case1, const Features* case2,
+                   LazyFeatures& case1, LazyFeatures* case2,
                    const std::filesystem::path& model_folder) {
   if (!(options.memory_gb > 0))
     throw UsageError("--memory: expected a positive number of gigabytes");
   if (components < 0) {
     Descriptors whole;
     whole.pca_fit = "none";
-    whole.case1 = all_rows(case1.file, options.memory_gb);
-    if (case2) whole.case2 = all_rows(case2->file, options.memory_gb);
+    whole.case1 = all_rows(case1.file(), options.memory_gb);
+    if (case2) whole.case2 = all_rows(case2->file(), options.memory_gb);
     return whole;
   }
-  const int64_t n = case1.file.n();
-  pipeline::FeatureFiles files{&case1.file};
-  if (case2) files.push_back(&case2->file);
+  const int64_t n = case1.n();
+  pipeline::FeatureFiles files{&case1.file()};
+  if (case2) files.push_back(&case2->file());
 
   Progress progress("reducing", "columns", !options.no_progress && !options.quiet);
   pipeline::PcaOptions pca;
@@ -63,8 +129,7 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
       std::iota(pca.fit_rows.begin(), pca.fit_rows.end(), int64_t{0});
     }
     pipeline::PcaResult fitted = pipeline::fit_pca(files, pca);
-    result.pca_fit =
-        str(options.pca_fit, ": ", pca.fit_rows.size(), " scans, ", fitted.rank, " components");
+    result.pca_fit = fit_text(options, static_cast<int64_t>(pca.fit_rows.size()), fitted.rank);
     result.note = fitted.note;
     all = std::move(fitted.descriptors);
   } else {

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "feature_options.h"
+#include "eval/lazy_features.h"
 #include "revisit/pipeline/pca.h"
 #include "revisit/pipeline/protocols.h"
 
@@ -12,7 +12,7 @@ namespace revisit::cli {
 struct Descriptors {
   pipeline::FloatMatrix case1;
   std::optional<pipeline::FloatMatrix> case2;
-  std::string pca_fit;  // what the PCA learnt from, for people; "none" without one
+  std::string pca_fit;  // what the PCA learnt from, for people
   std::string note;     // when fewer components were kept than asked
 };
 
@@ -21,7 +21,14 @@ struct Descriptors {
 /// the features are the descriptors; `options.memory_gb` bounds them. `case2` may be null.
 /// `model_folder`, when not empty, gets the PCA model.
 Descriptors reduce(const FeatureOptions& options, int64_t components, const pipeline::Task& task,
-                   const Features& case1, const Features* case2,
+                   LazyFeatures& case1, LazyFeatures* case2,
                    const std::filesystem::path& model_folder = {});
+
+/// The same, taken from `cache` when they are there: then the features are not needed. Descriptors
+/// of all components serve any smaller number, as the first components do not depend on how many
+/// are asked for. Nothing is kept when `cache` is empty or there is no PCA learnt here.
+Descriptors cached_descriptors(const FeatureOptions& options, int64_t components,
+                               const pipeline::Task& task, LazyFeatures& case1, LazyFeatures* case2,
+                               const std::filesystem::path& cache);
 
 }  // namespace revisit::cli

@@ -6,7 +6,6 @@
 #include <sstream>
 #include <thread>
 
-#include "cli/interrupt.h"
 #include "cli/mean_file.h"
 #include "cli/progress.h"
 #include "eval/competitors.h"
@@ -50,6 +49,8 @@ void FeatureOptions::declare(Parser& parser) {
   parser.group("Data:");
   parser.option("sequence", "NN",
                 "sequence of a KITTI root, e.g. 00 (not needed when there is one)", &sequence);
+  parser.option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
+                &every);
   parser.option("sensor", "NAME",
                 "geometry of the range image: hdl64, hdl32, vlp16 (default hdl64)", &sensor);
   parser.option("width", "PIXELS", "columns of the range image (default: the sensor's, 4000)",
@@ -98,8 +99,16 @@ void FeatureOptions::declare(Parser& parser) {
                 "scans the PCA learns from, or a folder it was written to (default all)", &pca_fit);
   parser.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb);
   parser.group("Running:");
-  parser.option("threads", "N", "scans in flight, one thread each (default: all cores)", &threads);
-  parser.option("cache", "DIR", "where features are kept (default: OUTPUT/features)", &cache);
+  parser.option("threads", "N", "threads (default: all cores)", &threads);
+  parser.option(
+      "threads-per-scan", "N",
+      "threads that share one scan's network; fewer scans are then in flight, which takes "
+      "less memory and more time (default 1)",
+      &threads_per_scan);
+  parser.option(
+      "cache", "DIR",
+      "where features and descriptors are kept (default: features only, in OUTPUT/features)",
+      &cache);
   parser.flag("no-progress", "no progress line", &no_progress);
   parser.flag("quiet", "only results and errors", &quiet, 'q');
 }
@@ -116,6 +125,8 @@ pipeline::ImageGeometry FeatureOptions::geometry() const {
 
 int FeatureOptions::thread_count() const {
   if (threads < 0) throw UsageError(str("--threads: expected at least 1, found ", threads));
+  if (threads_per_scan < 1)
+    throw UsageError(str("--threads-per-scan: expected at least 1, found ", threads_per_scan));
   return threads ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
@@ -139,7 +150,8 @@ FeatureSource open_network(const FeatureOptions& options) {
   const std::string key = str("net ", models::file_checksum(model.prototxt, "sha256"), " ",
                               models::file_checksum(model.weights, "sha256"));
   FeatureSource source;
-  source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.geometry());
+  source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.geometry(),
+                                                options.threads_per_scan);
   source.model = std::move(model);
   return source;
 }
@@ -168,18 +180,6 @@ pipeline::AlignMode align_for(const FeatureOptions& options, const FeatureSource
     throw UsageError(
         str("--align: the feature ", source.extractor.name, " sees camera images, not scans"));
   return mode;
-}
-
-/// Scans that have no description: their similarity to anything means nothing.
-void warn_of_zeros(const pipeline::FeatureFile& features, const std::string& name) {
-  int64_t zeros = 0;
-  for (int64_t i = 0; i < features.n(); ++i) {
-    const auto row = features.row(i);
-    zeros += std::all_of(row.begin(), row.end(), [](float x) { return x == 0; }) ? 1 : 0;
-  }
-  if (zeros > 0)
-    std::cerr << "warning: " << zeros << " of " << features.n() << " scans have no " << name
-              << " (all zero): there was nothing in them that it describes\n";
 }
 
 }  // namespace
@@ -220,39 +220,16 @@ std::string similarity_name(const FeatureSource& source) {
   return source.extractor.similarity ? "similarity" : "cosine";
 }
 
-std::optional<double> frames_per_second(const pipeline::DescribeTimes& times) {
-  if (times.feature.empty()) return std::nullopt;
-  double total_ms = 0;
-  for (const auto* stage : {&times.align, &times.project, &times.close, &times.feature})
-    total_ms = std::accumulate(stage->begin(), stage->end(), total_ms);
-  return total_ms > 0 ? std::optional(1000 * static_cast<double>(times.feature.size()) / total_ms)
-                      : std::nullopt;
-}
-
-Features compute_features(const FeatureOptions& options, const FeatureSource& source,
-                          pipeline::AlignMode align, const fs::path& folder,
-                          pipeline::DescribeTimes* times) {
-  pipeline::DescribeOptions describe;
-  describe.geometry = options.geometry();
-  describe.align = align;
-  describe.threads = options.thread_count();
-  describe.stop = interrupted;
-  Progress progress("describing", "scans", !options.no_progress && !options.quiet);
-  describe.progress = progress.callback();
-
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
-  const pipeline::FeaturePaths paths =
-      pipeline::feature_paths(folder, source.inputs, source.extractor, describe);
-  const pipeline::DescribeTimes spent =
-      pipeline::write_features(paths, source.inputs, source.extractor, describe);
-  times->append(spent);
-  Features features{pipeline::FeatureFile(paths.features),
-                    pipeline::read_alignments(paths.alignments)};
-  if (!is_range_image_feature(source) && !options.quiet)
-    warn_of_zeros(features.file, source.extractor.name);
-  return features;
+pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
+  if (options.every < 1)
+    throw UsageError(str("--every: expected at least 1, found ", options.every));
+  pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence, needs);
+  std::erase_if(dataset.scans,
+                [&](const pipeline::ScanRef& scan) { return scan.frame % options.every != 0; });
+  if (dataset.scans.empty())
+    throw UsageError(str("--every ", options.every, ": no frame of ", options.data.string(),
+                         " has a number that is a multiple of it"));
+  return dataset;
 }
 
 }  // namespace revisit::cli

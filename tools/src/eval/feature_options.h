@@ -10,7 +10,6 @@
 #include "models/find_model.h"
 #include "revisit/pipeline/dataset.h"
 #include "revisit/pipeline/describe.h"
-#include "revisit/pipeline/feature_file.h"
 
 namespace revisit::cli {
 
@@ -18,6 +17,7 @@ namespace revisit::cli {
 struct FeatureOptions {
   std::filesystem::path data;
   std::string sequence;
+  int every = 1;  // only frames whose number is a multiple of this
   std::string sensor = "hdl64";
   int width = 0, height = 0;  // 0: the sensor's
   double max_range = 0;       // [m]; 0: the sensor's
@@ -29,6 +29,7 @@ struct FeatureOptions {
   int64_t ring_key_candidates = 0;    // of Scan Context; 0: all
   std::optional<std::string> align;   // absent: the feature's own way
   int threads = 0;                    // 0: all cores
+  int threads_per_scan = 1;           // of one forward pass
   std::optional<int64_t> components;  // of the PCA; absent: the feature's own way
   std::string pca_fit = "all";
   double memory_gb = 2;
@@ -63,21 +64,8 @@ std::string similarity_name(const FeatureSource& source);
 FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
                            const std::filesystem::path& folder);
 
-/// A finished feature file with its alignments.
-struct Features {
-  pipeline::FeatureFile file;
-  std::vector<pipeline::AlignmentRecord> alignments;
-};
-
-/// Describes all inputs in one alignment mode, or takes the finished file from the cache. Progress
-/// on stderr; Ctrl-C throws Interrupted and keeps what was done. Times are appended to `times`.
-/// Scans without any description (all zero) are counted in a warning on stderr.
-Features compute_features(const FeatureOptions& options, const FeatureSource& source,
-                          pipeline::AlignMode align, const std::filesystem::path& folder,
-                          pipeline::DescribeTimes* times);
-
-/// Scans a second of one thread, from points (or a camera image) in memory to the feature, as the
-/// paper gives speeds; nothing when no scan was described.
-std::optional<double> frames_per_second(const pipeline::DescribeTimes& times);
+/// The scans of the data set that `options.every` takes. Throws InputError, UsageError.
+pipeline::Dataset open_scans(const FeatureOptions& options,
+                             const pipeline::DatasetNeeds& needs = {});
 
 }  // namespace revisit::cli

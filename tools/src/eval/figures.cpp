@@ -117,9 +117,15 @@ void write_figures(const fs::path& run, const RunContext& context,
   keep(plot_precision_recall(run, "precision_recall", what, curves));
   for (const TaskResult& r : results) {
     const std::string title = what + ", " + r.task.name;
+    const double threshold = r.summary.f1_max_threshold;
+    if (r.on_pairs()) {
+      keep(plot_pair_scores(run, "scores_" + r.task.name, title, *r.histogram, threshold));
+      continue;
+    }
+    keep(plot_scores(run, "scores_" + r.task.name, title, r.verdicts, threshold));
+    if (context.trajectory.positions.empty()) continue;  // named places: no map
     keep(plot_trajectory(run, "trajectory_" + r.task.name, title, context.trajectory, r.task,
-                         r.matches, r.verdicts, r.summary.f1_max_threshold));
-    keep(plot_scores(run, "scores_" + r.task.name, title, r.verdicts, r.summary.f1_max_threshold));
+                         r.matches, r.verdicts, threshold));
     if (const auto q = showcase(context, r)) keep(plot_match(run, context, r, *q, align));
   }
   for (const std::string& warning : warnings) std::cerr << "warning: " << warning << "\n";

@@ -1,6 +1,5 @@
 #include "run_folder.h"
 
-#include <sys/resource.h>
 #include <yaml-cpp/yaml.h>
 
 #include <algorithm>
@@ -8,12 +7,11 @@
 #include <ctime>
 #include <iomanip>
 #include <numbers>
-#include <numeric>
 
 #include "cli/json.h"
 #include "cli/table.h"
+#include "eval/run_info.h"
 #include "plots/metrics_report.h"
-#include "revisit/engine/profile.h"
 #include "revisit/proto/atomic_file.h"
 
 namespace revisit::cli {
@@ -44,55 +42,11 @@ std::string config_yaml(const RunContext& context) {
   return std::string(out.c_str()) + "\n";
 }
 
-reports::RunInfo run_info(const RunContext& context, const std::vector<TaskResult>& results,
-                          const pipeline::DescribeTimes& times) {
-  reports::RunInfo info;
-  info.set_version(REVISIT_VERSION);
-  info.set_data(fs::absolute(context.options.data).string());
-  info.set_sequence(context.dataset.sequence);
-  info.set_scans(static_cast<int>(context.dataset.scans.size()));
-  info.set_feature(context.source.extractor.name);
-  info.set_feature_dimension(static_cast<double>(context.source.extractor.dim));
-  if (const auto& model = context.source.model) {
-    info.set_model(model->prototxt.string());
-    info.set_weights(model->weights.string());
-    info.set_weights_sha1(model->weights_sha1);
-    info.set_trained(model->trained);
-    for (const double mean : model->mean_bgr) info.add_mean_bgr(mean);
-  }
-  const pipeline::ImageGeometry g = context.options.geometry();
-  info.set_image_width(g.width);
-  info.set_image_height(g.height);
-  info.set_elevation_top_deg(g.elevation_top);
-  info.set_elevation_bottom_deg(g.elevation_bottom);
-  info.set_max_range_m(g.max_range);
-  info.set_pca_fit(results.empty() ? "" : results.front().pca_fit);
-  info.set_threads(context.options.thread_count());
-  const std::pair<const char*, const std::vector<double>&> stages[] = {
-      {"read", times.read},   {"align", times.align},     {"project", times.project},
-      {"close", times.close}, {"feature", times.feature}, {"write", times.write}};
-  for (const auto& [stage, samples] : stages) {
-    if (samples.empty()) continue;
-    const engine::Timing timing = engine::summarize(samples);
-    reports::Stage& out = *info.add_stages();
-    out.set_name(stage);
-    out.set_count(static_cast<int>(samples.size()));
-    out.set_median_ms(timing.median);
-    out.set_p95_ms(timing.p95);
-    out.set_total_ms(std::accumulate(samples.begin(), samples.end(), 0.0));
-  }
-  if (const auto speed = frames_per_second(times)) info.set_frames_per_second(*speed);
-  info.set_align(pipeline::name_of(context.source.align));
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  info.set_peak_resident_bytes(static_cast<double>(usage.ru_maxrss) * 1024);
-  return info;
-}
-
-/// One line a retrieved scan; score, margin and yaw belong to the best.
+/// One line a retrieved scan; score, margin and yaw belong to the best. `true` is blank for a match
+/// that is not counted.
 void write_loops(const fs::path& file, const RunContext& context, const TaskResult& result) {
   Table table({"query_index", "match_index", "rank", "query_time", "match_time", "cosine", "score",
-               "margin", "yaw_deg", "accepted", "true"});
+               "margin", "yaw_deg", "accepted", "true", "positive", "case"});
   const auto time_of = [&](int64_t scan) {
     return context.trajectory.times.empty()
                ? ""
@@ -111,14 +65,43 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
       if (rank == 0) {
         // Accepted at the threshold of the best F1; blank when there is none.
         const double threshold = result.summary.f1_max_threshold;
-        row.insert(row.end(), {number(match.score, 6),
-                               number(match.similarities[0] - match.similarities.back(), 6),
-                               number(relative_yaw_deg(match, context.alignments), 2),
-                               std::isnan(threshold) ? "" : str(match.score >= threshold ? 1 : 0),
-                               str(result.verdicts[q].correct ? 1 : 0)});
+        row.insert(
+            row.end(),
+            {number(match.score, 6), number(match.similarities[0] - match.similarities.back(), 6),
+             number(relative_yaw_deg(match, context.alignments), 2),
+             std::isnan(threshold) ? "" : str(match.score >= threshold ? 1 : 0),
+             result.verdicts[q].ignored ? "" : str(result.verdicts[q].correct ? 1 : 0),
+             str(result.verdicts[q].positive ? 1 : 0), str(match.which_case)});
       }
       table.row(std::move(row));
     }
+  }
+  write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
+}
+
+/// One line a scan: all that the loops and the report say of it by its frame number.
+void write_scans(const fs::path& file, const RunContext& context,
+                 const std::vector<TaskResult>& results) {
+  std::vector<std::string> stored(context.dataset.scans.size());
+  for (const TaskResult& result : results)
+    for (const int64_t scan : result.task.stored) {
+      std::string& tasks = stored[static_cast<size_t>(scan)];
+      tasks += (tasks.empty() ? "" : " ") + result.task.name;
+    }
+  Table table({"frame", "file", "time", "x", "y", "z", "yaw_deg", "eigenvalue_ratio", "abs_t11",
+               "mirrored_choice", "stored"});
+  for (size_t i = 0; i < context.dataset.scans.size(); ++i) {
+    const pipeline::ScanRef& scan = context.dataset.scans[i];
+    const auto position = [&](int axis) {
+      return context.trajectory.positions.empty()
+                 ? ""
+                 : number(context.trajectory.positions[i][axis], 3);
+    };
+    const pipeline::AlignmentRecord& a = context.alignments[i];
+    table.row({str(scan.frame), fs::absolute(scan.file).string(),
+               scan.time ? number(*scan.time, 6) : "", position(0), position(1), position(2),
+               number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
+               number(a.abs_t11, 4), number(a.mirrored_choice, 0), stored[i]});
   }
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
@@ -158,23 +141,34 @@ double relative_yaw_deg(const pipeline::Match& match,
   return std::remainder((stored - query) * 180.0 / std::numbers::pi + turned, 360.0);
 }
 
-reports::MetricsList metrics_list(const std::vector<TaskResult>& results) {
+reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int resamples) {
   reports::MetricsList list;
-  for (const TaskResult& result : results)
-    *list.add_tasks() =
-        metrics_report(result.summary, result.task, result.rule, "poses of the data set");
+  for (const TaskResult& result : results) {
+    reports::Metrics& metrics = *list.add_tasks();
+    metrics = metrics_report(result.summary, result.task, result.rule,
+                             result.rule.distance == pipeline::Distance::kPlace
+                                 ? "names of the places"
+                                 : "poses of the data set");
+    metrics.set_score(pipeline::name_of(result.score));
+    if (result.intervals) add_intervals(metrics, *result.intervals, resamples);
+  }
   return list;
 }
 
 void write_run(const fs::path& run, const RunContext& context,
-               const std::vector<TaskResult>& results, const pipeline::DescribeTimes& times) {
+               const std::vector<TaskResult>& results, const RunTimes& times) {
   write_text(run / "config.yaml", config_yaml(context));
-  write_text(run / "run.json", to_json(run_info(context, results, times)) + "\n");
+  reports::RunInfo info = run_info(context.options, context.dataset, context.source,
+                                   results.empty() ? "" : results.front().pca_fit, times);
+  info.set_command(context.command);
+  write_text(run / "run.json", to_json(info) + "\n");
+  write_scans(run / "scans.csv", context, results);
   for (const TaskResult& result : results) {
     pipeline::write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);
-    write_loops(run / ("loops_" + result.task.name + ".csv"), context, result);
+    if (!result.on_pairs())
+      write_loops(run / ("loops_" + result.task.name + ".csv"), context, result);
   }
-  write_text(run / "metrics.json", to_json(metrics_list(results)) + "\n");
+  write_text(run / "metrics.json", to_json(metrics_list(results, context.resamples)) + "\n");
 }
 
 }  // namespace revisit::cli

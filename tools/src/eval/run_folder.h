@@ -7,7 +7,10 @@
 
 #include "feature_options.h"
 #include "reports.pb.h"
+#include "revisit/pipeline/bootstrap.h"
+#include "revisit/pipeline/pairs.h"
 #include "revisit/pipeline/precision_recall.h"
+#include "run_times.h"
 
 namespace revisit::cli {
 
@@ -15,11 +18,17 @@ namespace revisit::cli {
 struct TaskResult {
   pipeline::Task task;
   pipeline::TrueMatchRule rule;
-  std::vector<pipeline::Match> matches;     // as task.queries
-  std::vector<pipeline::Verdict> verdicts;  // as task.queries
+  pipeline::Score score = pipeline::Score::kMargin;
+  std::vector<pipeline::Match> matches;     // as task.queries; none when pairs are decided
+  std::vector<pipeline::Verdict> verdicts;  // as task.queries; none when pairs are decided
   std::vector<pipeline::PrPoint> curve;
   pipeline::PrSummary summary;
+  std::optional<pipeline::PrIntervals> intervals;     // absent: not asked for
+  std::optional<pipeline::ScoreHistogram> histogram;  // when pairs are decided
   std::string pca_fit;
+  int64_t descriptor_dim = 0;  // after the reduction
+
+  bool on_pairs() const { return task.decision == pipeline::Decision::kPair; }
 };
 
 /// What the files of a run are made from.
@@ -30,8 +39,10 @@ struct RunContext {
   const FeatureSource& source;
   const std::vector<pipeline::AlignmentRecord>& alignments;  // of each scan, as taken
   std::vector<std::pair<std::string, std::string>>
-      settings;  // option names and values, for config.yaml
+      settings;         // option names and values, for config.yaml
+  std::string command;  // that repeats the run
   int k = 4;
+  int resamples = 0;  // of the bootstrap; 0: none
 };
 
 /// Makes `<output>/<dataset>_<sequence>/<time>/` and returns it. Throws Error.
@@ -41,13 +52,14 @@ std::filesystem::path make_run_folder(const std::filesystem::path& output,
 /// Points the `latest` link beside the run folder to it.
 void link_latest(const std::filesystem::path& run);
 
-/// The files of DESIGN section 5: config.yaml, run.json, loops_<task>.csv, pr_<task>.csv,
-/// metrics.json.
+/// config.yaml, run.json, scans.csv (where each scan was taken, how it was aligned and which tasks
+/// store it), pr_<task>.csv, loops_<task>.csv (not when pairs are decided) and metrics.json, which
+/// comes last: with it the run is complete.
 void write_run(const std::filesystem::path& run, const RunContext& context,
-               const std::vector<TaskResult>& results, const pipeline::DescribeTimes& times);
+               const std::vector<TaskResult>& results, const RunTimes& times);
 
 /// What metrics.json holds.
-reports::MetricsList metrics_list(const std::vector<TaskResult>& results);
+reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int resamples);
 
 /// Heading of the query minus heading of its match, counter-clockwise [deg] in (-180, 180], as the
 /// alignments tell it: both clouds were turned to the principal directions of one place.

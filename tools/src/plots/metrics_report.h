@@ -3,6 +3,7 @@
 #include <string>
 
 #include "reports.pb.h"
+#include "revisit/pipeline/bootstrap.h"
 #include "revisit/pipeline/precision_recall.h"
 
 namespace revisit::cli {
@@ -12,5 +13,9 @@ namespace revisit::cli {
 reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeline::Task& task,
                                 const pipeline::TrueMatchRule& rule,
                                 const std::string& pose_source);
+
+/// Adds the intervals of `resamples` resamples; those not computed stay empty.
+void add_intervals(reports::Metrics& metrics, const pipeline::PrIntervals& intervals,
+                   int resamples);
 
 }  // namespace revisit::cli

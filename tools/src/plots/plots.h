@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "plots/gnuplot.h"
+#include "revisit/pipeline/pairs.h"
 #include "revisit/pipeline/precision_recall.h"
 
 namespace revisit::cli {
@@ -37,5 +38,9 @@ PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string
 PlotFiles plot_scores(const std::filesystem::path& folder, const std::string& name,
                       const std::string& title, const std::vector<pipeline::Verdict>& verdicts,
                       double threshold);
+/// The same of a task that decides on pairs.
+PlotFiles plot_pair_scores(const std::filesystem::path& folder, const std::string& name,
+                           const std::string& title, const pipeline::ScoreHistogram& histogram,
+                           double threshold);
 
 }  // namespace revisit::cli

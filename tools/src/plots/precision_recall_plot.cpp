@@ -6,13 +6,22 @@
 #include "plots/plots.h"
 
 namespace revisit::cli {
+namespace {
+
+/// Where the curves are not: poor ones are at the bottom left, good ones pass at the top right.
+const char* place_of_key(double lowest, double highest) {
+  if (lowest >= 0.5) return "bottom left";
+  return highest < 0.5 ? "top right" : "outside right top";
+}
+
+}  // namespace
 
 PlotFiles plot_precision_recall(const std::filesystem::path& folder, const std::string& name,
                                 const std::string& title, const std::vector<PrCurve>& curves) {
   std::ostringstream data, plot;
   data << "# recall precision threshold; one block a curve, highest threshold first\n";
   size_t drawn = 0;
-  double lowest = 1;
+  double lowest = 1, highest = 0;
   for (const PrCurve& curve : curves) {
     const bool empty = curve.points.empty() || std::isnan(curve.average_precision);
     const std::string legend =
@@ -24,6 +33,7 @@ PlotFiles plot_precision_recall(const std::filesystem::path& folder, const std::
       continue;
     }
     lowest = std::min(lowest, curve.average_precision);
+    highest = std::max(highest, curve.average_precision);
     data << "# " << legend << "\n";
     // The curve starts at recall 0 with the precision of the surest match.
     data << "0 " << curve.points.front().precision << " " << curve.points.front().threshold << "\n";
@@ -39,7 +49,7 @@ PlotFiles plot_precision_recall(const std::filesystem::path& folder, const std::
            << "set ylabel 'Precision (right / accepted)'\n"
            << "set xrange [0:1]\nset yrange [0:1.02]\nset xtics 0.1\nset ytics 0.1\n"
            << "set key Left reverse box linecolor rgb '#cccccc' opaque width 1 height 0.4 "
-           << (lowest < 0.5 ? "top right\n" : "bottom left\n")  // where the curves are not
+           << place_of_key(lowest, highest) << "\n"
            << (curves.empty() ? "plot NaN notitle" : plot.str());
   return draw(folder, name, data.str(), commands.str());
 }

@@ -73,6 +73,7 @@ PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string
   for (const int64_t scan : task.stored) add(all_stored ? queries : stored, scan, scan);
   for (size_t i = 0; i < matches.size(); ++i) {
     if (!all_stored) add(queries, matches[i].query, matches[i].query);
+    if (verdicts[i].ignored) continue;
     if (verdicts[i].score >= threshold && !matches[i].ranks.empty())
       add(verdicts[i].correct ? right : wrong, matches[i].query, matches[i].ranks[0]);
     else if (verdicts[i].positive)

@@ -153,6 +153,9 @@ class Net {
   std::vector<std::string> outputs() const;
   /// Names of all layers of the file that belong to inference, in order.
   const std::vector<std::string>& layer_names() const;
+  /// Whether plans can have PlanOptions::gray_offsets: one input, which only convolutions without
+  /// groups read.
+  bool takes_gray_input() const;
   bool has_weights() const;
   /// What a person should know: layers of the weights file that nothing uses, upgrades made.
   const std::vector<std::string>& warnings() const;

@@ -4,17 +4,40 @@
 
 namespace revisit::engine {
 
+/// `count` things in `size` parts, equal to within one.
+struct Parts {
+  int64_t count, size;
+
+  int64_t begin(int64_t part) const { return count * part / size; }
+  int64_t end(int64_t part) const { return begin(part + 1); }
+  int64_t width(int64_t part) const { return end(part) - begin(part); }
+  int64_t most() const { return (count + size - 1) / size; }
+};
+
 /// Columns of a matrix product that are summed in registers at a time: with two blocks of output
 /// channels, 28 of AVX-512's 32 registers. Targets with fewer registers take a part of it.
 constexpr int64_t kMaxColumns = 14;
 
-/// Columns [0, count) cut into the fewest strips of at most kMaxColumns, equal to within one.
-struct Strips {
-  int64_t count;
+/// The fewest strips of at most kMaxColumns.
+inline Parts strips_of(int64_t columns) {
+  return {columns, (columns + kMaxColumns - 1) / kMaxColumns};
+}
 
-  int64_t size() const { return (count + kMaxColumns - 1) / kMaxColumns; }
-  int64_t begin(int64_t strip) const { return count * strip / size(); }
-  int64_t width(int64_t strip) const { return begin(strip + 1) - begin(strip); }
+/// Columns are worked on in chunks that stay in cache.
+struct Chunks {
+  Parts columns;    // of one product
+  bool per_thread;  // every thread takes chunks of its own; else all work on the same one
 };
+
+/// Of `products` products alike, in chunks of at most `strips` strips. Where threads have at least
+/// one each, there are as many for each.
+inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t strips, int threads) {
+  int64_t chunks = strips_of(columns).size;
+  chunks = (chunks + strips - 1) / strips;
+  if (products * chunks < threads) return {{columns, chunks}, false};
+  if (products * chunks < 4 * threads)
+    while (products * chunks % threads != 0) ++chunks;
+  return {{columns, chunks}, true};
+}
 
 }  // namespace revisit::engine

@@ -18,6 +18,9 @@ struct BlockedConvolutionArguments {
   Epilogue epilogue;
   float* output;   // blocked
   float* scratch;  // scratch_floats() of them, any content
+  /// Of kernels on plain input with one channel: what each tap outside the image adds, packed like
+  /// the weights; or null.
+  const float* outside = nullptr;
 };
 
 /// A convolution with blocked output: fast, with bias, addend and activation in one pass. The

@@ -1,40 +1,97 @@
 #include "kernels/blocked/cost_model.h"
 
+#include <algorithm>
+
 #include "kernels/blocked/direct_shape.h"
 
 namespace revisit::engine {
 namespace {
 
-constexpr double kMacsPerMs = 1e8;
+constexpr double kCyclesPerMs = 3.4e6;
 
+/// Cycles of multiply-adds for `depth` input channels, every strip of columns, every output block.
+/// A channel takes two blocks times the columns of a strip at two multiply-adds a cycle; fewer than
+/// kLatency of them wait for each other.
+double multiply_cycles(int64_t columns, int64_t depth, int64_t out_blocks) {
+  constexpr double kLatency = 8, kPerCycle = 2, kPerTile = 60, kLoads = 0.03;
+  const auto strips = static_cast<double>(strips_of(columns).size);
+  const double width = static_cast<double>(columns) / strips;
+  const auto tile = [&](double blocks) {
+    return static_cast<double>(depth) * std::max(blocks * width, kLatency) / kPerCycle *
+               (1 + kLoads) +
+           kPerTile;
+  };
+  const int64_t pairs = out_blocks / 2, odd = out_blocks % 2;
+  return strips * (static_cast<double>(pairs) * tile(2) + static_cast<double>(odd) * tile(1));
 }
 
+/// Cycles that multiplying waits for weights, read once a chunk from the L3 cache or from memory;
+/// a part of the reading hides behind the multiplying.
+double weights_cycles(double floats, int64_t chunks, double multiply) {
+  constexpr double kL2 = 1.2e6, kL3 = 16e6;                  // bytes of weights it keeps
+  constexpr double kL3PerCycle = 14, kMemoryPerCycle = 8.8;  // bytes
+  constexpr double kHidden = 0.4, kSlowed = 0.05;
+  const double bytes = floats * sizeof(float);
+  if (bytes < kL2) return 0;
+  const double read =
+      bytes * static_cast<double>(chunks) / (bytes < kL3 ? kL3PerCycle : kMemoryPerCycle);
+  return std::max(read - kHidden * multiply, 0.0) + kSlowed * read;
+}
+
+/// The choice of a kernel must not depend on the number of threads: results would.
+ConvolutionProblem on_one_thread(ConvolutionProblem p) {
+  p.threads = 1;
+  return p;
+}
+
+}  // namespace
+
 double plain_input_ms(const ConvolutionProblem& p) {
-  return static_cast<double>(p.n * padded_channels(p.c_out) * p.out_pixels() * p.depth()) /
-         kMacsPerMs;
+  const auto rows = static_cast<double>(p.n * p.out_h);
+  return rows * multiply_cycles(p.out_w, p.depth(), channel_blocks(p.c_out)) / kCyclesPerMs;
 }
 
 double depthwise_ms(const ConvolutionProblem& p) {
-  return 4 * static_cast<double>(p.macs()) / kMacsPerMs;
+  // Every multiply-add loads its input.
+  constexpr double kPerTap = 1.3, kPerBlock = 10;
+  const auto blocks = static_cast<double>(p.n * channel_blocks(p.c_out) * p.out_pixels());
+  return blocks * (kPerTap * static_cast<double>(p.kernel_h * p.kernel_w) + kPerBlock) /
+         kCyclesPerMs;
 }
 
-double pointwise_ms(const ConvolutionProblem& p) {
-  return 0.9 * direct_ms(p);
+double pointwise_ms(const ConvolutionProblem& problem) {
+  const ConvolutionProblem p = on_one_thread(problem);
+  const DirectShape s(p);
+  const double multiply = static_cast<double>(s.images) *
+                          multiply_cycles(p.out_pixels(), s.depth() * kLanes, s.out_blocks);
+  return (multiply + weights_cycles(static_cast<double>(s.out_blocks * s.weights_floats()),
+                                    s.images * s.chunks.columns.size, multiply)) /
+         kCyclesPerMs;
 }
 
 double direct_ms(const ConvolutionProblem& p) {
+  constexpr double kPerBlock = 1.8, kPerRun = 12;  // of a tap unfolded
   const DirectShape s(p);
-  return static_cast<double>(s.images * s.strips.count * s.out_blocks * s.weights_floats()) /
-         kMacsPerMs;
+  const double unfold = static_cast<double>(s.images * s.depth()) *
+                        (kPerBlock * static_cast<double>(p.out_pixels()) +
+                         kPerRun * static_cast<double>(strips_of(p.out_pixels()).size));
+  return pointwise_ms(p) + unfold / kCyclesPerMs;
 }
 
-double winograd_ms(const WinogradVariant& v, const ConvolutionProblem& p) {
+double winograd_ms(const WinogradVariant& v, const ConvolutionProblem& problem) {
+  constexpr double kInputPoint = 8, kOutputPoint = 7;  // of one block of one tile
+  const ConvolutionProblem p = on_one_thread(problem);
   const WinogradShape s(v, p);
-  const auto tiles = static_cast<double>(s.points * s.strips.count);
-  return tiles *
-         static_cast<double>(s.in_blocks_per_group() * s.out_blocks * kLanes * kLanes +
-                             100 * (s.in_blocks + s.out_blocks)) /
-         kMacsPerMs;
+  const auto points = static_cast<double>(s.points);
+  const double transforms = points * static_cast<double>(s.tiles()) *
+                            (kInputPoint * static_cast<double>(s.in_blocks) +
+                             kOutputPoint * static_cast<double>(s.out_blocks));
+  const int64_t depth = s.in_blocks_per_group() * kLanes;
+  const double multiply = points * static_cast<double>(s.group) *
+                          multiply_cycles(s.tiles(), depth, s.out_blocks_per_group());
+  const double weights = points * static_cast<double>(depth * s.out_blocks * kLanes);
+  return (transforms + multiply + weights_cycles(weights, s.chunks.columns.size, multiply)) /
+         kCyclesPerMs;
 }
 
 }  // namespace revisit::engine

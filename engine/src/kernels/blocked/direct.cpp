@@ -21,22 +21,26 @@ class Direct {
       : p_(p), a_(a), shape_(p) {}
 
   void run_pointwise() const {
-    const int64_t parts = shape_.chunk_per_thread(p_.threads) ? 1 : shape_.slices();
-    parallel_for(shape_.images * shape_.chunks() * parts, p_.threads, [&](int64_t item, int) {
-      const int64_t chunk = item / parts % shape_.chunks(), image = item / parts / shape_.chunks();
-      const float* pixels = a_.input + image * shape_.in_blocks * p_.h * p_.w * kLanes;
-      const int64_t slices = shape_.slices(), part = item % parts;
-      for (int64_t slice = slices * part / parts; slice < slices * (part + 1) / parts; ++slice)
-        multiply_slice(image, chunk, slice, [&](int64_t strip) {
-          return Columns{pixels + shape_.strips.begin(strip) * kLanes, p_.h * p_.w * kLanes};
+    const int64_t chunks = shape_.chunks.columns.size, slices = shape_.slices();
+    const int64_t parts = shape_.chunks.per_thread ? 1 : slices;
+    parallel_for(shape_.images * chunks * parts, p_.threads, [&](int64_t item, int) {
+      const int64_t chunk = item / parts % chunks, image = item / parts / chunks;
+      const Parts cut = {slices, parts};
+      const float* pixels =
+          a_.input +
+          (image * shape_.in_blocks * p_.h * p_.w + shape_.chunks.columns.begin(chunk)) * kLanes;
+      for (int64_t slice = cut.begin(item % parts); slice < cut.end(item % parts); ++slice)
+        multiply_slice(image, chunk, slice, [&](int64_t first, int64_t) {
+          return Columns{pixels + first * kLanes, p_.h * p_.w * kLanes};
         });
     });
   }
 
   void run() const {
-    if (shape_.chunk_per_thread(p_.threads)) {
-      parallel_for(shape_.images * shape_.chunks(), p_.threads, [&](int64_t item, int thread) {
-        const int64_t chunk = item % shape_.chunks(), image = item / shape_.chunks();
+    const int64_t chunks = shape_.chunks.columns.size;
+    if (shape_.chunks.per_thread) {
+      parallel_for(shape_.images * chunks, p_.threads, [&](int64_t item, int thread) {
+        const int64_t chunk = item % chunks, image = item / chunks;
         float* const columns = a_.scratch + thread * shape_.columns_floats();
         for (int64_t i = 0; i < unfold_items(chunk); ++i) unfold(image, chunk, i, columns);
         for (int64_t i = 0; i < shape_.slices(); ++i) multiply_unfolded(image, chunk, i, columns);
@@ -45,7 +49,7 @@ class Direct {
     }
     float* const columns = a_.scratch;
     for (int64_t image = 0; image < shape_.images; ++image)
-      for (int64_t chunk = 0; chunk < shape_.chunks(); ++chunk) {
+      for (int64_t chunk = 0; chunk < chunks; ++chunk) {
         parallel_for(unfold_items(chunk), p_.threads,
                      [&](int64_t i, int) { unfold(image, chunk, i, columns); });
         parallel_for(shape_.slices(), p_.threads,
@@ -60,24 +64,24 @@ class Direct {
     int64_t step;
   };
 
-  int64_t first_pixel(int64_t chunk) const {
-    return shape_.strips.begin(shape_.first_strip(chunk));
-  }
-  int64_t strip_floats_before(int64_t chunk, int64_t strip) const {
-    return (shape_.strips.begin(strip) - first_pixel(chunk)) * shape_.depth() * kLanes;
+  Parts strips_of_chunk(int64_t chunk) const {
+    return strips_of(shape_.chunks.columns.width(chunk));
   }
 
   /// An item is one strip of pixels and one block of input channels.
   int64_t unfold_items(int64_t chunk) const {
-    return (shape_.first_strip(chunk + 1) - shape_.first_strip(chunk)) * shape_.in_blocks;
+    return strips_of_chunk(chunk).size * shape_.in_blocks;
   }
 
+  /// Writes [strip][block][tap][pixel][kLanes].
   void unfold(int64_t image, int64_t chunk, int64_t item, float* columns) const {
-    const int64_t strip = shape_.first_strip(chunk) + item / shape_.in_blocks;
-    const int64_t block = item % shape_.in_blocks;
+    const Parts strips = strips_of_chunk(chunk);
+    const int64_t strip = item / shape_.in_blocks, block = item % shape_.in_blocks;
     const float* in = a_.input + (image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
-    const int64_t first = shape_.strips.begin(strip), width = shape_.strips.width(strip);
-    float* to = columns + strip_floats_before(chunk, strip) + block * shape_.taps * width * kLanes;
+    const int64_t width = strips.width(strip);
+    const int64_t first = shape_.chunks.columns.begin(chunk) + strips.begin(strip);
+    float* to =
+        columns + (strips.begin(strip) * shape_.in_blocks + block * width) * shape_.taps * kLanes;
     for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
       for (int64_t kx = 0; kx < p_.kernel_w; ++kx, to += width * kLanes)
         unfold_tap(in, ky, kx, first, width, to);
@@ -107,39 +111,53 @@ class Direct {
   }
 
   void multiply_unfolded(int64_t image, int64_t chunk, int64_t slice, const float* columns) const {
-    multiply_slice(image, chunk, slice, [&](int64_t strip) {
-      return Columns{columns + strip_floats_before(chunk, strip),
-                     shape_.strips.width(strip) * kLanes};
+    multiply_slice(image, chunk, slice, [&](int64_t first, int64_t width) {
+      return Columns{columns + first * shape_.depth() * kLanes, width * kLanes};
     });
   }
 
+  /// `columns_of(first, width)` gives a strip of the chunk.
   template <class ColumnsOf>
   void multiply_slice(int64_t image, int64_t chunk, int64_t slice,
                       const ColumnsOf& columns_of) const {
-    const int64_t group = image % p_.group;
     const int64_t begin = slice * DirectShape::kSliceBlocks;
     const int64_t blocks = std::min(DirectShape::kSliceBlocks, shape_.out_blocks - begin);
-    const int64_t block = group * shape_.out_blocks + begin;  // of all groups
+    const int64_t block = image % p_.group * shape_.out_blocks + begin;  // of all groups
     const int64_t image_step = p_.out_pixels() * kLanes;
     const BlockEpilogue epilogues[] = {
         BlockEpilogue(a_.epilogue, a_.bias, block, p_.c_out),
         BlockEpilogue(a_.epilogue, a_.bias, block + blocks - 1, p_.c_out)};
-    for (int64_t strip = shape_.first_strip(chunk); strip < shape_.first_strip(chunk + 1);
-         ++strip) {
-      const Columns columns = columns_of(strip);
-      const Factors factors = {shape_.depth(), columns.data, columns.step,
+    const Parts strips = strips_of_chunk(chunk);
+    for (int64_t strip = 0; strip < strips.size; ++strip) {
+      const int64_t first = strips.begin(strip), width = strips.width(strip);
+      const Columns columns = columns_of(first, width);
+      const Factors factors = {shape_.depth(),
+                               columns.data,
+                               columns.step,
                                a_.packed + block * shape_.weights_floats(),
-                               shape_.weights_floats()};
-      const int64_t offset =
-          (image * shape_.out_blocks + begin) * image_step + shape_.strips.begin(strip) * kLanes;
+                               shape_.weights_floats(),
+                               fetched(block, slice, strips.size - 1 - strip)};
+      const int64_t offset = (image * shape_.out_blocks + begin) * image_step +
+                             (shape_.chunks.columns.begin(chunk) + first) * kLanes;
       float* const output = a_.output + offset;
       const float* const addend = a_.addend ? a_.addend + offset : nullptr;
-      multiply(factors, blocks, shape_.strips.width(strip),
+      multiply(factors, blocks, width,
                [=, &epilogues](int64_t b, int64_t column, const Block& sum) HWY_ATTR {
                  const int64_t at = b * image_step + column * kLanes;
                  epilogues[b].finish(sum, addend ? addend + at : nullptr, output + at);
                });
     }
+  }
+
+  /// The weights to fetch while one strip of a slice that starts at `block` is multiplied, `left`
+  /// strips before the last: the last strips fetch a block each of what this thread likely takes
+  /// next; deep layers' are in L3 or in memory.
+  const float* fetched(int64_t block, int64_t slice, int64_t left) const {
+    const int64_t next = slice + (shape_.chunks.per_thread ? 1 : p_.threads);
+    const int64_t ahead = (next - slice) * DirectShape::kSliceBlocks + left;
+    const bool there = left < DirectShape::kSliceBlocks &&
+                       slice * DirectShape::kSliceBlocks + ahead < shape_.out_blocks;
+    return a_.packed + (block + (there ? ahead : 0)) * shape_.weights_floats();
   }
 
   const ConvolutionProblem& p_;
@@ -206,7 +224,7 @@ const BlockedConvolutionKernel kBlockedDirect = {
     pack,
     [](const ConvolutionProblem& p) {
       const DirectShape shape(p);
-      return (shape.chunk_per_thread(p.threads) ? p.threads : 1) * shape.columns_floats();
+      return (shape.chunks.per_thread ? p.threads : 1) * shape.columns_floats();
     },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
       HWY_DYNAMIC_DISPATCH(run_direct)(p, a);

@@ -38,6 +38,7 @@ struct Factors {
   int64_t inputs_step;   // from block to block; columns are kLanes apart
   const float* weights;  // [output block][in_blocks * kLanes][kLanes]
   int64_t weights_step;  // from output block to output block
+  const float* fetched;  // meanwhile into the cache, as much as one output block's weights
 };
 
 /// A sink that stores [output block][column][kLanes].
@@ -62,8 +63,10 @@ void multiply_tile(const Factors& f, const Sink& sink) {
   }
   const float* HWY_RESTRICT weights = f.weights;
   const float* HWY_RESTRICT inputs = f.inputs;
+  const float* fetched = f.fetched;
   for (int64_t block = 0; block < f.in_blocks; ++block, inputs += f.inputs_step) {
-    for (int64_t channel = 0; channel < kLanes; ++channel, weights += kLanes) {
+    for (int64_t channel = 0; channel < kLanes; ++channel, weights += kLanes, fetched += kLanes) {
+      hwy::Prefetch(fetched);
       hwy::Prefetch(inputs + f.inputs_step + std::min<int64_t>(channel, kColumns - 1) * kLanes);
       Block w[kBlocks];
       REVISIT_UNROLL

@@ -83,6 +83,7 @@ class PlainInput {
     const InputView view = view_of(row.n, row.y, x, kTile, row.patch);
     Block sums[kBlocks][kTile];
     accumulate<kBlocks, kTile, kStride>(view, a_.packed + block * weights_step(), sums);
+    if (a_.outside && reaches_outside(view, x, kTile)) add_outside(view, x, block, sums);
     REVISIT_UNROLL
     for (int b = 0; b < kBlocks; ++b) {
       const BlockEpilogue epilogue(a_.epilogue, a_.bias, block + b, p_.c_out);
@@ -120,6 +121,26 @@ class PlainInput {
           }
         }
       }
+  }
+
+  bool reaches_outside(const InputView& view, int64_t x, int64_t pixels) const {
+    const int64_t x0 = x * p_.stride_w - p_.pad_w;
+    return view.first_ky > 0 || view.end_ky < p_.kernel_h || x0 < 0 || x0 + span(pixels) > p_.w;
+  }
+
+  template <int kBlocks, int kTile>
+  void add_outside(const InputView& view, int64_t x, int64_t block,
+                   Block (&sums)[kBlocks][kTile]) const {
+    for (int i = 0; i < kTile; ++i)
+      for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
+        for (int64_t kx = 0; kx < p_.kernel_w; ++kx) {
+          const int64_t ix = (x + i) * p_.stride_w - p_.pad_w + kx * p_.dilation_w;
+          const bool inside = ky >= view.first_ky && ky < view.end_ky && ix >= 0 && ix < p_.w;
+          if (inside) continue;
+          for (int b = 0; b < kBlocks; ++b)
+            sums[b][i] = sums[b][i] + load_block(a_.outside + (block + b) * weights_step() +
+                                                 (ky * p_.kernel_w + kx) * kLanes);
+        }
   }
 
   /// Into the image itself, or into `patch` where the tile reaches over its left or right border.

@@ -34,9 +34,10 @@ class Winograd {
       : p_(p), a_(a), shape_(kVariants[kVariant], p) {}
 
   void run() const {
-    if (shape_.chunk_per_thread(p_.threads)) {
+    const int64_t chunks = shape_.chunks.columns.size;
+    if (shape_.chunks.per_thread) {
       const int64_t floats = shape_.inputs_floats() + shape_.products_floats();
-      parallel_for(shape_.chunks(), p_.threads, [&](int64_t chunk, int thread) {
+      parallel_for(chunks, p_.threads, [&](int64_t chunk, int thread) {
         float* const inputs = a_.scratch + thread * floats;
         for (int64_t i = 0; i < input_items(chunk); ++i) transform_inputs(chunk, i, inputs);
         for (int64_t i = 0; i < shape_.slices(); ++i)
@@ -46,7 +47,7 @@ class Winograd {
     }
     float* const inputs = a_.scratch;
     float* const products = inputs + shape_.inputs_floats();
-    for (int64_t chunk = 0; chunk < shape_.chunks(); ++chunk) {
+    for (int64_t chunk = 0; chunk < chunks; ++chunk) {
       parallel_for(input_items(chunk), p_.threads,
                    [&](int64_t i, int) { transform_inputs(chunk, i, inputs); });
       parallel_for(shape_.slices(), p_.threads, [&](int64_t i, int thread) {
@@ -71,20 +72,23 @@ class Winograd {
             tile % shape_.tiles_x * kTile.columns};
   }
 
-  int64_t first_tile(int64_t chunk) const { return shape_.strips.begin(shape_.first_strip(chunk)); }
+  Parts strips_of_chunk(int64_t chunk) const {
+    return strips_of(shape_.chunks.columns.width(chunk));
+  }
 
   /// An item is one strip of tiles and one block of input channels.
   int64_t input_items(int64_t chunk) const {
-    return (shape_.first_strip(chunk + 1) - shape_.first_strip(chunk)) * shape_.in_blocks;
+    return strips_of_chunk(chunk).size * shape_.in_blocks;
   }
 
   /// Writes [strip][block][point][tile][kLanes].
   void transform_inputs(int64_t chunk, int64_t item, float* inputs) const {
-    const int64_t strip = shape_.first_strip(chunk) + item / shape_.in_blocks;
-    const int64_t block = item % shape_.in_blocks;
-    const int64_t first = shape_.strips.begin(strip), width = shape_.strips.width(strip);
-    float* const to = inputs + ((first - first_tile(chunk)) * shape_.in_blocks + block * width) *
-                                   kPoints * kLanes;
+    const Parts strips = strips_of_chunk(chunk);
+    const int64_t strip = item / shape_.in_blocks, block = item % shape_.in_blocks;
+    const int64_t width = strips.width(strip);
+    const int64_t first = shape_.chunks.columns.begin(chunk) + strips.begin(strip);
+    float* const to =
+        inputs + (strips.begin(strip) * shape_.in_blocks + block * width) * kPoints * kLanes;
     for (int64_t t = 0; t < width; ++t) {
       const Tile tile = locate(first + t);
       const float* image =
@@ -134,24 +138,22 @@ class Winograd {
     const int64_t blocks = std::min(shape_.slice_blocks, shape_.out_blocks_per_group() - begin);
     const int64_t first_block = group * shape_.out_blocks_per_group() + begin;
 
+    const Parts cut = strips_of_chunk(chunk);
+    const int64_t n_strips = cut.size;
     ChunkStrip strips[WinogradShape::kMostChunkStrips];
-    const int64_t n_strips = shape_.first_strip(chunk + 1) - shape_.first_strip(chunk);
     for (int64_t i = 0; i < n_strips; ++i) {
-      const int64_t strip = shape_.first_strip(chunk) + i;
-      const int64_t first = shape_.strips.begin(strip), width = shape_.strips.width(strip);
-      const int64_t block_floats = kPoints * width * kLanes;
-      const int64_t before = (first - first_tile(chunk)) * kPoints * kLanes;
+      const int64_t block_floats = kPoints * cut.width(i) * kLanes;
+      const int64_t before = cut.begin(i) * kPoints * kLanes;
       strips[i] = {
-          first, width, block_floats,
+          shape_.chunks.columns.begin(chunk) + cut.begin(i), cut.width(i), block_floats,
           inputs + before * shape_.in_blocks + group * shape_.in_blocks_per_group() * block_floats,
           products + before * blocks};
     }
 
-    for (int64_t point = 0; point < kPoints; ++point)
-      for (int64_t pair = 0; pair < blocks; pair += kTileBlocks)
-        for (int64_t i = 0; i < n_strips; ++i)
-          multiply_point(strips[i], point, first_block, pair,
-                         std::min<int64_t>(kTileBlocks, blocks - pair));
+    const Products order(first_block, blocks);
+    for (int64_t step = 0; step < order.steps(); ++step)
+      for (int64_t i = 0; i < n_strips; ++i)
+        multiply_step(strips[i], order, step, n_strips - 1 - i);
 
     for (int64_t b = 0; b < blocks; ++b) {
       const BlockEpilogue epilogue(a_.epilogue, a_.bias, first_block + b, p_.c_out);
@@ -170,15 +172,41 @@ class Winograd {
     float* products;
   };
 
-  void multiply_point(const ChunkStrip& strip, int64_t point, int64_t first_block, int64_t pair,
-                      int64_t blocks) const {
-    const int64_t weights_floats = shape_.in_blocks_per_group() * kLanes * kLanes;
-    const int64_t offset = point * strip.width * kLanes, step = strip.block_floats;
-    const Factors factors = {shape_.in_blocks_per_group(), strip.inputs + offset, step,
-                             a_.packed + ((first_block + pair) * kPoints + point) * weights_floats,
-                             kPoints * weights_floats};
-    multiply(factors, blocks, strip.width,
-             StoreProducts{strip.products + pair * step + offset, step});
+  /// The products of a slice in their order: all output blocks of a point, kTileBlocks at a time.
+  struct Products {
+    int64_t first_block, blocks, steps_per_point;
+
+    Products(int64_t first, int64_t n)
+        : first_block(first), blocks(n), steps_per_point((n + kTileBlocks - 1) / kTileBlocks) {}
+    int64_t steps() const { return kPoints * steps_per_point; }
+    int64_t point(int64_t step) const { return step / steps_per_point; }
+    int64_t begin(int64_t step) const { return step % steps_per_point * kTileBlocks; }
+    int64_t count(int64_t step) const {
+      return std::min<int64_t>(kTileBlocks, blocks - begin(step));
+    }
+  };
+
+  /// Weights of one point for one output block.
+  int64_t weights_floats() const { return shape_.in_blocks_per_group() * kLanes * kLanes; }
+  const float* weights(int64_t block, int64_t point) const {
+    return a_.packed + (block * kPoints + point) * weights_floats();
+  }
+
+  /// One strip of a step, after which `left` strips are left of the step. The last strips fetch the
+  /// weights of the next step, a block each: a deep layer's are in L3 or in memory.
+  void multiply_step(const ChunkStrip& strip, const Products& products, int64_t step,
+                     int64_t left) const {
+    const int64_t point = products.point(step), begin = products.begin(step), next = step + 1;
+    const float* const here = weights(products.first_block + begin, point);
+    const bool fetches = next < products.steps() && left < products.count(next);
+    const float* const fetched =
+        fetches ? weights(products.first_block + products.begin(next) + left, products.point(next))
+                : here;
+    const int64_t offset = point * strip.width * kLanes, block_floats = strip.block_floats;
+    multiply({shape_.in_blocks_per_group(), strip.inputs + offset, block_floats, here,
+              kPoints * weights_floats(), fetched},
+             products.count(step), strip.width,
+             StoreProducts{strip.products + begin * block_floats + offset, block_floats});
   }
 
   void transform_output(const Tile& tile, const float* from, int64_t step, int64_t block,
@@ -252,31 +280,48 @@ int64_t packed_floats(const ConvolutionProblem& p) {
          kVariants[kVariant].points();
 }
 
+/// `kernels` are [taps][taps][lane], in double precision: it costs nothing at run time. Point (i,
+/// j) of all lanes goes to `to + (i * points + j) * step`.
+template <class Rows, class Columns>
+void transform_weights(const double (&kernels)[Rows::kTaps][Columns::kTaps][kLanes], float* to,
+                       int64_t step) {
+  for (int i = 0; i < Rows::kPoints; ++i) {
+    double half[Columns::kTaps][kLanes] = {};
+    for (int y = 0; y < Rows::kTaps; ++y)
+      for (int x = 0; x < Columns::kTaps; ++x)
+        for (int64_t lane = 0; lane < kLanes; ++lane)
+          half[x][lane] += Rows::kWeights[i][y] * kernels[y][x][lane];
+    for (int j = 0; j < Columns::kPoints; ++j, to += step) {
+      double sums[kLanes] = {};
+      for (int x = 0; x < Columns::kTaps; ++x)
+        for (int64_t lane = 0; lane < kLanes; ++lane)
+          sums[lane] += Columns::kWeights[j][x] * half[x][lane];
+      for (int64_t lane = 0; lane < kLanes; ++lane) to[lane] = static_cast<float>(sums[lane]);
+    }
+  }
+}
+
 /// Writes [output block][point][input channel][kLanes].
 template <size_t kVariant>
 void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
   constexpr WinogradVariant kTile = kVariants[kVariant];
-  using Rows = WinogradTransform<kTile.rows, kTile.taps>;
-  using Columns = WinogradTransform<kTile.columns, kTile.taps>;
+  constexpr int kTaps = kTile.taps;
   const int64_t channels = padded_channels(p.c_in_per_group());
   const int64_t point_floats = channels * kLanes;
   parallel_for(channel_blocks(p.c_out) * channels, p.threads, [&](int64_t item, int) {
     const int64_t block = item / channels, c = item % channels;
-    float* to = packed + block * kTile.points() * point_floats + c * kLanes;
-    for (int64_t lane = 0; lane < kLanes; ++lane, ++to) {
+    double kernels[kTaps][kTaps][kLanes] = {};
+    for (int64_t lane = 0; lane < kLanes && c < p.c_in_per_group(); ++lane) {
       const int64_t co = block * kLanes + lane;
-      const bool present = co < p.c_out && c < p.c_in_per_group();
-      const float* g = weights + (co * p.c_in_per_group() + c) * kTile.taps * kTile.taps;
-      for (int i = 0; i < Rows::kPoints; ++i)
-        for (int j = 0; j < Columns::kPoints; ++j) {
-          double sum = 0;
-          for (int y = 0; present && y < kTile.taps; ++y)
-            for (int x = 0; x < kTile.taps; ++x)
-              sum += Rows::kWeights[i][y] * Columns::kWeights[j][x] *
-                     static_cast<double>(g[y * kTile.taps + x]);
-          to[(i * Columns::kPoints + j) * point_floats] = static_cast<float>(sum);
-        }
+      if (co >= p.c_out) break;
+      const float* kernel = weights + (co * p.c_in_per_group() + c) * kTaps * kTaps;
+      for (int y = 0; y < kTaps; ++y)
+        for (int x = 0; x < kTaps; ++x)
+          kernels[y][x][lane] = static_cast<double>(kernel[y * kTaps + x]);
     }
+    transform_weights<WinogradTransform<kTile.rows, kTaps>,
+                      WinogradTransform<kTile.columns, kTaps>>(
+        kernels, packed + block * kTile.points() * point_floats + c * kLanes, point_floats);
   });
 }
 

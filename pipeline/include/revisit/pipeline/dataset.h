@@ -15,6 +15,7 @@ struct ScanRef {
   int frame = 0;             // index in the drive; KITTI: the number in the file name (gaps legal)
   std::optional<Pose> pose;  // T_world_cam for KITTI, as stored; absent without ground truth
   std::optional<double> time;  // [s]
+  std::string place;           // in a data set sorted by places: which; else ""
 };
 
 /// A drive, or any folder of scans, in frame order.
@@ -28,6 +29,8 @@ struct Dataset {
       if (!scan.pose) return false;
     return !scans.empty();
   }
+  /// The places are known by name: scans of one name are of one place.
+  bool has_places() const { return !scans.empty() && !scans[0].place.empty(); }
 };
 
 /// What a data set must have for the work at hand.
@@ -36,11 +39,17 @@ struct DatasetNeeds {
   bool calibration = false;
 };
 
-/// Opens a KITTI odometry sequence or a plain folder of .bin/.pcd/.ply files.
+/// Opens a KITTI odometry sequence, a folder per place, or a plain folder of .bin/.pcd/.ply files.
 ///
-/// `root` may be the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; needs `sequence`), one
-/// sequence folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`), or a folder of scan files
-/// (no poses). With `sequence` empty, a root that holds exactly one sequence with scans is taken.
+/// `root` may be
+/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; needs `sequence`) or one sequence
+///   folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`). With `sequence` empty, a root that
+///   holds exactly one sequence with scans is taken;
+/// - a set of places, as the HKUST data can be sorted: a folder of scan files per place, whatever
+///   they are named (`place_1/*.bin`, `library/*.pcd`...), without poses. Frames are counted from 0
+///   through all places, in natural order of the names. Of several such sets beside each other
+///   (`rotation/place_1/*.bin`, `objects/place_1/*.bin`) `sequence` names one;
+/// - a folder of scan files (no poses).
 /// Throws InputError saying what was looked for and where, and which sequences are there.
 Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,
                      const DatasetNeeds& needs = {});

@@ -42,12 +42,13 @@ struct FeatureExtractor {
 };
 
 /// The output of a network, flattened. The gray image is given to every input channel, minus that
-/// channel's mean (`mean_bgr`, in pixel values; paper section III-C). `net_key` identifies the
-/// weights. Throws InputError when the net has not one input of 1 or 3 channels, or cannot take the
-/// image size, and UsageError when it has not exactly one output.
+/// channel's mean (`mean_bgr`, in pixel values; paper section III-C); where a convolution sees it
+/// first, it is given once and stands for all channels. `net_key` identifies the weights, `threads`
+/// are those of one forward pass. Throws InputError when the net has not one input of 1 or 3
+/// channels, or cannot take the image size, and UsageError when it has not exactly one output.
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,
-                                  const ImageGeometry& geometry);
+                                  const ImageGeometry& geometry, int threads = 1);
 
 /// The range image itself as a vector: the paper's `data`, for comparison.
 FeatureExtractor range_vector_features(const ImageGeometry& geometry);
@@ -75,6 +76,9 @@ struct DescribeOptions {
 struct DescribeTimes {
   std::vector<double> read, align, project, close, feature, write;
   double wall_ms = 0;  // of all of them, all threads together
+  /// Processor time of the describing thread from points (or camera image) in memory to the
+  /// feature: unlike the others it does not grow when the machine has other work to do.
+  std::vector<double> processor;
 
   void append(const DescribeTimes& more);
 };

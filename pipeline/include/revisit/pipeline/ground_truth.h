@@ -12,11 +12,12 @@ namespace revisit::pipeline {
 
 /// How far apart two places are. Camera axes of KITTI: x right, y down, z forward [m].
 enum class Distance {
-  kXz,   // horizontal: sqrt(dx^2 + dz^2)
-  k3d,   // Euclidean
-  kBox,  // max(|dx|, |dy|, |dz|): the paper's "all three coordinate differences below 3 m"
+  kXz,     // horizontal: sqrt(dx^2 + dz^2)
+  k3d,     // Euclidean
+  kBox,    // max(|dx|, |dy|, |dz|): the paper's "all three coordinate differences below 3 m"
+  kPlace,  // 0 between scans of one named place, else infinite; for sets without poses
 };
-/// "xz", "3d", "box"; throws UsageError for anything else.
+/// "xz", "3d", "box", "place"; throws UsageError for anything else.
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
 
@@ -36,10 +37,14 @@ struct Exclusion {
 Exclusion parse_exclusion(const std::string& text);
 std::string to_string(const Exclusion& exclusion);
 
-/// What makes a retrieved place right: nearer than `radius` (strictly).
+/// What makes a retrieved place right: nearer than `radius` (strictly). It is wrong when it is not
+/// nearer than `radius` and farther than `false_beyond`; between the two it is neither.
 struct TrueMatchRule {
   Distance distance = Distance::kXz;
-  double radius = 5;  // [m]
+  double radius = 5;        // [m]
+  double false_beyond = 0;  // [m]; 0, or less than the radius: what is not right is wrong
+  bool is_true(double metres) const { return metres < radius; }
+  bool is_false(double metres) const { return metres >= radius && metres > false_beyond; }
 };
 
 /// Where and when each scan of a data set was taken, in frame order.
@@ -47,6 +52,7 @@ struct Trajectory {
   std::vector<int> frames;                 // strictly increasing; gaps are legal
   std::vector<Eigen::Vector3d> positions;  // translation of T_world_cam [m]; empty: no ground truth
   std::vector<double> times;               // [s]; empty: unknown
+  std::vector<std::string> places;         // names; empty: unknown
   int64_t size() const { return static_cast<int64_t>(frames.size()); }
 };
 
@@ -58,7 +64,11 @@ Trajectory make_trajectory(const std::vector<Pose>& T_world_cam,
                            const std::vector<double>& times = {});
 
 double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind);
-bool is_true_match(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const TrueMatchRule& rule);
+/// Of two scans, by row.
+double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind);
+/// Throws UsageError, naming `what` needs it, when the trajectory has no positions (places, for
+/// kPlace).
+void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what);
 
 /// For each scan i, how many of the scans before it are candidates: scans [0, result[i]).
 /// Throws UsageError when the exclusion needs times or poses that are not there, InputError when
@@ -88,7 +98,7 @@ struct LoopTruth {
 ///   06: 270, 08: 345)
 ///
 /// Both comparisons are strict: nearer than the radius, more than 50 frames apart.
-/// Throws UsageError when there are no positions or the radius is not a positive number.
+/// Throws UsageError when nothing is known of the distances or the radius is not a positive number.
 LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion);
 

@@ -18,7 +18,8 @@ inline constexpr int kM2dpBins = kM2dpCircles * kM2dpSectors;
 inline constexpr int kM2dpDim = kM2dpPlanes + kM2dpBins;  // 192
 
 /// The signature matrix A [planes][bins]: the share of the points that falls into each bin of each
-/// plane. Points are taken from their centroid in their principal directions.
+/// plane. Points are taken from their centroid in their principal directions; those beyond 1 km are
+/// left out. Throws InputError when none is left.
 std::vector<double> m2dp_signatures(const PointCloud& cloud);
 
 /// The descriptor [192]: the first left and the first right singular vector of A, both with

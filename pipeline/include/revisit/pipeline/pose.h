@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 namespace revisit::pipeline {
@@ -16,6 +17,12 @@ std::vector<Pose> read_kitti_poses(const std::filesystem::path& file);
 
 /// Reads `Tr` (`T_cam_velo`: velodyne to camera 0) from a KITTI calib.txt. Throws InputError.
 Pose read_kitti_calibration(const std::filesystem::path& file);
+
+/// Reads the projection matrix of a camera from a KITTI calib.txt: `name` is "P0" for the left gray
+/// one. Pixel = P * (point in camera 0, 1). Throws InputError when it is not there or no camera
+/// that looks forward without distortion has it.
+Eigen::Matrix<double, 3, 4> read_kitti_projection(const std::filesystem::path& file,
+                                                  const std::string& name);
 
 /// Reads a KITTI times.txt: seconds, one a line. Throws InputError with file:line.
 std::vector<double> read_kitti_times(const std::filesystem::path& file);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,45 +22,63 @@ struct TaskQuery {
   int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
 };
 
-/// A place-recognition task: which scans of a data set are stored, which are asked.
+/// What is accepted or rejected, and so what precision and recall count.
+enum class Decision {
+  kQuery,  // the best match of each query (precision_recall.h)
+  kPair,   // each pair of a query and a candidate (pairs.h)
+};
+
+/// Which positives are false negatives.
+enum class Missed {
+  kNotFound,  // all but the true positives: recall is over all positives
+  kRejected,  // the rejected ones: a positive accepted with a wrong match is a false positive only
+};
+
+/// A place-recognition task: which scans of a data set are stored, which are asked, what is true.
 /// Scans are rows of the data set, so a subsampled drive (gaps in the frame numbers) works alike.
 struct Task {
-  std::string name;                // "paper-easy", "paper-median", "paper-difficult", "online", ...
+  std::string name;                // "paper-easy", "paper-median", "online", "ssc", ...
+  std::string definition;          // of the protocol, for people and for the results
   std::string population;          // for people: what is stored and what is asked
   std::vector<int64_t> stored;     // rows, ascending
   std::vector<TaskQuery> queries;  // by row; only scans with at least one candidate
   bool both_cases = false;         // describe the queries in both alignment cases
   TrueMatchRule rule;              // the protocol's own; the command line may replace it
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
+  Decision decision = Decision::kQuery;
+  Missed missed = Missed::kNotFound;
+  bool margin_score = true;        // s = 2 c1 - ck says how sure; false: c1, the best alone
+  int negatives_per_positive = 0;  // pairs: so many random negatives a positive; 0: all of them
 };
 
-/// What `--protocol` takes: "paper", "paper-easy", "paper-median", "paper-difficult", "online",
-/// "leave-one-out".
+/// A named evaluation.
+struct Protocol {
+  std::string name;
+  std::string definition;  // one line
+  std::string source;      // where it was published
+};
+
+/// What `--protocol` takes, with definitions; docs/PROTOCOLS.md has the formulas.
+const std::vector<Protocol>& protocols();
 std::vector<std::string> protocol_names();
 
 /// The tasks of a protocol on one sequence.
 ///
-/// - `paper`: all of the paper's tasks that exist for the sequence: easy and median for 00, 05, 06;
-///   easy, median and difficult for 08; easy alone for any other. True match: box, 3 m.
-///   - `paper-easy`: every 3rd scan stored (frame % 3 == 0), the rest are queries.
-///   - `paper-median`: the stored scans of Table 1 (1-based and inclusive there; frame = index -
-///   1),
-///     all others are queries, in alignment case 1 only.
-///   - `paper-difficult`: the same for 08 with the queries in both cases.
-/// - `online`: every scan is a query against the earlier scans beyond the exclusion. xz, 5 m.
-/// - `leave-one-out`: every scan against all scans, before and after it, beyond the exclusion. xz,
-/// 5 m.
+/// `paper` gives all of the paper's tasks that exist for the sequence: easy and median for 00, 05,
+/// 06; easy, median and difficult for 08; easy alone for any other. Every other name gives one.
 ///
-///   for (const Task& task : make_tasks("paper", "00", trajectory, exclusion)) {
+///   for (const Task& task : make_tasks("paper", "00", trajectory)) {
 ///     auto matches = retrieve(descriptors, task);
 ///     auto verdicts = judge(matches, task, trajectory, task.rule);
-///     auto curve = precision_recall(verdicts);
+///     auto curve = precision_recall(verdicts, task.missed);
 ///   }
 ///
-/// The exclusion is not used by the paper's tasks (their stored and query scans are disjoint).
+/// Tasks with Decision::kPair go to evaluate_pairs() instead. `exclusion` replaces the protocol's
+/// own; those that store fixed scans (the paper's, bevplace) have none and do not use it.
 /// Throws UsageError for an unknown name, a task the sequence does not have, and when no scan of
 /// the data set is stored or none can be asked.
 std::vector<Task> make_tasks(const std::string& protocol, const std::string& sequence,
-                             const Trajectory& trajectory, const Exclusion& exclusion = {});
+                             const Trajectory& trajectory,
+                             const std::optional<Exclusion>& exclusion = {});
 
 }  // namespace revisit::pipeline

@@ -23,6 +23,14 @@ enum class RouteKind {
   kBoth       ///< the same with two rounds of the block: both directions
 };
 
+/// The camera beside the LiDAR: KITTI's left gray one.
+struct SimulatedCamera {
+  double scale = 1;  ///< size of the pictures: 1 is 1241 x 376, 0.1 to 1
+  /// The sun wanders, clouds pass and the exposure errs in the course of the drive, so that passes
+  /// of one place differ. Otherwise the light stays as it is at the beginning.
+  bool changing_light = true;
+};
+
 /// What to simulate. Equal settings give equal bytes, for any number of threads.
 struct SimulationConfig {
   std::filesystem::path output;  ///< root of the data set in KITTI odometry layout
@@ -44,10 +52,11 @@ struct SimulationConfig {
   int every = 1;                  ///< ... whose number less first_frame is a multiple of this
 
   LidarModel sensor = LidarModel::kHdl64;
-  double range_noise = 0.02;  ///< standard deviation of a range [m]
-  double dropout = 0.01;      ///< share of returns lost at random, [0, 1)
-  uint64_t seed = 1;          ///< town, route, traffic and noise
-  int threads = 0;            ///< 0: all
+  double range_noise = 0.02;              ///< standard deviation of a range [m]
+  double dropout = 0.01;                  ///< share of returns lost at random, [0, 1)
+  std::optional<SimulatedCamera> camera;  ///< absent: scans only
+  uint64_t seed = 1;                      ///< town, route, traffic and noise
+  int threads = 0;                        ///< 0: all
 
   bool overwrite = false;  ///< replace scans made with other settings
 };
@@ -68,6 +77,7 @@ struct SimulationSummary {
 /// Writes a data set in KITTI odometry layout of a drive through a synthetic town:
 ///
 ///     output/sequences/NN/velodyne/000000.bin ...   frames asked for, named by frame number
+///     output/sequences/NN/image_0/000000.png ...    with a camera: what it sees at that moment
 ///     output/sequences/NN/calib.txt, times.txt      times: 0.1 s a frame
 ///     output/sequences/NN/simulation.txt            the settings, written first
 ///     output/poses/NN.txt                           T_world_cam, line i = frame i, all frames
@@ -87,5 +97,35 @@ struct SimulationSummary {
 SimulationSummary simulate(const SimulationConfig& config,
                            const std::function<void(int64_t done, int64_t total)>& progress = {},
                            const std::function<bool()>& stop = {});
+
+/// What is scanned at places, as in the paper's HKUST data.
+enum class PlaceScans {
+  kRotation,  ///< 11 scans a place, 77 in all: the tripod is turned by about 40 degrees each time
+  kObjects    ///< 13 or 14 a place, 94 in all: the tripod stands, people and cars pass
+};
+
+/// Places of a synthetic town, scanned by a VLP-16 on a tripod. Equal settings give equal bytes,
+/// for any number of threads; with an equal seed both kinds of scans are of the same places.
+struct PlaceSimulationConfig {
+  std::filesystem::path output;
+  PlaceScans scans = PlaceScans::kRotation;
+  double range_noise = 0.02;  ///< standard deviation of a range [m]
+  double dropout = 0.01;      ///< share of returns lost at random, [0, 1)
+  uint64_t seed = 1;
+  int threads = 0;         ///< 0: all
+  bool overwrite = false;  ///< replace scans made with other settings
+};
+
+/// Writes a folder per place, as open_dataset() reads it:
+///
+///     output/place_1/0000.bin ... place_7/0012.bin   scans of a place are within 1 m of each other
+///     output/scans.csv                               where each scan was taken, and what passed
+///     output/simulation.txt                          the settings, written first
+///
+/// Scans there already are kept, errors are those of simulate().
+SimulationSummary simulate_places(
+    const PlaceSimulationConfig& config,
+    const std::function<void(int64_t done, int64_t total)>& progress = {},
+    const std::function<bool()>& stop = {});
 
 }  // namespace revisit::pipeline

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <optional>
 #include <random>
 
 #include "baselines/pcl/clouds.h"
@@ -34,7 +35,7 @@ class Draws {
   int64_t drawn_ = 0;
 };
 
-thread_local Draws* draws_of_this_scan = nullptr;
+thread_local std::optional<Draws> draws_of_this_scan;
 
 int seeded_rand() {
   return draws_of_this_scan->next();
@@ -80,8 +81,7 @@ class SeededEsf : private pcl::ESFEstimation<EsfPoint> {
  public:
   void describe(Points& points, std::span<float> feature) {
     scale_into_grid(points);
-    Draws draws(seed_of(points));
-    draws_of_this_scan = &draws;
+    draws_of_this_scan.emplace(seed_of(points));
     std::vector<float> histogram;
     voxelize9(points);
     try {

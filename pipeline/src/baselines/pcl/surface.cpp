@@ -53,7 +53,10 @@ void check_radius(const char* what, double radius) {
 
 Surface surface_of(const PointCloud& cloud, double radius, double largest_radius) {
   // PCL prints its complaints; ours are exceptions.
-  pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);
+  [[maybe_unused]] static const bool silent = [] {
+    pcl::console::setVerbosityLevel(pcl::console::L_ALWAYS);
+    return true;
+  }();
   const Points::Ptr points = to_pcl<pcl::PointXYZ>(cloud);
   check_density(*points, largest_radius);
   pcl::PointCloud<pcl::Normal> normals;

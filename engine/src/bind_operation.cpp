@@ -1,0 +1,99 @@
+#include "bind_operation.h"
+
+#include <algorithm>
+
+#include "held_epilogue.h"
+#include "kernels/epilogue_plain.h"
+
+namespace revisit::engine {
+namespace {
+
+BlockedSize size_of(const Binding& binding) {
+  const Shape& shape = binding.outputs[0];
+  return {shape[0], shape[1], shape.product(2, shape.rank()), binding.threads};
+}
+
+Kernel bind_activation(const Activating& activation, const Binding& binding) {
+  return blocked_kernel(
+      "activation", 1,
+      [size = size_of(binding), held = HeldEpilogue(activation)](const Call& call) {
+        blocked_activation(size, held.epilogue, call.inputs[0], call.outputs[0]);
+      });
+}
+
+Kernel bind_affine(const ChannelAffine& affine, const Binding& binding) {
+  const std::optional<ChannelAffine>& next = binding.fusion.affine;
+  return blocked_kernel(
+      "scale", 1,
+      [size = size_of(binding), factors = HeldAffine(next ? composed(affine, *next) : affine),
+       held = HeldEpilogue(binding.fusion.activation)](const Call& call) {
+        blocked_scale(size, factors.scale->data(), factors.shift->data(), held.epilogue,
+                      call.inputs[0], call.outputs[0]);
+      });
+}
+
+const char* name_of(BlockedEltwise::Operation operation) {
+  switch (operation) {
+    case BlockedEltwise::Operation::kProduct:
+      return "product";
+    case BlockedEltwise::Operation::kMaximum:
+      return "maximum";
+    case BlockedEltwise::Operation::kSum:
+      break;
+  }
+  return "sum";
+}
+
+Kernel bind_combination(const Combining& combining, const Binding& binding) {
+  return blocked_kernel(name_of(combining.operation), binding.inputs.size(),
+                        [size = size_of(binding), combining,
+                         held = HeldEpilogue(binding.fusion.activation)](const Call& call) {
+                          blocked_eltwise(
+                              size, {combining.operation, combining.coefficients, held.epilogue},
+                              call.inputs, call.outputs[0]);
+                        });
+}
+
+/// A kernel on plain values with what is fused to it done afterwards, in place.
+Kernel finished(Kernel kernel, const Binding& binding) {
+  const Fusion& fusion = binding.fusion;
+  if (!fusion.affine && fusion.activation.epilogue.activation == Epilogue::Activation::kNone)
+    return kernel;
+  const Shape& shape = binding.outputs[0];
+  const ChannelRuns runs = shape.rank() < 2
+                               ? ChannelRuns{1, 1, shape.elements()}
+                               : ChannelRuns{shape[0], shape[1], shape.product(2, shape.rank())};
+  std::optional<HeldAffine> affine;
+  if (fusion.affine) affine = HeldAffine(*fusion.affine);
+  kernel.run = [runs, affine, run = std::move(kernel.run), threads = binding.threads,
+                held = HeldEpilogue(fusion.activation)](const Call& call) {
+    run(call);
+    finish(runs,
+           {affine ? affine->scale->data() : nullptr, affine ? affine->shift->data() : nullptr,
+            nullptr, held.epilogue},
+           threads, call.outputs[0]);
+  };
+  return kernel;
+}
+
+}  // namespace
+
+Kernel bind_operation(const Layer& layer, const Binding& binding) {
+  std::vector<Shape> inputs = binding.inputs;
+  if (binding.fusion.adds_last_input) inputs.pop_back();  // is none of the layer's own
+  const Form form = layer.form(inputs, binding.weights);
+  if (std::holds_alternative<Convolving>(form)) return layer.bind(binding);
+  const bool any_blocked =
+      std::count(binding.layouts.begin(), binding.layouts.end(), Layout::kBlocked) > 0;
+  if (any_blocked) {
+    if (const auto* activation = std::get_if<Activating>(&form))
+      return bind_activation(*activation, binding);
+    if (const auto* affine = std::get_if<ChannelAffine>(&form))
+      return bind_affine(*affine, binding);
+    if (const auto* combining = std::get_if<Combining>(&form))
+      return bind_combination(*combining, binding);
+  }
+  return finished(layer.bind(binding), binding);
+}
+
+}  // namespace revisit::engine

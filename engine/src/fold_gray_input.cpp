@@ -1,0 +1,67 @@
+#include <algorithm>
+
+#include "fuse.h"
+
+namespace revisit::engine {
+namespace {
+
+bool can_take_gray(const Form& form, size_t input) {
+  const auto* convolving = std::get_if<Convolving>(&form);
+  return input == 0 && convolving && convolving->problem.group == 1;
+}
+
+/// Why the input `id` of a net cannot be gray; empty when it can.
+std::string why_not_gray(const Net::Impl& net, const Operations& operations, ValueId id,
+                         const Shape& shape) {
+  if (shape.rank() != 4) return str("the input must be n x c x h x w, found ", shape);
+  for (const Graph::Output& output : net.graph.outputs)
+    if (operations.held_by[output.value] == id)
+      return str("the output '", output.name, "' is the input itself");
+  for (const Operation& operation : operations.list)
+    for (size_t i = 0; i < operation.inputs.size(); ++i) {
+      if (operation.inputs[i] != id) continue;
+      const std::vector<Shape> inputs(operation.inputs.size(), shape);
+      if (can_take_gray(operation.layer->form(inputs, net.nodes[operation.node].weights), i))
+        continue;
+      const Node& node = net.graph.nodes[operation.node];
+      return str(
+          "layer '", node.name, "' (", node.param.type(),
+          ") reads the input; only convolutions without groups can take one channel for all");
+    }
+  return "";
+}
+
+ValueId only_input(const Net::Impl& net) {
+  const auto input = std::find_if(net.nodes.begin(), net.nodes.end(),
+                                  [](const LoadedNode& node) { return !node.layer; });
+  return net.graph.nodes[input - net.nodes.begin()].outputs[0];
+}
+
+}  // namespace
+
+void fold_gray_input(const Net::Impl& net, const std::vector<Shape>& shapes,
+                     const std::vector<float>& offsets, Operations* operations) {
+  if (net.inputs.size() != 1)
+    throw UsageError(str("gray input: expected a net with one input, found ", net.inputs.size()));
+  const ValueId id = only_input(net);
+  const Shape& shape = shapes[id];
+  const std::string reason = why_not_gray(net, *operations, id, shape);
+  if (!reason.empty()) throw UsageError("gray input: " + reason);
+  if (shape[1] != static_cast<int64_t>(offsets.size()))
+    throw UsageError(str("gray input: expected an offset for each of the ", shape[1],
+                         " channels of the input, found ", offsets.size()));
+  for (Operation& operation : operations->list)
+    if (std::count(operation.inputs.begin(), operation.inputs.end(), id) > 0)
+      operation.fusion.gray_offsets = offsets;
+  operations->gray_input = id;
+}
+
+bool Net::takes_gray_input() const {
+  if (impl_->inputs.size() != 1) return false;
+  const std::vector<Shape> shapes =
+      infer_shapes(*impl_, {{impl_->inputs[0].name, impl_->inputs[0].shape}});
+  const ValueId id = only_input(*impl_);
+  return why_not_gray(*impl_, operations_of(*impl_, shapes), id, shapes[id]).empty();
+}
+
+}  // namespace revisit::engine

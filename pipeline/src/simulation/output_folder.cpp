@@ -1,0 +1,113 @@
+#include "simulation/output_folder.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstdio>
+#include <fstream>
+#include <sstream>
+
+#include "revisit/proto/atomic_file.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline::simulation {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kHeader = "# revisit simulate: the settings of the scans beside this file\n";
+
+/// "" when there is no such file.
+std::string content(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::ostringstream text;
+  if (in) text << in.rdbuf();
+  return std::move(text).str();
+}
+
+void make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
+}
+
+}  // namespace
+
+OutputFolder::OutputFolder(fs::path settings_file, const std::string& settings)
+    : settings_file_(std::move(settings_file)),
+      settings_(str(kHeader, settings, "hash: ", fingerprint(settings), "\n")) {}
+
+/// The first line in which the settings there differ from ours.
+std::string OutputFolder::difference(const std::string& known) const {
+  std::istringstream there(known), ours(settings_);
+  std::string a, b;
+  while (std::getline(there, a) && std::getline(ours, b))
+    if (a != b) return str("there '", a, "', now '", b, "'");
+  return "they end differently";
+}
+
+OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
+                                       const std::vector<fs::path>& others, bool overwrite) const {
+  const std::string known = content(settings_file_);
+  const std::string folder = settings_file_.parent_path().string();
+  if (known.empty()) {
+    // Perhaps a real recording: never touched, whatever was asked for.
+    std::vector<fs::path> strange = others;
+    if (!there.empty()) strange.push_back(*there.begin());
+    for (const fs::path& file : strange)
+      if (fs::exists(file))
+        throw UsageError(str(file.string(),
+                             " is there already and was not made by `revisit simulate` (no ",
+                             settings_file_.string(), "): choose another --output or --sequence"));
+  } else if (!known.starts_with(kHeader)) {
+    throw UsageError(
+        settings_file_.string() +
+        " is there but is no settings file of `revisit simulate`: choose another --output");
+  } else if (known != settings_ && !overwrite) {
+    throw UsageError(str(folder, " holds ", there.size(), " files made with other settings (",
+                         difference(known),
+                         "): choose another --output or --sequence, or replace them with "
+                         "--overwrite"));
+  }
+  // What this run would not make: all of other settings, or what was not asked for.
+  Files stale = there;
+  if (known == settings_) {
+    stale.clear();
+    std::set_difference(there.begin(), there.end(), wanted.begin(), wanted.end(),
+                        std::inserter(stale, stale.end()));
+    if (!stale.empty() && !overwrite)
+      throw UsageError(str(folder, " holds ", stale.size(), " more files than asked for (",
+                           stale.begin()->filename().string(),
+                           "): widen --frames or --every, choose another --output, or remove them "
+                           "with --overwrite"));
+  }
+  for (const fs::path& file : stale) fs::remove(file);
+  Files complete;
+  for (const fs::path& file : wanted) {
+    make_folder(file.parent_path());
+    if (there.contains(file) && !stale.contains(file)) complete.insert(file);
+  }
+  write_text(settings_file_, settings_);
+  return complete;
+}
+
+void write_text(const fs::path& file, const std::string& text) {
+  if (content(file) == text) return;
+  make_folder(file.parent_path());
+  write_atomically(file, [&](std::ostream& out) { out << text; });
+}
+
+std::string fingerprint(const std::string& bytes) {
+  uint64_t hash = 0xcbf29ce484222325u;
+  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
+  char text[17];
+  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
+  return text;
+}
+
+std::string exact(double value) {
+  char text[32];
+  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
+  return {text, end};
+}
+
+}  // namespace revisit::pipeline::simulation

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <filesystem>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace revisit::pipeline::simulation {
+
+/// The folder that one simulation fills, and in which nothing else may be.
+class OutputFolder {
+ public:
+  using Files = std::set<std::filesystem::path>;
+
+  /// `settings` (lines `key: value`) tells this simulation from any other; `settings_file` keeps
+  /// it.
+  OutputFolder(std::filesystem::path settings_file, const std::string& settings);
+
+  /// Makes the folder ready to hold the files `wanted`. `there` are the files of their kind that
+  /// are there now, `others` those that will be written besides. Refuses files that are not ours or
+  /// were made otherwise (UsageError), removes them with `overwrite` when they are ours, and writes
+  /// the settings first. Returns the wanted files that are there already.
+  Files open(const Files& wanted, const Files& there,
+             const std::vector<std::filesystem::path>& others, bool overwrite) const;
+
+ private:
+  std::string difference(const std::string& known) const;
+
+  std::filesystem::path settings_file_;
+  std::string settings_;
+};
+
+/// Writes the file if it has not this content already, and the folders above it.
+void write_text(const std::filesystem::path& file, const std::string& text);
+/// Tells texts apart: FNV-1a, 64 bits.
+std::string fingerprint(const std::string& bytes);
+/// With all digits that matter.
+std::string exact(double value);
+
+}  // namespace revisit::pipeline::simulation

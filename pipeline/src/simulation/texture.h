@@ -1,0 +1,39 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+namespace revisit::pipeline::simulation {
+
+/// A square tile that repeats in both directions, with its mip-map (every level half the size of
+/// the one before), so that a pixel of any size sees the mean of what it covers: no detail finer
+/// than a pixel appears, and a place looks alike from near and far.
+class Texture {
+ public:
+  /// `value(column, row)` in [0, 2) for `size` x `size` texels of `texel` metres; a power of 2.
+  Texture(int size, double texel, const std::function<double(int column, int row)>& value);
+
+  /// The mean over a square of `footprint` metres around (u, v) [m].
+  float at(float u, float v, float footprint) const;
+
+ private:
+  float bilinear(int level, float x, float y) const;  // in texels of that level
+
+  int size_, levels_;
+  float texel_;
+  std::vector<uint8_t> texels_;  // level after level, 128 is 1
+  std::vector<size_t> first_;    // [level]
+};
+
+/// The tiles every town is painted with. Values are factors around 1.
+struct Textures {
+  Textures();
+  Texture noise;                          // smooth, all wavelengths from 12 cm to 5 m
+  Texture plaster, brick, stone, boards;  // walls
+  Texture asphalt, slabs, lawn;           // ground
+  Texture roof_tiles, bark, leaves;
+};
+
+}  // namespace revisit::pipeline::simulation

@@ -1,0 +1,290 @@
+// Every blocked convolution kernel against the definition, over tests/problems/convolution.txt,
+// with every set of instructions this CPU has. Outputs and packed weights are poisoned with NaN,
+// scratch with 0xA5 bytes.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+
+#include "blocked.h"
+#include "compare.h"
+#include "kernels/blocked/convolution.h"
+#include "problems.h"
+#include "simd_targets.h"
+
+namespace revisit::engine {
+namespace {
+
+constexpr unsigned kSeed = 20260722;
+constexpr unsigned char kNan = 0xFF, kDirty = 0xA5;
+
+std::vector<float> random_values(int64_t count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> uniform(-1, 1);
+  std::vector<float> values(static_cast<size_t>(count));
+  for (float& value : values) value = uniform(random);
+  return values;
+}
+
+/// A problem with its arrays, in Caffe's layouts.
+struct Case {
+  ConvolutionProblem p;
+  std::vector<float> input, weights, bias, addend;  // addend may be empty
+  Epilogue epilogue;
+
+  explicit Case(const ConvolutionProblem& problem)
+      : p(problem),
+        input(random_values(p.n * p.c_in * p.h * p.w, kSeed)),
+        weights(random_values(p.c_out * p.depth(), kSeed + 1)),
+        bias(random_values(p.c_out, kSeed + 2)) {}
+
+  int64_t outputs() const { return p.n * p.c_out * p.out_pixels(); }
+};
+
+std::vector<float> definition_of(const Case& c) {
+  std::vector<float> output(static_cast<size_t>(c.outputs()));
+  kConvolutionReference.run(c.p, c.input.data(), c.weights.data(), c.bias.data(), output.data(),
+                            nullptr);
+  return output;
+}
+
+test::AlignedFloats per_channel(int64_t channels, std::span<const float> values) {
+  return test::to_blocked(1, channels, 1, values);
+}
+
+test::AlignedFloats pack(const BlockedConvolutionKernel& kernel, const Case& c) {
+  test::AlignedFloats packed(kernel.packed_floats(c.p), kNan);
+  kernel.pack(c.p, c.weights.data(), packed.data());
+  return packed;
+}
+
+/// The blocked output of the kernel.
+test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const Case& c,
+                        const test::AlignedFloats& packed, int threads = 1) {
+  ConvolutionProblem p = c.p;
+  p.threads = threads;
+  const auto blocked_input = test::to_blocked(p.n, p.c_in, p.h * p.w, c.input);
+  const auto bias = per_channel(p.c_out, c.bias);
+  const auto addend =
+      test::to_blocked(p.n, p.c_out, c.addend.empty() ? 0 : p.out_pixels(), c.addend);
+  test::AlignedFloats scratch(kernel.scratch_floats(p), kDirty);
+  test::AlignedFloats output(floats_in_layout(Layout::kBlocked, p.n, p.c_out, p.out_h, p.out_w),
+                             kNan);
+  kernel.run(p, {kernel.input == Layout::kPlain ? c.input.data() : blocked_input.data(),
+                 packed.data(), bias.data(), c.addend.empty() ? nullptr : addend.data(), c.epilogue,
+                 output.data(), scratch.data()});
+  return output;
+}
+
+std::vector<float> plain(const Case& c, const test::AlignedFloats& output) {
+  return test::to_plain(c.p.n, c.p.c_out, c.p.out_pixels(), output.values());
+}
+
+bool is_winograd(const BlockedConvolutionKernel& kernel) {
+  return std::string_view(kernel.name).starts_with("winograd");
+}
+
+/// Of the largest output. Sums of float products in another order; Winograd's transforms amplify
+/// the rounding the more, the more points a tile has.
+double tolerance(const BlockedConvolutionKernel& kernel) {
+  const std::string_view name = kernel.name;
+  if (!is_winograd(kernel)) return 5e-6;
+  return name.starts_with("winograd F(4x") ? 2e-5 : 5e-5;
+}
+
+/// Few enough to compute with slow instructions, too.
+bool is_small(const ConvolutionProblem& p) {
+  return p.macs() < 8'000'000;
+}
+
+class BlockedConvolution : public testing::TestWithParam<test::NamedConvolution> {};
+
+TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
+  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  const Case c(GetParam().problem);
+  const std::vector<float> wanted = definition_of(c);
+  for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
+    if (!kernel.supports(c.p)) continue;
+    SCOPED_TRACE(kernel.name);
+    const test::AlignedFloats packed = pack(kernel, c);
+    const auto check = [&] {
+      test::AlignedFloats output = run(kernel, c, packed);
+      EXPECT_LE(test::relative_error(plain(c, output), wanted), tolerance(kernel));
+      EXPECT_EQ(test::find_dirty_tail(c.p.n, c.p.c_out, c.p.out_pixels(), output.values()), -1);
+      return output;
+    };
+    const test::AlignedFloats output = check();
+    if (is_small(c.p)) test::for_each_simd_target(check);
+    // The number of threads decides who computes, not how.
+    for (const int threads : {2, 3}) {
+      const test::AlignedFloats more = run(kernel, c, packed, threads);
+      EXPECT_EQ(std::memcmp(output.data(), more.data(), output.values().size_bytes()), 0)
+          << threads << " threads";
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Problems, BlockedConvolution,
+                         testing::ValuesIn(test::convolution_problems()),
+                         [](const auto& instance) { return test::test_name(instance.param); });
+
+/// One small problem with tails for each kernel.
+std::vector<ConvolutionProblem> small_problems() {
+  std::vector<ConvolutionProblem> problems;
+  for (const auto& named : test::convolution_problems())
+    for (const char* name : {"odd-tails", "odd-tails-5x5", "odd-wide-group-pointwise",
+                             "odd-depthwise-5x5", "odd-plain-stride-3"})
+      if (named.name == name) problems.push_back(named.problem);
+  return problems;
+}
+
+/// Calls `check(kernel, problem)` for each kernel, with each set of instructions.
+template <class Check>
+void for_each_kernel(const Check& check) {
+  for (const ConvolutionProblem& p : small_problems())
+    test::for_each_simd_target([&] {
+      for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
+        SCOPED_TRACE(kernel.name);
+        if (kernel.supports(p)) check(kernel, p);
+      }
+    });
+}
+
+TEST(BlockedConvolutionSmall, EveryKernelIsThere) {
+  const auto problems = small_problems();
+  for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels())
+    EXPECT_TRUE(std::any_of(problems.begin(), problems.end(), kernel.supports)) << kernel.name;
+}
+
+float activated(const Epilogue& e, int64_t channel, float x) {
+  using Activation = Epilogue::Activation;
+  switch (e.activation) {
+    case Activation::kNone:
+      return x;
+    case Activation::kRelu:
+      return x < 0 ? e.slope * x : x;
+    case Activation::kPrelu:
+      return x < 0 ? e.slopes[channel] * x : x;
+    case Activation::kElu:
+      return x < 0 ? e.slope * std::expm1(x) : x;
+    case Activation::kClip:
+      return x < e.low ? e.low : x > e.high ? e.high : x;
+  }
+  return x;
+}
+
+TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
+  using Activation = Epilogue::Activation;
+  for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
+    const auto slopes = per_channel(p.c_out, random_values(p.c_out, kSeed + 3));
+    Case c(p);
+    const std::vector<float> sums = definition_of(c);
+    for (const Epilogue& epilogue :
+         {Epilogue{}, Epilogue{.activation = Activation::kRelu},
+          Epilogue{.activation = Activation::kRelu, .slope = 0.1F},
+          Epilogue{.activation = Activation::kPrelu, .slopes = slopes.data()},
+          Epilogue{.activation = Activation::kElu, .slope = 0.7F},
+          // Zero is not among its values: zero lanes must be zero all the same.
+          Epilogue{.activation = Activation::kClip, .low = 0.5F, .high = 2}})
+      for (const bool with_addend : {false, true}) {
+        c.epilogue = epilogue;
+        c.addend = with_addend ? random_values(c.outputs(), kSeed + 4) : std::vector<float>();
+        std::vector<float> wanted = sums;
+        for (size_t i = 0; i < wanted.size(); ++i) {
+          const int64_t channel = static_cast<int64_t>(i) / p.out_pixels() % p.c_out;
+          wanted[i] = activated(epilogue, channel, wanted[i] + (with_addend ? c.addend[i] : 0.0F));
+        }
+        const test::AlignedFloats output = run(kernel, c, pack(kernel, c));
+        EXPECT_LE(test::relative_error(plain(c, output), wanted), 2 * tolerance(kernel))
+            << "activation " << static_cast<int>(epilogue.activation)
+            << (with_addend ? " with addend" : "");
+        EXPECT_EQ(test::find_dirty_tail(p.n, p.c_out, p.out_pixels(), output.values()), -1);
+      }
+  });
+}
+
+/// A sum that is not a number stays so under every activation, as in Caffe, and does not reach the
+/// lanes beyond the channels.
+TEST(BlockedConvolutionSmall, NanStaysNan) {
+  using Activation = Epilogue::Activation;
+  for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
+    const auto slopes = per_channel(p.c_out, random_values(p.c_out, kSeed + 3));
+    Case c(p);
+    const int64_t bad = p.c_out - 1;
+    c.bias[static_cast<size_t>(bad)] = std::numeric_limits<float>::quiet_NaN();
+    for (const Epilogue& epilogue :
+         {Epilogue{}, Epilogue{.activation = Activation::kRelu},
+          Epilogue{.activation = Activation::kPrelu, .slopes = slopes.data()},
+          Epilogue{.activation = Activation::kElu, .slope = 1},
+          Epilogue{.activation = Activation::kClip, .low = -1, .high = 1}}) {
+      c.epilogue = epilogue;
+      const test::AlignedFloats output = run(kernel, c, pack(kernel, c));
+      const std::vector<float> found = plain(c, output);
+      for (size_t i = 0; i < found.size(); ++i)
+        ASSERT_EQ(std::isnan(found[i]), static_cast<int64_t>(i) / p.out_pixels() % p.c_out == bad)
+            << "output " << i << ", activation " << static_cast<int>(epilogue.activation);
+      EXPECT_EQ(test::find_dirty_tail(p.n, p.c_out, p.out_pixels(), output.values()), -1);
+    }
+  });
+}
+
+/// What the sums of the definition make of infinite and undefined inputs; 0 * infinity must not
+/// reach the lanes beyond the channels. Winograd's transforms spread them over a tile.
+TEST(BlockedConvolutionSmall, InputsThatAreNotFinite) {
+  for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
+    Case c(p);
+    c.input[c.input.size() / 2] = std::numeric_limits<float>::infinity();
+    c.input[c.input.size() / 3] = std::numeric_limits<float>::quiet_NaN();
+    const std::vector<float> wanted = definition_of(c);
+    const test::AlignedFloats output = run(kernel, c, pack(kernel, c));
+    const std::vector<float> found = plain(c, output);
+    for (size_t i = 0; i < found.size(); ++i)
+      if (!is_winograd(kernel) || !std::isfinite(wanted[i])) {
+        ASSERT_EQ(std::isfinite(found[i]), std::isfinite(wanted[i])) << "output " << i;
+      }
+    EXPECT_EQ(test::find_dirty_tail(p.n, p.c_out, p.out_pixels(), output.values()), -1);
+  });
+}
+
+TEST(ChooseBlockedConvolution, TakesTheFastestThatTakesTheLayout) {
+  for (const auto& [name, p] : test::convolution_problems())
+    for (const Layout layout : {Layout::kPlain, Layout::kBlocked}) {
+      const BlockedConvolutionKernel* chosen = choose_blocked_convolution(p, layout);
+      for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
+        if (kernel.input != layout || !kernel.supports(p)) continue;
+        ASSERT_NE(chosen, nullptr) << name;
+        EXPECT_LE(chosen->predicted_ms(p), kernel.predicted_ms(p)) << name << ", " << kernel.name;
+      }
+      if (!chosen) continue;
+      EXPECT_EQ(chosen->input, layout) << name;
+      EXPECT_TRUE(chosen->supports(p)) << name;
+    }
+}
+
+/// The planner falls back to im2col where blocks would hold channels of two groups.
+TEST(ChooseBlockedConvolution, NothingForNarrowGroups) {
+  ConvolutionProblem p;
+  p.c_in = p.c_out = 128, p.group = 32;
+  p.h = p.w = p.out_h = p.out_w = 14, p.kernel_h = p.kernel_w = 3, p.pad_h = p.pad_w = 1;
+  EXPECT_EQ(choose_blocked_convolution(p, Layout::kBlocked), nullptr);
+  EXPECT_EQ(choose_blocked_convolution(p, Layout::kPlain), nullptr);
+}
+
+/// New widths re-plan without packing again.
+TEST(BlockedConvolutionSmall, PackingDependsOnTheWeightsOnly) {
+  for (const ConvolutionProblem& p : small_problems())
+    for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
+      if (!kernel.supports(p)) continue;
+      ConvolutionProblem other = p;
+      other.n = 3, other.h += 5, other.w += 7, other.out_h += 5, other.out_w += 7,
+      other.threads = 2;
+      const test::AlignedFloats a = pack(kernel, Case(p)), b = pack(kernel, Case(other));
+      ASSERT_EQ(a.values().size(), b.values().size()) << kernel.name;
+      EXPECT_EQ(std::memcmp(a.data(), b.data(), a.values().size_bytes()), 0) << kernel.name;
+    }
+}
+
+}  // namespace
+}  // namespace revisit::engine

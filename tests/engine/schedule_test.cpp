@@ -1,0 +1,152 @@
+// Layouts: where plans reorder, and that values are right wherever layers with and without blocked
+// kernels meet.
+#include <gtest/gtest.h>
+
+#include "net_case.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::conv;
+using test::expect_as_reference;
+using test::in_place;
+using test::kernel_of;
+using test::layer;
+using test::small_net;
+
+/// How many steps of a pass count for each layer: a kernel and the reorders that it needed.
+class StepCounter : public StepObserver {
+ public:
+  StepCounter(const Net& net, const PlanOptions& options) : run_(net.plan({}, options)) {
+    for (const Port& port : run_.plan().inputs())
+      for (float& value : run_.input(port.name).values()) value = 1;
+    run_.forward(*this);
+  }
+  void before(size_t) override {}
+  void after(size_t layer) override { ++steps_[run_.plan().layers()[layer].name]; }
+  int operator[](const std::string& name) { return steps_[name]; }
+  int total() const {
+    int sum = 0;
+    for (const auto& [name, steps] : steps_) sum += steps;
+    return sum;
+  }
+
+ private:
+  engine::Run run_;
+  std::map<std::string, int> steps_;
+};
+
+const Shape kData{1, 16, 9, 11};
+
+TEST(Layouts, StayBlockedToTheEnd) {
+  const Net net = small_net(
+      kData, conv("c1", "data") + in_place("r1", "ReLU", "c1") +
+                 layer("n1", "LRN", {"c1"}, "lrn_param { local_size: 3 }") + conv("c2", "n1") +
+                 layer("p2", "Pooling", {"c2"}, "pooling_param { kernel_size: 2 stride: 2 }") +
+                 layer("a2", "Pooling", {"p2"}, "pooling_param { pool: AVE kernel_size: 2 }") +
+                 in_place("s2", "Scale", "a2") +
+                 layer("p2x", "Pooling", {"p2"}, "pooling_param { kernel_size: 2 }") +
+                 layer("m2", "Eltwise", {"a2", "p2x"}, "eltwise_param { operation: MAX }"));
+  expect_as_reference(net);
+  StepCounter steps(net, {});
+  EXPECT_EQ(steps["c1"], 2) << "the input of the net is plain";
+  for (const char* name : {"n1", "c2", "p2", "a2", "s2", "p2x"}) EXPECT_EQ(steps[name], 1) << name;
+  EXPECT_EQ(steps["m2"], 2) << "the output is plain";
+}
+
+TEST(Layouts, PlainLayersInBetween) {
+  const std::string layers =
+      conv("c1", "data") + in_place("t", "TanH", "c1") + conv("c2", "c1") +
+      layer("flat", "Flatten", {"c2"}) +
+      layer("ip", "InnerProduct", {"flat"}, "inner_product_param { num_output: 5 }");
+  for (const int64_t n : {1, 3}) {
+    const Net net = small_net({n, 16, 9, 11}, layers);
+    const Plan plan = expect_as_reference(net);
+    EXPECT_EQ(kernel_of(plan, "flat"), "reorder");
+    StepCounter steps(net, {});
+    EXPECT_EQ(steps["t"], 2) << "to plain, which its result is";
+    EXPECT_EQ(steps["c2"], 2) << "and back";
+    EXPECT_EQ(steps["flat"], 1);
+    EXPECT_EQ(steps["ip"], 1);
+  }
+}
+
+TEST(Layouts, ValuesThatAreNeededInBoth) {
+  const Net net =
+      small_net(kData, conv("c", "data") + layer("s", "Sigmoid", {"c"}) +
+                           layer("p", "Power", {"c"}, "power_param { power: 2 }") + conv("d", "c") +
+                           conv("e", "s") + layer("sum", "Eltwise", {"e", "d", "p"}));
+  expect_as_reference(net);
+  StepCounter steps(net, {});
+  EXPECT_EQ(steps["s"], 2);
+  EXPECT_EQ(steps["p"], 1) << "c is in both layouts by now";
+  EXPECT_EQ(steps["d"], 1);
+  EXPECT_EQ(steps["e"], 2);
+  EXPECT_EQ(steps["sum"], 3) << "p to blocked, the sum to plain";
+}
+
+TEST(Layouts, ChannelsThatDoNotFillABlock) {
+  // What lies in the lanes beyond the last channel must not show; the arena starts as NaN.
+  for (const int64_t n : {1, 2}) {
+    const std::string few = "num_output: 19 kernel_size: 3 pad: 1";
+    const Net net =
+        small_net({n, 21, 9, 11},
+                  conv("c1", "data", few) + in_place("r1", "PReLU", "c1") + conv("c2", "c1", few) +
+                      in_place("b", "BatchNorm", "c2") + layer("sum", "Eltwise", {"c1", "c2"}) +
+                      in_place("r2", "ELU", "sum") + layer("n", "LRN", {"sum"}) +
+                      layer("p", "Pooling", {"n"}, "pooling_param { kernel_size: 3 stride: 2 }") +
+                      layer("both", "Concat", {"p", "p"}) + conv("c3", "both", few) +
+                      layer("scale", "Scale", {"c3"}, "scale_param { bias_term: true }") +
+                      layer("max", "Eltwise", {"c3", "scale"}, "eltwise_param { operation: MAX }") +
+                      in_place("r3", "ReLU6", "max") +
+                      layer("global", "Pooling", {"max"},
+                            "pooling_param { pool: AVE global_pooling: true }"));
+    expect_as_reference(net);
+    expect_as_reference(net, {.keep_all = true});
+  }
+}
+
+TEST(Layouts, AFewChannelsOnALargeImageStayPlain) {
+  const Net net = small_net({1, 3, 64, 64}, conv("c", "data", "num_output: 2 kernel_size: 3"));
+  const Plan plan = expect_as_reference(net);
+  EXPECT_EQ(kernel_of(plan, "c"), "im2col-gemm");
+  EXPECT_LE(plan.arena_bytes(), 4 * 64 * 64 * (3 + 2 + 27 + 1));
+}
+
+TEST(Layouts, OtherShapesThanImagesStayPlain) {
+  const Net net =
+      small_net({16, 16, 6}, conv("c", "data", "num_output: 32 kernel_size: 3 pad: 1") +
+                                 in_place("r", "ReLU", "c") + in_place("b", "BatchNorm", "c") +
+                                 conv("d", "c", "num_output: 16 kernel_size: 3 axis: 0"));
+  EXPECT_EQ(kernel_of(expect_as_reference(net), "c"), "im2col-gemm");
+}
+
+TEST(Layouts, SeveralInputsOfOneConvolution) {
+  const Net net = small_net(
+      kData,
+      conv("a", "data", "num_output: 16 kernel_size: 1") +
+          "layer { name: 'c' type: 'Convolution' bottom: 'a' bottom: 'data' top: 'x' top: 'y' "
+          "convolution_param { num_output: 32 kernel_size: 3 } }" +
+          in_place("r", "ReLU", "x"));
+  EXPECT_NE(kernel_of(expect_as_reference(net), "r"), "in c");
+}
+
+TEST(Layouts, KeepAllGivesEveryValueAsItIs) {
+  const Net net = small_net(kData, conv("c", "data") + in_place("r", "ReLU", "c") + conv("d", "c") +
+                                       in_place("s", "Scale", "d"));
+  const auto run = [&](const PlanOptions& options) {
+    engine::Run result(net.plan({}, options));
+    for (float& value : result.input("data").values()) value = -0.5F;
+    result.forward();
+    return result;
+  };
+  const engine::Run found = run({.keep_all = true});
+  const engine::Run wanted = run({.keep_all = true, .reference_kernels = true});
+  for (const char* name : {"c", "r", "d", "s"}) {
+    const auto a = found.output(name).values(), b = wanted.output(name).values();
+    for (size_t i = 0; i < b.size(); ++i) ASSERT_NEAR(a[i], b[i], 1e-4) << name << " " << i;
+  }
+}
+
+}  // namespace
+}  // namespace revisit::engine

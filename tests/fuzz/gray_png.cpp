@@ -1,0 +1,16 @@
+// A camera image, and the visual words' descriptors of it.
+#include "fuzz.h"
+#include "revisit/pipeline/gray_image.h"
+#include "revisit/pipeline/visual_words.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace revisit;
+  const fuzz::InputFile file(fuzz::text(data, size), ".png");
+  fuzz::works_or_refuses([&] {
+    const pipeline::GrayImage image = pipeline::read_gray_png(file.path());
+    fuzz::require(image.pixels.size() == static_cast<size_t>(image.width) * image.height,
+                  "an image has its pixels");
+    if (image.pixels.size() <= 100'000) pipeline::sift_descriptors(image);
+  });
+  return 0;
+}

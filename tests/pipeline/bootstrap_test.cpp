@@ -1,0 +1,160 @@
+#include "revisit/pipeline/bootstrap.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "evaluation/ballots.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr Interval PrIntervals::*kAll[] = {
+    &PrIntervals::f1_max, &PrIntervals::average_precision, &PrIntervals::recall_at_1,
+    &PrIntervals::max_recall_at_precision_1, &PrIntervals::extended_precision};
+
+std::vector<Verdict> random_verdicts(size_t n, unsigned seed, unsigned n_scores = 1u << 20) {
+  std::mt19937 random(seed);
+  std::vector<Verdict> verdicts(n);
+  for (Verdict& v : verdicts) {
+    v.positive = random() % 2;
+    v.correct = v.positive && random() % 3;
+    v.ignored = !v.correct && random() % 4 == 0;
+    v.score = static_cast<double>(random() % n_scores) / n_scores + (v.correct ? 0.3 : 0);
+  }
+  verdicts.front().positive = true;
+  return verdicts;
+}
+
+void expect_same(const PrIntervals& a, const PrIntervals& b) {
+  for (const auto member : kAll) {
+    EXPECT_EQ((a.*member).low, (b.*member).low);
+    EXPECT_EQ((a.*member).high, (b.*member).high);
+  }
+}
+
+TEST(Bootstrap, WeightsAreRepetitions) {
+  // A query of weight 3 counts as three queries: against summarize() of the written-out list.
+  for (unsigned seed = 0; seed < 100; ++seed) {
+    SCOPED_TRACE(seed);
+    const std::vector<Verdict> verdicts = random_verdicts(1 + seed, seed, 16);
+    std::mt19937 random(seed + 1000);
+    Weights<3> weights(verdicts.size());
+    std::vector<Verdict> repeated[3];
+    for (size_t q = 0; q < verdicts.size(); ++q)
+      for (size_t lane = 0; lane < 3; ++lane) {
+        weights[q][lane] = random() % 4;
+        repeated[lane].insert(repeated[lane].end(), weights[q][lane], verdicts[q]);
+      }
+    for (const Missed missed : {Missed::kNotFound, Missed::kRejected}) {
+      const auto measured = measure<3>(ballots_of(verdicts, missed), weights);
+      for (size_t lane = 0; lane < 3; ++lane) {
+        const PrSummary expected = summarize(repeated[lane], missed);
+        const auto same = [](double a, double b) {
+          return std::isnan(b) ? std::isnan(a) : std::abs(a - b) < 1e-12;
+        };
+        EXPECT_TRUE(same(measured[lane].f1_max, expected.f1_max));
+        EXPECT_TRUE(same(measured[lane].average_precision, expected.average_precision));
+        EXPECT_TRUE(same(measured[lane].recall_at_1, expected.recall_at_1));
+        EXPECT_TRUE(
+            same(measured[lane].max_recall_at_precision_1, expected.max_recall_at_precision_1));
+        EXPECT_TRUE(same(measured[lane].extended_precision, expected.extended_precision));
+      }
+    }
+  }
+}
+
+TEST(Bootstrap, IntervalOfAShareIsTheBinomialOne) {
+  // 400 queries, all with a true match, 100 of them found. A resample's share found is binomial:
+  // mean 0.25, deviation sqrt(0.25 * 0.75 / 400) = 0.02165; 95 %: 0.25 -+ 1.96 * 0.02165.
+  std::vector<Verdict> verdicts(400, {0.5, false, true});
+  for (size_t i = 0; i < 100; ++i) verdicts[4 * i] = {1, true, true};
+  const PrIntervals ci = bootstrap(verdicts, Missed::kNotFound, {.resamples = 20000});
+  EXPECT_NEAR(ci.recall_at_1.low, 0.25 - 0.04243, 0.0025);  // one query is 0.0025
+  EXPECT_NEAR(ci.recall_at_1.high, 0.25 + 0.04243, 0.0025);
+  const PrIntervals two_thirds =
+      bootstrap(verdicts, Missed::kNotFound, {.resamples = 20000, .confidence = 0.6827});
+  EXPECT_NEAR(two_thirds.recall_at_1.low, 0.25 - 0.02165, 0.0025);
+  EXPECT_NEAR(two_thirds.recall_at_1.high, 0.25 + 0.02165, 0.0025);
+}
+
+TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
+  // Two queries: recall@1 of a resample is 0, 1/2 or 1, with chances 1/4, 1/2, 1/4. At 40 %
+  // confidence both ends (30 % and 70 %) are 1/2, at 60 % (20 % and 80 %) they are 0 and 1.
+  const std::vector<Verdict> verdicts = {{1, true, true}, {0, false, true}};
+  const auto at = [&](double confidence) {
+    return bootstrap(verdicts, Missed::kNotFound, {.resamples = 2000, .confidence = confidence})
+        .recall_at_1;
+  };
+  EXPECT_EQ(at(0.4).low, 0.5);
+  EXPECT_EQ(at(0.4).high, 0.5);
+  EXPECT_EQ(at(0.6).low, 0);
+  EXPECT_EQ(at(0.6).high, 1);
+  // Of two resamples the ends lie between them: at 50 % a quarter of the way from either.
+  for (uint64_t seed = 1; seed < 20; ++seed) {
+    const Interval all = bootstrap(verdicts, Missed::kNotFound,
+                                   {.resamples = 2, .confidence = 1 - 1e-9, .seed = seed})
+                             .recall_at_1;
+    const Interval half =
+        bootstrap(verdicts, Missed::kNotFound, {.resamples = 2, .confidence = 0.5, .seed = seed})
+            .recall_at_1;
+    EXPECT_NEAR(half.low, 0.75 * all.low + 0.25 * all.high, 1e-8);
+    EXPECT_NEAR(half.high, 0.25 * all.low + 0.75 * all.high, 1e-8);
+  }
+}
+
+TEST(Bootstrap, SameForAnyNumberOfThreads) {
+  const std::vector<Verdict> verdicts = random_verdicts(300, 7);
+  const PrIntervals one = bootstrap(verdicts, Missed::kRejected, {.resamples = 100});
+  expect_same(one, bootstrap(verdicts, Missed::kRejected, {.resamples = 100, .threads = 3}));
+  expect_same(one, bootstrap(verdicts, Missed::kRejected, {.resamples = 100}));
+  const PrIntervals other = bootstrap(verdicts, Missed::kRejected, {.resamples = 100, .seed = 2});
+  EXPECT_NE(one.average_precision.low, other.average_precision.low);
+}
+
+TEST(Bootstrap, IntervalsLieAroundTheValue) {
+  const std::vector<Verdict> verdicts = random_verdicts(500, 3);
+  const PrSummary s = summarize(verdicts);
+  const PrIntervals ci = bootstrap(verdicts);
+  EXPECT_LT(ci.average_precision.low, s.average_precision);
+  EXPECT_GT(ci.average_precision.high, s.average_precision);
+  EXPECT_LT(ci.recall_at_1.low, s.recall_at_1);
+  EXPECT_GT(ci.recall_at_1.high, s.recall_at_1);
+  EXPECT_LT(ci.average_precision.high - ci.average_precision.low, 0.2);
+}
+
+TEST(Bootstrap, PerfectAndHopelessHaveNoWidth) {
+  const PrIntervals perfect = bootstrap({{3, true, true}, {2, true, true}, {1, false, false}});
+  const PrIntervals hopeless = bootstrap({{3, false, true}, {2, false, true}});
+  for (const auto member : kAll) {
+    EXPECT_EQ((perfect.*member).low, 1);
+    EXPECT_EQ((perfect.*member).high, 1);
+    EXPECT_EQ((hopeless.*member).low, 0);
+    EXPECT_EQ((hopeless.*member).high, 0);
+  }
+}
+
+TEST(Bootstrap, WithoutPositivesNothingIsComputed) {
+  for (const std::vector<Verdict>& verdicts : {std::vector<Verdict>{}, {{1, false, false}}})
+    for (const auto member : kAll) {
+      EXPECT_TRUE(std::isnan((bootstrap(verdicts).*member).low));
+      EXPECT_TRUE(std::isnan((bootstrap(verdicts).*member).high));
+    }
+}
+
+TEST(Bootstrap, RefusesNonsenseAndStops) {
+  const std::vector<Verdict> verdicts = random_verdicts(5, 1);
+  const auto with = [&](BootstrapOptions options) {
+    return bootstrap(verdicts, Missed::kNotFound, options);
+  };
+  EXPECT_THROW(with({.resamples = 0}), UsageError);
+  EXPECT_THROW(with({.confidence = 1}), UsageError);
+  EXPECT_THROW(with({.confidence = std::nan("")}), UsageError);
+  EXPECT_THROW(with({.threads = 0}), UsageError);
+  EXPECT_THROW(with({.stop = [] { return true; }}), Interrupted);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

@@ -1,0 +1,139 @@
+// `revisit experiment` as a person meets it, on a tiny drive: sequence 00 alone, without networks.
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "cli/json.h"
+#include "eval/curve.h"
+#include "experiment/catalog.h"
+#include "reports.pb.h"
+#include "small_drive.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+using test::run_revisit;
+
+class ExperimentCommand : public testing::Test {
+ protected:
+  ExperimentCommand() {
+    test::write_small_drive(dir_ / "drive", 240);  // Table 1 stores the first 200 scans
+    fs::create_directory(dir_ / "models");
+  }
+  fs::path out() const { return dir_ / "out"; }
+  std::string command(const std::string& names, const std::string& more = "") const {
+    return "experiment " + names + " --kitti " + (dir_ / "drive").string() + " --models " +
+           (dir_ / "models").string() + " --width 100 -o " + out().string() + " " + more;
+  }
+  reports::Experiment read(const std::string& name) const {
+    reports::Experiment experiment;
+    cli::read_report(out() / name / "experiment.json", &experiment);
+    return experiment;
+  }
+
+  const test::TempDir dir_;
+};
+
+TEST_F(ExperimentCommand, ListNamesAllNine) {
+  const auto result = run_revisit("experiment list");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(cli::experiments().size(), 9U);
+  for (const auto& info : cli::experiments())
+    EXPECT_NE(result.out.find(info.name), std::string::npos) << info.name;
+}
+
+TEST_F(ExperimentCommand, WhatIsMissingIsSaidAndTheRestRuns) {
+  const auto result = run_revisit(command("all"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.err.find("missing: sequence 05"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("missing: network vgg_cnn_s"), std::string::npos) << result.err;
+  for (const auto& info : cli::experiments()) EXPECT_EQ(read(info.name).title(), info.title);
+
+  const reports::Experiment networks = read("networks-and-layers");
+  ASSERT_EQ(networks.runs_size(), 3);  // `data` on 00, 05, 06
+  const reports::ExperimentRun& done = networks.runs(0);
+  EXPECT_EQ(done.state(), "done") << done.reason();
+  EXPECT_EQ(done.panel(), "00");
+  EXPECT_EQ(done.label(), "data");
+  EXPECT_EQ(done.feature_dimension(), 100 * 112);
+  EXPECT_EQ(done.metrics().protocol(), "paper-median");
+  EXPECT_EQ(done.metrics().n_queries(), 40);
+  EXPECT_GT(done.curve_size(), 1);
+  EXPECT_GT(done.frames_per_second(), 0);
+  const fs::path run = out() / "networks-and-layers" / done.folder();
+  EXPECT_TRUE(fs::exists(run / "scans.csv")) << run;
+  EXPECT_EQ(networks.runs(1).state(), "skipped");
+  EXPECT_EQ(networks.runs(1).reason(), "sequence 05 is not there");
+
+  // The command beside a number gives that number.
+  const auto again = run_revisit(done.command().substr(8) + " --no-plots --format json -o " +
+                                 (dir_ / "again").string());
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  const auto digits = test::read_file(run / "metrics.json");
+  EXPECT_EQ(test::read_file(dir_ / "again/drive_00/latest/metrics.json"), digits);
+
+  // What experiments share is one run, and a second call has nothing to do.
+  const reports::Experiment comparison = read("comparison");
+  std::map<std::string, const reports::ExperimentRun*> on_00;
+  for (const reports::ExperimentRun& r : comparison.runs())
+    if (r.panel() == "00") on_00[r.feature()] = &r;
+  EXPECT_EQ(on_00.at("data")->folder(), done.folder());
+  EXPECT_EQ(on_00.at("scan-context")->state(), "done") << on_00.at("scan-context")->reason();
+  EXPECT_EQ(on_00.at("m2dp")->feature_dimension(), 192);
+  EXPECT_EQ(on_00.at("fabmap")->state(), "skipped");
+  EXPECT_NE(on_00.at("fabmap")->reason().find("image_0"), std::string::npos);
+  const auto second = run_revisit(command("networks-and-layers"));
+  EXPECT_NE(second.err.find("0 runs to do, 1 done before, 2 cannot run"), std::string::npos)
+      << second.err;
+}
+
+TEST_F(ExperimentCommand, ARunIsRepeatedWhenAScanHasChanged) {
+  ASSERT_EQ(run_revisit(command("networks-and-layers")).exit_code, 0);
+  const fs::path scan = dir_ / "drive/sequences/00/velodyne/000007.bin";
+  const std::string bytes = test::read_file(scan);
+  test::write_file(scan, bytes.substr(0, bytes.size() - 16));
+  const auto again = run_revisit(command("networks-and-layers"));
+  EXPECT_NE(again.err.find("1 runs to do, 0 done before"), std::string::npos) << again.err;
+}
+
+TEST_F(ExperimentCommand, ABrokenScanFailsTheRunAndTheExitCode) {
+  test::write_file(dir_ / "drive/sequences/00/velodyne/000007.bin", "short");
+  const auto result = run_revisit(command("networks-and-layers"));
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_NE(result.out.find("000007.bin"), std::string::npos) << result.out;
+  EXPECT_EQ(read("networks-and-layers").runs(0).state(), "failed");
+}
+
+TEST_F(ExperimentCommand, Misuse) {
+  EXPECT_EQ(run_revisit("experiment").exit_code, 2);
+  const auto unknown = run_revisit(command("alignmend"));
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_NE(unknown.err.find("did you mean 'alignment'"), std::string::npos) << unknown.err;
+  EXPECT_EQ(run_revisit("experiment all -o " + out().string()).exit_code, 2);
+  EXPECT_EQ(run_revisit("experiment all --kitti /nowhere -o " + out().string()).exit_code, 3);
+}
+
+TEST(DrawnPoints, KeepTheEndsAndDropWhatIsNotSeen) {
+  std::vector<pipeline::PrPoint> curve;
+  for (int i = 0; i <= 10000; ++i) {
+    pipeline::PrPoint point;
+    point.threshold = 1 - i * 1e-4;
+    point.recall = i * 1e-4;
+    point.precision = 1 - i * 0.5e-4;
+    curve.push_back(point);
+  }
+  const auto points = cli::drawn_points(curve);
+  EXPECT_LE(points.size(), 601);
+  EXPECT_GE(points.size(), 200);
+  EXPECT_EQ(points.begin()->recall(), 0);
+  EXPECT_EQ(points.rbegin()->recall(), 1);
+  for (auto point = points.begin() + 1; point != points.end(); ++point)
+    EXPECT_LT((point - 1)->recall(), point->recall());
+  for (pipeline::PrPoint& point : curve) point.recall = std::nan("");
+  EXPECT_EQ(cli::drawn_points(curve).size(), 0);
+}
+
+}  // namespace
+}  // namespace revisit

@@ -1,0 +1,215 @@
+// `revisit report`: the file itself, and what a browser makes of it.
+#include <gtest/gtest.h>
+#include <png.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <regex>
+
+#include "report/base64.h"
+#include "report/html.h"
+#include "report/page.h"
+#include "small_drive.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+using test::run_revisit;
+
+TEST(Base64, VectorsOfRfc4648) {
+  const std::pair<const char*, const char*> vectors[] = {{"", ""},
+                                                         {"f", "Zg=="},
+                                                         {"fo", "Zm8="},
+                                                         {"foo", "Zm9v"},
+                                                         {"foob", "Zm9vYg=="},
+                                                         {"fooba", "Zm9vYmE="},
+                                                         {"foobar", "Zm9vYmFy"}};
+  for (const auto& [bytes, text] : vectors) EXPECT_EQ(cli::base64(bytes), text);
+  EXPECT_EQ(cli::base64("\xff\xfe\xfd"), "//79");
+}
+
+TEST(HtmlPage, NothingInTheDataBecomesMarkup) {
+  reports::Page page;
+  page.set_title("</title><script>alert(1)</script>");
+  page.add_runs()->set_title("</script><script>alert(2)</script><!--");
+  const std::string html = cli::html_page(page);
+  EXPECT_EQ(html.find("alert(1)</script>"), std::string::npos);
+  EXPECT_EQ(html.find("</script><script>alert(2)"), std::string::npos);
+  EXPECT_EQ(html.find("<!--"), std::string::npos);
+  EXPECT_NE(html.find("&lt;/title&gt;&lt;script&gt;"), std::string::npos);
+  EXPECT_NE(html.find("\\u003c/script\\u003e"), std::string::npos);
+}
+
+TEST(HtmlPage, NeedsNothingFromTheNetwork) {
+  const std::string html = cli::html_page({});
+  for (const char* reference : {"src=\"http", "href=\"http", "@import", "url(http"})
+    EXPECT_EQ(html.find(reference), std::string::npos) << reference;
+}
+
+/// How many pixels of a PNG have exactly this colour; -1 when it cannot be read.
+int64_t pixels_of_colour(const fs::path& file, int red, int green, int blue) {
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  if (!png_image_begin_read_from_file(&png, file.c_str())) return -1;
+  png.format = PNG_FORMAT_RGB;
+  std::vector<uint8_t> pixels(PNG_IMAGE_SIZE(png));
+  if (!png_image_finish_read(&png, nullptr, pixels.data(), 0, nullptr)) return -1;
+  int64_t count = 0;
+  for (size_t i = 0; i + 2 < pixels.size(); i += 3)
+    count += pixels[i] == red && pixels[i + 1] == green && pixels[i + 2] == blue;
+  return count;
+}
+
+std::string find_browser() {
+  for (const char* name : {"chromium", "chromium-browser", "google-chrome"})
+    if (std::system(("command -v " + std::string(name) + " >/dev/null 2>&1").c_str()) == 0)
+      return name;
+  return "";
+}
+
+class ReportCommand : public testing::Test {
+ protected:
+  ReportCommand() { test::write_small_drive(dir_ / "drive", 240); }
+  std::string path(const std::string& name) const { return (dir_ / name).string(); }
+  void experiment() const {
+    fs::create_directory(dir_ / "models");
+    const auto result =
+        run_revisit("experiment alignment comparison --kitti " + path("drive") + " --models " +
+                    path("models") + " --width 100 -o " + path("out"));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+  }
+  /// Runs the browser on a page and returns what it printed, standard error first.
+  std::string browse(const std::string& browser, const std::string& page,
+                     const std::string& options) const {
+    const std::string command = "HOME=" + path("home") + " timeout 120 " + browser +
+                                " --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
+                                "--hide-scrollbars --virtual-time-budget=10000 "
+                                "--enable-logging=stderr " +
+                                options + " 'file://" + page + "' > " + path("stdout") + " 2> " +
+                                path("stderr");
+    EXPECT_EQ(std::system(command.c_str()), 0) << test::read_file(dir_ / "stderr");
+    return test::read_file(dir_ / "stderr") + test::read_file(dir_ / "stdout");
+  }
+
+  const test::TempDir dir_;
+};
+
+TEST_F(ReportCommand, OneFileOfARunWithItsFigures) {
+  ASSERT_EQ(run_revisit("eval " + path("drive") +
+                        " --feature data --width 100 --protocol "
+                        "online --exclusion frames=60 --no-plots -o " +
+                        path("results"))
+                .exit_code,
+            0);
+  const auto result =
+      run_revisit("report " + path("results") + " -o " + path("r.html") + " --title '<b>x</b>'");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const std::string html = test::read_file(dir_ / "r.html");
+  EXPECT_NE(html.find("data:image/png;base64,"), std::string::npos) << "no range image";
+  EXPECT_NE(html.find("revisit eval " + path("drive")), std::string::npos) << "no command";
+  EXPECT_EQ(html.find("<b>x</b>"), std::string::npos);
+  for (const char* figure : {"run1_online_map.gp", "run1_online_scores.gp"})
+    EXPECT_TRUE(fs::exists(dir_ / "r_files" / figure)) << figure;
+
+  // The bound on images holds, and scans that are gone are no error.
+  fs::remove_all(dir_ / "drive/sequences/00/velodyne");
+  const auto without =
+      run_revisit("report " + path("results") + " --no-plots -o " + path("s.html"));
+  EXPECT_EQ(without.exit_code, 0) << without.err;
+  EXPECT_NE(without.err.find("range images are missing"), std::string::npos) << without.err;
+  EXPECT_EQ(test::read_file(dir_ / "s.html").find("data:image/png"), std::string::npos);
+}
+
+TEST_F(ReportCommand, ImagesAreBounded) {
+  ASSERT_EQ(run_revisit("eval " + path("drive") +
+                        " --feature data --width 100 --protocol "
+                        "online --exclusion frames=60 --no-plots -o " +
+                        path("results"))
+                .exit_code,
+            0);
+  const auto result =
+      run_revisit("report " + path("results") + " --no-plots --image-mb 0 -o " + path("r.html"));
+  EXPECT_NE(result.err.find("--image-mb"), std::string::npos) << result.err;
+  EXPECT_EQ(test::read_file(dir_ / "r.html").find("data:image/png"), std::string::npos);
+}
+
+TEST_F(ReportCommand, MarkdownHasTheCommandBesideEachNumber) {
+  experiment();
+  ASSERT_EQ(run_revisit("report " + path("out") + " --no-plots -o " + path("r.html") +
+                        " --markdown " + path("docs/RESULTS.md"))
+                .exit_code,
+            0);
+  const std::string text = test::read_file(dir_ / "docs/RESULTS.md");
+  EXPECT_NE(text.find("## With and without alignment"), std::string::npos) << text;
+  EXPECT_NE(text.find("![Comparison with other methods, 00](../r_files/comparison_00.svg)"),
+            std::string::npos)
+      << text;
+  const size_t row = text.find("| 00 | data, aligned | ");
+  ASSERT_NE(row, std::string::npos) << text;
+  // AP [low, high]
+  EXPECT_TRUE(std::regex_search(text.substr(row, 60),
+                                std::regex("aligned \\| [01]\\.[0-9]{3} \\[[01]\\.[0-9]{2}, ")))
+      << text.substr(row, 60);
+  EXPECT_NE(text.find("`revisit eval " + path("drive")), std::string::npos) << text;
+  EXPECT_NE(text.find("sequence 05 is not there"), std::string::npos) << text;
+}
+
+TEST_F(ReportCommand, MatchesThatAreNeitherRightNorWrongAreNotShownAsWrong) {
+  cli::ReportData data;
+  cli::ReportRun& run = data.runs.emplace_back();
+  run.info.set_align("none");
+  run.scans.resize(3);
+  cli::ReportTask& task = run.tasks.emplace_back();
+  task.queries.resize(2);
+  for (cli::ReportQuery& query : task.queries) {
+    query.matches = {2};
+    query.similarities = {0.5};
+    query.accepted = true;
+  }
+  task.queries[0].ignored = true;
+  task.queries[1].scan = 1;
+  cli::PageOptions options;
+  options.files = dir_ / "files";
+  options.no_plots = true;
+  const reports::Page page = cli::make_page(data, options);
+  const reports::PageTask& shown = page.runs(0).tasks(0);
+  EXPECT_EQ(shown.flags(0), 1 + 8);
+  EXPECT_EQ(shown.flags(1), 1);
+  ASSERT_EQ(shown.shown_size(), 1);
+  EXPECT_EQ(shown.shown(0).kind(), "wrong");
+  EXPECT_EQ(shown.shown(0).scan(), 1);
+}
+
+TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
+  const auto none = run_revisit("report " + path("drive") + " -o " + path("r.html"));
+  EXPECT_EQ(none.exit_code, 3);
+  EXPECT_NE(none.err.find("neither a run"), std::string::npos) << none.err;
+  test::write_file(dir_ / "bad/experiment.json", "{\"runs\": 3}");
+  EXPECT_EQ(run_revisit("report " + path("bad") + " -o " + path("r.html")).exit_code, 3);
+  EXPECT_FALSE(fs::exists(dir_ / "r.html"));
+}
+
+TEST_F(ReportCommand, ABrowserDrawsTheCurvesWithoutErrors) {
+  const std::string browser = find_browser();
+  if (browser.empty()) GTEST_SKIP() << "no browser here (Debian: chromium)";
+  if (!cli::has_plot_library()) GTEST_SKIP() << "built without libjs-chart.js";
+  experiment();
+  ASSERT_EQ(run_revisit("report " + path("out") + " --no-plots -o " + path("r.html")).exit_code, 0);
+
+  const std::string dom = browse(browser, path("r.html"), "--dump-dom");
+  EXPECT_EQ(dom.find("CONSOLE"), std::string::npos)
+      << dom.substr(dom.find("CONSOLE"), 500);  // an error, or anything else it complains about
+  // A legend button and a drawn curve each: `data` aligned and not, once more in the overview.
+  EXPECT_NE(dom.find("data, not aligned (AP "), std::string::npos);
+  EXPECT_NE(dom.find("data-drawn=\"2\""), std::string::npos) << "no chart with two curves";
+
+  // The first curve's colour is really on the screen, beyond the swatch of its legend (144 pixels).
+  browse(browser, path("r.html"), "--window-size=1200,900 --screenshot=" + path("shot.png"));
+  EXPECT_GT(pixels_of_colour(dir_ / "shot.png", 0x00, 0x72, 0xb2), 400);
+  EXPECT_EQ(pixels_of_colour(dir_ / "shot.png", 0x12, 0x34, 0x56), 0);
+}
+
+}  // namespace
+}  // namespace revisit

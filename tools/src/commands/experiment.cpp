@@ -1,0 +1,150 @@
+#include <algorithm>
+#include <iostream>
+
+#include "cli/command.h"
+#include "cli/parser.h"
+#include "cli/table.h"
+#include "experiment/run_experiments.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+ExperimentOptions parse_options(const Arguments& arguments) {
+  ExperimentOptions o;
+  Parser parser("revisit experiment", "NAME... | all | list",
+                "The experiments of the paper, on KITTI odometry or on simulated drives (sequences "
+                "00, 05, 06, 08). Work is shared between experiments and kept: a stopped one goes "
+                "on when the same command is given again. What cannot run for want of networks or "
+                "sequences is said, the rest runs.",
+                "  revisit experiment list\n"
+                "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
+                "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
+                "  revisit report results/paper -o report.html     # afterwards\n");
+  parser.optional_positional("NAME", &o.names);
+  parser.group("Data:");
+  parser.option("kitti", "DIR", "KITTI odometry, or drives that `revisit simulate` wrote",
+                &o.kitti);
+  parser.option("models", "DIR",
+                "folder of networks (.caffemodel with its prototxt, in sub-folders, too); may be "
+                "repeated (default: the fetched models)",
+                &o.models);
+  parser.option("hkust", "DIR", "sets of places: DIR/rotation and DIR/objects", &o.hkust);
+  parser.option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
+                &o.every);
+  parser.option("sensor", "NAME", "geometry of the range image (default hdl64)", &o.sensor);
+  parser.option("width", "PIXELS", "columns of the range image (default: the sensor's, 4000)",
+                &o.width);
+  parser.option("feature-mb", "MB",
+                "layers whose feature is larger are left out (default 8 MB a scan)", &o.feature_mb);
+  parser.flag("untrained",
+              "random weights for the paper's networks that are missing, on the smallest sequence: "
+              "shows that they run, proves nothing about accuracy",
+              &o.untrained);
+  parser.group("Running:");
+  parser.option("output", "DIR", "folder of the experiments, kept between calls", &o.output, 'o');
+  parser.option("threads", "N", "scans in flight, one thread each (default: all cores)",
+                &o.threads);
+  parser.flag("keep-features",
+              "keep the features of whole scans (some GB a network and sequence) when their runs "
+              "are done; the descriptors are kept in any case",
+              &o.keep_features);
+  parser.flag("no-progress", "no progress line", &o.no_progress);
+  parser.flag("quiet", "only results and errors", &o.quiet, 'q');
+  parser.parse(arguments);
+  return o;
+}
+
+void print_list() {
+  Table table({"experiment", "what is compared"});
+  for (const ExperimentInfo& info : experiments()) table.row({info.name, info.question});
+  table.print(std::cout);
+}
+
+void print_results(const std::vector<reports::Experiment>& all) {
+  for (const reports::Experiment& experiment : all) {
+    Table table({"sequence", "curve", "AP", "95 %", "F1 max", "recall@100%P", "recall@1"});
+    for (const reports::ExperimentRun& run : experiment.runs()) {
+      if (run.state() != "done") continue;
+      const reports::Metrics& m = run.metrics();
+      table.row({run.panel(), run.label(),
+                 m.has_average_precision() ? number(m.average_precision(), 4) : "",
+                 m.average_precision_ci_size() == 2 ? number(m.average_precision_ci(0), 3) + "-" +
+                                                          number(m.average_precision_ci(1), 3)
+                                                    : "",
+                 m.has_f1_max() ? number(m.f1_max(), 4) : "",
+                 m.has_max_recall_at_precision_1() ? number(m.max_recall_at_precision_1(), 4) : "",
+                 m.has_recall_at_1() ? number(m.recall_at_1(), 4) : ""});
+    }
+    std::cout << "\n" << experiment.title() << "\n";
+    for (const std::string& note : experiment.notes()) std::cout << "  " << note << "\n";
+    table.print(std::cout);
+    for (const reports::ExperimentClaim& claim : experiment.claims())
+      std::cout << (claim.holds() ? "  holds     " : "  DOES NOT  ") << claim.panel() << ": "
+                << claim.text() << " (" << number(claim.better_average_precision(), 3) << ", "
+                << number(claim.worse_average_precision(), 3) << ")\n";
+  }
+}
+
+/// What ran and what did not, by experiment and reason. True when nothing failed.
+bool print_summary(const std::vector<reports::Experiment>& all) {
+  bool good = true;
+  Table table({"experiment", "runs", "state", "why"});
+  for (const reports::Experiment& experiment : all) {
+    std::vector<std::pair<std::string, std::string>> kinds;
+    const auto kind_of = [](const reports::ExperimentRun& run) {
+      return std::pair(run.state(), run.reason());
+    };
+    for (const reports::ExperimentRun& run : experiment.runs())
+      if (std::find(kinds.begin(), kinds.end(), kind_of(run)) == kinds.end())
+        kinds.push_back(kind_of(run));
+    if (kinds.empty()) table.row({experiment.name(), "0", "skipped", "no network was found"});
+    for (const auto& kind : kinds) {
+      const auto n = std::count_if(experiment.runs().begin(), experiment.runs().end(),
+                                   [&](const auto& run) { return kind_of(run) == kind; });
+      table.row({experiment.name(), str(n), kind.first, kind.second});
+      good &= kind.first != "failed";
+    }
+  }
+  std::cout << "\n";
+  table.print(std::cout);
+  return good;
+}
+
+}  // namespace
+
+int experiment_command(const Arguments& arguments) {
+  ExperimentOptions options = parse_options(arguments);
+  if (options.names.empty())
+    throw UsageError("which experiment? Give a name, several, or all; 'revisit experiment list'");
+  if (options.names == std::vector<std::string>{"list"}) {
+    print_list();
+    return kOk;
+  }
+  for (const std::string& name : options.names)
+    if (name != "all") find_experiment(name);
+  if (options.kitti.empty()) throw UsageError("give the data set: --kitti DIR");
+  if (options.output.empty()) throw UsageError("give the folder of the results: -o DIR");
+  if (!(options.feature_mb > 0))
+    throw UsageError(str("--feature-mb: expected a positive number, found ", options.feature_mb));
+
+  const Inventory inventory = take_inventory(options);
+  if (!options.quiet)
+    for (const std::string& missing : inventory.missing)
+      std::cerr << "missing: " << missing << "\n";
+  if (!options.quiet)
+    for (const std::string& passed : inventory.passed_over)
+      std::cerr << "passed over: " << passed << "\n";
+  std::string command = "revisit experiment";
+  for (const std::string& argument : arguments) command += " " + argument;
+  const std::vector<reports::Experiment> results =
+      run_experiments(options, inventory, make_plans(options, inventory), command);
+  print_results(results);
+  const bool good = print_summary(results);
+  std::cout << "\nresults: " << options.output.string() << "\n"
+            << "to look at them: revisit report " << options.output.string() << " -o report.html\n";
+  return good ? kOk : kFailed;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,84 @@
+#include <iostream>
+#include <set>
+
+#include "cli/command.h"
+#include "cli/json.h"
+#include "cli/parser.h"
+#include "cli/table.h"
+#include "eval/run_summary.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct SummarizeOptions {
+  std::vector<fs::path> runs;
+  std::string format = "table";
+};
+
+SummarizeOptions parse_options(const Arguments& arguments) {
+  SummarizeOptions o;
+  Parser parser("revisit summarize", "RUN...",
+                "Mean and sample standard deviation of the figures of several runs of `revisit "
+                "eval`, such as the seeds of a simulated drive. RUN is a folder that eval wrote. "
+                "Runs that differ in their settings are kept apart, a row for each.",
+                "  for s in 1 2 3; do revisit simulate --seed $s -o town$s; revisit eval town$s -o "
+                "results; done\n"
+                "  revisit summarize results/town*/latest\n");
+  parser.optional_positional("RUN", &o.runs)
+      .option("format", "FORMAT", "table (default), json or csv", &o.format);
+  parser.parse(arguments);
+  if (o.runs.empty())
+    throw UsageError(
+        "missing argument RUN (usage: revisit summarize RUN...; see revisit summarize "
+        "--help)");
+  if (o.format != "table" && o.format != "json" && o.format != "csv")
+    throw UsageError("--format: expected table, json or csv, found '" + o.format + "'");
+  return o;
+}
+
+Table table_of(const reports::Summary& summary) {
+  Table table({"task", "sequence", "feature", "settings", "runs", "AP", "AP sd", "F1 max",
+               "F1 max sd", "recall@100%P", "recall@100%P sd", "recall@1", "recall@1 sd", "EP",
+               "EP sd"});
+  for (const reports::SummaryRow& row : summary.rows()) {
+    std::vector<std::string> cells{row.protocol(), row.sequence(), row.feature(), row.settings(),
+                                   str(row.runs())};
+    const auto add = [&](bool computed, const reports::Spread& spread) {
+      cells.push_back(computed ? number(spread.mean(), 4) : "");
+      cells.push_back(spread.has_deviation() ? number(spread.deviation(), 4) : "");
+    };
+    add(row.has_average_precision(), row.average_precision());
+    add(row.has_f1_max(), row.f1_max());
+    add(row.has_max_recall_at_precision_1(), row.max_recall_at_precision_1());
+    add(row.has_recall_at_1(), row.recall_at_1());
+    add(row.has_extended_precision(), row.extended_precision());
+    table.row(std::move(cells));
+  }
+  return table;
+}
+
+}  // namespace
+
+int summarize_command(const Arguments& arguments) {
+  const SummarizeOptions o = parse_options(arguments);
+  std::vector<FinishedRun> runs;
+  std::set<fs::path> seen;  // `results/town/*` has the last run twice, once as `latest`
+  for (const fs::path& folder : o.runs) {
+    std::error_code error;
+    const fs::path real = fs::canonical(folder, error);
+    if (error) throw InputError(str(folder.string(), ": ", error.message()));
+    if (seen.insert(real).second) runs.push_back(read_run(real));
+  }
+  const reports::Summary summary = summarize_runs(runs);
+  if (o.format == "json")
+    std::cout << to_json(summary) << "\n";
+  else if (o.format == "csv")
+    table_of(summary).print_csv(std::cout);
+  else
+    table_of(summary).print(std::cout);
+  return kOk;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,145 @@
+#include "eval_options.h"
+
+#include <algorithm>
+#include <cctype>
+#include <string_view>
+
+#include "eval/config_file.h"
+#include "revisit/pipeline/protocols.h"
+#include "revisit/pipeline/retrieve.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMaxResamples = 1'000'000;
+
+std::string known_protocols() {
+  std::string names;
+  for (const std::string& name : pipeline::protocol_names())
+    names += (names.empty() ? "" : ", ") + name;
+  return names;
+}
+
+/// As one word of a shell command.
+std::string shell_word(const std::string& text) {
+  const bool plain = !text.empty() && std::ranges::all_of(text, [](unsigned char c) {
+    return std::isalnum(c) ||
+           std::string_view("_-./=,:+@%").find(static_cast<char>(c)) != std::string_view::npos;
+  });
+  if (plain) return text;
+  std::string word = "'";
+  for (const char c : text) word += c == '\'' ? "'\\''" : std::string(1, c);
+  return word + "'";
+}
+
+}  // namespace
+
+std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& o) {
+  const FeatureOptions& f = o.feature;
+  return {{"sequence", f.sequence},
+          {"every", str(f.every)},
+          {"sensor", f.sensor},
+          {"width", f.width ? str(f.width) : ""},
+          {"height", f.height ? str(f.height) : ""},
+          {"max-range", f.max_range > 0 ? str(f.max_range) : ""},
+          {"feature", f.feature},
+          {"model", f.model.string()},
+          {"weights", f.weights.string()},
+          {"end", f.end},
+          {"graft", f.graft},
+          {"mean-bgr", f.mean_bgr},
+          {"images", f.images.string()},
+          {"training-images", f.training_images.string()},
+          {"new-place", f.new_place},
+          {"ring-key-candidates", str(f.ring_key_candidates)},
+          {"pca", f.components ? str(*f.components) : ""},
+          {"pca-fit", f.pca_fit},
+          {"memory", str(f.memory_gb)},
+          {"protocol", o.protocol},
+          {"align", f.align.value_or("")},
+          {"query-case", o.query_case},
+          {"score", o.score.value_or("")},
+          {"k", str(o.k)},
+          {"bootstrap", str(o.resamples)},
+          {"distance", o.distance.value_or("")},
+          {"exclusion", o.exclusion.value_or("")},
+          {"radius", o.radius ? str(*o.radius) : ""}};
+}
+
+std::string command_of(const EvalOptions& o) {
+  const auto settings = settings_of(o), defaults = settings_of({});
+  std::string command = "revisit eval " + shell_word(fs::absolute(o.feature.data).string());
+  for (size_t i = 0; i < settings.size(); ++i)
+    if (settings[i] != defaults[i])
+      command += " --" + settings[i].first + " " + shell_word(settings[i].second);
+  return command;
+}
+
+EvalOptions parse_eval_options(const Arguments& arguments) {
+  EvalOptions o;
+  Parser parser("revisit eval", "DATA",
+                "Place recognition with ground truth: describe every scan, retrieve, and measure "
+                "precision and recall. "
+                "DATA is a KITTI odometry folder (or one that `revisit simulate` wrote). A stopped "
+                "run goes on where "
+                "it was when the same command is given again.",
+                "  revisit eval KITTI --sequence 00 --model alexnet.prototxt --weights "
+                "bvlc_alexnet.caffemodel "
+                "--end conv3 --graft pool5\n"
+                "  revisit eval KITTI --sequence 08 --protocol paper-difficult\n"
+                "  revisit eval KITTI --sequence 05 --protocol online --radius 5 --distance xz "
+                "--exclusion frames=50\n"
+                "  revisit eval KITTI --sequence 00 --feature data     # the range image itself, "
+                "for comparison\n"
+                "  revisit eval KITTI --sequence 00 --feature scan-context --threads 1\n");
+  o.feature.declare(parser);
+  parser.group("Evaluation:");
+  parser.option("protocol", "NAME[,NAME]|list",
+                "which scans are stored and asked, and what is true: " + known_protocols() +
+                    " (default paper). 'list' prints their definitions",
+                &o.protocol);
+  parser.option("query-case", "protocol|1|2|both",
+                "the alignment cases queries are described in; stored scans always use case 1 "
+                "(default protocol: both in paper-difficult, else 1)",
+                &o.query_case);
+  parser.option("score", "margin|cosine",
+                "s = 2 c1 - ck, or c1 alone (default: the protocol's; cosine, which then is their "
+                "own similarity, for scan-context and fabmap)",
+                &o.score);
+  parser.option("k", "K", "retrieved scans a query (default 4)", &o.k);
+  parser.option("distance", "xz|3d|box|place",
+                "how the distance to a true match is measured (default: the protocol's)",
+                &o.distance);
+  parser.option("radius", "METRES", "a match nearer than this is true (default: the protocol's)",
+                &o.radius);
+  parser.option("exclusion", "KIND=N",
+                "frames=50, seconds=30, metres=50 or none (default: the protocol's; not used where "
+                "fixed scans are stored)",
+                &o.exclusion);
+  parser.option("bootstrap", "N",
+                "95 % confidence intervals from N resamples of the queries; 0: none (default 1000)",
+                &o.resamples);
+  parser.group("Output:");
+  parser.option("output", "DIR", "results go to DIR/<data>_<sequence>/<time>/ (default results)",
+                &o.output, 'o');
+  parser.option("format", "table|json", "what is printed (default table)", &o.format);
+  parser.flag("no-plots", "no figures", &o.no_plots);
+  parser.config(read_config_file);
+  parser.parse(arguments);
+  if (o.format != "table" && o.format != "json")
+    throw UsageError("--format: expected table or json, found '" + o.format + "'");
+  const std::vector<std::string> cases = {"protocol", "1", "2", "both"};
+  if (std::find(cases.begin(), cases.end(), o.query_case) == cases.end())
+    throw UsageError("--query-case: expected protocol, 1, 2 or both, found '" + o.query_case + "'");
+  if (o.score) pipeline::parse_score(*o.score);
+  if (o.radius && !(*o.radius > 0))
+    throw UsageError(str("--radius: expected a positive number, found ", *o.radius));
+  if (o.resamples < 0 || o.resamples > kMaxResamples)
+    throw UsageError(
+        str("--bootstrap: expected 0 to ", kMaxResamples, " resamples, found ", o.resamples));
+  return o;
+}
+
+}  // namespace revisit::cli

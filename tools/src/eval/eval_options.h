@@ -1,0 +1,36 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cli/command.h"
+#include "eval/feature_options.h"
+
+namespace revisit::cli {
+
+/// Everything that `revisit eval` is told.
+struct EvalOptions {
+  FeatureOptions feature;
+  std::filesystem::path output = "results";
+  std::string protocol = "paper", query_case = "protocol", format = "table";
+  std::optional<std::string> score;  // absent: as the feature and the protocol have it
+  std::optional<std::string> distance, exclusion;
+  std::optional<double> radius;
+  int k = 4;
+  int resamples = 1000;  // of the bootstrap; 0: none
+  bool no_plots = false;
+};
+
+/// Reads the command line of `revisit eval`. Throws UsageError.
+EvalOptions parse_eval_options(const Arguments& arguments);
+
+/// Every option with the value it has, "" where it has none: for config.yaml.
+std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& options);
+
+/// The command that repeats an evaluation; options that have their default are left out.
+std::string command_of(const EvalOptions& options);
+
+}  // namespace revisit::cli

@@ -1,0 +1,210 @@
+#include "evaluation.h"
+
+#include <algorithm>
+#include <iostream>
+#include <iterator>
+#include <sstream>
+
+#include "cli/interrupt.h"
+#include "cli/progress.h"
+#include "eval/descriptors.h"
+#include "eval/figures.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Named places are truth enough where nothing else is asked for.
+bool needs_poses(const EvalOptions& o) {
+  if (o.distance) return pipeline::parse_distance(*o.distance) != pipeline::Distance::kPlace;
+  std::istringstream names(o.protocol);
+  for (std::string name; std::getline(names, name, ',');)
+    if (!name.starts_with("places-")) return true;
+  return false;
+}
+
+std::vector<pipeline::Task> tasks_for(const EvalOptions& o, const pipeline::Dataset& dataset,
+                                      const pipeline::Trajectory& trajectory) {
+  std::optional<pipeline::Exclusion> exclusion;
+  if (o.exclusion) exclusion = pipeline::parse_exclusion(*o.exclusion);
+  std::vector<pipeline::Task> tasks;
+  std::istringstream names(o.protocol);
+  for (std::string name; std::getline(names, name, ',');)
+    for (pipeline::Task& task :
+         pipeline::make_tasks(name, dataset.sequence, trajectory, exclusion)) {
+      if (o.distance) task.rule.distance = pipeline::parse_distance(*o.distance);
+      if (o.radius) task.rule.radius = *o.radius;
+      if (o.query_case != "protocol") task.both_cases = o.query_case == "both";
+      need_distances(trajectory, task.rule.distance, "task " + task.name);
+      tasks.push_back(std::move(task));
+    }
+  if (tasks.empty()) throw UsageError("--protocol: give at least one name");
+  return tasks;
+}
+
+/// How sure a match is, by default: the features that are compared in their own way say it
+/// themselves. Otherwise the protocol says it.
+pipeline::Score score_for(const EvalOptions& o, const FeatureSource& source,
+                          const pipeline::Task& task) {
+  if (o.score) return pipeline::parse_score(*o.score);
+  return source.extractor.similarity || !task.margin_score ? pipeline::Score::kBest
+                                                           : pipeline::Score::kMargin;
+}
+
+/// Queries in case 2 alone, stored scans in case 1.
+std::vector<pipeline::Match> retrieve_case2(const Descriptors& descriptors,
+                                            const pipeline::Task& task,
+                                            const pipeline::RetrieveOptions& options) {
+  pipeline::FloatMatrix mixed = descriptors.case1;
+  for (const pipeline::TaskQuery& query : task.queries)
+    std::ranges::copy(descriptors.case2->row(query.scan), mixed.row(query.scan).begin());
+  std::vector<pipeline::Match> matches = pipeline::retrieve(mixed, task, options);
+  for (pipeline::Match& match : matches) match.which_case = 2;
+  return matches;
+}
+
+TaskResult run_task(const EvalOptions& o, const FeatureSource& source, const pipeline::Task& task,
+                    const pipeline::Trajectory& trajectory, LazyFeatures& case1,
+                    LazyFeatures* case2, const fs::path& cache, RunTimes* times) {
+  TaskResult result;
+  result.task = task;
+  result.rule = task.rule;
+  const bool ask_case2 = o.query_case == "2";
+  Descriptors descriptors;
+  times->reduce.push_back(milliseconds_of([&] {
+    descriptors = cached_descriptors(o.feature, source.components, task, case1,
+                                     task.both_cases || ask_case2 ? case2 : nullptr, cache);
+  }));
+  if (!descriptors.note.empty() && !o.feature.quiet)
+    std::cerr << "note: " << descriptors.note << "\n";
+  result.pca_fit = descriptors.pca_fit;
+  result.descriptor_dim = descriptors.case1.d;
+
+  Progress progress(result.on_pairs() ? "comparing" : "retrieving", "queries",
+                    !o.feature.no_progress && !o.feature.quiet);
+  const int threads = o.feature.thread_count();
+  std::optional<pipeline::BootstrapOptions> bootstrap;
+  if (o.resamples > 0)
+    bootstrap = {.resamples = o.resamples, .threads = threads, .stop = interrupted};
+  if (result.on_pairs()) {
+    result.score = pipeline::Score::kBest;
+    pipeline::PairResult pairs;
+    times->retrieve.push_back(milliseconds_of([&] {
+      pairs = pipeline::evaluate_pairs(
+          task, trajectory,
+          pipeline::pair_similarity(descriptors.case1, source.extractor.similarity),
+          {threads, bootstrap, progress.callback(), interrupted});
+    }));
+    result.curve = std::move(pairs.curve);
+    result.summary = pairs.summary;
+    result.intervals = pairs.intervals;
+    result.histogram = pairs.histogram;
+    return result;
+  }
+  result.score = score_for(o, source, task);
+  const pipeline::RetrieveOptions retrieve{
+      o.k, result.score, progress.callback(), interrupted, source.extractor.similarity, threads};
+  times->retrieve.push_back(milliseconds_of([&] {
+    result.matches = ask_case2
+                         ? retrieve_case2(descriptors, task, retrieve)
+                         : pipeline::retrieve(descriptors.case1, task, retrieve,
+                                              descriptors.case2 ? &*descriptors.case2 : nullptr);
+  }));
+  result.verdicts = pipeline::judge(result.matches, task, trajectory, task.rule);
+  result.curve = pipeline::precision_recall(result.verdicts, task.missed);
+  result.summary = pipeline::summarize(result.verdicts, task.missed);
+  if (bootstrap) result.intervals = pipeline::bootstrap(result.verdicts, task.missed, *bootstrap);
+  return result;
+}
+
+void check_query_case(const EvalOptions& o, const FeatureSource& source,
+                      const pipeline::Task& task) {
+  if (o.query_case == "protocol" || o.query_case == "1") return;
+  if (source.align != pipeline::AlignMode::kCase1)
+    throw UsageError("--query-case " + o.query_case + " needs --align case1");
+  if (task.decision == pipeline::Decision::kPair)
+    throw UsageError(str("--query-case ", o.query_case, ": task ", task.name,
+                         " compares pairs of scans, each in one case"));
+  if (o.query_case == "both") return;
+  // A scan that is stored and asked has one row only: case 2 would change it on both sides.
+  std::vector<int64_t> asked;
+  for (const pipeline::TaskQuery& query : task.queries) asked.push_back(query.scan);
+  std::vector<int64_t> both;
+  std::ranges::set_intersection(task.stored, asked, std::back_inserter(both));
+  if (!both.empty())
+    throw UsageError(str("--query-case 2: task ", task.name,
+                         " asks scans that it also stores; use a task that keeps them apart"));
+}
+
+/// All that an evaluation works on.
+struct Inputs {
+  pipeline::Dataset dataset;
+  pipeline::Trajectory trajectory;
+  std::vector<pipeline::Task> tasks;
+  fs::path cache;
+  FeatureSource source;
+  LazyFeatures case1, case2;
+
+  explicit Inputs(const EvalOptions& o)
+      : dataset(open_scans(o.feature, {.poses = needs_poses(o)})),
+        trajectory(pipeline::make_trajectory(dataset)),
+        tasks(tasks_for(o, dataset, trajectory)),
+        cache(o.feature.cache_folder(o.output)),
+        source(open_feature(o.feature, dataset, cache)),
+        case1(o.feature, source, source.align, cache),
+        case2(o.feature, source, pipeline::AlignMode::kCase2, cache) {
+    for (const pipeline::Task& task : tasks) check_query_case(o, source, task);
+  }
+  Inputs(const Inputs&) = delete;  // the features refer to the source
+  Inputs& operator=(const Inputs&) = delete;
+
+  bool needs_case2(const EvalOptions& o) const {
+    return source.align == pipeline::AlignMode::kCase1 &&
+           (o.query_case == "2" || std::ranges::any_of(tasks, &pipeline::Task::both_cases));
+  }
+};
+
+}  // namespace
+
+EvaluationKey evaluation_key(const EvalOptions& o) {
+  const Inputs in(o);
+  EvaluationKey key;
+  key.text = str("revisit ", REVISIT_VERSION, "\n", command_of(o), "\n", in.case1.key(), "poses");
+  for (const Eigen::Vector3d& p : in.trajectory.positions)
+    key.text += str(" ", p.x(), ",", p.y(), ",", p.z());
+  key.feature = in.case1.path();
+  if (in.source.components < 0) return key;  // the features are the descriptors
+  key.large_files = {in.case1.path()};
+  if (in.needs_case2(o)) key.large_files.push_back(in.case2.path());
+  return key;
+}
+
+Evaluation evaluate(const EvalOptions& o) {
+  Inputs in(o);
+  Evaluation result;
+  LazyFeatures* case2 = in.needs_case2(o) ? &in.case2 : nullptr;
+  for (const pipeline::Task& task : in.tasks)
+    result.tasks.push_back(run_task(o, in.source, task, in.trajectory, in.case1, case2,
+                                    o.feature.cache.empty() ? fs::path() : in.cache,
+                                    &result.times));
+  result.times.describe = in.case1.times();
+  if (case2) result.times.describe.append(case2->times());
+
+  result.run = make_run_folder(o.output, in.dataset);
+  const RunContext context{
+      o.feature,      in.dataset,    in.trajectory, in.source,  in.case1.alignments(),
+      settings_of(o), command_of(o), o.k,           o.resamples};
+  write_run(result.run, context, result.tasks, result.times);
+  if (!o.no_plots) write_figures(result.run, context, result.tasks, in.source.align);
+  link_latest(result.run);
+  result.trajectory = std::move(in.trajectory);
+  result.feature = in.source.extractor.name;
+  result.similarity = similarity_name(in.source);
+  result.feature_dim = in.source.extractor.dim;
+  result.reduced = in.source.components >= 0;
+  result.trained = !in.source.model || in.source.model->trained;
+  return result;
+}
+
+}  // namespace revisit::cli

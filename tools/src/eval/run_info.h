@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+
+#include "feature_options.h"
+#include "reports.pb.h"
+#include "run_times.h"
+
+namespace revisit::cli {
+
+/// What run.json holds: what was described, how, and how long it took.
+reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                          const FeatureSource& source, const std::string& pca_fit,
+                          const RunTimes& times);
+
+}  // namespace revisit::cli

@@ -1,0 +1,142 @@
+#include "run_summary.h"
+
+#include <cmath>
+#include <set>
+
+#include "cli/json.h"
+#include "config_file.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Settings that rows show in columns of their own, or that cannot change a figure.
+const std::set<std::string> kNotCompared = {"sequence", "protocol", "bootstrap", "memory"};
+
+/// Those of the settings in which the runs differ, "key=value key=value".
+std::string differing(const FinishedRun& run, const std::vector<FinishedRun>& runs) {
+  std::set<std::string> keys;
+  for (const FinishedRun& other : runs)
+    for (const auto& [key, value] : other.settings) keys.insert(key);
+  std::string text;
+  const auto value_of = [](const FinishedRun& of, const std::string& key) {
+    const auto found = of.settings.find(key);
+    return found == of.settings.end() ? "" : found->second;
+  };
+  for (const std::string& key : keys) {
+    if (kNotCompared.contains(key)) continue;
+    bool differs = false;
+    for (const FinishedRun& other : runs) differs |= value_of(other, key) != value_of(run, key);
+    if (differs) text += str(text.empty() ? "" : " ", key, "=", value_of(run, key));
+  }
+  return text;
+}
+
+/// Runs of equal key belong to one row: all settings, the model and what the task used.
+std::string row_key(const FinishedRun& run, const reports::Metrics& task) {
+  std::string key =
+      str(task.protocol(), "\n", task.definition(), "\n", task.radius_m(), " ",
+          task.false_beyond_m(), " ", task.distance(), " ", task.exclusion(), " ", task.score(),
+          "\n", run.info.sequence(), "\n", run.info.feature(), " ", run.info.weights_sha1());
+  for (const auto& [name, value] : run.settings)
+    if (!kNotCompared.contains(name)) key += str("\n", name, "=", value);
+  return key;
+}
+
+/// Sums of the values that runs have.
+class Samples {
+ public:
+  void add(bool computed, double value) {
+    if (computed) values_.push_back(value);
+  }
+  bool empty() const { return values_.empty(); }
+  reports::Spread spread() const {
+    const auto n = static_cast<double>(values_.size());
+    double sum = 0, squares = 0;
+    for (const double value : values_) sum += value;
+    for (const double value : values_) squares += (value - sum / n) * (value - sum / n);
+    reports::Spread spread;
+    spread.set_mean(sum / n);
+    if (values_.size() > 1) spread.set_deviation(std::sqrt(squares / (n - 1)));
+    spread.set_runs(static_cast<int>(values_.size()));
+    return spread;
+  }
+
+ private:
+  std::vector<double> values_;
+};
+
+struct Row {
+  reports::SummaryRow report;
+  std::map<std::string, std::string> folder_of_data;
+  Samples average_precision, f1_max, max_recall_at_precision_1, recall_at_1, extended_precision;
+};
+
+void add(Row& row, const FinishedRun& run, const reports::Metrics& task) {
+  const auto [earlier, fresh] =
+      row.folder_of_data.try_emplace(run.info.data(), run.folder.string());
+  if (!fresh)
+    throw UsageError(str(run.folder.string(), " and ", earlier->second,
+                         " are runs with the same settings on the same data, ", run.info.data(),
+                         "; give each seed's data once"));
+  row.report.add_folders(run.folder.string());
+  row.average_precision.add(task.has_average_precision(), task.average_precision());
+  row.f1_max.add(task.has_f1_max(), task.f1_max());
+  row.max_recall_at_precision_1.add(task.has_max_recall_at_precision_1(),
+                                    task.max_recall_at_precision_1());
+  row.recall_at_1.add(task.has_recall_at_1(), task.recall_at_1());
+  row.extended_precision.add(task.has_extended_precision(), task.extended_precision());
+}
+
+}  // namespace
+
+FinishedRun read_run(const fs::path& folder) {
+  FinishedRun run;
+  run.folder = folder;
+  if (!fs::exists(folder / "metrics.json"))
+    throw InputError(str(folder.string(),
+                         ": no metrics.json; expected a folder that `revisit eval` "
+                         "wrote, e.g. results/town_00/latest"));
+  read_report(folder / "metrics.json", &run.metrics);
+  read_report(folder / "run.json", &run.info);
+  for (auto& [name, value] : read_config_file(folder / "config.yaml"))
+    run.settings[name] = std::move(value);
+  return run;
+}
+
+reports::Summary summarize_runs(const std::vector<FinishedRun>& runs) {
+  std::vector<Row> rows;
+  std::map<std::string, size_t> row_of;
+  for (const FinishedRun& run : runs)
+    for (const reports::Metrics& task : run.metrics.tasks()) {
+      const auto [at, fresh] = row_of.try_emplace(row_key(run, task), rows.size());
+      if (fresh) {
+        reports::SummaryRow& row = rows.emplace_back().report;
+        row.set_protocol(task.protocol());
+        row.set_sequence(run.info.sequence());
+        row.set_feature(run.info.feature());
+        row.set_settings(differing(run, runs));
+      }
+      add(rows[at->second], run, task);
+    }
+  reports::Summary summary;
+  for (Row& row : rows) {
+    row.report.set_runs(row.report.folders_size());
+    const auto set = [](const Samples& samples, reports::Spread* (reports::SummaryRow::*of)(),
+                        reports::SummaryRow& to) {
+      if (!samples.empty()) *(to.*of)() = samples.spread();
+    };
+    using R = reports::SummaryRow;
+    set(row.average_precision, &R::mutable_average_precision, row.report);
+    set(row.f1_max, &R::mutable_f1_max, row.report);
+    set(row.max_recall_at_precision_1, &R::mutable_max_recall_at_precision_1, row.report);
+    set(row.recall_at_1, &R::mutable_recall_at_1, row.report);
+    set(row.extended_precision, &R::mutable_extended_precision, row.report);
+    *summary.add_rows() = row.report;
+  }
+  return summary;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "reports.pb.h"
+
+namespace revisit::cli {
+
+/// What `revisit eval` left in a folder.
+struct FinishedRun {
+  std::filesystem::path folder;
+  reports::MetricsList metrics;
+  reports::RunInfo info;
+  std::map<std::string, std::string> settings;  // config.yaml
+};
+
+/// Throws InputError when `folder` is no run.
+FinishedRun read_run(const std::filesystem::path& folder);
+
+/// Mean and deviation of every task over the runs that differ in nothing but the data: one row for
+/// each task and combination of settings. Throws UsageError when two runs of a row are of the same
+/// data: a drive counted twice would make the deviation too small.
+reports::Summary summarize_runs(const std::vector<FinishedRun>& runs);
+
+}  // namespace revisit::cli

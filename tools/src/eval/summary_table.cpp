@@ -1,0 +1,65 @@
+#include "summary_table.h"
+
+#include <cmath>
+#include <ostream>
+#include <sstream>
+
+#include "cli/table.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+namespace {
+
+std::string interval(const pipeline::Interval& i) {
+  return std::isnan(i.low) ? "" : number(i.low, 3) + "-" + number(i.high, 3);
+}
+
+/// Breaks a text at blanks, indented by `indent`.
+void print_wrapped(std::ostream& out, const std::string& text, size_t indent, size_t width) {
+  std::istringstream words(text);
+  size_t column = 0;
+  for (std::string word; words >> word;) {
+    if (column && column + 1 + word.size() > width) {
+      out << "\n";
+      column = 0;
+    }
+    out << (column ? " " : std::string(indent, ' ')) << word;
+    column += (column ? 1 : indent) + word.size();
+  }
+  out << "\n";
+}
+
+}  // namespace
+
+void print_summary(std::ostream& out, const std::vector<TaskResult>& results, int resamples) {
+  Table table({"task", "stored", "queries", "with a true match", "AP", "F1 max", "recall@100%P",
+               "recall@1", "EP"});
+  for (const TaskResult& r : results) {
+    const pipeline::PrSummary& s = r.summary;
+    table.row({r.task.name, str(r.task.stored.size()), str(s.n_queries), str(s.n_positives),
+               number(s.average_precision, 4), number(s.f1_max, 4),
+               number(s.max_recall_at_precision_1, 4), number(s.recall_at_1, 4),
+               number(s.extended_precision, 4)});
+    if (r.intervals)
+      table.row({"  95 %", "", "", "", interval(r.intervals->average_precision),
+                 interval(r.intervals->f1_max), interval(r.intervals->max_recall_at_precision_1),
+                 interval(r.intervals->recall_at_1), interval(r.intervals->extended_precision)});
+  }
+  table.print(out);
+  for (const TaskResult& r : results)
+    if (r.on_pairs())
+      out << r.task.name << ": " << r.summary.n_pairs << " pairs, " << r.summary.n_true_pairs
+          << " of them true\n";
+  if (resamples > 0)
+    out << "95 %: confidence intervals from " << resamples << " resamples of the queries\n";
+}
+
+void print_protocols(std::ostream& out) {
+  for (const pipeline::Protocol& protocol : pipeline::protocols()) {
+    out << protocol.name << "\n";
+    print_wrapped(out, protocol.definition + ".", 4, 96);
+    print_wrapped(out, "(" + protocol.source + ")", 4, 96);
+  }
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "cli/command.h"
+#include "experiment/catalog.h"
+#include "experiment/inventory.h"
+
+namespace revisit::cli {
+
+/// One curve of an experiment: an evaluation with these arguments of `revisit eval`, or the reason
+/// why there is none.
+struct PlannedRun {
+  std::string panel;  // curves of one panel share axes: the sequence
+  std::string label;  // what distinguishes the curve within its panel
+  Arguments arguments;
+  std::string feature;  // as in paper_methods(), for the comparison's table
+  std::string skipped;  // why it cannot run; "" when it can
+};
+
+/// A statement about two curves of every panel that the results confirm or not:
+/// AP of `better` >= AP of `worse` - slack.
+struct Claim {
+  std::string text, better, worse;
+  double slack = 0;
+};
+
+struct ExperimentPlan {
+  const ExperimentInfo* info = nullptr;
+  std::vector<PlannedRun> runs;
+  std::vector<Claim> claims;
+  std::vector<std::string> notes;  // what a reader must know
+};
+
+/// The runs of the experiments that `options` names, with what there is.
+std::vector<ExperimentPlan> make_plans(const ExperimentOptions& options,
+                                       const Inventory& inventory);
+
+}  // namespace revisit::cli

@@ -1,0 +1,317 @@
+"use strict";
+(() => {
+  const page = JSON.parse(document.getElementById("data").textContent);
+  const root = document.getElementById("report");
+  const canPlot = typeof Chart !== "undefined";
+  // Okabe and Ito: colours that also differ for the colour-blind; then the same, dashed.
+  const kColours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f6fc9", "#8c8c8c"];
+  const kRight = "#1a9641", kWrong = "#d7191c", kMissed = "#f39c12", kStored = "#3b76b5", kPath = "#a9b0b8";
+  const kMetrics = [["average_precision", "AP"], ["f1_max", "F1 max"],
+    ["max_recall_at_precision_1", "recall, 100 % prec."], ["recall_at_1", "recall@1"]];
+  const charts = [];
+
+  // ---- elements. Text is always set as text: nothing in the data can become markup.
+  function el(tag, attributes = {}, ...children) {
+    const element = document.createElement(tag);
+    for (const [name, value] of Object.entries(attributes)) {
+      if (name === "on") for (const [event, f] of Object.entries(value)) element.addEventListener(event, f);
+      else if (value !== undefined && value !== "") element.setAttribute(name, value);
+    }
+    for (const child of children.flat()) if (child !== null && child !== undefined) element.append(child);
+    return element;
+  }
+  const number = (value, digits = 3) => Number.isFinite(value) ? value.toFixed(digits) : "";
+  const list = value => value || [];
+  function table(header, rows) {
+    const isNumber = header.map(([, kind]) => kind === "n");
+    return el("div", { class: "scroll" }, el("table", {},
+      el("thead", {}, el("tr", {}, header.map(([name], i) => el("th", { class: isNumber[i] ? "n" : "" }, name)))),
+      el("tbody", {}, rows.map(row => el("tr", {}, row.map((cell, i) => {
+        const best = cell && cell.best;
+        return el("td", { class: [isNumber[i] ? "n" : "", best ? "best" : ""].join(" ").trim() },
+          cell && cell.text !== undefined ? cell.text : cell);
+      }))))));
+  }
+  function metric(metrics, key) {
+    const text = number(metrics[key]);
+    const interval = metrics[key + "_ci"];
+    return Array.isArray(interval) && text ? `${text} [${number(interval[0])}, ${number(interval[1])}]` : text;
+  }
+  const commandBox = command => command ? el("details", {}, el("summary", { class: "soft" }, "command"), el("pre", {}, el("code", {}, command))) : null;
+
+  // ---- charts
+  const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  function theme(options) {
+    const text = css("--soft"), line = css("--line");
+    for (const axis of Object.values(options.scales)) {
+      axis.ticks = { ...axis.ticks, color: text };
+      axis.grid = { ...axis.grid, color: line };
+      axis.title = { ...axis.title, color: text };
+    }
+  }
+  function axis(title, more = {}) {
+    return { type: "linear", title: { display: true, text: title }, ...more, ticks: { includeBounds: false, ...more.ticks } };
+  }
+  /** A chart with a legend of buttons below that hide and show its data sets. */
+  function plot(name, config, aspect) {
+    if (!canPlot) return el("p", { class: "soft" }, "This build has no plotting library.");
+    const canvas = el("canvas", { role: "img", "aria-label": name });
+    const box = el("div", { class: "plot" }, canvas);
+    config.options = { animation: false, responsive: true, maintainAspectRatio: true, aspectRatio: aspect,
+      parsing: false, normalized: true, interaction: { mode: "nearest", intersect: false, axis: "xy" }, ...config.options };
+    config.options.plugins = { legend: { display: false }, ...config.options.plugins };
+    theme(config.options);
+    const legend = el("div", { class: "legend" });
+    const start = () => {
+      const chart = new Chart(canvas, config);
+      charts.push(chart);
+      config.data.datasets.forEach((set, i) => {
+        if (!set.label) return;
+        const button = el("button", { type: "button", "aria-pressed": "true", title: "hide or show", "data-points": String(set.data.length),
+          on: { click: () => {
+            const show = !chart.isDatasetVisible(i);
+            for (let j = 0; j < config.data.datasets.length; ++j)
+              if (j === i || config.data.datasets[j].belongsTo === set.label) chart.setDatasetVisibility(j, show);
+            button.setAttribute("aria-pressed", String(show));
+            chart.update();
+          } } }, el("span", { class: "swatch", style: `background:${set.borderColor}` }), set.legend || set.label);
+        legend.append(button);
+      });
+      canvas.dataset.drawn = String(chart.getVisibleDatasetCount());
+    };
+    const holder = el("div", {}, box, legend);
+    requestAnimationFrame(start);
+    return holder;
+  }
+
+  function prDataset(label, curve, metrics, index) {
+    const recall = list(curve && curve.recall), precision = list(curve && curve.precision), threshold = list(curve && curve.threshold);
+    const data = recall.map((r, i) => ({ x: r, y: precision[i], t: threshold[i] }));
+    if (data.length) data.unshift({ x: 0, y: data[0].y, t: data[0].t });
+    const colour = kColours[index % kColours.length];
+    return { label, legend: `${label} (AP ${number(metrics && metrics.average_precision) || "-"})`, data, showLine: true, borderColor: colour,
+      backgroundColor: colour, borderWidth: 2, borderDash: index >= kColours.length ? [6, 3] : [], pointRadius: 0, pointHitRadius: 6, pointHoverRadius: 5 };
+  }
+  function prPlot(name, datasets, aspect = 1.35) {
+    return plot(name, { type: "scatter", data: { datasets }, options: {
+      scales: { x: axis("recall", { min: 0, max: 1 }), y: axis("precision", { min: 0, max: 1.02, ticks: { stepSize: .2 } }) },
+      plugins: { tooltip: { callbacks: { label: item => [item.dataset.label,
+        `threshold ${number(item.raw.t, 4)}`, `precision ${number(item.raw.y)}, recall ${number(item.raw.x)}`] } } },
+    } }, aspect);
+  }
+
+  // ---- experiments
+  const panelsOf = entry => {
+    const panels = new Map();
+    list(entry.experiment.runs).forEach((run, i) => {
+      if (run.state !== "done") return;
+      if (!panels.has(run.panel)) panels.set(run.panel, []);
+      panels.get(run.panel).push({ run, curve: list(entry.curves)[i], page: list(entry.run)[i] });
+    });
+    return panels;
+  };
+  function panelPlot(entry, panel, items) {
+    const name = `${entry.experiment.title}, ${panel}`;
+    const drawn = list(entry.figures).find(figure => figure.panel === panel);
+    if (!canPlot && drawn) return el("img", { src: drawn.image, alt: name });
+    return prPlot(name, items.map((item, i) => prDataset(item.run.label, item.curve, item.run.metrics, i)));
+  }
+  function metricRows(items, first) {
+    const best = {};
+    for (const [key] of kMetrics) best[key] = Math.max(...items.map(item => (item.run.metrics || {})[key] ?? -1));
+    return items.map(item => [...first(item), ...kMetrics.map(([key]) => {
+      const metrics = item.run.metrics || {};
+      // The interval of the first alone, so that all columns are in sight; the others are with the commands.
+      return { text: key === kMetrics[0][0] ? metric(metrics, key) : number(metrics[key]), best: items.length > 1 && metrics[key] !== undefined && metrics[key] === best[key] };
+    })]);
+  }
+  function comparisonTable(entry, items) {
+    if (entry.experiment.name !== "comparison")
+      return table([["curve"], ...kMetrics.map(([, title]) => [title, "n"]), ["dimensions", "n"]],
+        metricRows(items, item => [item.run.label]).map((row, i) => [...row, String(items[i].run.descriptor_dimension ?? "")]));
+    const methodOf = item => list(page.methods).find(method => method.feature === item.run.feature) || {};
+    return table([["method"], ...kMetrics.map(([, title]) => [title, "n"]), ["dimensions", "n"], ["training data"], ["parameters"],
+      ["frames/s here", "n"], ["frames/s in the paper", "n"]],
+      metricRows(items, item => [item.run.label]).map((row, i) => {
+        const method = methodOf(items[i]);
+        return [...row, String(items[i].run.descriptor_dimension ?? ""), method.needs_training ? "yes" : "no", method.parameters || "",
+          number(items[i].run.frames_per_second, 1), number(method.paper_frames_per_second, 1)];
+      }));
+  }
+  function overview() {
+    const choices = [];
+    for (const entry of list(page.experiments)) for (const [panel, items] of panelsOf(entry)) choices.push({ entry, panel, items });
+    for (const run of list(page.runs)) if (!choices.length || !list(page.experiments).length) {
+      const items = list(run.tasks).map(task => ({ run: { label: task.metrics.protocol, metrics: task.metrics }, curve: task.curve }));
+      choices.push({ entry: { experiment: { title: run.title, name: "" } }, panel: "", items });
+    }
+    if (list(page.runs).length > 1 && !list(page.experiments).length) {
+      const items = page.runs.flatMap(run => list(run.tasks).map(task => ({ run: { label: `${run.title}, ${task.metrics.protocol}`, metrics: task.metrics }, curve: task.curve })));
+      choices.unshift({ entry: { experiment: { title: "All runs", name: "" } }, panel: "", items });
+    }
+    if (!choices.length) return el("p", {}, "No run was finished.");
+    const content = el("div", { class: "first" });
+    const show = choice => content.replaceChildren(
+      el("div", { class: "card" }, panelPlot(choice.entry, choice.panel, choice.items)),
+      el("div", { class: "card" }, comparisonTable(choice.entry, choice.items), choice.entry.experiment.simulated ? el("p", { class: "note" }, "Simulated data.") : null));
+    let first = choices.findIndex(choice => choice.entry.experiment.name === "comparison");
+    if (first < 0) first = 0;
+    const select = el("select", { "aria-label": "what is compared", on: { change: () => show(choices[select.value]) } },
+      choices.map((choice, i) => el("option", { value: String(i), ...(i === first ? { selected: "selected" } : {}) },
+        [choice.entry.experiment.title, choice.panel].filter(Boolean).join(": "))));
+    show(choices[first]);
+    return el("section", { id: "overview" }, el("p", {}, select, " ", el("span", { class: "soft hint" }, "Point at a curve for its threshold; click a legend entry to hide it.")), content);
+  }
+  function experimentSection(entry) {
+    const experiment = entry.experiment, panels = panelsOf(entry);
+    const done = [...panels.values()].flat();
+    const reasons = new Map();
+    for (const run of list(experiment.runs)) if (run.state !== "done") {
+      const key = `${run.state}: ${run.reason || ""}`;
+      if (!reasons.has(key)) reasons.set(key, []);
+      reasons.get(key).push(`${run.panel} ${run.label}`);
+    }
+    return el("section", { id: experiment.name }, el("h2", {}, experiment.title), el("p", {}, experiment.question),
+      el("p", { class: "soft" }, "The paper: " + experiment.paper), list(experiment.notes).map(note => el("p", { class: "note" }, note)),
+      el("div", { class: "grid" }, [...panels].map(([panel, items]) => el("div", { class: "card" }, el("h3", {}, panel), panelPlot(entry, panel, items)))),
+      list(experiment.claims).length ? table([["statement"], ["sequence"], ["AP", "n"], ["against", "n"], ["result"]],
+        experiment.claims.map(claim => [`${claim.text}: ${claim.better}`, claim.panel, number(claim.better_average_precision), number(claim.worse_average_precision),
+          el("span", { class: claim.holds ? "good" : "bad" }, claim.holds ? "holds" : "does not hold")])) : null,
+      done.length ? el("details", {}, el("summary", {}, `Numbers and commands (${done.length} curves)`),
+        table([["sequence"], ["curve"], ...kMetrics.map(([, title]) => [title, "n"]), ["feature", "n"], ["reduced to", "n"], ["frames/s", "n"], ["command"]],
+          done.map(item => [item.run.panel, item.run.label, ...kMetrics.map(([key]) => metric(item.run.metrics || {}, key)),
+            String(item.run.feature_dimension ?? ""), String(item.run.descriptor_dimension ?? ""), number(item.run.frames_per_second, 1),
+            el("code", {}, item.run.command || "")]))) : null,
+      reasons.size ? el("details", {}, el("summary", { class: "warn" }, `Not run (${[...reasons.values()].flat().length})`),
+        el("ul", {}, [...reasons].map(([reason, labels]) => el("li", {}, `${reason} (${labels.join("; ")})`)))) : null,
+      commandBox(experiment.command));
+  }
+
+  // ---- runs
+  const accepted = flags => flags & 1, right = flags => flags & 2, positive = flags => flags & 4, ignored = flags => flags & 8;
+  const outcome = flags => ignored(flags) ? "not counted" : accepted(flags) ? (right(flags) ? "right" : "wrong") : positive(flags) ? "missed" : "rejected";
+  function mapPlot(run, task) {
+    const drive = page.drives[run.drive || 0], frame = list(drive.frame);
+    if (!list(drive.x).length) return el("p", { class: "soft" }, "Places are known by name: there is no map.");
+    const at = scan => ({ x: list(drive.x)[scan], y: list(drive.z)[scan], scan });
+    const points = { right: [], wrong: [], missed: [] }, lines = { right: [], wrong: [] };
+    list(task.scan).forEach((scan, i) => {
+      const kind = outcome(list(task.flags)[i]);
+      if (!points[kind]) return;
+      const match = list(task.match)[i];
+      points[kind].push({ ...at(scan), match, score: list(task.score)[i] });
+      if (lines[kind] && match >= 0) lines[kind].push(at(scan), at(match), { x: NaN, y: NaN });
+    });
+    const dots = (label, data, colour, radius) => ({ label, legend: `${label} (${data.length})`, data, borderColor: colour, backgroundColor: colour,
+      pointRadius: radius, pointHitRadius: 4, borderWidth: 0 });
+    const joined = (belongsTo, data, colour) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: colour + "80", borderWidth: 1, pointRadius: 0, pointHitRadius: 0 });
+    const xs = list(drive.x), zs = list(drive.z);
+    const range = values => { const low = Math.min(...values), high = Math.max(...values); return [low, high]; };
+    const [x0, x1] = range(xs), [z0, z1] = range(zs), margin = .04 * Math.max(x1 - x0, z1 - z0, 10);
+    const width = x1 - x0 + 2 * margin, height = z1 - z0 + 2 * margin, aspect = Math.min(Math.max(width / height, 1), 2.5);
+    // Equal scales: the shorter side gets what the other leaves.
+    const grow = Math.max(0, aspect * height - width) / 2, rise = Math.max(0, width / aspect - height) / 2;
+    return plot(`map, ${run.title}`, { type: "scatter", data: { datasets: [
+      dots("right", points.right, kRight, 2.5), dots("wrong", points.wrong, kWrong, 2.5), dots("missed", points.missed, kMissed, 2.5),
+      dots("stored", list(task.stored).map(at), kStored, 1.5), dots("scans", frame.map((_, i) => at(i)), kPath, 1.2),
+      joined("right", lines.right, kRight), joined("wrong", lines.wrong, kWrong)] }, options: {
+      scales: { x: axis("x, right [m]", { min: x0 - margin - grow, max: x1 + margin + grow }), y: axis("z, forward [m]", { min: z0 - margin - rise, max: z1 + margin + rise }) },
+      plugins: { tooltip: { filter: item => item.raw.scan !== undefined, callbacks: { label: item => {
+        const raw = item.raw, text = [`${item.dataset.label || ""} ${frame[raw.scan]}`];
+        if (raw.match >= 0) text.push(`best match ${frame[raw.match]}, ${number(Math.hypot(xs[raw.scan] - xs[raw.match], zs[raw.scan] - zs[raw.match]), 1)} m away`, `score ${number(raw.score, 4)}`);
+        return text;
+      } } } } } }, aspect);
+  }
+  function histogram(name, series, title, bins = 50) {
+    const all = series.flatMap(entry => entry.values).filter(Number.isFinite);
+    if (!all.length) return el("p", { class: "soft" }, "nothing to show");
+    const low = all.reduce((a, b) => Math.min(a, b)), high = Math.max(all.reduce((a, b) => Math.max(a, b)), low + 1e-3), width = (high - low) / bins;
+    const datasets = series.map(({ label, colour, values }) => {
+      const counts = new Array(bins).fill(0);
+      for (const value of values) if (Number.isFinite(value)) ++counts[Math.min(bins - 1, Math.floor((value - low) / width))];
+      return { label, legend: `${label} (${values.length})`, borderColor: colour, backgroundColor: colour + "99", barPercentage: 1, categoryPercentage: 1, grouped: false,
+        data: counts.map((count, i) => ({ x: low + (i + .5) * width, y: values.length ? 100 * count / values.length : 0 })) };
+    });
+    return plot(name, { type: "bar", data: { datasets }, options: {
+      scales: { x: axis(title, { min: low, max: high, offset: false, grid: { offset: false } }), y: axis("share of each kind [%]", { beginAtZero: true }) },
+      plugins: { tooltip: { callbacks: { title: () => "", label: item => `${item.dataset.label}: ${number(item.raw.y, 1)} % at ${number(item.raw.x, 3)}` } } } } }, 1.6);
+  }
+  function scorePlot(run, task) {
+    const of = wanted => list(task.score).filter((_, i) => !ignored(list(task.flags)[i]) && Boolean(right(list(task.flags)[i])) === wanted);
+    return histogram(`scores, ${run.title}`, [{ label: "best match is true", colour: kRight, values: of(true) }, { label: "best match is not true", colour: kWrong, values: of(false) }], "score of the best match");
+  }
+  function alignmentPlots(run) {
+    const frame = list(page.drives[run.drive || 0].frame), mirrored = list(run.mirrored);
+    const ratio = list(run.eigenvalue_ratio), t11 = list(run.abs_t11);
+    if (!ratio.length) return [el("p", { class: "soft" }, "Camera images are not aligned.")];
+    const over = (values, title, options) => plot(title, { type: "scatter", data: { datasets: [{ label: title, data: values.map((y, i) => ({ x: frame[i], y, yaw: list(run.yaw_deg)[i] })),
+      borderColor: kColours[0], backgroundColor: kColours[0] + "99", pointRadius: 1.8 }] }, options: {
+      scales: { x: axis("frame"), y: axis(title, options) },
+      plugins: { tooltip: { callbacks: { label: item => [`frame ${item.raw.x}: ${number(item.raw.y, 2)}`, `yaw of x' ${number(item.raw.yaw, 1)} deg`] } } } } }, 2.2);
+    const unsure = ratio.filter(value => value < 1.1).length, flips = t11.filter(value => value < .1).length;
+    return [el("p", {}, `Alignment ${run.info.align || ""}. Of ${ratio.length} scans ${unsure} have an eigenvalue ratio l1/l2 below 1.1 (the direction is not determined), ` +
+      `${flips} have |t11| below 0.1 (the sign may flip), and for ${mirrored.length} the wanted signs would need a mirror.`),
+      el("div", { class: "grid" }, el("div", { class: "card" }, over(ratio, "eigenvalue ratio l1 / l2", { min: 1 })), el("div", { class: "card" }, over(t11, "|t11|", { min: 0, max: 1 })))];
+  }
+  function browser(run, task) {
+    const frame = list(page.drives[run.drive || 0].frame);
+    const image = key => key && page.images && page.images[key];
+    return list(task.shown).map(shown => {
+      const kind = shown.kind, scan = frame[shown.scan || 0];
+      const line = (caption, key, className) => el("figure", {}, image(key) ? el("img", { src: image(key), alt: caption, loading: "lazy" }) : el("p", { class: "soft" }, "(no range image)"), el("figcaption", { class: className }, caption));
+      return el("div", { class: "shown" }, el("h3", { class: kind === "right" ? "good" : kind === "wrong" ? "bad" : "warn" },
+        `${kind}: query ${scan}, score ${number(shown.score ?? 0, 4)}${shown.which_case === 2 ? " (alignment case 2)" : ""}`),
+        line(`query ${scan}`, list(shown.images)[0], "soft"),
+        list(shown.matches).map((match, i) => line(`${i + 1}. scan ${frame[match]}: similarity ${number(shown.similarities[i], 4)}${list(shown.distances_m).length ? `, ${number(shown.distances_m[i], 1)} m away` : ""}`, list(shown.images)[i + 1], "")));
+    });
+  }
+  function runContent(run) {
+    const info = run.info || {}, stages = list(info.stages);
+    return [
+      ...list(run.tasks).map(task => [
+        el("h3", {}, task.metrics.protocol), el("p", { class: "soft" }, task.metrics.population || ""),
+        table([["", ""], ...kMetrics.map(([, title]) => [title, "n"]), ["queries", "n"], ["with a true match", "n"], ["true match"]],
+          [["", ...kMetrics.map(([key]) => metric(task.metrics, key)), String(task.metrics.n_queries ?? 0), String(task.metrics.n_positives ?? 0), `${task.metrics.distance} < ${task.metrics.radius_m} m, exclusion ${task.metrics.exclusion}`]]),
+        el("div", { class: "grid" }, el("div", { class: "card" }, prPlot(`precision and recall, ${run.title}`, [prDataset(task.metrics.protocol, task.curve, task.metrics, 0)])),
+          list(task.scan).length ? el("div", { class: "card" }, scorePlot(run, task)) : null),
+        list(task.scan).length ? el("div", { class: "card map" }, mapPlot(run, task)) : null,
+        list(task.shown).length ? el("details", { open: "open" }, el("summary", {}, "Queries: the surest errors, the faintest misses, and right ones"), browser(run, task)) : null]).flat(),
+      el("h3", {}, "Alignment"), ...alignmentPlots(run),
+      el("h3", {}, "Time and memory"),
+      stages.length ? table([["stage"], ["times", "n"], ["median ms", "n"], ["95th percentile ms", "n"], ["total s", "n"]],
+        stages.map(stage => [stage.name, String(stage.count || 0), number(stage.median_ms || 0, 2), number(stage.p95_ms || 0, 2), number((stage.total_ms || 0) / 1000, 1)])) : el("p", { class: "soft" }, "The features came from the cache; their times are with the run that made them."),
+      el("p", {}, `${info.frames_per_second ? `${number(info.frames_per_second, 1)} frames/s of one thread's processor time, from points in memory to the feature (${info.threads} threads shared the machine). ` : ""}Peak memory ${number((info.peak_resident_bytes || 0) / 1e6, 0)} MB.`),
+      el("h3", {}, "Configuration"),
+      table([["setting"], ["value"]], [...list(run.configuration).map(setting => [setting.name, setting.value || ""]),
+        ["version", info.version || ""], ["scans", String(info.scans || 0)], ["feature", `${info.feature || ""}, ${info.feature_dimension || 0} numbers`], ["PCA", info.pca_fit || ""],
+        ["weights (sha1)", info.weights_sha1 || ""], ["range image", `${info.image_width} x ${info.image_height}, ${info.elevation_top_deg} to ${info.elevation_bottom_deg} degrees, ${info.max_range_m} m`]]),
+      info.command ? el("pre", {}, el("code", {}, info.command)) : null,
+    ];
+  }
+  function runSection(run, index, open) {
+    const body = el("div", {});
+    let filled = false;
+    const fill = () => { if (!filled) { filled = true; body.append(...runContent(run).flat(3).filter(Boolean)); } };
+    const warning = run.info && run.info.model && !run.info.trained ? el("span", { class: "warn" }, " UNTRAINED: random weights, says nothing about the method") : null;
+    const details = el("details", { class: "run", id: `run${index + 1}`, on: { toggle: () => details.open && fill() } }, el("summary", {}, run.title, warning), body);
+    if (open) { details.open = true; fill(); }
+    return details;
+  }
+
+  // ---- the page
+  const experiments = list(page.experiments), runs = list(page.runs);
+  root.append(
+    el("header", {}, el("h1", {}, page.title || ""), el("p", { class: "soft" }, `revisit ${page.version}, ${page.made}`)),
+    list(page.warnings).length ? el("div", {}, page.warnings.map(warning => el("p", { class: "note" }, warning))) : "",
+    el("nav", {}, experiments.map(entry => el("a", { href: "#" + entry.experiment.name }, entry.experiment.title)), runs.length ? el("a", { href: "#runs" }, "Runs") : null),
+    overview(), ...experiments.map(experimentSection));
+  if (runs.length) root.append(el("section", { id: "runs" }, el("h2", {}, `Runs (${runs.length})`), ...runs.map((run, i) => runSection(run, i, runs.length === 1))));
+  root.append(commandBox(page.command));
+
+  function restyle() {
+    for (const chart of charts) { theme(chart.options); chart.update("none"); }
+  }
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", restyle);
+  addEventListener("beforeprint", () => { restyle(); for (const chart of charts) chart.resize(); });
+  addEventListener("afterprint", () => { restyle(); for (const chart of charts) chart.resize(); });
+})();

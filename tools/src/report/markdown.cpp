@@ -1,0 +1,117 @@
+#include "report/markdown.h"
+
+#include <algorithm>
+#include <map>
+#include <sstream>
+
+#include "cli/table.h"
+#include "experiment/catalog.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+namespace {
+
+/// Text as a table cell.
+std::string cell(const std::string& text) {
+  std::string safe;
+  for (const char c : text) safe += c == '|' ? "\\|" : c == '\n' ? " " : std::string(1, c);
+  return safe;
+}
+
+std::string metric(bool there, double value) {
+  return there ? number(value, 3) : "";
+}
+
+/// With its confidence interval, where there is one.
+std::string metric(bool there, double value, const google::protobuf::RepeatedField<double>& ci) {
+  std::string text = metric(there, value);
+  if (there && ci.size() == 2) text += " [" + number(ci[0], 2) + ", " + number(ci[1], 2) + "]";
+  return text;
+}
+
+void write_runs(const reports::Experiment& experiment, std::ostream& out) {
+  out << "| sequence | curve | AP | F1 max | recall at 100 % precision | recall@1 | command |\n"
+      << "|---|---|---|---|---|---|---|\n";
+  for (const reports::ExperimentRun& run : experiment.runs()) {
+    if (run.state() != "done") continue;
+    const reports::Metrics& m = run.metrics();
+    out << "| " << cell(run.panel()) << " | " << cell(run.label()) << " | "
+        << metric(m.has_average_precision(), m.average_precision(), m.average_precision_ci())
+        << " | " << metric(m.has_f1_max(), m.f1_max(), m.f1_max_ci()) << " | "
+        << metric(m.has_max_recall_at_precision_1(), m.max_recall_at_precision_1()) << " | "
+        << metric(m.has_recall_at_1(), m.recall_at_1(), m.recall_at_1_ci()) << " | `"
+        << cell(run.command()) << "` |\n";
+  }
+  out << "\n";
+}
+
+void write_methods(const reports::Experiment& experiment, std::ostream& out) {
+  out << "| method | dimension | training data | parameters | frames/s here | frames/s in the "
+         "paper "
+         "|\n|---|---|---|---|---|---|\n";
+  for (const PaperMethod& method : paper_methods())
+    for (const reports::ExperimentRun& run : experiment.runs()) {
+      if (run.feature() != method.feature || run.state() != "done") continue;
+      out << "| " << cell(method.method) << " | " << run.descriptor_dimension() << " | "
+          << (method.needs_training ? "yes" : "no") << " | " << method.parameters << " | "
+          << (run.has_frames_per_second() ? number(run.frames_per_second(), 1) : "") << " | "
+          << (method.frames_per_second > 0 ? number(method.frames_per_second, 1) : "") << " |\n";
+      break;
+    }
+  out << "\n";
+}
+
+void write_claims(const reports::Experiment& experiment, std::ostream& out) {
+  for (const reports::ExperimentClaim& claim : experiment.claims())
+    out << "- " << claim.panel() << ": " << claim.text() << ": "
+        << (claim.holds() ? "holds" : "**does not hold**") << " (AP of " << claim.better() << " "
+        << number(claim.better_average_precision(), 3) << ", of " << claim.worse() << " "
+        << number(claim.worse_average_precision(), 3) << ")\n";
+  if (experiment.claims_size()) out << "\n";
+}
+
+void write_skipped(const reports::Experiment& experiment, std::ostream& out) {
+  std::map<std::string, std::vector<std::string>> by_reason;
+  for (const reports::ExperimentRun& run : experiment.runs())
+    if (run.state() != "done") by_reason[run.reason()].push_back(run.panel() + " " + run.label());
+  for (const auto& [reason, labels] : by_reason) {
+    out << "Not run (" << reason << "): ";
+    for (size_t i = 0; i < labels.size(); ++i) out << (i ? "; " : "") << labels[i];
+    out << ".\n\n";
+  }
+}
+
+}  // namespace
+
+std::string results_markdown(const ReportData& data, const std::filesystem::path& figures) {
+  std::ostringstream out;
+  out << "# Results\n\nThe experiments of the paper (Sun, Liu, Ye, Yeung: Point-cloud-based place "
+         "recognition using CNN feature extraction), made with\n\n";
+  std::vector<std::string> commands;
+  for (const reports::Experiment& experiment : data.experiments)
+    if (std::find(commands.begin(), commands.end(), experiment.command()) == commands.end())
+      commands.push_back(experiment.command());
+  for (const std::string& command : commands) out << "    " << command << "\n";
+  out << "\nThe command in each row repeats its numbers.\n";
+  for (const reports::Experiment& experiment : data.experiments) {
+    out << "\n## " << experiment.title() << "\n\n"
+        << experiment.question() << "\n\nThe paper: " << experiment.paper() << "\n\n";
+    for (const std::string& note : experiment.notes()) out << "> " << note << "\n>\n";
+    if (experiment.notes_size()) out << "\n";
+    std::vector<std::string> panels;
+    for (const reports::ExperimentRun& run : experiment.runs())
+      if (run.state() == "done" &&
+          std::find(panels.begin(), panels.end(), run.panel()) == panels.end())
+        panels.push_back(run.panel());
+    for (const std::string& panel : panels)
+      out << "![" << experiment.title() << ", " << panel << "]("
+          << (figures / (experiment.name() + "_" + panel + ".svg")).generic_string() << ")\n\n";
+    if (!panels.empty()) write_runs(experiment, out);
+    if (experiment.name() == "comparison" && !panels.empty()) write_methods(experiment, out);
+    write_claims(experiment, out);
+    write_skipped(experiment, out);
+  }
+  return std::move(out).str();
+}
+
+}  // namespace revisit::cli
