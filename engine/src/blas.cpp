@@ -6,6 +6,7 @@
 #include <array>
 
 namespace revisit::engine {
+#ifdef __x86_64__
 namespace {
 
 /// Widest vectors a kernel set uses.
@@ -20,6 +21,7 @@ Vectors vectors_of(const std::string& core) {
 }
 
 }  // namespace
+#endif
 
 std::string blas_core() {
   return openblas_get_corename();

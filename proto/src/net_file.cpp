@@ -53,8 +53,8 @@ void check_is_text(const std::string& text, const std::string& name, const Limit
     found = "is empty";
   } else if (head.starts_with("\x89HDF")) {
     found = "looks like an HDF5 weights file";
-  } else if (std::ranges::any_of(head, [](char c) {
-               return (c >= 0 && c < ' ' && !std::strchr("\t\n\v\f\r", c)) || c == '\0';
+  } else if (std::ranges::any_of(head, [](unsigned char c) {
+               return c < ' ' && (c == '\0' || !std::strchr("\t\n\v\f\r", c));
              })) {
     found = "looks like a binary caffemodel";
   }

@@ -6,27 +6,21 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <random>
 
 #include "blocked.h"
 #include "compare.h"
 #include "kernels/blocked/convolution.h"
 #include "problems.h"
 #include "simd_targets.h"
+#include "single_layer.h"
 
 namespace revisit::engine {
 namespace {
 
+using test::random_floats;
+
 constexpr unsigned kSeed = 20260722;
 constexpr unsigned char kNan = 0xFF, kDirty = 0xA5;
-
-std::vector<float> random_values(int64_t count, unsigned seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<float> uniform(-1, 1);
-  std::vector<float> values(static_cast<size_t>(count));
-  for (float& value : values) value = uniform(random);
-  return values;
-}
 
 /// A problem with its arrays, in Caffe's layouts.
 struct Case {
@@ -36,9 +30,9 @@ struct Case {
 
   explicit Case(const ConvolutionProblem& problem)
       : p(problem),
-        input(random_values(p.n * p.c_in * p.h * p.w, kSeed)),
-        weights(random_values(p.c_out * p.depth(), kSeed + 1)),
-        bias(random_values(p.c_out, kSeed + 2)) {}
+        input(random_floats(p.n * p.c_in * p.h * p.w, kSeed)),
+        weights(random_floats(p.c_out * p.depth(), kSeed + 1)),
+        bias(random_floats(p.c_out, kSeed + 2)) {}
 
   int64_t outputs() const { return p.n * p.c_out * p.out_pixels(); }
 };
@@ -178,7 +172,7 @@ float activated(const Epilogue& e, int64_t channel, float x) {
 TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
   using Activation = Epilogue::Activation;
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-    const auto slopes = per_channel(p.c_out, random_values(p.c_out, kSeed + 3));
+    const auto slopes = per_channel(p.c_out, random_floats(p.c_out, kSeed + 3));
     Case c(p);
     const std::vector<float> sums = definition_of(c);
     for (const Epilogue& epilogue :
@@ -190,7 +184,7 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
           Epilogue{.activation = Activation::kClip, .low = 0.5F, .high = 2}})
       for (const bool with_addend : {false, true}) {
         c.epilogue = epilogue;
-        c.addend = with_addend ? random_values(c.outputs(), kSeed + 4) : std::vector<float>();
+        c.addend = with_addend ? random_floats(c.outputs(), kSeed + 4) : std::vector<float>();
         std::vector<float> wanted = sums;
         for (size_t i = 0; i < wanted.size(); ++i) {
           const int64_t channel = static_cast<int64_t>(i) / p.out_pixels() % p.c_out;
@@ -210,7 +204,7 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
 TEST(BlockedConvolutionSmall, NanStaysNan) {
   using Activation = Epilogue::Activation;
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-    const auto slopes = per_channel(p.c_out, random_values(p.c_out, kSeed + 3));
+    const auto slopes = per_channel(p.c_out, random_floats(p.c_out, kSeed + 3));
     Case c(p);
     const int64_t bad = p.c_out - 1;
     c.bias[static_cast<size_t>(bad)] = std::numeric_limits<float>::quiet_NaN();

@@ -4,21 +4,15 @@
 
 #include <cstring>
 #include <limits>
-#include <random>
 
 #include "compare.h"
 #include "problems.h"
+#include "single_layer.h"
 
 namespace revisit::engine {
 namespace {
 
-std::vector<float> random_values(int64_t count, unsigned seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<float> uniform(-1, 1);
-  std::vector<float> values(static_cast<size_t>(count));
-  for (float& value : values) value = uniform(random);
-  return values;
-}
+using test::random_floats;
 
 std::vector<float> run(const ConvolutionKernel& kernel, const ConvolutionProblem& p,
                        const std::vector<float>& input, const std::vector<float>& weights,
@@ -37,9 +31,9 @@ TEST_P(ConvolutionKernels, AgreeWithTheDefinition) {
   constexpr unsigned kSeed = 20260611;
   SCOPED_TRACE(testing::Message() << "seed " << kSeed);
   ConvolutionProblem p = GetParam().problem;
-  const auto input = random_values(p.n * p.c_in * p.h * p.w, kSeed);
-  const auto weights = random_values(p.c_out * p.depth(), kSeed + 1);
-  const auto bias = random_values(p.c_out, kSeed + 2);
+  const auto input = random_floats(p.n * p.c_in * p.h * p.w, kSeed);
+  const auto weights = random_floats(p.c_out * p.depth(), kSeed + 1);
+  const auto bias = random_floats(p.c_out, kSeed + 2);
   for (const float* b : {bias.data(), static_cast<const float*>(nullptr)}) {
     const auto wanted = run(kConvolutionReference, p, input, weights, b);
     for (const ConvolutionKernel& kernel : convolution_kernels()) {

@@ -7,18 +7,13 @@
 #include <random>
 
 #include "expect_error.h"
+#include "float_matrix.h"
 
 namespace revisit::pipeline {
 namespace {
 
 using test::expect_error;
-
-FloatMatrix matrix(std::initializer_list<std::initializer_list<float>> rows) {
-  FloatMatrix m(static_cast<int64_t>(rows.size()), static_cast<int64_t>(rows.begin()->size()));
-  int64_t i = 0;
-  for (const auto& row : rows) std::copy(row.begin(), row.end(), m.row(i++).begin());
-  return m;
-}
+using test::matrix;
 
 FloatMatrix random_words(int64_t images, int64_t words, unsigned seed) {
   // Words come in groups that tend to appear together.

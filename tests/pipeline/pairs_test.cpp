@@ -10,11 +10,14 @@
 #include <set>
 
 #include "decision_cases.h"
+#include "float_matrix.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
 namespace {
+
+using test::random_matrix;
 
 Trajectory along_x(const std::vector<double>& xs) {
   Trajectory drive;
@@ -137,14 +140,6 @@ Trajectory random_drive(int64_t n, unsigned seed) {
   std::vector<double> xs(static_cast<size_t>(n));
   for (double& x : xs) x = uniform(random);
   return along_x(xs);
-}
-
-FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) {
-  std::mt19937 random(seed);
-  std::normal_distribution<float> normal;
-  FloatMatrix m(n, d);
-  for (float& value : m.values) value = normal(random);
-  return m;
 }
 
 TEST(Pairs, AreThoseOfTheSlowTwin) {

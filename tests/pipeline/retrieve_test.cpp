@@ -5,27 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <random>
 
+#include "float_matrix.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {
 
-FloatMatrix matrix(std::initializer_list<std::initializer_list<float>> rows) {
-  FloatMatrix m(static_cast<int64_t>(rows.size()), static_cast<int64_t>(rows.begin()->size()));
-  int64_t i = 0;
-  for (const auto& row : rows) std::copy(row.begin(), row.end(), m.row(i++).begin());
-  return m;
-}
-
-FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) {
-  std::mt19937 random(seed);
-  std::normal_distribution<float> normal;
-  FloatMatrix m(n, d);
-  for (float& value : m.values) value = normal(random);
-  return m;
-}
+using test::matrix;
+using test::random_matrix;
 
 Trajectory consecutive(int64_t n) {
   Trajectory trajectory;

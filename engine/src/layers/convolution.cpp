@@ -1,4 +1,3 @@
-#include "kernels/convolution_nd.h"
 #include "layers/convolution_window.h"
 #include "layers/layers.h"
 #include "layers/planar_convolution.h"
@@ -17,36 +16,19 @@ class Convolution : public Layer {
  public:
   Convolution(const caffe::ConvolutionParameter& param, Flavour flavour)
       : param_(param), flavour_(flavour) {
-    if (flavour_ == Flavour::kDepthwise) return;
-    if (param.num_output() < 1) throw InputError("num_output must be at least 1");
-    if (param.group() < 1) throw InputError("group must be at least 1");
-    if (param.num_output() % param.group() != 0)
-      throw InputError(
-          str("num_output ", param.num_output(), " is not a multiple of group ", param.group()));
+    if (flavour_ != Flavour::kDepthwise) check_outputs_and_groups(param);
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    if (inputs.empty()) throw InputError("expected at least one input");
-    expect_count(n_outputs, inputs.size(), "outputs");
-    for (const Shape& input : inputs)
-      if (input != inputs[0])
-        throw InputError(str("inputs differ in shape: ", inputs[0], " and ", input));
+    check_inputs_and_outputs(inputs, n_outputs);
     const Problem p = problem(inputs[0]);
-    const Shape& input = inputs[0];
-    std::vector<int64_t> axes(input.axes().begin(),
-                              input.axes().begin() + static_cast<int64_t>(channel_axis(input)));
-    axes.push_back(p.c_windows);
-    for (const WindowAxis& axis : p.axes) axes.push_back(axis.windows);
-    return std::vector<Shape>(n_outputs, Shape(std::move(axes)));
+    return std::vector<Shape>(n_outputs, with_channels(inputs[0], channel_axis(inputs[0]),
+                                                       p.c_windows, p.axes, &WindowAxis::windows));
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
     const Problem p = problem(inputs[0]);
-    std::vector<int64_t> weight{p.c_windows, p.c_image_per_group()};
-    for (const WindowAxis& axis : p.axes) weight.push_back(axis.kernel);
-    std::vector<Shape> shapes{Shape(std::move(weight))};
-    if (param_.bias_term()) shapes.push_back(Shape{p.c_windows});
-    return shapes;
+    return filters_and_bias(p, param_, p.c_windows);
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {

@@ -40,6 +40,40 @@ int64_t extent(const WindowAxis& axis) {
 
 }  // namespace
 
+void check_outputs_and_groups(const caffe::ConvolutionParameter& param) {
+  if (param.num_output() < 1) throw InputError("num_output must be at least 1");
+  if (param.group() < 1) throw InputError("group must be at least 1");
+  if (param.num_output() % param.group() != 0)
+    throw InputError(
+        str("num_output ", param.num_output(), " is not a multiple of group ", param.group()));
+}
+
+void check_inputs_and_outputs(const std::vector<Shape>& inputs, size_t n_outputs) {
+  if (inputs.empty()) throw InputError("expected at least one input");
+  expect_count(n_outputs, inputs.size(), "outputs");
+  for (const Shape& input : inputs)
+    if (input != inputs[0])
+      throw InputError(str("inputs differ in shape: ", inputs[0], " and ", input));
+}
+
+Shape with_channels(const Shape& input, size_t channel_axis, int64_t channels,
+                    const WindowAxes& axes, int64_t WindowAxis::*pixels) {
+  std::vector<int64_t> result(input.axes().begin(),
+                              input.axes().begin() + static_cast<int64_t>(channel_axis));
+  result.push_back(channels);
+  for (const WindowAxis& axis : axes) result.push_back(axis.*pixels);
+  return Shape(std::move(result));
+}
+
+std::vector<Shape> filters_and_bias(const ConvolutionNdProblem& p,
+                                    const caffe::ConvolutionParameter& param, int64_t outputs) {
+  std::vector<int64_t> filters{p.c_windows, p.c_image_per_group()};
+  for (const WindowAxis& axis : p.axes) filters.push_back(axis.kernel);
+  std::vector<Shape> shapes{Shape(std::move(filters))};
+  if (param.bias_term()) shapes.push_back(Shape{outputs});
+  return shapes;
+}
+
 WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes) {
   if (n_axes > 0 && param.kernel_size_size() == 0 && !param.has_kernel_h() && !param.has_kernel_w())
     throw InputError("kernel size must be given");

@@ -1,9 +1,25 @@
 #pragma once
 
-#include "kernels/window.h"
+#include "kernels/convolution_nd.h"
 #include "layer.h"
 
+/// What convolutions and deconvolutions share.
 namespace revisit::engine {
+
+/// Throws InputError unless the outputs can be divided into the groups.
+void check_outputs_and_groups(const caffe::ConvolutionParameter& param);
+
+/// Both convolve any number of inputs of one shape, each into an output of its own. Throws
+/// InputError for others.
+void check_inputs_and_outputs(const std::vector<Shape>& inputs, size_t n_outputs);
+
+/// The input's axes before the channels, then `channels` and `pixels`.
+Shape with_channels(const Shape& input, size_t channel_axis, int64_t channels,
+                    const WindowAxes& axes, int64_t WindowAxis::*pixels);
+
+/// The filters; and the bias, one number for each of `outputs` channels.
+std::vector<Shape> filters_and_bias(const ConvolutionNdProblem& p,
+                                    const caffe::ConvolutionParameter& param, int64_t outputs);
 
 /// Kernel, stride, pad and dilation of a convolution parameter resolved for `n_axes` spatial axes;
 /// image and window sizes are left to the caller. Throws InputError for what Caffe refuses.

@@ -1,4 +1,3 @@
-#include "kernels/convolution_nd.h"
 #include "layers/convolution_window.h"
 #include "layers/layers.h"
 
@@ -9,34 +8,19 @@ namespace {
 class Deconvolution : public Layer {
  public:
   explicit Deconvolution(const caffe::ConvolutionParameter& param) : param_(param) {
-    if (param.num_output() < 1) throw InputError("num_output must be at least 1");
-    if (param.group() < 1) throw InputError("group must be at least 1");
-    if (param.num_output() % param.group() != 0)
-      throw InputError(
-          str("num_output ", param.num_output(), " is not a multiple of group ", param.group()));
+    check_outputs_and_groups(param);
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    if (inputs.empty()) throw InputError("expected at least one input");
-    expect_count(n_outputs, inputs.size(), "outputs");
-    const Shape& input = inputs[0];
-    for (const Shape& other : inputs)
-      if (other != input) throw InputError(str("inputs differ in shape: ", input, " and ", other));
-    const ConvolutionNdProblem p = problem(input);
-    std::vector<int64_t> axes(input.axes().begin(),
-                              input.axes().begin() + static_cast<int64_t>(channel_axis(input)));
-    axes.push_back(p.c_image);
-    for (const WindowAxis& axis : p.axes) axes.push_back(axis.image);
-    return std::vector<Shape>(n_outputs, Shape(std::move(axes)));
+    check_inputs_and_outputs(inputs, n_outputs);
+    const ConvolutionNdProblem p = problem(inputs[0]);
+    return std::vector<Shape>(n_outputs, with_channels(inputs[0], channel_axis(inputs[0]),
+                                                       p.c_image, p.axes, &WindowAxis::image));
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
     const ConvolutionNdProblem p = problem(inputs[0]);
-    std::vector<int64_t> weight{p.c_windows, p.c_image_per_group()};
-    for (const WindowAxis& axis : p.axes) weight.push_back(axis.kernel);
-    std::vector<Shape> shapes{Shape(std::move(weight))};
-    if (param_.bias_term()) shapes.push_back(Shape{p.c_image});
-    return shapes;
+    return filters_and_bias(p, param_, p.c_image);
   }
 
   Kernel bind(const Binding& binding) const override {

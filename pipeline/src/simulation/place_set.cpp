@@ -14,6 +14,7 @@
 #include "simulation/random.h"
 #include "simulation/route.h"
 #include "simulation/shots.h"
+#include "simulation/take_scans.h"
 #include "simulation/world.h"
 
 namespace revisit::pipeline {
@@ -113,7 +114,6 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
   std::vector<size_t> missing;
   for (size_t i = 0; i < shots.size(); ++i)
     if (!there.contains(config.output / scan_name(shots[i]))) missing.push_back(i);
-  const Clock::time_point scanning = Clock::now();
   const BeamPattern pattern = beam_pattern(LidarModel::kVlp16);
   const int threads = threads_for(config.threads, static_cast<int64_t>(missing.size()));
   std::vector<std::unique_ptr<RayCaster>> casters;  // [thread]
@@ -130,21 +130,9 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
     write_kitti_scan(config.output / scan_name(shots[i]), lidars[static_cast<size_t>(thread)]->scan(
                                                               frame, shots[i].T_town_velo, caster));
   };
-  bool stopped = false;
-  const auto count = [&](int64_t) {
-    ++summary.scans;
-    if (progress) progress(summary.scans, total);
-    stopped = stopped || (stop && summary.scans < total && stop());
-    return !stopped;
-  };
-  for_each_item(static_cast<int64_t>(missing.size()), threads, take, count);
-  if (stopped)
-    throw Interrupted(str("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
-                          config.output.string(), "; run the same command again to continue"));
-  summary.scan_seconds = seconds_since(scanning);
-  uintmax_t bytes = 0;
-  for (const fs::path& file : wanted) bytes += fs::file_size(file);
-  summary.mean_points = static_cast<double>(bytes) / 16 / static_cast<double>(total);
+  take_scans(static_cast<int64_t>(missing.size()), threads, config.output, take, progress, stop,
+             summary);
+  summary.mean_points = mean_points(std::vector<fs::path>(wanted.begin(), wanted.end()));
   return summary;
 }
 

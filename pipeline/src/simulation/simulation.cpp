@@ -11,6 +11,7 @@
 #include "simulation/data_set.h"
 #include "simulation/each.h"
 #include "simulation/lidar.h"
+#include "simulation/take_scans.h"
 #include "simulation/traffic.h"
 #include "simulation/world.h"
 
@@ -118,7 +119,6 @@ SimulationSummary simulate(const SimulationConfig& config,
     summary.triangles = static_cast<int64_t>(scene.mesh().triangles.size());
     summary.build_seconds = seconds_since(start);
 
-    const Clock::time_point scanning = Clock::now();
     const int threads = threads_for(config.threads, static_cast<int64_t>(missing.size()));
     std::vector<Vehicle> vehicles;  // [thread]
     for (int i = 0; i < threads; ++i) {
@@ -141,23 +141,12 @@ SimulationSummary simulate(const SimulationConfig& config,
       write_gray_png(data.image_file(frame),
                      vehicle.camera->picture(frame, T_town_velo[at], light, *vehicle.surroundings));
     };
-    bool stopped = false;
-    const auto count = [&](int64_t) {
-      ++summary.scans;
-      if (progress) progress(summary.scans, total);
-      stopped = stopped || (stop && summary.scans < total && stop());
-      return !stopped;
-    };
-    for_each_item(static_cast<int64_t>(missing.size()), threads, take, count);
-    if (stopped)
-      throw Interrupted(str("interrupted: ", summary.scans, " of ", total,
-                            " scans are complete in ", data.scan_file(0).parent_path().string(),
-                            "; run the same command again to continue"));
-    summary.scan_seconds = seconds_since(scanning);
+    take_scans(static_cast<int64_t>(missing.size()), threads, data.scan_file(0).parent_path(), take,
+               progress, stop, summary);
   }
-  uintmax_t bytes = 0;
-  for (const int frame : wanted) bytes += std::filesystem::file_size(data.scan_file(frame));
-  summary.mean_points = static_cast<double>(bytes) / 16 / static_cast<double>(total);
+  std::vector<std::filesystem::path> files;
+  for (const int frame : wanted) files.push_back(data.scan_file(frame));
+  summary.mean_points = mean_points(files);
   return summary;
 }
 

@@ -15,13 +15,19 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// What `--protocol` lists.
+std::vector<std::string> protocol_names(const EvalOptions& o) {
+  std::istringstream list(o.protocol);
+  std::vector<std::string> names;
+  for (std::string name; std::getline(list, name, ',');) names.push_back(name);
+  return names;
+}
+
 /// Named places are truth enough where nothing else is asked for.
 bool needs_poses(const EvalOptions& o) {
   if (o.distance) return pipeline::parse_distance(*o.distance) != pipeline::Distance::kPlace;
-  std::istringstream names(o.protocol);
-  for (std::string name; std::getline(names, name, ',');)
-    if (!name.starts_with("places-")) return true;
-  return false;
+  return !std::ranges::all_of(protocol_names(o),
+                              [](const std::string& name) { return name.starts_with("places-"); });
 }
 
 std::vector<pipeline::Task> tasks_for(const EvalOptions& o, const pipeline::Dataset& dataset,
@@ -29,8 +35,7 @@ std::vector<pipeline::Task> tasks_for(const EvalOptions& o, const pipeline::Data
   std::optional<pipeline::Exclusion> exclusion;
   if (o.exclusion) exclusion = pipeline::parse_exclusion(*o.exclusion);
   std::vector<pipeline::Task> tasks;
-  std::istringstream names(o.protocol);
-  for (std::string name; std::getline(names, name, ',');)
+  for (const std::string& name : protocol_names(o))
     for (pipeline::Task& task :
          pipeline::make_tasks(name, dataset.sequence, trajectory, exclusion)) {
       if (o.distance) task.rule.distance = pipeline::parse_distance(*o.distance);

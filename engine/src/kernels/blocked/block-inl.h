@@ -28,6 +28,7 @@ constexpr int64_t kVectorLanes = hn::MaxLanes(Tag());
 constexpr int kVectors = kLanes / kVectorLanes;  // of a block
 
 struct Block {
+  HWY_INLINE Block() {}  // g++ would make its own outside of the target that NEON registers need
   Vector v[kVectors];
 };
 

@@ -1,0 +1,28 @@
+// Small matrices of descriptors.
+#pragma once
+
+#include <algorithm>
+#include <initializer_list>
+#include <random>
+
+#include "revisit/pipeline/matrix.h"
+
+namespace revisit::test {
+
+inline pipeline::FloatMatrix matrix(std::initializer_list<std::initializer_list<float>> rows) {
+  pipeline::FloatMatrix m(static_cast<int64_t>(rows.size()),
+                          static_cast<int64_t>(rows.begin()->size()));
+  int64_t i = 0;
+  for (const auto& row : rows) std::copy(row.begin(), row.end(), m.row(i++).begin());
+  return m;
+}
+
+inline pipeline::FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) {
+  std::mt19937 random(seed);
+  std::normal_distribution<float> normal;
+  pipeline::FloatMatrix m(n, d);
+  for (float& value : m.values) value = normal(random);
+  return m;
+}
+
+}  // namespace revisit::test
