@@ -348,6 +348,10 @@ TEST_F(EvalCommand, DescribeWritesDescriptorsAndAPcaModel) {
   const auto again = run_revisit("describe " + common + (dir_ / "two").string() + " --pca-fit " +
                                  (out / "pca").string());
   EXPECT_EQ(again.exit_code, 0) << again.err;
+  const auto cached = run_revisit("describe " + common + (dir_ / "three").string() + " --pca-fit " +
+                                  (out / "pca").string() + " --cache " + (dir_ / "c").string());
+  EXPECT_EQ(cached.exit_code, 0) << cached.err;
+  EXPECT_TRUE(fs::exists(dir_ / "three/descriptors.npy"));
 }
 
 }  // namespace

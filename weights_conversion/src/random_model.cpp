@@ -4,6 +4,7 @@
 #include <map>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/folder.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/trunks.h"
 
@@ -120,9 +121,7 @@ bool is_untrained(const caffe::NetParameter& net) {
 ModelFiles write_random_model(const fs::path& folder, const std::string& trunk_name,
                               uint64_t seed) {
   caffe::NetParameter net = random_model(trunk_name, seed);
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw Error(str(folder.string(), ": cannot make the folder: ", error.message()));
+  make_folder(folder);
   const ModelFiles files{folder / (trunk_name + "_random.prototxt"),
                          folder / (trunk_name + "_random.caffemodel")};
   proto::write_net_binary(files.weights, net);

@@ -8,6 +8,7 @@
 
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/folder.h"
 
 namespace revisit::pipeline::simulation {
 namespace {
@@ -22,12 +23,6 @@ std::string content(const fs::path& file) {
   std::ostringstream text;
   if (in) text << in.rdbuf();
   return std::move(text).str();
-}
-
-void make_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
 }
 
 }  // namespace

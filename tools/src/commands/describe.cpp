@@ -9,6 +9,7 @@
 #include "eval/descriptors.h"
 #include "eval/run_info.h"
 #include "revisit/proto/atomic_file.h"
+#include "revisit/proto/folder.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {
@@ -56,6 +57,7 @@ int describe_command(const Arguments& arguments) {
     throw UsageError("--pca-fit map needs a task with stored scans: use `revisit eval`");
 
   const pipeline::Dataset dataset = open_scans(options);
+  make_folder(output);  // now, as describing may take hours
   const fs::path cache = options.cache_folder(output);
   const FeatureSource source = open_feature(options, dataset, cache);
   LazyFeatures features(options, source, source.align, cache);

@@ -12,6 +12,7 @@
 #include "revisit/pipeline/range_image.h"
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/folder.h"
 
 namespace revisit::cli {
 namespace {
@@ -149,9 +150,7 @@ int image_command(const Arguments& arguments) {
   const RangeImage projected = project(cloud, geometry);
   const RangeImage closed = close_holes(projected, geometry);
 
-  std::error_code error;
-  fs::create_directories(o.output, error);
-  if (error) throw Error(str(o.output.string(), ": cannot create: ", error.message()));
+  make_folder(o.output);
   const std::string stem = (o.output / o.scan.stem()).string();
   write_png(stem + "_projected.png", projected);
   write_png(stem + "_closed.png", closed);

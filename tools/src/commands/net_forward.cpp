@@ -7,6 +7,7 @@
 #include "cli/mean_file.h"
 #include "cli/table.h"
 #include "net_commands.h"
+#include "revisit/proto/folder.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {
@@ -122,9 +123,7 @@ int net_forward_command(const Arguments& arguments) {
   } else {
     names = net.outputs();
   }
-  std::error_code error;
-  fs::create_directories(directory, error);
-  if (error) throw Error(str(directory.string(), ": cannot create the folder: ", error.message()));
+  make_folder(directory);
   std::set<fs::path> taken;
   Table table({"output", "shape", "min", "max", "mean", "file"});
   for (const std::string& name : names) {

@@ -6,6 +6,7 @@
 #include "revisit/pipeline/pcl_features.h"
 #include "revisit/pipeline/scan_context.h"
 #include "revisit/pipeline/visual_words.h"
+#include "revisit/proto/folder.h"
 
 namespace revisit::cli {
 namespace {
@@ -37,9 +38,7 @@ pipeline::FeatureExtractor fabmap(const FeatureOptions& options, const pipeline:
   training.threads = options.thread_count();
   training.progress = progress.callback();
   training.stop = interrupted;
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
+  make_folder(folder);
   const pipeline::Dataset images = options.training_images.empty()
                                        ? pipeline::camera_images(dataset, options.images)
                                        : pipeline::image_folder(options.training_images);

@@ -6,6 +6,7 @@
 
 #include "cli/interrupt.h"
 #include "cli/progress.h"
+#include "revisit/proto/folder.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {
@@ -63,9 +64,7 @@ LazyFeatures::LazyFeatures(const FeatureOptions& options, const FeatureSource& s
   describe_.align = align;
   describe_.threads = std::max(1, options.thread_count() / options.threads_per_scan);
   describe_.stop = interrupted;
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
+  make_folder(folder);
   paths_ = pipeline::feature_paths(folder, source.inputs, source.extractor, describe_);
 }
 

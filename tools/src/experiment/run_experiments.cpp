@@ -10,6 +10,7 @@
 #include "eval/curve.h"
 #include "eval/evaluation.h"
 #include "revisit/proto/atomic_file.h"
+#include "revisit/proto/folder.h"
 
 namespace revisit::cli {
 namespace {
@@ -27,11 +28,7 @@ struct Work {
 /// Runs finished earlier: `folder/HASH.json` has the result, `folder/HASH.key` what it depends on.
 class FinishedRuns {
  public:
-  explicit FinishedRuns(fs::path folder) : folder_(std::move(folder)) {
-    std::error_code error;
-    fs::create_directories(folder_, error);
-    if (error) throw Error(str(folder_.string(), ": cannot create the folder: ", error.message()));
-  }
+  explicit FinishedRuns(fs::path folder) : folder_(std::move(folder)) { make_folder(folder_); }
   bool find(const std::string& key, reports::ExperimentRun* result) const {
     const fs::path file = path(key);
     std::error_code none;
@@ -253,9 +250,7 @@ std::vector<reports::Experiment> run_experiments(const ExperimentOptions& option
     reports.clear();
     for (const ExperimentPlan& plan : plans) {
       const fs::path folder = fs::absolute(options.output / plan.info->name);
-      std::error_code error;
-      fs::create_directories(folder, error);
-      if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
+      make_folder(folder);
       reports.push_back(report_of(plan, workload, inventory, folder, command));
       write_atomically(folder / "experiment.json",
                        [&](std::ostream& out) { out << to_json(reports.back()) << "\n"; });

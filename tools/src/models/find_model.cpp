@@ -4,6 +4,7 @@
 
 #include "models/cache.h"
 #include "models/checksum.h"
+#include "revisit/proto/folder.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"
@@ -76,10 +77,7 @@ fs::path weights_in(const fs::path& folder, const std::string& stem) {
 fs::path trunk_in_cache(const KnownModel& known) {
   const fs::path file = cache_folder() / known.name / "deploy.prototxt";
   if (fs::exists(file)) return file;
-  std::error_code error;
-  fs::create_directories(file.parent_path(), error);
-  if (error)
-    throw Error(str(file.parent_path().string(), ": cannot make the folder: ", error.message()));
+  make_folder(file.parent_path());
   proto::write_net_text(file, trunk(known.trunk));
   return file;
 }

@@ -14,7 +14,7 @@
 #include "plots/plots.h"
 #include "report/base64.h"
 #include "report/range_images.h"
-#include "revisit/proto/error.h"
+#include "revisit/proto/folder.h"
 
 namespace revisit::cli {
 namespace {
@@ -274,10 +274,7 @@ std::string local_time() {
 }  // namespace
 
 reports::Page make_page(const ReportData& data, const PageOptions& options) {
-  std::error_code error;
-  fs::create_directories(options.files, error);
-  if (error)
-    throw Error(str(options.files.string(), ": cannot create the folder: ", error.message()));
+  make_folder(options.files);
   reports::Page page;
   page.set_title(options.title);
   page.set_version(REVISIT_VERSION);

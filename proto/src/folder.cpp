@@ -1,0 +1,13 @@
+#include "revisit/proto/folder.h"
+
+#include "revisit/proto/error.h"
+
+namespace revisit {
+
+void make_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw Error(str(folder.string(), ": cannot create the folder: ", error.message()));
+}
+
+}  // namespace revisit
