@@ -34,7 +34,8 @@ void read_for_pipeline(const std::string& text) {
   using namespace pipeline;
   works_or_refuses([&] {
     const Exclusion exclusion = parse_exclusion(text);
-    parse_exclusion(to_string(exclusion));
+    require(parse_exclusion(to_string(exclusion)) == exclusion,
+            "an exclusion is read back unchanged");
     earlier_candidates(drive(), exclusion);
     later_candidates(drive(), exclusion);
   });

@@ -61,8 +61,8 @@ TEST(GroundTruth, NamedPlacesAreNearOrInfinitelyFar) {
 }
 
 TEST(GroundTruth, ParsesExclusions) {
-  for (const char* text :
-       {"frames=50", "seconds=30", "metres=50", "none", "seconds=0.5", "frames=0"})
+  for (const char* text : {"frames=50", "seconds=30", "metres=50", "none", "seconds=0.5",
+                           "frames=0", "frames=1234567", "metres=49.9999999"})
     EXPECT_EQ(to_string(parse_exclusion(text)), text);
   for (const char* text :
        {"", "frames", "frames=", "frames=-1", "frames=1.5", "frames=x", "meters=50", "50",

@@ -5,6 +5,7 @@
 #include <map>
 #include <sstream>
 
+#include "eval/eval_options.h"
 #include "revisit/pipeline/protocols.h"
 #include "small_drive.h"
 #include "test_data.h"
@@ -84,6 +85,26 @@ TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
   const auto again = run_revisit(command + " --no-plots -o " + (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err << command;
   EXPECT_EQ(test::read_file(dir_ / "again/drive_00/latest/metrics.json"), first);
+}
+
+TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
+  fs::create_directories(dir_ / "my nets/pca");
+  test::write_file(dir_ / "my nets/w.caffemodel", "");
+  const fs::path before = fs::current_path();
+  fs::current_path(dir_ / "my nets");
+  const std::string command = cli::command_of(cli::parse_eval_options(
+      {"/data", "--model", "bvlc_alexnet", "--weights", "w.caffemodel", "--pca-fit", "pca",
+       "--images", "pca", "--training-images", "pca", "--radius", "2.9999999", "--max-range",
+       "1234567", "--memory", "0.1"}));
+  fs::current_path(before);
+  const std::string nets = "'" + (dir_ / "my nets").string();
+  for (const std::string& part :
+       {std::string(" --model bvlc_alexnet "), " --weights " + nets + "/w.caffemodel' ",
+        " --pca-fit " + nets + "/pca' ", " --images " + nets + "/pca' ",
+        " --training-images " + nets + "/pca' ", std::string(" --max-range 1234567 "),
+        std::string(" --memory 0.1 ")})
+    EXPECT_NE(command.find(part), std::string::npos) << part << " not in " << command;
+  EXPECT_TRUE(command.ends_with(" --radius 2.9999999")) << command;
 }
 
 TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {

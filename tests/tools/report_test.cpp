@@ -9,6 +9,7 @@
 #include "report/base64.h"
 #include "report/html.h"
 #include "report/page.h"
+#include "report/range_images.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -129,10 +130,12 @@ TEST_F(ReportCommand, ImagesAreBounded) {
                         path("results"))
                 .exit_code,
             0);
-  const auto result =
-      run_revisit("report " + path("results") + " --no-plots --image-mb 0 -o " + path("r.html"));
+  const auto result = run_revisit("report " + path("results") +
+                                  " --no-plots --image-mb 0 --title 'A B' -o " + path("r.html"));
   EXPECT_NE(result.err.find("--image-mb"), std::string::npos) << result.err;
-  EXPECT_EQ(test::read_file(dir_ / "r.html").find("data:image/png"), std::string::npos);
+  const std::string html = test::read_file(dir_ / "r.html");
+  EXPECT_EQ(html.find("data:image/png"), std::string::npos);
+  EXPECT_NE(html.find("--title 'A B' -o"), std::string::npos) << "its command is for a shell";
 }
 
 TEST_F(ReportCommand, MarkdownHasTheCommandBesideEachNumber) {

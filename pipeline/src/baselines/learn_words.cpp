@@ -6,6 +6,7 @@
 
 #include "describe/keys.h"
 #include "revisit/pipeline/feature_file.h"
+#include "revisit/pipeline/text.h"
 #include "revisit/pipeline/visual_words.h"
 #include "revisit/proto/error.h"
 

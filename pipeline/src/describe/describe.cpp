@@ -12,6 +12,7 @@
 #include "io/file_content.h"
 #include "revisit/pipeline/feature_file.h"
 #include "revisit/pipeline/scan_file.h"
+#include "revisit/pipeline/text.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "revisit/pipeline/text.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
@@ -88,11 +89,11 @@ std::string to_string(const Exclusion& exclusion) {
     case Exclusion::Kind::kNone:
       return "none";
     case Exclusion::Kind::kFrames:
-      return str("frames=", exclusion.amount);
+      return "frames=" + exact(exclusion.amount);
     case Exclusion::Kind::kSeconds:
-      return str("seconds=", exclusion.amount);
+      return "seconds=" + exact(exclusion.amount);
     case Exclusion::Kind::kMetres:
-      return str("metres=", exclusion.amount);
+      return "metres=" + exact(exclusion.amount);
   }
   return "";
 }

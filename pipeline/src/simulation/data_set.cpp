@@ -3,6 +3,7 @@
 #include <charconv>
 #include <cstdio>
 
+#include "revisit/pipeline/text.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline::simulation {
@@ -38,10 +39,10 @@ std::string settings_of(const SimulationConfig& config, const Drive& drive) {
     text += str("route: ", names[static_cast<int>(config.route)],
                 "\nlength: ", exact(config.length), "\n");
   } else {
-    text +=
-        str("poses: ", drive.poses.size(), " frames, fnv1a ", fingerprint(drive.given_poses), "\n");
+    text += str("poses: ", drive.poses.size(), " frames, fnv1a ", short_name_of(drive.given_poses),
+                "\n");
   }
-  text += str("calibration: fnv1a ", fingerprint(drive.calibration), "\n");
+  text += str("calibration: fnv1a ", short_name_of(drive.calibration), "\n");
   text +=
       str("range-noise: ", exact(config.range_noise), "\ndropout: ", exact(config.dropout), "\n");
   if (config.camera)

@@ -1,11 +1,10 @@
 #include "simulation/output_folder.h"
 
 #include <algorithm>
-#include <charconv>
-#include <cstdio>
 #include <fstream>
 #include <sstream>
 
+#include "revisit/pipeline/text.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/folder.h"
@@ -29,7 +28,7 @@ std::string content(const fs::path& file) {
 
 OutputFolder::OutputFolder(fs::path settings_file, const std::string& settings)
     : settings_file_(std::move(settings_file)),
-      settings_(str(kHeader, settings, "hash: ", fingerprint(settings), "\n")) {}
+      settings_(str(kHeader, settings, "hash: ", short_name_of(settings), "\n")) {}
 
 /// The first line in which the settings there differ from ours.
 std::string OutputFolder::difference(const std::string& known) const {
@@ -89,20 +88,6 @@ void write_text(const fs::path& file, const std::string& text) {
   if (content(file) == text) return;
   make_folder(file.parent_path());
   write_atomically(file, [&](std::ostream& out) { out << text; });
-}
-
-std::string fingerprint(const std::string& bytes) {
-  uint64_t hash = 0xcbf29ce484222325u;
-  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 0x100000001b3u;
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", static_cast<unsigned long long>(hash));
-  return text;
-}
-
-std::string exact(double value) {
-  char text[32];
-  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
-  return {text, end};
 }
 
 }  // namespace revisit::pipeline::simulation

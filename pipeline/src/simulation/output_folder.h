@@ -32,9 +32,5 @@ class OutputFolder {
 
 /// Writes the file if it has not this content already, and the folders above it.
 void write_text(const std::filesystem::path& file, const std::string& text);
-/// Tells texts apart: FNV-1a, 64 bits.
-std::string fingerprint(const std::string& bytes);
-/// With all digits that matter.
-std::string exact(double value);
 
 }  // namespace revisit::pipeline::simulation

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "revisit/pipeline/scan_file.h"
+#include "revisit/pipeline/text.h"
 #include "revisit/proto/error.h"
 #include "simulation/data_set.h"
 #include "simulation/each.h"

@@ -3,6 +3,7 @@
 
 #include "cli/command.h"
 #include "cli/parser.h"
+#include "cli/shell.h"
 #include "cli/table.h"
 #include "experiment/run_experiments.h"
 
@@ -136,10 +137,9 @@ int experiment_command(const Arguments& arguments) {
   if (!options.quiet)
     for (const std::string& passed : inventory.passed_over)
       std::cerr << "passed over: " << passed << "\n";
-  std::string command = "revisit experiment";
-  for (const std::string& argument : arguments) command += " " + argument;
   const std::vector<reports::Experiment> results =
-      run_experiments(options, inventory, make_plans(options, inventory), command);
+      run_experiments(options, inventory, make_plans(options, inventory),
+                      shell_command("revisit experiment", arguments));
   print_results(results);
   const bool good = print_summary(results);
   std::cout << "\nresults: " << options.output.string() << "\n"

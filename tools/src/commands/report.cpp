@@ -2,6 +2,7 @@
 
 #include "cli/command.h"
 #include "cli/parser.h"
+#include "cli/shell.h"
 #include "report/html.h"
 #include "report/markdown.h"
 #include "report/page.h"
@@ -45,8 +46,7 @@ int report_command(const Arguments& arguments) {
   if (!(options.image_mb >= 0 && options.image_mb <= 500))
     throw UsageError(str("--image-mb: expected 0 to 500, found ", options.image_mb));
 
-  options.command = "revisit report";
-  for (const std::string& argument : arguments) options.command += " " + argument;
+  options.command = shell_command("revisit report", arguments);
   options.files = output;
   options.files.replace_extension();
   options.files += "_files";

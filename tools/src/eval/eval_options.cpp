@@ -1,12 +1,12 @@
 #include "eval_options.h"
 
 #include <algorithm>
-#include <cctype>
-#include <string_view>
 
+#include "cli/shell.h"
 #include "eval/config_file.h"
 #include "revisit/pipeline/protocols.h"
 #include "revisit/pipeline/retrieve.h"
+#include "revisit/pipeline/text.h"
 
 namespace revisit::cli {
 namespace {
@@ -22,16 +22,11 @@ std::string known_protocols() {
   return names;
 }
 
-/// As one word of a shell command.
-std::string shell_word(const std::string& text) {
-  const bool plain = !text.empty() && std::ranges::all_of(text, [](unsigned char c) {
-    return std::isalnum(c) ||
-           std::string_view("_-./=,:+@%").find(static_cast<char>(c)) != std::string_view::npos;
-  });
-  if (plain) return text;
-  std::string word = "'";
-  for (const char c : text) word += c == '\'' ? "'\\''" : std::string(1, c);
-  return word + "'";
+/// Where a file or folder is, whatever the working folder. What is none (the name of a model, the
+/// word of another option value) stays as it is.
+std::string placed(const fs::path& given) {
+  std::error_code none;
+  return fs::exists(given, none) ? fs::absolute(given).string() : given.string();
 }
 
 }  // namespace
@@ -43,20 +38,20 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"sensor", f.sensor},
           {"width", f.width ? str(f.width) : ""},
           {"height", f.height ? str(f.height) : ""},
-          {"max-range", f.max_range > 0 ? str(f.max_range) : ""},
+          {"max-range", f.max_range > 0 ? pipeline::exact(f.max_range) : ""},
           {"feature", f.feature},
-          {"model", f.model.string()},
-          {"weights", f.weights.string()},
+          {"model", placed(f.model)},
+          {"weights", placed(f.weights)},
           {"end", f.end},
           {"graft", f.graft},
-          {"mean-bgr", f.mean_bgr},
-          {"images", f.images.string()},
-          {"training-images", f.training_images.string()},
+          {"mean-bgr", placed(f.mean_bgr)},
+          {"images", placed(f.images)},
+          {"training-images", placed(f.training_images)},
           {"new-place", f.new_place},
           {"ring-key-candidates", str(f.ring_key_candidates)},
           {"pca", f.components ? str(*f.components) : ""},
-          {"pca-fit", f.pca_fit},
-          {"memory", str(f.memory_gb)},
+          {"pca-fit", f.pca_fit == "all" || f.pca_fit == "map" ? f.pca_fit : placed(f.pca_fit)},
+          {"memory", pipeline::exact(f.memory_gb)},
           {"protocol", o.protocol},
           {"align", f.align.value_or("")},
           {"query-case", o.query_case},
@@ -65,16 +60,16 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"bootstrap", str(o.resamples)},
           {"distance", o.distance.value_or("")},
           {"exclusion", o.exclusion.value_or("")},
-          {"radius", o.radius ? str(*o.radius) : ""}};
+          {"radius", o.radius ? pipeline::exact(*o.radius) : ""}};
 }
 
 std::string command_of(const EvalOptions& o) {
   const auto settings = settings_of(o), defaults = settings_of({});
-  std::string command = "revisit eval " + shell_word(fs::absolute(o.feature.data).string());
+  Arguments arguments = {fs::absolute(o.feature.data).string()};
   for (size_t i = 0; i < settings.size(); ++i)
     if (settings[i] != defaults[i])
-      command += " --" + settings[i].first + " " + shell_word(settings[i].second);
-  return command;
+      arguments.insert(arguments.end(), {"--" + settings[i].first, settings[i].second});
+  return shell_command("revisit eval", arguments);
 }
 
 EvalOptions parse_eval_options(const Arguments& arguments) {

@@ -32,6 +32,7 @@ struct Exclusion {
   };
   Kind kind = Kind::kFrames;
   double amount = 50;
+  bool operator==(const Exclusion&) const = default;
 };
 /// "frames=50", "seconds=30", "metres=50" or "none"; throws UsageError for anything else.
 Exclusion parse_exclusion(const std::string& text);

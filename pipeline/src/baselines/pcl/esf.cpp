@@ -13,6 +13,7 @@
 #include <random>
 
 #include "baselines/pcl/clouds.h"
+#include "fnv1a.h"
 #include "revisit/pipeline/pcl_features.h"
 #include "revisit/proto/error.h"
 
@@ -70,10 +71,10 @@ namespace {
 using Points = pcl::PointCloud<EsfPoint>;
 
 uint64_t seed_of(const Points& points) {
-  uint64_t hash = 0xCBF29CE484222325ULL;  // FNV-1a
+  uint64_t hash = kFnv1aStart;
   for (const EsfPoint& point : points)
     for (const float value : {point.x, point.y, point.z})
-      hash = (hash ^ std::bit_cast<uint32_t>(value)) * 0x100000001B3ULL;
+      hash = fnv1a(hash, std::bit_cast<uint32_t>(value));
   return hash;
 }
 
