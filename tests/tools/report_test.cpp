@@ -138,6 +138,25 @@ TEST_F(ReportCommand, ImagesAreBounded) {
   EXPECT_NE(html.find("--title 'A B' -o"), std::string::npos) << "its command is for a shell";
 }
 
+TEST_F(ReportCommand, ImagesOfTheSameFrameElsewhereHaveTheirOwnFile) {
+  reports::RunInfo info;
+  info.set_sequence("00");
+  info.set_align("none");
+  info.set_image_width(100);
+  info.set_image_height(112);
+  info.set_elevation_top_deg(3);
+  info.set_elevation_bottom_deg(-25);
+  info.set_max_range_m(80);
+  info.set_closing_width(5);
+  info.set_closing_height(3);
+  fs::create_directories(dir_ / "files");
+  cli::RangeImages images(dir_ / "files", 1'000'000);
+  const fs::path scans = dir_ / "drive/sequences/00/velodyne";
+  for (const char* file : {"000001.bin", "000002.bin"})  // as if each were frame 1 of its town
+    EXPECT_NE(images.add(scans / file, 1, info, false), "") << images.warning();
+  EXPECT_EQ(std::distance(fs::directory_iterator(dir_ / "files"), {}), 2);
+}
+
 TEST_F(ReportCommand, MarkdownHasTheCommandBesideEachNumber) {
   experiment();
   ASSERT_EQ(run_revisit("report " + path("out") + " --no-plots -o " + path("r.html") +

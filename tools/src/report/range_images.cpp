@@ -7,6 +7,7 @@
 
 #include "report/base64.h"
 #include "revisit/pipeline/scan_file.h"
+#include "revisit/pipeline/text.h"
 
 namespace revisit::cli {
 namespace {
@@ -68,7 +69,9 @@ std::string RangeImages::add(const std::string& scan_file, int frame, const repo
     warning_ = str("some range images are missing: ", error.what());
     return "";
   }
-  const std::filesystem::path file = folder_ / (name + ".png");
+  // Several data sets of a report may have the same sequence: the key tells their scans apart.
+  const std::filesystem::path file =
+      folder_ / str(name, "_", pipeline::short_name_of(key).substr(0, 8), ".png");
   pipeline::write_png(file.string(), image);
   std::ostringstream content;
   content << std::ifstream(file, std::ios::binary).rdbuf();
