@@ -115,6 +115,11 @@ TEST_F(ExperimentCommand, Misuse) {
   EXPECT_EQ(run_revisit("experiment all --kitti /nowhere -o " + out().string()).exit_code, 3);
 }
 
+TEST_F(ExperimentCommand, TheFolderOfFetchedModelsIsNotTheOneAskedFor) {
+  const auto result = run_revisit(command("networks-and-layers"), "REVISIT_MODELS=/nowhere");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+}
+
 TEST(DrawnPoints, KeepTheEndsAndDropWhatIsNotSeen) {
   std::vector<pipeline::PrPoint> curve;
   for (int i = 0; i <= 10000; ++i) {

@@ -27,9 +27,9 @@ Number parse_number(const std::string& what, const std::string& text) {
 
 /// What argp collected: options in order, then the positional arguments.
 struct Collected {
-  std::vector<std::pair<const Parser::Option*, std::string>> options;
+  std::vector<std::pair<Parser::Option*, std::string>> options;
   std::vector<std::string> positionals;
-  const std::vector<Parser::Option>* declared = nullptr;
+  std::vector<Parser::Option>* declared = nullptr;
 };
 
 /// argp identifies an option by an integer: a letter, or our index above the range of letters.
@@ -42,7 +42,7 @@ error_t collect(int key, char* argument, argp_state* state) {
     return 0;
   }
   for (size_t i = 0; i < collected.declared->size(); ++i) {
-    const Parser::Option& option = (*collected.declared)[i];
+    Parser::Option& option = (*collected.declared)[i];
     const int option_key = option.letter ? option.letter : kFirstKey + static_cast<int>(i);
     if (key != option_key || option.is_heading) continue;
     collected.options.emplace_back(&option, argument ? argument : "");
@@ -132,11 +132,20 @@ Parser::Option& Parser::find(const std::string& source, const std::string& name)
   throw UsageError(str(source, ": unknown key '", name, "'", did_you_mean(name, known)));
 }
 
+void Parser::apply(Option& option, Source source, const std::string& what,
+                   const std::string& text) {
+  if (option.clear && option.source != source) option.clear();
+  option.source = source;
+  option.apply(what, text);
+}
+
 void Parser::apply_environment() {
-  for (const Option& option : options_) {
+  for (Option& option : options_) {
     if (option.is_heading || option.name == "config" || option.name == "set") continue;
     const std::string name = environment_name(option.name);
-    if (const char* value = std::getenv(name.c_str())) option.apply(name, value);
+    if (name == "REVISIT_MODELS") continue;  // has a meaning of its own: models/cache.h
+    if (const char* value = std::getenv(name.c_str()))
+      apply(option, Source::kEnvironment, name, value);
   }
 }
 
@@ -192,17 +201,18 @@ void Parser::parse(std::vector<std::string> arguments) {
     if (is_config(*option)) option->apply("--" + option->name, text);
   if (config_path_)
     for (const auto& [name, value] : config_reader_(*config_path_))
-      find(config_path_->string(), name).apply(config_path_->string() + ": " + name, value);
+      apply(find(config_path_->string(), name), Source::kConfigFile,
+            config_path_->string() + ": " + name, value);
   apply_environment();
   for (const std::string& set : config_sets_) {
     const size_t equals = set.find('=');
     if (equals == std::string::npos)
       throw UsageError("--set: expected KEY=VALUE, found '" + set + "'");
-    find("--set", set.substr(0, equals))
-        .apply("--set " + set.substr(0, equals), set.substr(equals + 1));
+    const std::string name = set.substr(0, equals);
+    apply(find("--set", name), Source::kSet, "--set " + name, set.substr(equals + 1));
   }
   for (const auto& [option, text] : collected.options)
-    if (!is_config(*option)) option->apply("--" + option->name, text);
+    if (!is_config(*option)) apply(*option, Source::kCommandLine, "--" + option->name, text);
   apply_positionals(collected.positionals);
 }
 

@@ -20,7 +20,9 @@ T parse_value(const std::string& what, const std::string& text);
 /// parsing, abbreviations, `--help` and `--usage`.
 ///
 /// Values are applied in the order defaults < config file < environment < command line: the
-/// configuration sets them by long name, `REVISIT_<LONG_NAME>` does the same from the environment.
+/// configuration sets them by long name, `REVISIT_<LONG_NAME>` does the same from the environment
+/// (but for $REVISIT_MODELS, which is the folder of fetched models: models/cache.h). A repeatable
+/// option takes the values of the last source that has any.
 class Parser {
  public:
   /// `usage` is the argument synopsis ("PROTOTXT [WEIGHTS]"); `examples` is printed under --help.
@@ -36,6 +38,7 @@ class Parser {
          [target](const std::string& what, const std::string& text) {
            assign(what, text, target);
          }});
+    if constexpr (IsVector<T>::value) options_.back().clear = [target] { target->clear(); };
     return *this;
   }
 
@@ -68,11 +71,16 @@ class Parser {
   /// Throws UsageError for values that do not fit.
   void parse(std::vector<std::string> arguments);
 
+  /// Where a value comes from; each overrules those before it.
+  enum class Source { kDefault, kConfigFile, kEnvironment, kSet, kCommandLine };
+
   struct Option {
     std::string name, metavar, help;
     char letter = 0;
     std::function<void(const std::string& what, const std::string& text)> apply;
     bool is_heading = false;
+    std::function<void()> clear = {};  // of a repeatable option
+    Source source = Source::kDefault;
   };
 
  private:
@@ -109,6 +117,8 @@ class Parser {
     return *this;
   }
   void add(Option option);
+  static void apply(Option& option, Source source, const std::string& what,
+                    const std::string& text);
   Option& find(const std::string& source, const std::string& name);
   void apply_environment();
   void apply_positionals(const std::vector<std::string>& arguments);

@@ -29,7 +29,8 @@ ExperimentOptions parse_options(const Arguments& arguments) {
                 &o.kitti);
   parser.option("models", "DIR",
                 "folder of networks (.caffemodel with its prototxt, in sub-folders, too); may be "
-                "repeated (default: the fetched models)",
+                "repeated (default: the fetched models, in $REVISIT_MODELS or "
+                "~/.cache/revisit/models)",
                 &o.models);
   parser.option("hkust", "DIR", "sets of places: DIR/rotation and DIR/objects", &o.hkust);
   parser.option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
