@@ -5,7 +5,7 @@
 
 #include "cli/json.h"
 #include "eval/curve.h"
-#include "experiment/catalog.h"
+#include "experiment/plan.h"
 #include "reports.pb.h"
 #include "small_drive.h"
 #include "test_data.h"
@@ -118,6 +118,20 @@ TEST_F(ExperimentCommand, Misuse) {
 TEST_F(ExperimentCommand, TheFolderOfFetchedModelsIsNotTheOneAskedFor) {
   const auto result = run_revisit(command("networks-and-layers"), "REVISIT_MODELS=/nowhere");
   EXPECT_EQ(result.exit_code, 0) << result.err;
+}
+
+TEST(ExperimentPlan, ClaimsAreThePapers) {
+  cli::ExperimentOptions options;
+  options.names = {"comparison"};
+  options.kitti = "kitti";
+  cli::Inventory inventory;
+  inventory.drives = {{"00", 4541}};
+  inventory.networks = {{"net", "net.prototxt", "net.caffemodel", true, {{"pool5", ""}}}};
+  const std::vector<cli::ExperimentPlan> plans = cli::make_plans(options, inventory);
+  std::vector<std::string> worse;
+  for (const cli::Claim& claim : plans.at(0).claims) worse.push_back(claim.worse);
+  EXPECT_EQ(worse,
+            (std::vector<std::string>{"range image (data)", "VFH", "ESF", "GRSD", "FAB-MAP"}));
 }
 
 TEST(DrawnPoints, KeepTheEndsAndDropWhatIsNotSeen) {

@@ -62,8 +62,8 @@ const std::vector<PaperMethod>& paper_methods() {
       {"esf", "ESF", false, "", 18.0},
       {"grsd", "GRSD", false, "normals within 0.05 m, radius 0.1 m", 1.6},
       {"fabmap", "FAB-MAP", true, "SIFT, 400 words", 8.7},
-      {"scan-context", "Scan Context", false, "20 rings, 60 sectors", 0},
-      {"m2dp", "M2DP", false, "4 x 16 planes, 8 x 16 bins", 0},
+      {"scan-context", "Scan Context", false, "20 rings, 60 sectors", 0, false},
+      {"m2dp", "M2DP", false, "4 x 16 planes, 8 x 16 bins", 0, false},
   };
   return methods;
 }

@@ -19,13 +19,14 @@ const std::vector<ExperimentInfo>& experiments();
 /// The entry called `name`. Throws UsageError with the nearest name.
 const ExperimentInfo& find_experiment(const std::string& name);
 
-/// A row of the paper's Table II, to stand beside ours.
+/// A row of the paper's Table II, to stand beside ours, or a method that is compared besides.
 struct PaperMethod {
   std::string feature;  // our --feature; "cnn" is the method itself
   std::string method;
   bool needs_training = false;
   std::string parameters;
   double frames_per_second = 0;  // on its 3.2 GHz CPU, one thread; 0: not in the paper
+  bool in_paper = true;
 };
 const std::vector<PaperMethod>& paper_methods();
 

@@ -201,7 +201,7 @@ class Planner {
         });
       }
     for (const PaperMethod& method : paper_methods())
-      if (method.feature != "cnn")
+      if (method.in_paper && method.feature != "cnn")
         claim(plan, "proposed is better than " + method.method, "proposed", method.method);
     name_feature(plan);
   }
