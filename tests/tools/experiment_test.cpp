@@ -7,6 +7,7 @@
 #include "eval/curve.h"
 #include "experiment/plan.h"
 #include "reports.pb.h"
+#include "revisit/weights_conversion/random_model.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -113,11 +114,39 @@ TEST_F(ExperimentCommand, Misuse) {
   EXPECT_NE(unknown.err.find("did you mean 'alignment'"), std::string::npos) << unknown.err;
   EXPECT_EQ(run_revisit("experiment all -o " + out().string()).exit_code, 2);
   EXPECT_EQ(run_revisit("experiment all --kitti /nowhere -o " + out().string()).exit_code, 3);
+  for (const char* bad : {"--sensor hdl65", "--threads -1", "--width -5", "--width 1000000000"}) {
+    const auto result = run_revisit(command("all", bad));
+    EXPECT_EQ(result.exit_code, 2) << bad << result.out << result.err;
+    EXPECT_FALSE(fs::exists(out())) << bad;
+  }
 }
 
 TEST_F(ExperimentCommand, TheFolderOfFetchedModelsIsNotTheOneAskedFor) {
   const auto result = run_revisit(command("networks-and-layers"), "REVISIT_MODELS=/nowhere");
   EXPECT_EQ(result.exit_code, 0) << result.err;
+}
+
+TEST_F(ExperimentCommand, PlacesNeedNoDrivesAndHaveTheWidthAskedFor) {
+  models::write_random_model(dir_ / "models", "alexnet", 1);
+  for (int place = 0; place < 3; ++place)
+    for (int scan = 0; scan < 11; ++scan) {
+      const fs::path folder = dir_ / "places/objects" / std::to_string(place);
+      fs::create_directories(folder);
+      fs::copy_file(
+          dir_ / "drive/sequences/00/velodyne" / ("00000" + std::to_string(place) + ".bin"),
+          folder / (std::to_string(scan) + ".bin"));
+    }
+  const auto result =
+      run_revisit("experiment hkust-objects easy-vs-median --hkust " + (dir_ / "places").string() +
+                  " --models " + (dir_ / "models").string() + " --width 100 -o " + out().string());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const reports::Experiment objects = read("hkust-objects");
+  ASSERT_EQ(objects.runs_size(), 3);
+  for (const reports::ExperimentRun& run : objects.runs()) {
+    EXPECT_EQ(run.state(), "done") << run.reason();
+    EXPECT_NE(run.command().find(" --width 100 "), std::string::npos) << run.command();
+  }
+  EXPECT_NE(read("easy-vs-median").runs(0).reason().find("--kitti"), std::string::npos);
 }
 
 TEST(ExperimentPlan, ClaimsAreThePapers) {

@@ -5,6 +5,7 @@
 #include "cli/parser.h"
 #include "cli/shell.h"
 #include "cli/table.h"
+#include "eval/feature_options.h"
 #include "experiment/run_experiments.h"
 
 namespace revisit::cli {
@@ -25,7 +26,8 @@ ExperimentOptions parse_options(const Arguments& arguments) {
                 "  revisit report results/paper -o report.html     # afterwards\n");
   parser.optional_positional("NAME", &o.names);
   parser.group("Data:");
-  parser.option("kitti", "DIR", "KITTI odometry, or drives that `revisit simulate` wrote",
+  parser.option("kitti", "DIR",
+                "KITTI odometry, or drives that `revisit simulate` wrote (not needed with --hkust)",
                 &o.kitti);
   parser.option("models", "DIR",
                 "folder of networks (.caffemodel with its prototxt, in sub-folders, too); may be "
@@ -56,6 +58,21 @@ ExperimentOptions parse_options(const Arguments& arguments) {
   parser.flag("quiet", "only results and errors", &o.quiet, 'q');
   parser.parse(arguments);
   return o;
+}
+
+/// What every run shares is judged once, here: in a run it would only be a reason to leave it out.
+void check(const ExperimentOptions& options) {
+  if (options.kitti.empty() && !options.hkust)
+    throw UsageError("give the data set: --kitti DIR, --hkust DIR or both");
+  if (options.output.empty()) throw UsageError("give the folder of the results: -o DIR");
+  if (!(options.feature_mb > 0))
+    throw UsageError(str("--feature-mb: expected a positive number, found ", options.feature_mb));
+  FeatureOptions shared;
+  shared.sensor = options.sensor;
+  shared.width = options.width;
+  shared.threads = options.threads;
+  pipeline::check_geometry(shared.geometry());
+  shared.thread_count();
 }
 
 void print_list() {
@@ -126,10 +143,7 @@ int experiment_command(const Arguments& arguments) {
   }
   for (const std::string& name : options.names)
     if (name != "all") find_experiment(name);
-  if (options.kitti.empty()) throw UsageError("give the data set: --kitti DIR");
-  if (options.output.empty()) throw UsageError("give the folder of the results: -o DIR");
-  if (!(options.feature_mb > 0))
-    throw UsageError(str("--feature-mb: expected a positive number, found ", options.feature_mb));
+  check(options);
 
   const Inventory inventory = take_inventory(options);
   if (!options.quiet)

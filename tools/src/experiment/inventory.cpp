@@ -133,7 +133,7 @@ const DriveFound* Inventory::drive(const std::string& sequence) const {
 
 Inventory take_inventory(const ExperimentOptions& options) {
   Inventory found;
-  find_drives(options, found);
+  if (!options.kitti.empty()) find_drives(options, found);
   if (found.drives.empty() && !options.hkust) throw InputError(found.missing.front());
   find_networks(options, found);
   for (const PaperNetwork& wanted : kPaperNetworks) {

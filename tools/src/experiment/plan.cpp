@@ -53,9 +53,10 @@ class Planner {
   Arguments common(const std::string& sequence) const {
     Arguments arguments = {options_.kitti.string(), "--sequence", sequence,       "--every",
                            str(options_.every),     "--sensor",   options_.sensor};
-    if (options_.width) add(arguments, {"--width", str(options_.width)});
+    add(arguments, width());
     return arguments;
   }
+  Extra width() const { return options_.width ? Extra{"--width", str(options_.width)} : Extra{}; }
   static void add(Arguments& to, const Extra& more) {
     to.insert(to.end(), more.begin(), more.end());
   }
@@ -76,7 +77,10 @@ class Planner {
            std::initializer_list<Extra> extras, const std::string& feature = "cnn") const {
     PlannedRun planned{sequence, label, common(sequence), feature, ""};
     for (const Extra& extra : extras) add(planned.arguments, extra);
-    if (!inventory_.drive(sequence)) planned.skipped = "sequence " + sequence + " is not there";
+    if (options_.kitti.empty())
+      planned.skipped = "no drives: give --kitti DIR";
+    else if (!inventory_.drive(sequence))
+      planned.skipped = "sequence " + sequence + " is not there";
     plan.runs.push_back(std::move(planned));
   }
 
@@ -218,6 +222,7 @@ class Planner {
             planned.arguments = {
                 options_.hkust->string(), "--sequence", set, "--sensor", "vlp16", "--protocol",
                 str("places-", part)};
+            add(planned.arguments, width());
             add(planned.arguments, feature);
             add(planned.arguments, extra);
           } else {
