@@ -23,11 +23,6 @@ namespace {
 
 using namespace simulation;
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 fs::path scan_name(const Shot& shot) {
   char name[40];
@@ -94,7 +89,7 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
   const OutputFolder::Files there =
       folder.open(wanted, scans_there(config.output), {truth}, config.overwrite);
 
-  const Clock::time_point start = Clock::now();
+  const auto start = std::chrono::steady_clock::now();
   World world = build_world(config.seed, path.points, roads, ground);
   std::vector<Passers> passers(shots.size());
   if (config.scans == PlaceScans::kObjects)

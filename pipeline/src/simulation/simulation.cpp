@@ -19,11 +19,6 @@ namespace revisit::pipeline {
 namespace {
 
 using namespace simulation;
-using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
 
 NoiseModel noise_of(const SimulationConfig& config) {
   return {config.range_noise, config.dropout};
@@ -87,7 +82,7 @@ SimulationSummary simulate(const SimulationConfig& config,
   DataSet data(config, drive);
   const std::set<int> there = data.open(wanted, config.overwrite);
 
-  const Clock::time_point start = Clock::now();
+  const auto start = std::chrono::steady_clock::now();
   const Path path = resample(drive.poses);
   const RoadMap roads(drive.poses, path.points);
   const Ground ground(config.seed, roads);

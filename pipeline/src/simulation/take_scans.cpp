@@ -1,7 +1,5 @@
 #include "simulation/take_scans.h"
 
-#include <chrono>
-
 #include "revisit/proto/error.h"
 #include "simulation/each.h"
 
@@ -24,8 +22,11 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
   if (stopped)
     throw Interrupted(str("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
                           folder.string(), "; run the same command again to continue"));
-  summary.scan_seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  summary.scan_seconds = seconds_since(start);
+}
+
+double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 double mean_points(std::span<const std::filesystem::path> files) {

@@ -1,11 +1,10 @@
-#include <charconv>
-#include <cstdio>
 #include <iostream>
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
 #include "cli/parser.h"
 #include "cli/progress.h"
+#include "cli/table.h"
 #include "revisit/pipeline/simulation.h"
 
 namespace revisit::cli {
@@ -61,14 +60,8 @@ void parse_frames(const std::string& text, pipeline::SimulationConfig* config) {
   config->last_frame = parse_value<int>("--frames", text.substr(dash + 1));
 }
 
-std::string fixed(double value, int digits) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f", digits, value);
-  return text;
-}
-
 void print_scans(const pipeline::SimulationSummary& summary) {
-  std::cout << summary.scans << " scans of " << fixed(summary.mean_points, 0)
+  std::cout << summary.scans << " scans of " << number(summary.mean_points, 0)
             << " points on average";
   if (summary.kept > 0) std::cout << " (" << summary.kept << " kept from an earlier run)";
 }
@@ -76,15 +69,15 @@ void print_scans(const pipeline::SimulationSummary& summary) {
 void print_speed(const pipeline::SimulationSummary& summary) {
   const int64_t made = summary.scans - summary.kept;
   if (made == 0) return;
-  std::cout << fixed(static_cast<double>(made) / summary.scan_seconds, 1) << " scans/s; town of "
-            << fixed(static_cast<double>(summary.triangles) * 1e-6, 2)
-            << " million triangles built in " << fixed(summary.build_seconds, 1) << " s\n";
+  std::cout << number(static_cast<double>(made) / summary.scan_seconds, 1) << " scans/s; town of "
+            << number(static_cast<double>(summary.triangles) * 1e-6, 2)
+            << " million triangles built in " << number(summary.build_seconds, 1) << " s\n";
 }
 
 void print(const pipeline::SimulationConfig& config, const pipeline::SimulationSummary& summary) {
   print_scans(summary);
   if (config.camera) std::cout << ", each with a picture";
-  std::cout << ", of a drive of " << fixed(summary.path_metres, 0) << " m\n";
+  std::cout << ", of a drive of " << number(summary.path_metres, 0) << " m\n";
   print_speed(summary);
   std::cout << "in " << (config.output / "sequences" / config.sequence).string() << ", poses in "
             << (config.output / "poses" / (config.sequence + ".txt")).string() << "\n"

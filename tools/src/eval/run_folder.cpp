@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
-#include <iomanip>
 #include <numbers>
 
 #include "cli/json.h"
+#include "cli/local_time.h"
 #include "cli/table.h"
 #include "eval/run_info.h"
 #include "plots/metrics_report.h"
@@ -18,15 +17,6 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string local_time() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  localtime_r(&now, &parts);
-  std::ostringstream text;
-  text << std::put_time(&parts, "%Y-%m-%d_%H-%M-%S");
-  return text.str();
-}
 
 void write_text(const fs::path& file, const std::string& text) {
   write_atomically(file, [&](std::ostream& out) { out << text; });
@@ -114,7 +104,7 @@ fs::path make_run_folder(const fs::path& output, const pipeline::Dataset& datase
   const fs::path parent = output / name;
   std::error_code error;
   fs::create_directories(parent, error);
-  const std::string time = local_time();
+  const std::string time = local_time("%Y-%m-%d_%H-%M-%S");
   fs::path run = parent / time;
   for (int i = 2; !error && !fs::create_directory(run, error) && !error; ++i)
     run = parent / str(time, "_", i);

@@ -2,18 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <fstream>
-#include <iomanip>
 #include <limits>
 #include <optional>
 #include <set>
 #include <sstream>
 
+#include "cli/local_time.h"
 #include "experiment/catalog.h"
 #include "plots/plots.h"
 #include "report/base64.h"
 #include "report/range_images.h"
+#include "revisit/proto/error.h"
 #include "revisit/proto/folder.h"
 
 namespace revisit::cli {
@@ -262,15 +262,6 @@ class Figures {
   std::string warning_;
 };
 
-std::string local_time() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  localtime_r(&now, &parts);
-  std::ostringstream text;
-  text << std::put_time(&parts, "%Y-%m-%d %H:%M");
-  return text.str();
-}
-
 }  // namespace
 
 reports::Page make_page(const ReportData& data, const PageOptions& options) {
@@ -278,7 +269,7 @@ reports::Page make_page(const ReportData& data, const PageOptions& options) {
   reports::Page page;
   page.set_title(options.title);
   page.set_version(REVISIT_VERSION);
-  page.set_made(local_time());
+  page.set_made(local_time("%Y-%m-%d %H:%M"));
   page.set_command(options.command);
   Figures figures(options);
   RangeImages images(options.files, static_cast<size_t>(options.image_mb * 1e6));
