@@ -32,21 +32,22 @@ void check_outputs(const std::vector<Shape>& outputs, int64_t limit) {
   int64_t bytes = 0;
   for (const Shape& output : outputs) bytes += bytes_of(output);
   if (bytes > limit)
-    throw InputError(str("its outputs take ", bytes / kMegabyte, " MB, more than the limit of ",
-                         limit / kMegabyte,
-                         " MB (PlanOptions::max_arena_bytes); choose smaller input shapes"));
+    throw InputError(str(
+        "its outputs take ", bytes / kMegabyte, " MB, more than the limit of ", limit / kMegabyte,
+        " MB (--max-run-mb, PlanOptions::max_arena_bytes); choose smaller input shapes"));
 }
 
 void check_arena(const Plan::Impl& plan, int64_t limit) {
-  const int64_t bytes = plan.arena_floats * static_cast<int64_t>(sizeof(float));
-  if (bytes <= limit) return;
+  constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
+  if (plan.arena_floats <= limit / kFloat) return;
   const auto largest =
       std::max_element(plan.buffers.begin(), plan.buffers.end(),
                        [](const BufferUse& a, const BufferUse& b) { return a.bytes < b.bytes; });
-  throw InputError(str(plan.net->file, ": running the net takes ", bytes / kMegabyte,
-                       " MB, more than the limit of ", limit / kMegabyte,
-                       " MB (PlanOptions::max_arena_bytes); most is for '", largest->what,
-                       "': ", largest->bytes / kMegabyte, " MB; choose smaller input shapes"));
+  throw InputError(
+      str(plan.net->file, ": running the net takes ", plan.arena_floats / (kMegabyte / kFloat),
+          " MB, more than the limit of ", limit / kMegabyte,
+          " MB (--max-run-mb, PlanOptions::max_arena_bytes); most is for '", largest->what,
+          "': ", largest->bytes / kMegabyte, " MB; choose smaller input shapes"));
 }
 
 void check_threads(int threads) {

@@ -7,7 +7,7 @@
 namespace revisit::engine {
 
 // What a few lines of prototxt can ask for has no bounds: these are checked before anything is
-// allocated. All throw an error that names the layer and the option that sets the limit.
+// allocated. The errors name the layer, the limit and what to do.
 
 void check_weight_bytes(const Net::Impl& net, int64_t limit);
 

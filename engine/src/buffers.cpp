@@ -145,7 +145,6 @@ class Placer {
              : step == end_  ? net_.graph.nodes.size()
                              : schedule_.steps[step].layer;
     };
-    result_.unshared_floats += buffer.floats;
     result_.buffers.push_back({buffer.what, offset * kFloat, buffer.floats * kFloat,
                                layer_of(buffer.first), layer_of(buffer.last)});
   }

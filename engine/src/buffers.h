@@ -13,7 +13,6 @@ struct Placement {
   std::vector<int64_t> new_floats;      // as Schedule::steps: memory that its outputs take anew
   std::vector<BufferUse> buffers;       // for people
   int64_t arena_floats = 0;
-  int64_t unshared_floats = 0;  // what all buffers would take without sharing over time
 };
 
 /// Lets values share buffers (views, work in place, inputs of a Concat that lie in its output) and

@@ -148,7 +148,9 @@ class Fuser {
     const auto* both = std::get_if<LrnMaxPooling>(&form);
     if (!pooling && !both) return false;
     Operation* const first = only_maker(operation.inputs[0]);
-    if (!first || maker_[first->inputs[0]] != kNone || first->fusion.adds_last_input) return false;
+    if (!first || maker_[first->inputs[0]] != kNone || first->fusion.adds_last_input ||
+        first->fusion.pooling)
+      return false;
     const Form maker_form = form_of(*first);
     const auto* convolving = std::get_if<Convolving>(&maker_form);
     if (!convolving || !takes_plain_input(convolving->problem, first->fusion)) return false;

@@ -20,8 +20,4 @@ constexpr int64_t padded_channels(int64_t c) {
   return channel_blocks(c) * kLanes;
 }
 
-constexpr int64_t floats_in_layout(Layout layout, int64_t n, int64_t c, int64_t h, int64_t w) {
-  return n * (layout == Layout::kBlocked ? padded_channels(c) : c) * h * w;
-}
-
 }  // namespace revisit::engine

@@ -117,9 +117,6 @@ const std::vector<Port>& Net::inputs() const {
 const std::vector<std::string>& Net::layer_names() const {
   return impl_->layer_names;
 }
-bool Net::has_weights() const {
-  return impl_->has_weights;
-}
 const std::vector<std::string>& Net::warnings() const {
   return impl_->warnings;
 }

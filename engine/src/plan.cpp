@@ -1,4 +1,3 @@
-#include <algorithm>
 
 #include "budget.h"
 #include "buffers.h"
@@ -106,7 +105,6 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   plan->net = impl_;
   plan->costs = describe_layers(*impl_, shapes);
   plan->arena_floats = placement.arena_floats;
-  plan->unshared_floats = placement.unshared_floats;
   plan->buffers = placement.buffers;
   check_arena(*plan, options.max_arena_bytes);
 
@@ -140,10 +138,10 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   if (options.keep_all) {
     for (const Node& node : graph.nodes)
       for (size_t port = 0; port < node.outputs.size(); ++port)
-        plan->output_slots.try_emplace(port_name(node.name, port), slot_of(node.outputs[port]));
+        plan->layer_slots.try_emplace(port_name(node.name, port), slot_of(node.outputs[port]));
   }
   for (const Graph::Output& output : graph.outputs) {
-    plan->output_slots.insert_or_assign(output.name, slot_of(output.value));
+    plan->output_slots.emplace(output.name, slot_of(output.value));
     plan->outputs.push_back({output.name, shapes[output.value]});
   }
   for (const LayerCost& cost : plan->costs) {
@@ -167,9 +165,6 @@ const std::vector<Port>& Plan::outputs() const {
 }
 int64_t Plan::arena_bytes() const {
   return impl_->arena_floats * kFloatBytes;
-}
-int64_t Plan::unshared_activation_bytes() const {
-  return impl_->unshared_floats * kFloatBytes;
 }
 int64_t Plan::weight_bytes() const {
   return impl_->weight_floats * kFloatBytes;

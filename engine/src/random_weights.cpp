@@ -1,4 +1,5 @@
 #include <cmath>
+#include <map>
 
 #include "weights.h"
 
@@ -19,11 +20,20 @@ uint64_t next_random(uint64_t& state) {
 /// moving variances of BatchNorm (blob 1; blob 2 divides both sums) around 1.
 void fill_randomly(Net::Impl& net, uint64_t seed) {
   uint64_t state = seed;
+  std::map<std::string, const Tensor*> first_of;  // of each group that shares a parameter
   for (size_t n = 0; n < net.nodes.size(); ++n) {
     std::vector<Tensor>& weights = net.nodes[n].weights;
     const bool batch_norm = net.graph.nodes[n].param.type() == "BatchNorm";
     for (size_t blob = 0; blob < weights.size(); ++blob) {
       Tensor& weight = weights[blob];
+      const auto group = net.sharing.find({net.graph.nodes[n].name, blob});
+      if (group != net.sharing.end()) {
+        const auto [first, is_new] = first_of.try_emplace(group->second, &weight);
+        if (!is_new) {
+          weight.values = first->second->values;
+          continue;
+        }
+      }
       const int64_t fan_in =
           weight.shape.rank() > 1 ? weight.shape.product(1, weight.shape.rank()) : 1;
       const double limit =

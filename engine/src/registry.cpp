@@ -17,7 +17,7 @@ struct Entry {
   const char* does;
 };
 
-/// THE table of layer types. ("Input" is not here: it runs nothing, graph.cpp takes it.)
+/// THE table of layer types. ("Input" is not here: it runs nothing, load.cpp takes it.)
 constexpr Entry kTable[] = {
     {"AbsVal", make_abs_val, "Caffe", "absolute value"},
     {"Accuracy", make_accuracy, "Caffe", "share of labels among the k best scores"},

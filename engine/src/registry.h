@@ -1,8 +1,6 @@
 #pragma once
 
 #include <memory>
-#include <string>
-#include <vector>
 
 #include "layer.h"
 #include "revisit/engine/layer_types.h"

@@ -36,6 +36,13 @@ struct Run::Memory {
   std::vector<Operands> operands;  // as plan.steps
   std::vector<int64_t> rows;       // as plan.costs: what layers with dynamic rows wrote last
 
+  View<const float> view(const Plan::Impl::Slot& slot) const {
+    Shape shape = slot.shape;
+    if (slot.rows)
+      shape = shape.with_rows(slot.rows->axis, slot.rows->multiple * rows[slot.rows->layer]);
+    return {arena.data() + slot.offset, std::move(shape)};
+  }
+
   void run(const Step& step, size_t i) {
     const Operands& o = operands[i];
     step.kernel.run({o.inputs, o.outputs, o.scratch, o.state, &rows[step.layer]});
@@ -68,11 +75,11 @@ View<float> Run::input(std::string_view blob) {
 }
 
 View<const float> Run::output(std::string_view name) const {
-  const Plan::Impl::Slot& slot = find_slot(plan_.impl_->output_slots, name, "output");
-  Shape shape = slot.shape;
-  if (const auto& rows = slot.rows)
-    shape = shape.with_rows(rows->axis, rows->multiple * memory_->rows[rows->layer]);
-  return {memory_->arena.data() + slot.offset, std::move(shape)};
+  return memory_->view(find_slot(plan_.impl_->output_slots, name, "output"));
+}
+
+View<const float> Run::layer_output(std::string_view name) const {
+  return memory_->view(find_slot(plan_.impl_->layer_slots, name, "output of a layer"));
 }
 
 void Run::forward() noexcept {

@@ -1,7 +1,6 @@
 #include "hdf5_file.h"
 
 #include <limits>
-#include <optional>
 
 #include "revisit/proto/error.h"
 

@@ -1,12 +1,15 @@
 #include "revisit/proto/net_file.h"
 
+#include <fcntl.h>
 #include <google/protobuf/text_format.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string_view>
 
@@ -30,18 +33,22 @@ std::string read_text(const fs::path& file, const Limits& limits) {
   std::error_code ignored;
   if (fs::is_directory(file, ignored))
     throw InputError(str(file.string(), ": is a folder, expected a prototxt"));
-  errno = 0;
-  std::ifstream in(file, std::ios::binary);
-  if (!in)
-    throw InputError(str(file.string(), ": cannot open: ", std::strerror(errno ? errno : EIO)));
+  const auto fail = [&](const char* doing) -> InputError {
+    return InputError(str(file.string(), ": cannot ", doing, ": ", std::strerror(errno)));
+  };
+  // Opening a pipe that nobody writes to would wait for ever; reading it finds its end.
+  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (descriptor < 0) throw fail("open");
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> in(::fdopen(descriptor, "rb"), std::fclose);
+  if (!in || ::fcntl(descriptor, F_SETFL, O_RDONLY) != 0) throw fail("open");
   std::string text;
   std::vector<char> chunk(1 << 16);
-  while (in && static_cast<int64_t>(text.size()) <= limits.text_bytes) {
-    in.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
-    text.append(chunk.data(), static_cast<size_t>(in.gcount()));
+  while (static_cast<int64_t>(text.size()) <= limits.text_bytes) {
+    const size_t size = std::fread(chunk.data(), 1, chunk.size(), in.get());
+    text.append(chunk.data(), size);
+    if (size < chunk.size()) break;
   }
-  if (in.bad())
-    throw InputError(str(file.string(), ": cannot read: ", std::strerror(errno ? errno : EIO)));
+  if (std::ferror(in.get())) throw fail("read");
   return text;
 }
 

@@ -279,11 +279,6 @@ void fold_padding(const caffe::NetParameter& net, const Producers& producers, in
 
 }  // namespace
 
-std::string v2_type_of_v0(const std::string& type) {
-  const auto known = v1_type(type);
-  return known ? v2_type_of_v1(*known) : "";
-}
-
 void upgrade_v0(caffe::NetParameter& net, std::vector<std::string>& warnings) {
   if (std::ranges::none_of(net.layers(), [](const V1& layer) { return layer.has_layer(); })) return;
 

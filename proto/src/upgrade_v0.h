@@ -12,7 +12,4 @@ namespace revisit::proto {
 /// Throws UpgradeError; parameters that mean nothing for a layer's type are warned about.
 void upgrade_v0(caffe::NetParameter& net, std::vector<std::string>& warnings);
 
-/// The V2 spelling of a V0 layer type, e.g. "conv" -> "Convolution"; "" when there is none.
-std::string v2_type_of_v0(const std::string& type);
-
 }  // namespace revisit::proto

@@ -151,10 +151,6 @@ void upgrade_layer(const V1& v1, caffe::LayerParameter& v2) {
 
 }  // namespace
 
-std::string v2_type_of_v1(int type) {
-  return V1::LayerType_IsValid(type) ? type_name(static_cast<V1::LayerType>(type)) : "";
-}
-
 void upgrade_data_transform(caffe::NetParameter& net) {
   for (V1& layer : *net.mutable_layers()) {
     if (layer.type() == V1::DATA && layer.has_data_param()) {

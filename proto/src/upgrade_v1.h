@@ -12,8 +12,4 @@ void upgrade_data_transform(caffe::NetParameter& net);
 /// Turns V1 `layers` (2014: types are an enum) into V2 `layer`. The net has no V2 layer yet.
 void upgrade_v1(caffe::NetParameter& net);
 
-/// The V2 spelling of a V1LayerParameter::LayerType, e.g. 4 -> "Convolution"; "" for NONE and for
-/// numbers that are no type.
-std::string v2_type_of_v1(int type);
-
 }  // namespace revisit::proto

@@ -1,13 +1,10 @@
 #include "revisit/proto/weights_file.h"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <string_view>
 
 #include "file_cursor.h"
-#include "upgrade_v0.h"
-#include "upgrade_v1.h"
 #include "weights_blob.h"
 #include "weights_hdf5.h"
 #include "wire_reader.h"
@@ -24,11 +21,11 @@ constexpr uint64_t kLongestName = 64 * 1024;  // [bytes]
 
 // Where the three generations of layers keep things: field numbers of their messages.
 struct LayerFields {
-  uint32_t name, type, blobs;
+  uint32_t name, blobs;
 };
-constexpr LayerFields kV0 = {1, 2, 50};
-constexpr LayerFields kV1 = {4, 5, 6};
-constexpr LayerFields kV2 = {1, 2, 7};
+constexpr LayerFields kV0 = {1, 50};
+constexpr LayerFields kV1 = {4, 6};
+constexpr LayerFields kV2 = {1, 7};
 constexpr uint32_t kV0InsideV1 = 1;
 // NetParameter.
 constexpr uint32_t kV1Layers = 2, kV2Layer = 100;
@@ -154,7 +151,6 @@ class Caffemodel final : public WeightsFile {
       index_layer(field, kV0, layer, blobs);
       found = true;
     }
-    if (found) layer.type = v2_type_of_v0(layer.type);
     return found;
   }
 
@@ -163,10 +159,6 @@ class Caffemodel final : public WeightsFile {
     WireReader reader(cursor_, message.begin, message.end);
     for (WireField field; reader.next(field);) {
       if (field.is(numbers.name, WireType::kLength)) layer.name = read_string(field);
-      if (field.is(numbers.type, WireType::kLength)) layer.type = read_string(field);
-      if (field.is(numbers.type, WireType::kVarint)) {
-        layer.type = v2_type_of_v1(static_cast<int>(field.value));
-      }
       if (!field.is(numbers.blobs, WireType::kLength)) continue;
       if (++n_blobs_ > limits_.layers * kBlobsPerLayer) {
         throw WireError(field.begin, str("more than ", limits_.layers * kBlobsPerLayer,
@@ -180,7 +172,7 @@ class Caffemodel final : public WeightsFile {
   std::string read_string(const WireField& field) {
     const uint64_t length = field.end - field.begin;
     if (length > kLongestName) {
-      throw WireError(field.begin, str("a layer name or type of ", length, " bytes"));
+      throw WireError(field.begin, str("a layer name of ", length, " bytes"));
     }
     std::string text(length, '\0');
     cursor_.seek(field.begin);

@@ -64,8 +64,7 @@ test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const Case& c,
   const auto addend =
       test::to_blocked(p.n, p.c_out, c.addend.empty() ? 0 : p.out_pixels(), c.addend);
   test::AlignedFloats scratch(kernel.scratch_floats(p), kDirty);
-  test::AlignedFloats output(floats_in_layout(Layout::kBlocked, p.n, p.c_out, p.out_h, p.out_w),
-                             kNan);
+  test::AlignedFloats output(p.n * padded_channels(p.c_out) * p.out_pixels(), kNan);
   kernel.run(p, {kernel.input == Layout::kPlain ? c.input.data() : blocked_input.data(),
                  packed.data(), bias.data(), c.addend.empty() ? nullptr : addend.data(), c.epilogue,
                  output.data(), scratch.data()});

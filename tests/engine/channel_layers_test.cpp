@@ -1,8 +1,6 @@
 // Layers with numbers of their own for each channel, and normalisation, on cases computed by hand.
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "checked_layer.h"
 #include "expect_error.h"
 

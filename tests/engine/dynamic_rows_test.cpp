@@ -84,7 +84,7 @@ TEST_F(FilterNet, ViewsFollowTheRows) {
   forward(run, {0, 1, 1});
   EXPECT_EQ(run.output("flat").shape, (Shape{2, 4}));
   EXPECT_EQ(run.output("line").shape, (Shape{8}));
-  EXPECT_EQ(run.output("drop").shape, (Shape{2, 2, 2}));
+  EXPECT_EQ(run.layer_output("drop").shape, (Shape{2, 2, 2}));
   EXPECT_EQ(values(run, "line"), (std::vector<float>{4, 5, 6, 7, 8, 9, 10, 11}));
 }
 
@@ -138,8 +138,8 @@ TEST(DetectorNet, TheOutputHasARowForEachDetection) {
   const auto detect = [&](const std::vector<float>& confidences) {
     std::copy(confidences.begin(), confidences.end(), run.input("conf").data);
     run.forward();
-    EXPECT_EQ(run.output("flat").shape[1], run.output("detect").shape[2] * 7);
-    const auto view = run.output("detect").values();
+    EXPECT_EQ(run.output("flat").shape[1], run.layer_output("detect").shape[2] * 7);
+    const auto view = run.layer_output("detect").values();
     return std::vector<float>(view.begin(), view.end());
   };
   EXPECT_EQ(detect({0, 0.75F, 0, 1}),

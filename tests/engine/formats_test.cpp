@@ -43,8 +43,9 @@ TEST(Formats, EveryPairOfFilesGivesTheSame) {
     run.forward();
     for (const auto& [blob, layer] : outputs) {
       const proto::NpyArray wanted = proto::read_npy(folder / ("out_" + blob + ".npy"));
-      EXPECT_EQ(run.output(layer).shape, Shape(wanted.shape)) << blob;
-      EXPECT_LE(test::relative_error(run.output(layer).values(), wanted.data), kTolerance) << blob;
+      EXPECT_EQ(run.layer_output(layer).shape, Shape(wanted.shape)) << blob;
+      EXPECT_LE(test::relative_error(run.layer_output(layer).values(), wanted.data), kTolerance)
+          << blob;
     }
     ++pairs;
   }

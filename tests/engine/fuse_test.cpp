@@ -241,6 +241,33 @@ TEST(FusedLrn, WithTheMaximumPoolingAfterIt) {
             "max-pool");
 }
 
+TEST(FusedFirstConvolution, OnlyTheFirstOfTwoPoolings) {
+  const Shape data{1, 3, 41, 53};
+  const std::string first = conv("c", "data", "num_output: 24 kernel_size: 5 stride: 2 pad: 1");
+  const std::string p = layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 3 stride: 2 }");
+  const std::string pool = "pooling_param { kernel_size: 2 stride: 2 }";
+  const Plan plain =
+      expect_as_reference(small_net(data, first + p + layer("q", "Pooling", {"p"}, pool)));
+  EXPECT_EQ(kernel_of(plain, "p"), "in c");
+  EXPECT_EQ(kernel_of(plain, "q"), "max-pool");
+  const Plan normed = expect_as_reference(
+      small_net(data, first + p + layer("n", "LRN", {"p"}) + layer("q", "Pooling", {"n"}, pool)));
+  EXPECT_EQ(kernel_of(normed, "p"), "in c");
+  EXPECT_EQ(kernel_of(normed, "q"), "in n");
+}
+
+TEST(FusedFirstConvolution, OnAnInputThatOthersReadInBlocks) {
+  const std::string pool = "pooling_param { kernel_size: 3 stride: 2 }";
+  for (const std::string& other :
+       {conv("a", "data", "num_output: 16 kernel_size: 1") + layer("b", "Concat", {"a", "data"}),
+        layer("a", "LRN", {"data"}) + layer("b", "Pooling", {"a"}, pool)}) {
+    const Net net =
+        small_net({1, 3, 21, 33}, other + conv("c", "data", "num_output: 16 kernel_size: 3") +
+                                      layer("p", "Pooling", {"c"}, pool));
+    EXPECT_EQ(kernel_of(expect_as_reference(net), "p"), "in c");
+  }
+}
+
 TEST(FusedFirstConvolution, WithNormalisationAndPooling) {
   const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
   const std::string pool = "pooling_param { kernel_size: 3 stride: 2 }";

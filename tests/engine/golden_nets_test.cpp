@@ -1,8 +1,6 @@
 // Whole networks against the outputs of the original Caffe (../shared/golden, ../shared/data).
 #include <gtest/gtest.h>
 
-#include <fstream>
-
 #include "compare.h"
 #include "net_case.h"
 #include "revisit/engine/net.h"
@@ -27,12 +25,15 @@ Run forward(const Net& net, const proto::NpyArray& input, const PlanOptions& opt
   return run;
 }
 
-void expect_output(const Run& run, const std::string& name, const fs::path& golden) {
+void expect_value(const Run& run, const View<const float>& found, const fs::path& golden) {
   const proto::NpyArray wanted = read(golden);
-  const View<const float> found = run.output(name);
-  EXPECT_EQ(found.shape, Shape(wanted.shape)) << name;
+  EXPECT_EQ(found.shape, Shape(wanted.shape)) << golden;
   EXPECT_LE(test::relative_error(found.values(), wanted.data), test::tolerance_of(run.plan()))
-      << name << " against " << golden;
+      << golden;
+}
+
+void expect_output(const Run& run, const std::string& name, const fs::path& golden) {
+  expect_value(run, run.output(name), golden);
 }
 
 struct Trunk {
@@ -86,7 +87,7 @@ TEST_P(GoldenTrunk, LayerByLayer) {
     const std::string stem = entry.path().stem().string();  // 005_conv2.0
     const std::string layer = stem.substr(4, stem.rfind('.') - 4);
     if (layer == "input") continue;  // an Input layer that the upgrade of `input:` fields names
-    expect_output(run, layer, entry.path());
+    expect_value(run, run.layer_output(layer), entry.path());
     ++layers;
   }
   EXPECT_GE(layers, 14);
@@ -127,8 +128,8 @@ TEST(SqueezeNet, RecognisesTheCat) {
   REVISIT_NEED_SHARED(folder, "data/caffemodels/squeezenet_v1.0");
   const Net net = Net::load(folder / "deploy.prototxt", folder / "weights.caffemodel");
   const engine::Run run = forward(net, read(folder / "in.npy"), {.keep_all = true});
-  expect_output(run, "pool_final", folder / "out_pool_final.npy");
-  const auto scores = run.output("pool_final").values();
+  expect_value(run, run.layer_output("pool_final"), folder / "out_pool_final.npy");
+  const auto scores = run.layer_output("pool_final").values();
   std::vector<size_t> order(scores.size());
   for (size_t i = 0; i < order.size(); ++i) order[i] = i;
   std::partial_sort(order.begin(), order.begin() + 3, order.end(),
@@ -143,8 +144,8 @@ TEST(SqueezeNet, PanoramaSizedInput) {
   const Net net = Net::load(folder / "deploy.prototxt", folder / "weights.caffemodel");
   const engine::Run run =
       forward(net, read(folder / "112x1000/in.npy"), {.threads = 2, .keep_all = true});
-  expect_output(run, "pool4", folder / "112x1000/out_pool4.npy");
-  expect_output(run, "pool8", folder / "112x1000/out_pool8.npy");
+  expect_value(run, run.layer_output("pool4"), folder / "112x1000/out_pool4.npy");
+  expect_value(run, run.layer_output("pool8"), folder / "112x1000/out_pool8.npy");
 }
 
 TEST(TrainedModels, OfEarlyCaffe) {

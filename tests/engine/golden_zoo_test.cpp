@@ -56,8 +56,10 @@ bool made_by_softmax(const caffe::NetParameter& net, const std::string& blob) {
 
 double largest_difference(std::span<const float> a, std::span<const float> b) {
   double worst = 0;
-  for (size_t i = 0; i < a.size(); ++i)
-    worst = std::max(worst, std::abs(static_cast<double>(a[i]) - b[i]));
+  for (size_t i = 0; i < a.size(); ++i) {
+    const double difference = std::abs(static_cast<double>(a[i]) - b[i]);
+    worst = std::isnan(difference) ? INFINITY : std::max(worst, difference);
+  }
   return worst;
 }
 

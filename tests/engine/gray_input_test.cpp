@@ -81,6 +81,8 @@ INSTANTIATE_TEST_SUITE_P(
                          "stride_h: 1 stride_w: 3 pad_h: 0 pad_w: 5"},
                     Case{"PaddedRowsOnly", "num_output: 32 kernel_size: 5 pad_h: 2 pad_w: 0"},
                     Case{"LargerThanTheImage", "num_output: 16 kernel_size: 19 pad: 6"},
+                    Case{"LargerThanTheImageWithoutPadding",
+                         "num_output: 16 kernel_h: 15 kernel_w: 3 stride: 4"},
                     Case{"Dilation", "num_output: 16 kernel_size: 3 pad: 2 dilation: 3"},
                     Case{"NoBias", "num_output: 32 kernel_size: 3 pad: 1 bias_term: false"},
                     Case{"FewOutputs", "num_output: 3 kernel_size: 3 pad: 1"}),

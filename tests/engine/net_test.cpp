@@ -7,6 +7,7 @@
 
 #include "caffe.pb.h"
 #include "expect_error.h"
+#include "net_case.h"
 #include "revisit/engine/profile.h"
 #include "revisit/proto/net_file.h"
 #include "test_data.h"
@@ -62,6 +63,11 @@ std::vector<float> forward(engine::Run& run, const std::vector<float>& input,
   return {values.begin(), values.end()};
 }
 
+std::vector<float> of_layer(const engine::Run& run, const std::string& layer) {
+  const auto values = run.layer_output(layer).values();
+  return {values.begin(), values.end()};
+}
+
 TEST_F(NetTest, ComputesAndCanRunAgain) {
   const Net net = Net::load(prototxt(), weights());
   engine::Run run(net.plan());
@@ -75,16 +81,17 @@ TEST_F(NetTest, ComputesAndCanRunAgain) {
 TEST_F(NetTest, EveryLayersOutputIsItsOwn) {
   const Net net = Net::load(prototxt(), weights());
   engine::Run run(net.plan({}, {.keep_all = true}));
-  EXPECT_EQ(forward(run, {-1, 1, -2, 3, -3, 5}, "conv"),
-            (std::vector<float>{-1, 3, -3, 7, -5, 11}));
-  EXPECT_EQ(run.output("relu").values()[0], 0);
-  EXPECT_EQ(run.output("drop").values()[0], 0);
+  forward(run, {-1, 1, -2, 3, -3, 5}, "concat");
+  EXPECT_EQ(of_layer(run, "conv"), (std::vector<float>{-1, 3, -3, 7, -5, 11}));
+  EXPECT_EQ(of_layer(run, "relu")[0], 0);
+  EXPECT_EQ(of_layer(run, "drop")[0], 0);
 }
 
 TEST_F(NetTest, OutputsThatAreNotKeptAreRefused) {
   const Net net = Net::load(prototxt(), weights());
   const engine::Run run(net.plan());
   expect_error<UsageError>([&] { run.output("conv"); }, {"keeps no output 'conv'"});
+  expect_error<UsageError>([&] { run.layer_output("conv"); }, {"keeps no output of a layer"});
   expect_error<UsageError>([&] { engine::Run(net.plan()).input("dat"); }, {"did you mean 'data'"});
 }
 
@@ -102,9 +109,28 @@ TEST_F(NetTest, AnyInputSizeAndBatch) {
 
 TEST_F(NetTest, MemoryIsSharedOverTime) {
   const Plan plan = Net::load(prototxt(), weights()).plan({{"data", Shape{1, 1, 64, 64}}});
-  EXPECT_LT(plan.arena_bytes(), plan.unshared_activation_bytes() + 1);
   EXPECT_EQ(plan.layers()[2].activation_bytes, 0);  // the ReLU works in place
   EXPECT_EQ(plan.layers()[3].activation_bytes, 0);  // Dropout is a view
+  using test::conv;
+  const Plan chain = test::small_net({1, 16, 64, 64}, conv("a", "data") + conv("b", "a") +
+                                                          conv("c", "b") + conv("d", "c"))
+                         .plan({}, {.reference_kernels = true});
+  int64_t all = 0;
+  for (const LayerCost& layer : chain.layers()) all += layer.activation_bytes;
+  EXPECT_EQ(all, (16 + 4 * 32) * 64 * 64 * 4);
+  // The input stays; of the others two are alive at a time.
+  EXPECT_EQ(chain.arena_bytes(), (16 + 2 * 32) * 64 * 64 * 4);
+}
+
+TEST_F(NetTest, StridesBeyondAllUseTakeNoMemory) {
+  // What a tile of such windows sees of a row, times kernel rows and threads, overflows.
+  const Net net = test::small_net(
+      {1, 1, 1, 1}, test::conv("c", "data",
+                               "num_output: 8 kernel_h: 81000 kernel_w: 1 stride_h: 1 "
+                               "stride_w: 2147483647 pad_h: 40500 pad_w: 0"));
+  const Plan plan = net.plan({}, {.threads = 1024});
+  EXPECT_GT(plan.arena_bytes(), 0);
+  EXPECT_LT(plan.arena_bytes(), int64_t{1} << 30);
 }
 
 TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
@@ -187,10 +213,21 @@ TEST_F(NetTest, WithoutWeightsItCanBePlannedButNotRun) {
 TEST_F(NetTest, RandomWeightsAreTheSameForTheSameSeed) {
   const auto first_output = [&](uint64_t seed) {
     engine::Run run(Net::load_with_random_weights(prototxt(), seed).plan({}, {.keep_all = true}));
-    return forward(run, {1, 2, 3, 4, 5, 6}, "conv");
+    forward(run, {1, 2, 3, 4, 5, 6}, "concat");
+    return of_layer(run, "conv");
   };
   EXPECT_EQ(first_output(1), first_output(1));
   EXPECT_NE(first_output(1), first_output(2));
+}
+
+TEST_F(NetTest, RandomWeightsAreSharedWhereParametersAre) {
+  const std::string conv = "num_output: 2 kernel_size: 3 } param { name: 'w' } param { name: 'b'";
+  const Net net =
+      test::small_net({1, 1, 5, 5}, test::conv("a", "data", conv) + test::conv("b", "data", conv));
+  engine::Run run(net.plan());
+  std::ranges::fill(run.input("data").values(), 1.0F);
+  run.forward();
+  EXPECT_TRUE(std::ranges::equal(run.output("a").values(), run.output("b").values()));
 }
 
 TEST_F(NetTest, RandomWeightsOfBatchNormHavePositiveVariance) {

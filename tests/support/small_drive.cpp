@@ -1,7 +1,6 @@
 #include "small_drive.h"
 
 #include <cmath>
-#include <cstring>
 #include <sstream>
 #include <string>
 

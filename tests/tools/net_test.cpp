@@ -171,6 +171,13 @@ TEST_F(NetCommand, LimitsAreOptions) {
   fs::resize_file(dir_ / "net.caffemodel", (1 << 20) + 1);
   expect_failure(3, "net inspect --max-weights-mb 1 " + model(), "--max-weights-mb raises it");
   expect_failure(2, "net inspect --max-layers 0 " + model(), "--max-layers: expected 1 to");
+  expect_failure(3, "net inspect --max-run-mb 1 --input-shape 1x1x900x900 " + path("net.prototxt"),
+                 "limit of 1 MB (--max-run-mb");
+}
+
+TEST_F(NetCommand, APipeWithoutAWriterIsEmpty) {
+  ASSERT_EQ(mkfifo(path("pipe").c_str(), 0600), 0);
+  expect_failure(3, "net inspect " + path("pipe"), "is empty");
 }
 
 TEST_F(NetCommand, TrainingNetsAndSolversRunAsInference) {

@@ -105,14 +105,4 @@ TEST(RandomModel, SameSeedSameBytes) {
   EXPECT_EQ(test::read_file(a.prototxt), test::read_file(b.prototxt));
 }
 
-TEST(RandomModel, RefusesNetsThatAreNoChain) {
-  caffe::NetParameter net;
-  auto* layer = net.add_layer();
-  layer->set_name("lost");
-  layer->set_type("Convolution");
-  layer->add_bottom("nowhere");
-  layer->add_top("lost");
-  EXPECT_THROW(models::fill_with_random_weights(net, 1), InputError);
-}
-
 }  // namespace

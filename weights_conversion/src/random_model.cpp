@@ -87,8 +87,6 @@ void fill_convolution(caffe::LayerParameter& layer, int64_t in_channels, const S
     bias->add_data(static_cast<float>(0.01 * biases.uniform(static_cast<uint64_t>(i))));
 }
 
-}  // namespace
-
 void fill_with_random_weights(caffe::NetParameter& net, uint64_t seed) {
   std::map<std::string, int64_t> channels;  // of each blob
   for (int l = 0; l < net.layer_size(); ++l) {
@@ -106,6 +104,8 @@ void fill_with_random_weights(caffe::NetParameter& net, uint64_t seed) {
     }
   }
 }
+
+}  // namespace
 
 caffe::NetParameter random_model(const std::string& trunk_name, uint64_t seed) {
   caffe::NetParameter net = trunk(trunk_name);

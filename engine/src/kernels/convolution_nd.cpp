@@ -8,7 +8,7 @@
 namespace revisit::engine {
 namespace {
 
-/// WindowAxes unfolded at a time: few enough that the columns stay in the L2 cache.
+/// Windows unfolded at a time: few enough that the columns stay in the L2 cache.
 int64_t strip_windows(const ConvolutionNdProblem& p) {
   constexpr int64_t kColumnFloats = 256 * 1024, kLeast = 16;
   return std::min(std::max(kColumnFloats / p.depth(), kLeast), p.windows());

@@ -14,7 +14,7 @@ int64_t block_channels(const ConvolutionNdProblem& p) {
   return std::clamp<int64_t>(kRows / p.kernel_elements(), 1, p.c_image_per_group());
 }
 
-/// WindowAxes folded at a time: few enough that the columns stay in the L2 cache.
+/// Windows folded at a time: few enough that the columns stay in the L2 cache.
 int64_t strip_windows(const ConvolutionNdProblem& p) {
   constexpr int64_t kColumnFloats = 256 * 1024, kLeast = 16;
   const int64_t rows = block_channels(p) * p.kernel_elements();

@@ -39,7 +39,9 @@ FusedConvolution::FusedConvolution(const ConvolutionProblem& problem, const Fusi
     : problem_(problem),
       fusion_(fusion),
       weight_size_{problem.c_out, problem.c_in_per_group(), problem.kernel_h * problem.kernel_w},
-      padded_(problem.pad_h > 0 || problem.pad_w > 0),
+      sees_outside_(problem.pad_h > 0 || problem.pad_w > 0 ||
+                    (problem.kernel_h - 1) * problem.dilation_h >= problem.h ||
+                    (problem.kernel_w - 1) * problem.dilation_w >= problem.w),
       weights_(weights),
       bias_(bias) {
   if (fusion.gray_offsets) problem_.c_in = 1;

@@ -19,7 +19,7 @@ class FusedConvolution {
   const ConvolutionProblem& problem() const { return problem_; }
   const Fusion& fusion() const { return fusion_; }
   /// Whether padding meets a gray input whose channels differ: FoldedWeights::constants.
-  bool has_constants() const { return needs_constants(fusion_, padded_); }
+  bool has_constants() const { return needs_constants(fusion_, sees_outside_); }
 
   int64_t packed_floats(const BlockedConvolutionKernel& kernel) const;
   /// Null when the net is only inspected.
@@ -38,12 +38,14 @@ class FusedConvolution {
   Plain plain(const Binding& binding) const;
 
  private:
-  FoldedWeights folded() const { return fold(fusion_, weight_size_, padded_, weights_, bias_); }
+  FoldedWeights folded() const {
+    return fold(fusion_, weight_size_, sees_outside_, weights_, bias_);
+  }
 
   ConvolutionProblem problem_;
   const Fusion& fusion_;
   WeightSize weight_size_;
-  bool padded_;
+  bool sees_outside_;  // windows reach beyond the image
   const float* weights_;
   const float* bias_;
 };

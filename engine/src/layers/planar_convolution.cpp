@@ -32,7 +32,9 @@ const BlockedConvolutionKernel* choose(const FusedConvolution& convolution,
                                        const Binding& binding) {
   if (binding.reference_kernels || binding.layouts.empty()) return nullptr;
   const ConvolutionProblem& problem = convolution.problem();
-  if (convolution.fusion().gray_offsets) return choose(problem, Layout::kPlain, binding.careful);
+  // Both are made for the plain input, also where another layer has it in blocks.
+  if (convolution.fusion().gray_offsets || convolution.fusion().pooling)
+    return choose(problem, Layout::kPlain, binding.careful);
   if (!binding.blocked(0))
     if (const auto* kernel = choose(problem, Layout::kPlain, binding.careful)) return kernel;
   return choose(problem, Layout::kBlocked, binding.careful);

@@ -28,7 +28,6 @@ struct Model {
   std::string input_name;
 
   const engine::Shape& input() const { return values[0]; }
-  const engine::Shape& shape_of_output() const { return values[output()]; }
   /// That of the last layer.
   size_t output() const { return layers.back().outputs[0]; }
   const std::string& output_name() const { return layers.back().param.top(0); }

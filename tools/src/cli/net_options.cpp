@@ -72,6 +72,8 @@ void NetOptions::declare(Parser& parser) {
   parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
               &allow_unknown);
   limits.declare(parser);
+  parser.option("max-run-mb", "N",
+                str("most memory for the values of one run (default ", run_mb, ")"), &run_mb);
 }
 
 std::vector<std::string> NetOptions::input_blobs() const {
@@ -81,6 +83,11 @@ std::vector<std::string> NetOptions::input_blobs() const {
 engine::LoadOptions NetOptions::load_options() const {
   if (threads < 1) throw UsageError(str("--threads: expected at least 1, found ", threads));
   return {truncation, named_shapes(*this), allow_missing, allow_unknown, limits.limits()};
+}
+
+engine::PlanOptions NetOptions::plan_options() const {
+  check_limit("--max-run-mb", run_mb, kMostMb);
+  return {.threads = threads, .max_arena_bytes = run_mb << 20};
 }
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {

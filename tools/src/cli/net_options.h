@@ -31,10 +31,12 @@ struct NetOptions {
   int threads = 1;
   bool allow_missing = false, allow_unknown = false;
   LimitOptions limits;
+  int64_t run_mb = engine::PlanOptions{}.max_arena_bytes >> 20;
 
   /// Declares the positional PROTOTXT [WEIGHTS] and the options.
   void declare(Parser& parser);
   engine::LoadOptions load_options() const;
+  engine::PlanOptions plan_options() const;
   /// Names of the net's inputs, in order.
   std::vector<std::string> input_blobs() const;
 };

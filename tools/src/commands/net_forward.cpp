@@ -97,7 +97,9 @@ int net_forward_command(const Arguments& arguments) {
   for (const auto& [blob, array] : arrays)
     options.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
   const engine::Net net = load_net(options, NoWeights::kNone);
-  engine::PlanOptions plan{options.threads, all, reference};
+  engine::PlanOptions plan = options.plan_options();
+  plan.keep_all = all;
+  plan.reference_kernels = reference;
   if (gray) {
     if (arrays.size() != 1) throw UsageError("--gray: expected one --input, the net's only one");
     auto& [blob, array] = *arrays.begin();
@@ -127,7 +129,7 @@ int net_forward_command(const Arguments& arguments) {
   std::set<fs::path> taken;
   Table table({"output", "shape", "min", "max", "mean", "file"});
   for (const std::string& name : names) {
-    const engine::View<const float> output = run.output(name);
+    const engine::View<const float> output = all ? run.layer_output(name) : run.output(name);
     const auto values = output.values();
     const fs::path file = output_file(directory, name, taken);
     proto::write_npy(file, output.shape.axes(), output.data);

@@ -1,4 +1,3 @@
-#include <iostream>
 
 #include "net_commands.h"
 #include "net_graph.h"
@@ -31,7 +30,7 @@ int net_inspect_command(const Arguments& arguments) {
   parser.parse(arguments);
 
   const engine::Net net = load_net(options, NoWeights::kNone);
-  const engine::Plan plan = net.plan({}, {.threads = options.threads});
+  const engine::Plan plan = net.plan({}, options.plan_options());
   if (!graph.empty()) write_graph(graph, net, plan);
   reports::NetReport report =
       net_report(options, weights_source(options, NoWeights::kNone), net, plan, nullptr);

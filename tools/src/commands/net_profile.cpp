@@ -70,7 +70,8 @@ int net_profile_command(const Arguments& arguments) {
 
   warn_of_slow_settings();
   const engine::Net net = load_net(options, NoWeights::kRandom);
-  engine::PlanOptions plan_options{.threads = options.threads, .reference_kernels = reference};
+  engine::PlanOptions plan_options = options.plan_options();
+  plan_options.reference_kernels = reference;
   if (gray) plan_options.gray_offsets = some_offsets(net);
   const engine::Plan plan = net.plan({}, plan_options);
   engine::Run run(plan);

@@ -13,7 +13,6 @@ namespace fs = std::filesystem;
 int net_verify_command(const Arguments& arguments) {
   std::vector<fs::path> folders;
   CompareOptions options;
-  double tolerance = 0;
   Parser parser("revisit net verify", "DIR...",
                 "Run networks and compare with outputs of the original, layer by layer where those "
                 "are there: the "
@@ -26,12 +25,14 @@ int net_verify_command(const Arguments& arguments) {
                 "  revisit net verify golden/zoo golden/slim\n  revisit net verify --tolerance "
                 "1e-4 my_model/\n");
   parser.positional("DIR", &folders);
-  parser.option("tolerance", "E", "largest relative error of a layer (default 1e-5)",
+  parser.option("tolerance", "E",
+                "largest relative error of a layer (default 1e-5; 1e-4 where Winograd kernels run)",
                 &options.tolerance);
   parser.option("threads", "N", "threads of one forward pass (default 1)", &options.threads);
   parser.flag("reference", "use the slow reference kernels", &options.reference_kernels);
   parser.parse(arguments);
-  if (tolerance > 0) options.tolerance = tolerance;
+  if (options.tolerance && !(*options.tolerance > 0))
+    throw UsageError(str("--tolerance: expected more than 0, found ", *options.tolerance));
 
   std::vector<GoldenCase> cases;
   for (const fs::path& folder : folders)

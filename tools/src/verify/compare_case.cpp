@@ -66,7 +66,8 @@ LayerError compare_statistics(const GoldenLayer& golden, std::span<const float> 
 }
 
 LayerError compare_layer(const engine::Run& run, const GoldenLayer& golden) {
-  const engine::View<const float> found = run.output(engine::port_name(golden.layer, golden.port));
+  const engine::View<const float> found =
+      run.layer_output(engine::port_name(golden.layer, golden.port));
   return golden.file.empty()
              ? compare_statistics(golden, found.values())
              : compare_array(golden.layer, found, golden.file, golden.type == "Softmax");
@@ -90,20 +91,29 @@ double default_tolerance(const engine::Plan& plan) {
   return winograd ? 1e-4 : 1e-5;
 }
 
+struct Found {
+  std::string name;
+  engine::View<const float> value;
+};
+
 /// The kept value that `name` (with '/' written as '_') means: an output of the net, or a blob as
 /// it is after the whole run, which is what the last layer that writes it made of it.
-std::string find_output(const engine::Plan& plan, const std::string& name) {
+Found find_output(const engine::Run& run, const std::string& name) {
+  const engine::Plan& plan = run.plan();
   const auto means = [&](std::string candidate) {
     std::replace(candidate.begin(), candidate.end(), '/', '_');
     return candidate == name;
   };
-  if (name.empty() && plan.outputs().size() == 1) return plan.outputs()[0].name;
   for (const engine::Port& port : plan.outputs())
-    if (means(port.name)) return port.name;
+    if (means(port.name) || (name.empty() && plan.outputs().size() == 1))
+      return {port.name, run.output(port.name)};
   for (size_t i = plan.layers().size(); i-- > 0;) {
     const engine::LayerCost& layer = plan.layers()[i];
     for (size_t port = 0; port < layer.blobs.size(); ++port)
-      if (means(layer.blobs[port])) return engine::port_name(layer.name, port);
+      if (means(layer.blobs[port])) {
+        const std::string place = engine::port_name(layer.name, port);
+        return {place, run.layer_output(place)};
+      }
   }
   throw InputError(str("the net has no blob '", name, "'"));
 }
@@ -125,7 +135,7 @@ double largest_error(const engine::Run& a, const engine::Run& b) {
   for (const engine::LayerCost& layer : a.plan().layers())
     for (size_t port = 0; port < layer.outputs.size(); ++port) {
       const std::string name = engine::port_name(layer.name, port);
-      worst = std::max(worst, error_of(a.output(name).values(), b.output(name).values(),
+      worst = std::max(worst, error_of(a.layer_output(name).values(), b.layer_output(name).values(),
                                        layer.type == "Softmax"));
     }
   return worst;
@@ -150,9 +160,9 @@ class Comparison {
     for (const GoldenLayer& layer : golden_.layers)
       if (layer.type != "Split") errors.push_back(compare_layer(run, layer));  // Caffe adds them
     for (const auto& [name, file] : golden_.outputs) {
-      const std::string output = find_output(run.plan(), name);
-      errors.push_back(compare_array(output, run.output(output), file,
-                                     writer_type(run.plan(), output) == "Softmax"));
+      const Found output = find_output(run, name);
+      errors.push_back(compare_array(output.name, output.value, file,
+                                     writer_type(run.plan(), output.name) == "Softmax"));
     }
     return errors;
   }

@@ -105,8 +105,6 @@ class Plan {
   const std::vector<Port>& outputs() const;
   /// All activations and scratch of one run [bytes]: the size of the arena.
   int64_t arena_bytes() const;
-  /// What the activations would take without sharing memory over time [bytes].
-  int64_t unshared_activation_bytes() const;
   int64_t weight_bytes() const;
   /// What kernels hold in an order of their own, beside the weights [bytes]. All plans of a net
   /// share it where they use the same kernels; it goes with the last of them.
@@ -156,7 +154,6 @@ class Net {
   /// Whether plans can have PlanOptions::gray_offsets: one input, which only convolutions without
   /// groups read.
   bool takes_gray_input() const;
-  bool has_weights() const;
   /// What a person should know: layers of the weights file that nothing uses, upgrades made.
   const std::vector<std::string>& warnings() const;
   /// Bytes read from the weights file.
@@ -202,10 +199,12 @@ class Run {
   View<float> input(std::string_view blob);
   void forward() noexcept;
   void forward(StepObserver& observer);
-  /// An output of the net (or of any layer, when planned with keep_all). Throws UsageError for a
-  /// value that is not kept, so stale data is never seen. Where the number of rows depends on the
-  /// data (Filter, DetectionOutput) the shape is that of the last pass; it can have no rows.
+  /// An output of the net. Throws UsageError for an unknown name. Where the number of rows depends
+  /// on the data (Filter, DetectionOutput) the shape is that of the last pass; it can have no rows.
   View<const float> output(std::string_view name) const;
+  /// What a layer put out, before any later layer worked on it in place; `name` as port_name() has
+  /// it. Throws UsageError unless planned with keep_all, so stale data is never seen.
+  View<const float> layer_output(std::string_view name) const;
 
   const Plan& plan() const { return plan_; }
 

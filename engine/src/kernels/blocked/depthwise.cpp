@@ -11,7 +11,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// The windows along one axis that the taps [first, end) meet inside the image.
+/// The taps [first, end) of a window that meet the image, along one axis.
 struct Taps {
   int64_t first, end;
 };

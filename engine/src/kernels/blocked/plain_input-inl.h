@@ -33,7 +33,7 @@ class PlainInput {
     float* output;
     int64_t output_step;  // from block to block
     const float* addend;  // steps as output's; or null
-    float* patch;         // scratch: patch_floats()
+    float* patch;         // scratch: plain_input_patch_floats()
   };
 
   void run_row(const Row& row) const {

@@ -44,7 +44,9 @@ void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
 const BlockedConvolutionKernel kBlockedPlainInput = {
     "direct plain-input",
     Layout::kPlain,
-    [](const ConvolutionProblem& p) { return p.c_in <= 4 && p.group == 1; },
+    [](const ConvolutionProblem& p) {
+      return p.c_in <= 4 && p.group == 1 && plain_input_patch_fits(p);
+    },
     plain_input_ms,
     [](const ConvolutionProblem& p) { return padded_channels(p.c_out) * p.depth(); },
     pack,

@@ -29,7 +29,6 @@ class WeightsFile {
  public:
   struct Layer {
     std::string name;
-    std::string type;  // V2 spelling, e.g. "Convolution"; "" when the file does not say
     size_t n_blobs = 0;
   };
 

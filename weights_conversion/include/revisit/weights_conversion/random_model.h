@@ -8,20 +8,16 @@
 
 namespace revisit::models {
 
-/// Fills every convolution of `net` with random weights: gaussian with mean 0 and variance
-/// 2 / (inputs per output) (He et al. 2015, for layers followed by ReLU), biases uniform in
-/// [-0.01, 0.01). The same seed gives the same bits on every platform.
+/// `trunk(name)` with random weights, its name marked as untrained: gaussian with mean 0 and
+/// variance 2 / (inputs per output) (He et al. 2015, for layers followed by ReLU), biases uniform
+/// in
+/// [-0.01, 0.01). The same seed gives the same bits on every platform. Throws UsageError for an
+/// unknown name.
 ///
 /// The generator counts instead of keeping state: number i of blob b of layer l is a function of
 /// (seed, l, b, i) alone, built on the finaliser of SplitMix64 (Steele et al. 2014). A gaussian is
 /// the sum of 12 uniform 32-bit integers (Irwin-Hall: variance exactly 1, support +-6), so that
 /// only integer sums and one multiplication are rounded; no libm function is called.
-///
-/// Throws InputError when a convolution's input size cannot be told from the layers before it.
-void fill_with_random_weights(caffe::NetParameter& net, uint64_t seed);
-
-/// `trunk(name)` with random weights, its name marked as untrained. Throws UsageError for an
-/// unknown name.
 caffe::NetParameter random_model(const std::string& trunk_name, uint64_t seed);
 
 /// True for a net that `random_model` made, by its name. Such a net proves nothing about accuracy.
