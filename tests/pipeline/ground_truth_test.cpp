@@ -136,7 +136,7 @@ TEST(GroundTruth, OfficialPosesGiveTheKnownCounts) {
               count)
         << sequence;
   }
-  // The height of 08 drifts (PAPER_NOTES section 3): 3 m in space finds 158, on the ground 318.
+  // The height of 08 drifts: 3 m in space finds 158, on the ground 318.
   const Trajectory drive = make_trajectory(read_kitti_poses(find_kitti_poses(kitti, "08")));
   EXPECT_EQ(find_loops(drive, {Distance::k3d, 3}, parse_exclusion("frames=50")).n_positives, 158);
   EXPECT_EQ(find_loops(drive, {Distance::kXz, 3}, parse_exclusion("frames=50")).n_positives, 318);

@@ -45,6 +45,35 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
             "accepted,true,positive,case");
 }
 
+TEST_F(EvalCommand, BothPicturesOfAFigureHaveAllItsPanels) {
+  const auto result = run_revisit(eval());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const std::string picture = test::read_file(run_folder() / "match_online.svg");
+  for (const char* panel : {"and its best match", "range image of the query", "image of the best"})
+    EXPECT_NE(picture.find(panel), std::string::npos) << panel;
+}
+
+TEST_F(EvalCommand, TasksThatShareTheirDescriptorsGiveWhatEachGivesAlone) {
+  const std::string both = "--no-plots --pca 5 --query-case both --protocol ";
+  std::map<std::string, std::string> alone;
+  for (const char* task : {"paper-easy", "online"}) {
+    const auto result = run_revisit(eval(both + task));
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    alone[task] = test::read_file(run_folder() / ("loops_" + std::string(task) + ".csv"));
+  }
+  ASSERT_EQ(run_revisit(eval(both + "paper-easy,online")).exit_code, 0);
+  for (const auto& [task, loops] : alone)
+    EXPECT_EQ(test::read_file(run_folder() / ("loops_" + task + ".csv")), loops) << task;
+  // A task in both cases and one in case 1 alone.
+  ASSERT_EQ(run_revisit(eval("--no-plots --pca 5 --protocol paper-easy")).exit_code, 0);
+  EXPECT_NE(test::read_file(run_folder() / "loops_paper-easy.csv"), alone["paper-easy"]);
+}
+
+TEST_F(EvalCommand, ACalibrationThatIsNotNeededIsNotRead) {
+  test::write_file(root() / "sequences/00/calib.txt", "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n");
+  EXPECT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+}
+
 TEST_F(EvalCommand, SaysWhereTheTimeWent) {
   const auto result = run_revisit(eval("--no-plots --threads 3 --threads-per-scan 2"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
@@ -137,6 +166,8 @@ TEST_F(EvalCommand, EveryNthFrame) {
   }
   EXPECT_FALSE(std::getline(scans, line)) << line;
   EXPECT_EQ(run_revisit(eval("--every 0")).exit_code, 2);
+  for (const char* none : {"--radius inf", "--max-range nan", "--memory inf"})
+    EXPECT_EQ(run_revisit(eval(none)).exit_code, 2) << none;
 }
 
 /// Column `column` of the best matches in a loops CSV, in the order of the queries.
@@ -163,6 +194,9 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
     const std::string loops = test::read_file(run_folder() / "loops_paper-easy.csv");
     scores[which] = of_best_matches(loops, 6);
     cases[which] = of_best_matches(loops, 12);
+    const std::string said =
+        "\"query_case\": \"" + std::string(isdigit(*which) ? "case" : "") + which;
+    EXPECT_NE(test::read_file(run_folder() / "metrics.json").find(said), std::string::npos) << said;
   }
   ASSERT_EQ(scores["both"].size(), 16U);  // of 24, every third is stored
   EXPECT_EQ(cases["1"], std::vector<double>(16, 1));

@@ -1,10 +1,8 @@
-#include <omp.h>
-
 #include <algorithm>
-#include <exception>
 #include <memory>
 
 #include "describe/keys.h"
+#include "parallel_for.h"
 #include "revisit/pipeline/feature_file.h"
 #include "revisit/pipeline/text.h"
 #include "revisit/pipeline/visual_words.h"
@@ -28,24 +26,16 @@ std::vector<FloatMatrix> describe_images(const Dataset& images, const std::vecto
                                          const TrainingOptions& options) {
   const auto n = static_cast<int64_t>(chosen.size());
   std::vector<FloatMatrix> descriptors(chosen.size());
-  std::vector<std::exception_ptr> errors(chosen.size());
   const int64_t block = int64_t{options.threads} * 4;
   for (int64_t first = 0; first < n; first += block) {
     if (options.progress) options.progress(first, n);
     if (options.stop && options.stop()) throw Interrupted("stopped while learning visual words");
     const int64_t end = std::min(n, first + block);
-#pragma omp parallel for num_threads(options.threads) schedule(dynamic, 1)
-    for (int64_t i = first; i < end; ++i) {
-      const auto at = static_cast<size_t>(i);
-      try {
-        const ScanRef& image = images.scans[static_cast<size_t>(chosen[at])];
-        descriptors[at] = sift_descriptors(read_gray_png(image.file));
-      } catch (...) {
-        errors[at] = std::current_exception();
-      }
-    }
-    for (int64_t i = first; i < end; ++i)
-      if (errors[static_cast<size_t>(i)]) std::rethrow_exception(errors[static_cast<size_t>(i)]);
+    parallel_for(end - first, options.threads, [&](int64_t item) {
+      const auto at = static_cast<size_t>(first + item);
+      const ScanRef& image = images.scans[static_cast<size_t>(chosen[at])];
+      descriptors[at] = sift_descriptors(read_gray_png(image.file));
+    });
   }
   if (options.progress) options.progress(n, n);
   return descriptors;

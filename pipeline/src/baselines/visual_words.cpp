@@ -1,7 +1,6 @@
 #include "revisit/pipeline/visual_words.h"
 
 #include <algorithm>
-#include <cstring>
 #include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>

@@ -46,15 +46,6 @@ void add_times(const KittiSequence& sequence, Dataset* dataset) {
   for (ScanRef& scan : dataset->scans) scan.time = times[static_cast<size_t>(scan.frame)];
 }
 
-void add_calibration(const KittiSequence& sequence, bool needed, Dataset* dataset) {
-  const fs::path file = sequence.folder / "calib.txt";
-  std::error_code ignored;
-  if (fs::exists(file, ignored))
-    dataset->T_cam_velo = read_kitti_calibration(file);
-  else if (needed)
-    fail_missing(sequence.folder, "calibration", file.string());
-}
-
 std::vector<ScanRef> scan_refs(const fs::path& folder, FrameNumbers numbers) {
   std::vector<ScanRef> scans;
   for (NumberedFile& scan : list_scans(folder, numbers))
@@ -86,7 +77,6 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, const Da
     dataset.scans = scan_refs(found->velodyne(), FrameNumbers::kFromNames);
     add_poses(*found, needs.poses, &dataset);
     add_times(*found, &dataset);
-    add_calibration(*found, needs.calibration, &dataset);
     return dataset;
   }
 
@@ -101,15 +91,13 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, const Da
   if (plain && !sequence.empty())
     throw InputError(str(root.string(), ": a plain folder of scans has no sequence ", sequence,
                          ": looked for ", (root / "sequences" / sequence).string()));
-  const char* const has_none =
-      plain ? "; a plain folder of scans has none" : "; a folder per place has none";
   if (needs.poses)
     fail_missing(root, "poses",
                  str("the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "
-                     "poses.txt)",
-                     has_none));
-  if (needs.calibration)
-    fail_missing(root, "calibration", str("the KITTI layout (sequences/NN/calib.txt)", has_none));
+                     "poses.txt); a ",
+                     plain ? "plain folder of scans has none"
+                           : "folder per place has none: take a protocol of named places, "
+                             "e.g. places-3"));
   if (!plain) return by_place(sorted);
   dataset.name = fs::canonical(root).filename().string();
   dataset.scans = scan_refs(root, FrameNumbers::kFromNamesOrOrder);

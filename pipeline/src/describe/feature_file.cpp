@@ -1,7 +1,6 @@
 #include "revisit/pipeline/feature_file.h"
 
 #include <fcntl.h>
-#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -15,6 +14,7 @@
 #include <regex>
 #include <utility>
 
+#include "io/part_lock.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
@@ -128,17 +128,9 @@ FeatureWriter::~FeatureWriter() {
 }
 
 void FeatureWriter::continue_or_create() {
-  if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-    throw Error(str(part_.string(),
-                    ": another process is writing this file; wait for it or use another --output"));
+  lock_part(descriptor_, part_);
   int64_t size = 0;
   if (!is_regular(descriptor_, &size)) throw Error(str(part_.string(), ": is not a regular file"));
-  // The writer that held the lock may have finished, so that what we opened has its final name now.
-  struct stat opened {
-  }, named{};
-  if (::fstat(descriptor_, &opened) != 0 || ::stat(part_.c_str(), &named) != 0 ||
-      opened.st_ino != named.st_ino)
-    throw Error(str(part_.string(), ": another process has just finished this file; run again"));
   const auto header_bytes = static_cast<int64_t>(header_.size());
   const int64_t row_bytes = dim_ * static_cast<int64_t>(sizeof(float));
   std::string found(header_.size(), '\0');

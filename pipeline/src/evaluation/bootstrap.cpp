@@ -3,6 +3,7 @@
 #include <random>
 
 #include "evaluation/ballots.h"
+#include "parallel_for.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -60,15 +61,15 @@ PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& opti
   for (int first = 0; first < n_batches; first += round) {
     if (options.stop && options.stop()) throw Interrupted("bootstrap stopped");
     const int end = std::min(n_batches, first + round);
-#pragma omp parallel for num_threads(options.threads) schedule(dynamic, 1)
-    for (int batch = first; batch < end; ++batch) {
+    parallel_for(end - first, options.threads, [&](int64_t item) {
+      const int batch = first + static_cast<int>(item);
       Weights<kLanes> weights(n_queries);
       for (int lane = 0; lane < kLanes; ++lane)
         draw(options.seed, batch * kLanes + lane, n_queries,
              [&](uint64_t query) { ++weights[query][static_cast<size_t>(lane)]; });
       const auto measured = measure<kLanes>(ballots, weights);
       std::copy(measured.begin(), measured.end(), resamples.begin() + batch * kLanes);
-    }
+    });
   }
   resamples.resize(static_cast<size_t>(options.resamples));
   const auto interval = [&](double Metrics::*member) {

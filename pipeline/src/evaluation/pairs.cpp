@@ -1,10 +1,10 @@
 #include "revisit/pipeline/pairs.h"
 
-#include <exception>
 #include <numeric>
 #include <random>
 
 #include "evaluation/ballots.h"
+#include "parallel_for.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -57,17 +57,7 @@ void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, W
   for (int64_t first = 0; first < n_queries; first += block) {
     if (options.stop && options.stop()) throw Interrupted("evaluation of pairs stopped");
     const int64_t end = std::min(first + block, n_queries);
-    std::vector<std::exception_ptr> errors(static_cast<size_t>(end - first));
-#pragma omp parallel for num_threads(options.threads) schedule(dynamic, 1)
-    for (int64_t q = first; q < end; ++q) {
-      try {
-        work(q);
-      } catch (...) {
-        errors[static_cast<size_t>(q - first)] = std::current_exception();
-      }
-    }
-    for (const std::exception_ptr& error : errors)
-      if (error) std::rethrow_exception(error);
+    parallel_for(end - first, options.threads, [&](int64_t item) { work(first + item); });
     if (options.progress) options.progress(end, n_queries);
   }
 }

@@ -43,7 +43,7 @@ Task table_task(const StoredScans& entry, const Trajectory& trajectory) {
   for (size_t i = 0; i < entry.ranges.size(); ++i)
     if (entry.ranges[i][1])
       task.population += str(i ? ", " : "", entry.ranges[i][0], "-", entry.ranges[i][1]);
-  task.population += " (1-based); all others are queries, in alignment case 1";
+  task.population += " (1-based); all others are queries";
   return task;
 }
 
@@ -80,7 +80,6 @@ Task paper_median_task(const std::string& sequence, const Trajectory& trajectory
 
 Task paper_difficult_task(const std::string& sequence, const Trajectory& trajectory) {
   Task task = table_task(need_entry("paper-difficult", sequence, true), trajectory);
-  task.population += " and case 2";
   task.both_cases = true;
   return task;
 }

@@ -1,7 +1,6 @@
 #include "io/ply.h"
 
 #include <algorithm>
-#include <optional>
 
 #include "io/file_content.h"
 #include "io/point_table.h"

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <utility>
 
+#include "io/part_lock.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 
@@ -28,16 +29,20 @@ int write_at(int descriptor, const void* data, int64_t size, int64_t offset) {
 }  // namespace
 
 BasisWriter::BasisWriter(std::filesystem::path file, int64_t rows, int64_t columns)
-    : file_(std::move(file)),
-      part_(file_.string() + "." + std::to_string(::getpid()) + ".part"),
-      rows_(rows),
-      columns_(columns) {
+    : file_(std::move(file)), part_(file_.string() + ".part"), rows_(rows), columns_(columns) {
   const std::string header = proto::npy_header({rows, columns});
   header_bytes_ = static_cast<int64_t>(header.size());
-  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
   if (descriptor_ < 0) fail("create", errno);
+  try {
+    lock_part(descriptor_, part_);
+  } catch (...) {
+    ::close(descriptor_);
+    throw;
+  }
   const int64_t size = header_bytes_ + rows * columns * static_cast<int64_t>(sizeof(float));
-  int error = ::posix_fallocate(descriptor_, 0, size);
+  // What a killed run left goes first.
+  int error = ::ftruncate(descriptor_, 0) != 0 ? errno : ::posix_fallocate(descriptor_, 0, size);
   if (error == 0) error = write_at(descriptor_, header.data(), header_bytes_, 0);
   if (error == 0) return;
   ::close(descriptor_);

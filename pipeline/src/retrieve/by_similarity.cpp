@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <exception>
 
+#include "parallel_for.h"
 #include "retrieve/ranking.h"
 #include "revisit/proto/error.h"
 
@@ -44,22 +44,11 @@ void retrieve_by_similarity(const FloatMatrix& asked, const FloatMatrix& stored,
     if (options.stop && options.stop()) throw Interrupted("retrieval stopped");
     const int64_t count = std::min(kBlock, n_queries - first);
     std::vector<Match> matches(static_cast<size_t>(count));
-    std::vector<std::exception_ptr> errors(static_cast<size_t>(count));
-#pragma omp parallel for num_threads(options.threads) schedule(dynamic, 1)
-    for (int64_t q = 0; q < count; ++q) {
-      const auto at = static_cast<size_t>(q);
-      try {
-        matches[at] = answer(asked, stored, task, task.queries[static_cast<size_t>(first + q)],
-                             options, which_case);
-      } catch (...) {
-        errors[at] = std::current_exception();
-      }
-    }
-    for (int64_t q = 0; q < count; ++q) {
-      const auto at = static_cast<size_t>(q);
-      if (errors[at]) std::rethrow_exception(errors[at]);
-      done(first + q, std::move(matches[at]));
-    }
+    parallel_for(count, options.threads, [&](int64_t q) {
+      matches[static_cast<size_t>(q)] = answer(
+          asked, stored, task, task.queries[static_cast<size_t>(first + q)], options, which_case);
+    });
+    for (int64_t q = 0; q < count; ++q) done(first + q, std::move(matches[static_cast<size_t>(q)]));
   }
 }
 

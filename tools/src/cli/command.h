@@ -5,7 +5,7 @@
 
 namespace revisit::cli {
 
-/// What a subcommand returns to the shell; see DESIGN section 5 and `revisit --help`.
+/// What a subcommand returns to the shell; see `revisit --help`.
 enum ExitCode {
   kOk = 0,
   kFailed = 1,

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <cstdlib>
 
 namespace revisit::cli {
@@ -22,6 +23,9 @@ Number parse_number(const std::string& what, const std::string& text) {
     throw UsageError(str(what, ": expected ",
                          std::is_integral_v<Number> ? "a whole number" : "a number", ", found '",
                          text, "'"));
+  if constexpr (std::is_floating_point_v<Number>)
+    if (!std::isfinite(value))
+      throw UsageError(str(what, ": ", text, " is no number to work with"));
   return value;
 }
 

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include "doctor/checks.h"
+#include "revisit/pipeline/scan_file.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::doctor {
@@ -11,8 +12,7 @@ namespace {
 namespace fs = std::filesystem;
 
 bool is_scan(const fs::path& file) {
-  const fs::path ending = file.extension();
-  return ending == ".bin" || ending == ".pcd" || ending == ".ply";
+  return pipeline::is_scan_file_name(file) && !file.filename().string().starts_with(".");
 }
 
 struct Scans {
@@ -80,11 +80,10 @@ Sequence check_sequence(const fs::path& folder, const std::vector<fs::path>& pos
   std::optional<int> n_poses;
   for (const fs::path& candidate : poses)
     if (!n_poses) n_poses = count_lines(candidate);
-  const bool calibration = fs::exists(folder / "calib.txt");
 
   check.found =
       str(plural(scans.count, "scan"), ", ", n_poses ? plural(*n_poses, "pose") : "no poses", ", ",
-          calibration ? "calib" : "no calib", ", ", times ? plural(*times, "time") : "no times");
+          times ? plural(*times, "time") : "no times");
   if (const int images = count_images(folder / "image_0"); images > 0)
     check.found += ", " + plural(images, "image");
   const auto warn = [&check](const std::string& advice) {
@@ -98,9 +97,6 @@ Sequence check_sequence(const fs::path& folder, const std::vector<fs::path>& pos
     warn(str("no ground truth (", poses[0].string(), "): evaluation is not possible"));
   else if (scans.last_frame >= *n_poses)
     warn(str("the scans go up to frame ", scans.last_frame, ", the poses only to ", *n_poses - 1));
-  if (n_poses && !calibration)
-    warn(str("no ", (folder / "calib.txt").string(),
-             ": poses cannot be turned to the sensor's frame"));
   return {check, scans.count};
 }
 

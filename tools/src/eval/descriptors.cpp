@@ -64,32 +64,50 @@ void write_rows(pipeline::FeatureWriter& writer, const pipeline::FloatMatrix& ro
 
 }  // namespace
 
-Descriptors cached_descriptors(const FeatureOptions& options, int64_t components,
-                               const pipeline::Task& task, LazyFeatures& case1, LazyFeatures* case2,
-                               const fs::path& cache) {
+TaskDescriptors::TaskDescriptors(const FeatureOptions& options, int64_t components,
+                                 LazyFeatures& case1, LazyFeatures* case2, fs::path cache)
+    : options_(options), components_(components), case1_(case1), case2_(case2) {
   const bool learns = options.pca_fit == "all" || options.pca_fit == "map";
-  if (cache.empty() || !learns || components < 0)
-    return reduce(options, components, task, case1, case2);
-  const std::string key = descriptor_key(options, task, case1, case2);
-  for (const int64_t there : {components, int64_t{0}}) {
-    const fs::path path = descriptor_file(cache, key, there);
-    if (!pipeline::features_complete(path, str(key, "\n", there))) continue;
+  if (learns && components >= 0) cache_ = std::move(cache);
+}
+
+const Descriptors& TaskDescriptors::of(const pipeline::Task& task) {
+  const std::string key = descriptor_key(options_, task, case1_, case2_);
+  if (key == key_) return last_;
+  std::optional<Descriptors> there;
+  key_ = key;
+  if (!cache_.empty()) there = cached(task);
+  last_ = there ? std::move(*there) : compute(task);
+  return last_;
+}
+
+std::optional<Descriptors> TaskDescriptors::cached(const pipeline::Task& task) const {
+  for (const int64_t there : {components_, int64_t{0}}) {
+    const fs::path path = descriptor_file(cache_, key_, there);
+    if (!pipeline::features_complete(path, str(key_, "\n", there))) continue;
     const pipeline::FeatureFile file(path);
-    const int64_t columns = components ? std::min(components, file.d()) : file.d();
+    const int64_t columns = components_ ? std::min(components_, file.d()) : file.d();
+    const int64_t n = case1_.n();
+    const auto fitted = options_.pca_fit == "map" ? static_cast<int64_t>(task.stored.size()) : n;
     Descriptors found;
-    found.case1 = read_rows(file, 0, case1.n(), columns);
-    if (case2) found.case2 = read_rows(file, case1.n(), case1.n(), columns);
-    const auto fitted =
-        options.pca_fit == "map" ? static_cast<int64_t>(task.stored.size()) : case1.n();
-    found.pca_fit = fit_text(options, fitted, columns);
+    found.case1 = read_rows(file, 0, n, columns);
+    if (case2_) found.case2 = read_rows(file, n, n, columns);
+    found.pca_fit = fit_text(options_, fitted, columns);
+    if (columns < components_)
+      found.note = str("PCA keeps ", columns, " of the ", components_, " components asked for");
     return found;
   }
-  Descriptors fresh = reduce(options, components, task, case1, case2);
-  pipeline::FeatureWriter writer(descriptor_file(cache, key, components),
-                                 str(key, "\n", components), case2 ? 2 * case1.n() : case1.n(),
-                                 fresh.case1.d);
+  return {};
+}
+
+Descriptors TaskDescriptors::compute(const pipeline::Task& task) const {
+  Descriptors fresh = reduce(options_, components_, task, case1_, case2_);
+  if (cache_.empty()) return fresh;
+  const int64_t n = case1_.n();
+  pipeline::FeatureWriter writer(descriptor_file(cache_, key_, components_),
+                                 str(key_, "\n", components_), case2_ ? 2 * n : n, fresh.case1.d);
   write_rows(writer, fresh.case1, 0);
-  if (case2) write_rows(writer, *fresh.case2, case1.n());
+  if (case2_) write_rows(writer, *fresh.case2, n);
   writer.finish();
   return fresh;
 }

@@ -8,7 +8,7 @@
 
 namespace revisit::cli {
 
-/// Descriptors of all scans, in alignment case 1 and, for tasks that ask for it, in case 2.
+/// Descriptors of all scans, in alignment case 1 and, when asked for, in case 2.
 struct Descriptors {
   pipeline::FloatMatrix case1;
   std::optional<pipeline::FloatMatrix> case2;
@@ -24,11 +24,30 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
                    LazyFeatures& case1, LazyFeatures* case2,
                    const std::filesystem::path& model_folder = {});
 
-/// The same, taken from `cache` when they are there: then the features are not needed. Descriptors
-/// of all components serve any smaller number, as the first components do not depend on how many
-/// are asked for. Nothing is kept when `cache` is empty or there is no PCA learnt here.
-Descriptors cached_descriptors(const FeatureOptions& options, int64_t components,
-                               const pipeline::Task& task, LazyFeatures& case1, LazyFeatures* case2,
-                               const std::filesystem::path& cache);
+/// The same for one task after another. Those of the last task serve the next when they are learnt
+/// from the same scans. With a `cache` folder they are kept there and, when they are there, the
+/// features are not needed: descriptors of all components serve any smaller number, as the first
+/// components do not depend on how many are asked for.
+class TaskDescriptors {
+ public:
+  /// `case2` may be null, `cache` empty. All is referred to.
+  TaskDescriptors(const FeatureOptions& options, int64_t components, LazyFeatures& case1,
+                  LazyFeatures* case2, std::filesystem::path cache);
+
+  /// Valid until the next call.
+  const Descriptors& of(const pipeline::Task& task);
+
+ private:
+  std::optional<Descriptors> cached(const pipeline::Task& task) const;
+  Descriptors compute(const pipeline::Task& task) const;
+
+  const FeatureOptions& options_;
+  int64_t components_;
+  LazyFeatures& case1_;
+  LazyFeatures* case2_;
+  std::filesystem::path cache_;  // empty: nothing is kept
+  std::string key_;
+  Descriptors last_;
+};
 
 }  // namespace revisit::cli

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <iostream>
 #include <iterator>
+#include <set>
 #include <sstream>
 
 #include "cli/interrupt.h"
@@ -69,20 +70,42 @@ std::vector<pipeline::Match> retrieve_case2(const Descriptors& descriptors,
   return matches;
 }
 
+/// Says each thing once, whatever the number of tasks it is true of.
+struct Notes {
+  bool quiet;
+  std::set<std::string> said;
+  void say(const std::string& note) {
+    if (said.insert(note).second && !quiet) std::cerr << "note: " << note << "\n";
+  }
+};
+
+enum class QueryCase { kAsStored, kCase2, kBoth };
+
+QueryCase query_case_of(const EvalOptions& o, const FeatureSource& source,
+                        const pipeline::Task& task) {
+  if (source.align != pipeline::AlignMode::kCase1) return QueryCase::kAsStored;
+  if (o.query_case == "2") return QueryCase::kCase2;
+  return task.both_cases ? QueryCase::kBoth : QueryCase::kAsStored;
+}
+
 TaskResult run_task(const EvalOptions& o, const FeatureSource& source, const pipeline::Task& task,
-                    const pipeline::Trajectory& trajectory, LazyFeatures& case1,
-                    LazyFeatures* case2, const fs::path& cache, RunTimes* times) {
+                    const pipeline::Trajectory& trajectory, TaskDescriptors& all_descriptors,
+                    Notes& notes, RunTimes* times) {
   TaskResult result;
   result.task = task;
   result.rule = task.rule;
-  const bool ask_case2 = o.query_case == "2";
-  Descriptors descriptors;
-  times->reduce.push_back(milliseconds_of([&] {
-    descriptors = cached_descriptors(o.feature, source.components, task, case1,
-                                     task.both_cases || ask_case2 ? case2 : nullptr, cache);
-  }));
-  if (!descriptors.note.empty() && !o.feature.quiet)
-    std::cerr << "note: " << descriptors.note << "\n";
+  const QueryCase query_case = query_case_of(o, source, task);
+  result.query_case = query_case == QueryCase::kBoth    ? "both"
+                      : query_case == QueryCase::kCase2 ? "case2"
+                                                        : pipeline::name_of(source.align);
+  if (task.both_cases && query_case != QueryCase::kBoth)
+    notes.say(str(task.name,
+                  " asks each query in both alignment cases, which takes --align case1: ",
+                  "here each is asked once"));
+  const Descriptors* found = nullptr;
+  times->reduce.push_back(milliseconds_of([&] { found = &all_descriptors.of(task); }));
+  const Descriptors& descriptors = *found;
+  if (!descriptors.note.empty()) notes.say(descriptors.note);
   result.pca_fit = descriptors.pca_fit;
   result.descriptor_dim = descriptors.case1.d;
 
@@ -111,10 +134,11 @@ TaskResult run_task(const EvalOptions& o, const FeatureSource& source, const pip
   const pipeline::RetrieveOptions retrieve{
       o.k, result.score, progress.callback(), interrupted, source.extractor.similarity, threads};
   times->retrieve.push_back(milliseconds_of([&] {
-    result.matches = ask_case2
-                         ? retrieve_case2(descriptors, task, retrieve)
-                         : pipeline::retrieve(descriptors.case1, task, retrieve,
-                                              descriptors.case2 ? &*descriptors.case2 : nullptr);
+    result.matches =
+        query_case == QueryCase::kCase2
+            ? retrieve_case2(descriptors, task, retrieve)
+            : pipeline::retrieve(descriptors.case1, task, retrieve,
+                                 query_case == QueryCase::kBoth ? &*descriptors.case2 : nullptr);
   }));
   result.verdicts = pipeline::judge(result.matches, task, trajectory, task.rule);
   result.curve = pipeline::precision_recall(result.verdicts, task.missed);
@@ -189,10 +213,12 @@ Evaluation evaluate(const EvalOptions& o) {
   Inputs in(o);
   Evaluation result;
   LazyFeatures* case2 = in.needs_case2(o) ? &in.case2 : nullptr;
+  TaskDescriptors descriptors(o.feature, in.source.components, in.case1, case2,
+                              o.feature.cache.empty() ? fs::path() : in.cache);
+  Notes notes{o.feature.quiet, {}};
   for (const pipeline::Task& task : in.tasks)
-    result.tasks.push_back(run_task(o, in.source, task, in.trajectory, in.case1, case2,
-                                    o.feature.cache.empty() ? fs::path() : in.cache,
-                                    &result.times));
+    result.tasks.push_back(
+        run_task(o, in.source, task, in.trajectory, descriptors, notes, &result.times));
   result.times.describe = in.case1.times();
   if (case2) result.times.describe.append(case2->times());
 

@@ -140,6 +140,7 @@ reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int re
                                  ? "names of the places"
                                  : "poses of the data set");
     metrics.set_score(pipeline::name_of(result.score));
+    metrics.set_query_case(result.query_case);
     if (result.intervals) add_intervals(metrics, *result.intervals, resamples);
   }
   return list;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <string>
 #include <vector>
 
@@ -25,6 +24,7 @@ struct TaskResult {
   pipeline::PrSummary summary;
   std::optional<pipeline::PrIntervals> intervals;     // absent: not asked for
   std::optional<pipeline::ScoreHistogram> histogram;  // when pairs are decided
+  std::string query_case;                             // as in reports.proto
   std::string pca_fit;
   int64_t descriptor_dim = 0;  // after the reduction
 

@@ -25,7 +25,7 @@ struct Work {
   reports::ExperimentRun result;  // but for panel and label
 };
 
-/// Runs finished earlier: `folder/HASH.json` has the result, `folder/HASH.key` what it depends on.
+/// Runs finished earlier: `folder/HASH.json` has the result and what it depends on.
 class FinishedRuns {
  public:
   explicit FinishedRuns(fs::path folder) : folder_(std::move(folder)) { make_folder(folder_); }

@@ -47,13 +47,14 @@ PlotFiles draw(const fs::path& folder, const std::string& name, const std::strin
   fs::remove(files.svg, ignored);
   write_atomically(files.data, [&](std::ostream& out) { out << data; });
   write_atomically(files.script, [&](std::ostream& out) {
-    out << "# Drawn by revisit; edit and run: gnuplot " << name << ".gp\n"
-        << "set terminal pngcairo size 1200," << height
-        << " font 'Sans,14' background rgb 'white'\n"
-        << "set output " << quoted(name + ".png") << "\n"
-        << kStyle << commands << "\n"
-        << "set terminal svg size 1200," << height << " font 'Sans,14' background rgb 'white'\n"
-        << "set output " << quoted(name + ".svg") << "\nreplot\nunset output\n";
+    out << "# Drawn by revisit; edit and run: gnuplot " << name << ".gp\n";
+    // Each picture is drawn from the beginning: `replot` would repeat the last panel only.
+    for (const auto& [terminal, ending] : {std::pair{"pngcairo", ".png"}, {"svg", ".svg"}})
+      out << "reset\nset terminal " << terminal << " size 1200," << height
+          << " font 'Sans,14' background rgb 'white'\n"
+          << "set output " << quoted(name + ending) << "\n"
+          << kStyle << commands << "\n";
+    out << "unset output\n";
   });
   PlotFiles result = files;
   const std::string problem = run_program(absolute, {"gnuplot", name + ".gp"}, "gnuplot-nox");

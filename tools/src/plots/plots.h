@@ -20,8 +20,9 @@ struct PrCurve {
 /// Precision against recall, one line a curve. All functions here draw FOLDER/NAME.{dat,gp,png,svg}
 /// and throw Error when these cannot be written; see PlotFiles::warning for a missing gnuplot.
 ///
-///   const PlotFiles plot = plot_precision_recall(folder, "pr_online", "KITTI 00", {{"conv3+pool5",
-///   curve, ap}}); if (!plot.warning.empty()) std::cerr << "revisit: " << plot.warning << "\n";
+///   const PlotFiles plot =
+///       plot_precision_recall(folder, "pr_online", "KITTI 00", {{"conv3+pool5", curve, ap}});
+///   if (!plot.warning.empty()) std::cerr << "revisit: " << plot.warning << "\n";
 PlotFiles plot_precision_recall(const std::filesystem::path& folder, const std::string& name,
                                 const std::string& title, const std::vector<PrCurve>& curves);
 

@@ -7,7 +7,7 @@
 namespace revisit::pipeline {
 
 /// Which of the two right-handed sign choices of the principal directions (paper, section III-A;
-/// PAPER_NOTES section 1): case 2 is case 1 turned by 180 degrees about z'.
+/// docs/METHODS.md): case 2 is case 1 turned by 180 degrees about z'.
 enum class AlignCase { kOne = 1, kTwo = 2 };
 
 /// The rotation that brings a cloud to its principal directions, and how far to trust it.

@@ -23,7 +23,6 @@ struct Dataset {
   std::string name;      // e.g. "kitti"
   std::string sequence;  // e.g. "00"; "" for a plain folder
   std::vector<ScanRef> scans;
-  std::optional<Pose> T_cam_velo;  // KITTI's Tr, when calib.txt is there
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;
@@ -36,7 +35,6 @@ struct Dataset {
 /// What a data set must have for the work at hand.
 struct DatasetNeeds {
   bool poses = false;
-  bool calibration = false;
 };
 
 /// Opens a KITTI odometry sequence, a folder per place, or a plain folder of .bin/.pcd/.ply files.

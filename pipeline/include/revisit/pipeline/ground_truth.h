@@ -94,9 +94,9 @@ struct LoopTruth {
 /// All true pairs of each scan with its earlier candidates.
 ///
 ///   auto poses = read_kitti_poses(find_kitti_poses(root, "00"));
-///   auto truth = find_loops(make_trajectory(poses), {Distance::kXz, 5},
-///   parse_exclusion("frames=50")); truth.n_positives;  // 804 with the official poses (05: 503,
-///   06: 270, 08: 345)
+///   auto apart = parse_exclusion("frames=50");
+///   auto truth = find_loops(make_trajectory(poses), {Distance::kXz, 5}, apart);
+///   truth.n_positives;  // 804 with the official poses (05: 503, 06: 270, 08: 345)
 ///
 /// Both comparisons are strict: nearer than the radius, more than 50 frames apart.
 /// Throws UsageError when nothing is known of the distances or the radius is not a positive number.

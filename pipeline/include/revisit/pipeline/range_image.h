@@ -52,7 +52,7 @@ void check_geometry(const ImageGeometry& geometry);
 ///   pixel  = 255 * min(range, max_range) / max_range, the nearest return wins, 0 without one
 /// in double arithmetic: the image has the same bits on every CPU. NaN points and points at the
 /// origin are skipped. With an even width a cloud turned by exactly 180 degrees (x and y negated)
-/// gives exactly the image shifted by width / 2: align case 2 is free. Throws UsageError as
+/// gives exactly the image shifted by width / 2, which is align case 2. Throws UsageError as
 /// check_geometry() does.
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
 
@@ -66,10 +66,6 @@ void project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sens
 /// UsageError for an even rectangle or one larger than the image.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
-
-/// The image moved `columns` to the left (negative: to the right), around the edge: the image of
-/// the cloud turned by `columns` * 360 / width deg about z. Half the width is align case 2.
-RangeImage shifted(const RangeImage& image, int columns);
 
 /// Writes an 8-bit grey PNG (values rounded). Throws Error when it cannot.
 void write_png(const std::string& file, const RangeImage& image);

@@ -269,7 +269,7 @@
     const info = run.info || {}, stages = list(info.stages);
     return [
       ...list(run.tasks).map(task => [
-        el("h3", {}, task.metrics.protocol), el("p", { class: "soft" }, task.metrics.population || ""),
+        el("h3", {}, task.metrics.protocol), el("p", { class: "soft" }, `${task.metrics.population || ""}; alignment of the queries: ${task.metrics.query_case || "?"}`),
         table([["", ""], ...kMetrics.map(([, title]) => [title, "n"]), ["queries", "n"], ["with a true match", "n"], ["true match"]],
           [["", ...kMetrics.map(([key]) => metric(task.metrics, key)), String(task.metrics.n_queries ?? 0), String(task.metrics.n_positives ?? 0), `${task.metrics.distance} < ${task.metrics.radius_m} m, exclusion ${task.metrics.exclusion}`]]),
         el("div", { class: "grid" }, el("div", { class: "card" }, prPlot(`precision and recall, ${run.title}`, [prDataset(task.metrics.protocol, task.curve, task.metrics, 0)])),
