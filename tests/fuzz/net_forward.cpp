@@ -3,6 +3,7 @@
 // and infinities, l: the shape is known when the net is loaded, not only when it is planned).
 // Results may be anything, but must be the same again and for 3 threads; and those of the reference
 // kernels where all layers are of types that keep rounding small.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <set>
