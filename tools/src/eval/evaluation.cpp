@@ -224,8 +224,8 @@ Evaluation evaluate(const EvalOptions& o) {
 
   result.run = make_run_folder(o.output, in.dataset);
   const RunContext context{
-      o.feature,      in.dataset,    in.trajectory, in.source,  in.case1.alignments(),
-      settings_of(o), command_of(o), o.k,           o.resamples};
+      o.feature,      in.dataset,    in.trajectory, in.source, in.case1.alignments(),
+      settings_of(o), command_of(o), o.resamples};
   write_run(result.run, context, result.tasks, result.times);
   if (!o.no_plots) write_figures(result.run, context, result.tasks, in.source.align);
   link_latest(result.run);

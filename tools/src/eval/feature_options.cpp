@@ -194,15 +194,14 @@ std::vector<std::string> feature_names() {
 FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
                            const fs::path& folder) {
   const std::vector<std::string> names = feature_names();
-  const bool is_network = options.feature == "cnn" || options.feature == "net";  // an older name
-  if (!is_network && std::find(names.begin(), names.end(), options.feature) == names.end())
+  if (std::find(names.begin(), names.end(), options.feature) == names.end())
     throw UsageError(str(
         "--feature: unknown feature '", options.feature, "'", did_you_mean(options.feature, names),
         "; known: ",
         std::accumulate(names.begin() + 1, names.end(), names[0],
                         [](const std::string& a, const std::string& b) { return a + ", " + b; })));
   FeatureSource source;
-  if (is_network)
+  if (options.feature == "cnn")
     source = open_network(options);
   else if (options.feature == "data")
     source.extractor = pipeline::range_vector_features(options.geometry());

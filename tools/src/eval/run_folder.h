@@ -41,7 +41,6 @@ struct RunContext {
   std::vector<std::pair<std::string, std::string>>
       settings;         // option names and values, for config.yaml
   std::string command;  // that repeats the run
-  int k = 4;
   int resamples = 0;  // of the bootstrap; 0: none
 };
 

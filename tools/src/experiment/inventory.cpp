@@ -1,7 +1,6 @@
 #include "experiment/inventory.h"
 
 #include <algorithm>
-#include <set>
 
 #include "eval/feature_options.h"
 #include "models/cache.h"
