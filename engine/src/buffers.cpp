@@ -78,13 +78,17 @@ class Placer {
   }
 
   /// Whether the first output can be where the first input is: nothing reads that buffer later, nor
-  /// what it is a part of, under any of the names it has.
+  /// what it is a part of, under any of the names it has, and no other input of this step lies
+  /// there.
   bool may_overwrite(const ScheduledStep& step, int index) const {
     if (step.memory != OutputMemory::kMayReuseInput) return false;
-    const Stored &input = schedule_.stored[step.inputs[0]],
-                 &output = schedule_.stored[step.outputs[0]];
+    const size_t first = step.inputs[0];
+    const Stored &input = schedule_.stored[first], &output = schedule_.stored[step.outputs[0]];
+    const int whole = root(buffer_of_[first]);
     return input.layout == output.layout && input.floats == output.floats &&
-           buffers_[root(buffer_of_[step.inputs[0]])].last <= index;
+           buffers_[whole].last <= index &&
+           std::all_of(step.inputs.begin(), step.inputs.end(),
+                       [&](size_t id) { return id == first || root(buffer_of_[id]) != whole; });
   }
 
   int root(int buffer) const {

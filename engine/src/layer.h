@@ -70,9 +70,12 @@ struct Binding {
 
 /// Where the outputs live.
 enum class OutputMemory {
-  kOwn,            // separate from the inputs
-  kMayReuseInput,  // element by element: output 0 may overwrite input 0
-  kViewOfInput,    // the same values under another shape or name: nothing runs
+  kOwn,  // separate from the inputs
+  /// Output 0 may lie exactly where input 0 lies: the kernel writes element i of the output when
+  /// nothing reads element i of input 0 any more. Reading all of a channel before writing it is
+  /// fine. Input 0 may be given again as another input; all other inputs lie elsewhere.
+  kMayReuseInput,
+  kViewOfInput,  // the same values under another shape or name: nothing runs
 };
 
 /// How an output pixel depends on its input, along one axis: on `extent` pixels from

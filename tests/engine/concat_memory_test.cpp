@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "net_case.h"
+#include "test_data.h"
 
 namespace revisit::engine {
 namespace {
@@ -12,6 +13,8 @@ using test::in_place;
 using test::kernel_of;
 using test::layer;
 using test::small_net;
+using test::TempDir;
+using test::write_file;
 
 const Shape kData{1, 16, 12, 16};
 
@@ -89,6 +92,85 @@ TEST(Concat, PartsCanBeReadBeforeAndAfter) {
     EXPECT_EQ(kernel_of(expect_as_reference(net), "all"), "in place");
     expect_as_reference(net, {.keep_all = true});
   }
+}
+
+/// The plan without what is kept, on one thread and on three, gives the bits of the plan that keeps
+/// every value and so overwrites none.
+void expect_as_kept(const Net& net, const PlanOptions& options) {
+  PlanOptions keeping = options;
+  keeping.keep_all = true;
+  const auto wanted = test::forward(net, keeping);
+  for (const int threads : {1, 3}) {
+    PlanOptions working = options;
+    working.threads = threads;
+    for (const auto& [name, tensor] : test::forward(net, working))
+      EXPECT_EQ(tensor.values, wanted.at(name).values) << name << ", " << threads << " threads";
+  }
+}
+
+TEST(WorkInPlace, NotOverAPartThatTheSameLayerReads) {
+  // The parts of a Concat lie in its output: here a Bias reads one of them under another shape.
+  const std::string parts = layer("a", "Power", {"data"}) +
+                            layer("b", "Power", {"data"}, "power_param { scale: 100 }") +
+                            layer("c", "Concat", {"a", "b"}, "concat_param { axis: 0 }") +
+                            layer("r", "Reshape", {"a"}, "reshape_param { shape { dim: 16 } }");
+  for (const bool reference : {false, true}) {
+    const PlanOptions options{.reference_kernels = reference};
+    expect_as_kept(
+        small_net({1, 16}, parts + layer("o", "Bias", {"c", "r"}, "bias_param { axis: 1 }")),
+        options);
+    expect_as_kept(
+        small_net({1, 16}, parts + layer("o", "Scale", {"c", "r"}, "scale_param { axis: 1 }")),
+        options);
+    // Over the part, while the layer reads the whole.
+    expect_as_kept(
+        small_net({1, 16}, layer("a", "Power", {"data"}, "power_param { scale: 3 }") +
+                               layer("c", "Concat", {"a"}) +
+                               layer("r", "Reshape", {"c"}, "reshape_param { shape { dim: 16 } }") +
+                               layer("o", "Bias", {"a", "r"}, "bias_param { axis: 1 }")),
+        options);
+  }
+}
+
+TEST(WorkInPlace, TheBiasOfTwoRowsByTheFirst) {
+  const TempDir dir;
+  write_file(dir / "net.prototxt", R"(
+    layer { name: "in" type: "Input" top: "x" top: "y" input_param { shape { dim: 1 dim: 16 } } }
+    layer { name: "a" type: "Power" bottom: "x" top: "a" power_param { shift: 0 scale: 1 } }
+    layer { name: "b" type: "Power" bottom: "y" top: "b" power_param { shift: 0 scale: 1 } }
+    layer { name: "c" type: "Concat" bottom: "a" bottom: "b" top: "c" concat_param { axis: 0 } }
+    layer { name: "r" type: "Reshape" bottom: "a" top: "r" reshape_param { shape { dim: 16 } } }
+    layer { name: "o" type: "Bias" bottom: "c" bottom: "r" top: "o" bias_param { axis: 1 } })");
+  engine::Run run(Net::load_without_weights(dir / "net.prototxt").plan());
+  std::vector<float> wanted(32);
+  for (int i = 0; i < 16; ++i) {
+    const auto x = static_cast<float>(i + 1), y = 100 * x;
+    run.input("x").data[i] = x;
+    run.input("y").data[i] = y;
+    wanted[i] = x + x;
+    wanted[16 + i] = y + x;
+  }
+  run.forward();
+  const auto values = run.output("o").values();
+  EXPECT_EQ(std::vector<float>(values.begin(), values.end()), wanted);
+}
+
+TEST(WorkInPlace, OverAnInputThatIsGivenTwice) {
+  const std::string made = layer("a", "TanH", {"data"}) + layer("b", "Exp", {"data"});
+  for (const char* operation : {"SUM", "PROD", "MAX"}) {
+    const Net net =
+        small_net(kData, made + layer("all", "Eltwise", {"a", "b", "a"},
+                                      str("eltwise_param { operation: ", operation, " }")));
+    expect_as_kept(net, {});
+    EXPECT_EQ(net.plan().layers().back().activation_bytes, 0) << operation;
+  }
+  for (const char* type : {"Scale", "Bias"})
+    expect_as_kept(
+        small_net(kData, layer("a", "TanH", {"data"}) + layer("all", type, {"a", "a"},
+                                                              type == std::string("Scale")
+                                                                  ? "scale_param { axis: 0 }"
+                                                                  : "bias_param { axis: 0 }")),
+        {});
 }
 
 }  // namespace
