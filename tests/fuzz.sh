@@ -31,13 +31,14 @@ build_targets() {
     cmake --build "$build/$engine" --target "${targets[@]/#/fuzz_}"
 }
 
-# The seeds, the past findings and what is in the shared data, at most 64 KB of each.
+# The seeds, the past findings and what other tests have, at most 64 KB of each.
 gather_seeds() {  # gather_seeds TARGET FOLDER
   local places=("$fuzz/seeds/$1" "$fuzz/regressions/$1") folder pattern file
   {
     for folder in "${places[@]}"; do [ ! -d "$folder" ] || find "$folder" -type f; done
     grep "^$1 " "$fuzz/shared_seeds.txt" | while read -r _ folder pattern; do
-      [ ! -d "$shared/$folder" ] || find "$shared/$folder" -type f -name "$pattern"
+      [ -d "$root/$folder" ] && folder=$root/$folder || folder=$shared/$folder
+      [ ! -d "$folder" ] || find "$folder" -type f -name "$pattern"
     done
   } | while read -r file; do
     head -c 65536 "$file" >"$2/$(echo "$file" | sha1sum | head -c 16)"

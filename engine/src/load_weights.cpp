@@ -7,8 +7,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Caffe's rule (SEMANTICS section 8): legacy blobs compare right-aligned with the last 4 axes,
-/// others exactly.
+/// Caffe's rule (docs/SEMANTICS.md section 8): legacy blobs compare right-aligned with the last 4
+/// axes, others exactly.
 bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   if (!blob.legacy_shape) return blob.shape == wanted.axes();
   if (wanted.rank() > 4) return false;

@@ -15,10 +15,10 @@ Sharing find_sharing(const Graph& whole);
 /// PERMISSIVE`: one number of elements).
 void check_sharing(const Net::Impl& net);
 
-/// Reads the weights of the kept layers, matched by layer name as Caffe does (SEMANTICS section 9).
-/// Blobs that are shared take what any layer of the group has in the file. Throws InputError naming
-/// layer, blob, expected and found; layers without weights are an error unless allowed to be
-/// missing.
+/// Reads the weights of the kept layers, matched by layer name as Caffe does (docs/SEMANTICS.md
+/// section 9). Blobs that are shared take what any layer of the group has in the file. Throws
+/// InputError naming layer, blob, expected and found; layers without weights are an error unless
+/// allowed to be missing.
 void load_weights(Net::Impl& net, const std::filesystem::path& weights, const LoadOptions& options);
 
 /// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth.

@@ -1,5 +1,5 @@
 // One small net in every format its files can have, against the outputs of the original Caffe
-// (../shared/golden/formats); and nets as training leaves them.
+// (tests/golden/formats); and nets as training leaves them.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
@@ -18,10 +18,10 @@ namespace {
 namespace fs = std::filesystem;
 using test::expect_error;
 
-constexpr double kTolerance = 1e-5;  // golden/README.md: GEMM, fail above
+constexpr double kTolerance = 1e-5;  // tests/golden/README.md: GEMM, fail above
 
 TEST(Formats, EveryPairOfFilesGivesTheSame) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   google::protobuf::Value index;
   ASSERT_TRUE(
       google::protobuf::util::JsonStringToMessage(test::read_file(folder / "index.json"), &index)

@@ -1,5 +1,5 @@
 // Nets of one or a few layers with awkward parameters against the original Caffe
-// (../shared/golden/zoo). A layer type that we lack fails its cases.
+// (tests/golden/zoo). A layer type that we lack fails its cases.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,6 +9,7 @@
 #include "revisit/engine/net.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
+#include "simd_targets.h"
 #include "test_data.h"
 
 namespace revisit::engine {
@@ -16,15 +17,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// golden/README.md.
+/// tests/golden/README.md.
 constexpr double kRelative = 1e-5;
 constexpr double kSoftmaxAbsolute = 1e-6;
 
 std::vector<std::string> cases() {
   std::vector<std::string> names;
-  const fs::path zoo = test::shared("golden/zoo");
-  if (zoo.empty()) return names;
-  for (const auto& entry : fs::directory_iterator(zoo))
+  for (const auto& entry : fs::directory_iterator(test::golden("zoo")))
     if (entry.is_directory()) names.push_back(entry.path().filename());
   std::sort(names.begin(), names.end());
   return names;
@@ -65,7 +64,7 @@ double largest_difference(std::span<const float> a, std::span<const float> b) {
 
 class GoldenZoo : public testing::TestWithParam<std::string> {
  protected:
-  fs::path folder() const { return test::shared("golden/zoo") / GetParam(); }
+  fs::path folder() const { return test::golden("zoo") / GetParam(); }
 
   Net load() const {
     const fs::path prototxt = folder() / "net.prototxt", weights = folder() / "weights.caffemodel";
@@ -102,26 +101,27 @@ TEST_P(GoldenZoo, AsTheOriginal) {
   EXPECT_EQ(static_cast<int>(net.inputs().size()), count_files("in_"));
   EXPECT_EQ(static_cast<int>(net.outputs().size()), count_files("out_"));
   double worst = 0;
-  for (const PlanOptions& options : {PlanOptions{.threads = 1}, PlanOptions{.threads = 2},
-                                     PlanOptions{.reference_kernels = true}}) {
-    SCOPED_TRACE(str(options.threads, " threads, reference ", options.reference_kernels));
-    const engine::Run run = forward(net, options);
-    for (const std::string& blob : net.outputs()) {
-      const auto wanted = proto::read_npy(folder() / ("out_" + file_name(blob) + ".npy"));
-      const View<const float> found = run.output(blob);
-      ASSERT_EQ(found.shape, Shape(wanted.shape)) << blob;
-      const double error = test::relative_error(found.values(), wanted.data);
-      worst = std::max(worst, error);
-      if (made_by_softmax(description, blob))
-        EXPECT_LE(largest_difference(found.values(), wanted.data), kSoftmaxAbsolute) << blob;
-      else
-        EXPECT_LE(error, exact ? 0 : kRelative) << blob;
+  test::for_each_simd_target([&] {
+    for (const PlanOptions& options : {PlanOptions{.threads = 1}, PlanOptions{.threads = 2},
+                                       PlanOptions{.reference_kernels = true}}) {
+      SCOPED_TRACE(str(options.threads, " threads, reference ", options.reference_kernels));
+      const engine::Run run = forward(net, options);
+      for (const std::string& blob : net.outputs()) {
+        const auto wanted = proto::read_npy(folder() / ("out_" + file_name(blob) + ".npy"));
+        const View<const float> found = run.output(blob);
+        ASSERT_EQ(found.shape, Shape(wanted.shape)) << blob;
+        const double error = test::relative_error(found.values(), wanted.data);
+        worst = std::max(worst, error);
+        if (made_by_softmax(description, blob))
+          EXPECT_LE(largest_difference(found.values(), wanted.data), kSoftmaxAbsolute) << blob;
+        else
+          EXPECT_LE(error, exact ? 0 : kRelative) << blob;
+      }
     }
-  }
+  });
   RecordProperty("worst_relative_error", str(worst));
 }
 
-GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(GoldenZoo);  // without the shared data
 INSTANTIATE_TEST_SUITE_P(Cases, GoldenZoo, testing::ValuesIn(cases()),
                          [](const auto& instance) { return instance.param; });
 

@@ -119,9 +119,9 @@ TEST(Buffers, OfLayersThatReuseTheirInputHoldWhatIsStillRead) {
   for (const float value : run.output("s").values()) EXPECT_EQ(value, 6400);  // (2 * 20 * 2)^2
 }
 
-/// The verdicts of Caffe on whole nets (golden/parse) that concern checks of layers.
+/// The verdicts of Caffe on whole nets (tests/golden/parse) that concern checks of layers.
 TEST(GoldenParse, LayersRefuseWhatCaffeRefuses) {
-  REVISIT_NEED_SHARED(folder, "golden/parse");
+  const std::filesystem::path folder = test::golden("parse");
   for (const std::string name :
        {"bn_four_params", "concat_mismatch", "eltwise_coeff_count", "eltwise_prod_coeff",
         "eltwise_shape_mismatch", "exp_base_neg2", "lrn_2axis", "lrn_even_size", "net_inplace_conv",

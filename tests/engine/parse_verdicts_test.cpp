@@ -1,4 +1,4 @@
-// The verdict of the original Caffe on odd prototxts (../shared/golden/parse): the same here, but
+// The verdict of the original Caffe on odd prototxts (tests/golden/parse): the same here, but
 // for the differences of docs/STRICTER.md.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
@@ -78,7 +78,7 @@ Verdict our_verdict(const fs::path& prototxt) {
 }
 
 TEST(ParseVerdicts, AreThoseOfCaffe) {
-  REVISIT_NEED_SHARED(folder, "golden/parse");
+  const std::filesystem::path folder = test::golden("parse");
   const auto verdicts = caffe_verdicts(folder / "index.json");
   EXPECT_EQ(verdicts.size(), 77U);
   for (const auto& [name, caffe] : verdicts) {

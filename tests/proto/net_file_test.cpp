@@ -210,8 +210,8 @@ TEST(NetFileRobustness, DamagedTextIsAnErrorOrANet) {
   EXPECT_GT(n_errors, 1000);
 }
 
-/// What Caffe itself said of a text in golden/parse, as far as parsing and upgrading go: the rest
-/// of its complaints are about shapes and layers, which are the engine's.
+/// What Caffe itself said of a text in tests/golden/parse, as far as parsing and upgrading go: the
+/// rest of its complaints are about shapes and layers, which are the engine's.
 struct Verdict {
   bool parses = true;
   std::string position;  // "line:column", where Caffe gives one
@@ -240,7 +240,7 @@ std::map<std::string, Verdict> caffe_verdicts(const fs::path& index) {
 }
 
 TEST(NetFile, AgreesWithCaffeOnOddTexts) {
-  REVISIT_NEED_SHARED(folder, "golden/parse");
+  const std::filesystem::path folder = test::golden("parse");
   int n_rejected = 0;
   for (const auto& [name, verdict] : caffe_verdicts(folder / "index.json")) {
     SCOPED_TRACE(name);

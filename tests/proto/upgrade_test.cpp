@@ -1,4 +1,5 @@
-// Every rule of the upgrades, each against a hand-written expectation in V2 (SEMANTICS section 7).
+// Every rule of the upgrades, each against a hand-written expectation in V2 (docs/SEMANTICS.md
+// section 7).
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -308,7 +309,7 @@ void expect_same_net(const std::filesystem::path& a, const std::filesystem::path
 }
 
 TEST(UpgradeGolden, SameAsCaffesUpgradeTools) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   expect_same_net(folder / "mini_v0.prototxt", folder / "mini_v0_upgraded_by_caffe.prototxt");
   expect_same_net(folder / "mini_v1.prototxt", folder / "mini_v1_upgraded_by_caffe.prototxt");
   expect_same_net(folder / "mini_v2_input_dim.prototxt", folder / "mini_v2_input_shape.prototxt");

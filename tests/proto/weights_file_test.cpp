@@ -386,7 +386,7 @@ TEST(WeightsFileRobustness, EveryValueOfEveryByte) {
 // ------------------------------------------------------------------------------------ real files
 
 TEST(WeightsFileGolden, EveryEncodingDecodesToTheSameBlobs) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   const auto named = [](const fs::path& path) {
     std::map<std::string, std::vector<std::vector<float>>> blobs;
     const auto file = WeightsFile::open(path);
@@ -410,7 +410,7 @@ TEST(WeightsFileGolden, EveryEncodingDecodesToTheSameBlobs) {
 }
 
 TEST(WeightsFileGolden, LegacyShapeWins) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   const auto both = WeightsFile::open(folder / "mini_v2_legacy_and_shape.caffemodel");
   for (size_t i = 0; i < both->layers().size(); ++i) {
     for (const Blob& blob : both->read(i)) EXPECT_TRUE(blob.legacy_shape);
@@ -443,7 +443,7 @@ TEST(WeightsFileGolden, OneLayerOfALargeFile) {
 // ---------------------------------------------------------------------------------- binaryproto
 
 TEST(Binaryproto, MeanOfBothShapesEqualsItsNpy) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   const NpyArray truth = read_npy(folder / "mean.npy");
   const Blob legacy = read_binaryproto(folder / "mean_legacy.binaryproto");
   const Blob current = read_binaryproto(folder / "mean_shape.binaryproto");
@@ -454,7 +454,7 @@ TEST(Binaryproto, MeanOfBothShapesEqualsItsNpy) {
 }
 
 TEST(Binaryproto, DamagedFilesAreErrorsOrMeans) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   const TempDir dir;
   const fs::path path = dir / "m";
   const auto is_error = [&] {

@@ -44,7 +44,7 @@ class WeightsHdf5 : public testing::Test {
 };
 
 TEST(WeightsHdf5Golden, SameAsTheCaffemodel) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   const Blobs truth = read_all(folder / "mini_v2.caffemodel");
   const Blobs found = read_all(folder / "mini.caffemodel.h5");
   size_t with_blobs = 0;
@@ -63,7 +63,7 @@ TEST(WeightsHdf5Golden, SameAsTheCaffemodel) {
 }
 
 TEST_F(WeightsHdf5, TruncatedAnywhere) {
-  REVISIT_NEED_SHARED(weights, "golden/formats/mini.caffemodel.h5");
+  const std::filesystem::path weights = test::golden("formats/mini.caffemodel.h5");
   const std::string whole = test::read_file(weights);
   for (size_t size = 8; size < whole.size(); size += 97) {
     test::write_file(path_, whole.substr(0, size));
@@ -84,7 +84,7 @@ bool is_error(const fs::path& path) {
 }
 
 TEST_F(WeightsHdf5, DamagedBytesAreErrorsOrWeights) {
-  REVISIT_NEED_SHARED(weights, "golden/formats/mini.caffemodel.h5");
+  const std::filesystem::path weights = test::golden("formats/mini.caffemodel.h5");
   const std::string whole = test::read_file(weights);
   test::write_file(path_, whole);
   int errors = 0;
@@ -99,7 +99,7 @@ TEST_F(WeightsHdf5, DamagedBytesAreErrorsOrWeights) {
 }
 
 TEST_F(WeightsHdf5, ManyDamagedBytes) {
-  REVISIT_NEED_SHARED(weights, "golden/formats/mini.caffemodel.h5");
+  const std::filesystem::path weights = test::golden("formats/mini.caffemodel.h5");
   const std::string whole = test::read_file(weights);
   std::mt19937 random(20);
   const auto below = [&](size_t n) { return random() % n; };

@@ -6,7 +6,7 @@
 
 namespace revisit::test {
 
-/// max|a - b| / max|b|: the measure of ../shared/golden/README.md. NaN and infinity must agree
+/// max|a - b| / max|b|: the measure of tests/golden/README.md. NaN and infinity must agree
 /// exactly; otherwise the result is infinite.
 inline double relative_error(std::span<const float> a, std::span<const float> b) {
   if (a.size() != b.size()) return INFINITY;

@@ -28,7 +28,8 @@ std::map<std::string, engine::Tensor> forward(const engine::Net& net,
                                               const engine::PlanOptions& options,
                                               unsigned seed = 1);
 
-/// golden/README.md, of the largest value of a blob: more where the plan has a Winograd kernel.
+/// tests/golden/README.md, of the largest value of a blob: more where the plan has a Winograd
+/// kernel.
 double tolerance_of(const engine::Plan& plan, double otherwise = 1e-5);
 
 /// Expects that the plan with `options` gives what the reference kernels give without any rewrite

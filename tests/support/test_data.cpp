@@ -24,6 +24,10 @@ fs::path fixture(const std::string& relative) {
   return fs::path(REVISIT_FIXTURES) / relative;
 }
 
+fs::path golden(const std::string& relative) {
+  return project_file("tests/golden/" + relative);
+}
+
 fs::path project_file(const std::string& relative) {
   return fs::path(REVISIT_ROOT) / relative;
 }

@@ -12,6 +12,9 @@ std::filesystem::path shared(const std::string& relative);
 /// A file of our own, `tests/fixtures/`.
 std::filesystem::path fixture(const std::string& relative);
 
+/// What the original Caffe computed for us, `tests/golden/`: zoo, formats, parse.
+std::filesystem::path golden(const std::string& relative);
+
 /// A file of the project itself, by its path from the root.
 std::filesystem::path project_file(const std::string& relative);
 

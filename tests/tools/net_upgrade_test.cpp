@@ -45,7 +45,7 @@ std::map<std::string, std::vector<float>> weights_of(const fs::path& path) {
 }
 
 TEST_F(NetUpgrade, TextIsThatOfTheOriginal) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   for (const std::string name : {"mini_v0", "mini_v1"}) {
     SCOPED_TRACE(name);
     const std::string in = (folder / (name + ".prototxt")).string();
@@ -61,7 +61,7 @@ TEST_F(NetUpgrade, TextIsThatOfTheOriginal) {
 }
 
 TEST_F(NetUpgrade, BinaryIsThatOfTheOriginal) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   for (const std::string name : {"mini_v0", "mini_v1"}) {
     SCOPED_TRACE(name);
     const std::string in = (folder / (name + ".caffemodel")).string();
@@ -78,7 +78,7 @@ TEST_F(NetUpgrade, BinaryIsThatOfTheOriginal) {
 }
 
 TEST_F(NetUpgrade, EveryWeightsFileReadsTheSameAfterwards) {
-  REVISIT_NEED_SHARED(folder, "golden/formats");
+  const std::filesystem::path folder = test::golden("formats");
   const auto truth = weights_of(folder / "mini_v2.caffemodel");
   int n_files = 0;
   for (const auto& entry : fs::directory_iterator(folder)) {

@@ -12,8 +12,8 @@ struct PoolingProblem {
 };
 
 /// Largest value of each window, clipped to the image; -FLT_MAX for an empty window. NaN never
-/// wins. `mask`, when not null, gets the winner's index h * w as float, -1 for none (SEMANTICS
-/// section 2).
+/// wins. `mask`, when not null, gets the winner's index h * w as float, -1 for none
+/// (docs/SEMANTICS.md section 2).
 void max_pool(const PoolingProblem& problem, const float* input, float* output, float* mask);
 
 /// Mean of each window: padding counts as zeros, what lies beyond it does not count at all.

@@ -17,7 +17,8 @@ struct CaseVerdict {
 };
 
 struct CompareOptions {
-  /// By default 1e-5, and 1e-4 for a plan with Winograd kernels, which round more (golden/README).
+  /// By default 1e-5, and 1e-4 for a plan with Winograd kernels, which round more
+  /// (tests/golden/README.md).
   std::optional<double> tolerance;
   int threads = 1;
   bool reference_kernels = false;
