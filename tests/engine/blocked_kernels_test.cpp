@@ -13,6 +13,7 @@
 #include "kernels/blocked/kernels.h"
 #include "kernels/blocked/lrn.h"
 #include "kernels/blocked/pooling.h"
+#include "kernels/blocked/pooling_pieces.h"
 #include "kernels/blocked/reorder.h"
 #include "layers/pooling_window.h"
 #include "problems.h"
@@ -24,7 +25,7 @@ namespace {
 
 constexpr unsigned kSeed = 20260722;
 constexpr unsigned char kNan = 0xFF, kDirty = 0xA5;
-constexpr int kThreads[] = {1, 2, 3};
+constexpr int kThreads[] = {1, 2, 3, 7, 16};
 
 /// Equal as numbers; NaN equals NaN.
 testing::AssertionResult same(std::span<const float> found, std::span<const float> wanted) {
@@ -271,6 +272,9 @@ TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
         first_layers("vgg-cnn-s", 1, 3, 67, 400, 96, {7, 2, 0}, true, {3, 3, 0}),
         first_layers("places-cnds-8", 1, 1, 40, 700, 64, {7, 2, 1}, false, {3, 2, 0}),
         first_layers("tail-batch-pads", 2, 3, 13, 37, 20, {3, 1, 1}, true, {3, 2, 1}),
+        first_layers("mnist", 1, 1, 28, 28, 20, {5, 1, 0}, false, {2, 2, 0}),
+        first_layers("global", 2, 3, 31, 31, 20, {3, 2, 1}, true, {16, 1, 0}),
+        first_layers("nearly-global", 1, 3, 20, 20, 20, {3, 1, 1}, true, {18, 1, 1}),
         first_layers("gaps", 1, 2, 30, 30, 17, {2, 1, 0}, true, {2, 4, 0}),
         first_layers("narrow", 3, 4, 9, 5, 5, {3, 1, 0}, false, {2, 1, 0})}) {
     SCOPED_TRACE(f.name);
@@ -315,6 +319,29 @@ TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
       EXPECT_TRUE(same_bits(
           found, test::to_plain(c.n, c.c_out, pooling.out_h * pooling.out_w, wanted.values())));
     });
+  }
+}
+
+TEST(PoolingPieces, EveryThreadHasOneAndOneThreadMakesNoRowTwice) {
+  for (const FirstLayers& f :
+       {first_layers("alexnet", 1, 3, 227, 227, 96, {11, 4, 0}, true, {3, 2, 0}),
+        first_layers("mnist", 1, 1, 28, 28, 20, {5, 1, 0}, false, {2, 2, 0}),
+        first_layers("global", 1, 3, 224, 224, 64, {7, 4, 3}, false, {56, 1, 0}),
+        first_layers("batch", 5, 3, 224, 224, 64, {7, 4, 3}, false, {3, 2, 0})}) {
+    SCOPED_TRACE(f.name);
+    const ConvolutionProblem& c = f.convolution;
+    const PoolingProblem pooling =
+        PoolingWindow(f.pooling).problem({c.n, c.c_out, c.out_h, c.out_w});
+    EXPECT_EQ(PoolingPieces(pooling, c.c_out, 1).count(), c.n);
+    for (const int threads : {2, 3, 4, 7, 8, 16}) {
+      SCOPED_TRACE(threads);
+      const PoolingPieces pieces(pooling, c.c_out, threads);
+      EXPECT_GE(pieces.count(), threads);
+      // What the busiest thread makes, at most, against a fair share.
+      const int64_t rounds = (pieces.count() + threads - 1) / threads;
+      const int64_t fair = (c.n * c.out_h + threads - 1) / threads;
+      EXPECT_LE(rounds * pieces.bands.most(), fair + std::max<int64_t>(fair / 4, 1));
+    }
   }
 }
 

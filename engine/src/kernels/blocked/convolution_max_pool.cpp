@@ -1,6 +1,6 @@
 #include "kernels/blocked/convolution_max_pool.h"
 
-#include "kernels/blocked/pooling_strip.h"
+#include "kernels/blocked/pooling_pieces.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/convolution_max_pool.cpp"
@@ -9,23 +9,26 @@
 #include "kernels/blocked/lrn-inl.h"
 #include "kernels/blocked/plain_input-inl.h"
 #include "kernels/blocked/plain_input_scratch.h"
-#include "kernels/blocked/pooling_strip-inl.h"
+#include "kernels/blocked/pooling_pieces-inl.h"
 
 namespace revisit::engine {
 #ifndef REVISIT_CONVOLUTION_MAX_POOL_SCRATCH
 #define REVISIT_CONVOLUTION_MAX_POOL_SCRATCH
 namespace {
 
-/// What one thread needs, one behind the other.
+PoolingPieces pieces_of(const ConvolutionMaxPool& p) {
+  return {p.pooling, p.convolution.c_out, p.convolution.threads};
+}
+
+/// What one thread needs beside the pieces', one behind the other.
 struct ConvolutionMaxPoolScratch {
-  int64_t patch, row, squares;
+  int64_t patch, squares;
 
   explicit ConvolutionMaxPoolScratch(const ConvolutionMaxPool& p)
       : patch(padded_channels(plain_input_patch_floats(p.convolution))),
-        row(PoolingStrip(p.pooling, p.convolution.c_out).row_floats),
         squares(p.lrn ? LrnSquares(*p.lrn).floats() : 0) {}
 
-  int64_t floats() const { return patch + row + squares; }
+  int64_t floats() const { return patch + squares; }
 };
 
 }  // namespace
@@ -38,44 +41,35 @@ namespace revisit::engine::HWY_NAMESPACE {
 void convolution_max_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArguments& a) {
   const PlainInput convolution(p.convolution, a);
   const ConvolutionMaxPoolScratch size(p);
-  const int64_t c = p.convolution.c_out;
-  const PoolingStrip strip(p.pooling, c);
-  parallel_for(
-      p.convolution.n * strip.per_image, p.convolution.threads,
-      [&](int64_t item, int thread) HWY_ATTR {
-        float* const patch = a.scratch + thread * size.floats();
-        float* const row = patch + size.patch;
-        float* const squares = row + size.row;
-        if (p.lrn) clear_margins(LrnSquares(*p.lrn), squares);
-        const int64_t n = item / strip.per_image, first = item % strip.per_image * strip.windows;
-        pool_strip({.pooling = p.pooling,
-                    .channels = c,
-                    .begin = first,
-                    .end = std::min(first + strip.windows, p.pooling.out_w),
-                    .output = a.output + n * padded_channels(c) * p.pooling.out_h * p.pooling.out_w,
-                    .row = row},
-                   [&](const PixelRange& range, int64_t step) HWY_ATTR {
-                     convolution.run_row({.n = n,
-                                          .y = range.y,
-                                          .begin = range.begin,
-                                          .end = range.end,
-                                          .output = row,
-                                          .output_step = step,
-                                          .addend = nullptr,
-                                          .patch = patch});
-                     if (!p.lrn) return;
-                     const LrnSquares layout(*p.lrn);
-                     for (int64_t x = 0; x < range.end - range.begin; x += layout.pixels)
-                       normalise(*p.lrn, layout,
-                                 {.input = row + x * kLanes,
-                                  .input_step = step,
-                                  .output = row + x * kLanes,
-                                  .output_step = step,
-                                  .pixels = std::min(layout.pixels, range.end - range.begin - x),
-                                  .ahead = 0,
-                                  .squares = squares});
-                   });
-      });
+  const PoolingPieces pieces = pieces_of(p);
+  float* const scratch = a.scratch + pieces.scratch_floats();
+  const auto rows_of = [&](int64_t image, int thread) HWY_ATTR {
+    float* const patch = scratch + thread * size.floats();
+    float* const squares = patch + size.patch;
+    if (p.lrn) clear_margins(LrnSquares(*p.lrn), squares);
+    return [&, image, patch, squares](const PixelRange& range, float* row, int64_t step) HWY_ATTR {
+      convolution.run_row({.n = image,
+                           .y = range.y,
+                           .begin = range.begin,
+                           .end = range.end,
+                           .output = row,
+                           .output_step = step,
+                           .addend = nullptr,
+                           .patch = patch});
+      if (!p.lrn) return;
+      const LrnSquares layout(*p.lrn);
+      for (int64_t x = 0; x < range.end - range.begin; x += layout.pixels)
+        normalise(*p.lrn, layout,
+                  {.input = row + x * kLanes,
+                   .input_step = step,
+                   .output = row + x * kLanes,
+                   .output_step = step,
+                   .pixels = std::min(layout.pixels, range.end - range.begin - x),
+                   .ahead = 0,
+                   .squares = squares});
+    };
+  };
+  pool_pieces(p.pooling, p.convolution.c_out, pieces, a.output, a.scratch, rows_of);
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -92,7 +86,8 @@ void blocked_convolution_max_pool(const ConvolutionMaxPool& p,
 }
 
 int64_t blocked_convolution_max_pool_scratch_floats(const ConvolutionMaxPool& p) {
-  return p.convolution.threads * ConvolutionMaxPoolScratch(p).floats();
+  return pieces_of(p).scratch_floats() +
+         p.convolution.threads * ConvolutionMaxPoolScratch(p).floats();
 }
 
 }  // namespace revisit::engine

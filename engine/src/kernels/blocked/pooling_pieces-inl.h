@@ -1,0 +1,158 @@
+// Max pooling of rows that are made one by one. Included once for each SIMD target.
+#if defined(REVISIT_BLOCKED_POOLING_PIECES_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef REVISIT_BLOCKED_POOLING_PIECES_INL_H
+#undef REVISIT_BLOCKED_POOLING_PIECES_INL_H
+#else
+#define REVISIT_BLOCKED_POOLING_PIECES_INL_H
+#endif
+
+#include "kernels/blocked/planes.h"
+#include "kernels/blocked/pooling-inl.h"
+#include "kernels/blocked/pooling_pieces.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+namespace {
+
+/// The pixels [begin, end) of a row of one image.
+struct PixelRange {
+  int64_t y, begin, end;
+};
+
+/// Some windows side by side, on some rows of one image.
+struct PoolingPiece {
+  const PoolingProblem& pooling;
+  int64_t channels;
+  int64_t begin, end;          // windows of a row
+  int64_t first_row, end_row;  // of pixels
+  float* output;               // of the image
+  float* continued;            // [row of windows][block][window][kLanes]: began above first_row
+  float* row;                  // scratch: one row of pixels of all channels
+
+  WindowRange columns(int64_t x) const {
+    return window_range(x, pooling.stride_w, pooling.pad_w, pooling.kernel_w, pooling.w);
+  }
+  WindowRange rows(int64_t y) const {
+    return window_range(y, pooling.stride_h, pooling.pad_h, pooling.kernel_h, pooling.h);
+  }
+
+  /// The first row of windows that ends below pixel row `y`.
+  int64_t first_below(int64_t y) const {
+    int64_t first = 0;
+    while (first < pooling.out_h && rows(first).end <= y) ++first;
+    return first;
+  }
+
+  /// Where a row of windows is written: `step` floats from block to block.
+  struct Place {
+    float* at;
+    int64_t step;
+  };
+  Place in_output(int64_t y) const {
+    return {output + (y * pooling.out_w + begin) * kLanes, pooling.out_h * pooling.out_w * kLanes};
+  }
+  Place in_continued(int64_t y) const {
+    const int64_t step = (end - begin) * kLanes;
+    return {continued + (y - first_below(first_row)) * channel_blocks(channels) * step, step};
+  }
+  bool continues(int64_t y) const { return rows(y).begin < first_row && rows(y).end > first_row; }
+  Place place(int64_t y) const { return continues(y) ? in_continued(y) : in_output(y); }
+
+  /// Adds `count` rows (0 or 1) of pixels from `left` to `right` to row `y` of windows.
+  HWY_INLINE void add(int64_t y, int64_t count, bool has_some, int64_t left, int64_t right) const {
+    const Place to = place(y);
+    for (int64_t block = 0; block < channel_blocks(channels); ++block)
+      pool_row<Largest>(pooling, {.in = row + block * (right - left) * kLanes,
+                                  .first_column = left,
+                                  .row_floats = 0,
+                                  .rows = count,
+                                  .height = 0,
+                                  .begin = begin,
+                                  .end = end,
+                                  .out = to.at + block * to.step,
+                                  .continued = has_some});
+  }
+
+  HWY_INLINE void clear_tail(int64_t y) const {
+    const Place to = place(y);
+    const int64_t last_block = channel_blocks(channels) - 1;
+    clear_tail_lanes(channels, last_block, end - begin, to.at + last_block * to.step);
+  }
+};
+
+/// `make_row(range, row, step)` writes the pixels of the range to `row`, `step` floats from block
+/// to block; it is called for the rows that some window has, from top to bottom.
+template <class MakeRow>
+HWY_INLINE void pool_piece(const PoolingPiece& piece, const MakeRow& make_row) {
+  const PoolingProblem& p = piece.pooling;
+  const int64_t left = piece.columns(piece.begin).begin, right = piece.columns(piece.end - 1).end;
+  int64_t first = piece.first_below(piece.first_row);  // may still need the present row
+  for (int64_t y = piece.first_row; y < piece.end_row; ++y) {
+    while (first < p.out_h && piece.rows(first).end <= y) ++first;
+    if (first == p.out_h || piece.rows(first).begin > y) continue;
+    make_row(PixelRange{y, left, right}, piece.row, (right - left) * kLanes);
+    for (int64_t out_y = first; out_y < p.out_h && piece.rows(out_y).begin <= y; ++out_y)
+      piece.add(out_y, 1, y > std::max(piece.rows(out_y).begin, piece.first_row), left, right);
+  }
+  for (int64_t y = 0; y < p.out_h; ++y) {
+    const WindowRange rows = piece.rows(y);
+    const bool is_empty = rows.begin == rows.end;
+    if (is_empty && piece.first_row == 0) piece.add(y, 0, false, left, right);
+    if (is_empty ? piece.first_row == 0 : rows.begin < piece.end_row && rows.end > piece.first_row)
+      piece.clear_tail(y);
+  }
+}
+
+/// Adds what a piece has of the windows that began above it.
+HWY_INLINE void join_continued(const PoolingPiece& piece) {
+  const Tag d;
+  for (int64_t y = piece.first_below(piece.first_row);
+       y < piece.pooling.out_h && piece.continues(y); ++y) {
+    const PoolingPiece::Place from = piece.in_continued(y), to = piece.in_output(y);
+    for (int64_t block = 0; block < channel_blocks(piece.channels); ++block)
+      for (int64_t i = 0; i < (piece.end - piece.begin) * kLanes; i += kVectorLanes) {
+        float* const best = to.at + block * to.step + i;
+        hn::Store(Largest::add(hn::Load(d, best), hn::Load(d, from.at + block * from.step + i)), d,
+                  best);
+      }
+  }
+}
+
+/// Max pooling piece by piece. `rows_of(image, thread)` gives the function that makes the rows of a
+/// piece, for pool_piece(). `scratch`: PoolingPieces::scratch_floats().
+template <class RowsOf>
+void pool_pieces(const PoolingProblem& p, int64_t channels, const PoolingPieces& pieces,
+                 float* output, float* scratch, const RowsOf& rows_of) {
+  const int64_t bands = pieces.bands.size;
+  float* const rows = scratch;
+  float* const continued = scratch + pieces.threads * pieces.row_floats();
+  const auto piece_of = [&](int64_t image, int64_t strip, int64_t band, int thread) HWY_ATTR {
+    return PoolingPiece{.pooling = p,
+                        .channels = channels,
+                        .begin = strip * pieces.windows,
+                        .end = std::min((strip + 1) * pieces.windows, p.out_w),
+                        .first_row = pieces.bands.begin(band),
+                        .end_row = pieces.bands.end(band),
+                        .output = output + image * pieces.blocks * kLanes * p.out_h * p.out_w,
+                        .continued = continued + ((image * pieces.strips + strip) * (bands - 1) +
+                                                  std::max<int64_t>(band - 1, 0)) *
+                                                     pieces.continued_floats(),
+                        .row = rows + thread * pieces.row_floats()};
+  };
+  parallel_for(pieces.count(), pieces.threads, [&](int64_t item, int thread) HWY_ATTR {
+    const int64_t image = item / bands / pieces.strips;
+    pool_piece(piece_of(image, item / bands % pieces.strips, item % bands, thread),
+               rows_of(image, thread));
+  });
+  if (bands == 1) return;
+  parallel_for(pieces.images * pieces.strips, pieces.threads, [&](int64_t item, int) HWY_ATTR {
+    for (int64_t band = 1; band < bands; ++band)  // in order: of equal values the first is kept
+      join_continued(piece_of(item / pieces.strips, item % pieces.strips, band, 0));
+  });
+}
+
+}  // namespace
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif  // include guard per target
