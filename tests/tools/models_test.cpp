@@ -359,6 +359,18 @@ TEST_F(Finding, BothFilesAsGiven) {
   EXPECT_EQ(models::find_model(request).mean_bgr[2], 3);
 }
 
+TEST_F(Finding, OtherWeightsOfAKnownNetworkHaveItsBestLayer) {
+  // As after a training of one's own: the checksum is nobody's, the name in the prototxt says it.
+  const auto best = [&](const std::string& net) {
+    models::ModelRequest request;
+    request.weights = models::write_random_model(own.path(), net, 1).weights;
+    return models::to_string(models::find_model(request).cut);
+  };
+  EXPECT_EQ(best("alexnet"), "conv3+pool5");
+  EXPECT_EQ(best("vgg_cnn_s"), "conv4+pool5");
+  EXPECT_EQ(best("places_cnds8"), "pool5");
+}
+
 TEST_F(Finding, TheOtherFileIsLookedForBeside) {
   const auto files = random(own.path());
   models::ModelRequest request;
@@ -406,7 +418,7 @@ TEST_F(Finding, CachedModelWithoutChecksumUsesOurDescription) {
   EXPECT_EQ(found.name, "places_cnds8");
   EXPECT_EQ(found.prototxt, cache.path() / "places_cnds8" / "deploy.prototxt");
   EXPECT_TRUE(found.trained);
-  EXPECT_EQ(models::to_string(found.cut), "pool3+pool5");
+  EXPECT_EQ(models::to_string(found.cut), "pool5");
   ASSERT_EQ(found.warnings.size(), 1U);  // nobody says its mean
   EXPECT_SAYS(found.warnings[0], "mean");
 }

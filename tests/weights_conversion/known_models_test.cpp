@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
 #include <set>
 
 #include "revisit/proto/error.h"
@@ -48,6 +50,23 @@ TEST(KnownModels, CutsAreLayersOfTheTrunk) {
       EXPECT_TRUE(layers.contains(cut.end)) << model.name << ": " << cut.end;
       EXPECT_TRUE(layers.contains(cut.graft)) << model.name << ": " << cut.graft;
     }
+  }
+}
+
+TEST(KnownModels, TheFirstCutIsTheOneThePaperFindsBest) {
+  // "In AlexNet, conv3+pool5 offers the best features, in VGG-CNN-S it is conv4+pool5 and in
+  // Places-CNDS-8 it is pool5"; all three that the paper tries are there.
+  const std::map<std::string, std::vector<std::string>> paper = {
+      {"bvlc_alexnet", {"conv3+pool5", "conv4+pool5", "pool5"}},
+      {"vgg_cnn_s", {"conv4+pool5", "conv3+pool5", "pool5"}},
+      {"places_cnds8", {"pool5", "pool3+pool5", "pool4+pool5"}}};
+  for (const auto& [name, wanted] : paper) {
+    std::vector<std::string> cuts;
+    for (const models::Cut& cut : models::known_model(name).cuts)
+      cuts.push_back(models::to_string(cut));
+    EXPECT_EQ(cuts.front(), wanted.front()) << name;
+    EXPECT_TRUE(std::is_permutation(cuts.begin(), cuts.end(), wanted.begin(), wanted.end()))
+        << name;
   }
 }
 

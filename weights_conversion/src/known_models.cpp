@@ -20,9 +20,11 @@ std::string lower(std::string text) {
 // None of these addresses could be reached when the table was written. A checksum is given only
 // where a public source states it.
 std::vector<KnownModel> table() {
-  // The feature layers of the paper's section on networks and layers.
+  // The feature layers of the paper's section on networks and layers, which also says which of
+  // each network is the best.
   const std::vector<Cut> kAlexNetCuts = {{"conv3", "pool5"}, {"conv4", "pool5"}, {"pool5", ""}};
-  const std::vector<Cut> kPlacesCuts = {{"pool3", "pool5"}, {"pool4", "pool5"}, {"pool5", ""}};
+  const std::vector<Cut> kVggCuts = {{"conv4", "pool5"}, {"conv3", "pool5"}, {"pool5", ""}};
+  const std::vector<Cut> kPlacesCuts = {{"pool5", ""}, {"pool4", "pool5"}, {"pool3", "pool5"}};
   return {
       {.name = "bvlc_alexnet",
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_alexnet.caffemodel",
@@ -44,7 +46,7 @@ std::vector<KnownModel> table() {
        .licence = "non-commercial",
        .mean_bgr = kVggMeanBgr,
        .input_size = 224,
-       .cuts = kAlexNetCuts,
+       .cuts = kVggCuts,
        .trunk = "vgg_cnn_s",
        .prototxt_address = "https://gist.github.com/ksimonyan/fd8800eeb36e276cd6f9",
        .notes = "mean image: VGG_mean.binaryproto in the same folder"},

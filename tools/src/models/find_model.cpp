@@ -1,6 +1,7 @@
 #include "models/find_model.h"
 
 #include <algorithm>
+#include <cctype>
 
 #include "models/cache.h"
 #include "models/checksum.h"
@@ -90,10 +91,21 @@ bool has_layers(const caffe::NetParameter& net, const Cut& cut) {
   return has(cut.end) && has(cut.graft);
 }
 
+/// The known model that a network of other weights is called after, e.g. "VGG_CNN_S", or null.
+const KnownModel* namesake(const caffe::NetParameter& net) {
+  std::string name = net.name();
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  for (const KnownModel& known : known_models())
+    if (name.find(known.name) != std::string::npos) return &known;
+  return nullptr;
+}
+
 Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe::NetParameter& net,
                const fs::path& prototxt) {
   if (!request.end.empty()) return {request.end, request.graft};
   if (!request.graft.empty()) throw UsageError("--graft needs --end: the layer it is appended to");
+  if (!known) known = namesake(net);
   if (known)
     for (const Cut& cut : known->cuts)
       if (has_layers(net, cut)) return cut;

@@ -26,7 +26,7 @@ struct KnownModel {
   std::string licence{};
   std::optional<std::array<double, 3>> mean_bgr{};  // to be subtracted, in 0..255; absent: unknown
   int input_size = 0;                               // [pixel] height and width it was trained with
-  std::vector<Cut> cuts{};                          // suggested, best first
+  std::vector<Cut> cuts{};         // suggested; first the one that the paper finds best
   std::string trunk{};             // our own description (trunks.h) that fits it; "" when none does
   std::string prototxt_address{};  // where its authors publish the description
   bool needs_browser = false;      // the address gives a web page, not the file
