@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "expect_error.h"
 #include "revisit/pipeline/precision_recall.h"
 #include "revisit/pipeline/retrieve.h"
 #include "revisit/proto/error.h"
@@ -22,7 +23,9 @@ Trajectory frames(std::vector<int> numbers) {
 Trajectory consecutive(int n) {
   std::vector<int> numbers(n);
   std::iota(numbers.begin(), numbers.end(), 0);
-  return frames(numbers);
+  Trajectory trajectory = frames(numbers);
+  trajectory.n_poses = n;
+  return trajectory;
 }
 
 TEST(Protocols, PaperTasksOfEachSequence) {
@@ -67,11 +70,28 @@ TEST(Protocols, DifficultAsksInBothCases) {
   EXPECT_THROW(make_tasks("paper-median", "02", consecutive(4541)), UsageError);
 }
 
-TEST(Protocols, EasyStoresEveryThirdFrameAlsoWithGaps) {
-  const Task task = make_tasks("paper-easy", "", frames({0, 1, 2, 6, 7, 9})).at(0);
-  EXPECT_EQ(task.stored, (std::vector<int64_t>{0, 3, 5}));  // rows of frames 0, 6, 9
-  ASSERT_EQ(task.queries.size(), 3u);
+TEST(Protocols, EasyStoresEveryThirdScanOfThoseThereAre) {
+  // Every 3rd frame of a drive: of these, too, a third is stored and the rest asked.
+  const Task task = make_tasks("paper-easy", "", frames({0, 3, 6, 9, 12, 18})).at(0);
+  EXPECT_EQ(task.stored, (std::vector<int64_t>{0, 3}));
+  ASSERT_EQ(task.queries.size(), 4u);
   EXPECT_EQ(task.queries[2].scan, 4);
+}
+
+TEST(Protocols, KittisFramesAreForKittisDrives) {
+  for (const char* protocol : {"paper", "paper-median", "bevplace"}) {
+    SCOPED_TRACE(protocol);
+    // 1500 scans of something else that is called 00.
+    test::expect_error<UsageError>([&] { make_tasks(protocol, "00", consecutive(1500)); },
+                                   {"KITTI's drive 00", "4541 poses", "has 1500", "online"});
+    // Every 4th scan of KITTI's drive.
+    Trajectory some;
+    for (int frame = 0; frame < 4541; frame += 4) some.frames.push_back(frame);
+    some.n_poses = 4541;
+    EXPECT_FALSE(make_tasks(protocol, "00", some).empty());
+  }
+  EXPECT_THROW(make_tasks("paper-difficult", "08", consecutive(4070)), UsageError);
+  EXPECT_EQ(make_tasks("paper-easy", "00", consecutive(1500)).size(), 1u);
 }
 
 TEST(Protocols, OnlineGrowsAndSkipsScansWithoutCandidates) {
@@ -226,11 +246,13 @@ TEST(Protocols, BevplaceHasFixedRanges) {
     EXPECT_EQ(task.queries.front().scan, static_cast<int64_t>(stored) + 200) << sequence;
   }
   EXPECT_THROW(make_tasks("bevplace", "07", consecutive(1101)), UsageError);
-  EXPECT_THROW(make_tasks("bevplace", "00", consecutive(3200)), UsageError);  // no queries
+  Trajectory first = consecutive(3200);
+  first.n_poses = 4541;
+  EXPECT_THROW(make_tasks("bevplace", "00", first), UsageError);  // no queries
 
   // 06: 200 and 599 stored, 600 and 799 left out, 800, 1000 and 1100 asked.
-  const Trajectory drive =
-      along_x({200, 599, 600, 799, 800, 1000, 1100}, {0, 50, 0, 0, 4.9, 45, 70});
+  Trajectory drive = along_x({200, 599, 600, 799, 800, 1000, 1100}, {0, 50, 0, 0, 4.9, 45, 70});
+  drive.n_poses = 1101;
   const Task task = make_tasks("bevplace", "06", drive).at(0);
   // 800 finds 200 (4.9 m, right), 1000 finds 200 (wrong; 599 is exactly 5 m away: not near either),
   // 1100 has nothing to find.
@@ -273,8 +295,9 @@ TEST(Protocols, EveryNameHasADefinition) {
     EXPECT_FALSE(protocol.source.empty());
     EXPECT_NE(documentation.find("`" + protocol.name + "`"), std::string::npos) << protocol.name;
     if (protocol.name == "paper") continue;
-    const Task task =
-        make_tasks(protocol.name, protocol.name == "paper-difficult" ? "08" : "00", drive).at(0);
+    const bool on_08 = protocol.name == "paper-difficult";
+    drive.n_poses = on_08 ? 4071 : 4541;
+    const Task task = make_tasks(protocol.name, on_08 ? "08" : "00", drive).at(0);
     EXPECT_EQ(task.name, protocol.name);
     EXPECT_EQ(task.definition, protocol.definition);
     EXPECT_FALSE(task.population.empty());
@@ -286,7 +309,7 @@ TEST(Protocols, SaysWhatIsWrong) {
   EXPECT_THROW(make_tasks("online", "00", consecutive(10)),
                UsageError);  // nothing beyond 50 frames
   EXPECT_THROW(make_tasks("paper-median", "08", consecutive(10)), UsageError);  // nothing stored
-  EXPECT_THROW(make_tasks("paper-easy", "", frames({0, 3})), UsageError);       // nothing asked
+  EXPECT_THROW(make_tasks("paper-easy", "", frames({0})), UsageError);          // nothing asked
   EXPECT_THROW(make_tasks("online", "", {}), UsageError);
 }
 

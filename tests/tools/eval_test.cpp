@@ -312,6 +312,21 @@ TEST_F(EvalCommand, ProtocolListNeedsNoData) {
   EXPECT_NE(unknown.err.find("did you mean 'lcdnet"), std::string::npos) << unknown.err;
 }
 
+TEST_F(EvalCommand, ADriveThatIsOnlyCalledLikeKittisIsNotTakenForIt) {
+  const auto refused = run_revisit(eval("--no-plots --protocol paper-median"));
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("4541 poses; this drive 00 has 24"), std::string::npos) << refused.err;
+  // What is taken when nothing is said works for any drive.
+  const auto result = run_revisit(
+      "eval " + root().string() +
+      " --feature data --width 100 --exclusion frames=8 --no-plots -o " + results().string());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_TRUE(fs::exists(run_folder() / "pr_online.csv"));
+
+  const auto every_third = run_revisit(eval("--no-plots --protocol paper-easy --every 3"));
+  EXPECT_EQ(every_third.exit_code, 0) << every_third.err << "of these, too, a third is stored";
+}
+
 TEST_F(EvalCommand, PlacesNeedNamesAndNoPoses) {
   fs::remove(root() / "poses/00.txt");
   const auto result =

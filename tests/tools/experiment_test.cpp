@@ -21,6 +21,11 @@ class ExperimentCommand : public testing::Test {
  protected:
   ExperimentCommand() {
     test::write_small_drive(dir_ / "drive", 240);  // Table 1 stores the first 200 scans
+    // KITTI's 00 of which only the first scans are there.
+    const fs::path poses = dir_ / "drive/poses/00.txt";
+    std::string lines = test::read_file(poses);
+    for (int frame = 240; frame < 4541; ++frame) lines += "1 0 0 0 0 1 0 0 0 0 1 0\n";
+    test::write_file(poses, lines);
     fs::create_directory(dir_ / "models");
   }
   fs::path out() const { return dir_ / "out"; }

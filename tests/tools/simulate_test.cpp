@@ -36,6 +36,26 @@ TEST(SimulateCommand, WritesADataSetAndSaysWhatIsNext) {
   EXPECT_TRUE(has(other.err, "--overwrite")) << other.err;
 }
 
+TEST(SimulateCommand, WhatItSaysIsNextWorks) {
+  const TempDir dir;
+  const std::string no_models = "REVISIT_MODELS=/nowhere";
+  const ProgramResult run =
+      run_revisit("simulate -o '" + (dir / "my town").string() +
+                      "' --sequence 05 --sensor vlp16 --length 300 --frames 60",
+                  no_models);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::string before = "\nnext: revisit ";
+  const size_t at = run.out.find(before);
+  ASSERT_NE(at, std::string::npos) << run.out;
+  const size_t begin = at + before.size();
+  const std::string command = run.out.substr(begin, run.out.find('\n', begin) - begin);
+  EXPECT_TRUE(has(command, "--sensor vlp16")) << command;
+  const ProgramResult next =
+      run_revisit(command + " --no-plots -o '" + (dir / "results").string() + "'", no_models);
+  EXPECT_EQ(next.exit_code, 0) << command << ": " << next.err;
+  EXPECT_TRUE(has(next.out, "online")) << next.out;
+}
+
 TEST(SimulateCommand, FramesAreARangeOrACount) {
   const TempDir dir;
   const ProgramResult run = run_revisit("simulate -q -o '" + dir.path().string() +

@@ -34,6 +34,7 @@ void add_poses(const KittiSequence& sequence, bool needed, Dataset* dataset) {
   }
   const std::vector<Pose> poses = read_kitti_poses(*file);
   check_covers(poses, dataset->scans.back(), *file, "poses");
+  dataset->n_poses = static_cast<int64_t>(poses.size());
   for (ScanRef& scan : dataset->scans) scan.pose = poses[static_cast<size_t>(scan.frame)];
 }
 

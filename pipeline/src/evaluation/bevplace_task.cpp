@@ -1,3 +1,4 @@
+#include "evaluation/kitti_drives.h"
 #include "evaluation/protocol_tasks.h"
 #include "revisit/proto/error.h"
 
@@ -29,6 +30,7 @@ const Ranges& ranges_of(const std::string& sequence) {
 
 Task bevplace_task(const std::string& sequence, const Trajectory& trajectory) {
   const Ranges& r = ranges_of(sequence);
+  need_official_drive("bevplace", sequence, trajectory);
   Task task = map_task(rows_where(trajectory, [&](int frame) { return frame < r.database_end; }),
                        rows_where(trajectory, [&](int frame) {
                          return frame >= r.query_begin && frame < r.query_end;

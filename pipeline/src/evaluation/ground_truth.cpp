@@ -100,6 +100,7 @@ std::string to_string(const Exclusion& exclusion) {
 
 Trajectory make_trajectory(const Dataset& dataset) {
   Trajectory trajectory;
+  trajectory.n_poses = dataset.n_poses;
   const bool has_poses = dataset.has_poses();
   bool has_times = !dataset.scans.empty();
   for (const ScanRef& scan : dataset.scans) has_times &= scan.time.has_value();
@@ -124,6 +125,7 @@ Trajectory make_trajectory(const std::vector<Pose>& T_world_cam, const std::vect
     throw InputError(
         str("fewer time stamps (", times.size(), ") than poses (", T_world_cam.size(), ")"));
   Trajectory trajectory;
+  trajectory.n_poses = static_cast<int64_t>(T_world_cam.size());
   trajectory.frames.resize(T_world_cam.size());
   std::iota(trajectory.frames.begin(), trajectory.frames.end(), 0);
   for (size_t i = 0; i < T_world_cam.size(); ++i) {

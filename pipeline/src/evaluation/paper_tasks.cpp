@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "evaluation/kitti_drives.h"
 #include "evaluation/protocol_tasks.h"
 #include "revisit/proto/error.h"
 
@@ -25,16 +26,27 @@ const StoredScans* table_entry(const std::string& sequence) {
   return nullptr;
 }
 
-/// Stores the scans whose frame `is_stored` accepts; asks all others against all of them.
-Task split(const Trajectory& trajectory, const std::function<bool(int frame)>& is_stored) {
-  Task task = map_task(rows_where(trajectory, is_stored),
-                       rows_where(trajectory, [&](int frame) { return !is_stored(frame); }));
+/// Stores the scans whose row `is_stored` accepts; asks all others against all of them.
+Task split(const Trajectory& trajectory, const std::function<bool(int64_t row)>& is_stored) {
+  std::vector<int64_t> stored, asked;
+  for (int64_t row = 0; row < trajectory.size(); ++row)
+    (is_stored(row) ? stored : asked).push_back(row);
+  Task task = map_task(std::move(stored), asked);
   task.rule = {Distance::kBox, 3};
   return task;
 }
 
+/// Every `step`-th of the scans that are there: of a drive with gaps in its frame numbers, too.
+Task every_nth_stored(int step, const Trajectory& trajectory) {
+  Task task = split(trajectory, [step](int64_t row) { return row % step == 0; });
+  task.population = str("every ", step, step == 3 ? "rd" : "th",
+                        " scan of those there are is stored, all others are queries");
+  return task;
+}
+
 Task table_task(const StoredScans& entry, const Trajectory& trajectory) {
-  Task task = split(trajectory, [&](int frame) {
+  Task task = split(trajectory, [&](int64_t row) {
+    const int frame = trajectory.frames[static_cast<size_t>(row)];
     return std::any_of(entry.ranges.begin(), entry.ranges.end(), [&](const auto& range) {
       return range[1] && frame + 1 >= range[0] && frame + 1 <= range[1];
     });
@@ -49,9 +61,12 @@ Task table_task(const StoredScans& entry, const Trajectory& trajectory) {
 
 /// The table's entry, or a UsageError saying which sequences have one.
 const StoredScans& need_entry(const std::string& protocol, const std::string& sequence,
-                              bool bidirectional) {
+                              const Trajectory& trajectory, bool bidirectional) {
   const StoredScans* entry = table_entry(sequence);
-  if (entry && (!bidirectional || entry->bidirectional)) return *entry;
+  if (entry && (!bidirectional || entry->bidirectional)) {
+    need_official_drive(protocol, sequence, trajectory);
+    return *entry;
+  }
   throw UsageError(str("protocol ", protocol, ": the paper has no such task for sequence '",
                        sequence, "', only for ", bidirectional ? "08" : "00, 05, 06 and 08",
                        "; paper-easy, online and leave-one-out work for any"));
@@ -69,26 +84,22 @@ bool has_difficult_task(const std::string& sequence) {
 }
 
 Task paper_easy_task(const Trajectory& trajectory) {
-  Task task = split(trajectory, [](int frame) { return frame % 3 == 0; });
-  task.population = "every 3rd scan stored (frame % 3 == 0), all others are queries";
-  return task;
+  return every_nth_stored(3, trajectory);
 }
 
 Task paper_median_task(const std::string& sequence, const Trajectory& trajectory) {
-  return table_task(need_entry("paper-median", sequence, false), trajectory);
+  return table_task(need_entry("paper-median", sequence, trajectory, false), trajectory);
 }
 
 Task paper_difficult_task(const std::string& sequence, const Trajectory& trajectory) {
-  Task task = table_task(need_entry("paper-difficult", sequence, true), trajectory);
+  Task task = table_task(need_entry("paper-difficult", sequence, trajectory, true), trajectory);
   task.both_cases = true;
   return task;
 }
 
 Task places_task(int step, const Trajectory& trajectory) {
-  Task task = split(trajectory, [step](int frame) { return frame % step == 0; });
+  Task task = every_nth_stored(step, trajectory);
   task.rule = {Distance::kPlace, 1};  // any radius: the distance is 0 or infinite
-  task.population = str("every ", step, step == 3 ? "rd" : "th", " scan stored (frame % ", step,
-                        " == 0), all others are queries");
   return task;
 }
 

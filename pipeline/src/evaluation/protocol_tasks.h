@@ -23,7 +23,7 @@ Task lcdnet1_task(const Trajectory& trajectory, const Exclusion& exclusion);
 Task lcdnet2_task(const Trajectory& trajectory, const Exclusion& exclusion);
 Task ssc_task(const Trajectory& trajectory, const Exclusion& exclusion);
 Task logg3d_task(const Trajectory& trajectory, const Exclusion& exclusion);
-/// Every `step`-th frame is stored, the rest is asked, whatever place they are of.
+/// Every `step`-th scan is stored, the rest is asked, whatever place they are of.
 Task places_task(int step, const Trajectory& trajectory);
 Task bevplace_task(const std::string& sequence, const Trajectory& trajectory);
 

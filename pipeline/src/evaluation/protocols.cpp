@@ -26,32 +26,33 @@ const std::vector<Entry>& table() {
   using E = const Exclusion&;
   static const std::vector<Entry> entries = {
       {{"paper-easy",
-        "every 3rd frame is stored, the others are queries; the best match is true when all three "
+        "every 3rd scan is stored, the others are queries; the best match is true when all three "
         "coordinate differences are below 3 m",
         kPaper},
        [](S, T t, E) { return paper_easy_task(t); },
        {}},
       {{"paper-median",
         "the scans of the paper's table 1 are stored, all others are queries in alignment case 1; "
-        "truth as in paper-easy; 00, 05, 06, 08",
+        "truth as in paper-easy; KITTI's 00, 05, 06, 08",
         kPaper},
        [](S s, T t, E) { return paper_median_task(s, t); },
        {}},
       {{"paper-difficult",
-        "paper-median with the queries in both alignment cases, the higher score counts; 08",
+        "paper-median with the queries in both alignment cases, the higher score counts; KITTI's "
+        "08",
         kPaper},
        [](S s, T t, E) { return paper_difficult_task(s, t); },
        {}},
       {{"places-3",
-        "every 3rd frame is stored, the others are queries; the best match is true when it is of "
+        "every 3rd scan is stored, the others are queries; the best match is true when it is of "
         "the same named place (the HKUST sets)",
         kPaper},
        [](S, T t, E) { return places_task(3, t); },
        {}},
-      {{"places-6", "as places-3 with every 6th frame", kPaper},
+      {{"places-6", "as places-3 with every 6th scan", kPaper},
        [](S, T t, E) { return places_task(6, t); },
        {}},
-      {{"places-10", "as places-3 with every 10th frame", kPaper},
+      {{"places-10", "as places-3 with every 10th scan", kPaper},
        [](S, T t, E) { return places_task(10, t); },
        {}},
       {{"online",

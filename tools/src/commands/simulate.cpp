@@ -4,7 +4,9 @@
 #include "cli/interrupt.h"
 #include "cli/parser.h"
 #include "cli/progress.h"
+#include "cli/shell.h"
 #include "cli/table.h"
+#include "models/find_model.h"
 #include "revisit/pipeline/simulation.h"
 
 namespace revisit::cli {
@@ -74,6 +76,19 @@ void print_speed(const pipeline::SimulationSummary& summary) {
             << " million triangles built in " << number(summary.build_seconds, 1) << " s\n";
 }
 
+/// Of an evaluation that works as it stands, with a network when there is one.
+Arguments next_arguments(const pipeline::SimulationConfig& config) {
+  Arguments arguments = {config.output.string(), "--sequence", config.sequence};
+  if (config.sensor == pipeline::LidarModel::kVlp16)
+    arguments.insert(arguments.end(), {"--sensor", "vlp16"});
+  try {
+    models::find_model({});
+  } catch (const Error&) {
+    arguments.insert(arguments.end(), {"--feature", "data"});
+  }
+  return arguments;
+}
+
 void print(const pipeline::SimulationConfig& config, const pipeline::SimulationSummary& summary) {
   print_scans(summary);
   if (config.camera) std::cout << ", each with a picture";
@@ -81,8 +96,7 @@ void print(const pipeline::SimulationConfig& config, const pipeline::SimulationS
   print_speed(summary);
   std::cout << "in " << (config.output / "sequences" / config.sequence).string() << ", poses in "
             << (config.output / "poses" / (config.sequence + ".txt")).string() << "\n"
-            << "next: revisit eval " << config.output.string() << " --sequence " << config.sequence
-            << " --model PROTOTXT --weights CAFFEMODEL\n";
+            << "next: " << shell_command("revisit eval", next_arguments(config)) << "\n";
 }
 
 struct SimulateOptions {

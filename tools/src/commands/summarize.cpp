@@ -23,8 +23,10 @@ SummarizeOptions parse_options(const Arguments& arguments) {
                 "Mean and sample standard deviation of the figures of several runs of `revisit "
                 "eval`, such as the seeds of a simulated drive. RUN is a folder that eval wrote. "
                 "Runs that differ in their settings are kept apart, a row for each.",
-                "  for s in 1 2 3; do revisit simulate --seed $s -o town$s; revisit eval town$s -o "
-                "results; done\n"
+                "  for seed in 1 2 3; do\n"
+                "    revisit simulate --seed $seed -o town$seed\n"
+                "    revisit eval town$seed --feature data -o results\n"
+                "  done\n"
                 "  revisit summarize results/town*/latest\n");
   parser.optional_positional("RUN", &o.runs)
       .option("format", "FORMAT", "table (default), json or csv", &o.format);

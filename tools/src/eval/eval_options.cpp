@@ -80,20 +80,17 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
                 "DATA is a KITTI odometry folder (or one that `revisit simulate` wrote). A stopped "
                 "run goes on where "
                 "it was when the same command is given again.",
-                "  revisit eval KITTI --sequence 00 --model alexnet.prototxt --weights "
-                "bvlc_alexnet.caffemodel "
-                "--end conv3 --graft pool5\n"
-                "  revisit eval KITTI --sequence 08 --protocol paper-difficult\n"
-                "  revisit eval KITTI --sequence 05 --protocol online --radius 5 --distance xz "
-                "--exclusion frames=50\n"
-                "  revisit eval KITTI --sequence 00 --feature data     # the range image itself, "
-                "for comparison\n"
+                "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3 "
+                "--graft pool5\n"
+                "  revisit eval KITTI --sequence 00 --protocol paper\n"
+                "  revisit eval KITTI --sequence 05 --radius 4 --exclusion seconds=30\n"
+                "  revisit eval KITTI --sequence 00 --feature data   # the range image itself\n"
                 "  revisit eval KITTI --sequence 00 --feature scan-context --threads 1\n");
   o.feature.declare(parser);
   parser.group("Evaluation:");
   parser.option("protocol", "NAME[,NAME]|list",
                 "which scans are stored and asked, and what is true: " + known_protocols() +
-                    " (default paper). 'list' prints their definitions",
+                    " (default online). 'list' prints their definitions",
                 &o.protocol);
   parser.option("query-case", "protocol|1|2|both",
                 "the alignment cases queries are described in; stored scans always use case 1 "

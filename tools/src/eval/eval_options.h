@@ -15,7 +15,7 @@ namespace revisit::cli {
 struct EvalOptions {
   FeatureOptions feature;
   std::filesystem::path output = "results";
-  std::string protocol = "paper", query_case = "protocol", format = "table";
+  std::string protocol = "online", query_case = "protocol", format = "table";
   std::optional<std::string> score;  // absent: as the feature and the protocol have it
   std::optional<std::string> distance, exclusion;
   std::optional<double> radius;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -23,6 +24,8 @@ struct Dataset {
   std::string name;      // e.g. "kitti"
   std::string sequence;  // e.g. "00"; "" for a plain folder
   std::vector<ScanRef> scans;
+  /// Of the whole drive, one a frame, also where scans are missing or left out; 0 without poses.
+  int64_t n_poses = 0;
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;

@@ -54,6 +54,7 @@ struct Trajectory {
   std::vector<Eigen::Vector3d> positions;  // translation of T_world_cam [m]; empty: no ground truth
   std::vector<double> times;               // [s]; empty: unknown
   std::vector<std::string> places;         // names; empty: unknown
+  int64_t n_poses = 0;  // of the whole drive, as in Dataset: what tells KITTI's 00 from others
   int64_t size() const { return static_cast<int64_t>(frames.size()); }
 };
 

@@ -66,6 +66,8 @@ std::vector<std::string> protocol_names();
 ///
 /// `paper` gives all of the paper's tasks that exist for the sequence: easy and median for 00, 05,
 /// 06; easy, median and difficult for 08; easy alone for any other. Every other name gives one.
+/// Median, difficult and bevplace store frames that are listed for KITTI's drives: the trajectory
+/// must be of a drive with as many poses (Trajectory::n_poses) as the official one.
 ///
 ///   for (const Task& task : make_tasks("paper", "00", trajectory)) {
 ///     auto matches = retrieve(descriptors, task);
@@ -75,8 +77,8 @@ std::vector<std::string> protocol_names();
 ///
 /// Tasks with Decision::kPair go to evaluate_pairs() instead. `exclusion` replaces the protocol's
 /// own; those that store fixed scans (the paper's, bevplace) have none and do not use it.
-/// Throws UsageError for an unknown name, a task the sequence does not have, and when no scan of
-/// the data set is stored or none can be asked.
+/// Throws UsageError for an unknown name, a task the sequence does not have, another drive under
+/// the name of one of KITTI's, and when no scan of the data set is stored or none can be asked.
 std::vector<Task> make_tasks(const std::string& protocol, const std::string& sequence,
                              const Trajectory& trajectory,
                              const std::optional<Exclusion>& exclusion = {});
