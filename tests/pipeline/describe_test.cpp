@@ -105,6 +105,21 @@ TEST_F(DescribeTest, ThreadsDoNotChangeTheBytes) {
   EXPECT_EQ(read_alignments(one.alignments).size(), 12U);
 }
 
+TEST_F(DescribeTest, ThePointsOutsideOfTheImageAreCountedForEachScan) {
+  options_.align = AlignMode::kNone;
+  options_.geometry.elevation_bottom = -5;
+  const FeaturePaths some = paths("some");
+  write_features(some, dataset_, extractor(), options_);
+  const std::vector<AlignmentRecord> records = read_alignments(some.alignments);
+  for (size_t i = 0; i < records.size(); ++i) {
+    RangeImage image;
+    const Projected projected = project_turned(
+        read_scan(dataset_.scans[i].file), Eigen::Matrix3f::Identity(), options_.geometry, image);
+    EXPECT_GT(records[i].outside, 0);
+    EXPECT_FLOAT_EQ(records[i].outside, static_cast<float>(projected.outside_share())) << i;
+  }
+}
+
 TEST_F(DescribeTest, EveryStageOfEveryScanIsTimed) {
   options_.threads = 2;
   const DescribeTimes times = write_features(paths("timed"), dataset_, extractor(), options_);

@@ -100,6 +100,32 @@ TEST(ProjectSimd, TurnedOnTheWayIsTheTurnedCloud) {
   EXPECT_EQ(image.pixels, project(rotated(cloud, R), g).pixels);
 }
 
+TEST(ProjectSimd, CountsThePointsOutsideOfTheImage) {
+  PointCloud cloud = random_cloud(6, 5003);
+  cloud.points[17] = {std::nanf(""), 1, 1, 0};
+  cloud.points[18] = {};
+  cloud.points[19] = {0, 0, 5, 0};  // straight up, where the fast arithmetic does not decide
+  const ImageGeometry g = geometry(41, 7);
+  int64_t returns = 0, outside = 0;
+  for (const Point& p : cloud.points) {
+    returns += is_return(p) ? 1 : 0;
+    const std::vector<float> pixels = project_naively({{p}}, g).pixels;
+    outside += is_return(p) && std::ranges::all_of(pixels, [](float x) { return x == 0; }) ? 1 : 0;
+  }
+  ASSERT_EQ(returns, 5001);
+  ASSERT_GT(outside, 100);
+  test::for_each_simd_target([&] {
+    RangeImage image;
+    const Projected projected = project_turned(cloud, Eigen::Matrix3f::Identity(), g, image);
+    EXPECT_EQ(projected.returns, returns);
+    EXPECT_EQ(projected.outside, outside);
+    EXPECT_DOUBLE_EQ(projected.outside_share(),
+                     static_cast<double>(outside) / static_cast<double>(returns));
+  });
+  RangeImage image;
+  EXPECT_EQ(project_turned({}, Eigen::Matrix3f::Identity(), g, image).outside_share(), 0);
+}
+
 TEST(ProjectSimd, MemoryIsUsedAgain) {
   const PointCloud cloud = random_cloud(6, 500);
   const ImageGeometry g;

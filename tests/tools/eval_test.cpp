@@ -142,14 +142,14 @@ TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {
   ASSERT_EQ(run_revisit(eval(common + " --pca 0")).exit_code, 0);
   for (const auto& entry : fs::directory_iterator(cache))
     if (entry.path().filename().string().starts_with("data-case1") &&
-        entry.path().string().find("align") == std::string::npos)
+        entry.path().string().find("-scans") == std::string::npos)
       fs::remove(entry.path());
   ASSERT_EQ(run_revisit(eval(common + " --pca 6")).exit_code, 0);
   const std::string cached = test::read_file(run_folder() / "loops_online.csv");
   for (const auto& entry : fs::directory_iterator(cache))
     EXPECT_FALSE(entry.path().filename().string().ends_with(".npy") &&
                  entry.path().filename().string().starts_with("data-case1") &&
-                 entry.path().string().find("align") == std::string::npos)
+                 entry.path().string().find("-scans") == std::string::npos)
         << "described again: " << entry.path();
   ASSERT_EQ(run_revisit(eval("--no-plots --pca 6")).exit_code, 0);
   EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), cached);

@@ -21,6 +21,7 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr const char* kAlignModes[] = {"none", "case1", "case2"};
+constexpr int64_t kAlignmentColumns = 5;  // of an AlignmentRecord
 
 /// Gives the milliseconds since it was made, or since it was asked last.
 class Stopwatch {
@@ -76,27 +77,31 @@ Eigen::Matrix3f turn_for(const Alignment& alignment, AlignMode mode) {
   return mode == AlignMode::kNone ? Eigen::Matrix3f::Identity() : alignment.R_aligned_sensor;
 }
 
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+
 /// What a feature is computed from, of the points in `memory`.
 template <class Input>
 const Input& input_of(Memory& memory, const Alignment& alignment, const DescribeOptions& options,
-                      Stopwatch& watch, ScanTimes& ms);
+                      Stopwatch& watch, Work& work);
 
 template <>
 const PointCloud& input_of(Memory& memory, const Alignment& alignment,
-                           const DescribeOptions& options, Stopwatch& watch, ScanTimes& ms) {
+                           const DescribeOptions& options, Stopwatch& watch, Work& work) {
   if (options.align == AlignMode::kNone) return memory.cloud;
   memory.turned = rotated(memory.cloud, alignment.R_aligned_sensor);
-  *ms.align += watch.lap();
+  *work.ms.align += watch.lap();
   return memory.turned;
 }
 
 template <>
 const RangeImage& input_of(Memory& memory, const Alignment& alignment,
-                           const DescribeOptions& options, Stopwatch& watch, ScanTimes& ms) {
-  project_turned(memory.cloud, turn_for(alignment, options.align), options.geometry, memory.image);
-  ms.project = watch.lap();
+                           const DescribeOptions& options, Stopwatch& watch, Work& work) {
+  const Projected projected = project_turned(memory.cloud, turn_for(alignment, options.align),
+                                             options.geometry, memory.image);
+  work.alignment.outside = static_cast<float>(projected.outside_share());
+  work.ms.project = watch.lap();
   close_holes_in_place(memory.image, options.geometry);
-  ms.close = watch.lap();
+  work.ms.close = watch.lap();
   return memory.image;
 }
 
@@ -122,20 +127,19 @@ void describe_scan(const ScanRef& scan, const DescribeOptions& options,
   naming_the_file(scan, [&] { alignment = alignment_for(memory.cloud, options.align); });
   work.ms.align = watch.lap();
   const double processor_aligned = processor_ms();
-  const Input& input = input_of<Input>(memory, alignment, options, watch, work.ms);
+  work.alignment = {alignment.yaw, alignment.eigenvalue_ratio, alignment.abs_t11,
+                    alignment.mirrored_choice ? 1.0F : 0.0F, kNone};
+  const Input& input = input_of<Input>(memory, alignment, options, watch, work);
   naming_the_file(scan, [&] { describe(input, work.feature); });
   work.ms.feature = watch.lap();
   // An alignment that is only recorded is no part of the feature.
   work.ms.processor =
       processor_ms() - (options.align == AlignMode::kNone ? processor_aligned : processor_start);
-  work.alignment = {alignment.yaw, alignment.eigenvalue_ratio, alignment.abs_t11,
-                    alignment.mirrored_choice ? 1.0F : 0.0F};
 }
 
 template <>
 void describe_scan(const ScanRef& scan, const DescribeOptions&,
                    const FeatureFunction<GrayImage>& describe, Memory&, Work& work) {
-  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
   work.ms = {};
   Stopwatch watch;
   const GrayImage image = read_gray_png(scan.file);
@@ -144,7 +148,7 @@ void describe_scan(const ScanRef& scan, const DescribeOptions&,
   naming_the_file(scan, [&] { describe(image, work.feature); });
   work.ms.feature = watch.lap();
   work.ms.processor = processor_ms() - processor_start;
-  work.alignment = {kNone, kNone, kNone, kNone};
+  work.alignment = {kNone, kNone, kNone, kNone, kNone};
 }
 
 void append(const ScanTimes& ms, DescribeTimes& times) {
@@ -161,8 +165,8 @@ void append(const ScanTimes& ms, DescribeTimes& times) {
 }
 
 std::span<const float> as_row(const AlignmentRecord& record) {
-  static_assert(sizeof(AlignmentRecord) == 4 * sizeof(float));
-  return {&record.yaw, 4};
+  static_assert(sizeof(AlignmentRecord) == kAlignmentColumns * sizeof(float));
+  return {&record.yaw, kAlignmentColumns};
 }
 
 }  // namespace
@@ -201,7 +205,7 @@ FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
   const std::string stem =
       file_name(extractor.name) + "-" + name_of(options.align) + "-" + short_name_of(paths.key);
   paths.features = folder / (stem + ".npy");
-  paths.alignments = folder / (stem + "-alignment.npy");
+  paths.alignments = folder / (stem + "-scans.npy");
   return paths;
 }
 
@@ -215,7 +219,7 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
       features_complete(paths.alignments, paths.key))
     return times;
   const auto n = static_cast<int64_t>(dataset.scans.size());
-  FeatureWriter alignments(paths.alignments, paths.key, n, 4);
+  FeatureWriter alignments(paths.alignments, paths.key, n, kAlignmentColumns);
   FeatureWriter features(paths.features, paths.key, n, dim);
 
   const int threads = std::max(options.threads, 1);
@@ -272,12 +276,13 @@ DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
 
 std::vector<AlignmentRecord> read_alignments(const fs::path& file) {
   const FeatureFile rows(file);
-  if (rows.d() != 4)
-    throw InputError(str(file.string(), ": expected rows of 4 numbers, found ", rows.d()));
+  if (rows.d() != kAlignmentColumns)
+    throw InputError(
+        str(file.string(), ": expected rows of ", kAlignmentColumns, " numbers, found ", rows.d()));
   std::vector<AlignmentRecord> records;
   for (int64_t i = 0; i < rows.n(); ++i) {
     const auto row = rows.row(i);
-    records.push_back({row[0], row[1], row[2], row[3]});
+    records.push_back({row[0], row[1], row[2], row[3], row[4]});
   }
   return records;
 }

@@ -28,7 +28,7 @@ int64_t pixel_of(const Panorama& panorama, float x, float y, float z);
 ///
 /// The pixel is that of pixel_of() and the value that of double arithmetic, rounded to float: the
 /// image has the same bits on every CPU.
-void project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
-                    float* pixels);
+Projected project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
+                         float* pixels);
 
 }  // namespace revisit::pipeline

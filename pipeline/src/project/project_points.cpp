@@ -85,6 +85,7 @@ struct Hits {
   HWY_ALIGN int32_t pixel[kMaxLanes];
   HWY_ALIGN float value[kMaxLanes];        // 0: none
   HWY_ALIGN int32_t undecided[kMaxLanes];  // not 0: too near a border for float arithmetic
+  int64_t returns = 0, outside = 0;        // of all vectors so far
 };
 
 /// Points are turned, their pixels and values found. Returns whether any is undecided.
@@ -122,9 +123,12 @@ HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits
       hn::IfThenElseZero(hn::RebindMask(integers, right_half), hn::Set(integers, p.width / 2)));
   const auto pixel =
       hn::Add(hn::Mul(hn::ConvertTo(integers, row), hn::Set(integers, p.width)), whole_column);
-  const Mask wanted = hn::AndNot(outside, hn::Gt(value, hn::Zero(kD)));
+  const Mask is_return = hn::Gt(value, hn::Zero(kD));
+  const Mask wanted = hn::AndNot(outside, is_return);
   const Mask undecided = hn::AndNot(hn::And(row_decided, column_decided), wanted);
 
+  hits.returns += static_cast<int64_t>(hn::CountTrue(kD, is_return));
+  hits.outside += static_cast<int64_t>(hn::CountTrue(kD, hn::And(outside, is_return)));
   hn::Store(pixel, integers, hits.pixel);
   hn::Store(hn::IfThenElseZero(wanted, value), kD, hits.value);
   if (hn::AllFalse(kD, undecided)) return false;
@@ -141,13 +145,16 @@ HWY_NOINLINE void decide(const Panorama& p, Hits& hits) {
   for (size_t i = 0; i < hn::Lanes(kD); ++i) {
     if (!hits.undecided[i]) continue;
     const int64_t pixel = pixel_of(p, hits.x[i], hits.y[i], hits.z[i]);
-    if (pixel < 0) hits.value[i] = 0;
+    if (pixel < 0) {
+      hits.value[i] = 0;
+      ++hits.outside;
+    }
     hits.pixel[i] = static_cast<int32_t>(pixel);
   }
 }
 
-void project_vector(const float* points, const float* R, const Panorama& p, float* pixels) {
-  Hits hits;
+void project_vector(const float* points, const float* R, const Panorama& p, float* pixels,
+                    Hits& hits) {
   if (hit(points, R, p, hits)) decide(p, hits);
   for (size_t i = 0; i < hn::Lanes(kD); ++i) {
     if (hits.value[i] == 0) continue;
@@ -158,13 +165,15 @@ void project_vector(const float* points, const float* R, const Panorama& p, floa
 
 }  // namespace
 
-void project_points_simd(const float* points, size_t n, const float* R, const Panorama& p,
-                         float* pixels) {
+Projected project_points_simd(const float* points, size_t n, const float* R, const Panorama& p,
+                              float* pixels) {
+  Hits hits;
   const size_t lanes = hn::Lanes(kD), whole = n / lanes * lanes;
-  for (size_t i = 0; i < whole; i += lanes) project_vector(points + 4 * i, R, p, pixels);
+  for (size_t i = 0; i < whole; i += lanes) project_vector(points + 4 * i, R, p, pixels, hits);
   float rest[4 * kMaxLanes] = {};  // the others are at the origin: no returns
   std::copy(points + 4 * whole, points + 4 * n, rest);
-  project_vector(rest, R, p, pixels);
+  project_vector(rest, R, p, pixels, hits);
+  return {hits.returns, hits.outside};
 }
 
 }  // namespace revisit::pipeline::HWY_NAMESPACE
@@ -175,9 +184,9 @@ namespace revisit::pipeline {
 
 HWY_EXPORT(project_points_simd);
 
-void project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
-                    float* pixels) {
-  HWY_DYNAMIC_DISPATCH(project_points_simd)(points, n, R, panorama, pixels);
+Projected project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
+                         float* pixels) {
+  return HWY_DYNAMIC_DISPATCH(project_points_simd)(points, n, R, panorama, pixels);
 }
 
 }  // namespace revisit::pipeline

@@ -1,5 +1,6 @@
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "revisit/pipeline/range_image.h"
@@ -35,6 +36,23 @@ std::vector<std::string> sensor_names() {
   std::vector<std::string> names;
   for (const auto& sensor : kSensors) names.emplace_back(sensor.first);
   return names;
+}
+
+std::string fitting_sensor(const PointCloud& cloud) {
+  constexpr double kOutside = 0.01;
+  std::string best;
+  double lowest = std::numeric_limits<double>::infinity();
+  RangeImage image;
+  for (const auto& [name, geometry] : kSensors) {
+    const double degrees = geometry.elevation_top - geometry.elevation_bottom;
+    if (degrees >= lowest ||
+        project_turned(cloud, Eigen::Matrix3f::Identity(), geometry, image).outside_share() >
+            kOutside)
+      continue;
+    best = name;
+    lowest = degrees;
+  }
+  return best;
 }
 
 void check_geometry(const ImageGeometry& g) {

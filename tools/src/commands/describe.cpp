@@ -7,6 +7,7 @@
 #include "cli/table.h"
 #include "eval/config_file.h"
 #include "eval/descriptors.h"
+#include "eval/points_outside.h"
 #include "eval/run_info.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/folder.h"
@@ -21,13 +22,13 @@ namespace fs = std::filesystem;
 void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
                   const std::vector<pipeline::AlignmentRecord>& alignments) {
   Table table({"row", "frame", "file", "time", "yaw_deg", "eigenvalue_ratio", "abs_t11",
-               "mirrored_choice"});
+               "mirrored_choice", "outside"});
   for (size_t i = 0; i < dataset.scans.size(); ++i) {
     const pipeline::ScanRef& scan = dataset.scans[i];
     const pipeline::AlignmentRecord& a = alignments[i];
     table.row({str(i), str(scan.frame), scan.file.string(), scan.time ? number(*scan.time, 6) : "",
                number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
-               number(a.abs_t11, 4), number(a.mirrored_choice, 0)});
+               number(a.abs_t11, 4), number(a.mirrored_choice, 0), number(a.outside, 4)});
   }
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
@@ -62,6 +63,7 @@ int describe_command(const Arguments& arguments) {
   const FeatureSource source = open_feature(options, dataset, cache);
   LazyFeatures features(options, source, source.align, cache);
   features.file();  // so that the time of the reduction is its own
+  warn_of_points_outside(options, source.inputs, features.alignments());
   RunTimes times;
   times.describe = features.times();
 

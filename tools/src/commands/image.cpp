@@ -7,6 +7,7 @@
 #include "cli/json.h"
 #include "cli/parser.h"
 #include "cli/table.h"
+#include "eval/points_outside.h"
 #include "reports.pb.h"
 #include "revisit/pipeline/align.h"
 #include "revisit/pipeline/range_image.h"
@@ -117,6 +118,7 @@ void print_table(const reports::RangeImageSummary& s) {
   table.row({"image", str(s.width(), " x ", s.height(), ", ", s.sensor())});
   table.row({"points", str(s.points())});
   table.row({"usable points", str(s.usable_points())});
+  table.row({"outside", percent(s.points_outside())});
   table.row({"pixels hit", percent(s.pixels_hit())});
   table.row({"after closing", percent(s.pixels_closed())});
   table.row({"alignment", s.align()});
@@ -138,16 +140,20 @@ int image_command(const Arguments& arguments) {
   const ImageGeometry geometry = geometry_of(o);
   reports::RangeImageSummary summary;
 
-  PointCloud cloud = read_scan(o.scan);
+  const PointCloud cloud = read_scan(o.scan);
   summary.set_points(static_cast<int>(cloud.points.size()));
   summary.set_usable_points(
       static_cast<int>(std::count_if(cloud.points.begin(), cloud.points.end(), is_return)));
+  Eigen::Matrix3f R_image_sensor = Eigen::Matrix3f::Identity();
   if (o.align != "none") {
     const Alignment alignment = align_scan(cloud, o);
     report_alignment(alignment, &summary);
-    cloud = rotated(cloud, alignment.R_aligned_sensor);
+    R_image_sensor = alignment.R_aligned_sensor;
   }
-  const RangeImage projected = project(cloud, geometry);
+  RangeImage projected;
+  const double outside = project_turned(cloud, R_image_sensor, geometry, projected).outside_share();
+  summary.set_points_outside(outside);
+  if (outside > kManyOutside) summary.add_warnings(points_outside(outside, geometry, cloud));
   const RangeImage closed = close_holes(projected, geometry);
 
   make_folder(o.output);

@@ -10,6 +10,7 @@
 #include "cli/progress.h"
 #include "eval/descriptors.h"
 #include "eval/figures.h"
+#include "eval/points_outside.h"
 
 namespace revisit::cli {
 namespace {
@@ -219,6 +220,7 @@ Evaluation evaluate(const EvalOptions& o) {
   for (const pipeline::Task& task : in.tasks)
     result.tasks.push_back(
         run_task(o, in.source, task, in.trajectory, descriptors, notes, &result.times));
+  warn_of_points_outside(o.feature, in.source.inputs, in.case1.alignments());
   result.times.describe = in.case1.times();
   if (case2) result.times.describe.append(case2->times());
 

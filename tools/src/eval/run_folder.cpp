@@ -79,7 +79,7 @@ void write_scans(const fs::path& file, const RunContext& context,
       tasks += (tasks.empty() ? "" : " ") + result.task.name;
     }
   Table table({"frame", "file", "time", "x", "y", "z", "yaw_deg", "eigenvalue_ratio", "abs_t11",
-               "mirrored_choice", "stored"});
+               "mirrored_choice", "outside", "stored"});
   for (size_t i = 0; i < context.dataset.scans.size(); ++i) {
     const pipeline::ScanRef& scan = context.dataset.scans[i];
     const auto position = [&](int axis) {
@@ -91,7 +91,8 @@ void write_scans(const fs::path& file, const RunContext& context,
     table.row({str(scan.frame), fs::absolute(scan.file).string(),
                scan.time ? number(*scan.time, 6) : "", position(0), position(1), position(2),
                number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
-               number(a.abs_t11, 4), number(a.mirrored_choice, 0), stored[i]});
+               number(a.abs_t11, 4), number(a.mirrored_choice, 0), number(a.outside, 4),
+               stored[i]});
   }
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }

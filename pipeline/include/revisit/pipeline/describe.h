@@ -83,20 +83,21 @@ struct DescribeTimes {
   void append(const DescribeTimes& more);
 };
 
-/// What one scan's alignment was, as write_features() stores it: a row of 4 floats. All are NaN
-/// when there was no scan to align, only a camera image.
+/// What one scan's alignment was and how much of it the range image holds, as write_features()
+/// stores it: a row of 5 floats. All are NaN when there was no scan, only a camera image.
 struct AlignmentRecord {
   float yaw = 0;               // [rad], Alignment::yaw
   float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio
   float abs_t11 = 0;           // Alignment::abs_t11
   float mirrored_choice = 0;   // 0 or 1
+  float outside = 0;           // Projected::outside_share(); NaN without a range image
 };
 
 /// Where the features of a data set are: `folder/NAME-HASH.npy`, the hash being of everything they
 /// depend on: scans (path, size, time of change), extractor, geometry and alignment.
 struct FeaturePaths {
   std::filesystem::path features;    // [n][dim]
-  std::filesystem::path alignments;  // [n][4], AlignmentRecord
+  std::filesystem::path alignments;  // [n][5], AlignmentRecord
   std::string key;
 };
 FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& dataset,

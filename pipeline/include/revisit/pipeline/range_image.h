@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,8 @@ struct ImageGeometry {
 ImageGeometry sensor_geometry(const std::string& sensor);
 /// The names sensor_geometry() takes.
 std::vector<std::string> sensor_names();
+/// The preset of the lowest image that 99 % of a cloud's returns fall into; "" when there is none.
+std::string fitting_sensor(const PointCloud& cloud);
 
 /// Pixel values `[height][width]`, 0 (no return) .. 255 (max_range or farther).
 /// Column 0 looks backwards (azimuth +180 deg), azimuth falls with the column: a yaw of the cloud
@@ -56,10 +59,19 @@ void check_geometry(const ImageGeometry& geometry);
 /// check_geometry() does.
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
 
+/// How much of a cloud an image took.
+struct Projected {
+  int64_t returns = 0;  // points that are one (is_return)
+  int64_t outside = 0;  // of these, above or below the image: no pixel knows of them
+  double outside_share() const {
+    return returns ? static_cast<double>(outside) / static_cast<double>(returns) : 0;
+  }
+};
+
 /// The same of the cloud turned about the sensor, project(rotated(cloud, R_image_sensor)), without
 /// making the turned cloud; into an image whose memory is used again when it is large enough.
-void project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
-                    const ImageGeometry& geometry, RangeImage& image);
+Projected project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
+                         const ImageGeometry& geometry, RangeImage& image);
 
 /// Morphological closing (dilation, then erosion) with the geometry's rectangle, wrap-around in
 /// azimuth. Above and below the image counts as absent (neutral for both operations). Throws

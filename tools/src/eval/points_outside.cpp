@@ -1,0 +1,40 @@
+#include "eval/points_outside.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+
+#include "cli/table.h"
+#include "revisit/pipeline/scan_file.h"
+
+namespace revisit::cli {
+
+std::string points_outside(double share, const pipeline::ImageGeometry& geometry,
+                           const pipeline::PointCloud& scan) {
+  const std::string fitting = pipeline::fitting_sensor(scan);
+  return str(number(100 * share, 0), " % of a scan's points are outside of the image, which spans ",
+             number(geometry.elevation_top, 1), " to ", number(geometry.elevation_bottom, 1),
+             " degrees; ",
+             fitting.empty() ? "no known sensor's image holds them"
+                             : "the image of --sensor " + fitting + " holds them");
+}
+
+void warn_of_points_outside(const FeatureOptions& options, const pipeline::Dataset& dataset,
+                            const std::vector<pipeline::AlignmentRecord>& records) {
+  std::vector<float> shares;
+  for (const pipeline::AlignmentRecord& record : records)
+    if (!std::isnan(record.outside)) shares.push_back(record.outside);
+  if (shares.empty() || options.quiet) return;
+  const auto middle = shares.begin() + static_cast<std::ptrdiff_t>(shares.size() / 2);
+  std::nth_element(shares.begin(), middle, shares.end());
+  const float median = *middle;
+  if (!(double{median} > kManyOutside)) return;
+  const auto typical =
+      std::ranges::find(records, median, &pipeline::AlignmentRecord::outside) - records.begin();
+  const pipeline::PointCloud scan =
+      pipeline::read_scan(dataset.scans[static_cast<size_t>(typical)].file);
+  std::cerr << "warning: " << points_outside(double{median}, options.geometry(), scan)
+            << " (median of " << shares.size() << " scans)\n";
+}
+
+}  // namespace revisit::cli
