@@ -63,7 +63,7 @@ struct Binding {
   }
   Fusion fusion = {};            // only convolutions look at it, bind_operation() does the rest
   WeightCache* cache = nullptr;  // there when `layouts` are given or something is fused
-  std::string cache_key = {};    // names the layer and what is fused into its weights
+  size_t layer = 0;              // that the cache knows it as
   /// The net amplifies rounding: kernels that round more than a plain sum are to be avoided.
   bool careful = false;
 };

@@ -1,7 +1,6 @@
 #include "schedule.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "bind_operation.h"
 #include "budget.h"
@@ -17,15 +16,6 @@ Kernel reorder_kernel(const Shape& shape, Layout to, int threads) {
   kernel.name = "reorder";
   kernel.run = [size, run](const Call& call) { run(size, call.inputs[0], call.outputs[0]); };
   return kernel;
-}
-
-/// Names the weights of an operation and all that is worked into them.
-std::string cache_key(const Operation& operation) {
-  std::string key = str("layer ", operation.node);
-  for (const size_t layer : operation.fusion.affine_layers) key += str(" + ", layer);
-  if (const auto& offsets = operation.fusion.gray_offsets)
-    for (const float offset : *offsets) key += str(" gray ", std::bit_cast<uint32_t>(offset));
-  return key;
 }
 
 class Scheduler {
@@ -128,7 +118,7 @@ class Scheduler {
         binding.layouts.push_back(blocked_[id] ? Layout::kBlocked : Layout::kPlain);
     binding.fusion = operation.fusion;
     binding.cache = &net_.packed_weights;
-    binding.cache_key = cache_key(operation);
+    binding.layer = operation.node;
     binding.careful = amplifies_rounding_;
     return bind_operation(*operation.layer, binding);
   }

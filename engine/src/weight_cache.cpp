@@ -2,7 +2,8 @@
 
 namespace revisit::engine {
 
-std::shared_ptr<const PackedWeights> WeightCache::get(const std::string& key, const Pack& pack) {
+std::shared_ptr<const PackedWeights> WeightCache::get(const PackedWeightsKey& key,
+                                                      const Pack& pack) {
   // Held while packing: another plan of the net waits for the same weights more often than not.
   const std::lock_guard lock(mutex_);
   if (const auto found = entries_.find(key); found != entries_.end())

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include "aligned.h"
 
@@ -18,21 +20,31 @@ struct PackedWeights {
   int64_t floats() const { return weights.size() + bias.size() + outside.size(); }
 };
 
+/// All that decides what is packed; the weights of a net's layers never change.
+struct PackedWeightsKey {
+  size_t layer;                        // index into Graph::nodes
+  std::vector<size_t> affine_layers;   // Fusion::affine_layers
+  std::vector<uint32_t> gray_offsets;  // Fusion::gray_offsets, their bits
+  bool has_constants;                  // FusedConvolution::has_constants()
+  std::string kernel;                  // that wants this order; "": the file's
+  friend auto operator<=>(const PackedWeightsKey&, const PackedWeightsKey&) = default;
+};
+
 /// The packed weights of a net, shared by all its plans and gone when no plan needs them. Safe to
 /// use from several threads.
 class WeightCache {
  public:
   using Pack = std::function<PackedWeights()>;
 
-  /// What is stored under `key`, or what `pack` makes. A key must mean the same forever.
-  std::shared_ptr<const PackedWeights> get(const std::string& key, const Pack& pack);
+  /// What is stored under `key`, or what `pack` makes.
+  std::shared_ptr<const PackedWeights> get(const PackedWeightsKey& key, const Pack& pack);
 
   /// Of all that is in use [floats].
   int64_t floats_in_use() const;
 
  private:
   mutable std::mutex mutex_;
-  std::map<std::string, std::weak_ptr<const PackedWeights>> entries_;
+  std::map<PackedWeightsKey, std::weak_ptr<const PackedWeights>> entries_;
 };
 
 }  // namespace revisit::engine

@@ -13,8 +13,8 @@ using test::expect_error;
 using test::small_net;
 
 /// The picture as the gray plan takes it, and as the original takes it: in every channel.
-std::vector<float> run(const Net& net, const PlanOptions& options) {
-  engine::Run run(net.plan({}, options));
+std::vector<float> run(const Plan& plan) {
+  engine::Run run(plan);
   const View<float> input = run.input("data");
   const int64_t channels = input.shape[1], pixels = input.shape[2] * input.shape[3];
   static const std::vector<float> kOffsets{0.5F, -2, 3};
@@ -26,6 +26,10 @@ std::vector<float> run(const Net& net, const PlanOptions& options) {
   run.forward();
   const auto values = run.output(run.plan().outputs()[0].name).values();
   return {values.begin(), values.end()};
+}
+
+std::vector<float> run(const Net& net, const PlanOptions& options) {
+  return run(net.plan({}, options));
 }
 
 struct Case {
@@ -87,6 +91,28 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"NoBias", "num_output: 32 kernel_size: 3 pad: 1 bias_term: false"},
                     Case{"FewOutputs", "num_output: 3 kernel_size: 3 pad: 1"}),
     [](const auto& instance) { return std::string(instance.param.name); });
+
+/// Whether a kernel without padding sees beyond the image, and so what is packed for it, depends on
+/// the size of the image: two plans of one net may differ in it.
+TEST(GrayInputOptions, TwoHeightsOfOneNetAlive) {
+  const Shape low{1, 3, 13, 17}, high{1, 3, 40, 17};
+  for (const char* c_out : {"16", "3"}) {  // on blocked values and on plain ones
+    const std::string layer =
+        test::conv("c", "data", str("num_output: ", c_out, " kernel_h: 15 kernel_w: 3 stride: 4"));
+    for (const auto& [first, second] : {std::pair(low, high), std::pair(high, low)}) {
+      const Net net = small_net(first, layer);
+      const PlanOptions gray{.gray_offsets = std::vector<float>{0.5F, -2, 3}};
+      const Plan one = net.plan({}, gray), other = net.plan({{"data", second}}, gray);
+      for (const Plan& plan : {one, other}) {
+        const Shape picture = plan.inputs()[0].shape;
+        const Plan reference =
+            net.plan({{"data", picture.with(1, 3)}}, {.reference_kernels = true});
+        EXPECT_LE(test::relative_error(run(plan), run(reference)), 1e-5)
+            << c_out << " channels, " << picture << " after " << first;
+      }
+    }
+  }
+}
 
 TEST(GrayInputOptions, OnlyWhereConvolutionsReadTheInput) {
   const auto plan = [](const std::string& layers, std::vector<float> offsets) {

@@ -1,5 +1,6 @@
 #include "layers/convolution_weights.h"
 
+#include <bit>
 #include <numeric>
 
 namespace revisit::engine {
@@ -52,10 +53,18 @@ int64_t FusedConvolution::packed_floats(const BlockedConvolutionKernel& kernel) 
          padded_channels(problem_.c_out);
 }
 
+PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
+  PackedWeightsKey key{layer, fusion_.affine_layers, {}, has_constants(), std::move(kernel)};
+  if (fusion_.gray_offsets)
+    for (const float offset : *fusion_.gray_offsets)
+      key.gray_offsets.push_back(std::bit_cast<uint32_t>(offset));
+  return key;
+}
+
 std::shared_ptr<const PackedWeights> FusedConvolution::pack(const BlockedConvolutionKernel& kernel,
                                                             const Binding& binding) const {
   if (!weights_) return nullptr;
-  return binding.cache->get(binding.cache_key + "\n" + kernel.name, [&] {
+  return binding.cache->get(key(binding.layer, kernel.name), [&] {
     const int64_t lanes = padded_channels(problem_.c_out);
     PackedWeights packed{AlignedFloats(kernel.packed_floats(problem_)), {}};
     if (!changes_weights(fusion_)) {
@@ -76,7 +85,7 @@ FusedConvolution::Plain FusedConvolution::plain(const Binding& binding) const {
   if (!changes_weights(fusion_)) return {weights_, bias_, nullptr, 0};
   const int64_t floats = problem_.c_out * ((has_constants() ? 2 : 1) * problem_.depth() + 1);
   if (!weights_) return {nullptr, nullptr, nullptr, floats};
-  auto owner = binding.cache->get(binding.cache_key + "\nplain", [&] {
+  auto owner = binding.cache->get(key(binding.layer, ""), [&] {
     FoldedWeights f = folded();
     if (has_constants()) f.weights = with_constants(f, problem_.c_out);
     return PackedWeights{padded(f.weights, static_cast<int64_t>(f.weights.size())),

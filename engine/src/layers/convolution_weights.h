@@ -38,6 +38,7 @@ class FusedConvolution {
   Plain plain(const Binding& binding) const;
 
  private:
+  PackedWeightsKey key(size_t layer, std::string kernel) const;
   FoldedWeights folded() const {
     return fold(fusion_, weight_size_, sees_outside_, weights_, bias_);
   }
