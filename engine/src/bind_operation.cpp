@@ -78,10 +78,7 @@ Kernel finished(Kernel kernel, const Binding& binding) {
 
 }  // namespace
 
-Kernel bind_operation(const Layer& layer, const Binding& binding) {
-  std::vector<Shape> inputs = binding.inputs;
-  if (binding.fusion.adds_last_input) inputs.pop_back();  // is none of the layer's own
-  const Form form = layer.form(inputs, binding.weights);
+Kernel bind_operation(const Layer& layer, const Form& form, const Binding& binding) {
   if (std::holds_alternative<Convolving>(form)) return layer.bind(binding);
   const bool any_blocked =
       std::count(binding.layouts.begin(), binding.layouts.end(), Layout::kBlocked) > 0;

@@ -5,9 +5,9 @@
 namespace revisit::engine {
 namespace {
 
-bool can_take_gray(const Form& form, size_t input) {
-  const auto* convolving = std::get_if<Convolving>(&form);
-  return input == 0 && convolving && convolving->problem.group == 1;
+bool can_take_gray(const Operation& operation) {
+  const auto* convolving = std::get_if<Convolving>(&operation.form);
+  return convolving && convolving->problem.group == 1 && operation.inputs.size() == 1;
 }
 
 /// Why the input `id` of a net cannot be gray; empty when it can.
@@ -17,17 +17,14 @@ std::string why_not_gray(const Net::Impl& net, const Operations& operations, Val
   for (const Graph::Output& output : net.graph.outputs)
     if (operations.held_by[output.value] == id)
       return str("the output '", output.name, "' is the input itself");
-  for (const Operation& operation : operations.list)
-    for (size_t i = 0; i < operation.inputs.size(); ++i) {
-      if (operation.inputs[i] != id) continue;
-      const std::vector<Shape> inputs(operation.inputs.size(), shape);
-      if (can_take_gray(operation.layer->form(inputs, net.nodes[operation.node].weights), i))
-        continue;
-      const Node& node = net.graph.nodes[operation.node];
-      return str(
-          "layer '", node.name, "' (", node.param.type(),
-          ") reads the input; only convolutions without groups can take one channel for all");
-    }
+  for (const Operation& operation : operations.list) {
+    if (std::count(operation.inputs.begin(), operation.inputs.end(), id) == 0 ||
+        can_take_gray(operation))
+      continue;
+    const Node& node = net.graph.nodes[operation.node];
+    return str("layer '", node.name, "' (", node.param.type(),
+               ") reads the input; only convolutions without groups can take one channel for all");
+  }
   return "";
 }
 

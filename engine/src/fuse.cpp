@@ -13,9 +13,7 @@ namespace {
 class Fuser {
  public:
   Fuser(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations)
-      : net_(net),
-        shapes_(shapes),
-        operations_(std::move(operations)),
+      : operations_(std::move(operations)),
         readers_(shapes.size(), 0),
         maker_(shapes.size(), kNone) {
     for (const Operation& operation : operations_.list)
@@ -46,20 +44,13 @@ class Fuser {
   }
 
   bool merge(const Operation& operation) {
-    const Form form = form_of(operation);
+    const Form& form = operation.form;
     if (const auto* affine = std::get_if<ChannelAffine>(&form)) return take(operation, *affine);
     if (const auto* activation = std::get_if<Activating>(&form))
       return take(operation, *activation);
     if (const auto* combining = std::get_if<Combining>(&form)) return take(operation, *combining);
     if (const auto* pooling = std::get_if<PoolingProblem>(&form)) return take(operation, *pooling);
     return false;
-  }
-
-  Form form_of(const Operation& operation) const {
-    std::vector<Shape> inputs;
-    for (const ValueId id : operation.inputs) inputs.push_back(shapes_[id]);
-    if (operation.fusion.adds_last_input) inputs.pop_back();  // is none of the layer's own
-    return operation.layer->form(inputs, net_.nodes[operation.node].weights);
   }
 
   /// The operation that makes a value which nothing but one reader needs; null when there is none.
@@ -84,7 +75,7 @@ class Fuser {
   bool take(const Operation& operation, const ChannelAffine& next) {
     Operation* const maker = only_maker(operation.inputs[0]);
     if (!maker || is_activated(*maker) || maker->fusion.adds_last_input) return false;
-    const Form form = form_of(*maker);
+    const Form& form = maker->form;
     if (!std::holds_alternative<Convolving>(form) && !std::holds_alternative<ChannelAffine>(form))
       return false;
     std::optional<ChannelAffine>& affine = maker->fusion.affine;
@@ -97,7 +88,7 @@ class Fuser {
   bool take(const Operation& operation, const Activating& activation) {
     Operation* const maker = only_maker(operation.inputs[0]);
     if (!maker || is_activated(*maker)) return false;
-    const Form form = form_of(*maker);
+    const Form& form = maker->form;
     if (!std::holds_alternative<Convolving>(form) && !std::holds_alternative<ChannelAffine>(form) &&
         !std::holds_alternative<Combining>(form))
       return false;
@@ -116,7 +107,7 @@ class Fuser {
     if (made_at(sums) < made_at(addend)) std::swap(sums, addend);
     Operation* const maker = only_maker(sums);
     if (!maker || is_activated(*maker) || maker->fusion.adds_last_input ||
-        !std::holds_alternative<Convolving>(form_of(*maker)))
+        !std::holds_alternative<Convolving>(maker->form))
       return false;
     maker->fusion.adds_last_input = true;
     maker->inputs.push_back(addend);
@@ -132,36 +123,40 @@ class Fuser {
   bool take(const Operation& operation, const PoolingProblem& pooling) {
     Operation* const maker = only_maker(operation.inputs[0]);
     if (!maker || operation.outputs.size() != 1) return false;
-    const Form form = form_of(*maker);
-    const auto* lrn = std::get_if<LrnProblem>(&form);
+    const auto* lrn = std::get_if<LrnProblem>(&maker->form);
     if (!lrn) return false;
-    maker->layer = make_lrn_max_pooling({*lrn, pooling});
+    const LrnMaxPooling both{*lrn, pooling};
+    maker->layer = make_lrn_max_pooling(both);
+    maker->form = both;
     absorb(maker, operation);
     return true;
   }
 
-  /// Pooling, with or without normalisation, into the convolution on the net's input.
+  /// Pooling, with or without normalisation, into the convolution on the net's input: where its
+  /// kernel can do that, which then is its kernel.
   bool merge_into_first(const Operation& operation) {
     if (operation.outputs.size() != 1) return false;
-    const Form form = form_of(operation);
-    const auto* pooling = std::get_if<PoolingProblem>(&form);
-    const auto* both = std::get_if<LrnMaxPooling>(&form);
+    const auto* pooling = std::get_if<PoolingProblem>(&operation.form);
+    const auto* both = std::get_if<LrnMaxPooling>(&operation.form);
     if (!pooling && !both) return false;
     Operation* const first = only_maker(operation.inputs[0]);
     if (!first || maker_[first->inputs[0]] != kNone || first->fusion.adds_last_input ||
         first->fusion.pooling)
       return false;
-    const Form maker_form = form_of(*first);
-    const auto* convolving = std::get_if<Convolving>(&maker_form);
-    if (!convolving || !takes_plain_input(convolving->problem, first->fusion)) return false;
-    first->fusion.pooling = both ? both->pooling : *pooling;
-    if (both) first->fusion.lrn = both->lrn;
+    const auto* convolving = std::get_if<Convolving>(&first->form);
+    if (!convolving) return false;
+    Fusion fusion = first->fusion;
+    fusion.pooling = both ? both->pooling : *pooling;
+    if (both) fusion.lrn = both->lrn;
+    const BlockedConvolutionKernel* const kernel = choose_convolution(
+        convolving->problem, fusion, Layout::kPlain, first->most_winograd_points);
+    if (!kernel) return false;
+    first->convolution = kernel;
+    first->fusion = std::move(fusion);
     absorb(first, operation);
     return true;
   }
 
-  const Net::Impl& net_;
-  const std::vector<Shape>& shapes_;
   Operations operations_;
   std::vector<int> readers_;   // of each value
   std::vector<size_t> maker_;  // of each value: index into operations_.list; kNone: a net input

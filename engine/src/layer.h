@@ -13,6 +13,7 @@
 namespace revisit::engine {
 
 class WeightCache;
+struct BlockedConvolutionKernel;
 
 /// The pointers of one execution of one kernel; shapes were fixed when it was bound.
 struct Call {
@@ -64,8 +65,8 @@ struct Binding {
   Fusion fusion = {};            // only convolutions look at it, bind_operation() does the rest
   WeightCache* cache = nullptr;  // there when `layouts` are given or something is fused
   size_t layer = 0;              // that the cache knows it as
-  /// The net amplifies rounding: kernels that round more than a plain sum are to be avoided.
-  bool careful = false;
+  /// Of a convolution: choose_convolution().
+  const BlockedConvolutionKernel* convolution = nullptr;
 };
 
 /// Where the outputs live.

@@ -27,7 +27,10 @@ Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes)
       for (const ValueId id : node.outputs) held_by[id] = held_by[node.inputs[0]];
       continue;
     }
-    Operation operation{i, {}, layer, node.inputs, node.outputs, {}};
+    std::vector<Shape> inputs;
+    for (const ValueId id : node.inputs) inputs.push_back(shapes[id]);
+    Operation operation{i,           {},          layer, layer->form(inputs, net.nodes[i].weights),
+                        node.inputs, node.outputs};
     for (ValueId& id : operation.inputs) id = held_by[id];
     operations.list.push_back(std::move(operation));
   }

@@ -4,6 +4,7 @@
 #include <optional>
 #include <vector>
 
+#include "kernels/blocked/convolution.h"
 #include "net_impl.h"
 
 namespace revisit::engine {
@@ -13,8 +14,14 @@ struct Operation {
   size_t node;                   // the layer it is listed under: index into Graph::nodes
   std::vector<size_t> absorbed;  // the other layers
   std::shared_ptr<const Layer> layer;
+  Form form;  // the layer's, for these inputs
   std::vector<ValueId> inputs, outputs;
-  Fusion fusion;
+  Fusion fusion = {};
+  /// Of a convolution: its kernel's limit, see limit_rounding().
+  int most_winograd_points = kAnyPoints;
+  /// Of a convolution, where something is merged that only this kernel can do: the choice is made
+  /// once, here or (null) when the operation is scheduled.
+  const BlockedConvolutionKernel* convolution = nullptr;
 };
 
 /// The layers of a net as operations, in execution order; Input layers are not among them.

@@ -43,6 +43,7 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   const bool merge = !options.keep_all && !options.reference_kernels;
   Operations operations = operations_of(net, shapes);
   if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
+  limit_rounding(net, &operations);
   return merge ? fuse(net, shapes, std::move(operations)) : operations;
 }
 

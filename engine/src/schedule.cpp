@@ -5,6 +5,7 @@
 #include "bind_operation.h"
 #include "budget.h"
 #include "kernels/blocked/reorder.h"
+#include "layers/planar_convolution.h"
 
 namespace revisit::engine {
 namespace {
@@ -34,13 +35,6 @@ class Scheduler {
   Schedule run() {
     for (const Graph::Output& output : net_.graph.outputs)
       read_outside_[operations_.held_by[output.value]] = true;
-    // Division by a small deviation amplifies what kernels before it rounded; so does Softmax, to
-    // which only the differences of large values count.
-    amplifies_rounding_ =
-        std::any_of(net_.graph.nodes.begin(), net_.graph.nodes.end(), [](const Node& node) {
-          const std::string& type = node.param.type();
-          return type == "BatchNorm" || type == "MVN" || type == "Softmax";
-        });
     for (size_t i = 0; i < net_.graph.nodes.size(); ++i)
       if (!net_.nodes[i].layer)
         for (const ValueId id : net_.graph.nodes[i].outputs)
@@ -119,8 +113,18 @@ class Scheduler {
     binding.fusion = operation.fusion;
     binding.cache = &net_.packed_weights;
     binding.layer = operation.node;
-    binding.careful = amplifies_rounding_;
-    return bind_operation(*operation.layer, binding);
+    binding.convolution = convolution_kernel(operation);
+    return bind_operation(*operation.layer, operation.form, binding);
+  }
+
+  /// Null when it is none or has one on plain values.
+  const BlockedConvolutionKernel* convolution_kernel(const Operation& operation) const {
+    const auto* convolving = std::get_if<Convolving>(&operation.form);
+    if (!convolving || options_.reference_kernels) return nullptr;
+    if (operation.convolution) return operation.convolution;
+    const Layout input = blocked_[operation.inputs[0]] ? Layout::kBlocked : Layout::kPlain;
+    return choose_convolution(convolving->problem, operation.fusion, input,
+                              operation.most_winograd_points);
   }
 
   const Net::Impl& net_;
@@ -130,7 +134,6 @@ class Scheduler {
   Schedule result_;
   std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::plain
   std::vector<bool> read_outside_;              // of each value
-  bool amplifies_rounding_ = false;             // some layer does
 };
 
 }  // namespace

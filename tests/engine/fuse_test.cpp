@@ -2,9 +2,12 @@
 // result is that of the reference kernels without any.
 #include <gtest/gtest.h>
 
+#include <stdexcept>
+
 #include "expect_error.h"
 #include "net_case.h"
 #include "revisit/proto/error.h"
+#include "single_layer.h"
 
 namespace revisit::engine {
 namespace {
@@ -266,6 +269,18 @@ TEST(FusedFirstConvolution, OnAnInputThatOthersReadInBlocks) {
                                       layer("p", "Pooling", {"c"}, pool));
     EXPECT_EQ(kernel_of(expect_as_reference(net), "p"), "in c");
   }
+}
+
+/// What is merged rests on the kernel that was chosen then: one that cannot do it must not write a
+/// whole convolution where there is room for what is pooled.
+TEST(FusedFirstConvolution, WithoutItsKernelIsRefused) {
+  const auto layer = test::layer_of(
+      "Convolution", "convolution_param { num_output: 1 kernel_size: 1 bias_term: false }");
+  const std::vector<Shape> data{{1, 1, 8, 8}}, pooled{{1, 1, 4, 4}};
+  const std::vector<Tensor> weights{{{1, 1, 1, 1}, {1}}};
+  Binding binding{data, pooled, weights};
+  binding.fusion.pooling.emplace();
+  EXPECT_THROW(layer->bind(binding), std::logic_error);
 }
 
 TEST(FusedFirstConvolution, WithNormalisationAndPooling) {

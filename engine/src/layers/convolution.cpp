@@ -36,7 +36,8 @@ class Convolution : public Layer {
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    if (inputs.size() != 1 || inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
+    // Blocked values are images: other inputs that run as 2-D ones stay plain.
+    if (inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
     return Convolving{planar(problem(inputs[0]))};
   }
 
@@ -47,9 +48,8 @@ class Convolution : public Layer {
     const float* weights = inspected ? nullptr : binding.weights[0].values.data();
     const float* bias =
         inspected || !param_.bias_term() ? nullptr : binding.weights[1].values.data();
-    Kernel kernel = p.axes.size() <= 2
-                        ? bind_planar_convolution(planar(p), blockable(binding), weights, bias)
-                        : bind_nd(p, binding.reference_kernels, weights, bias);
+    Kernel kernel = p.axes.size() <= 2 ? bind_planar_convolution(planar(p), binding, weights, bias)
+                                       : bind_nd(p, binding.reference_kernels, weights, bias);
     kernel.macs = static_cast<int64_t>(binding.outputs.size()) * p.macs();
     return kernel;
   }
@@ -81,14 +81,6 @@ class Convolution : public Layer {
       p.axes[i].windows = count_windows(p.axes[i]);
     }
     return p;
-  }
-
-  /// Blocked values are images: other inputs that run as 2-D ones stay plain.
-  Binding blockable(const Binding& binding) const {
-    Binding result = binding;
-    if (binding.inputs[0].rank() != 4 || channel_axis(binding.inputs[0]) != 1)
-      result.layouts.clear();
-    return result;
   }
 
   /// Problems of up to two axes run as 2-D ones, with leading axes of size 1.

@@ -1,6 +1,7 @@
 #include "layers/planar_convolution.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "held_epilogue.h"
 #include "kernels/blocked/convolution_max_pool.h"
@@ -19,25 +20,10 @@ bool pays(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
          (packed <= kSmall || packed / kMostExpansion <= p.c_out * p.depth());
 }
 
-const BlockedConvolutionKernel* choose(const ConvolutionProblem& p, Layout input, bool careful) {
-  // Of ResNet-50 (golden/slim), the error against the original is 3e-5 with any kernels whose
-  // transforms have up to 7 points, 1.5e-4 with 8 and 2.7e-4 with 9.
-  constexpr int kCarefulPoints = 6;
-  const BlockedConvolutionKernel* const kernel =
-      choose_blocked_convolution(p, input, careful ? kCarefulPoints : kAnyPoints);
+const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout input,
+                                           int most_points) {
+  const BlockedConvolutionKernel* const kernel = choose_blocked_convolution(p, input, most_points);
   return kernel && pays(*kernel, p) ? kernel : nullptr;
-}
-
-const BlockedConvolutionKernel* choose(const FusedConvolution& convolution,
-                                       const Binding& binding) {
-  if (binding.reference_kernels || binding.layouts.empty()) return nullptr;
-  const ConvolutionProblem& problem = convolution.problem();
-  // Both are made for the plain input, also where another layer has it in blocks.
-  if (convolution.fusion().gray_offsets || convolution.fusion().pooling)
-    return choose(problem, Layout::kPlain, binding.careful);
-  if (!binding.blocked(0))
-    if (const auto* kernel = choose(problem, Layout::kPlain, binding.careful)) return kernel;
-  return choose(problem, Layout::kBlocked, binding.careful);
 }
 
 /// Runs a blocked kernel, alone or with normalisation and pooling behind it.
@@ -105,6 +91,7 @@ const float* with_ones(const ConvolutionProblem& p, const float* picture, float*
 Kernel bind_plain(const FusedConvolution& convolution, const Binding& binding) {
   ConvolutionProblem p = convolution.problem();
   const Fusion& fusion = convolution.fusion();
+  if (fusion.pooling) throw std::logic_error("a convolution on plain values cannot pool");
   const bool has_ones = convolution.has_constants();
   if (has_ones) p.c_in = 2;
   const ConvolutionKernel& chosen = choose_plain(p, binding.reference_kernels);
@@ -130,18 +117,24 @@ Kernel bind_plain(const FusedConvolution& convolution, const Binding& binding) {
 
 }  // namespace
 
+const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& problem,
+                                                   const Fusion& fusion, Layout input,
+                                                   int most_winograd_points) {
+  const FusedConvolution convolution(problem, fusion, nullptr, nullptr);
+  const ConvolutionProblem& p = convolution.problem();
+  // Both are made for the plain input, also where another layer has it in blocks.
+  if (fusion.gray_offsets || fusion.pooling)
+    return choose_for(p, Layout::kPlain, most_winograd_points);
+  if (input == Layout::kPlain)
+    if (const auto* kernel = choose_for(p, Layout::kPlain, most_winograd_points)) return kernel;
+  return choose_for(p, Layout::kBlocked, most_winograd_points);
+}
+
 Kernel bind_planar_convolution(const ConvolutionProblem& problem, const Binding& binding,
                                const float* weights, const float* bias) {
   const FusedConvolution convolution(problem, binding.fusion, weights, bias);
-  if (const BlockedConvolutionKernel* chosen = choose(convolution, binding))
-    return bind_blocked(*chosen, convolution, binding);
-  return bind_plain(convolution, binding);
-}
-
-bool takes_plain_input(const ConvolutionProblem& problem, const Fusion& fusion) {
-  constexpr bool kCareful = true;
-  return choose(FusedConvolution(problem, fusion, nullptr, nullptr).problem(), Layout::kPlain,
-                kCareful);
+  return binding.convolution ? bind_blocked(*binding.convolution, convolution, binding)
+                             : bind_plain(convolution, binding);
 }
 
 }  // namespace revisit::engine

@@ -1,17 +1,20 @@
 #pragma once
 
-#include "kernels/convolution.h"
+#include "kernels/blocked/convolution.h"
 #include "layer.h"
 
 namespace revisit::engine {
 
-/// The kernel for a 2-D convolution of one or more inputs and what is fused with it: a blocked one
-/// where the planner wants those and one pays, else one on plain values. `bias` may be null.
+/// The blocked kernel for a 2-D convolution with its fusion, whose input is in this layout; null
+/// where none pays: then a kernel on plain values takes it, which can do all of a fusion but
+/// pooling. To be asked once for an operation: what else is planned depends on the answer.
+const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& problem,
+                                                   const Fusion& fusion, Layout input,
+                                                   int most_winograd_points);
+
+/// The kernel for a 2-D convolution of one or more inputs and what is fused with it:
+/// Binding::convolution, or one on plain values. `bias` may be null.
 Kernel bind_planar_convolution(const ConvolutionProblem& problem, const Binding& binding,
                                const float* weights, const float* bias);
-
-/// Whether that kernel reads a plain input and writes a blocked output, when there is nothing but
-/// the input in plain layout: only that one can take pooling, too.
-bool takes_plain_input(const ConvolutionProblem& problem, const Fusion& fusion);
 
 }  // namespace revisit::engine
