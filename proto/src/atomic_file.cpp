@@ -1,53 +1,206 @@
 #include "revisit/proto/atomic_file.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <charconv>
 #include <cstring>
-#include <fstream>
+#include <ext/stdio_filebuf.h>
+#include <optional>
 
 namespace revisit {
 namespace {
 
 namespace fs = std::filesystem;
+using FileBuffer = __gnu_cxx::stdio_filebuf<char>;  // a stream buffer on an open descriptor
 
-[[noreturn]] void fail(const fs::path& file, const fs::path& temporary, const char* doing) {
-  const int reason = errno;
-  std::error_code ignored;
-  fs::remove(temporary, ignored);
+constexpr int kMostLinks = 40;      // the kernel's own limit
+constexpr int kMostWriters = 1000;  // at one target at one time
+
+[[noreturn]] void fail(const fs::path& file, const char* doing) {
   throw Error(
-      str(file.string(), ": cannot ", doing, ": ", reason ? std::strerror(reason) : "write error"));
+      str(file.string(), ": cannot ", doing, ": ", errno ? std::strerror(errno) : "write error"));
 }
 
-/// Forces the data to the disk, so that a rename never precedes what it names.
-bool sync_to_disk(const fs::path& file) {
-  const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
-  if (descriptor < 0) return false;
-  const bool synced = ::fsync(descriptor) == 0 || errno == EINVAL;  // EINVAL: no such notion there
-  ::close(descriptor);
-  return synced;
+/// Where the bytes go once links are followed.
+struct Target {
+  fs::path file;
+  Writing writing = Writing::kReplaces;
+  std::optional<int> descriptor = {};  // of this process, when `file` names one
+};
+
+/// The descriptor that a path such as /proc/self/fd/1 names.
+std::optional<int> own_descriptor(const fs::path& file) {
+  std::error_code error, same;
+  const fs::path folder =
+      fs::canonical(file.parent_path().empty() ? "." : file.parent_path(), error);
+  if (error || folder != fs::canonical("/proc/self/fd", same) || same) return {};
+  const std::string name = file.filename().string();
+  int descriptor = -1;
+  const auto [end, problem] = std::from_chars(name.data(), name.data() + name.size(), descriptor);
+  if (problem != std::errc() || end != name.data() + name.size()) return {};
+  return descriptor;
+}
+
+const char* kind_of(fs::file_type type) {
+  switch (type) {
+    case fs::file_type::directory:
+      return "folder";
+    case fs::file_type::block:
+      return "block device";
+    case fs::file_type::socket:
+      return "socket";
+    case fs::file_type::fifo:
+      return "FIFO";
+    case fs::file_type::character:
+      return "character device";
+    default:
+      return "special file";
+  }
+}
+
+Target resolve(const fs::path& file) {
+  Target target{file};
+  for (int links = 0; links < kMostLinks; ++links) {
+    if (!target.file.has_filename())
+      throw UsageError(str(file.string(), ": names a folder, expected a file to write"));
+    target.descriptor = own_descriptor(target.file);
+    if (target.descriptor) {
+      target.writing = Writing::kStreams;
+      return target;
+    }
+    std::error_code ignored;  // what cannot be looked at cannot be opened, which says why
+    const fs::file_type type = fs::symlink_status(target.file, ignored).type();
+    switch (type) {
+      case fs::file_type::symlink:
+        target.file = target.file.parent_path() / fs::read_symlink(target.file, ignored);
+        continue;
+      case fs::file_type::fifo:
+      case fs::file_type::character:
+        target.writing = Writing::kStreams;
+        return target;
+      case fs::file_type::none:
+      case fs::file_type::not_found:
+      case fs::file_type::regular:
+        return target;
+      default:
+        throw UsageError(
+            str(file.string(), ": is a ", kind_of(type), ", expected a file to write"));
+    }
+  }
+  throw UsageError(str(file.string(), ": too many symbolic links"));
+}
+
+/// Whether `descriptor` is open on what has the name `file`.
+bool is_named(int descriptor, const fs::path& file) {
+  struct stat opened {
+  }, named{};
+  return ::fstat(descriptor, &opened) == 0 && ::lstat(file.c_str(), &named) == 0 &&
+         opened.st_ino == named.st_ino && opened.st_dev == named.st_dev;
+}
+
+/// The file that one writer fills. It is locked while it is open: a file of this kind that is not
+/// locked was left by a writer that is no more.
+class Temporary {
+ public:
+  /// Throws Error when there can be none beside `target`; the message names `file`.
+  Temporary(const fs::path& file, const fs::path& target) {
+    for (int i = 1; i < kMostWriters; ++i) {
+      path_ = target.string() + str(".", i, ".part");
+      remove_leftover(path_);
+      const int descriptor =
+          ::open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
+      if (descriptor < 0 && errno == EEXIST) continue;
+      if (descriptor < 0) break;
+      buffer_.emplace(descriptor, std::ios::out | std::ios::binary);
+      if (is_ours(descriptor)) {
+        while (remove_leftover(target.string() + str(".", ++i, ".part"))) {
+        }
+        return;
+      }
+    }
+    fail(file, "create");
+  }
+  /// The name goes before the lock, which would make others take the file for a leftover.
+  ~Temporary() {
+    if (!path_.empty()) ::unlink(path_.c_str());
+  }
+  Temporary(const Temporary&) = delete;
+  Temporary& operator=(const Temporary&) = delete;
+
+  FileBuffer& buffer() { return *buffer_; }
+  void rename_to(const fs::path& target) {
+    rename_into_place(path_, target);
+    path_.clear();
+  }
+
+ private:
+  /// Locks the file; another writer may have taken it for a leftover before.
+  bool is_ours(int descriptor) const {
+    if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return false;
+    return is_named(descriptor, path_);
+  }
+
+  /// Whether there was one.
+  static bool remove_leftover(const fs::path& path) {
+    const int descriptor = ::open(path.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (descriptor < 0) return false;
+    struct stat status {};
+    const bool left = ::fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode) &&
+                      ::flock(descriptor, LOCK_EX | LOCK_NB) == 0 && is_named(descriptor, path) &&
+                      ::unlink(path.c_str()) == 0;
+    ::close(descriptor);
+    return left;
+  }
+
+  fs::path path_;
+  std::optional<FileBuffer> buffer_;
+};
+
+/// Fills what the buffer is open on, down to the disk.
+void fill(FileBuffer& buffer, const fs::path& file,
+          const std::function<void(std::ostream&)>& write) {
+  std::ostream out(&buffer);
+  errno = 0;
+  write(out);
+  if (!out.flush()) fail(file, "write");
+  // A rename must never precede what it names. EINVAL, EROFS: FIFOs and devices know no such thing.
+  if (::fsync(buffer.fd()) != 0 && errno != EINVAL && errno != EROFS) fail(file, "write");
+}
+
+void write_stream(const fs::path& file, const Target& target,
+                  const std::function<void(std::ostream&)>& write) {
+  const int descriptor = target.descriptor
+                             ? ::fcntl(*target.descriptor, F_DUPFD_CLOEXEC, 0)
+                             : ::open(target.file.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC);
+  if (descriptor < 0) fail(file, "open");
+  FileBuffer buffer(descriptor, std::ios::out | std::ios::binary);
+  fill(buffer, file, write);
 }
 
 }  // namespace
 
+Writing writing_of(const fs::path& file) {
+  return resolve(file).writing;
+}
+
 void write_atomically(const fs::path& file, const std::function<void(std::ostream&)>& write) {
-  const fs::path temporary = file.string() + "." + std::to_string(::getpid()) + ".part";
-  errno = 0;
-  std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
-  if (!out) fail(file, temporary, "create");
-  try {
-    write(out);
-  } catch (...) {
-    out.close();
-    std::error_code ignored;
-    fs::remove(temporary, ignored);
-    throw;
-  }
-  if (!out.flush()) fail(file, temporary, "write");
-  out.close();
-  if (!out || !sync_to_disk(temporary)) fail(file, temporary, "write");
-  if (::rename(temporary.c_str(), file.c_str()) != 0) fail(file, temporary, "rename into place");
+  const Target target = resolve(file);
+  if (target.writing == Writing::kStreams) return write_stream(file, target, write);
+  Temporary temporary(file, target.file);
+  fill(temporary.buffer(), file, write);
+  temporary.rename_to(target.file);
+}
+
+void rename_into_place(const fs::path& temporary, const fs::path& file) {
+  struct stat there {};
+  if (::lstat(file.c_str(), &there) == 0 && !S_ISREG(there.st_mode) && !S_ISLNK(there.st_mode))
+    throw Error(str(file.string(), ": is a ", kind_of(fs::symlink_status(file).type()),
+                    ", which no file replaces"));
+  if (::rename(temporary.c_str(), file.c_str()) != 0) fail(file, "rename into place");
 }
 
 }  // namespace revisit

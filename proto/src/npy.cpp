@@ -221,13 +221,14 @@ std::string npy_header(const std::vector<int64_t>& shape) {
 
 void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& shape,
                const float* data) {
-  int64_t count = 1;
-  for (const int64_t dim : shape) count *= dim;
+  std::streamsize bytes = sizeof(float);
+  for (const int64_t dim : shape)
+    if (dim < 0 || __builtin_mul_overflow(bytes, dim, &bytes))
+      throw UsageError(str(file.string(), ": cannot hold an array of shape ", describe(shape)));
   const std::string header = npy_header(shape);
   write_atomically(file, [&](std::ostream& out) {
     out << header;
-    out.write(reinterpret_cast<const char*>(data),
-              static_cast<std::streamsize>(count) * std::streamsize{sizeof(float)});
+    out.write(reinterpret_cast<const char*>(data), bytes);
   });
 }
 

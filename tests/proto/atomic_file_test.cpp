@@ -1,6 +1,16 @@
 #include "revisit/proto/atomic_file.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <thread>
 
 #include "expect_error.h"
 #include "test_data.h"
@@ -45,6 +55,150 @@ TEST(WriteAtomically, NamesTheFileAndTheReason) {
   const fs::path file = dir.path() / "none" / "f";
   EXPECT_EQ(test::message_of<Error>([&] { write_atomically(file, [](std::ostream&) {}); }),
             file.string() + ": cannot create: No such file or directory");
+}
+
+void write_text(const fs::path& file, const std::string& text) {
+  write_atomically(file, [&](std::ostream& out) { out << text; });
+}
+
+TEST(WriteAtomically, AFifoStaysOneAndIsWrittenTo) {
+  const test::TempDir dir;
+  const fs::path fifo = dir / "fifo";
+  ASSERT_EQ(::mkfifo(fifo.c_str(), 0600), 0);
+  const int keeper = ::open(fifo.c_str(), O_RDWR);  // so that no reader waits for a writer
+  std::ifstream in(fifo);
+  EXPECT_EQ(writing_of(fifo), Writing::kStreams);
+  write_text(fifo, "bytes");
+  EXPECT_TRUE(fs::is_fifo(fifo));
+  ::close(keeper);
+  EXPECT_EQ(std::string(std::istreambuf_iterator<char>(in), {}), "bytes");
+  EXPECT_EQ(n_files(dir.path()), 1U);
+}
+
+/// A device of this kind in the test's own folder; the machine's are not touched.
+bool make_device(const fs::path& file, unsigned minor) {
+  return ::mknod(file.c_str(), S_IFCHR | 0666, ::makedev(1, minor)) == 0 &&
+         ::access(file.c_str(), W_OK) == 0 && std::ofstream(file).is_open();
+}
+
+TEST(WriteAtomically, ADeviceStaysOneAndIsWrittenTo) {
+  const test::TempDir dir;
+  const fs::path null = dir / "null", full = dir / "full";
+  if (!make_device(null, 3) || !make_device(full, 7))
+    GTEST_SKIP() << "no devices can be made here (mknod needs root)";
+  write_text(null, "bytes");
+  EXPECT_TRUE(fs::is_character_file(null));
+  EXPECT_EQ(test::message_of<Error>([&] { write_text(full, "bytes"); }),
+            full.string() + ": cannot write: No space left on device");
+  EXPECT_TRUE(fs::is_character_file(full));
+  test::write_file(dir / "f", "x");
+  for (const fs::path& device : {null, full})
+    EXPECT_THROW(rename_into_place(dir / "f", device), Error);
+  EXPECT_EQ(n_files(dir.path()), 3U);
+}
+
+TEST(WriteAtomically, RefusesWhatIsNoFile) {
+  const test::TempDir dir;
+  fs::create_directory(dir / "folder");
+  const int descriptor = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un address{AF_UNIX, {}};
+  (dir / "socket").string().copy(address.sun_path, sizeof address.sun_path - 1);
+  ASSERT_EQ(::bind(descriptor, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+  ::close(descriptor);
+  fs::create_symlink("circle", dir / "circle");
+  const std::pair<fs::path, const char*> refused[] = {{dir / "folder", "is a folder"},
+                                                      {dir / "folder/", "names a folder"},
+                                                      {dir / "socket", "is a socket"},
+                                                      {dir / "circle", "too many symbolic links"}};
+  for (const auto& [file, reason] : refused) {
+    test::expect_error<UsageError>([&] { writing_of(file); }, {file.string(), reason});
+    test::expect_error<UsageError>([&] { write_text(file, ""); }, {file.string(), reason});
+  }
+  test::write_file(dir / "f", "x");
+  for (const char* name : {"folder", "socket"})
+    EXPECT_THROW(rename_into_place(dir / "f", dir / name), Error) << name;
+  EXPECT_EQ(n_files(dir.path()), 4U);
+}
+
+TEST(WriteAtomically, GoesThroughLinksToTheFileTheyName) {
+  const test::TempDir dir;
+  fs::create_directory(dir / "elsewhere");
+  test::write_file(dir / "elsewhere/f", "old");
+  fs::create_symlink("elsewhere/f", dir / "link");
+  fs::create_symlink("link", dir / "link of a link");
+  fs::create_symlink(dir / "elsewhere/new", dir / "dangling");
+  write_text(dir / "link of a link", "new");
+  write_text(dir / "dangling", "made");
+  for (const char* link : {"link", "link of a link", "dangling"})
+    EXPECT_TRUE(fs::is_symlink(dir / link)) << link;
+  EXPECT_EQ(test::read_file(dir / "elsewhere/f"), "new");
+  EXPECT_EQ(test::read_file(dir / "elsewhere/new"), "made");
+}
+
+TEST(WriteAtomically, ADescriptorOfThisProcessGetsTheBytesWhereItStands) {
+  const test::TempDir dir;
+  const int descriptor = ::open((dir / "f").c_str(), O_RDWR | O_CREAT, 0600);
+  ASSERT_EQ(::write(descriptor, "before ", 7), 7);
+  fs::create_symlink("/proc/self/fd/" + std::to_string(descriptor), dir / "out");
+  write_text("/dev/fd/" + std::to_string(descriptor), "first ");
+  write_text(dir / "out", "second ");
+  ASSERT_EQ(::write(descriptor, "after", 5), 5);
+  ::close(descriptor);
+  EXPECT_EQ(test::read_file(dir / "f"), "before first second after");
+  EXPECT_EQ(n_files(dir.path()), 2U);
+}
+
+TEST(WriteAtomically, ThreadsAtOneTargetEachWriteAWholeFile) {
+  const test::TempDir dir;
+  const auto text_of = [](int thread) {
+    return std::string(20'000, static_cast<char>('a' + thread));
+  };
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 8; ++i)
+    threads.emplace_back([&, i] {
+      for (int round = 0; round < 20; ++round)
+        EXPECT_NO_THROW(write_atomically(dir / "f", [&](std::ostream& out) {
+          const std::string text = text_of(i);
+          out << text.substr(0, 10'000) << std::flush << text.substr(10'000);
+        }));
+    });
+  for (std::thread& thread : threads) thread.join();
+  const std::string text = test::read_file(dir / "f");
+  ASSERT_EQ(text.size(), 20'000U);
+  EXPECT_EQ(text, text_of(text[0] - 'a'));
+  EXPECT_EQ(n_files(dir.path()), 1U);
+}
+
+TEST(WriteAtomically, RemovesWhatAKilledWriterLeftAndNothingElse) {
+  const test::TempDir dir;
+  const pid_t child = ::fork();
+  if (child == 0) {  // two files at work at the same time, both left
+    write_atomically(dir / "f", [&](std::ostream&) {
+      write_atomically(dir / "f", [](std::ostream& out) {
+        out << "half" << std::flush;
+        ::_exit(0);
+      });
+    });
+  }
+  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+  ASSERT_EQ(n_files(dir.path()), 2U) << "nothing was left, so that this shows nothing";
+  test::write_file(dir / "f.part", "a part file of another kind");
+  write_atomically(dir / "f", [&](std::ostream& out) {
+    out << "outer";
+    write_text(dir / "f", "inner");
+    EXPECT_EQ(n_files(dir.path()), 3U) << "that of the outer one, f and f.part";
+  });
+  EXPECT_EQ(test::read_file(dir / "f"), "outer");
+  EXPECT_EQ(n_files(dir.path()), 2U);
+}
+
+TEST(WriteAtomically, NeverWritesThroughALinkWithTheNameOfItsTemporary) {
+  const test::TempDir dir;
+  test::write_file(dir / "victim", "kept");
+  fs::create_symlink("victim", dir / "f.1.part");
+  write_text(dir / "f", "new");
+  EXPECT_EQ(test::read_file(dir / "f"), "new");
+  EXPECT_EQ(test::read_file(dir / "victim"), "kept");
 }
 
 }  // namespace

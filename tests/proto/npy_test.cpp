@@ -153,6 +153,15 @@ TEST(Npy, DamagedHeaderIsAnErrorOrStillFitsTheData) {
   EXPECT_GT(n_errors, 10'000);
 }
 
+TEST(Npy, RefusesAShapeThatNoFileCanHave) {
+  const test::TempDir dir;
+  const std::vector<int64_t> shapes[] = {{int64_t{1} << 62}, {1 << 20, 1 << 20, 1 << 24}, {2, -3}};
+  for (const auto& shape : shapes)
+    test::expect_error<UsageError>([&] { write_npy(dir / "a.npy", shape, nullptr); },
+                                   {"a.npy", "cannot hold an array of shape"});
+  EXPECT_FALSE(std::filesystem::exists(dir / "a.npy"));
+}
+
 TEST(Npy, ReadsNumPysOwnFiles) {
   REVISIT_NEED_SHARED(file, "golden/inputs/in_1x3x64x160.npy");
   const NpyArray array = read_npy(file);

@@ -2,6 +2,9 @@
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <future>
 
 #include "caffe.pb.h"
 #include "revisit/proto/net_file.h"
@@ -42,6 +45,23 @@ std::map<std::string, std::vector<float>> weights_of(const fs::path& path) {
       values.insert(values.end(), blob.data.begin(), blob.data.end());
     }
   return all;
+}
+
+TEST_F(NetUpgrade, AFifoIsWrittenToAndStaysOne) {
+  test::write_file(dir_ / "in.prototxt",
+                   "layer { name: 'a' type: 'Input' top: 'a' input_param { shape { dim: 1 } } }");
+  ASSERT_EQ(::mkfifo((dir_ / "fifo").c_str(), 0600), 0);
+  for (const std::string& out : {path("fifo") + " --force", path("fifo")}) {
+    auto reader = std::async(std::launch::async, [&] {
+      return std::system(("timeout 60 cat " + path("fifo") + " > " + path("copy")).c_str());
+    });
+    EXPECT_EQ(run_revisit("net upgrade " + path("in.prototxt") + " " + out).exit_code, 0) << out;
+    EXPECT_EQ(reader.get(), 0);
+    EXPECT_TRUE(test::read_file(dir_ / "copy").starts_with("layer {"));
+  }
+  EXPECT_TRUE(fs::is_fifo(dir_ / "fifo"));
+  expect_failure(2, path("in.prototxt") + " " + path("in.prototxt"), "--force overwrites it");
+  expect_failure(2, path("in.prototxt") + " --force " + dir_.path().string(), "is a folder");
 }
 
 TEST_F(NetUpgrade, TextIsThatOfTheOriginal) {

@@ -1,9 +1,11 @@
 // `revisit report`: the file itself, and what a browser makes of it.
 #include <gtest/gtest.h>
 #include <png.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <cstdlib>
+#include <future>
 #include <regex>
 
 #include "report/base64.h"
@@ -96,6 +98,47 @@ class ReportCommand : public testing::Test {
 
   const test::TempDir dir_;
 };
+
+TEST_F(ReportCommand, WhatCannotBeWrittenIsRefusedBeforeAnyWork) {
+  fs::create_directory(dir_ / "folder");
+  fs::create_directory(dir_ / "empty");
+  const std::pair<std::string, const char*> refused[] = {
+      {"-o " + path("folder"), "is a folder"},
+      {"-o " + path("r.html") + " --markdown " + path("folder"), "is a folder"},
+      {"-o " + path("r.html") + " --markdown " + path("folder/../r.html"), "is the HTML file"}};
+  for (const auto& [options, reason] : refused) {
+    const auto result = run_revisit("report " + path("empty") + " " + options);
+    EXPECT_EQ(result.exit_code, 2) << options << result.err;
+    EXPECT_NE(result.err.find(reason), std::string::npos) << options << result.err;
+  }
+  for (const char* made : {"folder_files", "r_files", "r.html"})
+    EXPECT_FALSE(fs::exists(dir_ / made)) << made;
+}
+
+TEST_F(ReportCommand, ToAPipeGoesThePageOnly) {
+  ASSERT_EQ(run_revisit("eval " + path("drive") +
+                        " --feature data --width 100 --protocol "
+                        "online --exclusion frames=60 --no-plots -o " +
+                        path("results"))
+                .exit_code,
+            0);
+  ASSERT_EQ(::mkfifo((dir_ / "fifo").c_str(), 0600), 0);
+  const fs::path before = fs::current_path();
+  fs::current_path(dir_.path());                 // the figures go to report_files
+  fs::create_symlink("/proc/self/fd/1", "out");  // as /dev/stdout, which a fault would destroy
+  const auto page = run_revisit("report results --no-plots -o out");
+  auto reader =
+      std::async(std::launch::async, [] { return std::system("timeout 60 cat fifo > copy.html"); });
+  const auto piped = run_revisit("report results --no-plots -o fifo");
+  EXPECT_EQ(reader.get(), 0);
+  fs::current_path(before);
+  EXPECT_EQ(page.exit_code, 0) << page.err;
+  EXPECT_TRUE(page.out.starts_with("<!") && page.out.ends_with("</html>\n")) << page.err;
+  EXPECT_EQ(piped.exit_code, 0) << piped.err;
+  EXPECT_TRUE(fs::is_fifo(dir_ / "fifo"));
+  EXPECT_TRUE(test::read_file(dir_ / "copy.html").ends_with("</html>\n"));
+  EXPECT_FALSE(fs::exists(dir_ / "fifo_files"));
+}
 
 TEST_F(ReportCommand, OneFileOfARunWithItsFigures) {
   ASSERT_EQ(run_revisit("eval " + path("drive") +

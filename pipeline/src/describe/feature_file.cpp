@@ -113,7 +113,7 @@ FeatureWriter::FeatureWriter(fs::path file, std::string key, int64_t n_rows, int
   header_ = proto::npy_header({n_rows, dim});
   std::error_code ignored;
   fs::create_directories(file_.parent_path(), ignored);  // open() below says what is wrong
-  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (descriptor_ < 0) throw Error(str(part_.string(), ": cannot create: ", std::strerror(errno)));
   try {
     continue_or_create();
@@ -208,8 +208,8 @@ void FeatureWriter::finish() {
   const fs::path key_file = with_suffix(file_, ".key");
   std::error_code ignored;
   fs::remove(key_file, ignored);
-  if (::rename(part_.c_str(), file_.c_str()) != 0) fail("rename into place");
-  if (::rename(part_key_.c_str(), key_file.c_str()) != 0) fail("rename the key into place");
+  rename_into_place(part_, file_);
+  rename_into_place(part_key_, key_file);
   sync_folder(file_.parent_path());
   ::close(std::exchange(descriptor_, -1));
 }

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "io/part_lock.h"
+#include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 
@@ -32,7 +33,7 @@ BasisWriter::BasisWriter(std::filesystem::path file, int64_t rows, int64_t colum
     : file_(std::move(file)), part_(file_.string() + ".part"), rows_(rows), columns_(columns) {
   const std::string header = proto::npy_header({rows, columns});
   header_bytes_ = static_cast<int64_t>(header.size());
-  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
   if (descriptor_ < 0) fail("create", errno);
   try {
     lock_part(descriptor_, part_);
@@ -72,7 +73,7 @@ void BasisWriter::write(int64_t first, int64_t count, const float* values) {
 
 void BasisWriter::finish() {
   if (::fsync(descriptor_) != 0) fail("flush", errno);
-  if (::rename(part_.c_str(), file_.c_str()) != 0) fail("rename into place", errno);
+  rename_into_place(part_, file_);
   ::close(std::exchange(descriptor_, -1));
 }
 

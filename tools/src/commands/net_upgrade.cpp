@@ -2,6 +2,7 @@
 #include <iostream>
 
 #include "net_commands.h"
+#include "revisit/proto/atomic_file.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 
@@ -75,8 +76,8 @@ int net_upgrade_command(const Arguments& arguments) {
   const Kind kind = kind_of(in);
   if (!out && kind != Kind::kText)
     throw UsageError(str(in.string(), " holds weights: give the file to write after it"));
-  if (out && !force && fs::exists(*out))
-    throw UsageError(str(out->string(), " exists; --force overwrites it"));
+  const bool replaces = out && writing_of(*out) == Writing::kReplaces && fs::exists(*out);
+  if (replaces && !force) throw UsageError(str(out->string(), " exists; --force overwrites it"));
 
   const proto::NetFile file = kind == Kind::kText     ? proto::read_net(in, read)
                               : kind == Kind::kBinary ? proto::read_net_binary(in, read.limits)

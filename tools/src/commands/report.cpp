@@ -46,8 +46,16 @@ int report_command(const Arguments& arguments) {
   if (!(options.image_mb >= 0 && options.image_mb <= 500))
     throw UsageError(str("--image-mb: expected 0 to 500, found ", options.image_mb));
 
+  const bool streams = writing_of(output) == Writing::kStreams;
+  if (markdown) {
+    writing_of(*markdown);
+    if (fs::weakly_canonical(*markdown) == fs::weakly_canonical(output))
+      throw UsageError(str("--markdown: ", markdown->string(), " is the HTML file of --output"));
+  }
+
   options.command = shell_command("revisit report", arguments);
-  options.files = output;
+  // Beside a file; there is no place beside a pipe or a device.
+  options.files = streams ? fs::path("report") : output;
   options.files.replace_extension();
   options.files += "_files";
   options.static_figures = !has_plot_library();
@@ -68,9 +76,10 @@ int report_command(const Arguments& arguments) {
     std::cerr << "note: this build has no plotting library; the figures are static (install "
                  "libjs-chart.js and build again)\n";
   if (!quiet)
-    std::cout << "report: " << output.string() << " (" << html.size() / 1000 << " kB, "
-              << data.experiments.size() << " experiments, " << data.runs.size()
-              << " runs)\nfigures: " << options.files.string() << "\n";
+    (streams ? std::cerr : std::cout)
+        << "report: " << output.string() << " (" << html.size() / 1000 << " kB, "
+        << data.experiments.size() << " experiments, " << data.runs.size()
+        << " runs)\nfigures: " << options.files.string() << "\n";
   return kOk;
 }
 

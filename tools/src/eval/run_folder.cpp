@@ -117,6 +117,7 @@ void link_latest(const fs::path& run) {
   const fs::path link = run.parent_path() / "latest";
   const fs::path fresh = run.parent_path() / ".latest.part";
   std::error_code error;
+  if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) return;  // it is not ours
   fs::remove(fresh, error);
   fs::create_directory_symlink(run.filename(), fresh, error);
   if (!error) fs::rename(fresh, link, error);

@@ -8,6 +8,7 @@
 
 #include "models/cache.h"
 #include "models/checksum.h"
+#include "revisit/proto/atomic_file.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "revisit/weights_conversion/trunks.h"
@@ -112,7 +113,7 @@ std::string fetch_absent(const KnownModel& model, const fs::path& file,
   const fs::path part = file.string() + ".part";
   try {
     const std::string sha1 = download_checked(model, part, options);
-    fs::rename(part, file);
+    rename_into_place(part, file);
     return sha1;
   } catch (const DownloadError& error) {
     std::error_code none;

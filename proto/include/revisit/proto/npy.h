@@ -18,7 +18,8 @@ struct NpyArray {
 /// Throws InputError naming what was found: another dtype, Fortran order, a truncated file.
 NpyArray read_npy(const std::filesystem::path& file);
 
-/// Writes float32, C order. The file appears whole or not at all. Throws Error.
+/// Writes float32, C order, as write_atomically() does. Throws Error, UsageError for a shape that
+/// no file can have.
 void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& shape,
                const float* data);
 
