@@ -1,9 +1,13 @@
+#include <unistd.h>
+
 #include <iostream>
 #include <new>
+#include <optional>
 
 #include "cli/blas_choice.h"
 #include "cli/command.h"
 #include "cli/interrupt.h"
+#include "cli/printable.h"
 #include "revisit/proto/error.h"
 
 namespace {
@@ -50,6 +54,10 @@ int fail(const char* message, int code) {
 int main(int argc, char** argv) {
   cli::restart_with_faster_blas(argv);
   cli::watch_for_interrupt();
+  // Names in files are not to command the terminal.
+  const cli::PrintableStream messages(std::cerr);
+  std::optional<cli::PrintableStream> output;
+  if (isatty(STDOUT_FILENO)) output.emplace(std::cout);
   try {
     const int code = run({argv + 1, argv + argc});
     std::cout.flush();

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <ostream>
 
+#include "cli/printable.h"
+
 namespace revisit::cli {
 namespace {
 
@@ -22,18 +24,24 @@ void Table::row(std::vector<std::string> cells) {
 }
 
 void Table::print(std::ostream& out) const {
-  const size_t columns = rows_[0].size();
+  struct Column {
+    size_t width = 0;
+    bool numeric = true;
+  };
+  std::vector<Column> columns(rows_[0].size(), {0, rows_.size() > 1});
+  for (size_t r = 0; r < rows_.size(); ++r) {
+    for (size_t c = 0; c < columns.size(); ++c) {
+      const std::string& cell = rows_[r][c];
+      columns[c].width = std::max(columns[c].width, printable(cell).size());
+      columns[c].numeric &= r == 0 || cell.empty() || looks_numeric(cell);
+    }
+  }
   for (const auto& row : rows_) {
     std::string line;
-    for (size_t c = 0; c < columns; ++c) {
-      size_t width = 0;
-      bool numeric = rows_.size() > 1;
-      for (size_t r = 0; r < rows_.size(); ++r) {
-        width = std::max(width, rows_[r][c].size());
-        numeric &= r == 0 || rows_[r][c].empty() || looks_numeric(rows_[r][c]);
-      }
-      const std::string padding(width - row[c].size(), ' ');
-      line += (c ? "  " : "") + (numeric ? padding + row[c] : row[c] + padding);
+    for (size_t c = 0; c < columns.size(); ++c) {
+      const std::string cell = printable(row[c]);
+      const std::string padding(columns[c].width - cell.size(), ' ');
+      line += (c ? "  " : "") + (columns[c].numeric ? padding + cell : cell + padding);
     }
     line.erase(line.find_last_not_of(' ') + 1);
     out << line << "\n";
@@ -44,7 +52,7 @@ void Table::print_csv(std::ostream& out) const {
   for (const auto& row : rows_) {
     for (size_t c = 0; c < row.size(); ++c) {
       if (c) out << ",";
-      if (row[c].find_first_of(",\"\n") == std::string::npos) {
+      if (row[c].find_first_of(",\"\r\n") == std::string::npos) {
         out << row[c];
         continue;
       }

@@ -11,9 +11,9 @@ class Table {
  public:
   explicit Table(std::vector<std::string> header);
   void row(std::vector<std::string> cells);
-  /// Aligned text.
+  /// Aligned text; cells are made printable().
   void print(std::ostream& out) const;
-  /// RFC 4180 comma-separated values, header first.
+  /// RFC 4180 comma-separated values, header first; the exact bytes.
   void print_csv(std::ostream& out) const;
 
  private:

@@ -5,6 +5,7 @@
 
 #include "cli/gray_array.h"
 #include "cli/mean_file.h"
+#include "cli/printable.h"
 #include "cli/table.h"
 #include "net_commands.h"
 #include "revisit/proto/folder.h"
@@ -50,10 +51,10 @@ std::map<std::string, proto::NpyArray> read_inputs(const std::vector<std::string
   return arrays;
 }
 
-/// `out_NAME.npy` with '/' in the name written as '_'.
+/// `out_NAME.npy` with '/' in the name written as '_' and control characters as \x1b.
 fs::path output_file(const fs::path& directory, std::string name, std::set<fs::path>& taken) {
   std::replace(name.begin(), name.end(), '/', '_');
-  const fs::path file = directory / ("out_" + name + ".npy");
+  const fs::path file = directory / ("out_" + printable(name) + ".npy");
   if (!taken.insert(file).second)
     throw Error(str("two outputs would be written to ", file.string()));
   return file;

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "cli/json.h"
+#include "cli/printable.h"
 #include "cli/table.h"
 #include "net_commands.h"
 #include "revisit/engine/simd.h"
@@ -97,15 +98,15 @@ Table layer_table(const reports::NetReport& report) {
 }
 
 void print_summary(const reports::NetReport& report) {
-  std::cout << "\nnet " << report.net() << ", weights " << report.weights();
+  std::cout << "\nnet " << printable(report.net()) << ", weights " << printable(report.weights());
   if (report.has_weight_file_bytes())
     std::cout << " (read " << mebi(report.weight_bytes_read()) << " of "
               << mebi(report.weight_file_bytes()) << " MiB)";
   std::cout << "\n";
   for (const auto& port : report.inputs())
-    std::cout << "input  " << port.name() << "  " << shape_text(port.shape()) << "\n";
+    std::cout << "input  " << printable(port.name()) << "  " << shape_text(port.shape()) << "\n";
   for (const auto& port : report.outputs())
-    std::cout << "output " << port.name() << "  " << shape_text(port.shape()) << "\n";
+    std::cout << "output " << printable(port.name()) << "  " << shape_text(port.shape()) << "\n";
   std::cout << number(report.parameters(), 0) << " parameters (" << mebi(report.weight_bytes())
             << " MiB), " << number(report.macs() / 1e9, 3) << " GMACs, one run takes "
             << mebi(report.arena_bytes()) << " MiB of activations and scratch\n"

@@ -1,0 +1,89 @@
+#include "cli/printable.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <sstream>
+
+#include "cli/table.h"
+#include "revisit/proto/npy.h"
+#include "test_data.h"
+
+namespace revisit::cli {
+namespace {
+
+using test::run_revisit;
+
+TEST(Printable, WhatATerminalObeysIsShown) {
+  EXPECT_EQ(printable("conv1/relu {ä€😀}"), "conv1/relu {ä€😀}");
+  EXPECT_EQ(printable("\x1b]0;pwn\a\x1b[31m"), "\\x1b]0;pwn\\x07\\x1b[31m");
+  EXPECT_EQ(printable(std::string("a\0b\n\t\r\x7f", 7)), "a\\x00b\\x0a\\x09\\x0d\\x7f");
+  EXPECT_EQ(printable("\u009b31m"), "\\xc2\\x9b31m") << "the escape of terminals with 8 bits";
+  EXPECT_EQ(printable("\x9b \xe2\x82 \xff \xc0\x9b"), "\\x9b \\xe2\\x82 \\xff \\xc0\\x9b");
+}
+
+TEST(Printable, StreamsKeepLinesAndCharactersThatComeInPieces) {
+  std::ostringstream out;
+  {
+    const PrintableStream safe(out);
+    for (const char c : std::string("ä€😀\x1b[0m\n\tz")) out << c;
+    out << "\xe2\x82"
+        << "|" << std::flush << "\xe2";
+  }
+  out << "\x1b";
+  EXPECT_EQ(out.str(), "ä€😀\\x1b[0m\n\tz\\xe2\\x82|\\xe2\x1b");
+}
+
+TEST(Table, CellsAreMadePrintableAndCsvIsExact) {
+  Table table({"layer", "n"});
+  table.row({"\x1b[31m,\r", "1"});
+  std::ostringstream text, csv;
+  table.print(text);
+  table.print_csv(csv);
+  EXPECT_EQ(text.str(), "layer          n\n\\x1b[31m,\\x0d  1\n");
+  EXPECT_EQ(csv.str(), "layer,n\n\"\x1b[31m,\r\",1\n");
+}
+
+TEST(Table, TimeGrowsAsTheRowsDo) {
+  Table table({"a", "b", "c", "d"});
+  for (int i = 0; i < 30'000; ++i) table.row({"layer", "1", "2.5", "x"});
+  std::ostringstream out;
+  const auto start = std::chrono::steady_clock::now();
+  table.print(out);
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  EXPECT_LT(seconds.count(), 5) << "by hand: 0.02 s; quadratic: minutes";
+}
+
+/// A net whose names hold what terminals obey, and a NUL.
+TEST(TerminalEscapes, OfAPrototxtReachNeitherTheTerminalNorFileNames) {
+  const test::TempDir dir;
+  const std::string file = (dir / "n.prototxt").string();
+  test::write_file(file,
+                   R"(name: "\033]0;pwn\007" layer { name: "in" type: "Input" top: "in\033[2J"
+           input_param { shape { dim: 1 dim: 2 } } }
+         layer { name: "y\033[2J" type: "ReLU" bottom: "in\033[2J" top: "y\033[2J" }
+         layer { name: "z\000cut" type: "ReLU" bottom: "y\033[2J" top: "z\000cut" })");
+  proto::write_npy(dir / "in.npy", {1, 2}, std::vector<float>{-1, 1}.data());
+  const auto inspect = run_revisit("net inspect " + file);
+  const auto forward = run_revisit("net forward " + file + " --all -i " +
+                                   (dir / "in.npy").string() + " -o " + (dir / "out").string());
+  const auto unknown = run_revisit("net inspect " + file + " --end zz");
+  for (const auto& result : {inspect, forward, unknown})
+    EXPECT_EQ((result.out + result.err).find_first_of("\033\007"), std::string::npos);
+  EXPECT_NE(inspect.out.find("net \\x1b]0;pwn\\x07"), std::string::npos) << inspect.out;
+  EXPECT_NE(inspect.out.find("y\\x1b[2J"), std::string::npos) << inspect.out;
+  EXPECT_EQ(forward.exit_code, 0) << forward.err;
+  EXPECT_TRUE(std::filesystem::exists(dir / "out/out_y\\x1b[2J.npy"));
+  EXPECT_TRUE(std::filesystem::exists(dir / "out/out_z\\x00cut.npy"));
+
+  const auto csv = run_revisit("net inspect " + file + " --format csv");
+  EXPECT_NE(csv.out.find("\ny\033[2J,ReLU"), std::string::npos) << "CSV is exact";
+  test::write_file(file, R"(layer { name: "a" type: "Bad\033[31m" top: "a" })");
+  const auto bad = run_revisit("net inspect " + file);
+  EXPECT_NE(bad.err.find("Bad\\x1b[31m"), std::string::npos) << bad.err;
+  const auto path = run_revisit("net inspect '/no\033[31m'");
+  EXPECT_NE(path.err.find("/no\\x1b[31m"), std::string::npos) << path.err;
+}
+
+}  // namespace
+}  // namespace revisit::cli

@@ -1,0 +1,107 @@
+#include "cli/printable.h"
+
+#include <algorithm>
+#include <streambuf>
+
+namespace revisit::cli {
+namespace {
+
+/// Bytes of the UTF-8 character that starts with `first`; 0 when none does.
+size_t length_of(unsigned char first) {
+  if (first < 0x80) return 1;
+  if (first >= 0xc2 && first < 0xe0) return 2;
+  if (first >= 0xe0 && first < 0xf0) return 3;
+  if (first >= 0xf0 && first < 0xf5) return 4;
+  return 0;
+}
+
+bool continues(char c) {
+  return (static_cast<unsigned char>(c) & 0xc0) == 0x80;
+}
+
+/// How many bytes at the start of `text` are one whole character that a terminal shows; 0 when none
+/// are. Control characters are those below the blank, DEL and U+0080 to U+009F.
+size_t shown(std::string_view text) {
+  const auto first = static_cast<unsigned char>(text[0]);
+  if (first < ' ' || first == 0x7f) return 0;
+  const size_t length = length_of(first);
+  if (length == 0 || length > text.size()) return 0;
+  if (!std::all_of(text.begin() + 1, text.begin() + static_cast<std::ptrdiff_t>(length), continues))
+    return 0;
+  return first == 0xc2 && static_cast<unsigned char>(text[1]) < 0xa0 ? 0 : length;
+}
+
+std::string escaped(char c) {
+  constexpr const char* kDigits = "0123456789abcdef";
+  const auto byte = static_cast<unsigned char>(c);
+  return {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15]};
+}
+
+/// printable(), with the characters of `kept` as they are.
+std::string printable_but(std::string_view text, std::string_view kept) {
+  std::string result;
+  while (!text.empty()) {
+    const size_t length = kept.find(text[0]) != std::string_view::npos ? 1 : shown(text);
+    result += length ? std::string(text.substr(0, length)) : escaped(text[0]);
+    text.remove_prefix(std::max<size_t>(length, 1));
+  }
+  return result;
+}
+
+}  // namespace
+
+std::string printable(std::string_view text) {
+  return printable_but(text, "");
+}
+
+/// Writes to `next`. The bytes of a character may come one by one.
+class PrintableStream::Buffer : public std::streambuf {
+ public:
+  explicit Buffer(std::streambuf* next) : next_(next) {}
+  ~Buffer() override { write(""); }
+  Buffer(const Buffer&) = delete;
+  Buffer& operator=(const Buffer&) = delete;
+
+ protected:
+  int_type overflow(int_type c) override {
+    if (traits_type::eq_int_type(c, traits_type::eof())) return traits_type::not_eof(c);
+    const char byte = traits_type::to_char_type(c);
+    return xsputn(&byte, 1) == 1 ? c : traits_type::eof();
+  }
+  std::streamsize xsputn(const char* text, std::streamsize size) override {
+    started_.append(text, static_cast<size_t>(size));
+    // The last character may be unfinished: it waits for its other bytes.
+    size_t tail = started_.size();
+    while (tail > 0 && started_.size() - tail < 3 && continues(started_[tail - 1])) --tail;
+    if (tail > 0) --tail;
+    const bool whole =
+        started_.size() - tail >= length_of(static_cast<unsigned char>(started_[tail]));
+    std::string rest = whole ? "" : started_.substr(tail);
+    if (!whole) started_.resize(tail);
+    return write(std::move(rest)) ? size : 0;
+  }
+  int sync() override { return next_->pubsync(); }
+
+ private:
+  /// Writes what was started and starts with `rest` anew.
+  bool write(std::string rest) {
+    const std::string text = printable_but(started_, "\n\t");
+    started_ = std::move(rest);
+    const auto size = static_cast<std::streamsize>(text.size());
+    return next_->sputn(text.data(), size) == size;
+  }
+
+  std::streambuf* next_;
+  std::string started_;
+};
+
+PrintableStream::PrintableStream(std::ostream& stream)
+    : stream_(stream),
+      buffer_(std::make_unique<Buffer>(stream.rdbuf())),
+      before_(stream.rdbuf(buffer_.get())) {}
+
+PrintableStream::~PrintableStream() {
+  stream_.rdbuf(before_);
+}
+
+}  // namespace revisit::cli
