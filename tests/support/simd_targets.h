@@ -5,15 +5,23 @@
 
 namespace revisit::test {
 
+/// Makes the kernels use one set of instructions while it lives.
+class ForceSimdTarget {
+ public:
+  explicit ForceSimdTarget(int64_t target) { hwy::SetSupportedTargetsForTest(target); }
+  ~ForceSimdTarget() { hwy::SetSupportedTargetsForTest(0); }
+  ForceSimdTarget(const ForceSimdTarget&) = delete;
+  ForceSimdTarget& operator=(const ForceSimdTarget&) = delete;
+};
+
 /// Calls `check()` once for each set of instructions that the kernels are compiled for and this CPU
 /// has, made to use it.
 template <class Check>
 void for_each_simd_target(const Check& check) {
   for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
     SCOPED_TRACE(hwy::TargetName(target));
-    hwy::SetSupportedTargetsForTest(target);
+    const ForceSimdTarget forced(target);
     check();
-    hwy::SetSupportedTargetsForTest(0);
   }
 }
 

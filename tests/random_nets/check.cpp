@@ -1,0 +1,237 @@
+#include "check.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "reference.h"
+#include "revisit/proto/error.h"
+#include "simd_targets.h"
+#include "test_data.h"
+
+namespace revisit::random_nets {
+namespace {
+
+using engine::Net;
+using engine::Plan;
+using engine::PlanOptions;
+using engine::Shape;
+using engine::Tensor;
+
+/// tests/golden/README.md: sums in any order, and kernels that transform.
+constexpr double kNoise = 1e-5, kWinogradNoise = 1e-4;
+
+/// One way to plan a net.
+struct Way {
+  std::string name;
+  PlanOptions options;
+};
+
+bool same_bits(const Values& a, const Values& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](const auto& x, const auto& y) {
+    const std::vector<float>&p = x.second.values, &q = y.second.values;
+    return x.first == y.first && x.second.shape == y.second.shape && p.size() == q.size() &&
+           (p.empty() || std::memcmp(p.data(), q.data(), p.size() * sizeof(float)) == 0);
+  });
+}
+
+class Check {
+ public:
+  Check(const RandomNet& random_net, Statistics& statistics)
+      : random_net_(random_net),
+        statistics_(statistics),
+        random_(random_net.seed ^ 0x5EED),
+        net_(load(random_net)) {
+    ways_ = {{"default", {}}, {"keep_all", {.keep_all = true}}};
+    if (!random_net.gray_offsets.empty() && net_.takes_gray_input()) {
+      ways_.push_back({"gray", {.gray_offsets = random_net.gray_offsets}});
+      ways_.push_back(
+          {"gray, keep_all", {.keep_all = true, .gray_offsets = random_net.gray_offsets}});
+      ++statistics.gray;
+    }
+  }
+
+  std::string run() {
+    ++statistics_.nets;
+    statistics_.truncated += !random_net_.truncation.end.empty();
+    const bool has_other = random_net_.sizes[0] != random_net_.sizes[1];
+    statistics_.other_shapes += has_other;
+    for (size_t set = 0; set < (has_other ? 2 : 1); ++set) cases_.push_back(inputs_for(set));
+    for (const Case& c : cases_) {
+      std::string fault = compare_with_reference(c);
+      if (!fault.empty()) return fault;
+    }
+    // These cost most: with one set of instructions, which the seed chooses.
+    const std::vector<int64_t> targets = hwy::SupportedAndGeneratedTargets();
+    const int64_t target = targets[random_net_.seed % targets.size()];
+    const test::ForceSimdTarget forced(target);
+    std::string fault = compare_threads(cases_[0]);
+    if (fault.empty() && has_other) fault = compare_beside_each_other();
+    return fault.empty() ? "" : str(hwy::TargetName(target), ", ", fault);
+  }
+
+ private:
+  /// Inputs of one set of sizes; of a gray net the picture, too.
+  struct Case {
+    Values full, gray;
+    const Values& of(const Way& way) const { return way.options.gray_offsets ? gray : full; }
+  };
+
+  static Net load(const RandomNet& random_net) {
+    const test::TempDir folder;
+    write(random_net, folder.path());
+    return Net::load(folder / "net.prototxt", folder / "net.caffemodel",
+                     {.truncation = random_net.truncation});
+  }
+
+  Case inputs_for(size_t set) {
+    Case result;
+    const InputShapes all = input_shapes(random_net_, random_net_.sizes[set]);
+    for (const engine::Port& port : net_.inputs()) {
+      const Shape& shape = all.shapes.at(port.name);
+      Tensor& tensor = result.full[port.name] = {shape, {}};
+      const Fill fill = random_net_.inputs.at(port.name).fill;
+      tensor.values.resize(static_cast<size_t>(shape.elements()));
+      for (size_t i = 0; i < tensor.values.size(); ++i)
+        tensor.values[i] = number(fill, i, all.bounds.at(port.name));
+      if (ways_.size() > 2) make_gray(port.name, result);
+    }
+    return result;
+  }
+
+  float number(Fill fill, size_t i, int64_t bound) {
+    switch (fill) {
+      case Fill::kIndices:
+        return static_cast<float>(random_.between(0, bound - 1));
+      case Fill::kFlags:
+        return random_.chance(0.6) ? 1 : 0;
+      case Fill::kRegions:
+        return static_cast<float>(random_.between(0, i % 5 == 0 ? bound - 1 : 20));
+      case Fill::kNumbers:
+        break;
+    }
+    return static_cast<float>(random_.real(-1, 1));
+  }
+
+  /// The first channel is the picture; all others follow from it. All sums are exact.
+  void make_gray(const std::string& blob, Case& result) const {
+    Tensor& full = result.full.at(blob);
+    const std::vector<float>& offsets = random_net_.gray_offsets;
+    const auto channels = static_cast<size_t>(full.shape[1]);
+    const size_t pixels = full.values.size() / channels / static_cast<size_t>(full.shape[0]);
+    Tensor& gray = result.gray[blob] = {full.shape.with(1, 1), {}};
+    for (size_t i = 0; i < full.values.size(); ++i) {
+      const size_t image = i / (pixels * channels), channel = i / pixels % channels;
+      const float picture = full.values[image * pixels * channels + i % pixels];
+      if (channel == 0)
+        gray.values.push_back(picture);
+      else
+        full.values[i] = picture + offsets[channel];
+    }
+    for (size_t i = 0; i < full.values.size(); ++i)
+      if (i / pixels % channels == 0) full.values[i] += offsets[0];
+  }
+
+  Plan plan(const Case& c, const Way& way, int threads = 1) const {
+    std::map<std::string, Shape> shapes;
+    for (const auto& [name, tensor] : c.full) shapes[name] = tensor.shape;
+    PlanOptions options = way.options;
+    options.threads = threads;
+    return net_.plan(shapes, options);
+  }
+
+  Values run(const Case& c, const Way& way, int threads = 1) const {
+    engine::Run run(plan(c, way, threads));
+    return forward(run, c.of(way));
+  }
+
+  /// By layer: what its kernel may round by, in any plan.
+  std::map<std::string, double> noise_of(const Case& c) const {
+    std::map<std::string, double> noise;
+    for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
+      if (!rounds(layer)) continue;
+      noise[layer.name()] = kNoise;
+      if (layer.name() == random_net_.truncation.graft)
+        noise[random_net_.truncation.name()] = kNoise;
+    }
+    test::for_each_simd_target([&] {
+      for (const Way& way : ways_) {
+        const Plan planned = plan(c, way);
+        for (const engine::LayerCost& layer : planned.layers())
+          if (layer.kernel.starts_with("winograd")) noise[layer.name] = kWinogradNoise;
+      }
+    });
+    return noise;
+  }
+
+  std::string compare_with_reference(const Case& c) {
+    Reference reference(net_, c.full, noise_of(c));
+    if (!reference.is_finite()) {
+      ++statistics_.not_finite;
+      return "";
+    }
+    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+      const test::ForceSimdTarget forced(target);
+      for (const Way& way : ways_)
+        for (const auto& [name, tensor] : run(c, way)) {
+          // A gray net's input is not what the reference has.
+          if (way.options.gray_offsets && name == "layer " + net_.inputs()[0].name) continue;
+          ++statistics_.outputs;
+          const std::string fault = reference.compare(name, tensor, statistics_.insensitive);
+          if (!fault.empty())
+            return str(hwy::TargetName(target), ", ", way.name, ", sizes ", &c - cases_.data(),
+                       ": ", fault);
+        }
+    }
+    return "";
+  }
+
+  std::string compare_threads(const Case& c) {
+    for (const Way& way : ways_) {
+      engine::Run one(plan(c, way));
+      const Values wanted = forward(one, c.of(way));
+      if (!remembers() && !same_bits(forward(one, c.of(way)), wanted))
+        return way.name + ": a second pass of the same run gives something else";
+      for (const int threads : {2, 3, 7, 16})
+        if (!same_bits(run(c, way, threads), wanted))
+          return str(way.name, ": ", threads, " threads give other bits than one");
+    }
+    return "";
+  }
+
+  bool remembers() const {
+    return std::any_of(
+        random_net_.net.layer().begin(), random_net_.net.layer().end(),
+        [](const auto& layer) { return layer.type() == "LSTM" || layer.type() == "RNN"; });
+  }
+
+  std::string compare_beside_each_other() {
+    for (const Way& way : ways_) {
+      std::vector<Values> alone;
+      for (const Case& c : cases_) alone.push_back(run(c, way));
+      for (const size_t first : {0, 1}) {
+        const size_t second = 1 - first;
+        engine::Run a(plan(cases_[first], way)), b(plan(cases_[second], way));
+        if (!same_bits(forward(b, cases_[second].of(way)), alone[second]) ||
+            !same_bits(forward(a, cases_[first].of(way)), alone[first]))
+          return str(way.name, ": a plan for sizes ", first, " and then one for sizes ", second,
+                     " do not give what each gives alone");
+      }
+    }
+    return "";
+  }
+
+  const RandomNet& random_net_;
+  Statistics& statistics_;
+  Random random_;
+  Net net_;
+  std::vector<Way> ways_;
+  std::vector<Case> cases_;
+};
+
+}  // namespace
+
+std::string find_fault(const RandomNet& net, Statistics& statistics) {
+  return Check(net, statistics).run();
+}
+
+}  // namespace revisit::random_nets

@@ -1,0 +1,685 @@
+#include <algorithm>
+
+#include "builder.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::random_nets {
+namespace {
+
+using engine::Shape;
+using Ids = std::vector<size_t>;
+
+const std::vector<int64_t> kWidths{1, 2, 3, 4, 5, 7, 8, 10, 15, 16, 16, 17, 24, 32, 32, 33, 48, 64};
+
+int64_t signed_rank(const Shape& shape) {
+  return static_cast<int64_t>(shape.rank());
+}
+
+/// An axis, from the end at times.
+int64_t random_axis(Builder& b, const Shape& shape, int64_t first = 0) {
+  if (signed_rank(shape) <= first) throw Unfit();
+  const int64_t axis = b.random.between(first, signed_rank(shape) - 1);
+  return b.random.chance(0.3) ? axis - signed_rank(shape) : axis;
+}
+
+std::string flag(Builder& b) {
+  return b.random.chance(0.5) ? "true" : "false";
+}
+
+size_t extra_input(Builder& b, const Input& input) {
+  if (!b.takes_inputs) throw Unfit();
+  return b.add_input(input, input.fill != Fill::kNumbers);
+}
+
+std::vector<Size> axes_of(Builder& b, size_t id, size_t first, size_t last) {
+  std::vector<Size> axes;
+  for (size_t axis = first; axis < last; ++axis) axes.push_back(b.axis_of(id, axis));
+  return axes;
+}
+
+std::vector<Size> all_axes(Builder& b, size_t id) {
+  return axes_of(b, id, 0, b.shape(id).rank());
+}
+
+// --------------------------------------------------------------------------- one number at a time
+
+void elementwise(Builder& b, const char* type) {
+  b.add(type, {b.any()});
+}
+
+void clip(Builder& b, const char* type) {
+  b.add(type, {b.any()},
+        str("clip_param { min: ", b.random.real(-2, 0), " max: ", b.random.real(0, 2), " }"));
+}
+
+void elu(Builder& b, const char* type) {
+  b.add(type, {b.any()}, str("elu_param { alpha: ", b.random.real(-1, 2), " }"));
+}
+
+/// Of limited values, which do not overflow.
+void exp(Builder& b, const char* type) {
+  const size_t x = b.add("Clip", {b.any()}, "clip_param { min: -4 max: 4 }");
+  b.add(type, {x},
+        str("exp_param { base: ", b.random.chance(0.5) ? "-1" : "2",
+            " scale: ", b.random.real(-1, 1), " shift: ", b.random.real(-1, 1), " }"));
+}
+
+size_t positive(Builder& b) {
+  return b.add(b.random.chance(0.5) ? "AbsVal" : "Sigmoid", {b.any()});
+}
+
+void log(Builder& b, const char* type) {
+  b.add(type, {positive(b)},
+        str("log_param { base: ", b.random.chance(0.5) ? "-1" : "10",
+            " scale: ", b.random.real(0.5, 2), " shift: ", b.random.real(0.1, 1), " }"));
+}
+
+void power(Builder& b, const char* type) {
+  static const std::vector<double> kWhole{0, 1, 1, 1, 2, 3}, kOthers{0.5, -1, 1.5, -0.5};
+  const bool whole = b.random.chance(0.7);
+  const double power = b.random.of(whole ? kWhole : kOthers);
+  b.add(type, {whole ? b.any() : positive(b)},
+        str("power_param { power: ", power, " scale: ", b.random.real(whole ? -2 : 0.25, 2),
+            " shift: ", b.random.real(whole ? -1 : 0.25, 1), " }"));
+}
+
+void prelu(Builder& b, const char* type) {
+  b.add(type, {b.of_rank(2)}, str("prelu_param { channel_shared: ", flag(b), " }"));
+}
+
+void relu(Builder& b, const char* type) {
+  b.add(
+      type, {b.any()},
+      b.random.chance(0.7) ? "" : str("relu_param { negative_slope: ", b.random.real(-1, 1), " }"));
+}
+
+void relu6(Builder& b, const char* type) {
+  b.add(
+      type, {b.any()},
+      b.random.chance(0.7) ? "" : str("relu6_param { negative_slope: ", b.random.real(0, 1), " }"));
+}
+
+void swish(Builder& b, const char* type) {
+  b.add(type, {b.any()}, str("swish_param { beta: ", b.random.real(-2, 2), " }"));
+}
+
+void threshold(Builder& b, const char* type) {
+  b.add(type, {b.exact()}, str("threshold_param { threshold: ", b.random.real(-1, 1), " }"));
+}
+
+// ------------------------------------------------------------------------------- sums of products
+
+/// Convolution and its relatives: `outputs` says num_output and group.
+void convolve(Builder& b, const char* type, size_t x, int64_t axis, const std::string& outputs) {
+  const auto n_axes = static_cast<size_t>(signed_rank(b.shape(x)) - axis - 1);
+  Ids inputs{x};
+  while (b.random.chance(0.08)) inputs.push_back(b.same_shape(x));  // with the same weights
+  b.add(type, inputs,
+        str("convolution_param { ", outputs,
+            " axis: ", b.random.chance(0.2) ? axis - signed_rank(b.shape(x)) : axis,
+            b.random.chance(0.3) ? " bias_term: false " : " ", random_windows(b.random, n_axes),
+            " }"),
+        inputs.size());
+}
+
+/// A number of groups that divides the channels, and outputs that it divides.
+std::string groups_and_outputs(Builder& b, int64_t channels) {
+  int64_t group = 1;
+  if (b.random.chance(0.3)) {
+    std::vector<int64_t> divisors;
+    for (int64_t d = 1; d <= channels; ++d)
+      if (channels % d == 0) divisors.push_back(d);
+    group = b.random.of(divisors);
+  }
+  const int64_t outputs = group > 1 ? group * b.random.between(1, 3) : b.random.of(kWidths);
+  return str("num_output: ", outputs, " group: ", group);
+}
+
+void convolution(Builder& b, const char* type) {
+  const bool image = b.random.chance(0.8);
+  const size_t x = image ? b.of_rank(4, 4) : b.of_rank(2, 5);
+  const int64_t axis =
+      image || b.random.chance(0.7) ? 1 : b.random.between(0, signed_rank(b.shape(x)) - 1);
+  convolve(b, type, x, axis, groups_and_outputs(b, b.shape(x)[static_cast<size_t>(axis)]));
+}
+
+/// Without `group` it is the number of channels.
+void depthwise_convolution(Builder& b, const char* type) {
+  const size_t x = b.of_rank(3, 5);
+  convolve(b, type, x, 1, str("num_output: ", b.shape(x)[1] * b.random.between(1, 2)));
+}
+
+void convolution_depthwise(Builder& b, const char* type) {
+  const size_t x = b.of_rank(3, 5);
+  convolve(b, type, x, 1, str("num_output: ", b.shape(x)[1]));
+}
+
+void im2col(Builder& b, const char* type) {
+  const size_t x = b.of_rank(3, 5);
+  b.add(type, {x},
+        str("convolution_param { ", random_windows(b.random, b.shape(x).rank() - 2), " }"));
+}
+
+void inner_product(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  b.add(type, {x},
+        str("inner_product_param { num_output: ", b.random.of(kWidths),
+            " axis: ", random_axis(b, b.shape(x), b.shape(x).rank() > 1 ? 1 : 0),
+            " transpose: ", flag(b), " bias_term: ", flag(b), " }"));
+}
+
+void embed(Builder& b, const char* type) {
+  const int64_t rows = b.random.between(1, 9);
+  const size_t indices =
+      extra_input(b, {{{1, 0}, {b.random.between(1, 6)}}, Fill::kIndices, {rows}});
+  b.add(type, {indices},
+        str("embed_param { input_dim: ", rows, " num_output: ", b.random.of(kWidths),
+            " bias_term: ", flag(b), " }"));
+}
+
+void recurrent(Builder& b, const char* type) {
+  const size_t x = b.of_rank(3);
+  Ids inputs{x, extra_input(b, {axes_of(b, x, 0, 2), Fill::kFlags})};
+  const int64_t outputs = b.random.between(1, 9), streams = b.shape(x)[1];
+  if (b.random.chance(0.3))
+    inputs.push_back(
+        b.pick([&](const Value& v) { return v.shape.rank() >= 2 && v.shape[0] == streams; }));
+  const bool exposes = b.random.chance(0.3);
+  size_t states = 0;
+  for (; exposes && states < (std::string(type) == "LSTM" ? 2 : 1); ++states)
+    inputs.push_back(extra_input(b, {{{1}, b.axis_of(x, 1), {outputs}}}));
+  b.add(type, inputs,
+        str("recurrent_param { num_output: ", outputs, " expose_hidden: ", exposes ? 1 : 0, " }"),
+        1 + states);
+}
+
+// ------------------------------------------------------------------------------------ normalising
+
+void batch_norm(Builder& b, const char* type) {
+  b.add(type, {b.of_rank(2)},
+        b.random.chance(0.8) ? "" : "batch_norm_param { use_global_stats: false }");
+}
+
+void lrn(Builder& b, const char* type) {
+  b.add(type, {b.of_rank(4, 4)},
+        str("lrn_param { local_size: ", 2 * b.random.between(0, 3) + 1,
+            " alpha: ", b.random.real(0, 2), " beta: ", b.random.chance(0.6) ? 0.75 : 0.5,
+            " k: ", b.random.real(1, 2),
+            " norm_region: ", b.random.chance(0.7) ? "ACROSS_CHANNELS" : "WITHIN_CHANNEL", " }"));
+}
+
+void mvn(Builder& b, const char* type) {
+  b.add(type, {b.of_rank(0, 4)},
+        str("mvn_param { normalize_variance: ", flag(b), " across_channels: ", flag(b),
+            " eps: 0.01 }"));
+}
+
+void normalize(Builder& b, const char* type) {
+  b.add(type, {b.of_rank(2)},
+        str("norm_param { across_spatial: ", flag(b), " channel_shared: ", flag(b), " }"));
+}
+
+void softmax(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  b.add(type, {x}, str("softmax_param { axis: ", random_axis(b, b.shape(x)), " }"));
+}
+
+// ---------------------------------------------------------------------------------------- pooling
+
+void pooling(Builder& b, const char* type) {
+  const size_t x = b.of_rank(4, 4);
+  const bool max = b.random.chance(0.7);
+  std::string text = max ? "pool: MAX " : "pool: AVE ";
+  if (b.random.chance(0.2)) {
+    text += "global_pooling: true";
+  } else {
+    const int64_t kernel = b.random.between(1, 4);
+    text += str("kernel_size: ", kernel, " stride: ", b.random.between(1, 3),
+                " pad: ", b.random.chance(0.6) ? 0 : b.random.between(0, kernel - 1));
+    if (b.random.chance(0.3)) text += " round_mode: FLOOR";
+  }
+  b.add(type, {x}, "pooling_param { " + text + " }",
+        max && b.value(x).exact && b.random.chance(0.15) ? 2 : 1);
+}
+
+void spp(Builder& b, const char* type) {
+  b.add(type, {b.of_rank(4, 4)},
+        str("spp_param { pyramid_height: ", b.random.between(1, 3),
+            " pool: ", b.random.chance(0.5) ? "MAX" : "AVE", " }"));
+}
+
+void roi_pooling(Builder& b, const char* type) {
+  const size_t x = b.of_rank(4, 4);
+  const size_t regions =
+      extra_input(b, {{{b.random.between(1, 4)}, {5}}, Fill::kRegions, b.axis_of(x, 0)});
+  b.add(type, {x, regions},
+        str("roi_pooling_param { pooled_h: ", b.random.between(1, 3),
+            " pooled_w: ", b.random.between(1, 3), " spatial_scale: 0.5 }"));
+}
+
+void reduction(Builder& b, const char* type) {
+  static const std::vector<std::string> kOperations{"SUM", "ASUM", "SUMSQ", "MEAN"};
+  const size_t x = b.of_rank(1);
+  b.add(type, {x},
+        str("reduction_param { operation: ", b.random.of(kOperations),
+            " axis: ", random_axis(b, b.shape(x)), " coeff: ", b.random.real(-2, 2), " }"));
+}
+
+// -------------------------------------------------------------------------------- several operands
+
+void eltwise(Builder& b, const char* type) {
+  static const std::vector<std::string> kOperations{"PROD", "SUM", "SUM", "SUM", "MAX"};
+  Ids inputs{b.any()};
+  do inputs.push_back(b.same_shape(inputs[0]));
+  while (b.random.chance(0.3));
+  if (b.random.chance(0.5)) std::swap(inputs[0], inputs[1]);
+  const std::string& operation = b.random.of(kOperations);
+  std::string text = "operation: " + operation;
+  if (operation == "SUM" && b.random.chance(0.3))
+    for (size_t i = 0; i < inputs.size(); ++i) text += str(" coeff: ", b.random.real(-2, 2));
+  b.add(type, inputs, "eltwise_param { " + text + " }");
+}
+
+std::string shape_text(const std::vector<int64_t>& axes) {
+  std::string text = "shape {";
+  for (const int64_t size : axes) text += str(" dim: ", size);
+  return text + " }";
+}
+
+/// Axes [first, last) of one blob that another blob has as many values as.
+struct Range {
+  size_t id, first, last;
+};
+
+/// Another value that fits on some axes of x when it is reshaped, sooner a large one: of a Concat
+/// that is often one of its parts, in whose memory the Concat may be.
+Range operand_of(Builder& b, size_t x) {
+  const Shape& shape = b.shape(x);
+  std::vector<Range> fitting, largest;
+  for (size_t id = 0; id < b.n_values(); ++id)
+    for (size_t first = 0; first < shape.rank(); ++first)
+      for (size_t last = first + 1; last <= shape.rank(); ++last) {
+        const Value& value = b.value(id);
+        const int64_t elements = value.shape.elements();
+        if (id == x || value.dynamic || value.hidden || shape.product(first, last) != elements)
+          continue;
+        fitting.push_back({id, first, last});
+        if (!largest.empty() && b.shape(largest[0].id).elements() < elements) largest.clear();
+        if (largest.empty() || b.shape(largest[0].id).elements() == elements)
+          largest.push_back(fitting.back());
+      }
+  if (fitting.empty()) throw Unfit();
+  return b.random.of(b.random.chance(0.6) ? largest : fitting);
+}
+
+std::string param_of(const std::string& type) {
+  return type == "Scale" ? "scale_param" : "bias_param";
+}
+
+void scale_or_bias_by_value(Builder& b, const char* type, size_t x) {
+  const Range range = operand_of(b, x);
+  const std::vector<int64_t>& axes = b.shape(x).axes();
+  const std::vector<int64_t> wanted(axes.begin() + static_cast<int64_t>(range.first),
+                                    axes.begin() + static_cast<int64_t>(range.last));
+  size_t operand = range.id;
+  if (b.shape(operand).axes() != wanted)
+    operand = b.add("Reshape", {operand}, "reshape_param { " + shape_text(wanted) + " }");
+  b.add(type, {x, operand}, str(param_of(type), " { axis: ", range.first, " }"));
+}
+
+void scale_or_bias(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  if (b.random.chance(0.5)) return scale_or_bias_by_value(b, type, x);
+  const auto rank = signed_rank(b.shape(x));
+  const int64_t axis = rank > 1 && b.random.chance(0.7) ? 1 : b.random.between(0, rank - 1);
+  const int64_t num_axes = b.random.chance(0.6) ? 1 : b.random.between(-1, rank - axis);
+  const bool with_bias = param_of(type) == "scale_param" && b.random.chance(0.5);
+  b.add(type, {x},
+        str(param_of(type), " { axis: ", axis, " num_axes: ", num_axes,
+            with_bias ? " bias_term: true }" : " }"));
+}
+
+/// The factors are a value of the right size, or made of x by global pooling, as in SENet.
+void axpy(Builder& b, const char* type) {
+  const size_t x = b.of_rank(2), y = b.same_shape(x);
+  const Shape shape = b.shape(x);
+  size_t factors = 0;
+  if (b.random.chance(0.5))
+    factors = b.pick([&](const Value& v) {
+      return v.shape.rank() >= 2 && v.shape[0] == shape[0] && v.shape[1] == shape[1] &&
+             v.shape.elements() == shape[0] * shape[1];
+    });
+  else
+    factors = b.add("Pooling", {x}, "pooling_param { pool: AVE global_pooling: true }");
+  b.add(type, {factors, x, y});
+}
+
+// --------------------------------------------------------------------------------- moving values
+
+/// Parts that differ in one axis at most: old values and new branches.
+void concat(Builder& b, const char* type) {
+  Ids inputs{b.of_rank(1)};
+  const Shape shape = b.shape(inputs[0]);
+  const int64_t axis = b.random.chance(0.4) ? 0 : random_axis(b, shape);
+  const size_t at = shape.canonical_axis(axis, "axis");
+  for (int64_t n = b.random.between(0, 3); n > 0; --n)
+    inputs.push_back(b.random.chance(0.5) ? b.same_shape(inputs[0]) : b.pick([&](const Value& v) {
+      return v.shape.rank() == shape.rank() && v.shape.with(at, 1) == shape.with(at, 1);
+    }));
+  if (b.random.chance(0.5)) std::reverse(inputs.begin(), inputs.end());
+  const size_t whole = b.add(type, inputs, str("concat_param { axis: ", axis, " }"));
+  if (b.random.chance(0.4))
+    scale_or_bias_by_value(b, b.random.chance(0.5) ? "Scale" : "Bias", whole);
+}
+
+void slice(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  const Shape shape = b.shape(x);
+  const int64_t axis = random_axis(b, shape);
+  const int64_t size = shape[shape.canonical_axis(axis, "axis")];
+  std::vector<int64_t> points;
+  for (int64_t n = b.random.between(1, 2); n > 0 && size > 1; --n)
+    points.push_back(b.random.between(1, size - 1));
+  std::sort(points.begin(), points.end());
+  std::string text = str("axis: ", axis);
+  for (const int64_t point : points) text += str(" slice_point: ", point);
+  b.add(type, {x}, "slice_param { " + text + " }", points.size() + 1);
+}
+
+void split(Builder& b, const char* type) {
+  b.add(type, {b.any()}, "", static_cast<size_t>(b.random.between(1, 3)));
+}
+
+/// The second input only says how large the result is: a smaller value, or one that pooling makes.
+void crop(Builder& b, const char* type) {
+  const size_t x = b.of_rank(4, 4);
+  const Shape shape = b.shape(x);
+  const size_t like =
+      b.random.chance(0.5)
+          ? b.add("Pooling", {x}, "pooling_param { pool: AVE kernel_size: 3 stride: 2 }")
+          : b.pick([&](const Value& v) {
+              return v.shape.rank() == 4 && v.shape[2] <= shape[2] && v.shape[3] <= shape[3];
+            });
+  b.add(type, {x, like},
+        str("crop_param { axis: 2 offset: ", b.random.between(0, 2),
+            " offset: ", b.random.between(0, 2), " }"));
+}
+
+void flatten(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  const int64_t axis = b.random.between(0, signed_rank(b.shape(x)) - 1);
+  b.add(type, {x},
+        str("flatten_param { axis: ", axis, " end_axis: ",
+            b.random.chance(0.6) ? -1 : b.random.between(axis, signed_rank(b.shape(x)) - 1), " }"));
+}
+
+/// Merges two axes, or splits one, or puts one in between.
+void reshape(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  const std::vector<int64_t>& axes = b.shape(x).axes();
+  const int64_t rank = signed_rank(b.shape(x)), at = b.random.between(0, rank - 1);
+  std::vector<int64_t> dims(axes.size(), 0);  // 0: as it is
+  switch (b.random.between(0, 2)) {
+    case 0:
+      if (at + 1 == rank) throw Unfit();
+      dims = {axes.begin(), axes.end()};
+      dims[static_cast<size_t>(at)] *= dims[static_cast<size_t>(at) + 1];
+      dims.erase(dims.begin() + at + 1);
+      break;
+    case 1: {
+      dims = {axes.begin(), axes.end()};
+      std::vector<int64_t> divisors;
+      for (int64_t d = 1; d <= dims[static_cast<size_t>(at)]; ++d)
+        if (dims[static_cast<size_t>(at)] % d == 0) divisors.push_back(d);
+      const int64_t divisor = b.random.of(divisors);
+      dims[static_cast<size_t>(at)] /= divisor;
+      dims.insert(dims.begin() + at, divisor);
+      break;
+    }
+    default:
+      b.add(type, {x}, str("reshape_param { axis: ", at, " num_axes: 0 shape { dim: 1 } }"));
+      return;
+  }
+  dims[static_cast<size_t>(b.random.between(0, static_cast<int64_t>(dims.size()) - 1))] = -1;
+  b.add(type, {x}, "reshape_param { " + shape_text(dims) + " }");
+}
+
+void permute(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  std::vector<size_t> order(b.shape(x).rank());
+  for (size_t i = 0; i < order.size(); ++i) order[i] = i;
+  for (size_t i = order.size(); i > 1; --i)
+    std::swap(order[i - 1],
+              order[static_cast<size_t>(b.random.between(0, static_cast<int64_t>(i) - 1))]);
+  std::string text;
+  for (const size_t axis : order) text += str(" order: ", axis);
+  b.add(type, {x}, "permute_param {" + text + " }");
+}
+
+void tile(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  b.add(type, {x},
+        str("tile_param { axis: ", random_axis(b, b.shape(x)), " tiles: ", b.random.between(1, 3),
+            " }"));
+}
+
+void shuffle_channel(Builder& b, const char* type) {
+  const size_t x = b.of_rank(2);
+  b.add(type, {x},
+        str("shuffle_channel_param { group: ",
+            b.random.between(1, std::min<int64_t>(b.shape(x)[1], 8)), " }"));
+}
+
+void batch_reindex(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  const size_t indices =
+      extra_input(b, {{{b.random.between(1, 4)}}, Fill::kIndices, b.axis_of(x, 0)});
+  b.add(type, {x, indices});
+}
+
+void filter(Builder& b, const char* type) {
+  Ids inputs{b.of_rank(1)};
+  const int64_t items = b.shape(inputs[0])[0];
+  if (b.random.chance(0.4))
+    inputs.push_back(
+        b.pick([&](const Value& v) { return v.shape.rank() >= 1 && v.shape[0] == items; }));
+  const size_t n = inputs.size();
+  inputs.push_back(extra_input(b, {axes_of(b, inputs[0], 0, 1), Fill::kFlags}));
+  b.add(type, inputs, "", n);
+}
+
+void interp(Builder& b, const char* type) {
+  static const std::vector<std::string> kSizes{"zoom_factor: 2", "shrink_factor: 2",
+                                               "zoom_factor: 2 shrink_factor: 3"};
+  const size_t x = b.of_rank(4, 4);
+  b.add(type, {x},
+        str("interp_param { ",
+            b.random.chance(0.5)
+                ? b.random.of(kSizes)
+                : str("height: ", b.random.between(1, 20), " width: ", b.random.between(1, 20)),
+            b.random.chance(0.3) ? " pad_beg: -1 pad_end: 0 }" : " }"));
+}
+
+/// By the mask of a pooling layer, or by repetition.
+void upsample(Builder& b, const char* type) {
+  const bool by_mask = b.random.chance(0.5);
+  const size_t x = b.pick([&](const Value& v) {
+    return v.shape.rank() == 4 && (!by_mask || (v.exact && v.shape[2] >= 2 && v.shape[3] >= 2));
+  });
+  if (!by_mask) {
+    b.add(type, {x}, str("upsample_param { scale: ", b.random.between(1, 3), " }"));
+    return;
+  }
+  const int64_t h = b.shape(x)[2], w = b.shape(x)[3];
+  const size_t pooled =
+      b.add("Pooling", {x}, "pooling_param { pool: MAX kernel_size: 2 stride: 2 }", 2);
+  b.add(type, {pooled, pooled + 1},
+        str("upsample_param { upsample_h: ", h, " upsample_w: ", w, " }"));
+}
+
+// ----------------------------------------------------------------- constants, scores and detection
+
+void dummy_data(Builder& b, const char* type) {
+  b.add(type, {},
+        str("dummy_data_param { ", shape_text(b.shape(b.any()).axes()),
+            " data_filler { type: 'constant' value: ", b.random.real(-1, 1), " } }"));
+}
+
+void parameter(Builder& b, const char* type) {
+  b.add(type, {}, "parameter_param { " + shape_text(b.shape(b.any()).axes()) + " }");
+}
+
+void silence(Builder& b, const char* type) {
+  b.add(type, {b.any()}, "", 0);
+}
+
+void arg_max(Builder& b, const char* type) {
+  const size_t x = b.pick([](const Value& v) { return v.exact && v.shape.rank() >= 1; });
+  const int64_t axis = random_axis(b, b.shape(x));
+  const bool along = b.random.chance(0.6);
+  b.add(type, {x},
+        str("argmax_param { top_k: ", b.random.between(1, 3), " out_max_val: ", flag(b),
+            along ? str(" axis: ", axis) : "", " }"));
+}
+
+/// Scores and a label for each place of them.
+Ids labelled_scores(Builder& b, bool exact) {
+  const size_t scores =
+      b.pick([&](const Value& v) { return v.shape.rank() >= 2 && (v.exact || !exact); });
+  std::vector<Size> axes = all_axes(b, scores);
+  const Size classes = axes[1];
+  axes.erase(axes.begin() + 1);
+  return {scores, extra_input(b, {axes, Fill::kIndices, classes})};
+}
+
+void accuracy(Builder& b, const char* type) {
+  b.add(type, labelled_scores(b, true),
+        str("accuracy_param { top_k: ", b.random.between(1, 2), " }"),
+        static_cast<size_t>(b.random.between(1, 2)));
+}
+
+void softmax_with_loss(Builder& b, const char* type) {
+  static const std::vector<std::string> kNormalizations{"FULL", "VALID", "BATCH_SIZE", "NONE"};
+  b.add(type, labelled_scores(b, false),
+        str("loss_param { normalization: ", b.random.of(kNormalizations),
+            b.random.chance(0.3) ? " ignore_label: 0 }" : " }"),
+        static_cast<size_t>(b.random.between(1, 2)));
+}
+
+size_t prior_boxes(Builder& b, size_t feature, size_t image) {
+  return b.add("PriorBox", {feature, image},
+               str("prior_box_param { min_size: ", b.random.between(1, 8),
+                   b.random.chance(0.5) ? " max_size: 10" : "",
+                   b.random.chance(0.5) ? " aspect_ratio: 2" : "", " flip: ", flag(b),
+                   " clip: ", flag(b), " offset: 0.5 }"));
+}
+
+void prior_box(Builder& b, const char*) {
+  const size_t feature = b.of_rank(4, 4);
+  prior_boxes(b, feature, b.of_rank(4, 4));
+}
+
+/// What it gives depends on which of two numbers is larger: it reads inputs, not results.
+void detection_output(Builder& b, const char* type) {
+  const size_t feature =
+      b.pick([](const Value& v) { return v.shape.rank() == 4 && v.shape.product(2, 4) <= 50; });
+  const size_t priors = prior_boxes(b, feature, b.of_rank(4, 4));
+  const bool shared = b.random.chance(0.5);
+  const int64_t classes = 4 * b.random.between(1, 2);  // the prior boxes have 4 numbers each
+  Size locations = b.axis_of(priors, 2), confidences = locations;
+  locations.factor = shared ? 1 : classes;
+  confidences.factor = classes / 4;
+  const size_t at = extra_input(b, {{{1, 0}, locations}}),
+               sure = extra_input(b, {{{1, 0}, confidences}});
+  static const std::vector<std::string> kCodes{"CORNER", "CENTER_SIZE", "CORNER_SIZE"};
+  b.add(type, {at, sure, priors},
+        str("detection_output_param { num_classes: ", classes, " share_location: ", shared,
+            " code_type: ", b.random.of(kCodes), " nms_param { nms_threshold: ",
+            b.random.real(0.1, 0.9), b.random.chance(0.5) ? " top_k: 10" : "",
+            " } confidence_threshold: ", b.random.real(-1, 0.5),
+            b.random.chance(0.5) ? " keep_top_k: 7" : "", " }"));
+}
+
+}  // namespace
+
+std::string random_windows(Random& random, size_t axes) {
+  std::string text;
+  const auto each = [&](const std::string& name, const auto& value) {
+    const size_t given = random.chance(0.5) ? 1 : axes;
+    for (size_t i = 0; i < given; ++i) text += str(" ", name, ": ", value());
+  };
+  static const std::vector<int64_t> kKernels{1, 1, 2, 3, 3, 3, 3, 4, 5, 5, 7, 9};
+  const bool padded = random.chance(0.5), strided = random.chance(0.4);
+  if (axes == 0) return "";
+  each("kernel_size", [&] { return random.of(kKernels); });
+  if (strided) each("stride", [&] { return random.between(1, 4); });
+  if (padded) each("pad", [&] { return random.between(0, 3); });
+  if (random.chance(0.15)) each("dilation", [&] { return random.between(1, 3); });
+  return text.substr(1);
+}
+
+const std::vector<LayerMaker>& layer_makers() {
+  static const std::vector<LayerMaker> kMakers{
+      {"AbsVal", 2, elementwise},
+      {"Accuracy", 1, accuracy},
+      {"ArgMax", 2, arg_max},
+      {"Axpy", 4, axpy},
+      {"BatchNorm", 8, batch_norm},
+      {"BatchReindex", 1, batch_reindex},
+      {"Bias", 8, scale_or_bias},
+      {"BNLL", 1, elementwise},
+      {"Clip", 2, clip},
+      {"Concat", 16, concat},
+      {"Convolution", 30, convolution},
+      {"ConvolutionDepthwise", 2, convolution_depthwise},
+      {"Crop", 2, crop},
+      {"Deconvolution", 3, convolution},
+      {"DepthwiseConvolution", 3, depthwise_convolution},
+      {"DetectionOutput", 2, detection_output},
+      {"Dropout", 2, elementwise},
+      {"DummyData", 1, dummy_data},
+      {"Eltwise", 14, eltwise},
+      {"ELU", 3, elu},
+      {"Embed", 1, embed},
+      {"Exp", 1, exp},
+      {"Filter", 1, filter},
+      {"Flatten", 3, flatten},
+      {"Im2col", 1, im2col},
+      {"InnerProduct", 3, inner_product},
+      {"Interp", 2, interp},
+      {"Log", 1, log},
+      {"LRN", 5, lrn},
+      {"LSTM", 1, recurrent},
+      {"MVN", 2, mvn},
+      {"Normalize", 2, normalize},
+      {"Parameter", 1, parameter},
+      {"Permute", 3, permute},
+      {"Pooling", 14, pooling},
+      {"Power", 4, power},
+      {"PReLU", 4, prelu},
+      {"PriorBox", 1, prior_box},
+      {"Reduction", 2, reduction},
+      {"ReLU", 14, relu},
+      {"ReLU6", 3, relu6},
+      {"Reshape", 4, reshape},
+      {"RNN", 1, recurrent},
+      {"ROIPooling", 1, roi_pooling},
+      {"Scale", 10, scale_or_bias},
+      {"ShuffleChannel", 2, shuffle_channel},
+      {"Sigmoid", 2, elementwise},
+      {"Silence", 1, silence},
+      {"Slice", 6, slice},
+      {"Softmax", 2, softmax},
+      {"SoftmaxWithLoss", 1, softmax_with_loss},
+      {"Split", 4, split},
+      {"SPP", 1, spp},
+      {"Swish", 2, swish},
+      {"TanH", 2, elementwise},
+      {"Threshold", 1, threshold},
+      {"Tile", 2, tile},
+      {"Upsample", 2, upsample},
+  };
+  return kMakers;
+}
+
+}  // namespace revisit::random_nets

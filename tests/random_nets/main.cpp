@@ -1,0 +1,90 @@
+// Runs random nets for as long as asked and says what it found:
+//   revisit_random_nets [--minutes M] [--first-seed N] [--nets K] [--keep-going]
+// A fault is printed with its seed and ends the run with exit code 1; --keep-going collects them.
+// To see one seed again: --first-seed N --nets 1.
+#include <chrono>
+#include <cstring>
+#include <ctime>
+#include <iostream>
+#include <limits>
+
+#include "check.h"
+
+namespace revisit::random_nets {
+namespace {
+
+struct Request {
+  double minutes = 1;
+  uint64_t first_seed = 1'000'000, nets = std::numeric_limits<uint64_t>::max();
+  bool keep_going = false;
+};
+
+Request parse(int argc, char** argv) {
+  Request request;
+  for (int i = 1; i < argc; ++i) {
+    const std::string option = argv[i];
+    if (option == "--keep-going") {
+      request.keep_going = true;
+      continue;
+    }
+    if (i + 1 == argc) throw std::invalid_argument(option + " needs a number");
+    const std::string value = argv[++i];
+    if (option == "--minutes")
+      request.minutes = std::stod(value);
+    else if (option == "--first-seed")
+      request.first_seed = std::stoull(value);
+    else if (option == "--nets")
+      request.nets = std::stoull(value);
+    else
+      throw std::invalid_argument("unknown option " + option);
+  }
+  return request;
+}
+
+void print(const Statistics& s, uint64_t next_seed, int faults) {
+  std::cout << s.nets << " nets (" << s.not_finite << " with NaN or infinity, " << s.other_shapes
+            << " with two shapes, " << s.gray << " gray, " << s.truncated << " cut off), "
+            << s.outputs << " outputs compared, " << s.insensitive << " of them insensitive, "
+            << faults << " faults, next seed " << next_seed << ", " << std::clock() / CLOCKS_PER_SEC
+            << " s of CPU" << std::endl;
+}
+
+int run(const Request& request) {
+  using Clock = std::chrono::steady_clock;
+  const auto begin = Clock::now();
+  auto said = begin;
+  const auto minutes_since = [](Clock::time_point time) {
+    return std::chrono::duration<double>(Clock::now() - time).count() / 60;
+  };
+  Statistics statistics;
+  int faults = 0;
+  uint64_t seed = request.first_seed;
+  for (; seed - request.first_seed < request.nets && minutes_since(begin) < request.minutes;
+       ++seed) {
+    const RandomNet net = make_random_net(seed);
+    const std::string fault = find_fault(net, statistics);
+    if (!fault.empty()) {
+      ++faults;
+      std::cout << "FAULT " << describe(net, fault) << std::endl;
+      if (!request.keep_going) break;
+    }
+    if (minutes_since(said) > 1) {
+      print(statistics, seed + 1, faults);
+      said = Clock::now();
+    }
+  }
+  print(statistics, seed, faults);
+  return faults > 0 ? 1 : 0;
+}
+
+}  // namespace
+}  // namespace revisit::random_nets
+
+int main(int argc, char** argv) {
+  try {
+    return revisit::random_nets::run(revisit::random_nets::parse(argc, argv));
+  } catch (const std::exception& error) {
+    std::cerr << "revisit_random_nets: " << error.what() << '\n';
+    return 2;
+  }
+}

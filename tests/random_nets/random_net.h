@@ -1,0 +1,71 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "caffe.pb.h"
+#include "revisit/engine/net.h"
+
+/// Nets that a generator makes up, valid ones only, over all layer types of the registry.
+namespace revisit::random_nets {
+
+/// The size of an axis of an input: `factor`, times one of the net's sizes, times axes of blobs as
+/// they are where the input is declared.
+struct Size {
+  struct Axis {
+    std::string blob;
+    size_t axis;
+  };
+  int64_t factor = 1;
+  std::optional<size_t> slot = {};  // of RandomNet::sizes
+  std::vector<Axis> axes = {};
+};
+
+/// What an input is filled with.
+enum class Fill {
+  kNumbers,
+  kIndices,  // whole numbers from 0 to below `bound`
+  kFlags,    // 0 or 1
+  kRegions,  // of images below `bound`: image, x1, y1, x2, y2 [pixels]
+};
+
+struct Input {
+  std::vector<Size> axes;
+  Fill fill = Fill::kNumbers;
+  Size bound = {};
+};
+
+struct RandomNet {
+  uint64_t seed = 0;
+  caffe::NetParameter net;              // its layers hold their weights
+  std::map<std::string, Input> inputs;  // by blob
+  engine::Truncation truncation;
+  std::vector<float> gray_offsets;  // of the only input's channels; empty: no gray input
+  /// Two sets of sizes that inputs refer to, for two plans of the net.
+  std::vector<std::vector<int64_t>> sizes;
+};
+
+/// The net of a seed, always the same. Throws std::logic_error when the engine refuses it.
+RandomNet make_random_net(uint64_t seed);
+
+/// Shapes of all inputs for these sizes, and the bounds of those that have one. Throws InputError
+/// when a layer cannot take the shapes.
+struct InputShapes {
+  std::map<std::string, engine::Shape> shapes;
+  std::map<std::string, int64_t> bounds;
+};
+InputShapes input_shapes(const RandomNet& net, const std::vector<int64_t>& sizes);
+
+/// Whether fast kernels of the layer may give other last digits than the reference: not for layers
+/// that only choose, compare or move values.
+bool rounds(const caffe::LayerParameter& layer);
+
+/// The prototxt, without weights.
+std::string text_of(const RandomNet& net);
+
+/// Writes net.prototxt and net.caffemodel into the folder.
+void write(const RandomNet& net, const std::filesystem::path& folder);
+
+}  // namespace revisit::random_nets

@@ -1,0 +1,188 @@
+#include "reference.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::random_nets {
+namespace {
+
+using engine::Shape;
+using engine::Tensor;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// A tensor as [outer][count][inner].
+struct Channels {
+  int64_t count, inner;
+  explicit Channels(const Shape& shape)
+      : count(shape.rank() > 1 ? shape[1] : 1),
+        inner(shape.rank() > 1 ? shape.product(2, shape.rank()) : shape.elements()) {}
+  size_t of(size_t i) const {
+    return static_cast<size_t>(static_cast<int64_t>(i) / std::max<int64_t>(inner, 1) % count);
+  }
+};
+
+/// The size of each channel's values. Of a channel of a few values this is chance: then that of
+/// all.
+std::vector<double> magnitudes(std::span<const float> values, const Shape& shape) {
+  constexpr int64_t kFew = 16;
+  const Channels channels(shape);
+  std::vector<double> result(static_cast<size_t>(channels.count), 0);
+  for (size_t i = 0; i < values.size(); ++i)
+    result[channels.of(i)] =
+        std::max(result[channels.of(i)], std::abs(static_cast<double>(values[i])));
+  if (shape.elements() < kFew * channels.count)
+    std::fill(result.begin(), result.end(), *std::max_element(result.begin(), result.end()));
+  return result;
+}
+
+/// Adds noise to what a layer has just written.
+class Disturb : public engine::StepObserver {
+ public:
+  Disturb(const engine::Run& run, const std::map<std::string, double>& noise, uint64_t seed)
+      : run_(run), noise_(noise), random_(seed) {}
+
+  void before(size_t) override {}
+  void after(size_t layer) override {
+    const engine::LayerCost& cost = run_.plan().layers()[layer];
+    const auto noise = noise_.find(cost.name);
+    if (noise == noise_.end()) return;
+    for (size_t port = 0; port < cost.outputs.size(); ++port) {
+      const auto view = run_.layer_output(engine::port_name(cost.name, port));
+      const std::vector<double> sizes = magnitudes(view.values(), view.shape);
+      const Channels channels(view.shape);
+      auto* values = const_cast<float*>(view.data);  // in the arena of a run of our own
+      for (size_t i = 0; i < view.values().size(); ++i)
+        values[i] +=
+            static_cast<float>(noise->second * sizes[channels.of(i)] * random_.real(-1, 1));
+    }
+  }
+
+ private:
+  const engine::Run& run_;
+  const std::map<std::string, double>& noise_;
+  Random random_;
+};
+
+}  // namespace
+
+Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* observer) {
+  for (const engine::Port& port : run.plan().inputs()) {
+    const Tensor& input = inputs.at(port.name);
+    if (input.shape != port.shape)
+      throw std::logic_error(str("input ", port.name, ": ", input.shape, ", not ", port.shape));
+    std::copy(input.values.begin(), input.values.end(), run.input(port.name).data);
+  }
+  if (observer)
+    run.forward(*observer);
+  else
+    run.forward();
+  Values result;
+  const auto keep = [&](const std::string& name, const engine::View<const float>& view) {
+    result[name] = {view.shape, {view.values().begin(), view.values().end()}};
+  };
+  for (const engine::Port& port : run.plan().outputs()) keep(port.name, run.output(port.name));
+  for (const engine::LayerCost& layer : run.plan().layers())
+    for (size_t port = 0; port < layer.outputs.size(); ++port) {
+      const std::string name = engine::port_name(layer.name, port);
+      try {
+        keep("layer " + name, run.layer_output(name));
+      } catch (const UsageError&) {
+        return result;  // a plan that does not keep them
+      }
+    }
+  return result;
+}
+
+std::vector<double> differences(const Tensor& a, const Tensor& b) {
+  const Channels channels(a.shape);
+  std::vector<double> result(static_cast<size_t>(channels.count), 0);
+  if (a.shape != b.shape) {
+    std::fill(result.begin(), result.end(), kInfinity);
+    return result;
+  }
+  for (size_t i = 0; i < a.values.size(); ++i) {
+    const float x = a.values[i], y = b.values[i];
+    if (x == y || (std::isnan(x) && std::isnan(y))) continue;
+    const double difference = std::abs(static_cast<double>(x) - y);
+    double& worst = result[channels.of(i)];
+    worst = std::max(worst, std::isnan(difference) ? kInfinity : difference);
+  }
+  return result;
+}
+
+Reference::Reference(const engine::Net& net, const Values& inputs,
+                     std::map<std::string, double> noise)
+    : run_([&] {
+        std::map<std::string, Shape> shapes;
+        for (const engine::Port& port : net.inputs())
+          shapes[port.name] = inputs.at(port.name).shape;
+        return net.plan(shapes, {.keep_all = true, .reference_kernels = true});
+      }()),
+      inputs_(inputs),
+      noise_(std::move(noise)) {
+  engine::Run run(run_.plan());
+  values_ = forward(run, inputs);
+  for (const auto& [name, value] : values_)
+    deviations_[name].assign(differences(value, value).size(), 0);
+}
+
+bool Reference::is_finite() const {
+  return std::all_of(values_.begin(), values_.end(), [](const auto& entry) {
+    return std::all_of(entry.second.values.begin(), entry.second.values.end(),
+                       [](float value) { return std::isfinite(value); });
+  });
+}
+
+void Reference::measure(int runs) {
+  for (; runs_ < runs; ++runs_) {
+    engine::Run run(run_.plan());  // a new one: some layers remember
+    Disturb disturb(run, noise_, static_cast<uint64_t>(runs_));
+    for (const auto& [name, value] : forward(run, inputs_, &disturb)) {
+      const std::vector<double> found = differences(values_.at(name), value);
+      std::vector<double>& largest = deviations_.at(name);
+      for (size_t c = 0; c < largest.size(); ++c) largest[c] = std::max(largest[c], found[c]);
+    }
+  }
+}
+
+std::string Reference::compare(const std::string& name, const Tensor& found, int64_t& insensitive) {
+  constexpr int kFewRuns = 2, kManyRuns = 40;
+  constexpr double kMargin = 3, kHundredth = 0.01;
+  const auto place = values_.find(name);
+  if (place == values_.end()) return str("'", name, "' is no value of the reference");
+  const Tensor& wanted = place->second;
+  if (found.shape != wanted.shape)
+    return str("'", name, "' is ", found.shape, ", expected ", wanted.shape);
+  const std::vector<double> off = differences(wanted, found);
+  std::string fault;
+  // What sums up to little or lies on the edge of a decision can need more runs to show that.
+  for (const int runs : {kFewRuns, kManyRuns}) {
+    measure(runs);
+    const std::vector<double>& deviation = deviations_.at(name);
+    fault.clear();
+    for (size_t c = 0; c < off.size() && fault.empty(); ++c)
+      if (off[c] > kMargin * deviation[c])
+        fault = str("'", name, "' (", wanted.shape, "), channel ", c, ": off by ", off[c],
+                    ", rounding explains ", kMargin * deviation[c]);
+    if (fault.empty()) break;
+  }
+  const std::vector<double> sizes = magnitudes(wanted.values, wanted.shape);
+  const std::vector<double>& deviation = deviations_.at(name);
+  for (size_t c = 0; c < sizes.size(); ++c)
+    if (deviation[c] > kHundredth * sizes[c]) {
+      ++insensitive;
+      break;
+    }
+  if (fault.empty()) return "";
+  const Channels channels(wanted.shape);
+  for (size_t i = 0, shown = 0; i < wanted.values.size() && shown < 5; ++i)
+    if (found.values[i] != wanted.values[i] &&
+        std::abs(found.values[i] - wanted.values[i]) > kMargin * deviation[channels.of(i)])
+      fault += str("\n  [", i, "] ", found.values[i], ", expected ", wanted.values[i]), ++shown;
+  return fault;
+}
+
+}  // namespace revisit::random_nets

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "random.h"
+#include "revisit/engine/net.h"
+
+namespace revisit::random_nets {
+
+using Values = std::map<std::string, engine::Tensor>;
+
+/// Fills the inputs of a run, runs it, and returns its outputs and, of a plan that keeps them,
+/// those of all layers, by "layer " and port name.
+Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* observer = nullptr);
+
+/// Largest difference within each channel (axis 1; of fewer axes: everything).
+std::vector<double> differences(const engine::Tensor& a, const engine::Tensor& b);
+
+/// What the reference kernels give, and how far off rounding may be.
+class Reference {
+ public:
+  /// `noise`: by layer that rounds, relative to the largest value of each channel of its output.
+  Reference(const engine::Net& net, const Values& inputs, std::map<std::string, double> noise);
+
+  const Values& values() const { return values_; }
+  bool is_finite() const;
+  /// Empty when `found` is right; else where it is not. `insensitive` counts what it could hardly
+  /// have been wrong about.
+  std::string compare(const std::string& name, const engine::Tensor& found, int64_t& insensitive);
+
+ private:
+  void measure(int runs);
+
+  engine::Run run_;
+  const Values& inputs_;
+  std::map<std::string, double> noise_;
+  Values values_;
+  std::map<std::string, std::vector<double>> deviations_;
+  int runs_ = 0;
+};
+
+}  // namespace revisit::random_nets
