@@ -18,6 +18,9 @@ constexpr uint64_t kNetsOfATest = 8;
 constexpr uint64_t kNetsOfATest = 60;
 #endif
 constexpr uint64_t kTests = 8, kGenerated = 480;
+/// 256 and 396 show a cache that confuses packed weights for two shapes, 517 work in place over an
+/// operand: defects that the engine has had.
+constexpr uint64_t kFirst = 100;
 
 TEST(RandomNets, CoverEveryLayerType) {
   std::set<std::string> missing;
@@ -53,7 +56,8 @@ TEST_P(RandomNetsAgree, InAllWays) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomNetsAgree,
-                         testing::Range<uint64_t>(0, kTests* kNetsOfATest, kNetsOfATest));
+                         testing::Range<uint64_t>(kFirst, kFirst + kTests * kNetsOfATest,
+                                                  kNetsOfATest));
 
 /// That a comparison with a reference can fail.
 TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
