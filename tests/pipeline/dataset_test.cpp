@@ -117,6 +117,24 @@ TEST(KittiDataset, SaysWhatIsMissingAndWhere) {
   EXPECT_HAS(complaint([&] { open_dataset(dir / "file", ""); }), "not a folder");
 }
 
+TEST(KittiDataset, CompressedScansAreSaid) {
+  const TempDir dir;
+  const fs::path velodyne = dir / "kitti/sequences/00/velodyne";
+  for (const char* name : {"000000.bin.gz", "000001.bin.gz", "notes.txt.gz"})
+    write_file(velodyne / name, "");
+  const std::string any = complaint([&] { open_dataset(dir / "kitti", ""); });
+  EXPECT_HAS(any, "no sequence has scans: looked for");
+  EXPECT_HAS(any, "folders in sequences/: 00");
+  const std::string named = complaint([&] { open_dataset(dir / "kitti", "00"); });
+  const std::string folder = complaint([&] { open_dataset(velodyne, ""); });
+  for (const std::string& said :
+       {any, named, folder, complaint([&] { open_dataset(dir / "kitti/sequences/00", ""); })})
+    EXPECT_HAS(said, velodyne.string() + " has 2 compressed ones (000000.bin.gz): unpack them");
+  const std::string no_poses = complaint([&] { find_kitti_poses(dir / "kitti", ""); });
+  EXPECT_HAS(no_poses,
+             "no sequence has poses: looked for " + (dir / "kitti/poses/NN.txt").string());
+}
+
 TEST(KittiDataset, ListsMustReachTheLastFrame) {
   const TempDir dir;
   write_sequence(dir.path(), "00");

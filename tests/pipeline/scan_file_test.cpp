@@ -103,6 +103,23 @@ TEST(KittiScan, RefusesWhatIsNoScan) {
   EXPECT_HAS(complaint("a.xyz", point), "unknown kind of scan '.xyz'");
 }
 
+TEST(KittiScan, RefusesBytesThatAreNoPoints) {
+  std::string gzip = "\x1f\x8b\x08", text;
+  std::mt19937 random(2);
+  while (gzip.size() < 16000) gzip += static_cast<char>(random() % 256);
+  while (text.size() < 1600) text += "1.25 -3.5 0.25 0.125\n";
+  text.resize(1600);
+  EXPECT_HAS(complaint("a.bin", gzip), "no scan of float32 x y z");
+  EXPECT_HAS(complaint("a.bin", gzip), "gzip files do, unpack it");
+  EXPECT_HAS(complaint("a.bin", text), "no scan of float32 x y z");
+  EXPECT_EQ(complaint("a.bin", text).find("gzip"), std::string::npos);
+  // A map's coordinates; and a scan whose first point starts as a gzip file does.
+  EXPECT_HAS(complaint("a.bin", bytes_of(4.5e5F, 5.4e6F, 120.0F, 1.0F)), "in the sensor's frame");
+  EXPECT_EQ(
+      complaint("a.bin", std::string("\x1f\x8b", 2) + bytes_of(3.0F, 2.0F, 3.0F, 4.0F).substr(2)),
+      "");
+}
+
 TEST(KittiScan, NamesTheFileThatIsNotThere) {
   const TempDir dir;
   for (const char* const name : {"a.bin", "a.pcd", "a.ply"})

@@ -88,7 +88,8 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, const Da
                          (root / "sequences" / "NN" / "velodyne").string(), ", ",
                          (root / "velodyne").string(),
                          ", for .bin, .pcd or .ply files in the folder itself and in a folder per "
-                         "place"));
+                         "place",
+                         compressed_scans(root)));
   if (plain && !sequence.empty())
     throw InputError(str(root.string(), ": a plain folder of scans has no sequence ", sequence,
                          ": looked for ", (root / "sequences" / sequence).string()));

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cstring>
+#include <iterator>
 #include <optional>
+#include <string_view>
 
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/proto/error.h"
@@ -41,11 +43,20 @@ bool is_image(const fs::path& file) {
   return (file.extension() == ".png" || file.extension() == ".PNG") && is_visible_file(file);
 }
 
+/// "000123.bin.gz" and the like.
+bool is_compressed_scan(const fs::path& file) {
+  constexpr std::string_view kKinds[] = {".gz", ".zip", ".xz", ".zst", ".bz2"};
+  return std::ranges::find(kKinds, file.extension().string()) != std::end(kKinds) &&
+         is_scan_file_name(file.stem()) && is_visible_file(file);
+}
+
 /// The files that pass `keep` by frame; `kind` and `example` are for people.
 std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const fs::path&),
                                      FrameNumbers numbers, const char* kind, const char* example) {
   const std::vector<std::string> names = list_names(folder, keep);
-  if (names.empty()) throw InputError(str(folder.string(), ": no ", kind, " in this folder"));
+  if (names.empty())
+    throw InputError(
+        str(folder.string(), ": no ", kind, " in this folder", compressed_scans(folder)));
 
   const auto unnumbered = std::find_if(names.begin(), names.end(),
                                        [](const std::string& name) { return !number_of(name); });
@@ -86,6 +97,13 @@ std::vector<std::string> list_names(const fs::path& folder, bool (*keep)(const f
 
 bool holds_scans(const fs::path& folder) {
   return !list_names(folder, is_scan).empty();
+}
+
+std::string compressed_scans(const fs::path& folder) {
+  const std::vector<std::string> names = list_names(folder, is_compressed_scan);
+  return names.empty() ? ""
+                       : str("; ", folder.string(), " has ", names.size(), " compressed ones (",
+                             names.front(), "): unpack them first");
 }
 
 std::vector<NumberedFile> list_scans(const fs::path& folder, FrameNumbers numbers) {

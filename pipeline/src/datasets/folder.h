@@ -27,6 +27,9 @@ std::vector<NumberedFile> list_images(const std::filesystem::path& folder);
 /// True when the folder holds at least one scan file.
 bool holds_scans(const std::filesystem::path& folder);
 
+/// What to say of a folder without scans that has compressed ones; "" when it has none.
+std::string compressed_scans(const std::filesystem::path& folder);
+
 /// The names in a folder that pass `keep`, in natural order ("scan2" before "scan10"); none when
 /// there is no such folder.
 std::vector<std::string> list_names(const std::filesystem::path& folder,

@@ -73,6 +73,21 @@ std::string listed(const std::vector<std::string>& names) {
   return text.empty() ? "none" : text;
 }
 
+/// No sequence has what is needed.
+[[noreturn]] void fail_empty(const fs::path& root, bool for_poses) {
+  const std::vector<std::string> folders = list_names(root / "sequences", is_folder);
+  std::string compressed;
+  for (const std::string& name : folders)
+    if (!for_poses && compressed.empty())
+      compressed = compressed_scans(root / "sequences" / name / "velodyne");
+  throw InputError(str(
+      root.string(), ": no sequence has ", for_poses ? "poses" : "scans", ": looked for ",
+      for_poses ? (root / "poses" / "NN.txt").string() + " and " +
+                      (root / "sequences" / "NN" / "poses.txt").string()
+                : (root / "sequences" / "NN" / "velodyne" / "*.bin").string() + ", .pcd and .ply",
+      "; folders in sequences/: ", listed(folders), compressed));
+}
+
 }  // namespace
 
 std::optional<fs::path> KittiSequence::poses() const {
@@ -100,9 +115,11 @@ std::optional<KittiSequence> find_kitti_sequence(const fs::path& root, const std
           str(root.string(), ": sequence ", sequence, " has no ", what, ": looked for ",
               for_poses ? wanted.pose_files[0].string() + " and " + wanted.pose_files[1].string()
                         : (wanted.velodyne() / "*.bin").string(),
-              did_you_mean(sequence, there), "; sequences with ", what, ": ", listed(there)));
+              did_you_mean(sequence, there), "; sequences with ", what, ": ", listed(there),
+              for_poses ? "" : compressed_scans(wanted.velodyne())));
     }
     if (there.size() == 1) return of_root(root, there[0]);
+    if (there.empty()) fail_empty(root, for_poses);
     throw InputError(
         str(root.string(), ": say which sequence; sequences with ", what, ": ", listed(there)));
   }

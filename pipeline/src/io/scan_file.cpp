@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cctype>
+#include <cmath>
 
 #include "io/file_content.h"
 #include "io/pcd.h"
@@ -18,6 +19,33 @@ namespace fs = std::filesystem;
 // KITTI's record is a Point as it lies in memory.
 static_assert(sizeof(Point) == 16 && std::endian::native == std::endian::little);
 
+/// A coordinate of a return in the sensor's frame is some metres: bytes that mean something else
+/// give numbers that are far larger or smaller.
+bool is_absurd(const Point& p) {
+  constexpr float kFarthest = 1000, kNearest = 0.001F;  // [m]
+  const float largest = std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+  return largest > kFarthest || (largest > 0 && largest < kNearest);
+}
+
+/// Whatever is named .bin is read as points. Some of them tell whether they are.
+void check_plausible(const fs::path& file, const PointCloud& cloud) {
+  constexpr size_t kLookedAt = 1000;
+  const size_t step = std::max<size_t>(1, cloud.points.size() / kLookedAt);
+  size_t returns = 0, absurd = 0;
+  for (size_t i = 0; i < cloud.points.size(); i += step) {
+    if (!is_return(cloud.points[i])) continue;
+    ++returns;
+    absurd += is_absurd(cloud.points[i]) ? 1 : 0;
+  }
+  if (2 * absurd <= returns) return;
+  const auto* bytes = reinterpret_cast<const unsigned char*>(cloud.points.data());
+  const bool gzip = bytes[0] == 0x1f && bytes[1] == 0x8b;
+  throw InputError(str(file.string(),
+                       ": most of its points are farther than 1 km or nearer than 1 mm: this is "
+                       "no scan of float32 x y z reflectance in the sensor's frame",
+                       gzip ? "; it starts as gzip files do, unpack it first" : ""));
+}
+
 void read_kitti_bin(const fs::path& file, PointCloud& cloud) {
   OpenFile in(file);
   if (in.size == 0) throw InputError(file.string() + ": empty file, it holds no points");
@@ -27,6 +55,7 @@ void read_kitti_bin(const fs::path& file, PointCloud& cloud) {
                          "; the file is truncated or is no KITTI scan"));
   cloud.points.resize(in.size / sizeof(Point));
   in.read(reinterpret_cast<char*>(cloud.points.data()));
+  check_plausible(file, cloud);
 }
 
 /// Lower case, so that SCAN.PCD is one too.
