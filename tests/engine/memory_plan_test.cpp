@@ -26,14 +26,14 @@ TEST(MemoryPlan, AlignsOffsets) {
 
 TEST(MemoryPlan, NeverOverlapsWhatIsAliveTogether) {
   std::mt19937 random(7);
+  double totals = 0, peaks = 0;
   for (int round = 0; round < 200; ++round) {
     std::vector<Lifetime> buffers;
-    int64_t sum = 0, peak = 0;
+    int64_t peak = 0;  // no plan can do with less
     for (int i = 0; i < 20; ++i) {
       const int first = static_cast<int>(random() % 10);
       buffers.push_back(
           {static_cast<int64_t>(random() % 50), first, first + static_cast<int>(random() % 5)});
-      sum += buffers.back().size;
     }
     for (int step = 0; step < 15; ++step) {
       int64_t alive = 0;
@@ -41,8 +41,8 @@ TEST(MemoryPlan, NeverOverlapsWhatIsAliveTogether) {
       peak = std::max(peak, alive);
     }
     const MemoryPlan plan = plan_memory(buffers, 1);
-    EXPECT_LE(plan.total, sum);
     EXPECT_GE(plan.total, peak);
+    totals += static_cast<double>(plan.total), peaks += static_cast<double>(peak);
     for (size_t i = 0; i < buffers.size(); ++i)
       for (size_t j = 0; j < i; ++j) {
         if (!alive_together(buffers[i], buffers[j])) continue;
@@ -51,6 +51,7 @@ TEST(MemoryPlan, NeverOverlapsWhatIsAliveTogether) {
             << "round " << round << ": buffers " << i << " and " << j;
       }
   }
+  EXPECT_LE(totals, 1.1 * peaks);
 }
 
 }  // namespace

@@ -225,7 +225,7 @@ TEST_F(NetTest, RandomWeightsAreSharedWhereParametersAre) {
   const Net net =
       test::small_net({1, 1, 5, 5}, test::conv("a", "data", conv) + test::conv("b", "data", conv));
   engine::Run run(net.plan());
-  std::ranges::fill(run.input("data").values(), 1.0F);
+  test::fill_randomly(run);
   run.forward();
   EXPECT_TRUE(std::ranges::equal(run.output("a").values(), run.output("b").values()));
 }
@@ -254,13 +254,27 @@ TEST_F(NetTest, RunsOfOnePlanWorkInParallel) {
   for (int t = 0; t < 4; ++t)
     threads.emplace_back([&plan, t] {
       engine::Run run(plan);
-      for (int i = 0; i < 20; ++i) {
-        const auto found = forward(run, std::vector<float>(3000, static_cast<float>(t)), "concat");
-        EXPECT_TRUE(std::all_of(found.begin(), found.end(),
-                                [&](float v) { return v == 2 * static_cast<float>(t) + 1; }));
+      std::vector<float> input(3000), wanted(6000);  // relu(2 x + 1), twice
+      for (int i = 0; i < 3000; ++i) {
+        input[i] = static_cast<float>((i * 7 + t) % 100 - 50);
+        wanted[i] = wanted[i + 3000] = std::max(2 * input[i] + 1, 0.0F);
       }
+      for (int i = 0; i < 20; ++i) EXPECT_EQ(forward(run, input, "concat"), wanted);
     });
   for (std::thread& thread : threads) thread.join();
+}
+
+TEST(Threads, ManyGiveTheSameBits) {
+  const Net net = test::small_net(
+      {2, 16, 33, 35},
+      test::conv("c", "data") + test::layer("n", "LRN", {"c"}) +
+          test::layer("p", "Pooling", {"n"}, "pooling_param { kernel_size: 3 stride: 2 }") +
+          test::layer("ip", "InnerProduct", {"p"}, "inner_product_param { num_output: 70 }"));
+  const auto result = [&](int threads) {
+    return test::forward(net, {.threads = threads}).at("ip").values;
+  };
+  const std::vector<float> wanted = result(1);
+  for (const int threads : {8, 16, 61}) EXPECT_EQ(result(threads), wanted) << threads;
 }
 
 TEST(Profile, OrderStatistics) {

@@ -136,7 +136,7 @@ TEST(Layouts, KeepAllGivesEveryValueAsItIs) {
                                        in_place("s", "Scale", "d"));
   const auto run = [&](const PlanOptions& options) {
     engine::Run result(net.plan({}, options));
-    for (float& value : result.input("data").values()) value = -0.5F;
+    test::fill_randomly(result);
     result.forward();
     return result;
   };

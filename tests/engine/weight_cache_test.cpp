@@ -1,7 +1,6 @@
 // Packed weights: one copy for all plans of a net, gone with the last of them.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <thread>
 
 #include "net_case.h"
@@ -57,18 +56,23 @@ TEST(PackedWeights, AreKnownWithoutWeights) {
 
 TEST(PackedWeights, PlansAndRunsOfOneNetInParallel) {
   const Net net = net_of_two();
-  const auto wanted = test::forward(net, {}).begin()->second.values;
+  const auto result_of = [](const Plan& plan, unsigned seed) {
+    engine::Run run(plan);
+    test::fill_randomly(run, seed);
+    run.forward();
+    const auto values = run.output("d").values();
+    return std::vector<float>(values.begin(), values.end());
+  };
+  const std::vector<Shape> shapes{{1, 16, 9, 11}, {1, 16, 9, 12}};
+  std::vector<std::vector<float>> wanted;  // of each shape alone
+  for (const Shape& shape : shapes) wanted.push_back(result_of(net.plan({{"data", shape}}), 7));
   std::vector<std::thread> threads;
   for (unsigned t = 0; t < 4; ++t)
-    threads.emplace_back([&net, &wanted, t] {
-      const Plan plan = net.plan({{"data", Shape{1, 16, 9, 11 + t % 2}}});
+    threads.emplace_back([&, t] {
+      const Plan plan = net.plan({{"data", shapes[t % 2]}});
       for (int i = 0; i < 3; ++i) {
-        const auto found = test::forward(net, {}).begin()->second.values;
-        EXPECT_EQ(found, wanted);
-        engine::Run run(plan);
-        std::fill_n(run.input("data").data, run.input("data").shape.elements(), 1.0F);
-        run.forward();
-        EXPECT_TRUE(std::isfinite(run.output("d").values()[0]));
+        EXPECT_EQ(result_of(net.plan({{"data", shapes[0]}}), 7), wanted[0]);
+        EXPECT_EQ(result_of(plan, 7), wanted[t % 2]);
       }
     });
   for (std::thread& thread : threads) thread.join();
@@ -77,9 +81,9 @@ TEST(PackedWeights, PlansAndRunsOfOneNetInParallel) {
 TEST(PackedWeights, OnePlanOnSeveralThreads) {
   const Net net = net_of_two();
   const Plan plan = net.plan();
-  const auto run_with = [&plan](float value) {
+  const auto run_with = [&plan](unsigned seed) {
     engine::Run run(plan);
-    std::fill_n(run.input("data").data, run.input("data").shape.elements(), value);
+    test::fill_randomly(run, seed);
     std::vector<float> result;
     for (int i = 0; i < 5; ++i) {
       run.forward();
@@ -89,10 +93,10 @@ TEST(PackedWeights, OnePlanOnSeveralThreads) {
     return result;
   };
   std::vector<std::vector<float>> wanted, found(4);
-  for (int t = 0; t < 4; ++t) wanted.push_back(run_with(static_cast<float>(t) - 1.5F));
+  for (unsigned t = 0; t < 4; ++t) wanted.push_back(run_with(t));
+  EXPECT_NE(wanted[0], wanted[1]);
   std::vector<std::thread> threads;
-  for (int t = 0; t < 4; ++t)
-    threads.emplace_back([&, t] { found[t] = run_with(static_cast<float>(t) - 1.5F); });
+  for (unsigned t = 0; t < 4; ++t) threads.emplace_back([&, t] { found[t] = run_with(t); });
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(found, wanted);
 }

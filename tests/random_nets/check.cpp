@@ -40,7 +40,7 @@ class Check {
       : random_net_(random_net),
         statistics_(statistics),
         random_(random_net.seed ^ 0x5EED),
-        net_(load(random_net)) {
+        net_(load()) {
     ways_ = {{"default", {}}, {"keep_all", {.keep_all = true}}};
     if (!random_net.gray_offsets.empty() && net_.takes_gray_input()) {
       ways_.push_back({"gray", {.gray_offsets = random_net.gray_offsets}});
@@ -76,11 +76,10 @@ class Check {
     const Values& of(const Way& way) const { return way.options.gray_offsets ? gray : full; }
   };
 
-  static Net load(const RandomNet& random_net) {
-    const test::TempDir folder;
-    write(random_net, folder.path());
-    return Net::load(folder / "net.prototxt", folder / "net.caffemodel",
-                     {.truncation = random_net.truncation});
+  Net load(const std::map<std::string, Shape>& inputs = {}) const {
+    write(random_net_, folder_.path());
+    return Net::load(folder_ / "net.prototxt", folder_ / "net.caffemodel",
+                     {.truncation = random_net_.truncation, .inputs = inputs});
   }
 
   Case inputs_for(size_t set) {
@@ -131,12 +130,16 @@ class Check {
       if (i / pixels % channels == 0) full.values[i] += offsets[0];
   }
 
-  Plan plan(const Case& c, const Way& way, int threads = 1) const {
+  static std::map<std::string, Shape> shapes_of(const Case& c) {
     std::map<std::string, Shape> shapes;
     for (const auto& [name, tensor] : c.full) shapes[name] = tensor.shape;
+    return shapes;
+  }
+
+  Plan plan(const Case& c, const Way& way, int threads = 1) const {
     PlanOptions options = way.options;
     options.threads = threads;
-    return net_.plan(shapes, options);
+    return net_.plan(shapes_of(c), options);
   }
 
   Values run(const Case& c, const Way& way, int threads = 1) const {
@@ -194,6 +197,12 @@ class Check {
       for (const int threads : {2, 3, 7, 16})
         if (!same_bits(run(c, way, threads), wanted))
           return str(way.name, ": ", threads, " threads give other bits than one");
+      std::vector<Values> within(2);
+#pragma omp parallel for num_threads(2)
+      for (size_t i = 0; i < within.size(); ++i) within[i] = run(c, way, 3);
+      for (const Values& found : within)
+        if (!same_bits(found, wanted))
+          return way.name + ": within two threads, a run on three gives other bits than on one";
     }
     return "";
   }
@@ -205,9 +214,13 @@ class Check {
   }
 
   std::string compare_beside_each_other() {
+    const Net loaded = load(shapes_of(cases_[1]));  // with the other shapes from the beginning
     for (const Way& way : ways_) {
       std::vector<Values> alone;
       for (const Case& c : cases_) alone.push_back(run(c, way));
+      engine::Run at_once(loaded.plan({}, way.options));
+      if (!same_bits(forward(at_once, cases_[1].of(way)), alone[1]))
+        return way.name + ": shapes given when loading and when planning give different bits";
       for (const size_t first : {0, 1}) {
         const size_t second = 1 - first;
         engine::Run a(plan(cases_[first], way)), b(plan(cases_[second], way));
@@ -223,6 +236,7 @@ class Check {
   const RandomNet& random_net_;
   Statistics& statistics_;
   Random random_;
+  const test::TempDir folder_;
   Net net_;
   std::vector<Way> ways_;
   std::vector<Case> cases_;

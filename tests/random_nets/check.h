@@ -16,8 +16,8 @@ struct Statistics {
 };
 
 /// Runs a net in all ways that must give the same: with the reference kernels, with every set of
-/// instructions, keeping all layers and not, gray or in full, on 1, 2, 3, 7 and 16 threads, alone
-/// and beside a plan for other shapes. Returns what is wrong, or nothing.
+/// instructions, keeping all layers and not, gray or in full, on 1, 2, 3, 7 and 16 threads, within
+/// other threads, alone and beside a plan for other shapes. Returns what is wrong, or nothing.
 ///
 /// Numbers are compared with those of the reference channel by channel. How much rounding may show
 /// in a channel is measured: the reference runs again with noise of the size that kernels may round

@@ -42,13 +42,17 @@ std::string in_place(const std::string& name, const std::string& type, const std
          "' " + param + " }\n";
 }
 
-std::map<std::string, engine::Tensor> forward(const engine::Net& net,
-                                              const engine::PlanOptions& options, unsigned seed) {
-  engine::Run run(net.plan({}, options));
+void fill_randomly(engine::Run& run, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> uniform(-1, 1);
   for (const engine::Port& port : run.plan().inputs())
     for (float& value : run.input(port.name).values()) value = uniform(random);
+}
+
+std::map<std::string, engine::Tensor> forward(const engine::Net& net,
+                                              const engine::PlanOptions& options, unsigned seed) {
+  engine::Run run(net.plan({}, options));
+  fill_randomly(run, seed);
   run.forward();
   std::map<std::string, engine::Tensor> outputs;
   for (const engine::Port& port : run.plan().outputs()) {

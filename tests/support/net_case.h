@@ -23,7 +23,10 @@ std::string layer(const std::string& name, const std::string& type,
 std::string in_place(const std::string& name, const std::string& type, const std::string& blob,
                      const std::string& param = "");
 
-/// Outputs of one pass, by name, on inputs between -1 and 1 that `seed` makes.
+/// Fills all inputs of a run with numbers between -1 and 1 that `seed` makes.
+void fill_randomly(engine::Run& run, unsigned seed = 1);
+
+/// Outputs of one pass, by name, on inputs that fill_randomly() makes.
 std::map<std::string, engine::Tensor> forward(const engine::Net& net,
                                               const engine::PlanOptions& options,
                                               unsigned seed = 1);
