@@ -7,11 +7,7 @@
 #define REVISIT_BLOCK_INL_H_
 #endif
 
-#include <hwy/highway.h>
-
-#include <cstdint>
-
-#include "layout.h"
+#include "kernels/blocked/simd_traits-inl.h"
 
 // Loops over registers must be unrolled completely: a register has no index.
 #ifndef REVISIT_UNROLL
@@ -20,12 +16,6 @@
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
-namespace hn = hwy::HWY_NAMESPACE;
-
-using Tag = hn::CappedTag<float, kLanes>;
-using Vector = hn::Vec<Tag>;
-constexpr int64_t kVectorLanes = hn::MaxLanes(Tag());
-constexpr int kVectors = kLanes / kVectorLanes;  // of a block
 
 struct Block {
   HWY_INLINE Block() {}  // g++ would make its own outside of the target that NEON registers need

@@ -18,6 +18,21 @@ struct Parts {
 /// channels, 28 of AVX-512's 32 registers. Targets with fewer registers take a part of it.
 constexpr int64_t kMaxColumns = 14;
 
+/// Sums of a matrix product that are held in registers: of `blocks` blocks of output channels times
+/// `columns` columns.
+struct SumTile {
+  int blocks, columns;
+};
+
+/// The largest for so many registers, `vectors` of which hold a block of channels: the sums, the
+/// weights of one input channel and one broadcast input value must fit, and there must be enough
+/// sums to hide the latency of a fused multiply-add.
+constexpr SumTile sum_tile(int registers, int vectors) {
+  constexpr int kColumns = kMaxColumns;
+  const int blocks = 2 * vectors * (kColumns + 1) + 1 <= registers ? 2 : 1;
+  return {blocks, std::clamp((registers - 1) / (blocks * vectors) - 1, 2, kColumns)};
+}
+
 /// The fewest strips of at most kMaxColumns.
 inline Parts strips_of(int64_t columns) {
   return {columns, (columns + kMaxColumns - 1) / kMaxColumns};

@@ -32,11 +32,7 @@ class Depthwise {
   }
 
  private:
-#if HWY_TARGET <= HWY_AVX3
-  static constexpr int kPixels = 8;
-#else
-  static constexpr int kPixels = 4;
-#endif
+  static constexpr int kPixels = kVectors == 1 ? 8 : 4;
 
   /// `plane` counts the blocks of all images.
   void run_row(int64_t plane, int64_t y) const {

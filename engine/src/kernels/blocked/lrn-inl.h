@@ -24,20 +24,20 @@ struct ThreeQuarters {
   explicit ThreeQuarters(float) {}
 
   HWY_INLINE Vector operator()(Vector x, Vector scale) const {
-#if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
-    const Tag d;
-    // r = scale ^ -0.25 (1 + e) with |e| < 1e-4 from two reciprocal roots of 14 bits. Then
-    // q = scale * r^4 = 1 + 4e + ..., and r^3 * (1.75 - 0.75 q) has a relative error below 11 e^2.
-    // Of 0, infinity, NaN and negative numbers q is NaN.
-    const Vector inverse_root = hn::ApproximateReciprocalSqrt(scale);
-    const Vector r = hn::Mul(inverse_root, hn::ApproximateReciprocalSqrt(inverse_root));
-    const Vector r2 = hn::Mul(r, r);
-    const Vector q = hn::Mul(hn::Mul(scale, r2), r2);
-    if (HWY_LIKELY(hn::AllTrue(d, hn::Eq(q, q)))) {
-      const Vector correction = hn::NegMulAdd(q, hn::Set(d, 0.75F), hn::Set(d, 1.75F));
-      return hn::Mul(hn::Mul(x, hn::Mul(r, r2)), correction);
+    if constexpr (kHasReciprocalRoot14) {
+      const Tag d;
+      // r = scale ^ -0.25 (1 + e) with |e| < 1e-4 from two reciprocal roots of 14 bits. Then
+      // q = scale * r^4 = 1 + 4e + ..., and r^3 * (1.75 - 0.75 q) has a relative error below 11
+      // e^2. Of 0, infinity, NaN and negative numbers q is NaN.
+      const Vector inverse_root = hn::ApproximateReciprocalSqrt(scale);
+      const Vector r = hn::Mul(inverse_root, hn::ApproximateReciprocalSqrt(inverse_root));
+      const Vector r2 = hn::Mul(r, r);
+      const Vector q = hn::Mul(hn::Mul(scale, r2), r2);
+      if (HWY_LIKELY(hn::AllTrue(d, hn::Eq(q, q)))) {
+        const Vector correction = hn::NegMulAdd(q, hn::Set(d, 0.75F), hn::Set(d, 1.75F));
+        return hn::Mul(hn::Mul(x, hn::Mul(r, r2)), correction);
+      }
     }
-#endif
     const Vector root = hn::Sqrt(scale);
     return hn::Div(x, hn::Mul(root, hn::Sqrt(root)));
   }

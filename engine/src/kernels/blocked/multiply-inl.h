@@ -19,17 +19,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-// Sums held in registers: they, the weights of one input channel and one broadcast input value must
-// fit the register file, and there must be enough sums to hide the latency of a fused multiply-add.
-#if HWY_TARGET <= HWY_AVX3
-constexpr int kTileBlocks = 2, kTileColumns = kMaxColumns;
-#elif HWY_TARGET == HWY_NEON
-constexpr int kTileBlocks = 1, kTileColumns = 6;
-#elif HWY_TARGET == HWY_AVX2
-constexpr int kTileBlocks = 1, kTileColumns = 6;
-#else
-constexpr int kTileBlocks = 1, kTileColumns = 2;
-#endif
+constexpr int kTileBlocks = sum_tile(kRegisters, kVectors).blocks;
+constexpr int kTileColumns = sum_tile(kRegisters, kVectors).columns;
 
 /// Factors of a product, in steps of floats.
 struct Factors {

@@ -30,17 +30,12 @@ HWY_INLINE WindowRange window_range(int64_t out, int64_t stride, int64_t pad, in
 
 struct Largest {
   static HWY_INLINE Vector first() { return hn::Set(Tag(), -FLT_MAX); }
-  /// NaN never wins: x > best ? x : best, which is what the instruction of x86 does.
+  /// NaN never wins: x > best ? x : best.
   static HWY_INLINE Vector add(Vector best, Vector x) {
-#if HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR
-    return hn::Max(x, best);
-#else
+    if constexpr (kMaxIsFirstIfGreater) return hn::Max(x, best);
     return hn::IfThenElse(hn::Gt(x, best), x, best);
-#endif
   }
-  static HWY_INLINE Vector last(Vector best, float) {
-    return best;
-  }
+  static HWY_INLINE Vector last(Vector best, float) { return best; }
 };
 
 struct Mean {
