@@ -22,6 +22,12 @@ HWY_INLINE Vector where_negative(Vector x, Vector negative) {
   return hn::IfThenElse(hn::Lt(x, hn::Zero(Tag())), negative, x);
 }
 
+/// slope * x for negative x, added to the 0 that Caffe's expression adds it to: max(x, 0) + slope *
+/// min(x, 0) is never -0 there.
+HWY_INLINE Vector leak(Vector slope, Vector x) {
+  return hn::MulAdd(slope, x, hn::Zero(Tag()));
+}
+
 /// `slopes` are those of the channels of `x`.
 HWY_INLINE Block activate(const Epilogue& e, const float* slopes, Block x) {
   using Activation = Epilogue::Activation;
@@ -31,18 +37,18 @@ HWY_INLINE Block activate(const Epilogue& e, const float* slopes, Block x) {
       break;
     case Activation::kRelu:
       REVISIT_UNROLL
-      for (Vector& v : x.v) v = where_negative(v, hn::Mul(hn::Set(d, e.slope), v));
+      for (Vector& v : x.v) v = where_negative(v, leak(hn::Set(d, e.slope), v));
       break;
     case Activation::kPrelu: {
       REVISIT_UNROLL
       for (int i = 0; i < kVectors; ++i)
-        x.v[i] = where_negative(x.v[i], hn::Mul(hn::Load(d, slopes + i * kVectorLanes), x.v[i]));
+        x.v[i] = where_negative(x.v[i], leak(hn::Load(d, slopes + i * kVectorLanes), x.v[i]));
       break;
     }
     case Activation::kElu:
       for (Vector& v : x.v)
-        v = where_negative(
-            v, hn::Mul(hn::Set(d, e.slope), hn::Sub(hn::CallExp(d, v), hn::Set(d, 1.0F))));
+        v = where_negative(v,
+                           leak(hn::Set(d, e.slope), hn::Sub(hn::CallExp(d, v), hn::Set(d, 1.0F))));
       break;
     case Activation::kClip:
       REVISIT_UNROLL
