@@ -1,6 +1,7 @@
 #include "revisit/engine/blas.h"
 
 #include <cblas.h>
+#include <omp.h>
 
 #include <algorithm>
 #include <array>
@@ -23,6 +24,15 @@ Vectors vectors_of(const std::string& core) {
 }  // namespace
 #endif
 
+namespace {
+
+bool blas_is_on_openmp() {
+  static const bool kIs = openblas_get_parallel() == OPENBLAS_OPENMP;
+  return kIs;
+}
+
+}  // namespace
+
 std::string blas_core() {
   return openblas_get_corename();
 }
@@ -37,6 +47,23 @@ std::string faster_blas_core() {
     return "Haswell";
 #endif
   return "";
+}
+
+OneBlasThread::OneBlasThread() {
+  if (blas_is_on_openmp()) {
+    openmp_threads_ = omp_get_max_threads();
+    omp_set_num_threads(1);
+    return;
+  }
+  static const bool kSet = [] {
+    openblas_set_num_threads(1);
+    return true;
+  }();
+  static_cast<void>(kSet);
+}
+
+OneBlasThread::~OneBlasThread() {
+  if (blas_is_on_openmp()) omp_set_num_threads(openmp_threads_);
 }
 
 }  // namespace revisit::engine

@@ -1,21 +1,11 @@
 #include <cblas.h>
 
 #include "kernels/gemm.h"
+#include "revisit/engine/blas.h"
 
 namespace revisit::engine {
-namespace {
-
-/// OpenBLAS's own threads stay off: the work is split outside, the same way for any thread count.
-bool use_one_thread() {
-  openblas_set_num_threads(1);
-  return true;
-}
-
-}  // namespace
-
 void gemm(const GemmProblem& p) {
-  static const bool configured = use_one_thread();
-  static_cast<void>(configured);
+  const OneBlasThread one_thread;  // the work is split outside, the same way for any thread count
   const auto narrow = [](int64_t value) { return static_cast<blasint>(value); };
   cblas_sgemm(CblasRowMajor, p.transpose_a ? CblasTrans : CblasNoTrans,
               p.transpose_b ? CblasTrans : CblasNoTrans, narrow(p.m), narrow(p.n), narrow(p.k),

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "revisit/engine/blas.h"
 #include "revisit/proto/error.h"
 
 // LAPACK's own symbol; OpenBLAS contains it, so that LAPACKE is not needed.
@@ -21,47 +22,38 @@ int as_int(int64_t value) {
   return static_cast<int>(value);
 }
 
-/// The library's own threads stay off, for the whole process. (The engine wants the same.)
-void use_one_thread() {
-  static const bool done = [] {
-    openblas_set_num_threads(1);
-    return true;
-  }();
-  static_cast<void>(done);
-}
-
 }  // namespace
 
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda,
                          const float* b, int64_t ldb, float* c, int64_t ldc) {
-  use_one_thread();
+  const engine::OneBlasThread one_thread;
   cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 void multiply_by_own_transpose(int64_t m, int64_t k, const float* a, int64_t lda, float* c,
                                int64_t ldc) {
-  use_one_thread();
+  const engine::OneBlasThread one_thread;
   cblas_ssyrk(CblasRowMajor, CblasUpper, CblasNoTrans, as_int(m), as_int(k), 1, a, as_int(lda), 0,
               c, as_int(ldc));
 }
 
 void multiply(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda, const float* b,
               int64_t ldb, float* c, int64_t ldc) {
-  use_one_thread();
+  const engine::OneBlasThread one_thread;
   cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64_t lda,
                          const double* b, int64_t ldb, double* c, int64_t ldc) {
-  use_one_thread();
+  const engine::OneBlasThread one_thread;
   cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
-  use_one_thread();
+  const engine::OneBlasThread one_thread;
   const int n = as_int(m), first = as_int(m - k + 1), last = n;  // LAPACK counts from 1, ascending
   const double unused = 0, tolerance = 0;
   int found = 0, info = 0, work_size = -1, iwork_size = -1, best_iwork = 0;

@@ -12,4 +12,23 @@ std::string blas_core();
 /// back. Empty when there is none. To be set as OPENBLAS_CORETYPE before the program starts.
 std::string faster_blas_core();
 
+/// While one lives, OpenBLAS works on the calling thread alone: the result of a product depends on
+/// how many threads share it. Every product of the engine is made under one.
+///   - OpenBLAS with threads of its own (libopenblas0-pthread) has only one setting for the whole
+///     process: the first OneBlasThread sets it to one thread and it stays so. A program that wants
+///     more for products of its own calls openblas_set_num_threads() afterwards; the engine's
+///     results are then the same to rounding only.
+///   - OpenBLAS on OpenMP (libopenblas0-openmp) asks OpenMP how many threads the calling thread may
+///     have: that is set to one, and set back in the end. Other threads see nothing of it.
+class OneBlasThread {
+ public:
+  OneBlasThread();
+  ~OneBlasThread();
+  OneBlasThread(const OneBlasThread&) = delete;
+  OneBlasThread& operator=(const OneBlasThread&) = delete;
+
+ private:
+  int openmp_threads_ = 0;  // before
+};
+
 }  // namespace revisit::engine
