@@ -104,6 +104,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
 
   auto plan = std::make_shared<Plan::Impl>();
   plan->net = impl_;
+  plan->flush_denormals = options.flush_denormals;
   plan->costs = describe_layers(*impl_, shapes);
   plan->arena_floats = placement.arena_floats;
   plan->buffers = placement.buffers;

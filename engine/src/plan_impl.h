@@ -36,6 +36,7 @@ struct Plan::Impl {
   std::vector<Port> inputs, outputs;
   std::map<std::string, Slot, std::less<>> input_slots, output_slots;
   std::map<std::string, Slot, std::less<>> layer_slots;  // by port_name(), with keep_all
+  bool flush_denormals = true;
   int64_t arena_floats = 0;
   int64_t weight_floats = 0;
   int64_t packed_floats = 0;

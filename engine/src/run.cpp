@@ -2,6 +2,7 @@
 #include <limits>
 
 #include "aligned.h"
+#include "kernels/float_mode.h"
 #include "plan_impl.h"
 
 namespace revisit::engine {
@@ -21,6 +22,11 @@ const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, con
   std::vector<std::string> known;
   for (const auto& [slot, place] : slots) known.push_back(slot);
   throw UsageError(str("this run keeps no ", what, " '", name, "'", did_you_mean(name, known)));
+}
+
+FloatMode mode_of(const Plan::Impl& plan) {
+  const FloatMode mode = FloatMode::current();
+  return plan.flush_denormals ? mode.flushing_denormals() : mode;
 }
 
 }  // namespace
@@ -83,6 +89,7 @@ View<const float> Run::layer_output(std::string_view name) const {
 }
 
 void Run::forward() noexcept {
+  const FloatModeScope scope(mode_of(*plan_.impl_));
   const std::vector<Step>& steps = plan_.impl_->steps;
   for (size_t i = 0; i < steps.size(); ++i) memory_->run(steps[i], i);
 }
@@ -91,7 +98,10 @@ void Run::forward(StepObserver& observer) {
   const std::vector<Step>& steps = plan_.impl_->steps;
   for (size_t i = 0; i < steps.size(); ++i) {
     observer.before(steps[i].layer);
-    memory_->run(steps[i], i);
+    {
+      const FloatModeScope scope(mode_of(*plan_.impl_));
+      memory_->run(steps[i], i);
+    }
     observer.after(steps[i].layer);
   }
 }

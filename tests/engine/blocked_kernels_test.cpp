@@ -322,6 +322,18 @@ TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
   }
 }
 
+/// Registers and vectors of a block: AVX-512, NEON, AVX2, SSE4, none.
+TEST(SumTile, FillsTheRegistersOfEveryTarget) {
+  const auto is = [](SumTile tile, int blocks, int columns) {
+    return tile.blocks == blocks && tile.columns == columns;
+  };
+  EXPECT_TRUE(is(sum_tile(32, 1), 2, 14));
+  EXPECT_TRUE(is(sum_tile(32, 4), 1, 6));
+  EXPECT_TRUE(is(sum_tile(16, 2), 1, 6));
+  EXPECT_TRUE(is(sum_tile(16, 4), 1, 2));
+  EXPECT_TRUE(is(sum_tile(16, 16), 1, 2));
+}
+
 TEST(PoolingPieces, EveryThreadHasOneAndOneThreadMakesNoRowTwice) {
   for (const FirstLayers& f :
        {first_layers("alexnet", 1, 3, 227, 227, 96, {11, 4, 0}, true, {3, 2, 0}),
@@ -408,6 +420,30 @@ TEST(BlockedActivation, AgreesWithTheLayers) {
       });
     }
   }
+}
+
+/// 1 / x and signbit() see it.
+TEST(BlockedActivation, ZerosHaveTheSignOfTheLayers) {
+  using Activation = Epilogue::Activation;
+  const std::vector<float> input = {-1, -0.0F, 0, 1, -FLT_MAX, FLT_MAX, -1e-20F, 1e-20F};
+  const std::vector<float> slopes = {0, 0, 0, 0, 0.25F, 0, -0.0F, 0};
+  const Result r{1, std::ssize(input), 1};
+  const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
+  const test::AlignedFloats padded_slopes = padded(slopes);
+  const auto check = [&](const Epilogue& epilogue, const std::vector<float>& wanted) {
+    test::for_each_simd_target([&] {
+      EXPECT_TRUE(same_bits(
+          result_of(
+              r,
+              [&](int threads, float* output, float*) {
+                blocked_activation({r.n, r.c, r.pixels, threads}, epilogue, blocked.data(), output);
+              }),
+          wanted));
+    });
+  };
+  check({Activation::kRelu}, layer_result(r, "ReLU", "", {input}));
+  check({Activation::kPrelu, 0, 0, 0, padded_slopes.data()},
+        layer_result(r, "PReLU", "", {input}, {slopes}));
 }
 
 TEST(BlockedScale, AgreesWithTheLayers) {

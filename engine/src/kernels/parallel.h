@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "kernels/float_mode.h"
+
 #ifdef __SANITIZE_THREAD__
 extern "C" void __tsan_acquire(void*);
 extern "C" void __tsan_release(void*);
@@ -36,7 +38,8 @@ struct RegionForSanitizer {
 };
 
 /// Calls `work(item, thread)` for every item in [0, items), on up to `threads` threads. Items must
-/// be independent; their size must not depend on the number of threads.
+/// be independent, and no value may depend on how many there are: their number may depend on the
+/// number of threads. Every thread calculates in the FloatMode of the calling one.
 template <class Work>
 void parallel_for(int64_t items, int threads, const Work& work) {
   if (threads <= 1 || items <= 1) {
@@ -44,11 +47,16 @@ void parallel_for(int64_t items, int threads, const Work& work) {
     return;
   }
   RegionForSanitizer region;
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 1)
-  for (int64_t item = 0; item < items; ++item) {
-    region.before_item();
-    work(item, omp_get_thread_num());
-    region.after_item();
+  const FloatMode mode = FloatMode::current();
+#pragma omp parallel num_threads(threads)
+  {
+    const FloatModeScope scope(mode);
+#pragma omp for schedule(dynamic, 1) nowait
+    for (int64_t item = 0; item < items; ++item) {
+      region.before_item();
+      work(item, omp_get_thread_num());
+      region.after_item();
+    }
   }
 }
 

@@ -71,6 +71,8 @@ void NetOptions::declare(Parser& parser) {
               &allow_missing);
   parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
               &allow_unknown);
+  parser.flag("keep-denormals", "numbers below 1.2e-38 keep their value, as in Caffe, however slow",
+              &keep_denormals);
   limits.declare(parser);
   parser.option("max-run-mb", "N",
                 str("most memory for the values of one run (default ", run_mb, ")"), &run_mb);
@@ -87,7 +89,7 @@ engine::LoadOptions NetOptions::load_options() const {
 
 engine::PlanOptions NetOptions::plan_options() const {
   check_limit("--max-run-mb", run_mb, kMostMb);
-  return {.threads = threads, .max_arena_bytes = run_mb << 20};
+  return {.threads = threads, .max_arena_bytes = run_mb << 20, .flush_denormals = !keep_denormals};
 }
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {

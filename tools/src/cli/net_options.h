@@ -29,7 +29,7 @@ struct NetOptions {
   engine::Truncation truncation;
   std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
   int threads = 1;
-  bool allow_missing = false, allow_unknown = false;
+  bool allow_missing = false, allow_unknown = false, keep_denormals = false;
   LimitOptions limits;
   int64_t run_mb = engine::PlanOptions{}.max_arena_bytes >> 20;
 
