@@ -7,6 +7,7 @@
 #include "revisit/pipeline/ground_truth.h"
 #include "revisit/pipeline/protocols.h"
 #include "revisit/pipeline/retrieve.h"
+#include "revisit/pipeline/sensor.h"
 #endif
 
 namespace revisit::fuzz {

@@ -18,7 +18,7 @@ namespace {
 constexpr double kPi = std::numbers::pi;
 
 ImageGeometry geometry(int width, int height) {
-  return {.width = width, .height = height, .closing_width = 1, .closing_height = 1};
+  return {.width = width, .height = height};
 }
 
 /// The point, and those around it in the last places of its floats.

@@ -11,6 +11,7 @@
 #include "naive_range_image.h"
 #include "revisit/pipeline/align.h"
 #include "revisit/pipeline/scan_file.h"
+#include "revisit/pipeline/sensor.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
 
@@ -105,7 +106,7 @@ TEST(Project, AgreesWithTheFormulaForAnySize) {
   const PointCloud cloud = random_cloud(1, 20000);
   for (const int width : {1, 2, 3, 7, 500, 999, 4000})
     for (const int height : {1, 5, 112}) {
-      ImageGeometry g{.width = width, .height = height, .closing_width = 1, .closing_height = 1};
+      ImageGeometry g{.width = width, .height = height};
       const RangeImage image = project(cloud, g);
       ASSERT_EQ(image.pixels.size(), static_cast<size_t>(width) * height);
       EXPECT_EQ(count_differing(image, project_naively(cloud, g), kRounding), 0)
@@ -162,13 +163,20 @@ TEST(Project, AYawIsExactlyAColumnShift) {
 TEST(Project, AHalfTurnIsExactlyHalfTheWidth) {
   const PointCloud cloud = random_cloud(2, 20000);
   for (const int width : {2, 100, 4000}) {
-    const ImageGeometry g{.width = width, .closing_width = 1};
+    const ImageGeometry g{.width = width};
     EXPECT_EQ(project(turned_by_half(cloud), g).pixels,
               shifted(project(cloud, g), width / 2).pixels);
   }
 }
 
 // --- close_holes()
+
+/// The geometry with a closing rectangle given in its pixels.
+ImageGeometry closing_by(ImageGeometry g, int width, int height) {
+  g.closing_width = width * 360.0 / g.width;
+  g.closing_height = height * (g.elevation_top - g.elevation_bottom) / g.height;
+  return g;
+}
 
 TEST(CloseHoles, AgreesWithTheDefinition) {
   struct Size {
@@ -179,10 +187,8 @@ TEST(CloseHoles, AgreesWithTheDefinition) {
          {Size{1, 1}, {5, 3}, {3, 5}, {1, 3}, {7, 1}, {5, 9}, {17, 31}, {101, 33}}) {
       if (rectangle.width > size.width || rectangle.height > size.height) continue;
       const RangeImage image = sparse_image(size.width, size.height);
-      const ImageGeometry g{.width = size.width,
-                            .height = size.height,
-                            .closing_width = rectangle.width,
-                            .closing_height = rectangle.height};
+      const ImageGeometry g = closing_by({.width = size.width, .height = size.height},
+                                         rectangle.width, rectangle.height);
       const RangeImage closed = close_holes(image, g);
       EXPECT_EQ(closed.pixels, close_naively(image, rectangle.width, rectangle.height).pixels)
           << size.width << " x " << size.height << " by " << rectangle.width << " x "
@@ -196,58 +202,27 @@ TEST(CloseHoles, AgreesWithTheDefinition) {
 
 TEST(CloseHoles, FillsAGapAcrossTheEdge) {
   RangeImage image{8, 1, {9, 9, 0, 9, 9, 9, 9, 0}};
-  const ImageGeometry g{.width = 8, .height = 1, .closing_width = 3, .closing_height = 1};
+  const ImageGeometry g = closing_by({.width = 8, .height = 1}, 3, 1);
   EXPECT_EQ(close_holes(image, g).pixels, std::vector<float>(8, 9));
 }
 
 // --- geometry
 
-TEST(Sensors, PresetsAreValidAndOfOneSize) {
-  EXPECT_EQ(sensor_names(), (std::vector<std::string>{"hdl64", "hdl32", "vlp16"}));
-  for (const std::string& name : sensor_names()) {
-    const ImageGeometry g = sensor_geometry(name);
-    EXPECT_NO_THROW(check_geometry(g));
-    EXPECT_EQ(g.width, 4000);
-    EXPECT_EQ(g.height, 112);
-  }
-  const ImageGeometry hdl64 = sensor_geometry("hdl64");
-  EXPECT_DOUBLE_EQ(360.0 / hdl64.width, 0.09);
-  EXPECT_DOUBLE_EQ((hdl64.elevation_top - hdl64.elevation_bottom) / hdl64.height, 0.25);
-  try {
-    sensor_geometry("hdl46");
-    FAIL();
-  } catch (const UsageError& error) {
-    EXPECT_NE(std::string(error.what()).find("did you mean 'hdl64'"), std::string::npos)
-        << error.what();
-  }
-}
-
-TEST(Sensors, EveryBeamOfThePresetsFallsIntoItsOwnRows) {
-  struct Beams {
-    const char* sensor;
-    double top, step;
-    int count;
+TEST(Geometry, TheClosingRectangleKeepsItsAngle) {
+  const auto pixels = [](ImageGeometry g) {
+    const ClosingRectangle closing = closing_rectangle(g);
+    return std::pair(closing.width, closing.height);
   };
-  for (const Beams& b : {Beams{"vlp16", 15, 2, 16}, Beams{"hdl32", 10.67, 41.34 / 31, 32}}) {
-    ImageGeometry g = sensor_geometry(b.sensor);
-    g.width = 5;
-    PointCloud cloud;
-    for (int beam = 0; beam < b.count; ++beam) {
-      const double elevation = (b.top - b.step * beam) * kPi / 180;
-      for (int k = 0; k < 5; ++k) {
-        const double azimuth = kPi - (k + 0.5) * 2 * kPi / 5;
-        cloud.points.push_back({static_cast<float>(10 * std::cos(elevation) * std::cos(azimuth)),
-                                static_cast<float>(10 * std::cos(elevation) * std::sin(azimuth)),
-                                static_cast<float>(10 * std::sin(elevation)), 0});
-      }
-    }
-    const RangeImage image = project(cloud, g);
-    EXPECT_EQ(pixels_of(image).size(), static_cast<size_t>(5 * b.count)) << b.sensor;
-    // Closing leaves no empty row between two beams.
-    const std::vector<Pixel> closed = pixels_of(close_holes(image, g));
-    const int first = pixels_of(image).front().row, last = pixels_of(image).back().row;
-    EXPECT_GE(closed.size(), static_cast<size_t>(5 * (last - first + 1))) << b.sensor;
-  }
+  using Pair = std::pair<int, int>;
+  EXPECT_EQ(pixels({}), Pair(5, 3)) << "of an HDL-64E, since the first version";
+  // Halved, doubled, ...: the odd number nearest to 0.45 x 0.75 degrees, the larger of two.
+  EXPECT_EQ(pixels({.width = 2000, .height = 56}), Pair(3, 1));
+  EXPECT_EQ(pixels({.width = 8000, .height = 224}), Pair(11, 7));
+  EXPECT_EQ(pixels({.width = 400, .height = 107}), Pair(1, 3));
+  EXPECT_EQ(pixels({.width = 40000, .height = 1120}), Pair(51, 31));
+  EXPECT_EQ(pixels({.elevation_top = 17, .elevation_bottom = -39}), Pair(5, 1));
+  EXPECT_EQ(pixels({.closing_width = 0, .closing_height = 0}), Pair(1, 1));
+  EXPECT_EQ(pixels({.closing_width = 360, .closing_height = 90}), Pair(3999, 111));
 }
 
 TEST(Geometry, RefusesWhatIsNone) {
@@ -266,8 +241,10 @@ TEST(Geometry, RefusesWhatIsNone) {
   refused([](ImageGeometry& g) { g.elevation_bottom = std::nan(""); });
   refused([](ImageGeometry& g) { g.max_range = 0; });
   refused([](ImageGeometry& g) { g.max_range = std::numeric_limits<double>::infinity(); });
-  refused([](ImageGeometry& g) { g.closing_width = 4; });
-  refused([](ImageGeometry& g) { g.closing_height = 113; });
+  refused([](ImageGeometry& g) { g.closing_width = -0.1; });
+  refused([](ImageGeometry& g) { g.closing_width = 361; });
+  refused([](ImageGeometry& g) { g.closing_width = std::nan(""); });
+  refused([](ImageGeometry& g) { g.closing_height = -1; });
   EXPECT_THROW(close_holes({3, 3, std::vector<float>(9)}, ImageGeometry{}), UsageError);
 }
 

@@ -47,7 +47,7 @@ TEST(ImageCommand, WritesBothImagesAndATable) {
   }
   EXPECT_EQ(std::distance(fs::directory_iterator(out), fs::directory_iterator()), 2);
   EXPECT_HAS(result.out, "usable points     1000\n");
-  EXPECT_HAS(result.out, "4000 x 112, hdl64");
+  EXPECT_HAS(result.out, "4000 x 112, auto");
   EXPECT_HAS(result.out, "eigenvalue ratio");
 }
 
@@ -55,7 +55,7 @@ TEST(ImageCommand, JsonHasTheFieldsOfTheReport) {
   const TempDir dir;
   test::write_file(dir / "a.bin", small_scan());
   const std::string command = "image " + quoted(dir / "a.bin") + " -o " + quoted(dir.path()) +
-                              " --format json --sensor vlp16 --width 1000 --closing-width 1";
+                              " --format json --sensor vlp16 --width 1000 --closing-width 0";
   const ProgramResult result = run_revisit(command + " --align case2");
   EXPECT_EQ(result.exit_code, 0) << result.err;
   for (const char* const part :
@@ -100,13 +100,14 @@ TEST(ImageCommand, MisuseIsExitCode2) {
   const TempDir dir;
   test::write_file(dir / "a.bin", small_scan());
   const std::string command = "image " + quoted(dir / "a.bin") + " -o " + quoted(dir / "out");
-  const std::pair<const char*, const char*> cases[] = {{" --sensor hdl46", "did you mean 'hdl64'"},
-                                                       {" --align case3", "did you mean"},
-                                                       {" --format xml", "table, json"},
-                                                       {" --width 0", "width from 1"},
-                                                       {" --closing-width 4", "odd"},
-                                                       {" --top -30", "top -30, bottom -25"},
-                                                       {" extra", "unexpected argument"}};
+  const std::pair<const char*, const char*> cases[] = {
+      {" --sensor hdl46", "did you mean 'hdl64'"},
+      {" --align case3", "did you mean"},
+      {" --format xml", "table, json"},
+      {" --width 0", "width from 1"},
+      {" --closing-width -4", "0 to 360 degrees"},
+      {" --sensor hdl64 --top -30", "top -30, bottom -25"},
+      {" extra", "unexpected argument"}};
   for (const auto& [arguments, says] : cases) {
     const ProgramResult result = run_revisit(command + arguments);
     EXPECT_EQ(result.exit_code, 2) << arguments << result.err;

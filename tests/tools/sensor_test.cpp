@@ -72,5 +72,91 @@ TEST_F(SensorOption, TheImageCommandSaysItToo) {
   EXPECT_EQ(count(run_revisit(image + " --sensor vlp16").out, kOutside), 0U);
 }
 
+TEST_F(SensorOption, TheWholeGeometryIsOneSetOfOptions) {
+  const std::string geometry =
+      " --sensor hdl32 --top 20 --bottom -20 --width 1000 --height 80 --max-range 60 "
+      "--closing-width 1.8 --closing-height 2.5";
+  ASSERT_EQ(run_revisit(eval(geometry)).exit_code, 0);
+  ASSERT_EQ(run_revisit(describe(geometry)).exit_code, 0);
+  const auto image = run_revisit("image " + (root() / "sequences/00/velodyne/000003.bin").string() +
+                                 " -o " + dir_.path().string() + geometry);
+  EXPECT_HAS(image.out, "1000 x 80, hdl32");
+  const std::string eval_json = test::read_file(dir_ / "results/drive_00/latest/run.json");
+  for (const std::string& json : {eval_json, test::read_file(dir_ / "described/run.json")})
+    for (const char* part :
+         {"\"image_width\": 1000", "\"image_height\": 80", "\"elevation_top_deg\": 20",
+          "\"elevation_bottom_deg\": -20", "\"max_range_m\": 60", "\"closing_width\": 5",
+          "\"closing_height\": 5", "\"sensor\": \"hdl32\""})
+      EXPECT_HAS(json, part);
+  EXPECT_HAS(eval_json, "--closing-height 2.5");
+  EXPECT_HAS(test::read_file(dir_ / "results/drive_00/latest/config.yaml"), "bottom: -20");
+}
+
+TEST_F(SensorOption, ListNamesThemWithoutData) {
+  for (const char* command : {"image", "eval", "describe"}) {
+    const auto result = run_revisit(std::string(command) + " --sensor list");
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_HAS(result.out, "ouster-os1-128");
+    EXPECT_HAS(result.out, "Livox Mid-360");
+  }
+}
+
+TEST_F(SensorOption, AutoFindsTheSensorAndSaysSo) {
+  const std::string seen = "note: sensor: 16 beams from +15.0 to -15.0 degrees: vlp16";
+  for (const std::string& command : {eval(), describe()}) {
+    const auto result = run_revisit(command);
+    ASSERT_EQ(result.exit_code, 0) << result.err;
+    EXPECT_EQ(count(result.err, seen), 1U) << result.err;
+    EXPECT_EQ(count(result.err, kOutside), 0U) << result.err;
+  }
+  const std::string json = test::read_file(dir_ / "results/drive_00/latest/run.json");
+  EXPECT_HAS(json, "\"sensor\": \"vlp16\"");
+  EXPECT_HAS(json, "--sensor vlp16") << "of the command that repeats it";
+  EXPECT_HAS(test::read_file(dir_ / "results/drive_00/latest/config.yaml"), "sensor: vlp16");
+  EXPECT_EQ(count(run_revisit(eval("--quiet")).err, "sensor"), 0U);
+  EXPECT_EQ(count(run_revisit(eval("--feature m2dp")).err, "sensor"), 0U) << "sees no image";
+  const auto image = run_revisit("image " + (root() / "sequences/00/velodyne/000003.bin").string() +
+                                 " -o " + dir_.path().string());
+  EXPECT_HAS(image.out, "4000 x 112, vlp16");
+  EXPECT_HAS(image.out, "16 beams from +15.0 to -15.0 degrees");
+}
+
+TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
+  const fs::path other = dir_ / "other";
+  test::write_small_drive(other, 24, {30, 4, 10});
+  const std::string options =
+      " --feature data --width 400 --protocol online --exclusion frames=8 --radius 2 --no-plots "
+      "-o ";
+  const auto result = run_revisit("eval " + other.string() + options + (dir_ / "results").string());
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_HAS(result.err,
+             "10 beams from +30.0 to -6.0 degrees: no sensor that is known, so --top 32.5 "
+             "--bottom -8.5 --closing-width 0.45 --closing-height ");
+  const fs::path run = dir_ / "results/other_00/latest";
+  const auto again =
+      run_revisit("eval " + other.string() + " --config " + (run / "config.yaml").string() +
+                  " --no-plots -o " + (dir_ / "again").string());
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(test::read_file(dir_ / "again/other_00/latest/metrics.json"),
+            test::read_file(run / "metrics.json"));
+  EXPECT_EQ(count(again.err, kOutside), 0U);
+}
+
+TEST(SensorAuto, RealScansOfKittiAreAnHdl64) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  const test::TempDir dir;
+  const std::string eval = "eval " + kitti.string() +
+                           " --sequence 00 --protocol leave-one-out --exclusion none --feature "
+                           "data --no-plots --format json --cache " +
+                           (dir / "cache").string() + " -o " + (dir / "results").string();
+  const auto found = run_revisit(eval);
+  ASSERT_EQ(found.exit_code, 0) << found.err;
+  EXPECT_HAS(found.err, ": hdl64");
+  const auto files = std::distance(fs::directory_iterator(dir / "cache"), {});
+  const auto given = run_revisit(eval + " --sensor hdl64");
+  EXPECT_EQ(std::distance(fs::directory_iterator(dir / "cache"), {}), files)
+      << "the same features and descriptors";
+}
+
 }  // namespace
 }  // namespace revisit

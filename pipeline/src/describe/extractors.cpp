@@ -8,9 +8,10 @@ namespace {
 
 /// Everything about an image's geometry that pixel values depend on.
 std::string geometry_key(const ImageGeometry& g) {
+  const ClosingRectangle closing = closing_rectangle(g);
   return str("geometry ", g.width, "x", g.height, " elevation ", g.elevation_top, "..",
-             g.elevation_bottom, " max_range ", g.max_range, " closing ", g.closing_width, "x",
-             g.closing_height);
+             g.elevation_bottom, " max_range ", g.max_range, " closing ", closing.width, "x",
+             closing.height);
 }
 
 /// The only input of the net, at the size of the image.

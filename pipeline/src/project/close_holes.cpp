@@ -60,7 +60,7 @@ void close_columns(RangeImage& image, int window, std::vector<float>& scratch) {
 
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry) {
   check_geometry(geometry);
-  const int width = geometry.closing_width, height = geometry.closing_height;
+  const auto [width, height] = closing_rectangle(geometry);
   if (width > image.width || height > image.height)
     throw UsageError(str("hole closing: a rectangle of ", width, " x ", height,
                          " is larger than the image, ", image.width, " x ", image.height));

@@ -1,31 +1,56 @@
-#include <array>
-#include <cmath>
-#include <limits>
-#include <utility>
-
-#include "revisit/pipeline/range_image.h"
+#include "revisit/pipeline/sensor.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kMaxRange = 80;  // [m]
+struct Row {
+  const char *name, *model;
+  int beams;
+  double top, bottom;                 // [deg], of the beams
+  double image_top, image_bottom;     // [deg]
+  int closing_width, closing_height;  // [pixels] of 4000 x 112
+};
+constexpr Row kSensors[] = {
+    {"hdl64", "Velodyne HDL-64E", 64, 2, -24.8, 3, -25, 5, 3},
+    {"hdl32", "Velodyne HDL-32E", 32, 10.67, -30.67, 34.0 / 3, -94.0 / 3, 5, 5},
+    {"vlp16", "Velodyne VLP-16", 16, 15, -15, 16, -16, 5, 9},
+    {"ouster-os0-32", "Ouster OS0-32", 32, 45, -45, 46.5, -46.5, 5, 5},
+    {"ouster-os0-64", "Ouster OS0-64", 64, 45, -45, 46, -46, 5, 3},
+    {"ouster-os0-128", "Ouster OS0-128", 128, 45, -45, 45.5, -45.5, 5, 3},
+    {"ouster-os1-64", "Ouster OS1-64", 64, 22.5, -22.5, 23, -23, 5, 3},
+    {"ouster-os1-64-gen1", "Ouster OS1-64, generation 1", 64, 16.6, -16.6, 17.5, -17.5, 5, 3},
+    {"ouster-os1-128", "Ouster OS1-128", 128, 22.5, -22.5, 23, -23, 5, 3},
+    {"ouster-os2-64", "Ouster OS2-64", 64, 11.25, -11.25, 11.5, -11.5, 5, 3},
+    {"ouster-os2-128", "Ouster OS2-128", 128, 11.25, -11.25, 11.5, -11.5, 5, 3},
+    {"pandar64", "Hesai Pandar64", 64, 15, -25, 15.5, -25.5, 5, 5},
+    {"livox-mid360", "Livox Mid-360", 0, 52, -7, 52.5, -7.5, 15, 5},
+};
 
-const std::array<std::pair<const char*, ImageGeometry>, 3> kSensors = {{
-    {"hdl64", {4000, 112, 3, -25, kMaxRange, 5, 3}},
-    {"hdl32", {4000, 112, 34.0 / 3, -94.0 / 3, kMaxRange, 5, 5}},
-    {"vlp16", {4000, 112, 16, -16, kMaxRange, 5, 9}},
-}};
-
-void check(bool ok, const char* what, const std::string& found) {
-  if (!ok) throw UsageError(str("image geometry: ", what, ", found ", found));
+ImageGeometry image_of(const Row& row) {
+  ImageGeometry image;
+  image.elevation_top = row.image_top;
+  image.elevation_bottom = row.image_bottom;
+  image.closing_width = row.closing_width * 360.0 / image.width;
+  image.closing_height = row.closing_height * (row.image_top - row.image_bottom) / image.height;
+  return image;
 }
 
 }  // namespace
 
+const std::vector<Sensor>& sensors() {
+  static const std::vector<Sensor> all = [] {
+    std::vector<Sensor> made;
+    for (const Row& row : kSensors)
+      made.push_back({row.name, row.model, row.beams, row.top, row.bottom, image_of(row)});
+    return made;
+  }();
+  return all;
+}
+
 ImageGeometry sensor_geometry(const std::string& sensor) {
-  for (const auto& [name, geometry] : kSensors)
-    if (name == sensor) return geometry;
+  for (const Sensor& known : sensors())
+    if (known.name == sensor) return known.image;
   std::string names;
   for (const std::string& name : sensor_names()) names += " " + name;
   throw UsageError(str("unknown sensor '", sensor, "'", did_you_mean(sensor, sensor_names()),
@@ -34,43 +59,8 @@ ImageGeometry sensor_geometry(const std::string& sensor) {
 
 std::vector<std::string> sensor_names() {
   std::vector<std::string> names;
-  for (const auto& sensor : kSensors) names.emplace_back(sensor.first);
+  for (const Sensor& sensor : sensors()) names.push_back(sensor.name);
   return names;
-}
-
-std::string fitting_sensor(const PointCloud& cloud) {
-  constexpr double kOutside = 0.01;
-  std::string best;
-  double lowest = std::numeric_limits<double>::infinity();
-  RangeImage image;
-  for (const auto& [name, geometry] : kSensors) {
-    const double degrees = geometry.elevation_top - geometry.elevation_bottom;
-    if (degrees >= lowest ||
-        project_turned(cloud, Eigen::Matrix3f::Identity(), geometry, image).outside_share() >
-            kOutside)
-      continue;
-    best = name;
-    lowest = degrees;
-  }
-  return best;
-}
-
-void check_geometry(const ImageGeometry& g) {
-  constexpr int kLargest = 1 << 16;         // [pixels]
-  constexpr int64_t kMostPixels = 1 << 26;  // 256 MB
-  check(g.width >= 1 && g.width <= kLargest, "expected a width from 1 to 65536", str(g.width));
-  check(g.height >= 1 && g.height <= kLargest, "expected a height from 1 to 65536", str(g.height));
-  check(int64_t{g.width} * g.height <= kMostPixels, "expected at most 67108864 pixels",
-        str(g.width, " x ", g.height));
-  check(g.elevation_top <= 90 && g.elevation_bottom >= -90 && g.elevation_top > g.elevation_bottom,
-        "expected 90 >= top > bottom >= -90 degrees of elevation",
-        str("top ", g.elevation_top, ", bottom ", g.elevation_bottom));
-  check(g.max_range > 0 && std::isfinite(g.max_range), "expected a maximum range above 0 m",
-        str(g.max_range));
-  const auto fits = [](int side, int most) { return side >= 1 && side <= most && side % 2 == 1; };
-  check(fits(g.closing_width, g.width) && fits(g.closing_height, g.height),
-        "expected a closing rectangle of odd sides, no larger than the image",
-        str(g.closing_width, " x ", g.closing_height));
 }
 
 }  // namespace revisit::pipeline

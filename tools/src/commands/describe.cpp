@@ -36,6 +36,7 @@ void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
 }  // namespace
 
 int describe_command(const Arguments& arguments) {
+  if (lists_sensors(arguments)) return kOk;
   FeatureOptions options;
   fs::path output;
   Parser parser("revisit describe", "DATA -o DIR",
@@ -58,6 +59,8 @@ int describe_command(const Arguments& arguments) {
     throw UsageError("--pca-fit map needs a task with stored scans: use `revisit eval`");
 
   const pipeline::Dataset dataset = open_scans(options);
+  if (const std::string found = resolve_sensor(options, dataset); !found.empty() && !options.quiet)
+    std::cerr << "note: sensor: " << found << "\n";
   make_folder(output);  // now, as describing may take hours
   const fs::path cache = options.cache_folder(output);
   const FeatureSource source = open_feature(options, dataset, cache);

@@ -52,6 +52,7 @@ int eval_command(const Arguments& arguments) {
     print_protocols(std::cout);
     return kOk;
   }
+  if (lists_sensors(arguments)) return kOk;
   const EvalOptions options = parse_eval_options(arguments);
   const Evaluation evaluation = evaluate(options);
   if (options.format == "json") {

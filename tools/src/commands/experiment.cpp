@@ -68,10 +68,10 @@ void check(const ExperimentOptions& options) {
   if (!(options.feature_mb > 0))
     throw UsageError(str("--feature-mb: expected a positive number, found ", options.feature_mb));
   FeatureOptions shared;
-  shared.sensor = options.sensor;
-  shared.width = options.width;
+  shared.image.sensor = options.sensor;
+  if (options.width) shared.image.width = options.width;
   shared.threads = options.threads;
-  pipeline::check_geometry(shared.geometry());
+  shared.image.geometry();
   shared.thread_count();
 }
 

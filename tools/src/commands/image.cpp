@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <iostream>
 #include <numbers>
-#include <optional>
 
 #include "cli/command.h"
+#include "cli/geometry_options.h"
 #include "cli/json.h"
 #include "cli/parser.h"
 #include "cli/table.h"
@@ -32,9 +32,8 @@ constexpr const char* kExamples =
 
 struct ImageOptions {
   fs::path scan, output = ".";
-  std::string sensor = "hdl64", align = "case1", format = "table";
-  std::optional<int> width, height, closing_width, closing_height;
-  std::optional<double> top, bottom, max_range;
+  std::string align = "case1", format = "table";
+  GeometryOptions image;
 };
 
 void check_choice(const char* option, const std::string& found,
@@ -52,35 +51,12 @@ ImageOptions parse_options(const Arguments& arguments) {
   parser.positional("SCAN", &o.scan)
       .option("output", "DIR", "where the PNG files go (default: here)", &o.output, 'o')
       .option("align", "CASE", "case1 (default), case2 or none", &o.align)
-      .option("format", "FORMAT", "table (default) or json", &o.format)
-      .group("Image geometry:")
-      .option("sensor", "NAME", "hdl64 (default), hdl32 or vlp16: sets all of these", &o.sensor)
-      .option("width", "PIXELS", "columns of the panorama", &o.width)
-      .option("height", "PIXELS", "rows of the panorama", &o.height)
-      .option("top", "DEG", "elevation of the upper edge", &o.top)
-      .option("bottom", "DEG", "elevation of the lower edge", &o.bottom)
-      .option("max-range", "M", "range that gives the pixel value 255", &o.max_range)
-      .option("closing-width", "PIXELS", "hole closing rectangle, odd; 1 for none",
-              &o.closing_width)
-      .option("closing-height", "PIXELS", "hole closing rectangle, odd; 1 for none",
-              &o.closing_height);
+      .option("format", "FORMAT", "table (default) or json", &o.format);
+  o.image.declare(parser);
   parser.parse(arguments);
   check_choice("--align", o.align, {"case1", "case2", "none"});
   check_choice("--format", o.format, {"table", "json"});
   return o;
-}
-
-ImageGeometry geometry_of(const ImageOptions& o) {
-  ImageGeometry geometry = sensor_geometry(o.sensor);
-  geometry.width = o.width.value_or(geometry.width);
-  geometry.height = o.height.value_or(geometry.height);
-  geometry.elevation_top = o.top.value_or(geometry.elevation_top);
-  geometry.elevation_bottom = o.bottom.value_or(geometry.elevation_bottom);
-  geometry.max_range = o.max_range.value_or(geometry.max_range);
-  geometry.closing_width = o.closing_width.value_or(geometry.closing_width);
-  geometry.closing_height = o.closing_height.value_or(geometry.closing_height);
-  check_geometry(geometry);
-  return geometry;
 }
 
 Alignment align_scan(const PointCloud& cloud, const ImageOptions& o) {
@@ -116,6 +92,7 @@ void print_table(const reports::RangeImageSummary& s) {
   const auto percent = [](double fraction) { return number(100 * fraction, 1) + " %"; };
   Table table({"scan", s.scan()});
   table.row({"image", str(s.width(), " x ", s.height(), ", ", s.sensor())});
+  if (!s.sensor_found().empty()) table.row({"sensor", s.sensor_found()});
   table.row({"points", str(s.points())});
   table.row({"usable points", str(s.usable_points())});
   table.row({"outside", percent(s.points_outside())});
@@ -136,11 +113,13 @@ void print_table(const reports::RangeImageSummary& s) {
 }  // namespace
 
 int image_command(const Arguments& arguments) {
-  const ImageOptions o = parse_options(arguments);
-  const ImageGeometry geometry = geometry_of(o);
+  if (lists_sensors(arguments)) return kOk;
+  ImageOptions o = parse_options(arguments);
   reports::RangeImageSummary summary;
 
   const PointCloud cloud = read_scan(o.scan);
+  summary.set_sensor_found(o.image.resolve({cloud}));
+  const ImageGeometry geometry = o.image.geometry();
   summary.set_points(static_cast<int>(cloud.points.size()));
   summary.set_usable_points(
       static_cast<int>(std::count_if(cloud.points.begin(), cloud.points.end(), is_return)));
@@ -162,7 +141,7 @@ int image_command(const Arguments& arguments) {
   write_png(stem + "_closed.png", closed);
 
   summary.set_scan(o.scan.string());
-  summary.set_sensor(o.sensor);
+  summary.set_sensor(o.image.sensor);
   summary.set_align(o.align);
   summary.set_width(geometry.width);
   summary.set_height(geometry.height);

@@ -33,13 +33,13 @@ std::string placed(const fs::path& given) {
 
 std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& o) {
   const FeatureOptions& f = o.feature;
-  return {{"sequence", f.sequence},
-          {"every", str(f.every)},
-          {"sensor", f.sensor},
-          {"width", f.width ? str(f.width) : ""},
-          {"height", f.height ? str(f.height) : ""},
-          {"max-range", f.max_range > 0 ? pipeline::exact(f.max_range) : ""},
-          {"feature", f.feature},
+  std::vector<std::pair<std::string, std::string>> settings = {{"sequence", f.sequence},
+                                                               {"every", str(f.every)}};
+  const auto append = [&](const std::vector<std::pair<std::string, std::string>>& more) {
+    settings.insert(settings.end(), more.begin(), more.end());
+  };
+  append(f.image.settings());
+  append({{"feature", f.feature},
           {"model", placed(f.model)},
           {"weights", placed(f.weights)},
           {"end", f.end},
@@ -60,7 +60,8 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"bootstrap", str(o.resamples)},
           {"distance", o.distance.value_or("")},
           {"exclusion", o.exclusion.value_or("")},
-          {"radius", o.radius ? pipeline::exact(*o.radius) : ""}};
+          {"radius", o.radius ? pipeline::exact(*o.radius) : ""}});
+  return settings;
 }
 
 std::string command_of(const EvalOptions& o) {

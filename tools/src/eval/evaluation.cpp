@@ -169,15 +169,19 @@ void check_query_case(const EvalOptions& o, const FeatureSource& source,
 
 /// All that an evaluation works on.
 struct Inputs {
+  EvalOptions o;  // as given, but that the sensor is known
   pipeline::Dataset dataset;
+  std::string sensor_found;  // for people
   pipeline::Trajectory trajectory;
   std::vector<pipeline::Task> tasks;
   fs::path cache;
   FeatureSource source;
   LazyFeatures case1, case2;
 
-  explicit Inputs(const EvalOptions& o)
-      : dataset(open_scans(o.feature, {.poses = needs_poses(o)})),
+  explicit Inputs(const EvalOptions& given)
+      : o(given),
+        dataset(open_scans(o.feature, {.poses = needs_poses(o)})),
+        sensor_found(resolve_sensor(o.feature, dataset)),
         trajectory(pipeline::make_trajectory(dataset)),
         tasks(tasks_for(o, dataset, trajectory)),
         cache(o.feature.cache_folder(o.output)),
@@ -189,7 +193,7 @@ struct Inputs {
   Inputs(const Inputs&) = delete;  // the features refer to the source
   Inputs& operator=(const Inputs&) = delete;
 
-  bool needs_case2(const EvalOptions& o) const {
+  bool needs_case2() const {
     return source.align == pipeline::AlignMode::kCase1 &&
            (o.query_case == "2" || std::ranges::any_of(tasks, &pipeline::Task::both_cases));
   }
@@ -197,23 +201,27 @@ struct Inputs {
 
 }  // namespace
 
-EvaluationKey evaluation_key(const EvalOptions& o) {
-  const Inputs in(o);
+EvaluationKey evaluation_key(const EvalOptions& options) {
+  const Inputs in(options);
   EvaluationKey key;
-  key.text = str("revisit ", REVISIT_VERSION, "\n", command_of(o), "\n", in.case1.key(), "poses");
+  key.text =
+      str("revisit ", REVISIT_VERSION, "\n", command_of(in.o), "\n", in.case1.key(), "poses");
   for (const Eigen::Vector3d& p : in.trajectory.positions)
     key.text += str(" ", p.x(), ",", p.y(), ",", p.z());
   key.feature = in.case1.path();
   if (in.source.components < 0) return key;  // the features are the descriptors
   key.large_files = {in.case1.path()};
-  if (in.needs_case2(o)) key.large_files.push_back(in.case2.path());
+  if (in.needs_case2()) key.large_files.push_back(in.case2.path());
   return key;
 }
 
-Evaluation evaluate(const EvalOptions& o) {
-  Inputs in(o);
+Evaluation evaluate(const EvalOptions& options) {
+  Inputs in(options);
+  const EvalOptions& o = in.o;
+  if (!in.sensor_found.empty() && !o.feature.quiet)
+    std::cerr << "note: sensor: " << in.sensor_found << "\n";
   Evaluation result;
-  LazyFeatures* case2 = in.needs_case2(o) ? &in.case2 : nullptr;
+  LazyFeatures* case2 = in.needs_case2() ? &in.case2 : nullptr;
   TaskDescriptors descriptors(o.feature, in.source.components, in.case1, case2,
                               o.feature.cache.empty() ? fs::path() : in.cache);
   Notes notes{o.feature.quiet, {}};

@@ -10,6 +10,7 @@
 #include "cli/progress.h"
 #include "eval/competitors.h"
 #include "models/checksum.h"
+#include "revisit/pipeline/scan_file.h"
 
 namespace revisit::cli {
 namespace {
@@ -51,12 +52,7 @@ void FeatureOptions::declare(Parser& parser) {
                 "sequence of a KITTI root, e.g. 00 (not needed when there is one)", &sequence);
   parser.option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
                 &every);
-  parser.option("sensor", "NAME",
-                "geometry of the range image: hdl64, hdl32, vlp16 (default hdl64)", &sensor);
-  parser.option("width", "PIXELS", "columns of the range image (default: the sensor's, 4000)",
-                &width);
-  parser.option("height", "PIXELS", "rows of the range image (default: the sensor's)", &height);
-  parser.option("max-range", "METRES", "range of pixel value 255 (default 80)", &max_range);
+  image.declare(parser);
   parser.group("Feature:");
   parser.option("feature", "NAME",
                 "cnn (output of a network), data (the range image itself), vfh, esf, grsd, "
@@ -113,16 +109,6 @@ void FeatureOptions::declare(Parser& parser) {
   parser.flag("quiet", "only results and errors", &quiet, 'q');
 }
 
-pipeline::ImageGeometry FeatureOptions::geometry() const {
-  pipeline::ImageGeometry geometry = pipeline::sensor_geometry(sensor);
-  if (width < 0 || height < 0 || max_range < 0)
-    throw UsageError("--width, --height and --max-range must be positive");
-  if (width) geometry.width = width;
-  if (height) geometry.height = height;
-  if (max_range > 0) geometry.max_range = max_range;
-  return geometry;
-}
-
 int FeatureOptions::thread_count() const {
   if (threads < 0) throw UsageError(str("--threads: expected at least 1, found ", threads));
   if (threads_per_scan < 1)
@@ -150,7 +136,7 @@ FeatureSource open_network(const FeatureOptions& options) {
   const std::string key = str("net ", models::file_checksum(model.prototxt, "sha256"), " ",
                               models::file_checksum(model.weights, "sha256"));
   FeatureSource source;
-  source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.geometry(),
+  source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.image.geometry(),
                                                 options.threads_per_scan);
   source.model = std::move(model);
   return source;
@@ -204,7 +190,7 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
   if (options.feature == "cnn")
     source = open_network(options);
   else if (options.feature == "data")
-    source.extractor = pipeline::range_vector_features(options.geometry());
+    source.extractor = pipeline::range_vector_features(options.image.geometry());
   else
     source.extractor = competitor(options, dataset, folder);
   source.inputs = source.extractor.sees<pipeline::GrayImage>()
@@ -217,6 +203,19 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
 
 std::string similarity_name(const FeatureSource& source) {
   return source.extractor.similarity ? "similarity" : "cosine";
+}
+
+std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset) {
+  constexpr size_t kEnough = 3, kTried = 20;
+  if (options.feature != "cnn" && options.feature != "data") return "";
+  std::vector<pipeline::PointCloud> scans;
+  for (size_t i = 0; i < std::min(dataset.scans.size(), kTried) && scans.size() < kEnough; ++i) {
+    try {
+      scans.push_back(pipeline::read_scan(dataset.scans[i].file));
+    } catch (const InputError&) {  // said when it is described
+    }
+  }
+  return scans.empty() ? "" : options.image.resolve(scans);
 }
 
 pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {

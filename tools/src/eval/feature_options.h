@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "cli/geometry_options.h"
 #include "cli/parser.h"
 #include "models/find_model.h"
 #include "revisit/pipeline/dataset.h"
@@ -17,9 +18,7 @@ struct FeatureOptions {
   std::filesystem::path data;
   std::string sequence;
   int every = 1;  // only frames whose number is a multiple of this
-  std::string sensor = "hdl64";
-  int width = 0, height = 0;  // 0: the sensor's
-  double max_range = 0;       // [m]; 0: the sensor's
+  GeometryOptions image;
   std::string feature = "cnn";
   std::filesystem::path model, weights;
   std::string end, graft, mean_bgr;
@@ -36,7 +35,6 @@ struct FeatureOptions {
   bool no_progress = false, quiet = false;
 
   void declare(Parser& parser);
-  pipeline::ImageGeometry geometry() const;
   int thread_count() const;
   /// The folder the features go to, of a command with this output folder.
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
@@ -62,6 +60,10 @@ std::string similarity_name(const FeatureSource& source);
 /// UsageError for options that do not fit the feature.
 FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
                            const std::filesystem::path& folder);
+
+/// Resolves `--sensor auto` by the first scans that can be read, where the feature sees range
+/// images. Returns what was found, for people; "" when there was nothing to find.
+std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset);
 
 /// The scans of the data set that `options.every` takes. Throws InputError, UsageError.
 pipeline::Dataset open_scans(const FeatureOptions& options,

@@ -38,8 +38,8 @@ std::optional<size_t> showcase(const RunContext& context, const TaskResult& resu
 std::string write_image(const fs::path& run, const std::string& name, const RunContext& context,
                         int64_t scan, pipeline::AlignMode align) {
   const auto& ref = context.dataset.scans[static_cast<size_t>(scan)];
-  const pipeline::RangeImage image =
-      pipeline::scan_to_image(pipeline::read_scan(ref.file), align, context.options.geometry());
+  const pipeline::RangeImage image = pipeline::scan_to_image(pipeline::read_scan(ref.file), align,
+                                                             context.options.image.geometry());
   const std::string file = name + ".png";
   pipeline::write_png((run / file).string(), image);
   return file;

@@ -60,7 +60,7 @@ void warn_of_zeros(const pipeline::FeatureFile& features, const std::string& nam
 LazyFeatures::LazyFeatures(const FeatureOptions& options, const FeatureSource& source,
                            pipeline::AlignMode align, fs::path folder)
     : options_(options), source_(source) {
-  describe_.geometry = options.geometry();
+  describe_.geometry = options.image.geometry();
   describe_.align = align;
   describe_.threads = std::max(1, options.thread_count() / options.threads_per_scan);
   describe_.stop = interrupted;

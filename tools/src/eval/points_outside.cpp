@@ -11,12 +11,11 @@ namespace revisit::cli {
 
 std::string points_outside(double share, const pipeline::ImageGeometry& geometry,
                            const pipeline::PointCloud& scan) {
-  const std::string fitting = pipeline::fitting_sensor(scan);
+  const std::string fitting = pipeline::find_sensor({scan}).name;
   return str(number(100 * share, 0), " % of a scan's points are outside of the image, which spans ",
              number(geometry.elevation_top, 1), " to ", number(geometry.elevation_bottom, 1),
-             " degrees; ",
-             fitting.empty() ? "no known sensor's image holds them"
-                             : "the image of --sensor " + fitting + " holds them");
+             " degrees; ", "--sensor ", fitting.empty() ? "auto" : fitting,
+             " gives an image that holds them");
 }
 
 void warn_of_points_outside(const FeatureOptions& options, const pipeline::Dataset& dataset,
@@ -33,7 +32,7 @@ void warn_of_points_outside(const FeatureOptions& options, const pipeline::Datas
       std::ranges::find(records, median, &pipeline::AlignmentRecord::outside) - records.begin();
   const pipeline::PointCloud scan =
       pipeline::read_scan(dataset.scans[static_cast<size_t>(typical)].file);
-  std::cerr << "warning: " << points_outside(double{median}, options.geometry(), scan)
+  std::cerr << "warning: " << points_outside(double{median}, options.image.geometry(), scan)
             << " (median of " << shares.size() << " scans)\n";
 }
 

@@ -25,14 +25,16 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
     info.set_trained(model->trained);
     for (const double mean : model->mean_bgr) info.add_mean_bgr(mean);
   }
-  const pipeline::ImageGeometry g = options.geometry();
+  const pipeline::ImageGeometry g = options.image.geometry();
   info.set_image_width(g.width);
   info.set_image_height(g.height);
   info.set_elevation_top_deg(g.elevation_top);
   info.set_elevation_bottom_deg(g.elevation_bottom);
   info.set_max_range_m(g.max_range);
-  info.set_closing_width(g.closing_width);
-  info.set_closing_height(g.closing_height);
+  const pipeline::ClosingRectangle closing = pipeline::closing_rectangle(g);
+  info.set_closing_width(closing.width);
+  info.set_closing_height(closing.height);
+  info.set_sensor(options.image.sensor);
   info.set_pca_fit(pca_fit);
   info.set_threads(options.thread_count());
   info.set_threads_per_scan(options.threads_per_scan);

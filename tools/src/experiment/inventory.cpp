@@ -61,11 +61,11 @@ std::vector<models::Cut> usable_cuts(const models::FoundModel& model,
       if (model.prototxt.filename().string().starts_with(paper.trunk))
         wanted = models::known_model(paper.name).cuts;
   }
-  FeatureOptions geometry;
-  geometry.sensor = options.sensor;
-  geometry.width = options.width;
+  GeometryOptions image;
+  image.sensor = options.sensor;
+  if (options.width) image.width = options.width;
   for (const models::Cut& cut : wanted) {
-    const int64_t dim = feature_dim(model.prototxt, cut, geometry.geometry());
+    const int64_t dim = feature_dim(model.prototxt, cut, image.geometry());
     const double megabytes = static_cast<double>(dim) * sizeof(float) / 1e6;
     if (megabytes <= options.feature_mb)
       usable.push_back(cut);

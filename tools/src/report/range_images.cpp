@@ -41,8 +41,8 @@ pipeline::ImageGeometry geometry_of(const reports::RunInfo& info) {
   g.elevation_top = info.elevation_top_deg();
   g.elevation_bottom = info.elevation_bottom_deg();
   g.max_range = info.max_range_m();
-  g.closing_width = info.closing_width();
-  g.closing_height = info.closing_height();
+  g.closing_width = info.closing_width() * 360.0 / g.width;
+  g.closing_height = info.closing_height() * (g.elevation_top - g.elevation_bottom) / g.height;
   return g;
 }
 

@@ -11,29 +11,18 @@ namespace revisit::pipeline {
 
 /// The panorama a sensor is projected to. Fixed per sensor, so that every scan gives one size.
 struct ImageGeometry {
-  int width = 4000, height = 112;                    // [pixels]
-  double elevation_top = 3, elevation_bottom = -25;  // [deg], of the upper and lower image edge
-  double max_range = 80;                             // [m], maps to pixel value 255
-  int closing_width = 5, closing_height = 3;  // hole closing rectangle [pixels], odd; 1 x 1 is none
+  int width = 4000, height = 112;                      // [pixels]
+  double elevation_top = 3, elevation_bottom = -25;    // [deg], of the upper and lower image edge
+  double max_range = 80;                               // [m], maps to pixel value 255
+  double closing_width = 0.45, closing_height = 0.75;  // hole closing rectangle [deg]; 0: none
 };
 
-/// Preset by sensor name, all 4000 x 112 so that every network gives one feature size:
-///
-/// | name  | image edges [deg] | row [deg] | beams          | closing w x h |
-/// |-------|-------------------|-----------|----------------|---------------|
-/// | hdl64 | +3 .. -25         | 0.25      | 64, 0.33..0.5  | 5 x 3         |
-/// | hdl32 | +11.33 .. -31.33  | 0.38      | 32, every 1.33 | 5 x 5         |
-/// | vlp16 | +16 .. -16        | 0.29      | 16, every 2    | 5 x 9         |
-///
-/// A row is finer than the beams are apart, as the paper allows, so that pooling does not reach
-/// zero; the closing rectangle is then higher than the rows between two beams. The edges of hdl32
-/// (beams +10.67..-30.67) and vlp16 (+15..-15) are half a beam outwards, so that no beam lies on
-/// one. Throws UsageError naming the nearest preset.
-ImageGeometry sensor_geometry(const std::string& sensor);
-/// The names sensor_geometry() takes.
-std::vector<std::string> sensor_names();
-/// The preset of the lowest image that 99 % of a cloud's returns fall into; "" when there is none.
-std::string fitting_sensor(const PointCloud& cloud);
+/// The rectangle that holes are closed with [pixels]: the odd numbers nearest to the geometry's
+/// degrees, so that it bridges the same gap at any size, and no larger than the image.
+struct ClosingRectangle {
+  int width = 1, height = 1;
+};
+ClosingRectangle closing_rectangle(const ImageGeometry& geometry);
 
 /// Pixel values `[height][width]`, 0 (no return) .. 255 (max_range or farther).
 /// Column 0 looks backwards (azimuth +180 deg), azimuth falls with the column: a yaw of the cloud
@@ -45,8 +34,8 @@ struct RangeImage {
 };
 
 /// Throws UsageError for a geometry that is none: sizes below 1 or beyond reason, edges in the
-/// wrong order or beyond +-90 deg, a range that is not positive, an even or too large closing
-/// rectangle.
+/// wrong order or beyond +-90 deg, a range that is not positive, a closing rectangle whose sides
+/// are not 0 to 360 deg.
 void check_geometry(const ImageGeometry& geometry);
 
 /// Spherical projection (paper, section III-A):
@@ -75,7 +64,7 @@ Projected project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image
 
 /// Morphological closing (dilation, then erosion) with the geometry's rectangle, wrap-around in
 /// azimuth. Above and below the image counts as absent (neutral for both operations). Throws
-/// UsageError for an even rectangle or one larger than the image.
+/// UsageError as check_geometry() does, and for a rectangle larger than the image given.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
 

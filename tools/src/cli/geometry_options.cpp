@@ -1,0 +1,122 @@
+#include "cli/geometry_options.h"
+
+#include <cmath>
+#include <iostream>
+
+#include "cli/table.h"
+#include "revisit/pipeline/text.h"
+
+namespace revisit::cli {
+namespace {
+
+constexpr const char* kAuto = "auto";
+
+std::string degrees(double value) {
+  return number(value, 2);
+}
+
+std::string signed_(double degrees) {
+  return (degrees > 0 ? "+" : "") + number(degrees, 1);
+}
+
+/// To hundredths of a degree, to be read and given again.
+double rounded(double degrees) {
+  return std::round(100 * degrees) / 100;
+}
+
+void print_sensors(std::ostream& out) {
+  Table table({"sensor", "", "beams", "from [deg]", "to [deg]", "image from", "to", "row [deg]",
+               "closing [deg]"});
+  for (const pipeline::Sensor& sensor : pipeline::sensors()) {
+    const pipeline::ImageGeometry& g = sensor.image;
+    table.row({sensor.name, sensor.model, sensor.beams ? str(sensor.beams) : "none",
+               degrees(sensor.top), degrees(sensor.bottom), degrees(g.elevation_top),
+               degrees(g.elevation_bottom),
+               degrees((g.elevation_top - g.elevation_bottom) / g.height),
+               degrees(g.closing_width) + " x " + degrees(g.closing_height)});
+  }
+  table.print(out);
+}
+
+}  // namespace
+
+void GeometryOptions::declare(Parser& parser) {
+  parser.group("Range image:")
+      .option("sensor", "NAME|list",
+              "sets all of these; 'list' prints the sensors that are known (default auto: from the "
+              "beams of the first scans)",
+              &sensor)
+      .option("width", "PIXELS", "columns of the panorama (default 4000)", &width)
+      .option("height", "PIXELS", "rows of the panorama (default 112)", &height)
+      .option("top", "DEG", "elevation of the upper edge (default: the sensor's)", &top)
+      .option("bottom", "DEG", "elevation of the lower edge (default: the sensor's)", &bottom)
+      .option("max-range", "METRES", "range of pixel value 255 (default 80)", &max_range)
+      .option("closing-width", "DEG",
+              "holes are closed with a rectangle of this width; 0 for none (default: the sensor's)",
+              &closing_width)
+      .option("closing-height", "DEG", "and this height (default: the sensor's)", &closing_height);
+}
+
+std::string GeometryOptions::resolve(const std::vector<pipeline::PointCloud>& scans) {
+  if (sensor != kAuto) return "";
+  const pipeline::SensorFound found = pipeline::find_sensor(scans);
+  const std::vector<double>& beams = found.beams.elevations;
+  const std::string seen =
+      beams.empty() ? str("no separate beams, 99 % of the points from ", signed_(found.beams.top),
+                          " to ", signed_(found.beams.bottom), " degrees")
+                    : str(beams.size(), " beams from ", signed_(beams.front()), " to ",
+                          signed_(beams.back()), " degrees");
+  if (!found.name.empty()) {
+    sensor = found.name;
+    return str(seen, ": ", found.name);
+  }
+  top = top.value_or(found.image.elevation_top);
+  bottom = bottom.value_or(found.image.elevation_bottom);
+  closing_width = closing_width.value_or(rounded(found.image.closing_width));
+  closing_height = closing_height.value_or(rounded(found.image.closing_height));
+  return str(seen, ": no sensor that is known, so --top ", pipeline::exact(*top), " --bottom ",
+             pipeline::exact(*bottom), " --closing-width ", pipeline::exact(*closing_width),
+             " --closing-height ", pipeline::exact(*closing_height));
+}
+
+pipeline::ImageGeometry GeometryOptions::geometry() const {
+  pipeline::ImageGeometry geometry =
+      sensor == kAuto ? pipeline::ImageGeometry() : pipeline::sensor_geometry(sensor);
+  geometry.width = width.value_or(geometry.width);
+  geometry.height = height.value_or(geometry.height);
+  geometry.elevation_top = top.value_or(geometry.elevation_top);
+  geometry.elevation_bottom = bottom.value_or(geometry.elevation_bottom);
+  geometry.max_range = max_range.value_or(geometry.max_range);
+  geometry.closing_width = closing_width.value_or(geometry.closing_width);
+  geometry.closing_height = closing_height.value_or(geometry.closing_height);
+  pipeline::check_geometry(geometry);
+  return geometry;
+}
+
+std::vector<std::pair<std::string, std::string>> GeometryOptions::settings() const {
+  const auto pixels = [](const std::optional<int>& value) { return value ? str(*value) : ""; };
+  const auto exact = [](const std::optional<double>& value) {
+    return value ? pipeline::exact(*value) : "";
+  };
+  return {{"sensor", sensor},
+          {"width", pixels(width)},
+          {"height", pixels(height)},
+          {"top", exact(top)},
+          {"bottom", exact(bottom)},
+          {"max-range", exact(max_range)},
+          {"closing-width", exact(closing_width)},
+          {"closing-height", exact(closing_height)}};
+}
+
+bool lists_sensors(const std::vector<std::string>& arguments) {
+  for (size_t i = 0; i < arguments.size(); ++i) {
+    if (arguments[i] != "--sensor=list" &&
+        (arguments[i] != "--sensor" || i + 1 == arguments.size() || arguments[i + 1] != "list"))
+      continue;
+    print_sensors(std::cout);
+    return true;
+  }
+  return false;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cli/parser.h"
+#include "revisit/pipeline/sensor.h"
+
+namespace revisit::cli {
+
+/// The options of the range image, the same in every command that makes one.
+struct GeometryOptions {
+  std::string sensor = "auto";                          // or a name of pipeline::sensors()
+  std::optional<int> width, height;                     // [pixels]
+  std::optional<double> top, bottom, max_range;         // [deg], [deg], [m]
+  std::optional<double> closing_width, closing_height;  // [deg]
+
+  void declare(Parser& parser);
+  /// Puts what the scans say in the place of `auto`: the sensor's name, or an upper and lower edge
+  /// and a closing rectangle where they are not given. Returns what was found, for people; "" when
+  /// a sensor was given.
+  std::string resolve(const std::vector<pipeline::PointCloud>& scans);
+  /// The sensor's, but for what is given; where `auto` is not resolved, the default. Throws
+  /// UsageError for a geometry that is none.
+  pipeline::ImageGeometry geometry() const;
+  /// Every option with the value it has, "" where it has none.
+  std::vector<std::pair<std::string, std::string>> settings() const;
+};
+
+/// Whether the arguments say `--sensor list`; the sensors are then printed. (The parser would ask
+/// for the data, too.)
+bool lists_sensors(const std::vector<std::string>& arguments);
+
+}  // namespace revisit::cli
