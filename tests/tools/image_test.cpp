@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "revisit/pipeline/gray_image.h"
 #include "test_data.h"
 
 namespace revisit {
@@ -66,6 +67,21 @@ TEST(ImageCommand, JsonHasTheFieldsOfTheReport) {
   const ProgramResult unaligned = run_revisit(command + " --align none");
   EXPECT_EQ(unaligned.exit_code, 0) << unaligned.err;
   EXPECT_EQ(unaligned.out.find("yaw_deg"), std::string::npos) << "not computed, so left out";
+}
+
+TEST(ImageCommand, GammaBrightensWhatIsLookedAt) {
+  const TempDir dir;
+  test::write_file(dir / "a.bin", small_scan());
+  const std::string command = "image " + quoted(dir / "a.bin") + " --format json -o ";
+  const ProgramResult plain = run_revisit(command + quoted(dir / "plain"));
+  const ProgramResult bright = run_revisit(command + quoted(dir / "bright") + " --gamma 2");
+  ASSERT_EQ(bright.exit_code, 0) << bright.err;
+  const auto before = pipeline::read_gray_png(dir / "plain/a_projected.png");
+  const auto after = pipeline::read_gray_png(dir / "bright/a_projected.png");
+  ASSERT_EQ(before.pixels.size(), after.pixels.size());
+  for (size_t i = 0; i < before.pixels.size(); ++i)
+    ASSERT_NEAR(after.pixels[i], std::sqrt(255.0 * before.pixels[i]), 3) << i;
+  EXPECT_EQ(run_revisit(command + quoted(dir / "x") + " --gamma 0").exit_code, 2);
 }
 
 TEST(ImageCommand, WarnsWhenTheDirectionIsNotDetermined) {

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <numbers>
 
@@ -28,11 +29,13 @@ constexpr const char* kSummary =
 constexpr const char* kExamples =
     "  revisit image sequences/00/velodyne/000052.bin -o images\n"
     "  revisit image scan.pcd --sensor vlp16 --align none\n"
+    "  revisit image scan.bin --gamma 2.5                 # brighter, to look at\n"
     "  revisit image scan.bin --width 2000 --max-range 50 --format json\n";
 
 struct ImageOptions {
   fs::path scan, output = ".";
   std::string align = "case1", format = "table";
+  double gamma = 1;
   GeometryOptions image;
 };
 
@@ -51,10 +54,16 @@ ImageOptions parse_options(const Arguments& arguments) {
   parser.positional("SCAN", &o.scan)
       .option("output", "DIR", "where the PNG files go (default: here)", &o.output, 'o')
       .option("align", "CASE", "case1 (default), case2 or none", &o.align)
+      .option("gamma", "G",
+              "brightens the PNG files for looking at, value 255 (v / 255)^(1 / G); what the "
+              "network sees is G = 1 (default 1)",
+              &o.gamma)
       .option("format", "FORMAT", "table (default) or json", &o.format);
   o.image.declare(parser);
   parser.parse(arguments);
   check_choice("--align", o.align, {"case1", "case2", "none"});
+  if (!(o.gamma > 0 && std::isfinite(o.gamma)))
+    throw UsageError(str("--gamma: expected a positive number, found ", o.gamma));
   check_choice("--format", o.format, {"table", "json"});
   return o;
 }
@@ -80,6 +89,13 @@ void report_alignment(const Alignment& alignment, reports::RangeImageSummary* su
     summary->add_warnings("|t11| near 0: the direction may flip by 180 degrees");
   if (alignment.mirrored_choice)
     summary->add_warnings("t22 < 0: the paper's case 1 would need a mirror image");
+}
+
+/// For the eye: most ranges are a small part of the largest.
+RangeImage brightened(RangeImage image, double gamma) {
+  for (float& pixel : image.pixels)
+    pixel = static_cast<float>(255 * std::pow(double{pixel} / 255, 1 / gamma));
+  return image;
 }
 
 /// Fraction of the pixels that hold a return.
@@ -137,8 +153,8 @@ int image_command(const Arguments& arguments) {
 
   make_folder(o.output);
   const std::string stem = (o.output / o.scan.stem()).string();
-  write_png(stem + "_projected.png", projected);
-  write_png(stem + "_closed.png", closed);
+  write_png(stem + "_projected.png", brightened(projected, o.gamma));
+  write_png(stem + "_closed.png", brightened(closed, o.gamma));
 
   summary.set_scan(o.scan.string());
   summary.set_sensor(o.image.sensor);
