@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "expect_error.h"
@@ -199,14 +200,56 @@ TEST_F(DescribeTest, AScanThatAFeatureRefusesIsNamed) {
     return [](const PointCloud&, std::span<float>) { throw InputError("nothing to see"); };
   };
   const FeaturePaths paths = feature_paths(dir_.path(), dataset_, refusing, options_);
+  options_.strict = true;
   expect_error<InputError>([&] { write_features(paths, dataset_, refusing, options_); },
                            {"000000.bin", "nothing to see"});
 }
 
-TEST_F(DescribeTest, ABadScanIsNamed) {
+TEST_F(DescribeTest, ABadScanIsNamedAndLeftOut) {
   test::write_file(dataset_.scans[5].file, "12345");
-  expect_error<InputError>([&] { write_features(paths("bad"), dataset_, extractor(), options_); },
+  const FeaturePaths bad = paths("bad");
+  std::vector<std::string> reasons;
+  options_.left_out = [&](const ScanRef& scan, const std::string& why) {
+    EXPECT_EQ(scan.frame, 5);
+    reasons.push_back(why);
+  };
+  for (const int threads : {1, 3}) {
+    std::filesystem::remove_all(dir_ / "bad");
+    options_.threads = threads;
+    write_features(bad, dataset_, extractor(), options_);
+    const std::vector<AlignmentRecord> alignments = read_alignments(bad.alignments);
+    const FeatureFile features(bad.features);
+    for (int64_t i = 0; i < 12; ++i) {
+      EXPECT_EQ(alignments[static_cast<size_t>(i)].described, i == 5 ? 0 : 1);
+      const auto row = features.row(i);
+      const bool zero = std::all_of(row.begin(), row.end(), [](float x) { return x == 0; });
+      EXPECT_EQ(zero, i == 5) << i;
+    }
+  }
+  ASSERT_EQ(reasons.size(), 2u);
+  EXPECT_NE(reasons[0].find("000005.bin"), std::string::npos) << reasons[0];
+  std::filesystem::remove_all(dir_ / "bad");
+  options_.strict = true;
+  expect_error<InputError>([&] { write_features(bad, dataset_, extractor(), options_); },
                            {"000005.bin"});
+}
+
+TEST_F(DescribeTest, AFileThatCannotBeReadIsNoBadScan) {
+  // Later it may be there again: nothing is kept of it.
+  std::filesystem::remove(dataset_.scans[5].file);
+  expect_error<InputError>([&] { write_features(paths("gone"), dataset_, extractor(), options_); },
+                           {"000005.bin"});
+}
+
+TEST_F(DescribeTest, AScanTakenAsItIsNeedsNoDirection) {
+  PointCloud equal;
+  equal.points.assign(100, {10, 0, 0, 0});
+  write_kitti_scan(dataset_.scans[5].file, equal);
+  options_.align = AlignMode::kNone;
+  const FeaturePaths none = paths("none");
+  write_features(none, dataset_, extractor(), options_);
+  EXPECT_EQ(read_alignments(none.alignments).at(5).described, 1);
+  EXPECT_TRUE(std::isnan(read_alignments(none.alignments).at(5).yaw));
 }
 
 TEST_F(DescribeTest, NetsForOtherInputsAreRefused) {

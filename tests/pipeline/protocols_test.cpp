@@ -120,6 +120,26 @@ TEST(Protocols, LeaveOneOutLooksBothWays) {
             4);
 }
 
+TEST(Protocols, ScansCanBeLeftOut) {
+  Task task = make_tasks("leave-one-out", "", consecutive(6), parse_exclusion("frames=1")).at(0);
+  leave_out(task, {0, 3});
+  EXPECT_EQ(task.stored, (std::vector<int64_t>{1, 2, 4, 5}));
+  ASSERT_EQ(task.queries.size(), 4u);
+  const auto candidates = [&](size_t q) {
+    std::vector<int64_t> rows;
+    for (const CandidateRange& range : task.queries[q].candidates)
+      for (int64_t c = range.begin; c < range.end; ++c)
+        rows.push_back(task.stored[static_cast<size_t>(c)]);
+    return rows;
+  };
+  EXPECT_EQ(task.queries[0].scan, 1);
+  EXPECT_EQ(candidates(0), (std::vector<int64_t>{4, 5}));
+  EXPECT_EQ(task.queries[2].scan, 4);
+  EXPECT_EQ(candidates(2), (std::vector<int64_t>{1, 2}));
+  Task easy = make_tasks("paper-easy", "", consecutive(4)).at(0);
+  EXPECT_THROW(leave_out(easy, {0, 3}), UsageError) << "nothing is stored any more";
+}
+
 TEST(Protocols, PlacesStoreEveryNthScan) {
   // 77 scans of 7 places, as the HKUST rotation set: 26, 13 and 8 stored, at least one a place.
   Trajectory set = consecutive(77);

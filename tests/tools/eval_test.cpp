@@ -7,6 +7,7 @@
 
 #include "eval/eval_options.h"
 #include "revisit/pipeline/protocols.h"
+#include "revisit/proto/error.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -276,14 +277,14 @@ TEST_F(EvalCommand, BadInputHasItsExitCode) {
   };
 
   test::write_file(scan, good.substr(0, good.size() - 7));
-  expect(3, "16 bytes");
+  expect(3, "16 bytes", "--strict");
   test::write_file(scan, "");
-  expect(3, "000003.bin");
+  expect(3, "000003.bin", "--strict");
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::string all_nan;
   for (int i = 0; i < 400; ++i) all_nan.append(reinterpret_cast<const char*>(&nan), sizeof nan);
   test::write_file(scan, all_nan);
-  expect(3, "000003.bin");
+  expect(3, "000003.bin", "--strict");
   test::write_file(scan, good);
 
   const std::string poses = test::read_file(root() / "poses/00.txt");
@@ -298,6 +299,73 @@ TEST_F(EvalCommand, BadInputHasItsExitCode) {
   expect(2, "--radius", "--radius -1");
   expect(2, "unexpected argument", "surplus");
   expect(3, "07", "--sequence 07");
+}
+
+TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
+  const auto scan = [&](int i) {
+    return root() / str("sequences/00/velodyne/0000", i < 10 ? "0" : "", i, ".bin");
+  };
+  const std::string good = test::read_file(scan(3));
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::string nans, equal;
+  for (int i = 0; i < 400; ++i) {
+    nans.append(reinterpret_cast<const char*>(&nan), sizeof nan);
+    equal += good.substr(0, 16);
+  }
+  test::write_file(scan(3), good.substr(0, good.size() - 7));
+  test::write_file(scan(5), "");
+  test::write_file(scan(7), nans);
+  test::write_file(scan(14), good.substr(0, 32));  // two returns
+  test::write_file(scan(20), equal);
+  for (const char* protocol : {"online", "paper-easy", "ssc"}) {
+    SCOPED_TRACE(protocol);
+    const auto result =
+        run_revisit(eval("--no-plots --pca 5 --query-case protocol --protocol ") + protocol);
+    ASSERT_EQ(result.exit_code, 6) << result.err;
+    EXPECT_NE(result.out.find("5 of 24 scans could not be described and are left out: 000003.bin, "
+                              "000005.bin, 000007.bin, 000014.bin, 000020.bin\n"),
+              std::string::npos)
+        << result.out;
+    const std::string metrics = test::read_file(run_folder() / "metrics.json");
+    EXPECT_NE(metrics.find("\"n_left_out\": 5"), std::string::npos) << metrics;
+    const std::string info = test::read_file(run_folder() / "run.json");
+    EXPECT_NE(info.find("\"scans_left_out\": 5"), std::string::npos) << info;
+    EXPECT_NE(info.find("000014.bin"), std::string::npos) << info;
+    std::istringstream scans(test::read_file(run_folder() / "scans.csv"));
+    std::string line;
+    while (std::getline(scans, line))
+      if (line.starts_with("3,") || line.starts_with("20,")) {
+        EXPECT_TRUE(line.ends_with(",")) << "stored: " << line;
+      }
+    if (std::string(protocol) == "ssc") continue;
+    std::istringstream loops(test::read_file(run_folder() / str("loops_", protocol, ".csv")));
+    while (std::getline(loops, line))
+      for (const char* frame : {"3", "5", "7", "14", "20"}) {
+        EXPECT_FALSE(line.starts_with(str(frame, ","))) << "asked: " << line;
+        const std::string match = line.substr(line.find(',') + 1);
+        EXPECT_FALSE(match.starts_with(str(frame, ","))) << "found: " << line;
+      }
+  }
+  const auto first = run_revisit(eval("--no-plots --pca 4 --width 200"));
+  EXPECT_NE(first.err.find("000003.bin: "), std::string::npos) << "no reason: " << first.err;
+  const auto kept = run_revisit(eval("--no-plots --pca 5 --strict"));
+  EXPECT_EQ(kept.exit_code, 3) << "the cache holds scans that were left out";
+  EXPECT_NE(kept.err.find("000003.bin"), std::string::npos) << kept.err;
+
+  // As they are, all equal points have an image, whatever their direction is.
+  const auto none = run_revisit(eval("--no-plots --align none"));
+  EXPECT_EQ(none.exit_code, 6) << none.err;
+  EXPECT_NE(none.out.find("3 of 24 scans could not be described"), std::string::npos) << none.out;
+
+  const auto described =
+      run_revisit("describe " + root().string() + " --feature data --width 100 --pca 5 -o " +
+                  (dir_ / "described").string());
+  EXPECT_EQ(described.exit_code, 6) << described.err;
+  const std::string frames = test::read_file(dir_ / "described/frames.csv");
+  EXPECT_NE(frames.find(",described\n"), std::string::npos) << frames;
+
+  for (int i = 0; i < 24; ++i) test::write_file(scan(i), "short");
+  EXPECT_EQ(run_revisit(eval("--no-plots")).exit_code, 3) << "nothing is left";
 }
 
 TEST_F(EvalCommand, ProtocolListNeedsNoData) {

@@ -104,11 +104,20 @@ TEST_F(ExperimentCommand, ARunIsRepeatedWhenAScanHasChanged) {
   EXPECT_NE(again.err.find("1 runs to do, 0 done before"), std::string::npos) << again.err;
 }
 
-TEST_F(ExperimentCommand, ABrokenScanFailsTheRunAndTheExitCode) {
+TEST_F(ExperimentCommand, ABrokenScanIsLeftOut) {
   test::write_file(dir_ / "drive/sequences/00/velodyne/000007.bin", "short");
   const auto result = run_revisit(command("networks-and-layers"));
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_NE(result.err.find("000007.bin"), std::string::npos) << result.err;
+  EXPECT_EQ(read("networks-and-layers").runs(0).metrics().n_left_out(), 1);
+}
+
+TEST_F(ExperimentCommand, OnlyBrokenScansFailTheRunAndTheExitCode) {
+  for (const auto& scan : fs::directory_iterator(dir_ / "drive/sequences/00/velodyne"))
+    test::write_file(scan.path(), "short");
+  const auto result = run_revisit(command("networks-and-layers"));
   EXPECT_EQ(result.exit_code, 1);
-  EXPECT_NE(result.out.find("000007.bin"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("000000.bin"), std::string::npos) << result.out;
   EXPECT_EQ(read("networks-and-layers").runs(0).state(), "failed");
 }
 

@@ -17,7 +17,8 @@ using namespace revisit;
 constexpr const char* kIntroduction =
     "revisit: place recognition from LiDAR scans with original Caffe networks.\n\n"
     "Exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 4 model not\n"
-    "supported; 5 a check failed; 130 interrupted (partial results are kept).\n";
+    "supported; 5 a check failed; 6 done, but some scans could not be described; 130 interrupted\n"
+    "(partial results are kept).\n";
 
 int run(const cli::Arguments& arguments) {
   if (!arguments.empty() && arguments[0] == "--version") {

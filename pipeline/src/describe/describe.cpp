@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 constexpr const char* kAlignModes[] = {"none", "case1", "case2"};
-constexpr int64_t kAlignmentColumns = 5;  // of an AlignmentRecord
+constexpr int64_t kAlignmentColumns = 6;  // of an AlignmentRecord
 
 /// Gives the milliseconds since it was made, or since it was asked last.
 class Stopwatch {
@@ -60,7 +60,10 @@ struct Work {
   std::vector<float> feature;
   AlignmentRecord alignment;
   ScanTimes ms;
+  std::string left_out;  // why; "" for a scan that was described
 };
+
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
 /// What a thread keeps from scan to scan, so that its memory is used again.
 struct Memory {
@@ -72,12 +75,22 @@ Alignment alignment_for(const PointCloud& cloud, AlignMode mode) {
   return principal_alignment(cloud, mode == AlignMode::kCase2 ? AlignCase::kTwo : AlignCase::kOne);
 }
 
+/// Where scans are taken as they are it is only recorded, and may be unknown.
+Alignment alignment_to_use(const PointCloud& cloud, AlignMode mode) {
+  try {
+    return alignment_for(cloud, mode);
+  } catch (const InputError&) {
+    if (mode != AlignMode::kNone) throw;
+    Alignment unknown;
+    unknown.yaw = unknown.eigenvalue_ratio = unknown.abs_t11 = kNone;
+    return unknown;
+  }
+}
+
 /// What the mode does to the points.
 Eigen::Matrix3f turn_for(const Alignment& alignment, AlignMode mode) {
   return mode == AlignMode::kNone ? Eigen::Matrix3f::Identity() : alignment.R_aligned_sensor;
 }
-
-constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
 /// What a feature is computed from, of the points in `memory`.
 template <class Input>
@@ -124,7 +137,7 @@ void describe_scan(const ScanRef& scan, const DescribeOptions& options,
   work.ms.read = watch.lap();
   const double processor_start = processor_ms();
   Alignment alignment;
-  naming_the_file(scan, [&] { alignment = alignment_for(memory.cloud, options.align); });
+  naming_the_file(scan, [&] { alignment = alignment_to_use(memory.cloud, options.align); });
   work.ms.align = watch.lap();
   const double processor_aligned = processor_ms();
   work.alignment = {alignment.yaw, alignment.eigenvalue_ratio, alignment.abs_t11,
@@ -151,6 +164,31 @@ void describe_scan(const ScanRef& scan, const DescribeOptions&,
   work.alignment = {kNone, kNone, kNone, kNone, kNone};
 }
 
+/// Whether all bytes of the file can be had: what is wrong with the scan then is its content.
+bool is_readable(const fs::path& file) {
+  try {
+    read_content(file);
+    return true;
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+/// describe_scan(), or a zero feature for a scan that cannot be described.
+template <class Input>
+void describe_or_leave_out(const ScanRef& scan, const DescribeOptions& options,
+                           const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
+  work.left_out.clear();
+  try {
+    describe_scan(scan, options, describe, memory, work);
+  } catch (const InputError& error) {
+    if (options.strict || !is_readable(scan.file)) throw;
+    work.left_out = error.what();
+    std::fill(work.feature.begin(), work.feature.end(), 0.0F);
+    work.alignment = {kNone, kNone, kNone, kNone, kNone, 0};
+  }
+}
+
 void append(const ScanTimes& ms, DescribeTimes& times) {
   const auto add = [](const std::optional<double>& value, std::vector<double>& values) {
     if (value) values.push_back(*value);
@@ -168,6 +206,31 @@ std::span<const float> as_row(const AlignmentRecord& record) {
   static_assert(sizeof(AlignmentRecord) == kAlignmentColumns * sizeof(float));
   return {&record.yaw, kAlignmentColumns};
 }
+
+/// One of the two files to be written, unless it is complete.
+class Output {
+ public:
+  Output(const fs::path& file, const std::string& key, int64_t n, int64_t dim,
+         const DescribeOptions& options)
+      : n_(n) {
+    if (features_complete(file, key)) return;
+    if (options.damaged && fs::exists(fs::symlink_status(file))) options.damaged(file.string());
+    writer_.emplace(file, key, n, dim);
+  }
+  bool complete() const { return !writer_; }
+  int64_t rows() const { return writer_ ? writer_->rows_written() : n_; }
+  /// After a stop between the two, one file is a row ahead of the other.
+  void append(int64_t i, std::span<const float> row) {
+    if (rows() == i) writer_->append(row);
+  }
+  void finish() {
+    if (writer_) writer_->finish();
+  }
+
+ private:
+  int64_t n_;
+  std::optional<FeatureWriter> writer_;
+};
 
 }  // namespace
 
@@ -215,12 +278,10 @@ template <class Input>
 DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& dataset, int64_t dim,
                                 const FeatureMaker<Input>& make, const DescribeOptions& options) {
   DescribeTimes times;
-  if (features_complete(paths.features, paths.key) &&
-      features_complete(paths.alignments, paths.key))
-    return times;
   const auto n = static_cast<int64_t>(dataset.scans.size());
-  FeatureWriter alignments(paths.alignments, paths.key, n, kAlignmentColumns);
-  FeatureWriter features(paths.features, paths.key, n, dim);
+  Output alignments(paths.alignments, paths.key, n, kAlignmentColumns, options);
+  Output features(paths.features, paths.key, n, dim, options);
+  if (alignments.complete() && features.complete()) return times;
 
   const int threads = std::max(options.threads, 1);
   std::vector<FeatureFunction<Input>> functions;
@@ -230,7 +291,7 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
   std::vector<Work> slots(static_cast<size_t>(threads) * 2);
   for (Work& work : slots) work.feature.resize(static_cast<size_t>(dim));
 
-  const int64_t first = std::min(features.rows_written(), alignments.rows_written());
+  const int64_t first = std::min(features.rows(), alignments.rows());
   const auto ahead = static_cast<int64_t>(slots.size());
   const auto check_stop = [&](int64_t done) {
     if (options.progress) options.progress(done, n);
@@ -245,16 +306,18 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
       [&](int64_t i, int thread, Work& work) {
         if (i + ahead < n) read_ahead(dataset.scans[static_cast<size_t>(i + ahead)].file);
         const auto t = static_cast<size_t>(thread);
-        describe_scan(dataset.scans[static_cast<size_t>(i)], options, functions[t], memories[t],
-                      work);
+        describe_or_leave_out(dataset.scans[static_cast<size_t>(i)], options, functions[t],
+                              memories[t], work);
       },
       [&](int64_t i, Work& work) {
         Stopwatch watch;
-        // After a stop between the two, one file is a row ahead of the other.
-        if (alignments.rows_written() == i) alignments.append(as_row(work.alignment));
-        if (features.rows_written() == i) features.append(work.feature);
+        alignments.append(i, as_row(work.alignment));
+        features.append(i, work.feature);
         work.ms.write = watch.lap();
-        append(work.ms, times);
+        if (work.left_out.empty())
+          append(work.ms, times);
+        else if (options.left_out)
+          options.left_out(dataset.scans[static_cast<size_t>(i)], work.left_out);
         check_stop(i + 1);
       });
   alignments.finish();
@@ -282,7 +345,7 @@ std::vector<AlignmentRecord> read_alignments(const fs::path& file) {
   std::vector<AlignmentRecord> records;
   for (int64_t i = 0; i < rows.n(); ++i) {
     const auto row = rows.row(i);
-    records.push_back({row[0], row[1], row[2], row[3], row[4]});
+    records.push_back({row[0], row[1], row[2], row[3], row[4], row[5]});
   }
   return records;
 }

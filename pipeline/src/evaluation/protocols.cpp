@@ -1,5 +1,7 @@
 #include "revisit/pipeline/protocols.h"
 
+#include <set>
+
 #include "evaluation/protocol_tasks.h"
 #include "revisit/proto/error.h"
 
@@ -160,6 +162,27 @@ Task map_task(std::vector<int64_t> stored, const std::vector<int64_t>& asked) {
   if (all.size() > 0)
     for (const int64_t scan : asked) task.queries.push_back({scan, {all, {}}});
   return task;
+}
+
+void leave_out(Task& task, const std::vector<int64_t>& rows) {
+  const std::set<int64_t> out(rows.begin(), rows.end());
+  std::vector<int64_t> kept;                // of task.stored
+  std::vector<int64_t> new_position = {0};  // of what was at each position, and of the end
+  for (const int64_t row : task.stored) {
+    if (!out.contains(row)) kept.push_back(row);
+    new_position.push_back(static_cast<int64_t>(kept.size()));
+  }
+  std::set<int64_t> all(task.stored.begin(), task.stored.end());
+  for (const TaskQuery& query : task.queries) all.insert(query.scan);
+  task.stored = std::move(kept);
+  for (TaskQuery& query : task.queries)
+    for (CandidateRange& range : query.candidates)
+      range = {new_position.at(static_cast<size_t>(range.begin)),
+               new_position.at(static_cast<size_t>(range.end))};
+  std::erase_if(task.queries, [&](const TaskQuery& query) {
+    return out.contains(query.scan) || query.n_candidates() == 0;
+  });
+  need_scans(task, static_cast<int64_t>(all.size()));
 }
 
 std::vector<Task> make_tasks(const std::string& protocol, const std::string& sequence,

@@ -9,6 +9,7 @@
 #include "eval/descriptors.h"
 #include "eval/points_outside.h"
 #include "eval/run_info.h"
+#include "eval/summary_table.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/folder.h"
 #include "revisit/proto/npy.h"
@@ -22,13 +23,14 @@ namespace fs = std::filesystem;
 void write_frames(const fs::path& file, const pipeline::Dataset& dataset,
                   const std::vector<pipeline::AlignmentRecord>& alignments) {
   Table table({"row", "frame", "file", "time", "yaw_deg", "eigenvalue_ratio", "abs_t11",
-               "mirrored_choice", "outside"});
+               "mirrored_choice", "outside", "described"});
   for (size_t i = 0; i < dataset.scans.size(); ++i) {
     const pipeline::ScanRef& scan = dataset.scans[i];
     const pipeline::AlignmentRecord& a = alignments[i];
     table.row({str(i), str(scan.frame), scan.file.string(), scan.time ? number(*scan.time, 6) : "",
                number(a.yaw * 180 / std::numbers::pi, 3), number(a.eigenvalue_ratio, 4),
-               number(a.abs_t11, 4), number(a.mirrored_choice, 0), number(a.outside, 4)});
+               number(a.abs_t11, 4), number(a.mirrored_choice, 0), number(a.outside, 4),
+               number(a.described, 0)});
   }
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
@@ -65,6 +67,9 @@ int describe_command(const Arguments& arguments) {
   const fs::path cache = options.cache_folder(output);
   const FeatureSource source = open_feature(options, dataset, cache);
   LazyFeatures features(options, source, source.align, cache);
+  std::vector<std::string> left_out;
+  for (const int64_t row : features.left_out())
+    left_out.push_back(dataset.scans[static_cast<size_t>(row)].file.filename().string());
   features.file();  // so that the time of the reduction is its own
   warn_of_points_outside(options, source.inputs, features.alignments());
   RunTimes times;
@@ -82,13 +87,17 @@ int describe_command(const Arguments& arguments) {
   proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());
   write_frames(output / "frames.csv", dataset, features.alignments());
   write_atomically(output / "run.json", [&](std::ostream& out) {
-    out << to_json(run_info(options, dataset, source, descriptors.pca_fit, times)) << "\n";
+    reports::RunInfo info = run_info(options, dataset, source, descriptors.pca_fit, times);
+    add_left_out(info, dataset, features.alignments());
+    out << to_json(info) << "\n";
   });
   std::cout << matrix.n << " scans, feature " << source.extractor.name << " ("
             << source.extractor.dim << " numbers), PCA " << descriptors.pca_fit << "\n"
-            << "descriptors: " << (output / "descriptors.npy").string() << "\n\n";
+            << "descriptors: " << (output / "descriptors.npy").string() << "\n";
+  print_left_out(std::cout, left_out, matrix.n);
+  std::cout << "\n";
   print_times(times, std::cout);
-  return kOk;
+  return left_out.empty() ? kOk : kScansLeftOut;
 }
 
 }  // namespace revisit::cli

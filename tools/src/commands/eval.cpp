@@ -59,7 +59,7 @@ int eval_command(const Arguments& arguments) {
     reports::MetricsList metrics = metrics_list(evaluation.tasks, options.resamples);
     metrics.set_folder(evaluation.run.string());
     std::cout << to_json(metrics) << "\n";
-    return kOk;
+    return evaluation.left_out.empty() ? kOk : kScansLeftOut;
   }
   std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
             << " numbers a scan), " << evaluation.trajectory.size() << " scans, "
@@ -69,6 +69,7 @@ int eval_command(const Arguments& arguments) {
     std::cout << ", " << number(*speed, 1) << " scans/s a thread";
   std::cout << "\n\n";
   print_summary(std::cout, evaluation.tasks, options.resamples);
+  print_left_out(std::cout, evaluation.left_out, evaluation.trajectory.size());
   for (const TaskResult& result : evaluation.tasks)
     print_matches(result, evaluation.trajectory, evaluation.similarity);
   if (!evaluation.trained)
@@ -77,7 +78,7 @@ int eval_command(const Arguments& arguments) {
   std::cout << "\n";
   print_times(evaluation.times, std::cout);
   std::cout << "\nresults: " << evaluation.run.string() << "\n";
-  return kOk;
+  return evaluation.left_out.empty() ? kOk : kScansLeftOut;
 }
 
 }  // namespace revisit::cli

@@ -1,9 +1,8 @@
 #include "descriptors.h"
 
 #include <algorithm>
-#include <functional>
-#include <ios>
-#include <numeric>
+#include <iostream>
+#include <iterator>
 
 #include "cli/interrupt.h"
 #include "cli/progress.h"
@@ -28,6 +27,20 @@ pipeline::FloatMatrix all_rows(const pipeline::FeatureFile& file, double memory_
   pipeline::FloatMatrix matrix(file.n(), file.d());
   for (int64_t i = 0; i < file.n(); ++i) file.read(i, 0, file.d(), matrix.row(i).data());
   return matrix;
+}
+
+/// Rows of the scans that could not be described in one of the cases, ascending.
+std::vector<int64_t> left_out_of(LazyFeatures& case1, LazyFeatures* case2) {
+  std::vector<int64_t> rows = case1.left_out();
+  if (!case2) return rows;
+  std::vector<int64_t> all;
+  std::ranges::set_union(rows, case2->left_out(), std::back_inserter(all));
+  return all;
+}
+
+/// A scan that could not be described is like no other, also after a projection.
+void clear_rows(pipeline::FloatMatrix& matrix, const std::vector<int64_t>& rows) {
+  for (const int64_t row : rows) std::ranges::fill(matrix.row(row), 0.0F);
 }
 
 std::string fit_text(const FeatureOptions& options, int64_t scans, int64_t components) {
@@ -71,6 +84,10 @@ TaskDescriptors::TaskDescriptors(const FeatureOptions& options, int64_t componen
   if (learns && components >= 0) cache_ = std::move(cache);
 }
 
+std::vector<int64_t> TaskDescriptors::left_out() const {
+  return left_out_of(case1_, case2_);
+}
+
 const Descriptors& TaskDescriptors::of(const pipeline::Task& task) {
   const std::string key = descriptor_key(options_, task, case1_, case2_);
   if (key == key_) return last_;
@@ -88,7 +105,9 @@ std::optional<Descriptors> TaskDescriptors::cached(const pipeline::Task& task) c
     const pipeline::FeatureFile file(path);
     const int64_t columns = components_ ? std::min(components_, file.d()) : file.d();
     const int64_t n = case1_.n();
-    const auto fitted = options_.pca_fit == "map" ? static_cast<int64_t>(task.stored.size()) : n;
+    const auto fitted = static_cast<int64_t>(
+        options_.pca_fit == "map" ? task.stored.size()
+                                  : static_cast<size_t>(n) - left_out_of(case1_, case2_).size());
     Descriptors found;
     found.case1 = read_rows(file, 0, n, columns);
     if (case2_) found.case2 = read_rows(file, n, n, columns);
@@ -125,6 +144,7 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
     return whole;
   }
   const int64_t n = case1.n();
+  const std::vector<int64_t> left_out = left_out_of(case1, case2);
   pipeline::FeatureFiles files{&case1.file()};
   if (case2) files.push_back(&case2->file());
 
@@ -143,8 +163,9 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
     if (options.pca_fit == "map") {
       pca.fit_rows = task.stored;
     } else {
-      pca.fit_rows.resize(static_cast<size_t>(n));  // case 1 only, also when case 2 is there
-      std::iota(pca.fit_rows.begin(), pca.fit_rows.end(), int64_t{0});
+      // Of case 1 only, also when case 2 is there.
+      for (int64_t row = 0; row < n; ++row)
+        if (!std::ranges::binary_search(left_out, row)) pca.fit_rows.push_back(row);
     }
     pipeline::PcaResult fitted = pipeline::fit_pca(files, pca);
     result.pca_fit = fit_text(options, static_cast<int64_t>(pca.fit_rows.size()), fitted.rank);
@@ -155,7 +176,11 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
     result.pca_fit = str(options.pca_fit, ": ", all.d, " components");
   }
   result.case1 = rows_of(all, 0, n);
-  if (case2) result.case2 = rows_of(all, n, n);
+  clear_rows(result.case1, left_out);
+  if (case2) {
+    result.case2 = rows_of(all, n, n);
+    clear_rows(*result.case2, left_out);
+  }
   return result;
 }
 

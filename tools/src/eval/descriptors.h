@@ -34,7 +34,10 @@ class TaskDescriptors {
   TaskDescriptors(const FeatureOptions& options, int64_t components, LazyFeatures& case1,
                   LazyFeatures* case2, std::filesystem::path cache);
 
-  /// Valid until the next call.
+  /// Rows of the scans that could not be described; they are described now if they were not yet.
+  std::vector<int64_t> left_out() const;
+
+  /// Valid until the next call. The task neither stores nor asks left_out().
   const Descriptors& of(const pipeline::Task& task);
 
  private:

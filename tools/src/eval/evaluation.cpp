@@ -91,10 +91,11 @@ QueryCase query_case_of(const EvalOptions& o, const FeatureSource& source,
 
 TaskResult run_task(const EvalOptions& o, const FeatureSource& source, const pipeline::Task& task,
                     const pipeline::Trajectory& trajectory, TaskDescriptors& all_descriptors,
-                    Notes& notes, RunTimes* times) {
+                    int64_t n_left_out, Notes& notes, RunTimes* times) {
   TaskResult result;
   result.task = task;
   result.rule = task.rule;
+  result.n_left_out = n_left_out;
   const QueryCase query_case = query_case_of(o, source, task);
   result.query_case = query_case == QueryCase::kBoth    ? "both"
                       : query_case == QueryCase::kCase2 ? "case2"
@@ -225,9 +226,14 @@ Evaluation evaluate(const EvalOptions& options) {
   TaskDescriptors descriptors(o.feature, in.source.components, in.case1, case2,
                               o.feature.cache.empty() ? fs::path() : in.cache);
   Notes notes{o.feature.quiet, {}};
-  for (const pipeline::Task& task : in.tasks)
-    result.tasks.push_back(
-        run_task(o, in.source, task, in.trajectory, descriptors, notes, &result.times));
+  const std::vector<int64_t> left_out = descriptors.left_out();
+  for (const int64_t row : left_out)
+    result.left_out.push_back(in.dataset.scans[static_cast<size_t>(row)].file.filename().string());
+  for (pipeline::Task& task : in.tasks) {
+    if (!left_out.empty()) pipeline::leave_out(task, left_out);
+    result.tasks.push_back(run_task(o, in.source, task, in.trajectory, descriptors,
+                                    static_cast<int64_t>(left_out.size()), notes, &result.times));
+  }
   warn_of_points_outside(o.feature, in.source.inputs, in.case1.alignments());
   result.times.describe = in.case1.times();
   if (case2) result.times.describe.append(case2->times());

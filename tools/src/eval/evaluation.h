@@ -15,10 +15,11 @@ struct Evaluation {
   std::vector<TaskResult> tasks;
   pipeline::Trajectory trajectory;
   RunTimes times;
-  std::string feature, similarity;  // their names
-  int64_t feature_dim = 0;          // before the reduction
-  bool reduced = true;              // by PCA
-  bool trained = true;              // false: a network of random weights
+  std::string feature, similarity;    // their names
+  int64_t feature_dim = 0;            // before the reduction
+  bool reduced = true;                // by PCA
+  bool trained = true;                // false: a network of random weights
+  std::vector<std::string> left_out;  // names of the scans that could not be described
 };
 
 /// What an evaluation is made from.

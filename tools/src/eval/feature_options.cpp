@@ -105,6 +105,10 @@ void FeatureOptions::declare(Parser& parser) {
       "cache", "DIR",
       "where features and descriptors are kept (default: features only, in OUTPUT/features)",
       &cache);
+  parser.flag("strict",
+              "end with the first scan that cannot be described (default: such scans are named, "
+              "and neither stored nor asked)",
+              &strict);
   parser.flag("no-progress", "no progress line", &no_progress);
   parser.flag("quiet", "only results and errors", &quiet, 'q');
 }

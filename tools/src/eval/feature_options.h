@@ -31,7 +31,8 @@ struct FeatureOptions {
   std::optional<int64_t> components;  // of the PCA; absent: the feature's own way
   std::string pca_fit = "all";
   double memory_gb = 2;
-  std::string cache;  // folder of the features; "" means below the output folder
+  std::string cache;    // folder of the features; "" means below the output folder
+  bool strict = false;  // a scan that cannot be described ends the work; false: it is left out
   bool no_progress = false, quiet = false;
 
   void declare(Parser& parser);

@@ -143,6 +143,7 @@ reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int re
                                  : "poses of the data set");
     metrics.set_score(pipeline::name_of(result.score));
     metrics.set_query_case(result.query_case);
+    metrics.set_n_left_out(static_cast<int>(result.n_left_out));
     if (result.intervals) add_intervals(metrics, *result.intervals, resamples);
   }
   return list;
@@ -153,6 +154,7 @@ void write_run(const fs::path& run, const RunContext& context,
   write_text(run / "config.yaml", config_yaml(context));
   reports::RunInfo info = run_info(context.options, context.dataset, context.source,
                                    results.empty() ? "" : results.front().pca_fit, times);
+  add_left_out(info, context.dataset, context.alignments);
   info.set_command(context.command);
   write_text(run / "run.json", to_json(info) + "\n");
   write_scans(run / "scans.csv", context, results);

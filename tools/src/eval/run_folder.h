@@ -27,6 +27,7 @@ struct TaskResult {
   std::string query_case;                             // as in reports.proto
   std::string pca_fit;
   int64_t descriptor_dim = 0;  // after the reduction
+  int64_t n_left_out = 0;      // scans that could not be described: neither stored nor asked
 
   bool on_pairs() const { return task.decision == pipeline::Decision::kPair; }
 };
@@ -41,7 +42,7 @@ struct RunContext {
   std::vector<std::pair<std::string, std::string>>
       settings;         // option names and values, for config.yaml
   std::string command;  // that repeats the run
-  int resamples = 0;  // of the bootstrap; 0: none
+  int resamples = 0;    // of the bootstrap; 0: none
 };
 
 /// Makes `<output>/<dataset>_<sequence>/<time>/` and returns it. Throws Error.

@@ -56,4 +56,12 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
   return info;
 }
 
+void add_left_out(reports::RunInfo& info, const pipeline::Dataset& dataset,
+                  const std::vector<pipeline::AlignmentRecord>& alignments) {
+  for (size_t i = 0; i < alignments.size(); ++i)
+    if (alignments[i].described == 0)
+      info.add_left_out(std::filesystem::absolute(dataset.scans[i].file).string());
+  info.set_scans_left_out(info.left_out_size());
+}
+
 }  // namespace revisit::cli

@@ -13,4 +13,8 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
                           const FeatureSource& source, const std::string& pca_fit,
                           const RunTimes& times);
 
+/// Adds the scans that could not be described.
+void add_left_out(reports::RunInfo& info, const pipeline::Dataset& dataset,
+                  const std::vector<pipeline::AlignmentRecord>& alignments);
+
 }  // namespace revisit::cli

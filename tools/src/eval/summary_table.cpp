@@ -1,5 +1,6 @@
 #include "summary_table.h"
 
+#include <algorithm>
 #include <cmath>
 #include <ostream>
 #include <sstream>
@@ -52,6 +53,14 @@ void print_summary(std::ostream& out, const std::vector<TaskResult>& results, in
           << " of them true\n";
   if (resamples > 0)
     out << "95 %: confidence intervals from " << resamples << " resamples of the queries\n";
+}
+
+void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans) {
+  if (names.empty()) return;
+  constexpr size_t kFew = 5;
+  out << names.size() << " of " << n_scans << " scans could not be described and are left out: ";
+  for (size_t i = 0; i < std::min(names.size(), kFew); ++i) out << (i ? ", " : "") << names[i];
+  out << (names.size() > kFew ? ", ...\n" : "\n");
 }
 
 void print_protocols(std::ostream& out) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <iosfwd>
+#include <string>
 #include <vector>
 
 #include "run_folder.h"
@@ -13,5 +14,8 @@ void print_summary(std::ostream& out, const std::vector<TaskResult>& results, in
 
 /// What `--protocol list` prints: every protocol with its definition and source.
 void print_protocols(std::ostream& out);
+
+/// Counts the scans that could not be described and names the first few; nothing without any.
+void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans);
 
 }  // namespace revisit::cli

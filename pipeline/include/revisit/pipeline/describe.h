@@ -67,6 +67,11 @@ struct DescribeOptions {
   AlignMode align = AlignMode::kCase1;
   /// Scans in flight, one thread each. The values do not depend on it.
   int threads = 1;
+  /// A scan that cannot be described (its file is cut off, it holds too few points ...) ends the
+  /// work. Otherwise it is left out: its feature is all zero, AlignmentRecord::described says so.
+  bool strict = false;
+  std::function<void(const ScanRef& scan, const std::string& why)> left_out;  // of each, in order
+  std::function<void(const std::string& file)> damaged;       // a finished file that is made anew
   std::function<void(int64_t done, int64_t total)> progress;  // in scans
   std::function<bool()> stop;                                 // true: throw Interrupted
 };
@@ -84,20 +89,23 @@ struct DescribeTimes {
 };
 
 /// What one scan's alignment was and how much of it the range image holds, as write_features()
-/// stores it: a row of 5 floats. All are NaN when there was no scan, only a camera image.
+/// stores it: a row of 6 floats. Those of the alignment are NaN when there was no scan but only a
+/// camera image, when a scan that is taken as it is has no principal direction, and when the scan
+/// was left out.
 struct AlignmentRecord {
   float yaw = 0;               // [rad], Alignment::yaw
   float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio
   float abs_t11 = 0;           // Alignment::abs_t11
   float mirrored_choice = 0;   // 0 or 1
   float outside = 0;           // Projected::outside_share(); NaN without a range image
+  float described = 1;         // 0: the scan could not be described, its feature is all zero
 };
 
 /// Where the features of a data set are: `folder/NAME-HASH.npy`, the hash being of everything they
 /// depend on: scans (path, size, time of change), extractor, geometry and alignment.
 struct FeaturePaths {
   std::filesystem::path features;    // [n][dim]
-  std::filesystem::path alignments;  // [n][5], AlignmentRecord
+  std::filesystem::path alignments;  // [n][6], AlignmentRecord
   std::string key;
 };
 FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& dataset,
@@ -105,8 +113,9 @@ FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& d
 
 /// Describes every scan into `paths` (for a feature that sees camera images, `dataset` is one of
 /// camera_images()), continuing what an earlier call left. Does nothing when the
-/// files are complete. Throws Interrupted (what was done is kept), InputError naming the scan that
-/// cannot be read or aligned, Error when the disk is full.
+/// files are complete; one that is damaged is made anew. Throws Interrupted (what was done is
+/// kept), InputError naming a scan whose file cannot be read (with `strict`, one that cannot be
+/// described), Error when the disk is full.
 DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
                              const FeatureExtractor& extractor, const DescribeOptions& options);
 

@@ -83,4 +83,8 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
                              const Trajectory& trajectory,
                              const std::optional<Exclusion>& exclusion = {});
 
+/// Takes scans out of a task: they are neither stored nor asked. `rows` are of the data set. Throws
+/// UsageError when nothing is stored or asked any more.
+void leave_out(Task& task, const std::vector<int64_t>& rows);
+
 }  // namespace revisit::pipeline
