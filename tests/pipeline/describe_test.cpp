@@ -252,6 +252,16 @@ TEST_F(DescribeTest, AScanTakenAsItIsNeedsNoDirection) {
   EXPECT_TRUE(std::isnan(read_alignments(none.alignments).at(5).yaw));
 }
 
+TEST_F(DescribeTest, AKillBetweenTheTwoFilesDescribesNothingAgain) {
+  const FeaturePaths made = paths("made");
+  write_features(made, dataset_, extractor(), options_);
+  // As before the features got their name.
+  std::filesystem::rename(made.features, made.features.string() + ".part");
+  std::filesystem::rename(made.features.string() + ".key", made.features.string() + ".part.key");
+  EXPECT_TRUE(write_features(made, dataset_, extractor(), options_).read.empty());
+  EXPECT_TRUE(features_complete(made.features, made.key));
+}
+
 TEST_F(DescribeTest, NetsForOtherInputsAreRefused) {
   test::write_file(dir_ / "net.prototxt",
                    "layer { name: 'in' type: 'Input' top: 'x' input_param { shape { dim: 1 dim: 7 "

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -171,6 +172,95 @@ TEST(FeatureFile, OneWriterAtATime) {
   const test::TempDir dir;
   const FeatureWriter first(dir / "f.npy", "key", 3, 2);
   EXPECT_THROW(FeatureWriter(dir / "f.npy", "key", 3, 2), Error);
+}
+
+TEST(FeatureFile, WhatIsNotWhatWasWrittenIsNotComplete) {
+  const test::TempDir dir;
+  const fs::path file = dir / "f.npy", key = dir / "f.npy.key";
+  write_all(file, "key", 20, 50);
+  const std::string good = test::read_file(file), good_key = test::read_file(key);
+  const auto expect_made_anew = [&](const char* what) {
+    SCOPED_TRACE(what);
+    EXPECT_FALSE(features_complete(file, "key"));
+    write_all(file, "key", 20, 50);
+    EXPECT_TRUE(features_complete(file, "key"));
+    EXPECT_EQ(test::read_file(file), good);
+  };
+  test::write_file(file, good.substr(0, good.size() - 3));
+  expect_made_anew("cut off");
+  test::write_file(file, "");
+  expect_made_anew("empty");
+  test::write_file(file, "garbage");
+  expect_made_anew("garbage");
+  for (const size_t at : {size_t{128}, good.size() / 2, good.size() - 1}) {
+    std::string flipped = good;
+    flipped[at] = static_cast<char>(flipped[at] ^ 0x40);
+    test::write_file(file, flipped);
+    expect_made_anew("a flipped bit");
+  }
+  std::string nans = good;
+  for (size_t i = good.size() - 400; i < good.size(); i += 4) nans.replace(i, 4, "\0\0\xc0\x7f", 4);
+  test::write_file(file, nans);
+  expect_made_anew("NaN");
+  test::write_file(file, proto::npy_header({20, 5}) + std::string(400, 'x'));
+  expect_made_anew("another shape");
+  test::write_file(key, good_key.substr(0, 3));
+  expect_made_anew("a key that was cut off");
+  fs::remove(file);
+  ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0);
+  expect_made_anew("a pipe");
+  fs::remove(key);
+  ASSERT_EQ(::mkfifo(key.c_str(), 0600), 0);
+  expect_made_anew("a pipe in the place of the key");
+}
+
+TEST(FeatureFile, AKillBetweenTheTwoNamesLosesNothing) {
+  const test::TempDir dir;
+  write_all(dir / "f.npy", "key", 20, 50);
+  fs::rename(dir / "f.npy.key", dir / "f.npy.part.key");  // before the second
+  EXPECT_TRUE(features_complete(dir / "f.npy", "key"));
+  fs::rename(dir / "f.npy", dir / "f.npy.part");  // before the first
+  EXPECT_FALSE(features_complete(dir / "f.npy", "key"));
+  FeatureWriter writer(dir / "f.npy", "key", 20, 50);
+  EXPECT_EQ(writer.rows_written(), 20);
+  writer.finish();
+  EXPECT_TRUE(features_complete(dir / "f.npy", "key"));
+}
+
+TEST(FeatureFile, APartThatAnotherProcessChangesIsNoticed) {
+  const test::TempDir dir;
+  for (const bool at_the_end : {false, true}) {
+    FeatureWriter writer(dir / "f.npy", "key", 6, 50);
+    while (writer.rows_written() < 5) writer.append(row_of(writer.rows_written(), 50));
+    if (at_the_end) writer.append(row_of(5, 50));
+    fs::resize_file(dir / "f.npy.part", 300);
+    if (at_the_end)
+      EXPECT_THROW(writer.finish(), Error);
+    else
+      EXPECT_THROW(writer.append(row_of(5, 50)), Error);
+    EXPECT_FALSE(fs::exists(dir / "f.npy"));
+  }
+  {
+    FeatureWriter writer(dir / "f.npy", "key", 6, 50);
+    while (writer.rows_written() < 6) writer.append(row_of(writer.rows_written(), 50));
+    fs::remove(dir / "f.npy.part");
+    test::write_file(dir / "f.npy.part", "another's");
+    EXPECT_THROW(writer.finish(), Error);
+  }
+  write_all(dir / "f.npy", "key", 6, 50);
+  write_all(dir / "whole.npy", "key", 6, 50);
+  EXPECT_EQ(test::read_file(dir / "f.npy"), test::read_file(dir / "whole.npy"));
+}
+
+TEST(FeatureFile, ALinkInThePlaceOfThePartIsNotFollowed) {
+  const test::TempDir dir;
+  test::write_file(dir / "victim", "precious");
+  fs::create_symlink(dir / "victim", dir / "f.npy.part");
+  write_all(dir / "f.npy", "key", 3, 2);
+  EXPECT_EQ(test::read_file(dir / "victim"), "precious");
+  ASSERT_EQ(::mkfifo((dir / "g.npy.part").c_str(), 0600), 0);
+  write_all(dir / "g.npy", "key", 3, 2);
+  EXPECT_TRUE(features_complete(dir / "g.npy", "key"));
 }
 
 TEST(FeatureFile, RowsMustFit) {

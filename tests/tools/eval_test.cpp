@@ -1,5 +1,6 @@
 // `revisit eval` and `revisit describe` as a person meets them, on a tiny drive.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <limits>
 #include <map>
@@ -366,6 +367,60 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
 
   for (int i = 0; i < 24; ++i) test::write_file(scan(i), "short");
   EXPECT_EQ(run_revisit(eval("--no-plots")).exit_code, 3) << "nothing is left";
+}
+
+TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
+  const fs::path cache = dir_ / "cache";
+  const std::string command = eval("--no-plots --pca 5 --cache " + cache.string());
+  ASSERT_EQ(run_revisit(command).exit_code, 0);
+  const std::string loops = test::read_file(run_folder() / "loops_online.csv");
+  std::map<fs::path, std::string> kept;  // features, alignments, times, descriptors
+  for (const auto& entry : fs::directory_iterator(cache))
+    if (entry.path().extension() == ".npy") kept[entry.path()] = test::read_file(entry.path());
+  ASSERT_EQ(kept.size(), 4U);
+  for (const auto& [file, good] : kept) {
+    const std::string name = file.filename().string();
+    const bool times = name.ends_with("-times.npy");
+    std::string flipped = good;
+    flipped[good.size() - 2] = static_cast<char>(flipped[good.size() - 2] ^ 0x20);
+    for (const std::string& bad : {good.substr(0, good.size() / 2), std::string("garbage"),
+                                   std::string(), flipped, std::string("pipe")}) {
+      SCOPED_TRACE(name + ": " + bad.substr(0, 7));
+      if (times && bad == flipped) continue;  // no figure depends on them
+      if (!name.starts_with("descriptors"))   // which would be enough
+        for (const auto& [other, content] : kept)
+          if (other.filename().string().starts_with("descriptors")) fs::remove(other);
+      if (bad == "pipe") {
+        ASSERT_TRUE(fs::remove(file) && ::mkfifo(file.c_str(), 0600) == 0);
+      } else {
+        test::write_file(file, bad);
+      }
+      const auto again = run_revisit(command, "timeout 60");
+      ASSERT_EQ(again.exit_code, 0) << again.err;
+      EXPECT_NE(again.err.find(name), std::string::npos) << "no note: " << again.err;
+      EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), loops);
+      if (!times) {
+        EXPECT_TRUE(test::read_file(file) == good) << "not made anew";
+      }
+      if (times) test::write_file(file.string() + ".new", good);
+      if (times) fs::rename(file.string() + ".new", file);
+    }
+  }
+}
+
+TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
+  ASSERT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+  // What an earlier program left under this name: its key says so.
+  for (const auto& entry : fs::directory_iterator(results() / "features"))
+    if (entry.path().filename().string().ends_with(".npy.key")) {
+      std::string key = test::read_file(entry.path());
+      ASSERT_TRUE(key.starts_with("version ")) << key;
+      key.replace(8, 1, "0");
+      test::write_file(entry.path(), key);
+    }
+  const auto again = run_revisit(eval("--no-plots"));
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_NE(again.out.find("described 24 scans"), std::string::npos) << again.out;
 }
 
 TEST_F(EvalCommand, ProtocolListNeedsNoData) {

@@ -81,8 +81,9 @@ WordModel learn_words(const Dataset& images, const TrainingOptions& options,
                       const fs::path& folder) {
   check(images, options);
   WordModel model;
-  model.key = str("words ", options.words, " images ", options.images, " descriptors ",
-                  options.descriptors, " seed ", options.seed, " of ", dataset_key(images));
+  model.key = str("version ", kFeatureVersion, " words ", options.words, " images ", options.images,
+                  " descriptors ", options.descriptors, " seed ", options.seed, " of ",
+                  dataset_key(images));
   const std::string name = short_name_of(model.key);
   const fs::path vocabulary_file = folder / str("fabmap-", name, "-vocabulary.npy");
   const fs::path images_file = folder / str("fabmap-", name, "-images.npy");

@@ -263,8 +263,8 @@ RangeImage scan_to_image(const PointCloud& cloud, AlignMode mode, const ImageGeo
 FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
                            const FeatureExtractor& extractor, const DescribeOptions& options) {
   FeaturePaths paths;
-  paths.key =
-      str(extractor.key, "\nalign ", name_of(options.align), "\n", dataset_key(dataset), "\n");
+  paths.key = str("version ", kFeatureVersion, "\n", extractor.key, "\nalign ",
+                  name_of(options.align), "\n", dataset_key(dataset), "\n");
   const std::string stem =
       file_name(extractor.name) + "-" + name_of(options.align) + "-" + short_name_of(paths.key);
   paths.features = folder / (stem + ".npy");

@@ -8,12 +8,14 @@
 #include <bit>
 #include <cerrno>
 #include <cstring>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <regex>
+#include <sstream>
 #include <utility>
+#include <vector>
 
+#include "fnv1a.h"
+#include "io/file_content.h"
 #include "io/part_lock.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
@@ -29,9 +31,45 @@ std::string with_suffix(const fs::path& file, const char* suffix) {
   return file.string() + suffix;
 }
 
+/// "" for what is absent or no regular file.
 std::string content_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
+  try {
+    return read_content(file);
+  } catch (const InputError&) {
+    return "";
+  }
+}
+
+/// Of a file without rows. A changed word always changes the checksum.
+uint64_t checksum_of_shape(int64_t n_rows, int64_t dim) {
+  return fnv1a(fnv1a(kFnv1aStart, static_cast<uint32_t>(n_rows)), static_cast<uint32_t>(dim));
+}
+
+/// The checksum so far and one more row, bit by bit: -0 and the kinds of NaN differ.
+uint64_t with_row(uint64_t checksum, std::span<const float> row) {
+  for (const float value : row) checksum = fnv1a(checksum, std::bit_cast<uint32_t>(value));
+  return checksum;
+}
+
+/// What stands before the checksum in the key of a finished file.
+std::string before_checksum(const std::string& key) {
+  return key + "\nchecksum ";
+}
+
+std::string finished_key(const std::string& key, uint64_t checksum) {
+  std::ostringstream text;
+  text << before_checksum(key) << std::hex << checksum << "\n";
+  return std::move(text).str();
+}
+
+/// A pipe, a socket or a link under the name of one of our files is none of ours. (Devices and
+/// folders stay: they are refused.)
+void discard_strange(const fs::path& file) {
+  std::error_code ignored;
+  const fs::file_type type = fs::symlink_status(file, ignored).type();
+  if (type == fs::file_type::fifo || type == fs::file_type::socket ||
+      type == fs::file_type::symlink)
+    fs::remove(file, ignored);
 }
 
 /// Reads `size` bytes at `offset`, or fewer at the end of the file; -1 on error.
@@ -113,7 +151,8 @@ FeatureWriter::FeatureWriter(fs::path file, std::string key, int64_t n_rows, int
   header_ = proto::npy_header({n_rows, dim});
   std::error_code ignored;
   fs::create_directories(file_.parent_path(), ignored);  // open() below says what is wrong
-  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
+  discard_strange(part_);
+  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
   if (descriptor_ < 0) throw Error(str(part_.string(), ": cannot create: ", std::strerror(errno)));
   try {
     continue_or_create();
@@ -127,19 +166,36 @@ FeatureWriter::~FeatureWriter() {
   if (descriptor_ >= 0) ::close(descriptor_);
 }
 
+/// A finished key in a part's place is of a run that was killed between two names.
+bool FeatureWriter::continues_part(int64_t size) const {
+  const std::string key = content_of(part_key_);
+  if (key != key_ && !key.starts_with(before_checksum(key_))) return false;
+  const auto header_bytes = static_cast<int64_t>(header_.size());
+  std::string found(header_.size(), '\0');
+  return size >= header_bytes &&
+         read_at(descriptor_, found.data(), header_bytes, 0) == header_bytes && found == header_;
+}
+
+int64_t FeatureWriter::written_bytes() const {
+  return static_cast<int64_t>(header_.size()) + rows_ * dim_ * static_cast<int64_t>(sizeof(float));
+}
+
 void FeatureWriter::continue_or_create() {
   lock_part(descriptor_, part_);
   int64_t size = 0;
   if (!is_regular(descriptor_, &size)) throw Error(str(part_.string(), ": is not a regular file"));
-  const auto header_bytes = static_cast<int64_t>(header_.size());
-  const int64_t row_bytes = dim_ * static_cast<int64_t>(sizeof(float));
-  std::string found(header_.size(), '\0');
-  const bool same =
-      fs::exists(part_key_) && content_of(part_key_) == key_ && size >= header_bytes &&
-      read_at(descriptor_, found.data(), header_bytes, 0) == header_bytes && found == header_;
-  if (same) {
-    rows_ = std::min(n_rows_, (size - header_bytes) / row_bytes);
-    if (::ftruncate(descriptor_, header_bytes + rows_ * row_bytes) != 0) fail("cut off a torn row");
+  checksum_ = checksum_of_shape(n_rows_, dim_);
+  if (continues_part(size)) {
+    const int64_t row_bytes = dim_ * static_cast<int64_t>(sizeof(float));
+    const int64_t there =
+        std::min(n_rows_, (size - static_cast<int64_t>(header_.size())) / row_bytes);
+    std::vector<float> row(static_cast<size_t>(dim_));
+    for (; rows_ < there; ++rows_) {
+      if (read_at(descriptor_, row.data(), row_bytes, written_bytes()) != row_bytes)
+        fail("read a row of an earlier run");
+      checksum_ = with_row(checksum_, row);
+    }
+    if (::ftruncate(descriptor_, written_bytes()) != 0) fail("cut off a torn row");
     if (::lseek(descriptor_, 0, SEEK_END) < 0) fail("go to the end");
     check_space();
     return;
@@ -169,8 +225,21 @@ void FeatureWriter::append(std::span<const float> row) {
         str(part_.string(), ": a row of ", row.size(), " floats where ", dim_, " were announced"));
   if (rows_ == n_rows_)
     throw Error(str(part_.string(), ": more than the announced ", n_rows_, " rows"));
+  check_untouched();
   write_all(row.data(), row.size_bytes());
+  checksum_ = with_row(checksum_, row);
   ++rows_;
+}
+
+void FeatureWriter::check_untouched() const {
+  struct stat opened {
+  }, named{};
+  if (::fstat(descriptor_, &opened) != 0) fail("examine");
+  if (opened.st_size != written_bytes())
+    throw Error(str(part_.string(), ": has ", opened.st_size, " bytes where ", written_bytes(),
+                    " were written: another process changed it; run again to continue"));
+  if (::lstat(part_.c_str(), &named) != 0 || named.st_ino != opened.st_ino)
+    throw Error(str(part_.string(), ": was removed or replaced by another process; run again"));
 }
 
 void FeatureWriter::write_all(const void* data, size_t size) {
@@ -181,9 +250,7 @@ void FeatureWriter::write_all(const void* data, size_t size) {
     if (written < 0) {
       const int reason = errno;
       // A retry would append behind the torn row; without it, it continues where the file is whole.
-      const int64_t whole =
-          rows_ * dim_ * static_cast<int64_t>(sizeof(float)) + static_cast<int64_t>(header_.size());
-      if (::ftruncate(descriptor_, whole) == 0) ::lseek(descriptor_, 0, SEEK_END);
+      if (::ftruncate(descriptor_, written_bytes()) == 0) ::lseek(descriptor_, 0, SEEK_END);
       errno = reason;
       fail("write");
     }
@@ -203,11 +270,14 @@ void FeatureWriter::fail(const std::string& doing) const {
 void FeatureWriter::finish() {
   if (rows_ != n_rows_)
     throw Error(str(part_.string(), ": only ", rows_, " of ", n_rows_, " features are written"));
+  check_untouched();
   if (::fsync(descriptor_) != 0) fail("flush to disk");
+  write_atomically(part_key_, [this](std::ostream& out) { out << finished_key(key_, checksum_); });
   // The old key goes before the new rows come, for the same reason as above.
   const fs::path key_file = with_suffix(file_, ".key");
   std::error_code ignored;
   fs::remove(key_file, ignored);
+  discard_strange(file_);
   rename_into_place(part_, file_);
   rename_into_place(part_key_, key_file);
   sync_folder(file_.parent_path());
@@ -215,12 +285,26 @@ void FeatureWriter::finish() {
 }
 
 bool features_complete(const fs::path& file, const std::string& key) {
-  const fs::path key_file = with_suffix(file, ".key");
-  return fs::exists(file) && fs::exists(key_file) && content_of(key_file) == key;
+  std::string found = content_of(with_suffix(file, ".key"));
+  // A run that was killed between the two names of finish().
+  if (found.empty()) found = content_of(with_suffix(file, ".part.key"));
+  if (!found.starts_with(before_checksum(key))) return false;
+  try {
+    const FeatureFile features(file);
+    uint64_t checksum = checksum_of_shape(features.n(), features.d());
+    std::vector<float> row(static_cast<size_t>(features.d()));
+    for (int64_t i = 0; i < features.n(); ++i) {
+      features.read(i, 0, features.d(), row.data());
+      checksum = with_row(checksum, row);
+    }
+    return found == finished_key(key, checksum);
+  } catch (const InputError&) {
+    return false;
+  }
 }
 
 FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
-  descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC);
+  descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe would block
   if (descriptor_ < 0)
     throw InputError(str(file_.string(), ": cannot open: ", std::strerror(errno)));
   try {

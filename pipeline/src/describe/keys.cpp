@@ -1,5 +1,7 @@
 #include "describe/keys.h"
 
+#include <sys/stat.h>
+
 #include "revisit/pipeline/text.h"
 #include "revisit/proto/error.h"
 
@@ -10,10 +12,11 @@ namespace fs = std::filesystem;
 std::string dataset_key(const Dataset& dataset) {
   std::string files;
   for (const ScanRef& scan : dataset.scans) {
-    std::error_code error;
-    const auto changed = fs::last_write_time(scan.file, error).time_since_epoch().count();
-    files += str(fs::absolute(scan.file).string(), " ", fs::file_size(scan.file, error), " ",
-                 changed, "\n");
+    struct stat s {};  // all zero for a file that is not there: its reader says so
+    if (::stat(scan.file.c_str(), &s) != 0) s = {};
+    files +=
+        str(fs::absolute(scan.file).string(), " ", s.st_size, " ", s.st_mtim.tv_sec, ".",
+            s.st_mtim.tv_nsec, " ", s.st_ino, " ", s.st_ctim.tv_sec, ".", s.st_ctim.tv_nsec, "\n");
   }
   return str("scans ", dataset.scans.size(), " ", short_name_of(files));
 }

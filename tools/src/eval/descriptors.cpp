@@ -6,6 +6,7 @@
 
 #include "cli/interrupt.h"
 #include "cli/progress.h"
+#include "revisit/pipeline/text.h"
 
 namespace revisit::cli {
 namespace {
@@ -47,18 +48,21 @@ std::string fit_text(const FeatureOptions& options, int64_t scans, int64_t compo
   return str(options.pca_fit, ": ", scans, " scans, ", components, " components");
 }
 
+/// To be raised with every change of this file or of the PCA after which descriptors are others.
+constexpr int kDescriptorVersion = 1;
+
 /// Names everything the descriptors of a task depend on, but the number of components.
 std::string descriptor_key(const FeatureOptions& options, const pipeline::Task& task,
                            const LazyFeatures& case1, const LazyFeatures* case2) {
-  std::string key = str("descriptors\n", case1.key(), case2 ? case2->key() : "", "pca-fit ",
-                        options.pca_fit, "\n");
+  std::string key = str("descriptors ", kDescriptorVersion, "\n", case1.key(),
+                        case2 ? case2->key() : "", "pca-fit ", options.pca_fit, "\n");
   if (options.pca_fit == "map")
     for (const int64_t row : task.stored) key += str(row, " ");
   return key;
 }
 
 fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t components) {
-  return cache / str("descriptors-", std::hex, std::hash<std::string>{}(key), std::dec, "-",
+  return cache / str("descriptors-", pipeline::short_name_of(key), "-",
                      components ? str(components) : "all", ".npy");
 }
 
@@ -101,7 +105,11 @@ const Descriptors& TaskDescriptors::of(const pipeline::Task& task) {
 std::optional<Descriptors> TaskDescriptors::cached(const pipeline::Task& task) const {
   for (const int64_t there : {components_, int64_t{0}}) {
     const fs::path path = descriptor_file(cache_, key_, there);
-    if (!pipeline::features_complete(path, str(key_, "\n", there))) continue;
+    if (!pipeline::features_complete(path, str(key_, "\n", there))) {
+      if (fs::exists(fs::symlink_status(path)) && !options_.quiet)
+        std::cerr << "note: " << path.string() << " is not what was written; it is made anew\n";
+      continue;
+    }
     const pipeline::FeatureFile file(path);
     const int64_t columns = components_ ? std::min(components_, file.d()) : file.d();
     const int64_t n = case1_.n();

@@ -17,6 +17,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// To be raised with every change after which the same features give other figures: protocols,
+/// retrieval, precision and recall. (What changes the features is in their own key.)
+constexpr int kEvaluationVersion = 1;
+
 /// What `--protocol` lists.
 std::vector<std::string> protocol_names(const EvalOptions& o) {
   std::istringstream list(o.protocol);
@@ -205,8 +209,8 @@ struct Inputs {
 EvaluationKey evaluation_key(const EvalOptions& options) {
   const Inputs in(options);
   EvaluationKey key;
-  key.text =
-      str("revisit ", REVISIT_VERSION, "\n", command_of(in.o), "\n", in.case1.key(), "poses");
+  key.text = str("revisit ", REVISIT_VERSION, " evaluation ", kEvaluationVersion, "\n",
+                 command_of(in.o), "\n", in.case1.key(), "poses");
   for (const Eigen::Vector3d& p : in.trajectory.positions)
     key.text += str(" ", p.x(), ",", p.y(), ",", p.z());
   key.feature = in.case1.path();

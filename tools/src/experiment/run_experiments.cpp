@@ -9,6 +9,7 @@
 #include "cli/json.h"
 #include "eval/curve.h"
 #include "eval/evaluation.h"
+#include "revisit/pipeline/text.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/folder.h"
 
@@ -47,7 +48,7 @@ class FinishedRuns {
 
  private:
   fs::path path(const std::string& key) const {
-    return folder_ / str(std::hex, std::hash<std::string>{}(key), ".json");
+    return folder_ / (pipeline::short_name_of(key) + ".json");
   }
   fs::path folder_;
 };

@@ -102,7 +102,8 @@ struct AlignmentRecord {
 };
 
 /// Where the features of a data set are: `folder/NAME-HASH.npy`, the hash being of everything they
-/// depend on: scans (path, size, time of change), extractor, geometry and alignment.
+/// depend on: the version of our code, scans (path, size, number and times of change of the file),
+/// extractor, geometry and alignment.
 struct FeaturePaths {
   std::filesystem::path features;    // [n][dim]
   std::filesystem::path alignments;  // [n][6], AlignmentRecord

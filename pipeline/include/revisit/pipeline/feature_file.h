@@ -11,7 +11,8 @@ namespace revisit::pipeline {
 ///
 /// Until finish() the rows are in `FILE.part`, with `FILE.part.key` beside it: a text that names
 /// all that the features depend on (model hash, layer, image geometry, the scans ...). A part with
-/// the same key and shape is continued, any other is discarded.
+/// the same key and shape is continued, any other is discarded, and so is what stands there and is
+/// no regular file (a link is not followed). The key of a finished file ends with its checksum.
 ///
 ///   if (!features_complete(file, key)) {
 ///     FeatureWriter writer(file, key, n, d);
@@ -31,15 +32,18 @@ class FeatureWriter {
 
   /// Complete rows in the part: the index of the next row to append.
   int64_t rows_written() const { return rows_; }
-  /// Appends one row of `dim` floats. Throws Error when the disk is full (the part stays) or the
-  /// row has another size.
+  /// Appends one row of `dim` floats. Throws Error when the disk is full (the part stays), the row
+  /// has another size, or another process changed the length of the part.
   void append(std::span<const float> row);
   /// Flushes to disk and gives the file its name (and `FILE.key` its key). Throws Error when rows
-  /// are missing.
+  /// are missing, or the part is not what was written.
   void finish();
 
  private:
   void continue_or_create();
+  bool continues_part(int64_t size) const;
+  int64_t written_bytes() const;
+  void check_untouched() const;
   void check_space() const;
   void write_all(const void* data, size_t size);
   [[noreturn]] void fail(const std::string& doing) const;
@@ -47,10 +51,12 @@ class FeatureWriter {
   std::filesystem::path file_, part_, part_key_;
   std::string key_, header_;
   int64_t n_rows_, dim_, rows_ = 0;
+  uint64_t checksum_ = 0;  // of the rows so far
   int descriptor_ = -1;
 };
 
-/// True when `file` is finished and was made with this key.
+/// True when `file` is finished, was made with this key, and is what was written then: all of it is
+/// read and compared with its checksum.
 bool features_complete(const std::filesystem::path& file, const std::string& key);
 
 /// A finished feature file, read-only. Movable, not copyable.
