@@ -1,7 +1,10 @@
 #include "revisit/pipeline/dataset.h"
 
 #include <gtest/gtest.h>
+#include <sys/inotify.h>
+#include <unistd.h>
 
+#include "datasets/folder.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
 
@@ -69,6 +72,33 @@ TEST(KittiDataset, RootWithEverything) {
     EXPECT_EQ(dataset.scans[1].time, 100);
   }
   EXPECT_EQ(find_kitti_poses(root, "00"), root / "poses/00.txt");
+}
+
+TEST(KittiDataset, OnlyTheNamedSequenceIsLookedAt) {
+  const TempDir dir;
+  for (const char* const sequence : {"00", "01"}) write_sequence(dir.path(), sequence);
+  const int events = ::inotify_init1(IN_NONBLOCK);
+  ASSERT_GE(events, 0);
+  const fs::path other = dir / "sequences/01/velodyne";
+  ASSERT_GE(::inotify_add_watch(events, other.c_str(), IN_OPEN | IN_ACCESS), 0);
+  char event[4096];
+  EXPECT_EQ(open_dataset(dir.path(), "00").scans.size(), 2u);
+  EXPECT_LT(::read(events, event, sizeof event), 0) << "the folder of another was opened";
+  EXPECT_THROW(open_dataset(dir.path(), ""), InputError);  // which of them?
+  EXPECT_GT(::read(events, event, sizeof event), 0) << "the test sees nothing";
+  ::close(events);
+  EXPECT_THROW(open_dataset(dir / "sequences", "../sequences/00"), InputError);
+  EXPECT_THROW(open_dataset(dir.path(), "../sequences/00"), InputError);
+}
+
+TEST(KittiDataset, TheFirstScanIsEnoughToKnowThatThereAreSome) {
+  const TempDir dir;
+  for (int i = 0; i < 50; ++i) write_file(dir / (std::to_string(i) + ".bin"), "");
+  static int looked_at;
+  looked_at = 0;
+  EXPECT_TRUE(holds(dir.path(), [](const fs::path&) { return ++looked_at > 2; }));
+  EXPECT_EQ(looked_at, 3);
+  EXPECT_FALSE(holds(dir / "none", [](const fs::path&) { return true; }));
 }
 
 TEST(KittiDataset, OneSequenceFolder) {

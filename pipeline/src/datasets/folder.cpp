@@ -43,6 +43,18 @@ bool is_image(const fs::path& file) {
   return (file.extension() == ".png" || file.extension() == ".PNG") && is_visible_file(file);
 }
 
+/// Calls `take(path)` for what is in the folder until it returns true; nothing when there is no
+/// such folder.
+template <class Take>
+void each_entry(const fs::path& folder, const Take& take) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return;
+  fs::directory_iterator entry(folder, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error))
+    if (take(entry->path())) return;
+  if (error) throw InputError(str(folder.string(), ": cannot list: ", error.message()));
+}
+
 /// "000123.bin.gz" and the like.
 bool is_compressed_scan(const fs::path& file) {
   constexpr std::string_view kKinds[] = {".gz", ".zip", ".xz", ".zst", ".bz2"};
@@ -84,19 +96,23 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
 }  // namespace
 
 std::vector<std::string> list_names(const fs::path& folder, bool (*keep)(const fs::path&)) {
-  std::error_code error;
-  if (!fs::is_directory(folder, error)) return {};
   std::vector<std::string> names;
-  fs::directory_iterator entry(folder, error);
-  for (; !error && entry != fs::directory_iterator(); entry.increment(error))
-    if (keep(entry->path())) names.push_back(entry->path().filename().string());
-  if (error) throw InputError(str(folder.string(), ": cannot list: ", error.message()));
+  each_entry(folder, [&](const fs::path& path) {
+    if (keep(path)) names.push_back(path.filename().string());
+    return false;
+  });
   std::sort(names.begin(), names.end(), naturally_less);
   return names;
 }
 
+bool holds(const fs::path& folder, bool (*wanted)(const fs::path&)) {
+  bool found = false;
+  each_entry(folder, [&](const fs::path& path) { return found = wanted(path); });
+  return found;
+}
+
 bool holds_scans(const fs::path& folder) {
-  return !list_names(folder, is_scan).empty();
+  return holds(folder, is_scan);
 }
 
 std::string compressed_scans(const fs::path& folder) {

@@ -24,6 +24,8 @@ std::vector<NumberedFile> list_scans(const std::filesystem::path& folder, FrameN
 /// The same for .png images, whose names must be numbers.
 std::vector<NumberedFile> list_images(const std::filesystem::path& folder);
 
+/// True when something in the folder passes `wanted`; nothing is looked at after the first.
+bool holds(const std::filesystem::path& folder, bool (*wanted)(const std::filesystem::path&));
 /// True when the folder holds at least one scan file.
 bool holds_scans(const std::filesystem::path& folder);
 

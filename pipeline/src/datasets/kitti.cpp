@@ -28,6 +28,11 @@ bool has_scans(const fs::path& path) {
   return holds_scans(path / "velodyne");
 }
 
+/// A name in a folder, and not a way out of it.
+bool is_plain_name(const std::string& name) {
+  return !name.empty() && name != "." && name != ".." && name.find('/') == std::string::npos;
+}
+
 /// The folder's name even for "." and "data/".
 std::string name_of(const fs::path& folder) {
   std::error_code ignored;
@@ -104,13 +109,15 @@ std::optional<KittiSequence> find_kitti_sequence(const fs::path& root, const std
   if (!fs::is_directory(status)) throw InputError(root.string() + ": not a folder");
 
   if (is_folder(root / "sequences") || (for_poses && is_folder(root / "poses"))) {
+    const KittiSequence wanted = of_root(root, sequence);
+    // The other sequences, 43,000 files of KITTI, are not looked at when one is named.
+    if (is_plain_name(sequence) &&
+        (for_poses ? wanted.poses().has_value() : has_scans(wanted.folder)))
+      return wanted;
     const std::vector<std::string> there =
         for_poses ? sequences_with_poses(root) : list_names(root / "sequences", has_scans);
     const char* const what = for_poses ? "poses" : "scans";
     if (!sequence.empty()) {
-      if (std::find(there.begin(), there.end(), sequence) != there.end())
-        return of_root(root, sequence);
-      const KittiSequence wanted = of_root(root, sequence);
       throw InputError(
           str(root.string(), ": sequence ", sequence, " has no ", what, ": looked for ",
               for_poses ? wanted.pose_files[0].string() + " and " + wanted.pose_files[1].string()

@@ -18,7 +18,7 @@ bool is_place(const fs::path& path) {
   return is_visible_folder(path) && holds_scans(path);
 }
 bool is_set(const fs::path& path) {
-  return is_visible_folder(path) && !list_names(path, is_place).empty();
+  return is_visible_folder(path) && holds(path, is_place);
 }
 
 }  // namespace
