@@ -489,12 +489,22 @@ TEST(ModelsCommand, SaysWhichNetworkWouldBeUsed) {
   EXPECT_EQ(found.exit_code, 0) << found.err;
   EXPECT_SAYS(found.out, files.weights.string());
   EXPECT_SAYS(found.out, "UNTRAINED");
-  EXPECT_SAYS(found.out, "conv3+pool5");
+  EXPECT_SAYS(found.out, "conv4+pool5");
+}
+
+TEST(ModelsCommand, TheFolderOfFeaturesIsNotThatOfModels) {
+  const test::TempDir models, features;
+  const auto listed =
+      test::run_revisit("models list", "REVISIT_CACHE='" + features.path().string() +
+                                           "' REVISIT_MODELS='" + models.path().string() + "'");
+  ASSERT_EQ(listed.exit_code, 0) << listed.err;
+  EXPECT_SAYS(listed.out, "cache: " + models.path().string());
+  EXPECT_EQ(test::run_revisit("models list --cache " + features.path().string()).exit_code, 2);
 }
 
 TEST(ModelsCommand, FetchFailuresAreOneClearMessage) {
   const test::TempDir cache;
-  const std::string option = " --cache '" + cache.path().string() + "'";
+  const std::string option = " --models '" + cache.path().string() + "'";
   // A proxy that nobody answers: offline, wherever the test runs.
   const auto offline = test::run_revisit("models fetch bvlc_alexnet" + option,
                                          "http_proxy=http://127.0.0.1:1 no_proxy=");

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 constexpr double kMegabyte = 1e6;
 
-/// --cache, or the usual place.
+/// --models, or the usual place.
 fs::path cache_or_default(const std::optional<fs::path>& option) {
   return option ? *option : models::cache_folder();
 }
@@ -76,7 +76,7 @@ int list_command(const Arguments& arguments) {
       "Lists the known Caffe models: which are in the cache, and whether they are the real ones.",
       "  revisit models list\n  revisit models list --format json\n");
   parser.option("format", "table|json|csv", "form of the output (default: table)", &format);
-  parser.option("cache", "DIR",
+  parser.option("models", "DIR",
                 "folder of models (default: $REVISIT_MODELS, ~/.cache/revisit/models)",
                 &cache_option);
   parser.parse(arguments);
@@ -155,9 +155,9 @@ int fetch_command(const Arguments& arguments) {
                 "Downloads a known model into the cache and checks its checksum. An interrupted "
                 "download goes on where it stopped.",
                 "  revisit models fetch bvlc_alexnet\n"
-                "  revisit models fetch squeezenet_v1.1 --cache /data/models\n");
+                "  revisit models fetch squeezenet_v1.1 --models /data/models\n");
   parser.positional("NAME", &name);
-  parser.option("cache", "DIR",
+  parser.option("models", "DIR",
                 "folder of models (default: $REVISIT_MODELS, ~/.cache/revisit/models)",
                 &cache_option);
   parser.flag("no-progress", "no progress line", &no_progress);

@@ -27,7 +27,7 @@ int report_command(const Arguments& arguments) {
                 "  revisit report results/paper -o report.html   # all experiments below\n");
   parser.positional("FOLDER", &folders);
   parser.group("Output:");
-  parser.option("output", "FILE", "the HTML file (default report.html)", &output, 'o');
+  parser.option("page", "FILE", "the HTML file (default report.html)", &output, 'o');
   parser.option("markdown", "FILE",
                 "also the tables and figures of the experiments as Markdown, e.g. docs/RESULTS.md",
                 &markdown);

@@ -103,7 +103,8 @@ void FeatureOptions::declare(Parser& parser) {
       &threads_per_scan);
   parser.option(
       "cache", "DIR",
-      "where features and descriptors are kept (default: features only, in OUTPUT/features)",
+      "where features and descriptors are kept (default: features only, in OUTPUT/features); "
+      "may be removed at any time, all in it can be made again",
       &cache);
   parser.flag("strict",
               "end with the first scan that cannot be described (default: such scans are named, "

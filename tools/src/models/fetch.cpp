@@ -29,7 +29,7 @@ void make_folder(const fs::path& folder) {
   fs::create_directories(folder, error);
   if (error)
     throw Error(str(folder.string(), ": cannot make the folder: ", error.message(),
-                    "; choose another cache with --cache DIR or REVISIT_MODELS"));
+                    "; choose another with --models DIR or REVISIT_MODELS"));
 }
 
 /// One fetch at a time works in a folder; the lock ends with the process at the latest.
