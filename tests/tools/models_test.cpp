@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <fstream>
 
 #include "models/cache.h"
 #include "models/checksum.h"
@@ -106,7 +107,7 @@ struct Fetching : testing::Test {
     test::write_file(server_folder / "m.caffemodel", content);
     model.name = "m";
     model.file = "m.caffemodel";
-    model.sha1 = models::file_checksum(server_folder / "m.caffemodel", "sha1");
+    model.sha1 = models::file_sha1(server_folder / "m.caffemodel");
     model.sha1_source = "this test";
   }
   fs::path file() const { return cache.path() / "m" / "m.caffemodel"; }
@@ -118,20 +119,43 @@ struct Fetching : testing::Test {
   }
 };
 
+TEST(Checksum, AFileThatHasNotChangedIsReadOnce) {
+  const auto bytes_read = [] {  // by this process
+    std::ifstream io("/proc/self/io");
+    std::string name;
+    int64_t bytes = -1;
+    io >> name >> bytes;
+    return bytes;
+  };
+  const test::TempDir dir;
+  constexpr int64_t kSize = 20'000'000;
+  test::write_file(dir / "w", std::string(kSize, 'a'));
+  if (bytes_read() < 0) GTEST_SKIP() << "this system does not count what is read";
+  const int64_t before = bytes_read();
+  const std::string sum = models::file_sha1(dir / "w");
+  const int64_t once = bytes_read() - before;
+  EXPECT_GE(once, kSize);
+  EXPECT_LT(once, 2 * kSize);
+  EXPECT_EQ(models::file_sha1(dir / "w"), sum);
+  EXPECT_LT(bytes_read() - before, once + kSize / 2) << "read again";
+  // Another content of the same size with the same time of change.
+  const fs::file_time_type time = fs::last_write_time(dir / "w");
+  ::usleep(20000);  // longer than a tick of the clock of files
+  test::write_file(dir / "w", std::string(kSize, 'b'));
+  fs::last_write_time(dir / "w", time);
+  EXPECT_NE(models::file_sha1(dir / "w"), sum);
+}
+
 TEST(Checksum, AgreesWithThePublishedTestVectors) {
   const test::TempDir dir;
   test::write_file(dir / "abc", "abc");  // FIPS 180
-  EXPECT_EQ(models::file_checksum(dir / "abc", "sha1"), "a9993e364706816aba3e25717850c26c9cd0d89d");
-  EXPECT_EQ(models::file_checksum(dir / "abc", "sha256"),
-            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(models::file_sha1(dir / "abc"), "a9993e364706816aba3e25717850c26c9cd0d89d");
   test::write_file(dir / "million", std::string(1'000'000, 'a'));
-  EXPECT_EQ(models::file_checksum(dir / "million", "sha1"),
-            "34aa973cd4c4daa4f61eeb2bdbad27316534016f");
+  EXPECT_EQ(models::file_sha1(dir / "million"), "34aa973cd4c4daa4f61eeb2bdbad27316534016f");
   test::write_file(dir / "empty", "");
-  EXPECT_EQ(models::file_checksum(dir / "empty", "sha1"),
-            "da39a3ee5e6b4b0d3255bfef95601890afd80709");
-  EXPECT_THROW(models::file_checksum(dir / "none", "sha1"), InputError);
-  EXPECT_THROW(models::file_checksum(dir.path(), "sha1"), InputError);
+  EXPECT_EQ(models::file_sha1(dir / "empty"), "da39a3ee5e6b4b0d3255bfef95601890afd80709");
+  EXPECT_THROW(models::file_sha1(dir / "none"), InputError);
+  EXPECT_THROW(models::file_sha1(dir.path()), InputError);
 }
 
 TEST(Cache, IsWhereTheEnvironmentSays) {
@@ -300,7 +324,7 @@ TEST_F(Fetching, WithoutChecksumTellsWeightsFromAWebPage) {
   fs::rename(made.weights, server_folder / "m.caffemodel");
   const models::Fetched fetched = fetch();
   EXPECT_FALSE(fetched.verified);
-  EXPECT_EQ(fetched.sha1, models::file_checksum(file(), "sha1"));
+  EXPECT_EQ(fetched.sha1, models::file_sha1(file()));
 }
 
 TEST_F(Fetching, WithoutChecksumNeverMixesOldAndNew) {

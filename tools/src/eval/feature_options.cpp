@@ -138,8 +138,7 @@ FeatureSource open_network(const FeatureOptions& options) {
   const engine::Net net = engine::Net::load(model.prototxt, model.weights,
                                             {{model.cut.end, model.cut.graft}, {}, false, false});
   for (const std::string& warning : net.warnings()) std::cerr << "warning: " << warning << "\n";
-  const std::string key = str("net ", models::file_checksum(model.prototxt, "sha256"), " ",
-                              models::file_checksum(model.weights, "sha256"));
+  const std::string key = str("net ", models::file_sha1(model.prototxt), " ", model.weights_sha1);
   FeatureSource source;
   source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.image.geometry(),
                                                 options.threads_per_scan);

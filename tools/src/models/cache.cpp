@@ -54,7 +54,7 @@ CacheEntry inspect(const fs::path& cache, const KnownModel& model) {
   std::error_code none;
   if (fs::is_regular_file(entry.file, none)) {
     entry.size = fs::file_size(entry.file);
-    entry.sha1 = file_checksum(entry.file, "sha1");
+    entry.sha1 = file_sha1(entry.file);
     entry.state = model.sha1.empty()         ? CacheState::kUnverified
                   : model.sha1 == entry.sha1 ? CacheState::kVerified
                                              : CacheState::kWrong;

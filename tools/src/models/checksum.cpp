@@ -1,23 +1,30 @@
 #include "models/checksum.h"
 
 #include <openssl/evp.h>
+#include <sys/stat.h>
 
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <vector>
 
 #include "revisit/proto/error.h"
 
 namespace revisit::models {
 
-std::string file_checksum(const std::filesystem::path& file, const char* algorithm) {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string read_and_sum(const fs::path& file) {
   const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> context(EVP_MD_CTX_new(),
                                                                         EVP_MD_CTX_free);
-  const EVP_MD* const digest = EVP_get_digestbyname(algorithm);
+  const EVP_MD* const digest = EVP_sha1();
   if (!context || !digest || EVP_DigestInit_ex(context.get(), digest, nullptr) != 1)
-    throw Error(str("OpenSSL cannot compute '", algorithm, "' here"));
+    throw Error("OpenSSL cannot compute SHA-1 here");
 
   errno = 0;
   std::ifstream in(file, std::ios::binary);
@@ -26,7 +33,7 @@ std::string file_checksum(const std::filesystem::path& file, const char* algorit
     in.read(block.data(), static_cast<std::streamsize>(block.size()));
     const auto count = static_cast<size_t>(in.gcount());
     if (count && EVP_DigestUpdate(context.get(), block.data(), count) != 1)
-      throw Error(str("OpenSSL cannot compute '", algorithm, "' here"));
+      throw Error("OpenSSL cannot compute SHA-1 here");
   }
   if (!in.eof() || in.bad())
     throw InputError(
@@ -41,6 +48,31 @@ std::string file_checksum(const std::filesystem::path& file, const char* algorit
     text += "0123456789abcdef"[sum[i] & 15];
   }
   return text;
+}
+
+/// What changes with the content: nothing for a file that cannot be examined.
+std::string state_of(const fs::path& file) {
+  struct stat s {};
+  if (::stat(file.c_str(), &s) != 0) return "";
+  return str(fs::absolute(file).string(), " ", s.st_dev, " ", s.st_ino, " ", s.st_size, " ",
+             s.st_mtim.tv_sec, ".", s.st_mtim.tv_nsec, " ", s.st_ctim.tv_sec, ".",
+             s.st_ctim.tv_nsec);
+}
+
+}  // namespace
+
+std::string file_sha1(const fs::path& file) {
+  static std::mutex mutex;
+  static std::map<std::string, std::string> known;
+  const std::string state = state_of(file);
+  {
+    const std::scoped_lock lock(mutex);
+    if (const auto found = known.find(state); found != known.end()) return found->second;
+  }
+  const std::string sum = read_and_sum(file);
+  const std::scoped_lock lock(mutex);
+  if (state == state_of(file)) known[state] = sum;
+  return sum;
 }
 
 }  // namespace revisit::models

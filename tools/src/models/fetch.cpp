@@ -69,7 +69,7 @@ void check_plausible(const KnownModel& model, const fs::path& part, const std::s
 
 /// The checksum of a complete, acceptable `part`. Throws Error when it is not acceptable.
 std::string check(const KnownModel& model, const fs::path& part) {
-  const std::string sha1 = file_checksum(part, "sha1");
+  const std::string sha1 = file_sha1(part);
   if (model.sha1.empty()) {
     check_plausible(model, part, sha1);
   } else if (model.sha1 != sha1) {
@@ -86,8 +86,7 @@ std::string download_checked(const KnownModel& model, const fs::path& part,
                              DownloadOptions options) {
   options.resume &= !model.sha1.empty();
   // A run that was killed between the last byte and the renaming leaves the whole file.
-  if (options.resume && fs::exists(part) && file_checksum(part, "sha1") == model.sha1)
-    return model.sha1;
+  if (options.resume && fs::exists(part) && file_sha1(part) == model.sha1) return model.sha1;
   const DownloadResult result = download(model.address, part, options);
   try {
     return check(model, part);

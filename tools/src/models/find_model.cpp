@@ -151,7 +151,7 @@ FoundModel from_files(const ModelRequest& request, const fs::path& prototxt,
   need_file(weights, "--weights");
   FoundModel found;
   found.weights = weights;
-  found.weights_sha1 = file_checksum(weights, "sha1");
+  found.weights_sha1 = file_sha1(weights);
   found.prototxt = prototxt.empty() ? prototxt_beside(weights) : prototxt;
   return complete(request, found, known);
 }
