@@ -327,6 +327,33 @@ TEST_F(Fetching, WithoutChecksumTellsWeightsFromAWebPage) {
   EXPECT_EQ(fetched.sha1, models::file_sha1(file()));
 }
 
+TEST_F(Fetching, ALinkInThePlaceOfThePartIsNotFollowed) {
+  use_file_address();
+  test::write_file(server_folder / "victim", "precious");
+  fs::create_directories(part().parent_path());
+  fs::create_symlink(server_folder / "victim", part());
+  EXPECT_SAYS(message_of([&] { fetch(); }), "symbolic link");
+  EXPECT_EQ(test::read_file(server_folder / "victim"), "precious");
+}
+
+TEST_F(Fetching, ADoubtfulChecksumRemovesNothing) {
+  const auto made = models::write_random_model(server_folder.path(), "alexnet", 1);
+  fs::rename(made.weights, server_folder / "m.caffemodel");  // not what `model.sha1` is of
+  use_file_address();
+  EXPECT_SAYS(message_of([&] { fetch(); }), "is not the known file");
+  EXPECT_FALSE(fs::exists(file()));
+
+  model.sha1_is_doubtful = true;
+  test::write_file(part(), "old beginning");
+  const models::Fetched fetched = fetch();
+  EXPECT_FALSE(fetched.verified);
+  EXPECT_TRUE(test::read_file(file()) == test::read_file(server_folder / "m.caffemodel"));
+  EXPECT_EQ(models::inspect(cache.path(), model).state, models::CacheState::kUnverified);
+  fs::remove(file());
+  test::write_file(server_folder / "m.caffemodel", "<html>please log in</html>");
+  EXPECT_SAYS(message_of([&] { fetch(); }), "is not the model");
+}
+
 TEST_F(Fetching, WithoutChecksumNeverMixesOldAndNew) {
   model.sha1.clear();
   model.sha1_source.clear();
@@ -393,6 +420,18 @@ TEST_F(Finding, OtherWeightsOfAKnownNetworkHaveItsBestLayer) {
   EXPECT_EQ(best("alexnet"), "conv3+pool5");
   EXPECT_EQ(best("vgg_cnn_s"), "conv4+pool5");
   EXPECT_EQ(best("places_cnds8"), "pool5");
+}
+
+TEST_F(Finding, WeightsWithoutTheDoubtfulChecksumAreUsedWithAWarning) {
+  const auto made = models::write_random_model(own.path(), "vgg_cnn_s", 1);
+  fs::create_directories(cache / "vgg_cnn_s");
+  fs::copy_file(made.weights, cache.path() / "vgg_cnn_s" / "VGG_CNN_S.caffemodel");
+  models::ModelRequest request;
+  request.model = "vgg_cnn_s";
+  const models::FoundModel found = models::find_model(request);
+  EXPECT_EQ(models::to_string(found.cut), "conv4+pool5");
+  ASSERT_EQ(found.warnings.size(), 1U);
+  EXPECT_SAYS(found.warnings[0], "third-party");
 }
 
 TEST_F(Finding, TheOtherFileIsLookedForBeside) {

@@ -43,6 +43,7 @@ std::vector<KnownModel> table() {
        .file = "VGG_CNN_S.caffemodel",
        .sha1 = "862b3744bce69b7ba90d29b8099aed3b00c8580b",
        .sha1_source = "one third-party source only",
+       .sha1_is_doubtful = true,
        .licence = "non-commercial",
        .mean_bgr = kVggMeanBgr,
        .input_size = 224,

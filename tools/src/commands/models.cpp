@@ -132,9 +132,12 @@ void print_fetched(const models::KnownModel& model, const models::Fetched& fetch
             << (fetched.was_there ? " (was there)\n" : "\n");
   if (fetched.verified)
     std::cout << "sha1 " << fetched.sha1 << ": as published (" << model.sha1_source << ")\n";
-  else
+  else if (model.sha1.empty())
     std::cout << "sha1 " << fetched.sha1
               << ": could not be checked, nobody published the sum of this model\n";
+  else
+    std::cout << "sha1 " << fetched.sha1 << ": not verified; a doubtful source says " << model.sha1
+              << " (" << model.sha1_source << ")\n";
   std::cout << "licence: " << model.licence << "\n";
   if (model.file.ends_with(".tar.gz"))
     std::cout << "an archive; unpack it: tar -xzf '" << fetched.file.string()

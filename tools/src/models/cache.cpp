@@ -55,9 +55,9 @@ CacheEntry inspect(const fs::path& cache, const KnownModel& model) {
   if (fs::is_regular_file(entry.file, none)) {
     entry.size = fs::file_size(entry.file);
     entry.sha1 = file_sha1(entry.file);
-    entry.state = model.sha1.empty()         ? CacheState::kUnverified
-                  : model.sha1 == entry.sha1 ? CacheState::kVerified
-                                             : CacheState::kWrong;
+    entry.state = !model.sha1.empty() && model.sha1 == entry.sha1 ? CacheState::kVerified
+                  : model.sha1.empty() || model.sha1_is_doubtful  ? CacheState::kUnverified
+                                                                  : CacheState::kWrong;
   } else if (const fs::path part = entry.file.string() + ".part"; fs::exists(part, none)) {
     entry.size = fs::file_size(part, none);
     entry.state = CacheState::kPartial;

@@ -18,7 +18,7 @@ std::filesystem::path cached_file(const std::filesystem::path& cache, const Know
 enum class CacheState {
   kAbsent,
   kPartial,     // only the beginning, `.part`: a fetch was interrupted
-  kUnverified,  // complete as far as one can tell: nobody published a checksum
+  kUnverified,  // complete as far as one can tell: no checksum, or only a doubtful one, is known
   kVerified,    // the checksum is the published one
   kWrong,       // the checksum is not the published one: do not use
 };

@@ -18,7 +18,10 @@ namespace fs = std::filesystem;
 class PartFile {
  public:
   explicit PartFile(const fs::path& path) : path_(path) {
-    descriptor_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+    descriptor_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    if (descriptor_ < 0 && errno == ELOOP)
+      throw Error(path.string() +
+                  ": is a symbolic link, which a download does not follow; remove it");
     if (descriptor_ < 0) fail("create");
   }
   ~PartFile() { ::close(descriptor_); }

@@ -12,7 +12,7 @@ struct Fetched {
   std::filesystem::path file;      // the complete file in the cache
   std::filesystem::path prototxt;  // our own description beside it; "" when we have none that fits
   std::string sha1;
-  bool verified = false;   // false: nobody published a checksum to compare with
+  bool verified = false;   // false: no checksum is known, or a doubtful one that differs
   bool was_there = false;  // nothing had to be downloaded
 };
 

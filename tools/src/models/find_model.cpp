@@ -168,7 +168,11 @@ std::optional<FoundModel> from_cache(const ModelRequest& request, const fs::path
     weights = all[0];
   }
   FoundModel found = from_files(request, "", weights, &known);
-  if (!known.sha1.empty() && found.weights_sha1 != known.sha1)
+  if (known.sha1_is_doubtful && found.weights_sha1 != known.sha1)
+    found.warnings.push_back(str(weights.string(), ": has not the checksum of ", known.name,
+                                 " that is known (", known.sha1_source,
+                                 "); it is used all the same"));
+  else if (!known.sha1.empty() && found.weights_sha1 != known.sha1)
     throw InputError(str(weights.string(), ": is not the known ", known.name,
                          "; remove it and run 'revisit models fetch ", known.name,
                          "', or name it with --weights to use it all the same",

@@ -23,6 +23,8 @@ struct KnownModel {
   std::string file{};         // its name in the cache: <cache>/<name>/<file>
   std::string sha1{};         // lower-case hexadecimal; "" when nobody published it
   std::string sha1_source{};  // who states it; "" without sha1
+  /// The sum is of one third party only: a file that has another may be the real one.
+  bool sha1_is_doubtful = false;
   std::string licence{};
   std::optional<std::array<double, 3>> mean_bgr{};  // to be subtracted, in 0..255; absent: unknown
   int input_size = 0;                               // [pixel] height and width it was trained with
