@@ -174,7 +174,19 @@ TEST(KittiDataset, ListsMustReachTheLastFrame) {
   EXPECT_HAS(short_poses, "is frame 10");
   write_file(dir / "poses/00.txt", poses(11));
   write_file(dir / "sequences/00/times.txt", times(3));
-  EXPECT_HAS(complaint([&] { open_dataset(dir.path(), "00"); }), "holds 3 times");
+  // Times are not always needed: they are left out.
+  const Dataset untimed = open_dataset(dir.path(), "00");
+  EXPECT_FALSE(untimed.scans[0].time.has_value());
+  ASSERT_EQ(untimed.warnings.size(), 1u);
+  EXPECT_HAS(untimed.warnings[0], "holds 3 times");
+  EXPECT_HAS(untimed.warnings[0], "no times are used");
+  // A line that was lost shifts all later poses.
+  write_file(dir / "sequences/00/times.txt", times(12));
+  const Dataset shifted = open_dataset(dir.path(), "00");
+  ASSERT_EQ(shifted.warnings.size(), 1u);
+  EXPECT_HAS(shifted.warnings[0], "holds 11 poses");
+  write_file(dir / "sequences/00/times.txt", times(11));
+  EXPECT_TRUE(open_dataset(dir.path(), "00").warnings.empty());
 }
 
 TEST(KittiDataset, FrameNumbersAreUniqueNumbers) {

@@ -49,6 +49,10 @@ TEST_F(Csv, DamageIsNamedByLine) {
   EXPECT_NE(message("a,c\n1,2\n").find("no column 'b'"), std::string::npos);
   EXPECT_NE(message("").find("empty file"), std::string::npos);
   EXPECT_THROW(CsvFile(dir_ / "absent.csv"), InputError);
+  const CsvFile numbers = read("a\n7\n7.5\n\"\"\n");
+  EXPECT_EQ(numbers.whole_number(0, 0), 7);
+  EXPECT_THROW(numbers.whole_number(1, 0), InputError);
+  EXPECT_THROW(numbers.whole_number(2, 0), InputError) << "a blank is no frame";
 }
 
 }  // namespace

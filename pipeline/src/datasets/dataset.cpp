@@ -14,16 +14,6 @@ namespace fs = std::filesystem;
   throw InputError(str(root.string(), ": no ", what, ", which this needs: looked for ", places));
 }
 
-/// A list by frame must reach the last scan.
-template <class Value>
-void check_covers(const std::vector<Value>& values, const ScanRef& last, const fs::path& file,
-                  const char* what) {
-  if (static_cast<size_t>(last.frame) >= values.size())
-    throw InputError(str(file.string(), ": holds ", values.size(), " ", what, " (frames 0 to ",
-                         values.size() - 1, "), but ", last.file.string(), " is frame ",
-                         last.frame));
-}
-
 void add_poses(const KittiSequence& sequence, bool needed, Dataset* dataset) {
   const std::optional<fs::path> file = sequence.poses();
   if (!file) {
@@ -33,7 +23,10 @@ void add_poses(const KittiSequence& sequence, bool needed, Dataset* dataset) {
     return;
   }
   const std::vector<Pose> poses = read_kitti_poses(*file);
-  check_covers(poses, dataset->scans.back(), *file, "poses");
+  if (const ScanRef& last = dataset->scans.back(); static_cast<size_t>(last.frame) >= poses.size())
+    throw InputError(str(file->string(), ": holds ", poses.size(), " poses (frames 0 to ",
+                         poses.size() - 1, "), but ", last.file.string(), " is frame ",
+                         last.frame));
   dataset->n_poses = static_cast<int64_t>(poses.size());
   for (ScanRef& scan : dataset->scans) scan.pose = poses[static_cast<size_t>(scan.frame)];
 }
@@ -43,7 +36,19 @@ void add_times(const KittiSequence& sequence, Dataset* dataset) {
   std::error_code ignored;
   if (!fs::exists(file, ignored)) return;
   const std::vector<double> times = read_kitti_times(file);
-  check_covers(times, dataset->scans.back(), file, "times");
+  const auto n_times = static_cast<int64_t>(times.size());
+  if (dataset->n_poses > 0 && dataset->n_poses < n_times)
+    dataset->warnings.push_back(str(
+        sequence.poses()->string(), ": holds ", dataset->n_poses, " poses where ", file.string(),
+        " holds ", n_times,
+        " times; if a line was lost on the way, all later scans have the pose of the next frame"));
+  const ScanRef& last = dataset->scans.back();
+  if (last.frame >= n_times) {
+    dataset->warnings.push_back(str(file.string(), ": holds ", n_times, " times (frames 0 to ",
+                                    n_times - 1, "), but ", last.file.string(), " is frame ",
+                                    last.frame, "; no times are used"));
+    return;
+  }
   for (ScanRef& scan : dataset->scans) scan.time = times[static_cast<size_t>(scan.frame)];
 }
 

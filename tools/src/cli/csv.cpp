@@ -72,6 +72,16 @@ double CsvFile::number(size_t row, size_t column) const {
   return value;
 }
 
+int CsvFile::whole_number(size_t row, size_t column) const {
+  const std::string& cell = text(row, column);
+  int value = 0;
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
+  if (error != std::errc() || end != cell.data() + cell.size())
+    fail(rows_[row].line,
+         str("column '", header_[column], "': expected a whole number, found '", cell, "'"));
+  return value;
+}
+
 void CsvFile::fail(int line, const std::string& what) const {
   throw InputError(str(file_.string(), ":", line, ": ", what));
 }

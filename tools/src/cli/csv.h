@@ -19,6 +19,8 @@ class CsvFile {
   const std::string& text(size_t row, size_t column) const { return rows_[row].cells[column]; }
   /// NaN for a blank cell. Throws InputError with file:line for what is no number.
   double number(size_t row, size_t column) const;
+  /// Throws InputError with file:line for what is no whole number, a blank cell among it.
+  int whole_number(size_t row, size_t column) const;
 
  private:
   struct Row {

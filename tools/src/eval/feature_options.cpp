@@ -226,6 +226,8 @@ pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::Data
   if (options.every < 1)
     throw UsageError(str("--every: expected at least 1, found ", options.every));
   pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence, needs);
+  if (!options.quiet)
+    for (const std::string& warning : dataset.warnings) std::cerr << "warning: " << warning << "\n";
   std::erase_if(dataset.scans,
                 [&](const pipeline::ScanRef& scan) { return scan.frame % options.every != 0; });
   if (dataset.scans.empty())

@@ -28,7 +28,7 @@ std::vector<ReportScan> read_scans(const fs::path& file) {
                mirrored = csv.column("mirrored_choice"), stored = csv.column("stored");
   std::vector<ReportScan> scans;
   for (size_t i = 0; i < csv.rows(); ++i)
-    scans.push_back({csv.text(i, path), static_cast<int>(csv.number(i, frame)), csv.number(i, x),
+    scans.push_back({csv.text(i, path), csv.whole_number(i, frame), csv.number(i, x),
                      csv.number(i, z), csv.number(i, yaw), csv.number(i, ratio), csv.number(i, t11),
                      csv.number(i, mirrored) > 0, csv.text(i, stored)});
   return scans;
@@ -44,7 +44,7 @@ std::vector<ReportQuery> read_queries(const fs::path& file, const std::vector<Re
                correct = csv.column("true"), positive = csv.column("positive"),
                which_case = csv.column("case");
   const auto scan_of = [&](size_t row, size_t column) {
-    const auto found = by_frame.find(static_cast<int>(csv.number(row, column)));
+    const auto found = by_frame.find(csv.whole_number(row, column));
     if (found == by_frame.end())
       throw InputError(
           str(file.string(), ": frame ", csv.text(row, column), " is not in scans.csv"));

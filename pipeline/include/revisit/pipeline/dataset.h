@@ -26,6 +26,7 @@ struct Dataset {
   std::vector<ScanRef> scans;
   /// Of the whole drive, one a frame, also where scans are missing or left out; 0 without poses.
   int64_t n_poses = 0;
+  std::vector<std::string> warnings;  // for people: what looks wrong and can be lived with
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;
