@@ -120,6 +120,22 @@ TEST(Protocols, LeaveOneOutLooksBothWays) {
             4);
 }
 
+TEST(Protocols, TheDefinitionSaysTheExclusionThatIsUsed) {
+  const auto definition = [](const char* protocol, const char* exclusion) {
+    Trajectory drive = consecutive(200);
+    drive.times.assign(drive.frames.begin(), drive.frames.end());
+    return make_tasks(protocol, "", drive, parse_exclusion(exclusion)).at(0).definition;
+  };
+  EXPECT_TRUE(definition("leave-one-out", "none")
+                  .starts_with("each scan against all scans any time before or after it"));
+  EXPECT_TRUE(definition("online", "seconds=7.5")
+                  .starts_with("each scan against all scans more than 7.5 s before it"));
+  EXPECT_NE(definition("ssc", "none").find("any time apart are true"), std::string::npos);
+  for (const char* protocol : {"online", "leave-one-out", "lcdnet1", "lcdnet2", "ssc", "logg3d"})
+    EXPECT_NE(definition(protocol, "frames=21").find("more than 21 frames"), std::string::npos)
+        << protocol;
+}
+
 TEST(Protocols, ScansCanBeLeftOut) {
   Task task = make_tasks("leave-one-out", "", consecutive(6), parse_exclusion("frames=1")).at(0);
   leave_out(task, {0, 3});
