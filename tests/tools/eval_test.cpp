@@ -423,6 +423,21 @@ TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
   EXPECT_NE(again.out.find("described 24 scans"), std::string::npos) << again.out;
 }
 
+TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
+  ASSERT_EQ(run_revisit(eval("--no-plots --pca none")).exit_code, 0);
+  const std::string raw = test::read_file(run_folder() / "loops_online.csv");
+  EXPECT_NE(test::read_file(run_folder() / "config.yaml").find("pca: none"), std::string::npos);
+  // No pixel is negative, so no cosine of two images is; less their mean some are.
+  for (const double cosine : of_best_matches(raw, 5)) EXPECT_GE(cosine, 0);
+  ASSERT_EQ(run_revisit(eval("--no-plots --pca all")).exit_code, 0);
+  const std::string all = test::read_file(run_folder() / "loops_online.csv");
+  EXPECT_NE(all, raw);
+  ASSERT_EQ(run_revisit(eval("--no-plots --pca 0")).exit_code, 0);
+  EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), all);
+  for (const char* bad : {"--pca -1", "--pca x", "--pca none --pca-fit map"})
+    EXPECT_EQ(run_revisit(eval(bad)).exit_code, 2) << bad;
+}
+
 TEST_F(EvalCommand, ProtocolListNeedsNoData) {
   for (const char* arguments : {"eval --protocol list", "eval --protocol=list"}) {
     const auto result = run_revisit(arguments);

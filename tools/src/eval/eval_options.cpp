@@ -49,7 +49,7 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"training-images", placed(f.training_images)},
           {"new-place", f.new_place},
           {"ring-key-candidates", str(f.ring_key_candidates)},
-          {"pca", f.components ? str(*f.components) : ""},
+          {"pca", f.pca},
           {"pca-fit", f.pca_fit == "all" || f.pca_fit == "map" ? f.pca_fit : placed(f.pca_fit)},
           {"memory", pipeline::exact(f.memory_gb)},
           {"protocol", o.protocol},

@@ -87,10 +87,10 @@ void FeatureOptions::declare(Parser& parser) {
                 "(default mean-field)",
                 &new_place);
   parser.group("Reduction:");
-  parser.option("pca", "K",
-                "numbers a scan; 0: as many as the data gives (default 400 for cnn and data, the "
-                "others are not reduced)",
-                &components);
+  parser.option("pca", "K|all|none",
+                "numbers a scan; all (or 0): as many as the data gives, still less their mean; "
+                "none: the feature itself (default 400 for cnn and data, none for the others)",
+                &pca);
   parser.option("pca-fit", "all|map|DIR",
                 "scans the PCA learns from, or a folder it was written to (default all)", &pca_fit);
   parser.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb);
@@ -119,6 +119,15 @@ int FeatureOptions::thread_count() const {
   if (threads_per_scan < 1)
     throw UsageError(str("--threads-per-scan: expected at least 1, found ", threads_per_scan));
   return threads ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+std::optional<int64_t> FeatureOptions::components() const {
+  if (pca.empty()) return std::nullopt;
+  if (pca == "none") return -1;
+  if (pca == "all") return 0;
+  const auto number = parse_value<int64_t>("--pca", pca);
+  if (number < 0) throw UsageError(str("--pca: expected at least 0, all or none, found ", number));
+  return number;
 }
 
 fs::path FeatureOptions::cache_folder(const fs::path& output) const {
@@ -153,14 +162,18 @@ bool is_range_image_feature(const FeatureSource& source) {
 /// Numbers after reduction, see FeatureSource. A feature with a similarity of its own is compared
 /// as it is.
 int64_t components_for(const FeatureOptions& options, const FeatureSource& source) {
-  const bool asked = options.components || options.pca_fit != "all";
+  constexpr int64_t kDefault = 400, kNoPca = -1;
+  const std::optional<int64_t> components = options.components();
+  if (components == kNoPca) {
+    if (options.pca_fit != "all")
+      throw UsageError("--pca none learns nothing: leave out --pca-fit, or give a number");
+    return kNoPca;
+  }
+  const bool asked = components || options.pca_fit != "all";
   if (asked && source.extractor.similarity)
     throw UsageError(str("--pca: the feature ", source.extractor.name,
                          " is compared in its own way, which a PCA would destroy"));
-  if (options.components && *options.components < 0)
-    throw UsageError(str("--pca: expected at least 0, found ", *options.components));
-  constexpr int64_t kDefault = 400, kNoPca = -1;
-  return options.components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
+  return components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
 }
 
 pipeline::AlignMode align_for(const FeatureOptions& options, const FeatureSource& source) {

@@ -24,11 +24,11 @@ struct FeatureOptions {
   std::string end, graft, mean_bgr;
   std::filesystem::path images, training_images;  // of FAB-MAP
   std::string new_place = "mean-field";
-  int64_t ring_key_candidates = 0;    // of Scan Context; 0: all
-  std::optional<std::string> align;   // absent: the feature's own way
-  int threads = 0;                    // 0: all cores
-  int threads_per_scan = 1;           // of one forward pass
-  std::optional<int64_t> components;  // of the PCA; absent: the feature's own way
+  int64_t ring_key_candidates = 0;   // of Scan Context; 0: all
+  std::optional<std::string> align;  // absent: the feature's own way
+  int threads = 0;                   // 0: all cores
+  int threads_per_scan = 1;          // of one forward pass
+  std::string pca;                   // components(), as given
   std::string pca_fit = "all";
   double memory_gb = 2;
   std::string cache;    // folder of the features; "" means below the output folder
@@ -37,6 +37,8 @@ struct FeatureOptions {
 
   void declare(Parser& parser);
   int thread_count() const;
+  /// Of the PCA; 0: all; -1: no PCA; absent: the feature's own way. Throws UsageError.
+  std::optional<int64_t> components() const;
   /// The folder the features go to, of a command with this output folder.
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 };

@@ -96,7 +96,7 @@ class Workload {
     std::stable_sort(to_do.begin(), to_do.end(), [&](const Work* a, const Work* b) {
       const auto rank = [&](const Work* work) {
         return std::pair(first_use.at(work->key.feature),
-                         work->options.feature.components.value_or(-1) != 0);
+                         work->options.feature.components().value_or(-1) != 0);
       };
       return rank(a) < rank(b);
     });
