@@ -86,6 +86,21 @@ TEST_F(DescribeTest, OneChannelStandsForAllBeforeAConvolution) {
   }
 }
 
+TEST_F(DescribeTest, OneChannelHasTheMeanOfTheGrayImageAndPixelsAScale) {
+  std::string text = kNet;
+  text.replace(text.find("dim: 3"), 6, "dim: 1");
+  test::write_file(dir_ / "net.prototxt", text);
+  const engine::Net net = engine::Net::load_without_weights(dir_ / "net.prototxt");
+  const FeatureExtractor features =
+      network_features(net, "test", {10, 20, 40}, options_.geometry, 1, 0.5);
+  ASSERT_EQ(features.dim, 4 * 16);
+  RangeImage image{64, 16, std::vector<float>(64 * 16, 100.0F)};
+  std::vector<float> feature(static_cast<size_t>(features.dim));
+  std::get<FeatureMaker<RangeImage>>(features.make)()(image, feature);
+  EXPECT_FLOAT_EQ(feature[0], (100 - (1.14F + 11.74F + 11.96F)) / 2);
+  EXPECT_NE(features.key, network_features(net, "test", {10, 20, 40}, options_.geometry).key);
+}
+
 TEST_F(DescribeTest, DataIsTheImageItself) {
   const FeatureExtractor features = range_vector_features(options_.geometry);
   ASSERT_EQ(features.dim, 64 * 16);

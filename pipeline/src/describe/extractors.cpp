@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "revisit/pipeline/describe.h"
+#include "revisit/pipeline/text.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -27,12 +28,17 @@ engine::Port image_input(const engine::Net& net, const ImageGeometry& geometry) 
   return {port.name, engine::Shape{1, port.shape[1], geometry.height, geometry.width}};
 }
 
+/// One mean for each of 3 channels, or that of the gray image for the only one.
+std::vector<double> means_of(const std::array<double, 3>& bgr, int64_t channels) {
+  if (channels == 3) return {bgr.begin(), bgr.end()};
+  return {0.114 * bgr[0] + 0.587 * bgr[1] + 0.299 * bgr[2]};
+}
+
 /// All channels are the range image, less the mean of each: they differ from the first by
 /// constants.
-std::vector<float> offsets_to_first(const std::array<double, 3>& mean_bgr, int64_t channels) {
+std::vector<float> offsets_to_first(const std::vector<double>& means, double scale) {
   std::vector<float> offsets;
-  for (int64_t c = 0; c < channels; ++c)
-    offsets.push_back(static_cast<float>(mean_bgr[0] - mean_bgr[static_cast<size_t>(c)]));
+  for (const double mean : means) offsets.push_back(static_cast<float>((means[0] - mean) * scale));
   return offsets;
 }
 
@@ -40,10 +46,11 @@ std::vector<float> offsets_to_first(const std::array<double, 3>& mean_bgr, int64
 
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,
-                                  const ImageGeometry& geometry, int threads) {
+                                  const ImageGeometry& geometry, int threads, double input_scale) {
   const engine::Port all = image_input(net, geometry);
   engine::PlanOptions options{.threads = threads};
-  if (net.takes_gray_input()) options.gray_offsets = offsets_to_first(mean_bgr, all.shape[1]);
+  const std::vector<double> means = means_of(mean_bgr, all.shape[1]);
+  if (net.takes_gray_input()) options.gray_offsets = offsets_to_first(means, input_scale);
   const engine::Plan plan = net.plan({{all.name, all.shape}}, options);
   const engine::Port input = plan.inputs()[0];  // one channel, or all
   if (plan.outputs().size() != 1)
@@ -52,16 +59,18 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
   FeatureExtractor extractor;
   extractor.name = plan.outputs()[0].name;
   extractor.dim = plan.outputs()[0].shape.elements();
-  extractor.key = str(net_key, "\nlayer ", extractor.name, "\nmean_bgr ", mean_bgr[0], " ",
-                      mean_bgr[1], " ", mean_bgr[2], "\n", geometry_key(geometry));
-  extractor.make = [plan, input, mean_bgr]() -> FeatureFunction<RangeImage> {
+  extractor.key = str(net_key, "\nlayer ", extractor.name, "\nmean_bgr ", exact(mean_bgr[0]), " ",
+                      exact(mean_bgr[1]), " ", exact(mean_bgr[2]), " scale ", exact(input_scale),
+                      "\n", geometry_key(geometry));
+  extractor.make = [plan, input, means, input_scale]() -> FeatureFunction<RangeImage> {
     auto run = std::make_shared<engine::Run>(plan);
-    return [run, input, mean_bgr](const RangeImage& image, std::span<float> feature) {
+    return [run, input, means, scale = static_cast<float>(input_scale)](const RangeImage& image,
+                                                                        std::span<float> feature) {
       float* channel = run->input(input.name).data;
       for (int64_t c = 0; c < input.shape[1]; ++c) {
-        const auto mean = static_cast<float>(mean_bgr[static_cast<size_t>(c)]);
+        const auto mean = static_cast<float>(means[static_cast<size_t>(c)]);
         channel = std::transform(image.pixels.begin(), image.pixels.end(), channel,
-                                 [mean](float pixel) { return pixel - mean; });
+                                 [mean, scale](float pixel) { return (pixel - mean) * scale; });
       }
       run->forward();
       const auto output = run->output(run->plan().outputs()[0].name).values();

@@ -45,6 +45,7 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"end", f.end},
           {"graft", f.graft},
           {"mean-bgr", placed(f.mean_bgr)},
+          {"input-scale", pipeline::exact(f.input_scale)},
           {"images", placed(f.images)},
           {"training-images", placed(f.training_images)},
           {"new-place", f.new_place},

@@ -22,9 +22,17 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
   std::array<double, 3> mean{};
   if (std::error_code none; fs::is_regular_file(text, none)) {
     const std::vector<double> means = channel_means(read_mean(text));
-    if (means.size() != mean.size())
-      throw UsageError(str("--mean-bgr: ", text, " has ", means.size(), " channels, expected 3"));
-    std::copy(means.begin(), means.end(), mean.begin());
+    if (means.size() == 1)
+      mean.fill(means[0]);
+    else if (means.size() == mean.size())
+      std::copy(means.begin(), means.end(), mean.begin());
+    else
+      throw UsageError(
+          str("--mean-bgr: ", text, " has ", means.size(), " channels, expected 3 or 1"));
+    return mean;
+  }
+  if (text.find(',') == std::string::npos) {
+    mean.fill(parse_value<double>("--mean-bgr", text));
     return mean;
   }
   std::istringstream fields(text);
@@ -63,10 +71,14 @@ void FeatureOptions::declare(Parser& parser) {
   parser.option("weights", "W", "caffemodel", &weights);
   parser.option("end", "LAYER", "the layer that is the feature", &end);
   parser.option("graft", "LAYER", "pooling layer of the net to append, e.g. pool5", &graft);
-  parser.option("mean-bgr", "B,G,R|FILE",
-                "channel means to subtract, or a .binaryproto or .npy mean to take them from "
-                "(default: the model's own)",
+  parser.option("mean-bgr", "B,G,R|M|FILE",
+                "channel means to subtract, or a .binaryproto or .npy mean to take them from; one "
+                "number is every channel's (default: the model's own)",
                 &mean_bgr);
+  parser.option("input-scale", "S",
+                "factor of the pixels less their mean, for nets that were trained with one, e.g. "
+                "0.017 for MobileNet (default 1)",
+                &input_scale);
   parser.option("align", "none|case1|case2",
                 "align scans with their principal directions (default case1 for cnn and data; the "
                 "others see the scan as it is)",
@@ -137,6 +149,8 @@ fs::path FeatureOptions::cache_folder(const fs::path& output) const {
 namespace {
 
 FeatureSource open_network(const FeatureOptions& options) {
+  if (!(options.input_scale > 0))
+    throw UsageError(str("--input-scale: expected a positive number, found ", options.input_scale));
   models::FoundModel model = models::find_model(
       {options.model, options.weights, options.end, options.graft, parse_mean(options.mean_bgr)});
   for (const std::string& warning : model.warnings) std::cerr << "warning: " << warning << "\n";
@@ -150,7 +164,7 @@ FeatureSource open_network(const FeatureOptions& options) {
   const std::string key = str("net ", models::file_sha1(model.prototxt), " ", model.weights_sha1);
   FeatureSource source;
   source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.image.geometry(),
-                                                options.threads_per_scan);
+                                                options.threads_per_scan, options.input_scale);
   source.model = std::move(model);
   return source;
 }

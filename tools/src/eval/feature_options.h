@@ -22,6 +22,7 @@ struct FeatureOptions {
   std::string feature = "cnn";
   std::filesystem::path model, weights;
   std::string end, graft, mean_bgr;
+  double input_scale = 1;  // of the pixels less their mean, as caffe's transform_param has it
   std::filesystem::path images, training_images;  // of FAB-MAP
   std::string new_place = "mean-field";
   int64_t ring_key_candidates = 0;   // of Scan Context; 0: all

@@ -24,6 +24,7 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
     info.set_weights_sha1(model->weights_sha1);
     info.set_trained(model->trained);
     for (const double mean : model->mean_bgr) info.add_mean_bgr(mean);
+    info.set_input_scale(options.input_scale);
   }
   const pipeline::ImageGeometry g = options.image.geometry();
   info.set_image_width(g.width);
