@@ -14,9 +14,9 @@ namespace revisit::engine {
 /// Values in between are merged away only when nothing else reads them and they are no output.
 Operations fuse(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations);
 
-/// Sets Operation::most_winograd_points of the convolutions in nets that amplify rounding. To be
-/// called before fuse().
-void limit_rounding(const Net::Impl& net, Operations* operations);
+/// Sets Operation::most_winograd_points: of all operations when `accuracy` is strict, else of those
+/// whose values reach a layer that amplifies rounding. To be called before fuse().
+void limit_rounding(Accuracy accuracy, Operations* operations);
 
 /// Makes the convolutions on the only input of the net take one channel that stands for all:
 /// channel c is that channel plus `offsets[c]`. To be called before fuse(). Throws UsageError when

@@ -114,6 +114,10 @@ class Layer {
                                                            : std::nullopt;
   }
 
+  /// Whether the relative error of the output can be far above that of the input: it subtracts
+  /// means and divides by deviations, which may be small against them.
+  virtual bool amplifies_rounding() const { return false; }
+
   /// The axis of every output whose size depends on the data, if there is one: infer() gives its
   /// maximum, the kernel writes that many rows or fewer, without gaps, and stores the number in
   /// Call::rows. All axes before it have size 1.

@@ -3,24 +3,19 @@
 #include "fuse.h"
 
 namespace revisit::engine {
-namespace {
 
-// Of ResNet-50 (golden/slim), the error against the original is 3e-5 with any kernels whose
-// transforms have up to 7 points, 1.5e-4 with 8 and 2.7e-4 with 9.
-constexpr int kCarefulPoints = 6;
-
-/// Division by a small deviation amplifies what kernels before it rounded; so does Softmax, to
-/// which only the differences of large values count.
-bool amplifies_rounding(const Node& node) {
-  const std::string& type = node.param.type();
-  return type == "BatchNorm" || type == "MVN" || type == "Softmax";
-}
-
-}  // namespace
-
-void limit_rounding(const Net::Impl& net, Operations* operations) {
-  if (std::none_of(net.graph.nodes.begin(), net.graph.nodes.end(), amplifies_rounding)) return;
-  for (Operation& operation : operations->list) operation.most_winograd_points = kCarefulPoints;
+// docs/ACCURACY.md has the errors of real nets for both limits, and for none.
+void limit_rounding(Accuracy accuracy, Operations* operations) {
+  constexpr int kLittleRounding = 6;
+  std::vector<bool> amplified(operations->held_by.size(), false);  // of each value: later on
+  for (auto operation = operations->list.rbegin(); operation != operations->list.rend();
+       ++operation) {
+    const bool later = std::any_of(operation->outputs.begin(), operation->outputs.end(),
+                                   [&](ValueId id) { return amplified[operations->held_by[id]]; });
+    if (later || accuracy == Accuracy::kStrict) operation->most_winograd_points = kLittleRounding;
+    if (later || operation->layer->amplifies_rounding())
+      for (const ValueId id : operation->inputs) amplified[id] = true;
+  }
 }
 
 }  // namespace revisit::engine

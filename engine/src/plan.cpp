@@ -43,7 +43,7 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   const bool merge = !options.keep_all && !options.reference_kernels;
   Operations operations = operations_of(net, shapes);
   if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
-  limit_rounding(net, &operations);
+  limit_rounding(options.accuracy, &operations);
   return merge ? fuse(net, shapes, std::move(operations)) : operations;
 }
 
@@ -89,6 +89,7 @@ void count_step(const ScheduledStep& step, bool runs, int64_t new_floats, LayerC
   const std::string name = step.kernel.joins_inputs && !runs ? "in place" : step.kernel.name;
   // A reorder only shows where its layer runs nothing else; a view runs nothing.
   if (cost->kernel.empty() || (!step.is_reorder && !name.empty())) cost->kernel = name;
+  if (!step.is_reorder) cost->why = step.why;
 }
 
 }  // namespace

@@ -90,7 +90,9 @@ class Scheduler {
     ScheduledStep step{operation.node, {}, operation.layer->output_memory(), {}, {}};
     if (step.memory != OutputMemory::kViewOfInput) {
       check_outputs(outputs, options_.max_arena_bytes);
-      step.kernel = bind(operation, inputs, outputs);
+      const BlockedConvolutionKernel* const convolution = convolution_kernel(operation);
+      step.kernel = bind(operation, convolution, inputs, outputs);
+      step.why = why(operation, convolution);
     }
     for (size_t i = 0; i < operation.inputs.size(); ++i)
       step.inputs.push_back(require(
@@ -103,8 +105,8 @@ class Scheduler {
       if (options_.keep_all || read_outside_[id]) pin(require(id, Layout::kPlain, operation.node));
   }
 
-  Kernel bind(const Operation& operation, const std::vector<Shape>& inputs,
-              const std::vector<Shape>& outputs) {
+  Kernel bind(const Operation& operation, const BlockedConvolutionKernel* convolution,
+              const std::vector<Shape>& inputs, const std::vector<Shape>& outputs) {
     Binding binding{inputs, outputs, net_.nodes[operation.node].weights,
                     std::max(options_.threads, 1), options_.reference_kernels};
     if (!options_.reference_kernels)
@@ -113,7 +115,7 @@ class Scheduler {
     binding.fusion = operation.fusion;
     binding.cache = &net_.packed_weights;
     binding.layer = operation.node;
-    binding.convolution = convolution_kernel(operation);
+    binding.convolution = convolution;
     return bind_operation(*operation.layer, operation.form, binding);
   }
 
@@ -122,9 +124,24 @@ class Scheduler {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
     if (!convolving || options_.reference_kernels) return nullptr;
     if (operation.convolution) return operation.convolution;
+    return choose(operation, convolving->problem, operation.most_winograd_points);
+  }
+
+  const BlockedConvolutionKernel* choose(const Operation& operation,
+                                         const ConvolutionProblem& problem,
+                                         int most_winograd_points) const {
     const Layout input = blocked_[operation.inputs[0]] ? Layout::kBlocked : Layout::kPlain;
-    return choose_convolution(convolving->problem, operation.fusion, input,
-                              operation.most_winograd_points);
+    return choose_convolution(problem, operation.fusion, input, most_winograd_points);
+  }
+
+  /// As LayerCost::why.
+  std::string why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
+    const auto* convolving = std::get_if<Convolving>(&operation.form);
+    if (!convolving) return "";
+    if (options_.reference_kernels) return "reference asked";
+    if (!operation.convolution && choose(operation, convolving->problem, kAnyPoints) != chosen)
+      return options_.accuracy == Accuracy::kStrict ? "strict accuracy" : "amplified later";
+    return chosen ? "fastest predicted" : "blocked does not pay";
   }
 
   const Net::Impl& net_;

@@ -20,6 +20,7 @@ struct ScheduledStep {
   OutputMemory memory = OutputMemory::kOwn;  // kViewOfInput: nothing runs
   std::vector<size_t> inputs, outputs;
   bool is_reorder = false;
+  std::string why = {};  // LayerCost::why
 };
 
 /// All kernels of a forward pass in order, with the reorders between layouts.

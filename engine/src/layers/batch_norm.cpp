@@ -35,6 +35,10 @@ class BatchNorm : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
+  // With stored statistics, too: in the weights of a convolution the means are subtracted all the
+  // same.
+  bool amplifies_rounding() const override { return true; }
+
   std::optional<WindowHw> window(const Shape&) const override {
     return of_batch() ? std::nullopt : std::optional(WindowHw{});
   }

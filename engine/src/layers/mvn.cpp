@@ -22,6 +22,8 @@ class Mvn : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
+  bool amplifies_rounding() const override { return param_.normalize_variance(); }
+
   std::optional<WindowHw> window(const Shape&) const override { return std::nullopt; }
 
   Kernel bind(const Binding& binding) const override {

@@ -71,6 +71,9 @@ void NetOptions::declare(Parser& parser) {
               &allow_missing);
   parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
               &allow_unknown);
+  parser.option("accuracy", "WORD",
+                "usual (default) or strict: convolutions that round no more than Caffe's, slower",
+                &accuracy);
   parser.flag("keep-denormals", "numbers below 1.2e-38 keep their value, as in Caffe, however slow",
               &keep_denormals);
   limits.declare(parser);
@@ -89,7 +92,16 @@ engine::LoadOptions NetOptions::load_options() const {
 
 engine::PlanOptions NetOptions::plan_options() const {
   check_limit("--max-run-mb", run_mb, kMostMb);
-  return {.threads = threads, .max_arena_bytes = run_mb << 20, .flush_denormals = !keep_denormals};
+  return {.threads = threads,
+          .max_arena_bytes = run_mb << 20,
+          .flush_denormals = !keep_denormals,
+          .accuracy = parse_accuracy(accuracy)};
+}
+
+engine::Accuracy parse_accuracy(const std::string& word) {
+  if (word == "usual") return engine::Accuracy::kUsual;
+  if (word == "strict") return engine::Accuracy::kStrict;
+  throw UsageError(str("--accuracy: expected usual or strict, found '", word, "'"));
 }
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {

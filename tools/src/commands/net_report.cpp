@@ -70,7 +70,7 @@ std::string mebi(double bytes) {
 
 Table layer_table(const reports::NetReport& report) {
   const bool timed = report.has_total_ms();
-  std::vector<std::string> header{"layer",      "type",  "kernel",     "output",
+  std::vector<std::string> header{"layer",      "type",  "kernel",     "why",       "output",
                                   "parameters", "MMACs", "packed MiB", "memory MiB"};
   if (!timed) header.push_back("sees /stride @start");
   if (timed) header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "share %"});
@@ -79,6 +79,7 @@ Table layer_table(const reports::NetReport& report) {
     std::vector<std::string> row{layer.name(),
                                  layer.type(),
                                  layer.kernel().empty() ? "-" : layer.kernel(),
+                                 layer.why().empty() ? "-" : layer.why(),
                                  shape_text(layer.output_shape()),
                                  number(layer.parameters(), 0),
                                  number(layer.macs() / 1e6, 2),
@@ -185,6 +186,7 @@ reports::NetReport net_report(const NetOptions& options, const std::string& weig
     layer.set_name(cost.name);
     layer.set_type(cost.type);
     layer.set_kernel(cost.kernel);
+    layer.set_why(cost.why);
     if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
     layer.set_macs(static_cast<double>(cost.macs));
     layer.set_parameters(static_cast<double>(cost.parameters));

@@ -1,6 +1,7 @@
 #include <iostream>
 
 #include "cli/interrupt.h"
+#include "cli/net_options.h"
 #include "cli/progress.h"
 #include "cli/table.h"
 #include "net_commands.h"
@@ -13,6 +14,7 @@ namespace fs = std::filesystem;
 int net_verify_command(const Arguments& arguments) {
   std::vector<fs::path> folders;
   CompareOptions options;
+  std::string accuracy = "usual";
   Parser parser("revisit net verify", "DIR...",
                 "Run networks and compare with outputs of the original, layer by layer where those "
                 "are there: the "
@@ -29,10 +31,13 @@ int net_verify_command(const Arguments& arguments) {
                 "largest relative error of a layer (default 1e-5; 1e-4 where Winograd kernels run)",
                 &options.tolerance);
   parser.option("threads", "N", "threads of one forward pass (default 1)", &options.threads);
+  parser.option("accuracy", "WORD", "usual (default) or strict", &accuracy);
   parser.flag("reference", "use the slow reference kernels", &options.reference_kernels);
   parser.parse(arguments);
   if (options.tolerance && !(*options.tolerance > 0))
     throw UsageError(str("--tolerance: expected more than 0, found ", *options.tolerance));
+
+  options.accuracy = parse_accuracy(accuracy);
 
   std::vector<GoldenCase> cases;
   for (const fs::path& folder : folders)

@@ -144,10 +144,14 @@ double largest_error(const engine::Run& a, const engine::Run& b) {
 /// A case whose files are read, ready to run with different kernels.
 class Comparison {
  public:
-  explicit Comparison(const GoldenCase& golden) : golden_(golden), net_(load()) {}
+  Comparison(const GoldenCase& golden, engine::Accuracy accuracy)
+      : golden_(golden), accuracy_(accuracy), net_(load()) {}
 
   engine::Run run(int threads, bool reference_kernels) const {
-    engine::Run run(net_.plan({}, {threads, true, reference_kernels}));
+    engine::Run run(net_.plan({}, {.threads = threads,
+                                   .keep_all = true,
+                                   .reference_kernels = reference_kernels,
+                                   .accuracy = accuracy_}));
     for (const auto& [name, array] : arrays_)
       std::copy(array.data.begin(), array.data.end(), run.input(name).data);
     run.forward();
@@ -180,6 +184,7 @@ class Comparison {
   }
 
   const GoldenCase& golden_;
+  const engine::Accuracy accuracy_;
   std::map<std::string, proto::NpyArray> arrays_;
   engine::Net net_;
 };
@@ -189,7 +194,7 @@ class Comparison {
 CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options) {
   CaseVerdict verdict;
   try {
-    const Comparison comparison(golden);
+    const Comparison comparison(golden, options.accuracy);
     const engine::Run run = comparison.run(options.threads, options.reference_kernels);
     const double tolerance = only_moves_values(run.plan())
                                  ? 0

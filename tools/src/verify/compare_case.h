@@ -4,6 +4,7 @@
 #include <string>
 
 #include "golden_case.h"
+#include "revisit/engine/net.h"
 
 namespace revisit::cli {
 
@@ -22,6 +23,7 @@ struct CompareOptions {
   std::optional<double> tolerance;
   int threads = 1;
   bool reference_kernels = false;
+  engine::Accuracy accuracy = engine::Accuracy::kUsual;
 };
 
 /// Runs a case and compares every layer that the original's outputs are there for. The error of a

@@ -45,6 +45,18 @@ struct Port {
   Shape shape;  // the largest, where the number of rows depends on the data
 };
 
+/// How much kernels may round beyond a plain sum in float32. docs/ACCURACY.md has the errors of
+/// real nets. It decides about Winograd's algorithm for convolutions: the larger the tile, the
+/// faster, and the more it rounds.
+enum class Accuracy {
+  /// The fastest kernel; before layers that amplify rounding (BatchNorm, MVN that divides by the
+  /// deviation) tiles of at most 4x4 outputs. Within 1e-5 of the original Caffe for nets without
+  /// such layers (largest error / largest value of any layer).
+  kUsual,
+  /// Tiles of at most 4x4 everywhere: about what Caffe's own products round.
+  kStrict,
+};
+
 struct PlanOptions {
   /// Threads of one forward pass. The result does not depend on it, bit for bit.
   int threads = 1;
@@ -60,6 +72,7 @@ struct PlanOptions {
   /// the logarithm of a probability that small is -infinity. The calling thread's own mode comes
   /// back after the pass.
   bool flush_denormals = true;
+  Accuracy accuracy = Accuracy::kUsual;
   /// The caller promises that all channels of the net's only image input are one picture, up to a
   /// constant: channel c is the picture plus gray_offsets[c]. The run's input then is the picture,
   /// of one channel, and the first convolution is that much cheaper.
@@ -87,6 +100,10 @@ struct LayerCost {
   /// "" when the layer is only another view of its input, "in conv1" when layer conv1 does its
   /// work.
   std::string kernel;
+  /// Of a convolution, the rule that chose its kernel: "fastest predicted"; "strict accuracy" or
+  /// "amplified later" where that ruled out a faster one; "blocked does not pay" (few channels);
+  /// "reference asked". "" for other layers.
+  std::string why;
   std::vector<Shape> inputs, outputs;
   std::vector<std::string>
       blobs;               // what the file calls the outputs; an in-place layer repeats a name

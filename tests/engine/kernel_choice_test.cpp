@@ -1,0 +1,123 @@
+// Which kernel each convolution gets, and why.
+#include <gtest/gtest.h>
+
+#include <sstream>
+#include <stdexcept>
+
+#include "net_case.h"
+#include "simd_targets.h"
+#include "test_data.h"
+
+namespace revisit::engine {
+namespace {
+
+constexpr const char* kFast = "fastest predicted";
+
+const LayerCost& layer_of(const Plan& plan, const std::string& name) {
+  for (const LayerCost& layer : plan.layers())
+    if (layer.name == name) return layer;
+  throw std::runtime_error("no layer " + name);
+}
+
+/// Two convolutions for which tiles of 4x4 are not the fastest, `between` on the blob of the first
+/// and `after` on that of the second.
+Net two_convolutions(const std::string& between, const std::string& after) {
+  return test::small_net({1, 64, 56, 56},
+                         test::conv("a", "data", "num_output: 64 kernel_size: 3 pad: 1") + between +
+                             test::conv("b", "a", "num_output: 64 kernel_size: 3 pad: 1") + after,
+                         {}, test::Weights::kNone);
+}
+
+TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
+  const auto why = [](const Net& net, const PlanOptions& options = {}) {
+    const Plan plan = net.plan({}, options);
+    return std::pair(layer_of(plan, "a").why, layer_of(plan, "b").why);
+  };
+  const auto both = [](const char* word) {
+    return std::pair(std::string(word), std::string(word));
+  };
+  const Net plain = two_convolutions("", ""),
+            softmax = two_convolutions("", test::in_place("s", "Softmax", "b"));
+  EXPECT_EQ(why(plain), both(kFast));
+  EXPECT_EQ(why(softmax), both(kFast));
+  EXPECT_EQ(layer_of(softmax.plan(), "a").kernel, layer_of(plain.plan(), "a").kernel);
+  EXPECT_EQ(why(plain, {.accuracy = Accuracy::kStrict}), both("strict accuracy"));
+  EXPECT_EQ(why(plain, {.reference_kernels = true}), both("reference asked"));
+
+  for (const char* type : {"BatchNorm", "MVN"}) {
+    SCOPED_TRACE(type);
+    const Net later = two_convolutions("", test::in_place("n", type, "b"));
+    EXPECT_EQ(why(later), both("amplified later"));
+    EXPECT_EQ(why(later, {.keep_all = true}), both("amplified later"));
+    EXPECT_EQ(why(two_convolutions(test::in_place("n", type, "a"), "")),
+              std::pair(std::string("amplified later"), std::string(kFast)));
+  }
+  const std::string centred = "mvn_param { normalize_variance: false }";
+  EXPECT_EQ(why(two_convolutions("", test::in_place("n", "MVN", "b", centred))), both(kFast));
+}
+
+/// Through layers that only pass values on, and past one branch of two.
+TEST(KernelChoice, FollowsTheValuesOfAConvolution) {
+  const Net net = test::small_net(
+      {1, 64, 56, 56},
+      test::conv("a", "data", "num_output: 64 kernel_size: 3 pad: 1") +
+          test::layer("d", "Dropout", {"a"}, "") + test::layer("f", "Flatten", {"d"}, "") +
+          test::layer("m", "MVN", {"f"}, "") +
+          test::conv("b", "data", "num_output: 64 kernel_size: 3 pad: 1"),
+      {}, test::Weights::kNone);
+  EXPECT_EQ(layer_of(net.plan(), "a").why, "amplified later");
+  EXPECT_EQ(layer_of(net.plan(), "b").why, kFast);
+}
+
+struct KnownNet {
+  const char *file, *end;  // in data/nets; the layer it is cut off after, "" for none
+  int64_t height, width;
+};
+
+/// The convolutions of a net with their kernels, a line each.
+std::string table_of(const KnownNet& known) {
+  const Net net = Net::load_without_weights(test::shared("data/nets") / known.file,
+                                            {.truncation = {.end = known.end}});
+  const Shape input{1, 3, known.height, known.width};
+  std::ostringstream table;
+  table << known.file << (*known.end ? " to " : "") << known.end << " " << input << "\n";
+  const Plan plan = net.plan({{net.inputs()[0].name, input}});
+  for (const LayerCost& layer : plan.layers())
+    if (layer.type == "Convolution")
+      table << "  " << layer.name << ": " << layer.kernel << " (" << layer.why << ")\n";
+  return table.str();
+}
+
+/// An edit of the cost model shows here: when it is meant, the found text becomes the file.
+TEST(KernelChoice, OfKnownNets) {
+  REVISIT_NEED_SHARED(nets, "data/nets");
+  const std::string wanted = test::read_file(test::fixture("chosen_kernels.txt"));
+  for (const int64_t target : {int64_t{HWY_AVX3}, int64_t{HWY_AVX2}}) {
+    if ((hwy::SupportedTargets() & target) == 0) continue;
+    SCOPED_TRACE(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
+    std::string found;
+    for (const KnownNet& known : {KnownNet{"bvlc_alexnet_deploy.prototxt", "", 227, 227},
+                                  {"bvlc_alexnet_deploy.prototxt", "pool5", 107, 4000},
+                                  {"VGG_CNN_S_deploy.prototxt", "", 224, 224},
+                                  {"VGG_CNN_S_deploy.prototxt", "pool5", 107, 4000},
+                                  {"places_cnds8_deploy.prototxt", "", 227, 227},
+                                  {"VGG_ILSVRC_16_layers_deploy.prototxt", "", 224, 224}})
+      found += table_of(known);
+    hwy::SetSupportedTargetsForTest(0);
+    EXPECT_EQ(found, wanted);
+  }
+}
+
+TEST(KernelChoice, AlexNetWithItsSoftmaxIsAsFastAsItsTrunk) {
+  REVISIT_NEED_SHARED(nets, "data/nets");
+  const auto file = nets / "bvlc_alexnet_deploy.prototxt";
+  const Plan whole = Net::load_without_weights(file).plan();
+  const Plan trunk = Net::load_without_weights(file, {.truncation = {.end = "pool5"}}).plan();
+  for (const char* name : {"conv2", "conv3", "conv4", "conv5"})
+    EXPECT_EQ(layer_of(whole, name).kernel, layer_of(trunk, name).kernel) << name;
+  EXPECT_TRUE(layer_of(whole, "conv2").kernel.starts_with("winograd"));
+}
+
+}  // namespace
+}  // namespace revisit::engine
