@@ -140,11 +140,10 @@ class Fuser {
     const auto* both = std::get_if<LrnMaxPooling>(&operation.form);
     if (!pooling && !both) return false;
     Operation* const first = only_maker(operation.inputs[0]);
-    if (!first || maker_[first->inputs[0]] != kNone || first->fusion.adds_last_input ||
+    const auto* convolving = first ? std::get_if<Convolving>(&first->form) : nullptr;
+    if (!convolving || maker_[first->inputs[0]] != kNone || first->fusion.adds_last_input ||
         first->fusion.pooling)
       return false;
-    const auto* convolving = std::get_if<Convolving>(&first->form);
-    if (!convolving) return false;
     Fusion fusion = first->fusion;
     fusion.pooling = both ? both->pooling : *pooling;
     if (both) fusion.lrn = both->lrn;

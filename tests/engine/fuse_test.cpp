@@ -283,6 +283,18 @@ TEST(FusedFirstConvolution, WithoutItsKernelIsRefused) {
   EXPECT_THROW(layer->bind(binding), std::logic_error);
 }
 
+TEST(FusedFirstConvolution, IsNoLayerWithoutInputs) {
+  const std::string shape = "shape { dim: 1 dim: 2 dim: 4 dim: 6 }";
+  for (const auto& [type, param] :
+       std::map<std::string, std::string>{{"DummyData", "dummy_data_param { " + shape + " }"},
+                                          {"Parameter", "parameter_param { " + shape + " }"}}) {
+    const Net net = small_net(
+        kData, layer("c", type, {}, param) +
+                   layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 2 stride: 2 }"));
+    EXPECT_EQ(kernel_of(expect_as_reference(net), "p"), "max-pool") << type;
+  }
+}
+
 TEST(FusedFirstConvolution, WithNormalisationAndPooling) {
   const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
   const std::string pool = "pooling_param { kernel_size: 3 stride: 2 }";
