@@ -6,7 +6,10 @@
 #include <map>
 #include <sstream>
 
+#include "cli/csv.h"
+#include "cli/json.h"
 #include "eval/eval_options.h"
+#include "reports.pb.h"
 #include "revisit/pipeline/protocols.h"
 #include "revisit/proto/error.h"
 #include "small_drive.h"
@@ -45,6 +48,19 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
   EXPECT_EQ(loops.substr(0, loops.find('\n')),
             "query_index,match_index,rank,query_time,match_time,cosine,score,margin,yaw_deg,"
             "accepted,true,positive,case");
+}
+
+TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
+  // The lowest score of an accepted query is the threshold itself, to the last digit.
+  ASSERT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+  reports::MetricsList metrics;
+  cli::read_report(run_folder() / "metrics.json", &metrics);
+  const cli::CsvFile loops(run_folder() / "loops_online.csv");
+  double lowest = 1;
+  for (size_t row = 0; row < loops.rows(); ++row)
+    if (loops.number(row, loops.column("accepted")) == 1)
+      lowest = std::min(lowest, loops.number(row, loops.column("score")));
+  EXPECT_EQ(lowest, metrics.tasks(0).f1_max_threshold());
 }
 
 TEST_F(EvalCommand, BothPicturesOfAFigureHaveAllItsPanels) {

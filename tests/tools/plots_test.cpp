@@ -41,6 +41,7 @@ void expect_drawn(const PlotFiles& plot) {
 
 const std::vector<Verdict> kVerdicts = {
     {0.9, true, true}, {0.8, false, false}, {0.7, true, true}, {0.1, false, true}};
+const std::vector<bool> kAccepted = {true, true, true, false};
 
 /// A square drive; scans 0 and 1 are stored, four queries.
 struct Drive {
@@ -77,17 +78,17 @@ TEST(Plots, PrecisionRecall) {
 TEST(Plots, TrajectoryCountsEachOutcome) {
   const test::TempDir dir;
   const Drive d;
-  const PlotFiles plot =
-      plot_trajectory(dir.path(), "map", "drive", d.trajectory, d.task, d.matches, kVerdicts, 0.5);
+  const PlotFiles plot = plot_trajectory(dir.path(), "map", "drive", d.trajectory, d.task,
+                                         d.matches, kVerdicts, kAccepted);
   const std::string script = test::read_file(plot.script);
   for (const char* legend : {"queries (4)", "stored (2)", "right (2)", "wrong (1)", "missed (1)"})
     EXPECT_NE(script.find(legend), std::string::npos) << legend << "\n" << script;
   EXPECT_NE(test::read_file(plot.data).find("0 10 0 0\n"),
             std::string::npos);  // query 2 -> stored 0
   if (have_gnuplot()) expect_drawn(plot);
-  EXPECT_THROW(plot_trajectory(dir.path(), "map", "", {}, d.task, d.matches, kVerdicts, 0),
+  EXPECT_THROW(plot_trajectory(dir.path(), "map", "", {}, d.task, d.matches, kVerdicts, kAccepted),
                UsageError);
-  EXPECT_THROW(plot_trajectory(dir.path(), "map", "", d.trajectory, d.task, {}, kVerdicts, 0),
+  EXPECT_THROW(plot_trajectory(dir.path(), "map", "", d.trajectory, d.task, {}, kVerdicts, {}),
                Error);
 }
 
@@ -122,10 +123,11 @@ TEST(Plots, NothingToDrawIsStillAPicture) {
   expect_drawn(plot_scores(dir.path(), "c", "", {}, std::nan("")));
   expect_drawn(plot_scores(dir.path(), "d", "", {{1, true, true}, {1, true, true}}, 1));
   const Drive d;
-  expect_drawn(plot_trajectory(dir.path(), "e", "", d.trajectory, d.task, {}, {}, 0));
+  expect_drawn(plot_trajectory(dir.path(), "e", "", d.trajectory, d.task, {}, {}, {}));
   Trajectory still = d.trajectory;
   for (auto& position : still.positions) position.setZero();
-  expect_drawn(plot_trajectory(dir.path(), "f", "", still, d.task, d.matches, kVerdicts, 0));
+  expect_drawn(
+      plot_trajectory(dir.path(), "f", "", still, d.task, d.matches, kVerdicts, kAccepted));
 }
 
 TEST(Plots, WithoutGnuplotDataAndScriptRemain) {

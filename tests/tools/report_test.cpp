@@ -247,6 +247,29 @@ TEST_F(ReportCommand, MatchesThatAreNeitherRightNorWrongAreNotShownAsWrong) {
   EXPECT_EQ(shown.shown(0).scan(), 1);
 }
 
+TEST_F(ReportCommand, TheMapShowsWhatTheRunAccepted) {
+  // The score in the file is rounded below the threshold, as files of earlier versions have it.
+  cli::ReportData data;
+  cli::ReportRun& run = data.runs.emplace_back();
+  run.info.set_align("none");
+  run.scans.resize(3);
+  cli::ReportTask& task = run.tasks.emplace_back();
+  task.metrics.set_protocol("online");
+  task.metrics.set_f1_max_threshold(0.62320303359);
+  cli::ReportQuery& query = task.queries.emplace_back();
+  query.matches = {2};
+  query.similarities = {0.5};
+  query.score = 0.623203;
+  query.accepted = query.correct = query.positive = true;
+  cli::PageOptions options;
+  options.files = dir_ / "files";
+  const reports::Page page = cli::make_page(data, options);
+  EXPECT_EQ(page.runs(0).tasks(0).flags(0), 1 + 2 + 4);
+  const std::string script = test::read_file(dir_ / "files/run1_online_map.gp");
+  EXPECT_NE(script.find("right (1)"), std::string::npos) << script;
+  EXPECT_EQ(script.find("missed"), std::string::npos) << script;
+}
+
 TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
   const auto none = run_revisit("report " + path("drive") + " -o " + path("r.html"));
   EXPECT_EQ(none.exit_code, 3);

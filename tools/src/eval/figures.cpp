@@ -125,7 +125,7 @@ void write_figures(const fs::path& run, const RunContext& context,
     keep(plot_scores(run, "scores_" + r.task.name, title, r.verdicts, threshold));
     if (context.trajectory.positions.empty()) continue;  // named places: no map
     keep(plot_trajectory(run, "trajectory_" + r.task.name, title, context.trajectory, r.task,
-                         r.matches, r.verdicts, threshold));
+                         r.matches, r.verdicts, r.accepted()));
     if (const auto q = showcase(context, r)) keep(plot_match(run, context, r, *q, align));
   }
   for (const std::string& warning : warnings) std::cerr << "warning: " << warning << "\n";

@@ -11,6 +11,7 @@
 #include "cli/table.h"
 #include "eval/run_info.h"
 #include "plots/metrics_report.h"
+#include "revisit/pipeline/text.h"
 #include "revisit/proto/atomic_file.h"
 
 namespace revisit::cli {
@@ -32,8 +33,9 @@ std::string config_yaml(const RunContext& context) {
   return std::string(out.c_str()) + "\n";
 }
 
-/// One line a retrieved scan; score, margin and yaw belong to the best. `true` is blank for a match
-/// that is not counted.
+/// One line a retrieved scan; score, margin and yaw belong to the best. `accepted` is blank when no
+/// threshold has a best F1, `true` for a match that is not counted. Scores have all their digits:
+/// one of them is the threshold of the best F1, and rounding would put it on either side.
 void write_loops(const fs::path& file, const RunContext& context, const TaskResult& result) {
   Table table({"query_index", "match_index", "rank", "query_time", "match_time", "cosine", "score",
                "margin", "yaw_deg", "accepted", "true", "positive", "case"});
@@ -42,6 +44,8 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
                ? ""
                : number(context.trajectory.times[static_cast<size_t>(scan)], 6);
   };
+  const bool has_threshold = !std::isnan(result.summary.f1_max_threshold);
+  const std::vector<bool> accepted = result.accepted();
   for (size_t q = 0; q < result.matches.size(); ++q) {
     const pipeline::Match& match = result.matches[q];
     for (size_t rank = 0; rank < match.ranks.size(); ++rank) {
@@ -52,17 +56,14 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
           time_of(match.query),
           time_of(match.ranks[rank]),
           number(match.similarities[rank], 6)};
-      if (rank == 0) {
-        // Accepted at the threshold of the best F1; blank when there is none.
-        const double threshold = result.summary.f1_max_threshold;
-        row.insert(
-            row.end(),
-            {number(match.score, 6), number(match.similarities[0] - match.similarities.back(), 6),
-             number(relative_yaw_deg(match, context.alignments), 2),
-             std::isnan(threshold) ? "" : str(match.score >= threshold ? 1 : 0),
-             result.verdicts[q].ignored ? "" : str(result.verdicts[q].correct ? 1 : 0),
-             str(result.verdicts[q].positive ? 1 : 0), str(match.which_case)});
-      }
+      if (rank == 0)
+        row.insert(row.end(),
+                   {pipeline::exact(match.score),
+                    number(match.similarities[0] - match.similarities.back(), 6),
+                    number(relative_yaw_deg(match, context.alignments), 2),
+                    has_threshold ? str(accepted[q] ? 1 : 0) : "",
+                    result.verdicts[q].ignored ? "" : str(result.verdicts[q].correct ? 1 : 0),
+                    str(result.verdicts[q].positive ? 1 : 0), str(match.which_case)});
       table.row(std::move(row));
     }
   }
@@ -98,6 +99,13 @@ void write_scans(const fs::path& file, const RunContext& context,
 }
 
 }  // namespace
+
+std::vector<bool> TaskResult::accepted() const {
+  std::vector<bool> accepted;
+  for (const pipeline::Match& match : matches)
+    accepted.push_back(match.score >= summary.f1_max_threshold);  // never of NaN
+  return accepted;
+}
 
 fs::path make_run_folder(const fs::path& output, const pipeline::Dataset& dataset) {
   const std::string name =

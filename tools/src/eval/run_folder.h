@@ -30,6 +30,8 @@ struct TaskResult {
   int64_t n_left_out = 0;      // scans that could not be described: neither stored nor asked
 
   bool on_pairs() const { return task.decision == pipeline::Decision::kPair; }
+  /// Of each query: its score reaches the threshold of the best F1. All false when there is none.
+  std::vector<bool> accepted() const;
 };
 
 /// What the files of a run are made from.

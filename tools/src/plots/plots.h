@@ -26,13 +26,14 @@ struct PrCurve {
 PlotFiles plot_precision_recall(const std::filesystem::path& folder, const std::string& name,
                                 const std::string& title, const std::vector<PrCurve>& curves);
 
-/// The drive from above (x to the right, z up, equal scales): stored scans, queries, and what
-/// became of them when scores >= `threshold` are accepted: right matches green, wrong ones red,
-/// each with a line to the match, missed ones orange.
+/// The drive from above (x to the right, z up, equal scales): its path, stored scans, queries, and
+/// what became of them: `accepted` [queries] matches that are right green, wrong ones red, each
+/// with a line to the match, missed ones orange.
 PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string& name,
                           const std::string& title, const pipeline::Trajectory& trajectory,
                           const pipeline::Task& task, const std::vector<pipeline::Match>& matches,
-                          const std::vector<pipeline::Verdict>& verdicts, double threshold);
+                          const std::vector<pipeline::Verdict>& verdicts,
+                          const std::vector<bool>& accepted);
 
 /// Histograms of the scores of queries whose best match is true and not true, with the threshold
 /// (NaN: none).

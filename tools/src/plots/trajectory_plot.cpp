@@ -49,12 +49,13 @@ std::string line_colour(const Layer& layer) {
 PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string& name,
                           const std::string& title, const pipeline::Trajectory& trajectory,
                           const pipeline::Task& task, const std::vector<pipeline::Match>& matches,
-                          const std::vector<pipeline::Verdict>& verdicts, double threshold) {
+                          const std::vector<pipeline::Verdict>& verdicts,
+                          const std::vector<bool>& accepted) {
   if (trajectory.positions.empty())
     throw UsageError("the map of a drive needs poses; this data set has none");
-  if (matches.size() != verdicts.size())
-    throw Error(
-        str(matches.size(), " matches and ", verdicts.size(), " verdicts do not belong together"));
+  if (matches.size() != verdicts.size() || matches.size() != accepted.size())
+    throw Error(str(matches.size(), " matches, ", verdicts.size(), " verdicts and ",
+                    accepted.size(), " decisions do not belong together"));
   Layer layers[] = {{"queries", "bdbdbd", 0.4, {}},
                     {"stored", "3b76b5", 0.4, {}},
                     {"missed", "f39c12", 0.6, {}},
@@ -74,7 +75,7 @@ PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string
   for (size_t i = 0; i < matches.size(); ++i) {
     if (!all_stored) add(queries, matches[i].query, matches[i].query);
     if (verdicts[i].ignored) continue;
-    if (verdicts[i].score >= threshold && !matches[i].ranks.empty())
+    if (accepted[i] && !matches[i].ranks.empty())
       add(verdicts[i].correct ? right : wrong, matches[i].query, matches[i].ranks[0]);
     else if (verdicts[i].positive)
       add(missed, matches[i].query, matches[i].query);

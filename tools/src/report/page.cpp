@@ -232,11 +232,13 @@ class Figures {
       asked.stored.assign(page.stored().begin(), page.stored().end());
       std::vector<pipeline::Match> matches;
       std::vector<pipeline::Verdict> verdicts;
+      std::vector<bool> accepted;
       for (const ReportQuery& query : task.queries) {
         pipeline::Match& match = matches.emplace_back();
         match.query = static_cast<int64_t>(query.scan);
         match.ranks.assign(query.matches.begin(), query.matches.end());
         verdicts.push_back({query.score, query.correct, query.positive, query.ignored});
+        accepted.push_back(query.accepted);
       }
       const std::string name = str("run", number, "_", task.metrics.protocol());
       const double threshold = task.metrics.has_f1_max_threshold()
@@ -245,7 +247,7 @@ class Figures {
       const std::string title = name_of_run(run);
       if (has_map)
         keep(plot_trajectory(options_.files, name + "_map", title, trajectory, asked, matches,
-                             verdicts, threshold));
+                             verdicts, accepted));
       keep(plot_scores(options_.files, name + "_scores", title, verdicts, threshold));
     }
   }
