@@ -173,6 +173,16 @@ TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {
   EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), cached);
 }
 
+TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
+  // Room for the program and its data, but not for OpenBLAS's buffer of 128 MiB.
+  const auto result =
+      run_revisit("describe " + root().string() + " --feature data --threads 1 --pca 5 -q -o " +
+                      results().string(),
+                  "ulimit -v 220000; OPENBLAS_NUM_THREADS=1 timeout -s KILL 60");
+  EXPECT_EQ(result.exit_code, 1) << result.err;
+  EXPECT_NE(result.err.find("out of memory"), std::string::npos) << result.err;
+}
+
 TEST_F(EvalCommand, EveryNthFrame) {
   ASSERT_EQ(run_revisit(eval("--no-plots --every 3")).exit_code, 0);
   std::istringstream scans(test::read_file(run_folder() / "scans.csv"));

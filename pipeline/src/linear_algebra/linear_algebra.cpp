@@ -22,38 +22,47 @@ int as_int(int64_t value) {
   return static_cast<int>(value);
 }
 
+/// To be held during each call of the library.
+class OneThreadWithRoom {
+ public:
+  OneThreadWithRoom() { thread_local const engine::BlasRoom room(1); }
+
+ private:
+  engine::OneBlasThread one_thread_;
+};
+
 }  // namespace
 
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda,
                          const float* b, int64_t ldb, float* c, int64_t ldc) {
-  const engine::OneBlasThread one_thread;
+  const OneThreadWithRoom one_thread;
   cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 void multiply_by_own_transpose(int64_t m, int64_t k, const float* a, int64_t lda, float* c,
                                int64_t ldc) {
-  const engine::OneBlasThread one_thread;
+  const OneThreadWithRoom one_thread;
   cblas_ssyrk(CblasRowMajor, CblasUpper, CblasNoTrans, as_int(m), as_int(k), 1, a, as_int(lda), 0,
               c, as_int(ldc));
 }
 
 void multiply(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda, const float* b,
               int64_t ldb, float* c, int64_t ldc) {
-  const engine::OneBlasThread one_thread;
+  const OneThreadWithRoom one_thread;
   cblas_sgemm(CblasRowMajor, CblasNoTrans, CblasNoTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64_t lda,
                          const double* b, int64_t ldb, double* c, int64_t ldc) {
-  const engine::OneBlasThread one_thread;
+  const OneThreadWithRoom one_thread;
   cblas_dgemm(CblasRowMajor, CblasNoTrans, CblasTrans, as_int(m), as_int(n), as_int(k), 1, a,
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
 Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
-  const engine::OneBlasThread one_thread;
+  const OneThreadWithRoom one_thread;
   const int n = as_int(m), first = as_int(m - k + 1), last = n;  // LAPACK counts from 1, ascending
   const double unused = 0, tolerance = 0;
   int found = 0, info = 0, work_size = -1, iwork_size = -1, best_iwork = 0;

@@ -4,7 +4,8 @@
 #include <vector>
 
 /// Dense products and eigenvectors, each on one thread, whatever other users of the library ask
-/// for: the work is split outside, in the same way for any number of threads.
+/// for: the work is split outside, in the same way for any number of threads. All throw
+/// std::bad_alloc when the library's work buffer (128 MiB a thread) has no room.
 namespace revisit::pipeline {
 
 /// C [m][n] = A [m][k] B^T, B [n][k]; row-major with row strides `lda`, `ldb`, `ldc`.

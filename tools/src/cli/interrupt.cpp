@@ -11,6 +11,8 @@ volatile std::sig_atomic_t g_interrupted = 0;
 
 void on_signal(int) {
   g_interrupted = 1;
+  std::signal(SIGINT, SIG_DFL);  // a second signal, whichever it is, ends the program
+  std::signal(SIGTERM, SIG_DFL);
 }
 
 }  // namespace
@@ -18,7 +20,6 @@ void on_signal(int) {
 void watch_for_interrupt() {
   struct sigaction action {};
   action.sa_handler = on_signal;
-  action.sa_flags = static_cast<int>(SA_RESETHAND);  // a second signal gets the default: the end
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
 }

@@ -31,4 +31,20 @@ class OneBlasThread {
   int openmp_threads_ = 0;  // before
 };
 
+/// Room for the work buffers of OpenBLAS [128 MiB a thread that multiplies at the same time]. To be
+/// held by who multiplies: OpenBLAS asks for a buffer it cannot get again and again, for ever, so
+/// that a limit on the address space (ulimit -v) would end no program but stop it.
+class BlasRoom {
+ public:
+  /// Throws std::bad_alloc when there is no room for `threads` buffers beside those of all others
+  /// that hold room now.
+  explicit BlasRoom(int threads);
+  ~BlasRoom();
+  BlasRoom(const BlasRoom&) = delete;
+  BlasRoom& operator=(const BlasRoom&) = delete;
+
+ private:
+  int threads_;
+};
+
 }  // namespace revisit::engine

@@ -1,0 +1,27 @@
+#include "cli/interrupt.h"
+
+#include <gtest/gtest.h>
+
+#include <csignal>
+
+namespace revisit::cli {
+namespace {
+
+/// Gets two signals; with the first alone it lives and exits with 7.
+void get_signals(int first, int second) {
+  watch_for_interrupt();
+  std::raise(first);
+  if (!interrupted()) std::_Exit(8);
+  std::raise(second);
+  std::_Exit(7);
+}
+
+TEST(Interrupt, TheSecondSignalEndsTheProgramWhicheverItIs) {
+  for (const int first : {SIGINT, SIGTERM})
+    for (const int second : {SIGINT, SIGTERM})
+      EXPECT_EXIT(get_signals(first, second), testing::KilledBySignal(second), "")
+          << first << " " << second;
+}
+
+}  // namespace
+}  // namespace revisit::cli
