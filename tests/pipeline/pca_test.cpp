@@ -7,6 +7,7 @@
 #include <numeric>
 #include <random>
 
+#include "expect_error.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 #include "test_data.h"
@@ -267,6 +268,11 @@ TEST(Pca, ModelMustBeWholeAndFit) {
   const float wrong[4] = {};
   proto::write_npy(dir / "model" / "mean.npy", {4}, wrong);
   EXPECT_THROW(PcaModel(dir / "model"), InputError);
+  for (const float bad : {std::nanf(""), -INFINITY}) {
+    const float mean[5] = {1, 2, 3, bad, 5};
+    proto::write_npy(dir / "model" / "mean.npy", {5}, mean);
+    test::expect_error<InputError>([&] { PcaModel(dir / "model"); }, {"mean.npy: value 3"});
+  }
   test::write_file(dir / "file", "");
   EXPECT_THROW(fit_pca({&file}, {.components = 2, .model_folder = dir / "file" / "model"}), Error);
 }

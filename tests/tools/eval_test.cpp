@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <cmath>
 #include <limits>
 #include <map>
 #include <sstream>
@@ -12,6 +13,7 @@
 #include "reports.pb.h"
 #include "revisit/pipeline/protocols.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/npy.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -196,6 +198,26 @@ TEST_F(EvalCommand, EveryNthFrame) {
   EXPECT_EQ(run_revisit(eval("--every 0")).exit_code, 2);
   for (const char* none : {"--radius inf", "--max-range nan", "--memory inf"})
     EXPECT_EQ(run_revisit(eval(none)).exit_code, 2) << none;
+}
+
+TEST_F(EvalCommand, DescriptorsAreFinite) {
+  const std::string describe = "describe " + root().string() + " --feature data --width 100 ";
+  const std::string from_model =
+      describe + "--pca-fit " + (results() / "pca").string() + " -o " + (dir_ / "other").string();
+  ASSERT_EQ(run_revisit(describe + "--pca 5 -o " + results().string()).exit_code, 0);
+  proto::NpyArray mean = proto::read_npy(results() / "pca/mean.npy");
+  const auto with_mean = [&](float value) {
+    std::fill(mean.data.begin() + 3, mean.data.end(), value);
+    proto::write_npy(results() / "pca/mean.npy", mean.shape, mean.data.data());
+    return run_revisit(from_model);
+  };
+  const auto not_finite = with_mean(std::nanf(""));
+  EXPECT_EQ(not_finite.exit_code, 3) << not_finite.err;
+  EXPECT_NE(not_finite.err.find("mean.npy: value 3 "), std::string::npos) << not_finite.err;
+  const auto overflows = with_mean(3e38F);
+  EXPECT_EQ(overflows.exit_code, 1) << overflows.err;
+  EXPECT_NE(overflows.err.find("the descriptor of scan 0 "), std::string::npos) << overflows.err;
+  EXPECT_FALSE(fs::exists(dir_ / "other/descriptors.npy"));
 }
 
 /// Column `column` of the best matches in a loops CSV, in the order of the queries.

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "feature_panels.h"
 #include "linear_algebra/linear_algebra.h"
@@ -16,6 +17,11 @@ PcaModel::PcaModel(const std::filesystem::path& folder)
     throw InputError(str(folder.string(), ": mean.npy has ", mean.data.size(),
                          " values, basis.npy is ", basis_.n(), " x ", basis_.d(),
                          "; they are not of one model"));
+  const auto bad = std::find_if_not(mean.data.begin(), mean.data.end(),
+                                    [](float value) { return std::isfinite(value); });
+  if (bad != mean.data.end())
+    throw InputError(str((folder / "mean.npy").string(), ": value ", bad - mean.data.begin(),
+                         " is not finite; learn the model anew"));
   mean_ = std::move(mean.data);
 }
 

@@ -1,6 +1,7 @@
 #include "descriptors.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <iterator>
 
@@ -79,6 +80,22 @@ void write_rows(pipeline::FeatureWriter& writer, const pipeline::FloatMatrix& ro
     writer.append(rows.row(i));
 }
 
+void check_finite(const pipeline::FloatMatrix& descriptors, int which_case) {
+  const auto bad = std::find_if_not(descriptors.values.begin(), descriptors.values.end(),
+                                    [](float value) { return std::isfinite(value); });
+  if (bad == descriptors.values.end()) return;
+  const int64_t at = bad - descriptors.values.begin();
+  throw Error(str("the descriptor of scan ", at / descriptors.d, " (alignment case ", which_case,
+                  "), value ", at % descriptors.d, ": ", *bad, " is not finite"));
+}
+
+/// A PCA model of huge numbers overflows; the raw features of a network can be anything.
+Descriptors checked(Descriptors descriptors) {
+  check_finite(descriptors.case1, 1);
+  if (descriptors.case2) check_finite(*descriptors.case2, 2);
+  return descriptors;
+}
+
 }  // namespace
 
 TaskDescriptors::TaskDescriptors(const FeatureOptions& options, int64_t components,
@@ -149,7 +166,7 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
     whole.pca_fit = "none";
     whole.case1 = all_rows(case1.file(), options.memory_gb);
     if (case2) whole.case2 = all_rows(case2->file(), options.memory_gb);
-    return whole;
+    return checked(std::move(whole));
   }
   const int64_t n = case1.n();
   const std::vector<int64_t> left_out = left_out_of(case1, case2);
@@ -189,7 +206,7 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
     result.case2 = rows_of(all, n, n);
     clear_rows(*result.case2, left_out);
   }
-  return result;
+  return checked(std::move(result));
 }
 
 }  // namespace revisit::cli

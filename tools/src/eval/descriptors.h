@@ -19,7 +19,8 @@ struct Descriptors {
 /// Reduces the features of one task by PCA to `components` (see FeatureSource) as `options.pca_fit`
 /// says: learnt from all scans, from the stored ones ("map"), or read from a folder. Without PCA
 /// the features are the descriptors; `options.memory_gb` bounds them. `case2` may be null.
-/// `model_folder`, when not empty, gets the PCA model.
+/// `model_folder`, when not empty, gets the PCA model. Throws Error for a descriptor that is not
+/// finite.
 Descriptors reduce(const FeatureOptions& options, int64_t components, const pipeline::Task& task,
                    LazyFeatures& case1, LazyFeatures* case2,
                    const std::filesystem::path& model_folder = {});
