@@ -2,6 +2,7 @@
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include <cstdlib>
 #include <fstream>
@@ -363,6 +364,67 @@ TEST_F(Fetching, WithoutChecksumNeverMixesOldAndNew) {
   test::write_file(part(), "old beginning");
   fetch();
   EXPECT_TRUE(test::read_file(file()) == test::read_file(server_folder / "m.caffemodel"));
+}
+
+/// A gzip archive of 100,000 bytes that do not compress.
+std::string gzip_archive(const fs::path& file) {
+  const gzFile out = gzopen(file.c_str(), "wb");
+  const std::string bytes = some_bytes(100'000);
+  gzwrite(out, bytes.data(), static_cast<unsigned>(bytes.size()));
+  gzclose(out);
+  return test::read_file(file);
+}
+
+TEST_F(Fetching, AnArchiveWithoutChecksumIsReadToItsEnd) {
+  use_file_address();
+  model.sha1.clear();
+  model.sha1_source.clear();
+  model.file = "m.tar.gz";
+  const fs::path source = server_folder / "m.caffemodel";
+  const std::string whole = gzip_archive(source);
+  std::string damaged = whole;
+  damaged[damaged.size() / 2] ^= 1;
+  for (const std::string& bytes :
+       {std::string("\x1f\x8b\x08\x00", 4), whole.substr(0, whole.size() - 1), damaged,
+        std::string("<html>please log in</html>"), std::string()}) {
+    test::write_file(source, bytes);
+    EXPECT_SAYS(message_of([&] { fetch(); }), "gzip archive") << bytes.size();
+    EXPECT_TRUE(fs::is_empty(cache.path() / "m")) << bytes.size();
+  }
+  test::write_file(source, whole);
+  fetch();
+  EXPECT_TRUE(test::read_file(cache.path() / "m/m.tar.gz") == whole);
+}
+
+TEST_F(Fetching, AServerThatSendsTooMuchIsLeft) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("endless/m.caffemodel");
+  models::DownloadOptions options;
+  options.most_bytes = 1'000'000;
+  EXPECT_SAYS(message_of([&] { fetch(options); }), "more than 1000000 bytes");
+  EXPECT_TRUE(fs::is_empty(cache.path() / "m"));
+}
+
+TEST_F(Fetching, ASlowServerIsLeft) {
+  NEED_SERVER(server, server_folder.path());
+  model.address = server.address("slow/m.caffemodel");
+  models::DownloadOptions options;
+  options.slow_seconds = 2;
+  EXPECT_SAYS(message_of([&] { fetch(options); }), "too slow");
+}
+
+TEST_F(Fetching, DoesNotWriteThroughALink) {
+  use_file_address();
+  test::write_file(cache / "victim", "precious");
+  fs::create_directories(cache / "m");
+  fs::create_symlink(cache / "victim", part());
+  EXPECT_SAYS(message_of([&] { fetch(); }), "is a symbolic link");
+  EXPECT_EQ(test::read_file(cache / "victim"), "precious");
+}
+
+TEST(Download, AServerCannotPointFromHttpsToHttp) {
+  EXPECT_STREQ(models::redirect_protocols("https://host/m"), "https");
+  EXPECT_STREQ(models::redirect_protocols("http://host/m"), "http,https");
 }
 
 TEST_F(Fetching, PutsOurDescriptionBesideButKeepsTheUsers) {

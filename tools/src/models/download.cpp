@@ -64,12 +64,19 @@ class PartFile {
 struct Transfer {
   const DownloadOptions& options;
   PartFile& part;
-  int64_t kept;  // [byte] in the file before this transfer
+  int64_t kept;          // [byte] in the file before this transfer
+  int64_t received = 0;  // [byte] in this transfer
   int write_error = 0;
 };
 
+bool is_too_much(const Transfer& transfer, int64_t received) {
+  return transfer.kept + received > transfer.options.most_bytes;
+}
+
 size_t on_data(char* data, size_t, size_t count, void* user) {
   auto& transfer = *static_cast<Transfer*>(user);
+  transfer.received += static_cast<int64_t>(count);
+  if (is_too_much(transfer, transfer.received)) return 0;
   if (transfer.part.append(data, count)) return count;
   transfer.write_error = errno;
   return 0;
@@ -87,6 +94,7 @@ struct Outcome {
   long status;  // HTTP status, 0 for a file
   std::string reason;
   int write_error;
+  bool too_much;
 };
 
 Outcome transfer_once(const std::string& address, PartFile& part, const DownloadOptions& options) {
@@ -103,15 +111,15 @@ Outcome transfer_once(const std::string& address, PartFile& part, const Download
   };
   set(CURLOPT_URL, address.c_str());
   set(CURLOPT_PROTOCOLS_STR, "http,https,file");
-  set(CURLOPT_REDIR_PROTOCOLS_STR, "http,https");  // a server must not point us at local files
+  set(CURLOPT_REDIR_PROTOCOLS_STR, redirect_protocols(address));
   set(CURLOPT_FOLLOWLOCATION, 1L);
   set(CURLOPT_MAXREDIRS, 10L);
   set(CURLOPT_FAILONERROR, 1L);
   set(CURLOPT_NOSIGNAL, 1L);
   set(CURLOPT_USERAGENT, "revisit");
   set(CURLOPT_CONNECTTIMEOUT, 20L);
-  set(CURLOPT_LOW_SPEED_LIMIT, 1L);  // [byte/s] for ...
-  set(CURLOPT_LOW_SPEED_TIME, 60L);  // ... this long [s] counts as a dead connection
+  set(CURLOPT_LOW_SPEED_LIMIT, 1000L);  // [byte/s]
+  set(CURLOPT_LOW_SPEED_TIME, static_cast<long>(options.slow_seconds));
   set(CURLOPT_ERRORBUFFER, reason);
   set(CURLOPT_RESUME_FROM_LARGE, static_cast<curl_off_t>(transfer.kept));
   set(CURLOPT_WRITEFUNCTION, on_data);
@@ -120,7 +128,8 @@ Outcome transfer_once(const std::string& address, PartFile& part, const Download
   set(CURLOPT_XFERINFOFUNCTION, on_progress);
   set(CURLOPT_XFERINFODATA, &transfer);
 
-  Outcome outcome{curl_easy_perform(curl.get()), 0, "", transfer.write_error};
+  Outcome outcome{curl_easy_perform(curl.get()), 0, "", transfer.write_error,
+                  is_too_much(transfer, transfer.received)};
   curl_easy_getinfo(curl.get(), CURLINFO_RESPONSE_CODE, &outcome.status);
   outcome.reason = *reason ? reason : curl_easy_strerror(outcome.code);
   return outcome;
@@ -133,6 +142,10 @@ bool cannot_resume(const Outcome& outcome) {
 }
 
 }  // namespace
+
+const char* redirect_protocols(const std::string& address) {
+  return address.starts_with("https:") ? "https" : "http,https";
+}
 
 DownloadResult download(const std::string& address, const fs::path& part_path,
                         const DownloadOptions& options) {
@@ -149,6 +162,10 @@ DownloadResult download(const std::string& address, const fs::path& part_path,
     throw Interrupted(str("stopped; ", part.size(), " bytes are kept in ", part_path.string()));
   if (outcome.write_error)
     throw Error(str(part_path.string(), ": cannot write: ", std::strerror(outcome.write_error)));
+  if (outcome.too_much) {
+    part.truncate();
+    throw DownloadError(str("the server sends more than ", options.most_bytes, " bytes"));
+  }
   if (outcome.code != CURLE_OK) throw DownloadError(outcome.reason);
   part.sync();
   return result;

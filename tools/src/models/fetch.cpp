@@ -3,8 +3,12 @@
 #include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
+#include <zlib.h>
 
-#include <fstream>
+#include <cerrno>
+#include <cstring>
+#include <memory>
+#include <vector>
 
 #include "models/cache.h"
 #include "models/checksum.h"
@@ -52,12 +56,25 @@ class FolderLock {
   int descriptor_;
 };
 
+/// Reads a gzip archive to its end, where its own checksum is.
+void check_gzip(const fs::path& file) {
+  const std::unique_ptr<gzFile_s, decltype(&gzclose)> in(gzopen(file.c_str(), "rb"), gzclose);
+  if (!in) throw Error(str(file.string(), ": cannot read: ", std::strerror(errno)));
+  std::vector<char> block(size_t{1} << 20);
+  int count = 0;
+  do count = gzread(in.get(), block.data(), static_cast<unsigned>(block.size()));
+  while (count > 0 && !gzdirect(in.get()));
+  int error = Z_OK;
+  const char* const reason = gzerror(in.get(), &error);
+  if (gzdirect(in.get())) throw InputError("not a gzip archive");
+  if (count < 0 || error != Z_OK) throw InputError(str("not a whole gzip archive: ", reason));
+}
+
 /// Without a checksum, at least tells weights from a web page that came in their place.
 void check_plausible(const KnownModel& model, const fs::path& part, const std::string& sha1) {
   try {
     if (model.file.ends_with(".tar.gz")) {
-      std::ifstream in(part, std::ios::binary);
-      if (in.get() != 0x1f || in.get() != 0x8b) throw InputError("not a gzip archive");
+      check_gzip(part);
     } else if (proto::WeightsFile::open(part)->layers().empty()) {
       throw InputError("holds no layers");
     }

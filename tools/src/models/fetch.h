@@ -18,8 +18,9 @@ struct Fetched {
 
 /// Brings `model` into `cache` and checks it. The file appears under its name only when it is
 /// complete and its checksum is the published one, or, without one, when it can be read as a
-/// weights file (or is a gzip archive). An interrupted download is resumed, but only with a
-/// published checksum: without one, a mixture of two versions could not be told from the real file.
+/// weights file (or is a gzip archive, read to its end). An interrupted download is resumed, but
+/// only with a published checksum: without one, a mixture of two versions could not be told from
+/// the real file.
 ///
 /// Throws Error with the address and the place to put the file by hand when it cannot be fetched;
 /// with both sums when they differ (the download is then removed); Interrupted.
