@@ -589,6 +589,35 @@ TEST(ModelsCommand, ListsInEveryFormat) {
   EXPECT_EQ(test::run_revisit("models lst", environment).exit_code, 2);
 }
 
+TEST_F(Finding, ListKnowsWhatIsUsed) {
+  models::KnownModel model;
+  model.name = "m";
+  model.file = "m.caffemodel";
+  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kAbsent);
+  // In the cache folder itself, as when it is the folder of one model.
+  test::write_file(cache / "weights.caffemodel", "weights");
+  model.sha1 = models::file_checksum(cache / "weights.caffemodel", "sha1");
+  const auto loose = models::loose_weights(cache.path());
+  EXPECT_EQ(models::inspect(cache.path(), model, loose).state, CacheState::kVerified);
+  EXPECT_EQ(models::inspect(cache.path(), model, loose).file, cache / "weights.caffemodel");
+  // In the model's folder, under another name.
+  test::write_file(cache / "m/renamed.caffemodel", "weights");
+  EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kVerified);
+  EXPECT_EQ(models::inspect(cache.path(), model).file, cache / "m/renamed.caffemodel");
+}
+
+TEST_F(Finding, WhatCannotBeFetchedIsNotAdvised) {
+  models::ModelRequest request;
+  request.model = "squeezenet_v1.0";
+  const std::string unknown = message_of([&] { models::find_model(request); });
+  EXPECT_EQ(unknown.find("models fetch"), std::string::npos) << unknown;
+  EXPECT_SAYS(unknown, (cache / "squeezenet_v1.0/squeezenet_v1.0.caffemodel").string());
+  request.model = "places_cnds8";
+  const std::string browser = message_of([&] { models::find_model(request); });
+  EXPECT_EQ(browser.find("models fetch"), std::string::npos) << browser;
+  EXPECT_SAYS(browser, "https://drive.google.com/");
+}
+
 TEST(ModelsCommand, MakesRandomNetworks) {
   const test::TempDir dir;
   const auto made =

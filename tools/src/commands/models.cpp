@@ -92,8 +92,9 @@ int list_command(const Arguments& arguments) {
     header = {"model",   "state",    "bytes",      "sha1_found",     "sha1",     "address", "file",
               "licence", "mean_bgr", "input_size", "feature_layers", "prototxt", "notes"};
   Table table(header);
+  const auto loose = models::loose_weights(cache);
   for (const models::KnownModel& model : models::known_models()) {
-    const models::CacheEntry entry = models::inspect(cache, model);
+    const models::CacheEntry entry = models::inspect(cache, model, loose);
     add_to_report(model, entry, report);
     const std::string state = models::to_string(entry.state), input = str(model.input_size);
     if (csv)
@@ -139,7 +140,7 @@ void print_fetched(const models::KnownModel& model, const models::Fetched& fetch
     std::cout << "sha1 " << fetched.sha1 << ": not verified; a doubtful source says " << model.sha1
               << " (" << model.sha1_source << ")\n";
   std::cout << "licence: " << model.licence << "\n";
-  if (model.file.ends_with(".tar.gz"))
+  if (fetched.file.string().ends_with(".tar.gz"))
     std::cout << "an archive; unpack it: tar -xzf '" << fetched.file.string()
               << "' --strip-components=1 -C '" << fetched.file.parent_path().string() << "'\n";
   if (!fetched.prototxt.empty())

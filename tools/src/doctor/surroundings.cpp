@@ -5,6 +5,7 @@
 
 #include "doctor/checks.h"
 #include "models/cache.h"
+#include "models/fetch.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::doctor {
@@ -54,10 +55,11 @@ void check_models(Checks& checks) {
     return;
   }
   bool any = false;
+  const auto loose = models::loose_weights(cache);
   for (const models::KnownModel& model : models::known_models()) {
     Check check{"models", model.name, Status::kOk, ""};
     try {
-      const models::CacheEntry entry = models::inspect(cache, model);
+      const models::CacheEntry entry = models::inspect(cache, model, loose);
       if (entry.state == models::CacheState::kAbsent) continue;
       check.found = str(models::to_string(entry.state), ", ", entry.file.string());
       any |= entry.state == models::CacheState::kVerified ||
@@ -67,7 +69,7 @@ void check_models(Checks& checks) {
         check.advice = str("'revisit models fetch ", model.name, "' gets the rest");
       } else if (entry.state == models::CacheState::kWrong) {
         check.status = Status::kWarn;
-        check.advice = str("remove it, then 'revisit models fetch ", model.name, "'");
+        check.advice = "remove it; " + models::how_to_get(model, cache);
       }
     } catch (const std::exception& error) {
       check.status = Status::kWarn;

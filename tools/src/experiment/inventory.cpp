@@ -4,6 +4,7 @@
 
 #include "eval/feature_options.h"
 #include "models/cache.h"
+#include "models/fetch.h"
 #include "revisit/engine/net.h"
 #include "revisit/weights_conversion/random_model.h"
 
@@ -137,9 +138,11 @@ Inventory take_inventory(const ExperimentOptions& options) {
   find_networks(options, found);
   for (const PaperNetwork& wanted : kPaperNetworks) {
     if (has_network(found, wanted)) continue;
-    found.missing.push_back(str("network ", wanted.name, ": no weights; 'revisit models fetch ",
-                                wanted.name, "' gets them",
-                                options.untrained ? ", random weights take its place" : ""));
+    const std::string advice = models::how_to_get(
+        models::known_model(wanted.name),
+        options.models.empty() ? models::cache_folder() : options.models.front());
+    found.missing.push_back(str("network ", wanted.name, ": no weights; ", advice,
+                                options.untrained ? "; random weights take its place" : ""));
     if (!options.untrained) continue;
     const models::ModelFiles files =
         models::write_random_model(options.output / "models", wanted.trunk, 1);

@@ -1,5 +1,6 @@
 #include "models/cache.h"
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "models/checksum.h"
@@ -14,6 +15,10 @@ namespace fs = std::filesystem;
 fs::path environment_path(const char* name) {
   const char* const value = std::getenv(name);
   return value ? fs::path(value) : fs::path();
+}
+
+bool is_weights_name(const std::string& name) {
+  return name.ends_with(".caffemodel") || name.ends_with(".caffemodel.h5");
 }
 
 }  // namespace
@@ -48,10 +53,42 @@ const char* to_string(CacheState state) {
   return "";
 }
 
-CacheEntry inspect(const fs::path& cache, const KnownModel& model) {
+std::vector<fs::path> weights_in(const fs::path& folder) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    if (entry->is_regular_file(error) && is_weights_name(entry->path().filename().string()))
+      files.push_back(entry->path());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+std::optional<fs::path> cached_weights(const fs::path& cache, const KnownModel& model) {
+  std::error_code none;
+  if (const fs::path file = cached_file(cache, model);
+      is_weights_name(model.file) && fs::is_regular_file(file, none))
+    return file;
+  const std::vector<fs::path> all = weights_in(cache / model.name);
+  return all.size() == 1 ? std::optional(all[0]) : std::nullopt;
+}
+
+std::map<std::string, fs::path> loose_weights(const fs::path& cache) {
+  std::map<std::string, fs::path> loose;
+  for (const fs::path& file : weights_in(cache)) loose.emplace(file_checksum(file, "sha1"), file);
+  return loose;
+}
+
+CacheEntry inspect(const fs::path& cache, const KnownModel& model,
+                   const std::map<std::string, fs::path>& loose) {
   CacheEntry entry;
   entry.file = cached_file(cache, model);
   std::error_code none;
+  const auto found = loose.find(model.sha1);
+  if (const auto weights = cached_weights(cache, model); weights)
+    entry.file = *weights;
+  else if (!fs::is_regular_file(entry.file, none) && found != loose.end())
+    entry.file = found->second;
   if (fs::is_regular_file(entry.file, none)) {
     entry.size = fs::file_size(entry.file);
     entry.sha1 = file_sha1(entry.file);

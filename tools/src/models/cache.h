@@ -2,7 +2,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "revisit/weights_conversion/known_models.h"
 
@@ -14,6 +17,17 @@ std::filesystem::path cache_folder();
 
 /// `<cache>/<name>/<file>`: where a model's download belongs, fetched or put there by hand.
 std::filesystem::path cached_file(const std::filesystem::path& cache, const KnownModel& model);
+
+/// The caffemodels (.caffemodel, .caffemodel.h5) in a folder, by name; not in folders below it.
+std::vector<std::filesystem::path> weights_in(const std::filesystem::path& folder);
+
+/// The weights of `model` in its folder of the cache: the file of its own name, else the only
+/// caffemodel there (put there by hand, or unpacked from an archive).
+std::optional<std::filesystem::path> cached_weights(const std::filesystem::path& cache,
+                                                    const KnownModel& model);
+
+/// The caffemodels in the cache folder itself, by their sha1: it may be the folder of one model.
+std::map<std::string, std::filesystem::path> loose_weights(const std::filesystem::path& cache);
 
 enum class CacheState {
   kAbsent,
@@ -33,8 +47,9 @@ struct CacheEntry {
   std::string sha1;            // as found; "" when absent or partial
 };
 
-/// Looks at one model in the cache; reads the whole file to compute its checksum. Throws InputError
-/// when a file is there but cannot be read.
-CacheEntry inspect(const std::filesystem::path& cache, const KnownModel& model);
+/// Looks at one model in the cache, and for it among `loose` weights; reads the whole file to
+/// compute its checksum. Throws InputError when a file is there but cannot be read.
+CacheEntry inspect(const std::filesystem::path& cache, const KnownModel& model,
+                   const std::map<std::string, std::filesystem::path>& loose = {});
 
 }  // namespace revisit::models

@@ -140,22 +140,33 @@ std::string fetch_absent(const KnownModel& model, const fs::path& file,
   }
 }
 
+bool can_be_fetched(const KnownModel& model) {
+  return !model.address.empty() && !model.needs_browser;
+}
+
 }  // namespace
+
+std::string how_to_get(const KnownModel& model, const fs::path& cache) {
+  const std::string file = cached_file(cache, model).string();
+  if (can_be_fetched(model)) return str("'revisit models fetch ", model.name, "' gets it");
+  if (model.address.empty())
+    return str("no public address is known; if you have it, save it as ", file);
+  return str("get it with a browser from ", model.address, " and save it as ", file);
+}
 
 Fetched fetch_model(const KnownModel& model, const fs::path& cache,
                     const DownloadOptions& options) {
   const fs::path file = cached_file(cache, model);
-  const bool can_fetch = !model.address.empty() && !model.needs_browser;
-  if (can_fetch) make_folder(file.parent_path());
+  if (can_be_fetched(model)) make_folder(file.parent_path());
   const FolderLock lock(file.parent_path());
   const CacheEntry entry = inspect(cache, model);
-  Fetched fetched{file, {}, entry.sha1, entry.state == CacheState::kVerified, true};
+  Fetched fetched{entry.file, {}, entry.sha1, entry.state == CacheState::kVerified, true};
   switch (entry.state) {
     case CacheState::kVerified:
     case CacheState::kUnverified:
       break;
     case CacheState::kWrong:
-      throw Error(str(file.string(), ": not the known file; remove it and fetch again",
+      throw Error(str(entry.file.string(), ": not the known file; remove it and fetch again",
                       "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
                       ")\n  sha1 found:    ", entry.sha1));
     case CacheState::kAbsent:

@@ -16,6 +16,10 @@ struct Fetched {
   bool was_there = false;  // nothing had to be downloaded
 };
 
+/// How a person comes to `model`, as the end of a sentence: the command that fetches it or, when
+/// none can, what to save where in `cache`.
+std::string how_to_get(const KnownModel& model, const std::filesystem::path& cache);
+
 /// Brings `model` into `cache` and checks it. The file appears under its name only when it is
 /// complete and its checksum is the published one, or, without one, when it can be read as a
 /// weights file (or is a gzip archive, read to its end). An interrupted download is resumed, but

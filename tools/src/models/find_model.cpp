@@ -5,6 +5,7 @@
 
 #include "models/cache.h"
 #include "models/checksum.h"
+#include "models/fetch.h"
 #include "revisit/proto/folder.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/random_model.h"
@@ -15,22 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_weights_name(const std::string& name) {
-  return name.ends_with(".caffemodel") || name.ends_with(".caffemodel.h5");
-}
 bool is_prototxt_name(const std::string& name) {
   return name.ends_with(".prototxt");
-}
-
-std::vector<fs::path> files_in(const fs::path& folder, bool (*wanted)(const std::string&)) {
-  std::vector<fs::path> files;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
-    if (entry->is_regular_file(error) && wanted(entry->path().filename().string()))
-      files.push_back(entry->path());
-  std::sort(files.begin(), files.end());
-  return files;
 }
 
 std::string without_ending(const fs::path& file, std::initializer_list<const char*> endings) {
@@ -59,14 +46,19 @@ fs::path prototxt_beside(const fs::path& weights) {
   for (const std::string& name :
        {stem + ".prototxt", stem + "_deploy.prototxt", std::string("deploy.prototxt")})
     if (fs::is_regular_file(folder / name)) return folder / name;
-  const auto all = files_in(folder, is_prototxt_name);
+  std::vector<fs::path> all;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    if (entry->is_regular_file(error) && is_prototxt_name(entry->path().filename().string()))
+      all.push_back(entry->path());
   return all.size() == 1 ? all[0] : fs::path();
 }
 
 /// The weights in `folder`: those called like `stem`, or the only ones. Throws when it is not
 /// clear.
-fs::path weights_in(const fs::path& folder, const std::string& stem) {
-  const auto all = files_in(folder, is_weights_name);
+fs::path choose_weights(const fs::path& folder, const std::string& stem) {
+  const auto all = weights_in(folder);
   for (const fs::path& file : all)
     if (without_ending(file, {".h5", ".caffemodel"}) == stem) return file;
   if (all.size() == 1) return all[0];
@@ -159,25 +151,18 @@ FoundModel from_files(const ModelRequest& request, const fs::path& prototxt,
 /// A known model in the cache, or nothing when its files are not there.
 std::optional<FoundModel> from_cache(const ModelRequest& request, const fs::path& cache,
                                      const KnownModel& known) {
-  std::error_code none;
-  fs::path weights = cached_file(cache, known);
-  if (!fs::is_regular_file(weights, none) || !is_weights_name(known.file)) {
-    // Put there by hand under another name, or unpacked from an archive.
-    const auto all = files_in(cache / known.name, is_weights_name);
-    if (all.size() != 1) return std::nullopt;
-    weights = all[0];
-  }
-  FoundModel found = from_files(request, "", weights, &known);
+  const std::optional<fs::path> weights = cached_weights(cache, known);
+  if (!weights) return std::nullopt;
+  FoundModel found = from_files(request, "", *weights, &known);
   if (known.sha1_is_doubtful && found.weights_sha1 != known.sha1)
-    found.warnings.push_back(str(weights.string(), ": has not the checksum of ", known.name,
+    found.warnings.push_back(str(weights->string(), ": has not the checksum of ", known.name,
                                  " that is known (", known.sha1_source,
                                  "); it is used all the same"));
   else if (!known.sha1.empty() && found.weights_sha1 != known.sha1)
-    throw InputError(str(weights.string(), ": is not the known ", known.name,
-                         "; remove it and run 'revisit models fetch ", known.name,
-                         "', or name it with --weights to use it all the same",
-                         "\n  sha1 expected: ", known.sha1, " (", known.sha1_source,
-                         ")\n  sha1 found:    ", found.weights_sha1));
+    throw InputError(str(weights->string(), ": is not the known ", known.name,
+                         "; name it with --weights to use it all the same, or remove it: ",
+                         how_to_get(known, cache), "\n  sha1 expected: ", known.sha1, " (",
+                         known.sha1_source, ")\n  sha1 found:    ", found.weights_sha1));
   return found;
 }
 
@@ -185,8 +170,7 @@ FoundModel from_cache_or_models_folder(const ModelRequest& request) {
   const fs::path cache = cache_folder();
   for (const KnownModel& known : known_models())
     if (auto found = from_cache(request, cache, known)) return *found;
-  if (!files_in(cache, is_weights_name).empty())
-    return from_files(request, "", weights_in(cache, ""));
+  if (!weights_in(cache).empty()) return from_files(request, "", choose_weights(cache, ""));
   throw UsageError(str("no model: give --model PROTOTXT --weights CAFFEMODEL, fetch one ",
                        "('revisit models fetch bvlc_alexnet'; looked in ", cache.string(),
                        "), or make an untrained one to try the machinery ",
@@ -196,17 +180,18 @@ FoundModel from_cache_or_models_folder(const ModelRequest& request) {
 /// --model alone: a folder, a prototxt, or the name of a known model.
 FoundModel from_model_argument(const ModelRequest& request) {
   const fs::path& model = request.model;
-  if (fs::is_directory(model)) return from_files(request, "", weights_in(model, ""));
+  if (fs::is_directory(model)) return from_files(request, "", choose_weights(model, ""));
   if (fs::exists(model))
     return from_files(
         request, model,
-        weights_in(folder_of(model), without_ending(model, {".prototxt", "_deploy"})));
+        choose_weights(folder_of(model), without_ending(model, {".prototxt", "_deploy"})));
   if (model.has_parent_path() || is_prototxt_name(model.string()))
     throw InputError(str(model.string(), ": no such file (--model)"));
   const KnownModel& known = known_model(model.string());
-  if (auto found = from_cache(request, cache_folder(), known)) return *found;
-  throw UsageError(str("model '", known.name, "' is not here yet; 'revisit models fetch ",
-                       known.name, "' gets it into ", cache_folder().string()));
+  const fs::path cache = cache_folder();
+  if (auto found = from_cache(request, cache, known)) return *found;
+  throw UsageError(
+      str("model '", known.name, "' is not in ", cache.string(), "; ", how_to_get(known, cache)));
 }
 
 }  // namespace
