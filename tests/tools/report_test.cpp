@@ -279,6 +279,37 @@ TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
   EXPECT_FALSE(fs::exists(dir_ / "r.html"));
 }
 
+TEST_F(ReportCommand, NamesOfAForeignRunLeadNowhereElse) {
+  ASSERT_EQ(run_revisit("eval " + path("drive") +
+                        " --feature data --width 100 --protocol online --exclusion frames=60 "
+                        "--no-plots -o " +
+                        path("results"))
+                .exit_code,
+            0);
+  const fs::path run = fs::canonical(dir_ / "results/drive_00/latest");
+  const auto with = [&](const char* file, const std::string& from, const std::string& to) {
+    const std::string text = test::read_file(run / file);
+    std::string changed = text;
+    changed.replace(changed.find(from), from.size(), to);
+    test::write_file(run / file, changed);
+    auto result = run_revisit("report " + path("results") + " -o " + path("r.html"));
+    test::write_file(run / file, text);
+    return result;
+  };
+  for (const std::string name : {"a/../../pwn", "</script>", "..", "a\\nb"}) {
+    const auto result =
+        with("metrics.json", "\"protocol\": \"online\"", "\"protocol\": \"" + name + "\"");
+    EXPECT_EQ(result.exit_code, 3) << name << result.err;
+    EXPECT_NE(result.err.find("metrics.json: protocol"), std::string::npos) << result.err;
+  }
+  EXPECT_EQ(with("run.json", "\"sequence\": \"00\"", "\"sequence\": \"../00\"").exit_code, 3);
+  for (const char* bad :
+       {R"({"name": "../../pwn"})", R"({"name": "x", "runs": [{"panel": "a/b"}]})"}) {
+    test::write_file(dir_ / "bad/experiment.json", bad);
+    EXPECT_EQ(run_revisit("report " + path("bad") + " -o " + path("r.html")).exit_code, 3) << bad;
+  }
+}
+
 TEST_F(ReportCommand, ABrowserDrawsTheCurvesWithoutErrors) {
   const std::string browser = find_browser();
   if (browser.empty()) GTEST_SKIP() << "no browser here (Debian: chromium)";

@@ -20,6 +20,14 @@ bool is_file(const fs::path& file) {
   return fs::is_regular_file(file, none);
 }
 
+/// A name out of a file that becomes part of names of files, read and written.
+void need_plain_name(const fs::path& file, const char* field, const std::string& name) {
+  const bool odd = std::ranges::any_of(name, [](unsigned char c) { return c == '/' || c < ' '; });
+  if (odd || name.empty() || name.starts_with('.'))
+    throw InputError(str(file.string(), ": ", field, ": expected a name without '/', found '", name,
+                         "'; this is no file of revisit"));
+}
+
 std::vector<ReportScan> read_scans(const fs::path& file) {
   const CsvFile csv(file);
   const size_t frame = csv.column("frame"), path = csv.column("file"), x = csv.column("x"),
@@ -91,7 +99,10 @@ ReportRun read_run(const fs::path& folder) {
   run.scans = read_scans(folder / "scans.csv");
   reports::MetricsList metrics;
   read_report(folder / "metrics.json", &metrics);
+  if (!run.info.sequence().empty())
+    need_plain_name(folder / "run.json", "sequence", run.info.sequence());
   for (const reports::Metrics& task : metrics.tasks()) {
+    need_plain_name(folder / "metrics.json", "protocol", task.protocol());
     ReportTask& read = run.tasks.emplace_back();
     read.metrics = task;
     read.curve = read_curve(folder / ("pr_" + task.protocol() + ".csv"));
@@ -156,7 +167,11 @@ ReportData read_report_data(const std::vector<fs::path>& folders) {
   std::vector<std::pair<reports::Experiment, fs::path>> read;
   for (const fs::path& folder : experiment_folders) {
     read.emplace_back(reports::Experiment{}, folder);
-    read_report(folder / "experiment.json", &read.back().first);
+    const fs::path file = folder / "experiment.json";
+    read_report(file, &read.back().first);
+    need_plain_name(file, "name", read.back().first.name());
+    for (const reports::ExperimentRun& run : read.back().first.runs())
+      need_plain_name(file, "panel", run.panel());
   }
   std::stable_sort(read.begin(), read.end(), [](const auto& a, const auto& b) {
     return catalog_position(a.first.name()) < catalog_position(b.first.name());

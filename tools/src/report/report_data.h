@@ -55,7 +55,8 @@ struct ReportData {
 
 /// Reads folders of runs (metrics.json), of experiments (experiment.json), and folders that have
 /// such below them. A run that several experiments share is read once. Throws InputError for a
-/// folder with neither and for files that are not as revisit writes them.
+/// folder with neither and for files that are not as revisit writes them: their names of protocols,
+/// sequences and experiments become names of files.
 ReportData read_report_data(const std::vector<std::filesystem::path>& folders);
 
 }  // namespace revisit::cli
