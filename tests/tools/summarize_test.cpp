@@ -17,7 +17,8 @@ class SummarizeCommand : public testing::Test {
  protected:
   /// A run on the data `seed` whose task `online` has this average precision (negative: none).
   std::string run(const std::string& name, double average_precision, const std::string& seed,
-                  const std::string& settings = "pca: 400\n") const {
+                  const std::string& settings = "pca: 400\n",
+                  const std::string& sequence = "00") const {
     const fs::path folder = dir_ / name;
     test::write_file(folder / "metrics.json",
                      "{\"tasks\": [{\"protocol\": \"online\", \"radius_m\": 5" +
@@ -26,8 +27,8 @@ class SummarizeCommand : public testing::Test {
                               : ", \"average_precision\": " + std::to_string(average_precision) +
                                     ", \"f1_max\": 0.5") +
                          "}], \"of_a_later_version\": 1}");
-    test::write_file(folder / "run.json", "{\"data\": \"/data/" + seed +
-                                              "\", \"sequence\": \"00\", \"feature\": \"pool5\"}");
+    test::write_file(folder / "run.json", "{\"data\": \"/data/" + seed + "\", \"sequence\": \"" +
+                                              sequence + "\", \"feature\": \"pool5\"}");
     test::write_file(folder / "config.yaml", settings);
     return folder.string() + " ";
   }
@@ -76,6 +77,22 @@ TEST_F(SummarizeCommand, DifferentSettingsAreDifferentRows) {
   EXPECT_EQ(summary.rows(0).runs(), 1);
   EXPECT_EQ(summary.rows(1).settings(), "pca=400");
   EXPECT_EQ(summary.rows(1).runs(), 2);
+}
+
+TEST_F(SummarizeCommand, OverSequencesADataSetCountsOnceADrive) {
+  // One KITTI root, three drives of it.
+  const std::string runs = run("a", 0.5, "kitti", "pca: 400\nsequence: 00\n", "00") +
+                           run("b", 0.7, "kitti", "pca: 400\nsequence: 05\n", "05") +
+                           run("c", 0.9, "kitti", "pca: 400\nsequence: 06\n", "06");
+  EXPECT_EQ(summarize(runs).rows_size(), 3);
+  const auto summary = summarize("--over-sequences " + runs);
+  ASSERT_EQ(summary.rows_size(), 1);
+  EXPECT_EQ(summary.rows(0).sequence(), "00 05 06");
+  EXPECT_EQ(summary.rows(0).runs(), 3);
+  EXPECT_NEAR(summary.rows(0).average_precision().mean(), 0.7, 1e-12);
+  EXPECT_NEAR(summary.rows(0).average_precision().deviation(), 0.2, 1e-12);
+  const std::string again = run("d", 0.9, "kitti", "pca: 400\nsequence: 06\n", "06");
+  EXPECT_EQ(run_revisit("summarize --over-sequences " + runs + again).exit_code, 2);
 }
 
 TEST_F(SummarizeCommand, LatestAndItsFolderAreOneRun) {

@@ -15,6 +15,7 @@ namespace fs = std::filesystem;
 struct SummarizeOptions {
   std::vector<fs::path> runs;
   std::string format = "table";
+  bool over_sequences = false;
 };
 
 SummarizeOptions parse_options(const Arguments& arguments) {
@@ -22,13 +23,16 @@ SummarizeOptions parse_options(const Arguments& arguments) {
   Parser parser("revisit summarize", "RUN...",
                 "Mean and sample standard deviation of the figures of several runs of `revisit "
                 "eval`, such as the seeds of a simulated drive. RUN is a folder that eval wrote. "
-                "Runs that differ in their settings are kept apart, a row for each.",
+                "Runs that differ in their settings or sequence are kept apart, a row for each; "
+                "--over-sequences takes the mean over the sequences, too.",
                 "  for seed in 1 2 3; do\n"
                 "    revisit simulate --seed $seed -o town$seed\n"
                 "    revisit eval town$seed --feature data -o results\n"
                 "  done\n"
-                "  revisit summarize results/town*/latest\n");
+                "  revisit summarize results/town*/latest\n"
+                "  revisit summarize --over-sequences results/kitti_*/latest\n");
   parser.optional_positional("RUN", &o.runs)
+      .flag("over-sequences", "a row is the mean over several sequences", &o.over_sequences)
       .option("format", "FORMAT", "table (default), json or csv", &o.format);
   parser.parse(arguments);
   if (o.runs.empty())
@@ -73,7 +77,7 @@ int summarize_command(const Arguments& arguments) {
     if (error) throw InputError(str(folder.string(), ": ", error.message()));
     if (seen.insert(real).second) runs.push_back(read_run(real));
   }
-  const reports::Summary summary = summarize_runs(runs);
+  const reports::Summary summary = summarize_runs(runs, o.over_sequences);
   if (o.format == "json")
     std::cout << to_json(summary) << "\n";
   else if (o.format == "csv")

@@ -35,11 +35,11 @@ std::string differing(const FinishedRun& run, const std::vector<FinishedRun>& ru
 }
 
 /// Runs of equal key belong to one row: all settings, the model and what the task used.
-std::string row_key(const FinishedRun& run, const reports::Metrics& task) {
-  std::string key =
-      str(task.protocol(), "\n", task.definition(), "\n", task.radius_m(), " ",
-          task.false_beyond_m(), " ", task.distance(), " ", task.exclusion(), " ", task.score(),
-          "\n", run.info.sequence(), "\n", run.info.feature(), " ", run.info.weights_sha1());
+std::string row_key(const FinishedRun& run, const reports::Metrics& task, bool over_sequences) {
+  std::string key = str(task.protocol(), "\n", task.definition(), "\n", task.radius_m(), " ",
+                        task.false_beyond_m(), " ", task.distance(), " ", task.exclusion(), " ",
+                        task.score(), "\n", over_sequences ? "" : run.info.sequence(), "\n",
+                        run.info.feature(), " ", run.info.weights_sha1());
   for (const auto& [name, value] : run.settings)
     if (!kNotCompared.contains(name)) key += str("\n", name, "=", value);
   return key;
@@ -70,17 +70,19 @@ class Samples {
 
 struct Row {
   reports::SummaryRow report;
-  std::map<std::string, std::string> folder_of_data;
+  std::map<std::pair<std::string, std::string>, std::string> folder_of_drive;  // data, sequence
+  std::set<std::string> sequences;
   Samples average_precision, f1_max, max_recall_at_precision_1, recall_at_1, extended_precision;
 };
 
 void add(Row& row, const FinishedRun& run, const reports::Metrics& task) {
   const auto [earlier, fresh] =
-      row.folder_of_data.try_emplace(run.info.data(), run.folder.string());
+      row.folder_of_drive.try_emplace({run.info.data(), run.info.sequence()}, run.folder.string());
   if (!fresh)
     throw UsageError(str(run.folder.string(), " and ", earlier->second,
                          " are runs with the same settings on the same data, ", run.info.data(),
-                         "; give each seed's data once"));
+                         " ", run.info.sequence(), "; give each drive once"));
+  row.sequences.insert(run.info.sequence());
   row.report.add_folders(run.folder.string());
   row.average_precision.add(task.has_average_precision(), task.average_precision());
   row.f1_max.add(task.has_f1_max(), task.f1_max());
@@ -106,16 +108,15 @@ FinishedRun read_run(const fs::path& folder) {
   return run;
 }
 
-reports::Summary summarize_runs(const std::vector<FinishedRun>& runs) {
+reports::Summary summarize_runs(const std::vector<FinishedRun>& runs, bool over_sequences) {
   std::vector<Row> rows;
   std::map<std::string, size_t> row_of;
   for (const FinishedRun& run : runs)
     for (const reports::Metrics& task : run.metrics.tasks()) {
-      const auto [at, fresh] = row_of.try_emplace(row_key(run, task), rows.size());
+      const auto [at, fresh] = row_of.try_emplace(row_key(run, task, over_sequences), rows.size());
       if (fresh) {
         reports::SummaryRow& row = rows.emplace_back().report;
         row.set_protocol(task.protocol());
-        row.set_sequence(run.info.sequence());
         row.set_feature(run.info.feature());
         row.set_settings(differing(run, runs));
       }
@@ -124,6 +125,10 @@ reports::Summary summarize_runs(const std::vector<FinishedRun>& runs) {
   reports::Summary summary;
   for (Row& row : rows) {
     row.report.set_runs(row.report.folders_size());
+    std::string sequences;
+    for (const std::string& name : row.sequences)
+      sequences += (sequences.empty() ? "" : " ") + name;
+    row.report.set_sequence(sequences);
     const auto set = [](const Samples& samples, reports::Spread* (reports::SummaryRow::*of)(),
                         reports::SummaryRow& to) {
       if (!samples.empty()) *(to.*of)() = samples.spread();
