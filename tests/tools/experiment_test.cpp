@@ -1,11 +1,13 @@
 // `revisit experiment` as a person meets it, on a tiny drive: sequence 00 alone, without networks.
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <map>
 
 #include "cli/json.h"
 #include "eval/curve.h"
 #include "experiment/plan.h"
+#include "experiment/run_experiments.h"
 #include "reports.pb.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "small_drive.h"
@@ -175,6 +177,72 @@ TEST(ExperimentPlan, ClaimsAreThePapers) {
   for (const cli::Claim& claim : plans.at(0).claims) worse.push_back(claim.worse);
   EXPECT_EQ(worse,
             (std::vector<std::string>{"range image (data)", "VFH", "ESF", "GRSD", "FAB-MAP"}));
+}
+
+/// A run on sequence 00 with this average precision, between `low` and `high`.
+void add_run(reports::Experiment& experiment, const char* label, double value, double low,
+             double high) {
+  reports::ExperimentRun& run = *experiment.add_runs();
+  run.set_panel("00");
+  run.set_label(label);
+  run.set_state("done");
+  run.set_trained(true);
+  run.mutable_metrics()->set_average_precision(value);
+  run.mutable_metrics()->add_average_precision_ci(low);
+  run.mutable_metrics()->add_average_precision_ci(high);
+}
+
+TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
+  reports::Experiment experiment;
+  add_run(experiment, "a", 0.507, 0.03, 1);
+  add_run(experiment, "b", 0.55, 0, 1);
+  add_run(experiment, "c", 0.2, 0.1, 0.52);  // holds a's, which does not hold it
+  cli::ExperimentPlan plan;
+  plan.runs = {{"00", "a", {}, "", ""}};
+  plan.claims = {{"", "a", "b", 0}, {"", "b", "a", 0},   {"", "b", "c", 0},
+                 {"", "c", "b", 0}, {"", "a", "b", 0.1}, {"", "a", "b", 0.01}};
+  cli::check_claims(plan, &experiment);
+  std::vector<std::pair<bool, bool>> found;
+  for (const auto& claim : experiment.claims())
+    found.emplace_back(claim.holds(), claim.undecided());
+  // The last but one claims no more than that they are as good as each other.
+  EXPECT_EQ(found, (std::vector<std::pair<bool, bool>>{{false, true},
+                                                       {true, true},
+                                                       {true, false},
+                                                       {false, false},
+                                                       {true, false},
+                                                       {false, true}}));
+}
+
+TEST(ExperimentPlan, SaysAlongWhatSimulatedDrivesWent) {
+  cli::ExperimentOptions options;
+  options.names = {"score"};
+  options.kitti = "kitti";
+  cli::Inventory inventory;
+  const auto note = [&](int along_poses, int along_routes) {
+    inventory.along_poses = along_poses;
+    inventory.along_routes = along_routes;
+    return cli::make_plans(options, inventory).at(0).notes.at(0);
+  };
+  EXPECT_NE(note(1, 0).find("Simulated drives along the real poses:"), std::string::npos);
+  EXPECT_NE(note(0, 1).find("Simulated drives along generated routes:"), std::string::npos);
+  EXPECT_NE(note(1, 1).find("Simulated drives:"), std::string::npos);
+  EXPECT_EQ(note(0, 0).find("Simulated"), std::string::npos);
+}
+
+TEST_F(ExperimentCommand, WhatCannotRunHasOneRowAndNoEmptyTable) {
+  std::ofstream(dir_ / "drive/sequences/00/simulation.txt") << "version: 1\nroute: loop\n";
+  const auto result = run_revisit(command("alignment bidirectional"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("along generated routes"), std::string::npos) << result.out;
+  // bidirectional takes a network, of which there is none: no header without rows.
+  const std::string nothing = result.out.substr(result.out.find("Revisits in the opposite"));
+  EXPECT_EQ(nothing.substr(0, nothing.find("experiment ")).find("sequence  curve"),
+            std::string::npos)
+      << result.out;
+  size_t rows = 0;
+  for (size_t at = 0; (at = result.out.find("\nalignment ", at)) != std::string::npos; ++at) ++rows;
+  EXPECT_EQ(rows, 2U) << "done, skipped\n" << result.out;
 }
 
 TEST(DrawnPoints, KeepTheEndsAndDropWhatIsNotSeen) {

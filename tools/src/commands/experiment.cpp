@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <iostream>
+#include <map>
 
 #include "cli/command.h"
 #include "cli/parser.h"
@@ -15,15 +16,17 @@ namespace fs = std::filesystem;
 
 ExperimentOptions parse_options(const Arguments& arguments) {
   ExperimentOptions o;
-  Parser parser("revisit experiment", "NAME... | all | list",
-                "The experiments of the paper, on KITTI odometry or on simulated drives (sequences "
-                "00, 05, 06, 08). Work is shared between experiments and kept: a stopped one goes "
-                "on when the same command is given again. What cannot run for want of networks or "
-                "sequences is said, the rest runs.",
-                "  revisit experiment list\n"
-                "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
-                "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
-                "  revisit report results/paper -o report.html     # afterwards\n");
+  Parser parser(
+      "revisit experiment", "NAME... | all | list",
+      "The experiments of the paper, on KITTI odometry or on simulated drives (sequences "
+      "00, 05, 06, 08). Work is shared between experiments and kept: a stopped one goes "
+      "on when the same command is given again. What cannot run for want of networks or "
+      "sequences is said, the rest runs. Each statement of the paper holds, does not, or is "
+      "undecided: each of the two figures lies within the other's 95 % interval.",
+      "  revisit experiment list\n"
+      "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
+      "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
+      "  revisit report results/paper -o report.html     # afterwards\n");
   parser.optional_positional("NAME", &o.names);
   parser.group("Data:");
   parser.option("kitti", "DIR",
@@ -84,8 +87,10 @@ void print_list() {
 void print_results(const std::vector<reports::Experiment>& all) {
   for (const reports::Experiment& experiment : all) {
     Table table({"sequence", "curve", "AP", "95 %", "F1 max", "recall@100%P", "recall@1"});
+    bool any = false;
     for (const reports::ExperimentRun& run : experiment.runs()) {
       if (run.state() != "done") continue;
+      any = true;
       const reports::Metrics& m = run.metrics();
       table.row({run.panel(), run.label(),
                  m.has_average_precision() ? number(m.average_precision(), 4) : "",
@@ -98,32 +103,42 @@ void print_results(const std::vector<reports::Experiment>& all) {
     }
     std::cout << "\n" << experiment.title() << "\n";
     for (const std::string& note : experiment.notes()) std::cout << "  " << note << "\n";
-    table.print(std::cout);
+    if (any)
+      table.print(std::cout);
+    else
+      std::cout << "  Nothing of it could run; the table below says why.\n";
     for (const reports::ExperimentClaim& claim : experiment.claims())
-      std::cout << (claim.holds() ? "  holds     " : "  DOES NOT  ") << claim.panel() << ": "
-                << claim.text() << " (" << number(claim.better_average_precision(), 3) << ", "
+      std::cout << (claim.undecided() ? "  undecided "
+                    : claim.holds()   ? "  holds     "
+                                      : "  DOES NOT  ")
+                << claim.panel() << ": " << claim.text() << " ("
+                << number(claim.better_average_precision(), 3) << ", "
                 << number(claim.worse_average_precision(), 3) << ")\n";
   }
 }
 
-/// What ran and what did not, by experiment and reason. True when nothing failed.
+/// What ran and what did not, a row for each experiment and state. True when nothing failed.
 bool print_summary(const std::vector<reports::Experiment>& all) {
   bool good = true;
   Table table({"experiment", "runs", "state", "why"});
   for (const reports::Experiment& experiment : all) {
-    std::vector<std::pair<std::string, std::string>> kinds;
-    const auto kind_of = [](const reports::ExperimentRun& run) {
-      return std::pair(run.state(), run.reason());
+    struct Kind {
+      int runs = 0;
+      std::vector<std::string> reasons;
     };
-    for (const reports::ExperimentRun& run : experiment.runs())
-      if (std::find(kinds.begin(), kinds.end(), kind_of(run)) == kinds.end())
-        kinds.push_back(kind_of(run));
+    std::map<std::string, Kind> kinds;  // by state
+    for (const reports::ExperimentRun& run : experiment.runs()) {
+      Kind& kind = kinds[run.state()];
+      ++kind.runs;
+      if (std::find(kind.reasons.begin(), kind.reasons.end(), run.reason()) == kind.reasons.end())
+        kind.reasons.push_back(run.reason());
+    }
     if (kinds.empty()) table.row({experiment.name(), "0", "skipped", "no network was found"});
-    for (const auto& kind : kinds) {
-      const auto n = std::count_if(experiment.runs().begin(), experiment.runs().end(),
-                                   [&](const auto& run) { return kind_of(run) == kind; });
-      table.row({experiment.name(), str(n), kind.first, kind.second});
-      good &= kind.first != "failed";
+    for (const auto& [state, kind] : kinds) {
+      std::string why;
+      for (const std::string& reason : kind.reasons) why += (why.empty() ? "" : "; ") + reason;
+      table.row({experiment.name(), str(kind.runs), state, why});
+      good &= state != "failed";
     }
   }
   std::cout << "\n";

@@ -1,6 +1,7 @@
 #include "experiment/inventory.h"
 
 #include <algorithm>
+#include <fstream>
 
 #include "eval/feature_options.h"
 #include "models/cache.h"
@@ -30,9 +31,11 @@ void find_drives(const ExperimentOptions& options, Inventory& found) {
     try {
       found.drives.push_back(
           {sequence, static_cast<int64_t>(open_scans(scans, {.poses = true}).scans.size())});
-      std::error_code none;
-      found.simulated |=
-          fs::exists(options.kitti / "sequences" / sequence / "simulation.txt", none);
+      std::ifstream settings(options.kitti / "sequences" / sequence / "simulation.txt");
+      for (std::string line; std::getline(settings, line);) {
+        found.along_poses += line.starts_with("poses: ") ? 1 : 0;
+        found.along_routes += line.starts_with("route: ") ? 1 : 0;
+      }
     } catch (const InputError& error) {
       found.missing.push_back(str("sequence ", sequence, ": ", error.what()));
     }

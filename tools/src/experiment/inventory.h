@@ -39,8 +39,10 @@ struct NetworkFound {
 /// What there is to experiment with.
 struct Inventory {
   std::vector<DriveFound> drives;
-  std::vector<NetworkFound> networks;    // trained ones first, in the order of the known models
-  bool simulated = false;                // `revisit simulate` wrote the drives
+  std::vector<NetworkFound> networks;  // trained ones first, in the order of the known models
+  /// Of the drives, those that `revisit simulate` wrote: along given poses, along routes of its
+  /// own.
+  int along_poses = 0, along_routes = 0;
   std::vector<std::string> missing;      // what is not there, and how to get it
   std::vector<std::string> passed_over;  // models that are no networks for range images
 

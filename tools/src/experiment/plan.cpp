@@ -34,9 +34,12 @@ class Planner {
         {"hkust-objects", &Planner::objects}};
     ExperimentPlan plan{&info, {}, {}, {}};
     (this->*makers.at(info.name))(plan);
-    if (inventory_.simulated && !info.name.starts_with("hkust"))
-      plan.notes.push_back(
-          "Simulated drives along the real poses: figures are not those of KITTI.");
+    if (inventory_.along_poses + inventory_.along_routes > 0 && !info.name.starts_with("hkust"))
+      plan.notes.push_back(str("Simulated drives",
+                               inventory_.along_routes == 0  ? " along the real poses"
+                               : inventory_.along_poses == 0 ? " along generated routes"
+                                                             : "",
+                               ": figures are not those of KITTI."));
     if (best_.empty())
       plan.notes.push_back(
           "No network was found: give --models DIR, or --untrained to see the "

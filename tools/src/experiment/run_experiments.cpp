@@ -170,6 +170,48 @@ class Workload {
   std::vector<Arguments> order_;
 };
 
+/// Whether the interval of `metrics` has `average_precision` in it.
+bool is_within(double average_precision, const reports::Metrics& metrics) {
+  const auto& interval = metrics.average_precision_ci();
+  return interval.size() == 2 && interval[0] <= average_precision &&
+         average_precision <= interval[1];
+}
+
+reports::Experiment report_of(const ExperimentPlan& plan, const Workload& workload,
+                              const Inventory& inventory, const fs::path& folder,
+                              const std::string& command) {
+  reports::Experiment experiment;
+  experiment.set_name(plan.info->name);
+  experiment.set_title(plan.info->title);
+  experiment.set_question(plan.info->question);
+  experiment.set_paper(plan.info->paper);
+  experiment.set_version(REVISIT_VERSION);
+  experiment.set_command(command);
+  experiment.set_simulated(inventory.along_poses + inventory.along_routes > 0);
+  for (const std::string& note : plan.notes) experiment.add_notes(note);
+  for (const PlannedRun& planned : plan.runs) {
+    reports::ExperimentRun& run = *experiment.add_runs();
+    if (planned.skipped.empty()) {
+      const Work& work = workload.of(planned.arguments);
+      run = work.result;
+      run.set_state(work.state);
+      run.set_reason(work.reason);
+      run.clear_key();
+      if (!run.folder().empty()) run.set_folder(fs::relative(run.folder(), folder).string());
+    } else {
+      run.set_state("skipped");
+      run.set_reason(planned.skipped);
+    }
+    run.set_panel(planned.panel);
+    run.set_label(planned.label);
+    run.set_feature(planned.feature);
+  }
+  check_claims(plan, &experiment);
+  return experiment;
+}
+
+}  // namespace
+
 void check_claims(const ExperimentPlan& plan, reports::Experiment* experiment) {
   const auto find = [&](const std::string& panel,
                         const std::string& label) -> const reports::ExperimentRun* {
@@ -196,43 +238,13 @@ void check_claims(const ExperimentPlan& plan, reports::Experiment* experiment) {
       checked.set_worse_average_precision(worse->metrics().average_precision());
       checked.set_holds(checked.better_average_precision() >=
                         checked.worse_average_precision() - claim.slack);
+      // That two are as good as each other is all that such intervals can show.
+      const bool as_claimed = claim.slack > 0 && checked.holds();
+      checked.set_undecided(!as_claimed &&
+                            is_within(checked.better_average_precision(), worse->metrics()) &&
+                            is_within(checked.worse_average_precision(), better->metrics()));
     }
 }
-
-reports::Experiment report_of(const ExperimentPlan& plan, const Workload& workload,
-                              const Inventory& inventory, const fs::path& folder,
-                              const std::string& command) {
-  reports::Experiment experiment;
-  experiment.set_name(plan.info->name);
-  experiment.set_title(plan.info->title);
-  experiment.set_question(plan.info->question);
-  experiment.set_paper(plan.info->paper);
-  experiment.set_version(REVISIT_VERSION);
-  experiment.set_command(command);
-  experiment.set_simulated(inventory.simulated);
-  for (const std::string& note : plan.notes) experiment.add_notes(note);
-  for (const PlannedRun& planned : plan.runs) {
-    reports::ExperimentRun& run = *experiment.add_runs();
-    if (planned.skipped.empty()) {
-      const Work& work = workload.of(planned.arguments);
-      run = work.result;
-      run.set_state(work.state);
-      run.set_reason(work.reason);
-      run.clear_key();
-      if (!run.folder().empty()) run.set_folder(fs::relative(run.folder(), folder).string());
-    } else {
-      run.set_state("skipped");
-      run.set_reason(planned.skipped);
-    }
-    run.set_panel(planned.panel);
-    run.set_label(planned.label);
-    run.set_feature(planned.feature);
-  }
-  check_claims(plan, &experiment);
-  return experiment;
-}
-
-}  // namespace
 
 std::vector<reports::Experiment> run_experiments(const ExperimentOptions& options,
                                                  const Inventory& inventory,

@@ -16,4 +16,8 @@ std::vector<reports::Experiment> run_experiments(const ExperimentOptions& option
                                                  std::vector<ExperimentPlan> plans,
                                                  const std::string& command);
 
+/// Adds to `experiment`, whose runs are there, what becomes of each claim of the plan in each panel
+/// that has both of its curves, of trained networks.
+void check_claims(const ExperimentPlan& plan, reports::Experiment* experiment);
+
 }  // namespace revisit::cli

@@ -64,9 +64,11 @@ void write_methods(const reports::Experiment& experiment, std::ostream& out) {
 void write_claims(const reports::Experiment& experiment, std::ostream& out) {
   for (const reports::ExperimentClaim& claim : experiment.claims())
     out << "- " << claim.panel() << ": " << claim.text() << ": "
-        << (claim.holds() ? "holds" : "**does not hold**") << " (AP of " << claim.better() << " "
-        << number(claim.better_average_precision(), 3) << ", of " << claim.worse() << " "
-        << number(claim.worse_average_precision(), 3) << ")\n";
+        << (claim.undecided() ? "undecided (each within the other's 95 % interval)"
+            : claim.holds()   ? "holds"
+                              : "**does not hold**")
+        << " (AP of " << claim.better() << " " << number(claim.better_average_precision(), 3)
+        << ", of " << claim.worse() << " " << number(claim.worse_average_precision(), 3) << ")\n";
   if (experiment.claims_size()) out << "\n";
 }
 

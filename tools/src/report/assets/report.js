@@ -176,7 +176,8 @@
       el("div", { class: "grid" }, [...panels].map(([panel, items]) => el("div", { class: "card" }, el("h3", {}, panel), panelPlot(entry, panel, items)))),
       list(experiment.claims).length ? table([["statement"], ["sequence"], ["AP", "n"], ["against", "n"], ["result"]],
         experiment.claims.map(claim => [`${claim.text}: ${claim.better}`, claim.panel, number(claim.better_average_precision), number(claim.worse_average_precision),
-          el("span", { class: claim.holds ? "good" : "bad" }, claim.holds ? "holds" : "does not hold")])) : null,
+          claim.undecided ? el("span", { class: "soft", title: "each within the other's 95 % interval" }, "undecided")
+            : el("span", { class: claim.holds ? "good" : "bad" }, claim.holds ? "holds" : "does not hold")])) : null,
       done.length ? el("details", {}, el("summary", {}, `Numbers and commands (${done.length} curves)`),
         table([["sequence"], ["curve"], ...kMetrics.map(([, title]) => [title, "n"]), ["feature", "n"], ["reduced to", "n"], ["frames/s", "n"], ["command"]],
           done.map(item => [item.run.panel, item.run.label, ...kMetrics.map(([key]) => metric(item.run.metrics || {}, key)),
