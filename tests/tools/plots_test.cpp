@@ -92,6 +92,19 @@ TEST(Plots, TrajectoryCountsEachOutcome) {
                Error);
 }
 
+TEST(Plots, ThePathIsALineButForJumps) {
+  const test::TempDir dir;
+  Drive d;
+  d.trajectory.positions[3].z() += 100;
+  const PlotFiles plot =
+      plot_trajectory(dir.path(), "map", "", d.trajectory, d.task, d.matches, kVerdicts, kAccepted);
+  const std::string data = test::read_file(plot.data);
+  const std::string path = "\n0 0\n10 0\n0 10\n\n10 110\n\n0 20\n10 20\n\n\n";
+  EXPECT_EQ(data.substr(data.find('\n'), path.size()), path) << data;
+  EXPECT_NE(test::read_file(plot.script).find("'map.dat' index 0 using 1:2 with lines"),
+            std::string::npos);
+}
+
 TEST(Plots, ScoresOfTrueAndFalse) {
   const test::TempDir dir;
   const PlotFiles plot = plot_scores(dir.path(), "scores", "scores", kVerdicts, 0.75);
@@ -140,6 +153,21 @@ TEST(Plots, WithoutGnuplotDataAndScriptRemain) {
   EXPECT_TRUE(std::filesystem::exists(plot.data));
   EXPECT_TRUE(std::filesystem::exists(plot.script));
   EXPECT_FALSE(std::filesystem::exists(plot.png));
+}
+
+TEST(Plots, APictureCutOffByAFullDiskIsNoticed) {
+  // A gnuplot that ends well and leaves what a full disk leaves.
+  const test::TempDir dir;
+  test::write_file(dir / "bin/gnuplot",
+                   "#!/bin/sh\nprintf '\\211PNG...' > scores.png\n: > scores.svg\n");
+  std::filesystem::permissions(dir / "bin/gnuplot", std::filesystem::perms::owner_all);
+  const std::string path = std::getenv("PATH");
+  ::setenv("PATH", (dir / "bin").c_str(), 1);
+  const PlotFiles plot = plot_scores(dir.path(), "scores", "", kVerdicts, 0);
+  ::setenv("PATH", path.c_str(), 1);
+  EXPECT_NE(plot.warning.find("is the disk full?"), std::string::npos) << plot.warning;
+  EXPECT_FALSE(std::filesystem::exists(plot.png));
+  EXPECT_FALSE(std::filesystem::exists(plot.svg));
 }
 
 TEST(Plots, FolderThatCannotBeWrittenIsAnError) {

@@ -1,5 +1,8 @@
 #include "plots/gnuplot.h"
 
+#include <fstream>
+#include <string_view>
+
 #include "cli/run_program.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
@@ -26,6 +29,16 @@ set linetype cycle 7
 set key noenhanced spacing 1.25 textcolor rgb '#222222'
 set title offset 0,0.4 font ',17' noenhanced
 )";
+
+/// Whether a picture has its end: gnuplot says nothing of a full disk.
+bool has_end(const fs::path& file, std::string_view end) {
+  constexpr std::streamoff kTail = 16;  // [bytes]; blank lines may follow
+  std::ifstream in(file, std::ios::binary | std::ios::ate);
+  const auto size = static_cast<std::streamoff>(in.tellg());
+  std::string tail(kTail, '\0');
+  return size >= kTail && in.seekg(size - kTail) && in.read(tail.data(), kTail) &&
+         tail.find(end) != std::string::npos;
+}
 
 }  // namespace
 
@@ -57,7 +70,9 @@ PlotFiles draw(const fs::path& folder, const std::string& name, const std::strin
     out << "unset output\n";
   });
   PlotFiles result = files;
-  const std::string problem = run_program(absolute, {"gnuplot", name + ".gp"}, "gnuplot-nox");
+  std::string problem = run_program(absolute, {"gnuplot", name + ".gp"}, "gnuplot-nox");
+  if (problem.empty() && !(has_end(files.png, "IEND") && has_end(files.svg, "</svg>")))
+    problem = "gnuplot left it unfinished; is the disk full?";
   if (problem.empty()) return result;
   fs::remove(files.png, ignored);
   fs::remove(files.svg, ignored);

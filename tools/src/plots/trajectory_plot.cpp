@@ -39,6 +39,23 @@ Frame frame_of(const pipeline::Trajectory& trajectory) {
   return frame;
 }
 
+/// The way the vehicle took, x z [m] a line, with a blank line where it is not known: scans much
+/// farther apart than the others were not taken one after another.
+std::string path_rows(const pipeline::Trajectory& trajectory) {
+  const auto& at = trajectory.positions;
+  std::vector<double> steps;
+  for (size_t i = 1; i < at.size(); ++i) steps.push_back((at[i] - at[i - 1]).norm());
+  std::vector<double> sorted = steps;
+  std::ranges::sort(sorted);
+  const double longest = sorted.empty() ? 0 : std::max(10.0, 5 * sorted[sorted.size() / 2]);
+  std::ostringstream rows;
+  for (size_t i = 0; i < at.size(); ++i) {
+    if (i > 0 && steps[i - 1] > longest) rows << "\n";
+    rows << at[i].x() << " " << at[i].z() << "\n";
+  }
+  return std::move(rows).str();
+}
+
 /// Many lines are drawn fainter, so that the dots stay visible.
 std::string line_colour(const Layer& layer) {
   return layer.count > 300 ? str("'#c0", layer.colour, "'") : str("'#60", layer.colour, "'");
@@ -83,14 +100,16 @@ PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string
 
   std::ostringstream data;
   std::vector<std::string> plots;
-  data << "# x z match_x match_z [m]; blocks:";
-  int blocks = 0;
+  data << "# x z [m] of the path; then x z match_x match_z [m], blocks:";
+  int blocks = 1;  // after the path
   for (Layer& layer : layers) {
     if (layer.count == 0) continue;
     layer.block = blocks++;
     data << " " << layer.legend << ";";
   }
-  data << "\n";
+  data << "\n" << path_rows(trajectory) << "\n\n";
+  plots.push_back(quoted(name + ".dat") +
+                  " index 0 using 1:2 with lines linewidth 1.4 linecolor rgb '#d5dae0' notitle");
   const auto source = [&](const Layer& layer) {
     return str(quoted(name + ".dat"), " index ", layer.block);
   };
@@ -126,9 +145,9 @@ PlotFiles plot_trajectory(const std::filesystem::path& folder, const std::string
            << "set size ratio -1\n"
            << "set xrange [" << frame.x_min << ":" << frame.x_max << "]\n"
            << "set yrange [" << frame.z_min << ":" << frame.z_max << "]\n"
-           << "set key outside below center horizontal Left reverse samplen 1 width 1\nplot ";
+           << "set key outside below center horizontal Left reverse samplen 1 width 1 height 1.6\n"
+           << "plot ";
   for (size_t i = 0; i < plots.size(); ++i) commands << (i ? ", \\\n  " : "") << plots[i];
-  if (plots.empty()) commands << "NaN notitle";
   return draw(folder, name, data.str(), commands.str(), frame.height);
 }
 
