@@ -69,6 +69,14 @@ TEST(SimulateCommand, FramesAreARangeOrACount) {
     EXPECT_EQ(run_revisit(quick(dir / "bad") + "--frames '" + bad + "'").exit_code, 2) << bad;
 }
 
+TEST(SimulateCommand, ALimitOnMemoryIsSaid) {
+  const TempDir dir;
+  const ProgramResult run =
+      run_revisit(quick(dir.path()), "ulimit -v 250000; OPENBLAS_NUM_THREADS=1");
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_TRUE(has(run.err, "out of memory")) << run.err;
+}
+
 TEST(SimulateCommand, MisuseIsExplained) {
   const TempDir dir;
   const ProgramResult no_output = run_revisit("simulate");

@@ -326,6 +326,7 @@ FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
         ::mmap(nullptr, static_cast<size_t>(mapped_bytes_), PROT_READ, MAP_PRIVATE, descriptor_, 0);
     if (mapping_ == MAP_FAILED) {
       mapping_ = nullptr;
+      if (errno == ENOMEM) throw std::bad_alloc();  // the file is as it should be
       throw InputError(str(file_.string(), ": cannot map into memory: ", std::strerror(errno)));
     }
     data_ = static_cast<const float*>(

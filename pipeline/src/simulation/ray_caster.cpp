@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 
 #include "revisit/proto/error.h"
 
@@ -24,6 +25,7 @@ using SceneHandle = std::unique_ptr<std::remove_pointer_t<RTCScene>, SceneDelete
 
 Device make_device() {
   Device device(rtcNewDevice("threads=1"));
+  if (!device && rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
   if (!device) throw Error("Embree cannot start on this machine");
   return device;
 }
