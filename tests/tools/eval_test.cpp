@@ -143,17 +143,61 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
   fs::current_path(dir_ / "my nets");
   const std::string command = cli::command_of(cli::parse_eval_options(
       {"/data", "--model", "bvlc_alexnet", "--weights", "w.caffemodel", "--pca-fit", "pca",
-       "--images", "pca", "--training-images", "pca", "--radius", "2.9999999", "--max-range",
-       "1234567", "--memory", "0.1"}));
+       "--radius", "2.9999999", "--max-range", "1234567", "--memory", "0.1"}));
+  const std::string of_images = cli::command_of(cli::parse_eval_options(
+      {"/data", "--feature", "fabmap", "--images", "pca", "--training-images", "pca"}));
   fs::current_path(before);
   const std::string nets = "'" + (dir_ / "my nets").string();
   for (const std::string& part :
        {std::string(" --model bvlc_alexnet "), " --weights " + nets + "/w.caffemodel' ",
-        " --pca-fit " + nets + "/pca' ", " --images " + nets + "/pca' ",
-        " --training-images " + nets + "/pca' ", std::string(" --max-range 1234567 "),
+        " --pca-fit " + nets + "/pca' ", std::string(" --max-range 1234567 "),
         std::string(" --memory 0.1 ")})
     EXPECT_NE(command.find(part), std::string::npos) << part << " not in " << command;
+  EXPECT_EQ(of_images, "revisit eval /data --feature fabmap --images " + nets +
+                           "/pca' --training-images " + nets + "/pca'");
   EXPECT_TRUE(command.ends_with(" --radius 2.9999999")) << command;
+}
+
+TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
+  for (const char* option : {"--end pool5", "--set end=pool5", "--mean-bgr 1,2,nan",
+                             "--ring-key-candidates 5", "--new-place sampled"}) {
+    const auto result = run_revisit(eval(std::string("--no-plots ") + option));
+    EXPECT_EQ(result.exit_code, 2) << option;
+    EXPECT_NE(result.err.find(" belongs to --feature "), std::string::npos) << result.err;
+  }
+  const auto described = run_revisit("describe " + root().string() +
+                                     " --feature data --end pool5 -o " + results().string());
+  EXPECT_EQ(described.exit_code, 2) << described.err;
+  EXPECT_EQ(run_revisit(eval("--no-plots"), "REVISIT_END=pool5").exit_code, 0);
+  EXPECT_EQ(test::read_file(run_folder() / "config.yaml").find("end:"), std::string::npos);
+}
+
+TEST_F(EvalCommand, DescribeTakesTheConfigurationOfARun) {
+  ASSERT_EQ(run_revisit(eval("--no-plots --pca 5")).exit_code, 0);
+  const std::string describe =
+      "describe " + root().string() + " -o " + (dir_ / "out").string() + " -c ";
+  const auto result = run_revisit(describe + (run_folder() / "config.yaml").string());
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(proto::read_npy(dir_ / "out/descriptors.npy").shape, (std::vector<int64_t>{24, 5}));
+  test::write_file(dir_ / "odd.yaml", "protokol: online\n");
+  EXPECT_EQ(run_revisit(describe + (dir_ / "odd.yaml").string()).exit_code, 2);
+}
+
+TEST_F(EvalCommand, ATaskIsEvaluatedOnce) {
+  for (const char* twice : {"online,online", "online,ssc,online"}) {
+    const auto result = run_revisit(eval(std::string("--no-plots --protocol ") + twice));
+    EXPECT_EQ(result.exit_code, 2) << twice;
+    EXPECT_NE(result.err.find("twice"), std::string::npos) << result.err;
+  }
+}
+
+TEST_F(EvalCommand, MemoryIsCheckedAtTheStart) {
+  for (const char* memory : {"0", "-1", "1e-9", "nan"}) {
+    const auto result = run_revisit(eval(std::string("--no-plots --pca 5 --memory ") + memory));
+    EXPECT_EQ(result.exit_code, 2) << memory;
+    EXPECT_NE(result.err.find("--memory"), std::string::npos) << result.err;
+  }
+  EXPECT_FALSE(fs::exists(results()));
 }
 
 TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {

@@ -118,8 +118,9 @@ Parser& Parser::group(std::string heading) {
   return *this;
 }
 
-Parser& Parser::config(ConfigReader reader) {
+Parser& Parser::config(ConfigReader reader, std::vector<std::string> others) {
   config_reader_ = std::move(reader);
+  config_others_ = std::move(others);
   group("Configuration:");
   option("config", "FILE", "YAML file of option names and values", &config_path_, 'c');
   option("set", "KEY=VALUE", "set one option by name, after the file", &config_sets_);
@@ -134,6 +135,12 @@ Parser::Option& Parser::find(const std::string& source, const std::string& name)
     known.push_back(option.name);
   }
   throw UsageError(str(source, ": unknown key '", name, "'", did_you_mean(name, known)));
+}
+
+bool Parser::given(const std::string& option) const {
+  return std::ranges::any_of(options_, [&](const Option& o) {
+    return o.name == option && (o.source == Source::kSet || o.source == Source::kCommandLine);
+  });
 }
 
 void Parser::apply(Option& option, Source source, const std::string& what,
@@ -204,9 +211,13 @@ void Parser::parse(std::vector<std::string> arguments) {
   for (const auto& [option, text] : collected.options)
     if (is_config(*option)) option->apply("--" + option->name, text);
   if (config_path_)
-    for (const auto& [name, value] : config_reader_(*config_path_))
+    for (const auto& [name, value] : config_reader_(*config_path_)) {
+      const auto has_name = [&](const Option& option) { return option.name == name; };
+      if (std::ranges::none_of(options_, has_name) && std::ranges::count(config_others_, name))
+        continue;
       apply(find(config_path_->string(), name), Source::kConfigFile,
             config_path_->string() + ": " + name, value);
+    }
   apply_environment();
   for (const std::string& set : config_sets_) {
     const size_t equals = set.find('=');

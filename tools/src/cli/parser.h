@@ -63,13 +63,17 @@ class Parser {
   /// Called once with the path given with `--config`, before the command line is applied.
   using ConfigReader =
       std::function<std::vector<std::pair<std::string, std::string>>(const std::filesystem::path&)>;
-  /// Adds `-c/--config FILE` and `--set key=value`.
-  Parser& config(ConfigReader reader);
+  /// Adds `-c/--config FILE` and `--set key=value`. The file may also hold values of `others`,
+  /// options of another command, which are passed over.
+  Parser& config(ConfigReader reader, std::vector<std::string> others = {});
 
   /// Parses `arguments` (without the program and subcommand names) and fills the targets.
   /// Prints help and exits for --help/--usage; a misused command line prints a hint and exits 2.
   /// Throws UsageError for values that do not fit.
   void parse(std::vector<std::string> arguments);
+
+  /// Whether the option was on the command line, by itself or with --set; after parse().
+  bool given(const std::string& option) const;
 
   /// Where a value comes from; each overrules those before it.
   enum class Source { kDefault, kConfigFile, kEnvironment, kSet, kCommandLine };
@@ -127,6 +131,7 @@ class Parser {
   std::vector<Option> options_;
   std::vector<Positional> positionals_;
   ConfigReader config_reader_;
+  std::vector<std::string> config_others_;
   std::optional<std::filesystem::path> config_path_;
   std::vector<std::string> config_sets_;
 };

@@ -7,6 +7,7 @@
 #include "cli/table.h"
 #include "eval/config_file.h"
 #include "eval/descriptors.h"
+#include "eval/eval_options.h"
 #include "eval/points_outside.h"
 #include "eval/run_info.h"
 #include "eval/summary_table.h"
@@ -54,8 +55,11 @@ int describe_command(const Arguments& arguments) {
   options.declare(parser);
   parser.group("Output:");
   parser.option("output", "DIR", "folder for the descriptors", &output, 'o');
-  parser.config(read_config_file);
+  std::vector<std::string> of_eval;  // in the config.yaml of a run
+  for (const auto& [name, value] : settings_of({})) of_eval.push_back(name);
+  parser.config(read_config_file, of_eval);
   parser.parse(arguments);
+  options.check_given(parser);
   if (output.empty()) throw UsageError("give the folder for the descriptors: -o DIR");
   if (options.pca_fit == "map")
     throw UsageError("--pca-fit map needs a task with stored scans: use `revisit eval`");

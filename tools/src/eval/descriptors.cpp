@@ -159,8 +159,6 @@ Descriptors TaskDescriptors::compute(const pipeline::Task& task) const {
 Descriptors reduce(const FeatureOptions& options, int64_t components, const pipeline::Task& task,
                    LazyFeatures& case1, LazyFeatures* case2,
                    const std::filesystem::path& model_folder) {
-  if (!(options.memory_gb > 0))
-    throw UsageError("--memory: expected a positive number of gigabytes");
   if (components < 0) {
     Descriptors whole;
     whole.pca_fit = "none";

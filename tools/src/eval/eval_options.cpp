@@ -62,14 +62,19 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"distance", o.distance.value_or("")},
           {"exclusion", o.exclusion.value_or("")},
           {"radius", o.radius ? pipeline::exact(*o.radius) : ""}});
+  for (auto& [name, value] : settings)
+    if (!f.uses(name)) value.clear();
   return settings;
 }
 
 std::string command_of(const EvalOptions& o) {
-  const auto settings = settings_of(o), defaults = settings_of({});
+  EvalOptions standard;
+  standard.feature.feature = o.feature.feature;
+  const auto settings = settings_of(o), defaults = settings_of(standard);
   Arguments arguments = {fs::absolute(o.feature.data).string()};
   for (size_t i = 0; i < settings.size(); ++i)
-    if (settings[i] != defaults[i])
+    if (settings[i] != defaults[i] ||
+        (settings[i].first == "feature" && o.feature.feature != FeatureOptions().feature))
       arguments.insert(arguments.end(), {"--" + settings[i].first, settings[i].second});
   return shell_command("revisit eval", arguments);
 }
@@ -122,6 +127,7 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   parser.flag("no-plots", "no figures", &o.no_plots);
   parser.config(read_config_file);
   parser.parse(arguments);
+  o.feature.check_given(parser);
   if (o.format != "table" && o.format != "json")
     throw UsageError("--format: expected table or json, found '" + o.format + "'");
   const std::vector<std::string> cases = {"protocol", "1", "2", "both"};

@@ -48,6 +48,8 @@ std::vector<pipeline::Task> tasks_for(const EvalOptions& o, const pipeline::Data
       if (o.radius) task.rule.radius = *o.radius;
       if (o.query_case != "protocol") task.both_cases = o.query_case == "both";
       need_distances(trajectory, task.rule.distance, "task " + task.name);
+      if (std::ranges::any_of(tasks, [&](const auto& other) { return other.name == task.name; }))
+        throw UsageError(str("--protocol ", o.protocol, ": ", task.name, " is in it twice"));
       tasks.push_back(std::move(task));
     }
   if (tasks.empty()) throw UsageError("--protocol: give at least one name");

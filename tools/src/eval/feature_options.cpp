@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iostream>
+#include <map>
 #include <numeric>
 #include <sstream>
 #include <thread>
@@ -51,7 +52,27 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
   return mean;
 }
 
+/// Options that one feature alone uses.
+const std::map<std::string, std::string> kFeatureOf = {
+    {"model", "cnn"},       {"weights", "cnn"},
+    {"end", "cnn"},         {"graft", "cnn"},
+    {"mean-bgr", "cnn"},    {"ring-key-candidates", "scan-context"},
+    {"images", "fabmap"},   {"training-images", "fabmap"},
+    {"new-place", "fabmap"}};
+
 }  // namespace
+
+bool FeatureOptions::uses(const std::string& option) const {
+  const auto found = kFeatureOf.find(option);
+  return found == kFeatureOf.end() || found->second == feature;
+}
+
+void FeatureOptions::check_given(const Parser& parser) const {
+  for (const auto& [option, owner] : kFeatureOf)
+    if (!uses(option) && parser.given(option))
+      throw UsageError(
+          str("--", option, " belongs to --feature ", owner, ", not to --feature ", feature));
+}
 
 void FeatureOptions::declare(Parser& parser) {
   parser.positional("DATA", &data);
@@ -250,6 +271,9 @@ std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dat
 }
 
 pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
+  // Less could not hold a handful of descriptors.
+  if (!(options.memory_gb >= 0.001))
+    throw UsageError(str("--memory: expected at least 0.001 GB, found ", options.memory_gb));
   if (options.every < 1)
     throw UsageError(str("--every: expected at least 1, found ", options.every));
   pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence, needs);

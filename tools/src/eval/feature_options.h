@@ -37,6 +37,11 @@ struct FeatureOptions {
   bool no_progress = false, quiet = false;
 
   void declare(Parser& parser);
+  /// Throws UsageError for an option on the command line that `feature` does not use, like --end
+  /// with --feature data: one of the two is a mistake. (Files and the environment may hold more.)
+  void check_given(const Parser& parser) const;
+  /// False for the options of other features.
+  bool uses(const std::string& option) const;
   int thread_count() const;
   /// Of the PCA; 0: all; -1: no PCA; absent: the feature's own way. Throws UsageError.
   std::optional<int64_t> components() const;
