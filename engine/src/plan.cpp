@@ -120,6 +120,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
               placement.scratch[s], placement.state[s]};
     for (const size_t id : scheduled.inputs) step.inputs.push_back(placement.stored[id]);
     for (const size_t id : scheduled.outputs) step.outputs.push_back(placement.stored[id]);
+    if (step.kernel.name.find("gemm") != std::string::npos) plan->blas_threads = options.threads;
     plan->steps.push_back(std::move(step));
   }
   name_absorbed(operations, &plan->costs);

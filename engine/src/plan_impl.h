@@ -37,6 +37,7 @@ struct Plan::Impl {
   std::map<std::string, Slot, std::less<>> input_slots, output_slots;
   std::map<std::string, Slot, std::less<>> layer_slots;  // by port_name(), with keep_all
   bool flush_denormals = true;
+  int blas_threads = 0;  // that multiply by OpenBLAS at the same time
   int64_t arena_floats = 0;
   int64_t weight_floats = 0;
   int64_t packed_floats = 0;

@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <limits>
+#include <memory>
 
 #include "aligned.h"
 #include "kernels/float_mode.h"
 #include "plan_impl.h"
+#include "revisit/engine/blas.h"
 
 namespace revisit::engine {
 namespace {
@@ -32,6 +34,7 @@ FloatMode mode_of(const Plan::Impl& plan) {
 }  // namespace
 
 struct Run::Memory {
+  std::unique_ptr<BlasRoom> blas_room;  // null: not needed
   AlignedFloats arena;
   struct Operands {
     std::vector<const float*> inputs;
@@ -59,8 +62,9 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {
   const Plan::Impl& impl = *plan_.impl_;
   if (!impl.net->has_weights)
     throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
-  memory_ = std::make_unique<Memory>(
-      Memory{allocate_arena(impl.arena_floats), {}, std::vector<int64_t>(impl.costs.size(), 0)});
+  memory_ = std::make_unique<Memory>(Memory{
+      {}, allocate_arena(impl.arena_floats), {}, std::vector<int64_t>(impl.costs.size(), 0)});
+  if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
   float* const arena = memory_->arena.data();
   for (const Step& step : impl.steps) {
     Memory::Operands operands{{}, {}, arena + step.scratch, arena + step.state};

@@ -1,0 +1,64 @@
+// OpenBLAS under a limit on the address space, where it would ask for memory for ever.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <fstream>
+#include <new>
+
+#include "revisit/engine/blas.h"
+#include "revisit/engine/net.h"
+#include "test_data.h"
+
+namespace revisit::engine {
+namespace {
+
+/// More than any test before this one can have multiplied with.
+constexpr int kThreads = 64;
+
+/// Leaves 256 MiB of address space.
+void limit_memory() {
+  std::ifstream sizes("/proc/self/statm");
+  rlim_t pages = 0;
+  sizes >> pages;
+  const rlim_t bytes = pages * 4096 + (rlim_t{256} << 20);
+  const rlimit limit{bytes, bytes};
+  setrlimit(RLIMIT_AS, &limit);
+}
+
+/// Exits with 7 when `work` throws std::bad_alloc.
+template <class Work>
+void expect_no_memory(const Work& work) {
+  limit_memory();
+  try {
+    work();
+  } catch (const std::bad_alloc&) {
+    std::_Exit(7);
+  }
+  std::_Exit(0);
+}
+
+TEST(BlasRoomDeathTest, NoneIsOutOfMemory) {
+  EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(kThreads); }), testing::ExitedWithCode(7),
+              "");
+  EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(1); }), testing::ExitedWithCode(0), "");
+}
+
+TEST(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
+  const test::TempDir dir;
+  test::write_file(dir / "net.prototxt", R"(
+    input: "data" input_shape { dim: 8 dim: 32 }
+    layer { name: "ip" type: "InnerProduct" bottom: "data" top: "ip"
+            inner_product_param { num_output: 16 } })");
+  const Net net = Net::load_with_random_weights(dir / "net.prototxt", 1);
+  PlanOptions options;
+  options.threads = kThreads;
+  const Plan plan = net.plan({}, options);
+  ASSERT_NE(plan.layers().back().kernel.find("gemm"), std::string::npos);
+  EXPECT_EXIT(expect_no_memory([&] { const Run run(plan); }), testing::ExitedWithCode(7), "");
+  options.reference_kernels = true;
+  const Plan reference = net.plan({}, options);
+  EXPECT_EXIT(expect_no_memory([&] { const Run run(reference); }), testing::ExitedWithCode(0), "");
+}
+
+}  // namespace
+}  // namespace revisit::engine
