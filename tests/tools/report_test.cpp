@@ -279,6 +279,24 @@ TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
   EXPECT_FALSE(fs::exists(dir_ / "r.html"));
 }
 
+TEST_F(ReportCommand, OnlyReportsAreReplaced) {
+  experiment();
+  const std::string report =
+      "report " + path("out") + " --no-plots -o " + path("r.html") + " --markdown " + path("r.md");
+  ASSERT_EQ(run_revisit(report).exit_code, 0);
+  EXPECT_EQ(run_revisit(report).exit_code, 0) << "a report may be made again";
+  for (const char* file : {"r.html", "r.md"}) {
+    const std::string ours = test::read_file(dir_ / file);
+    test::write_file(dir_ / file, "my thesis");
+    const auto refused = run_revisit(report);
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_NE(refused.err.find("--force"), std::string::npos) << refused.err;
+    EXPECT_EQ(test::read_file(dir_ / file), "my thesis");
+    EXPECT_EQ(run_revisit(report + " --force").exit_code, 0);
+    EXPECT_NE(test::read_file(dir_ / file), "my thesis");
+  }
+}
+
 TEST_F(ReportCommand, NamesOfAForeignRunLeadNowhereElse) {
   ASSERT_EQ(run_revisit("eval " + path("drive") +
                         " --feature data --width 100 --protocol online --exclusion frames=60 "

@@ -1,4 +1,6 @@
+#include <fstream>
 #include <iostream>
+#include <sstream>
 
 #include "cli/command.h"
 #include "cli/parser.h"
@@ -9,15 +11,31 @@
 #include "revisit/proto/atomic_file.h"
 
 namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A file that is there is replaced when it is an earlier report, which has `mark` in it. Another
+/// one may be somebody's work.
+void need_ours(const fs::path& file, const std::string& mark) {
+  std::error_code none;
+  if (!fs::is_regular_file(file, none) || fs::is_empty(file, none)) return;
+  std::ostringstream content;
+  content << std::ifstream(file, std::ios::binary).rdbuf();
+  if (content.str().find(mark) == std::string::npos)
+    throw UsageError(str(file.string(), ": is there, and not by `revisit report`; choose another ",
+                         "file, or replace it with --force"));
+}
+
+}  // namespace
 
 int report_command(const Arguments& arguments) {
-  namespace fs = std::filesystem;
   std::vector<fs::path> folders;
   fs::path output = "report.html";
   std::optional<fs::path> markdown;
   PageOptions options;
   options.title = "Place recognition";
-  bool quiet = false;
+  bool quiet = false, force = false;
   Parser parser("revisit report", "RUN_OR_EXPERIMENT...",
                 "One HTML file that opens offline, from the folders that `revisit eval` and "
                 "`revisit experiment` wrote: interactive precision-recall curves, maps, range "
@@ -39,6 +57,7 @@ int report_command(const Arguments& arguments) {
   parser.option("image-mb", "MB", "most that range images take in the file (default 12)",
                 &options.image_mb);
   parser.flag("no-plots", "no SVG and PNG figures beside the file", &options.no_plots);
+  parser.flag("force", "replace files that are no reports", &force);
   parser.flag("quiet", "only errors", &quiet, 'q');
   parser.parse(arguments);
   if (options.queries < 0)
@@ -51,7 +70,9 @@ int report_command(const Arguments& arguments) {
     writing_of(*markdown);
     if (fs::weakly_canonical(*markdown) == fs::weakly_canonical(output))
       throw UsageError(str("--markdown: ", markdown->string(), " is the HTML file of --output"));
+    if (!force) need_ours(*markdown, kMarkdownMark);
   }
+  if (!force) need_ours(output, kHtmlMark);
 
   options.command = shell_command("revisit report", arguments);
   // Beside a file; there is no place beside a pipe or a device.

@@ -56,10 +56,11 @@ std::string html_page(const reports::Page& page) {
       "<link rel=\"icon\" href=\"data:,\">\n<title>",
       html_escaped(page.title()), "</title>\n<style>\n", assets::kStyle,
       "</style>\n</head>\n<body>\n<noscript>This report draws its figures with JavaScript, from "
-      "data within this file. The same figures are beside it as SVG and PNG.</noscript>\n"
-      "<main id=\"report\"></main>\n<script type=\"application/json\" id=\"data\">",
-      script_json(page), "</script>\n<script>", assets::kPlotLibrary, "</script>\n<script>",
-      assets::kScript, "</script>\n</body>\n</html>\n");
+      "data within this file. The same figures are beside it as SVG and "
+      "PNG.</noscript>\n",
+      kHtmlMark, "\n<script type=\"application/json\" id=\"data\">", script_json(page),
+      "</script>\n<script>", assets::kPlotLibrary, "</script>\n<script>", assets::kScript,
+      "</script>\n</body>\n</html>\n");
 }
 
 }  // namespace revisit::cli

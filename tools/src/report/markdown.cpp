@@ -87,8 +87,7 @@ void write_skipped(const reports::Experiment& experiment, std::ostream& out) {
 
 std::string results_markdown(const ReportData& data, const std::filesystem::path& figures) {
   std::ostringstream out;
-  out << "# Results\n\nThe experiments of the paper (Sun, Liu, Ye, Yeung: Point-cloud-based place "
-         "recognition using CNN feature extraction), made with\n\n";
+  out << kMarkdownMark;
   std::vector<std::string> commands;
   for (const reports::Experiment& experiment : data.experiments)
     if (std::find(commands.begin(), commands.end(), experiment.command()) == commands.end())
