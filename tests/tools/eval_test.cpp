@@ -222,11 +222,19 @@ TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {
 TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
   // Room for the program and its data, but not for OpenBLAS's buffer of 128 MiB.
   const auto result =
-      run_revisit("describe " + root().string() + " --feature data --threads 1 --pca 5 -q -o " +
-                      results().string(),
+      run_revisit("describe " + root().string() +
+                      " --feature data --width 100 --threads 1 --pca 5 -q -o " + results().string(),
                   "ulimit -v 220000; OPENBLAS_NUM_THREADS=1 timeout -s KILL 60");
   EXPECT_EQ(result.exit_code, 1) << result.err;
   EXPECT_NE(result.err.find("out of memory"), std::string::npos) << result.err;
+}
+
+TEST_F(EvalCommand, WhatIsCalledLatestAndIsNoLinkStays) {
+  test::write_file(results() / "drive_00/latest", "mine");
+  const auto result = run_revisit(eval("--no-plots"));
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.err.find("latest is no link"), std::string::npos) << result.err;
+  EXPECT_EQ(test::read_file(results() / "drive_00/latest"), "mine");
 }
 
 TEST_F(EvalCommand, EveryNthFrame) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iostream>
 #include <numbers>
 
 #include "cli/json.h"
@@ -125,7 +126,12 @@ void link_latest(const fs::path& run) {
   const fs::path link = run.parent_path() / "latest";
   const fs::path fresh = run.parent_path() / ".latest.part";
   std::error_code error;
-  if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) return;  // it is not ours
+  if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) {  // it is not ours
+    std::cerr << "warning: " << link.string()
+              << " is no link, so that it stays as it is; the latest run is " << run.string()
+              << "\n";
+    return;
+  }
   fs::remove(fresh, error);
   fs::create_directory_symlink(run.filename(), fresh, error);
   if (!error) fs::rename(fresh, link, error);

@@ -51,7 +51,8 @@ struct RunContext {
 std::filesystem::path make_run_folder(const std::filesystem::path& output,
                                       const pipeline::Dataset& dataset);
 
-/// Points the `latest` link beside the run folder to it.
+/// Points the `latest` link beside the run folder to it. Warns where a file or folder has that
+/// name.
 void link_latest(const std::filesystem::path& run);
 
 /// config.yaml, run.json, scans.csv (where each scan was taken, how it was aligned and which tasks
