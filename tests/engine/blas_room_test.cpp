@@ -46,7 +46,7 @@ TEST(BlasRoomDeathTest, NoneIsOutOfMemory) {
 TEST(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
   const test::TempDir dir;
   test::write_file(dir / "net.prototxt", R"(
-    input: "data" input_shape { dim: 8 dim: 32 }
+    input: "data" input_shape { dim: 64 dim: 32 }
     layer { name: "ip" type: "InnerProduct" bottom: "data" top: "ip"
             inner_product_param { num_output: 16 } })");
   const Net net = Net::load_with_random_weights(dir / "net.prototxt", 1);
@@ -54,10 +54,12 @@ TEST(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
   options.threads = kThreads;
   const Plan plan = net.plan({}, options);
   ASSERT_NE(plan.layers().back().kernel.find("gemm"), std::string::npos);
-  EXPECT_EXIT(expect_no_memory([&] { const Run run(plan); }), testing::ExitedWithCode(7), "");
+  EXPECT_EXIT(expect_no_memory([&] { const engine::Run run(plan); }), testing::ExitedWithCode(7),
+              "");
   options.reference_kernels = true;
   const Plan reference = net.plan({}, options);
-  EXPECT_EXIT(expect_no_memory([&] { const Run run(reference); }), testing::ExitedWithCode(0), "");
+  EXPECT_EXIT(expect_no_memory([&] { const engine::Run run(reference); }),
+              testing::ExitedWithCode(0), "");
 }
 
 }  // namespace
