@@ -596,7 +596,7 @@ TEST_F(Finding, ListKnowsWhatIsUsed) {
   EXPECT_EQ(models::inspect(cache.path(), model).state, CacheState::kAbsent);
   // In the cache folder itself, as when it is the folder of one model.
   test::write_file(cache / "weights.caffemodel", "weights");
-  model.sha1 = models::file_checksum(cache / "weights.caffemodel", "sha1");
+  model.sha1 = models::file_sha1(cache / "weights.caffemodel");
   const auto loose = models::loose_weights(cache.path());
   EXPECT_EQ(models::inspect(cache.path(), model, loose).state, CacheState::kVerified);
   EXPECT_EQ(models::inspect(cache.path(), model, loose).file, cache / "weights.caffemodel");

@@ -75,7 +75,7 @@ std::optional<fs::path> cached_weights(const fs::path& cache, const KnownModel& 
 
 std::map<std::string, fs::path> loose_weights(const fs::path& cache) {
   std::map<std::string, fs::path> loose;
-  for (const fs::path& file : weights_in(cache)) loose.emplace(file_checksum(file, "sha1"), file);
+  for (const fs::path& file : weights_in(cache)) loose.emplace(file_sha1(file), file);
   return loose;
 }
 
