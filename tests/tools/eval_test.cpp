@@ -58,7 +58,7 @@ TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
   reports::MetricsList metrics;
   cli::read_report(run_folder() / "metrics.json", &metrics);
   const cli::CsvFile loops(run_folder() / "loops_online.csv");
-  double lowest = 1;
+  double lowest = std::numeric_limits<double>::infinity();
   for (size_t row = 0; row < loops.rows(); ++row)
     if (loops.number(row, loops.column("accepted")) == 1)
       lowest = std::min(lowest, loops.number(row, loops.column("score")));
