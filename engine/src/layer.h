@@ -79,6 +79,16 @@ enum class OutputMemory {
   kViewOfInput,  // the same values under another shape or name: nothing runs
 };
 
+/// What a layer does to the rounding errors of its inputs, relative to the values.
+enum class Rounding {
+  kPassed,    // about as large
+  kAveraged,  // sums over whole maps, where errors of single values cancel out
+  /// Far larger: means are subtracted and divided by deviations, which may be small against them.
+  kAmplified,
+  /// Far larger, as only differences of large values count: seen where nothing averaged before.
+  kCompared,
+};
+
 /// How an output pixel depends on its input, along one axis: on `extent` pixels from
 /// `i * stride - pad` on.
 struct Window {
@@ -114,9 +124,7 @@ class Layer {
                                                            : std::nullopt;
   }
 
-  /// Whether the relative error of the output can be far above that of the input: it subtracts
-  /// means and divides by deviations, which may be small against them.
-  virtual bool amplifies_rounding() const { return false; }
+  virtual Rounding rounding() const { return Rounding::kPassed; }
 
   /// The axis of every output whose size depends on the data, if there is one: infer() gives its
   /// maximum, the kernel writes that many rows or fewer, without gaps, and stores the number in

@@ -7,14 +7,26 @@ namespace revisit::engine {
 // docs/ACCURACY.md has the errors of real nets for both limits, and for none.
 void limit_rounding(Accuracy accuracy, Operations* operations) {
   constexpr int kLittleRounding = 6;
-  std::vector<bool> amplified(operations->held_by.size(), false);  // of each value: later on
+  struct Later {
+    bool amplified = false, compared = false;
+  };
+  std::vector<Later> later(operations->held_by.size());  // of each value
   for (auto operation = operations->list.rbegin(); operation != operations->list.rend();
        ++operation) {
-    const bool later = std::any_of(operation->outputs.begin(), operation->outputs.end(),
-                                   [&](ValueId id) { return amplified[operations->held_by[id]]; });
-    if (later || accuracy == Accuracy::kStrict) operation->most_winograd_points = kLittleRounding;
-    if (later || operation->layer->amplifies_rounding())
-      for (const ValueId id : operation->inputs) amplified[id] = true;
+    Later of_outputs;
+    for (const ValueId id : operation->outputs) {
+      const Later& value = later[operations->held_by[id]];
+      of_outputs.amplified |= value.amplified;
+      of_outputs.compared |= value.compared;
+    }
+    if (of_outputs.amplified || of_outputs.compared || accuracy == Accuracy::kStrict)
+      operation->most_winograd_points = kLittleRounding;
+    const Rounding rounding = operation->layer->rounding();
+    for (const ValueId id : operation->inputs) {
+      later[id].amplified |= of_outputs.amplified || rounding == Rounding::kAmplified;
+      later[id].compared |= (of_outputs.compared && rounding != Rounding::kAveraged) ||
+                            rounding == Rounding::kCompared;
+    }
   }
 }
 

@@ -37,10 +37,18 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
     return std::pair(std::string(word), std::string(word));
   };
   const Net plain = two_convolutions("", ""),
-            softmax = two_convolutions("", test::in_place("s", "Softmax", "b"));
+            map = two_convolutions("", test::in_place("s", "Softmax", "b"));
   EXPECT_EQ(why(plain), both(kFast));
-  EXPECT_EQ(why(softmax), both(kFast));
-  EXPECT_EQ(layer_of(softmax.plan(), "a").kernel, layer_of(plain.plan(), "a").kernel);
+  EXPECT_EQ(why(map), both("amplified later"));
+  for (const char* averaging :
+       {"type: 'InnerProduct' inner_product_param { num_output: 10 }",
+        "type: 'Pooling' pooling_param { pool: AVE global_pooling: true }"}) {
+    const Net classifier =
+        two_convolutions("", str("layer { name: 'm' bottom: 'b' top: 'm' ", averaging, " }\n") +
+                                 test::in_place("s", "Softmax", "m"));
+    EXPECT_EQ(why(classifier), both(kFast)) << averaging;
+    EXPECT_EQ(layer_of(classifier.plan(), "a").kernel, layer_of(plain.plan(), "a").kernel);
+  }
   EXPECT_EQ(why(plain, {.accuracy = Accuracy::kStrict}), both("strict accuracy"));
   EXPECT_EQ(why(plain, {.reference_kernels = true}), both("reference asked"));
 

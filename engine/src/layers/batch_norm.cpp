@@ -37,7 +37,7 @@ class BatchNorm : public Layer {
 
   // With stored statistics, too: in the weights of a convolution the means are subtracted all the
   // same.
-  bool amplifies_rounding() const override { return true; }
+  Rounding rounding() const override { return Rounding::kAmplified; }
 
   std::optional<WindowHw> window(const Shape&) const override {
     return of_batch() ? std::nullopt : std::optional(WindowHw{});

@@ -29,6 +29,8 @@ class InnerProduct : public Layer {
     return shapes;
   }
 
+  Rounding rounding() const override { return Rounding::kAveraged; }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const size_t axis = first_axis(input);

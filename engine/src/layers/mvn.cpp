@@ -22,7 +22,9 @@ class Mvn : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
-  bool amplifies_rounding() const override { return param_.normalize_variance(); }
+  Rounding rounding() const override {
+    return param_.normalize_variance() ? Rounding::kAmplified : Rounding::kPassed;
+  }
 
   std::optional<WindowHw> window(const Shape&) const override { return std::nullopt; }
 

@@ -23,6 +23,10 @@ class Pooling : public Layer {
 
   std::optional<WindowHw> window(const Shape&) const override { return window_.window(); }
 
+  Rounding rounding() const override {
+    return window_.is_max() ? Rounding::kPassed : Rounding::kAveraged;
+  }
+
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     return window_.is_max() ? Form(window_.problem(inputs[0])) : Form();
   }

@@ -21,6 +21,8 @@ class Softmax : public Layer {
     return WindowHw{};
   }
 
+  Rounding rounding() const override { return Rounding::kCompared; }
+
   // The original copies its input first.
   bool allows_in_place() const override { return true; }
 

@@ -50,8 +50,9 @@ struct Port {
 /// faster, and the more it rounds.
 enum class Accuracy {
   /// The fastest kernel; before layers that amplify rounding (BatchNorm, MVN that divides by the
-  /// deviation) tiles of at most 4x4 outputs. Within 1e-5 of the original Caffe for nets without
-  /// such layers (largest error / largest value of any layer).
+  /// deviation, a Softmax of maps that nothing averaged) tiles of at most 4x4 outputs. Within 1e-5
+  /// of the original Caffe for nets without such layers (largest error / largest value of any
+  /// layer).
   kUsual,
   /// Tiles of at most 4x4 everywhere: about what Caffe's own products round.
   kStrict,
