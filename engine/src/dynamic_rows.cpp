@@ -43,8 +43,8 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
           throw UnsupportedError(str("the number of rows of its input '", net.graph.values[id].blob,
                                      "' depends on the data (layer '",
                                      net.graph.nodes[result[id]->layer].name,
-                                     "'); such a blob can only be an output: cut the net with "
-                                     "--end before this layer"));
+                                     "'); such a blob can only be an output: end the net "
+                                     "before this layer (Truncation::end)"));
       }
       for (size_t port = 0; port < node.outputs.size(); ++port) {
         std::optional<DynamicRows>& rows = result[node.outputs[port]];

@@ -71,26 +71,39 @@ std::vector<std::string> names(const std::vector<Node>& nodes) {
   return result;
 }
 
-const Node& find_layer(const Graph& graph, const std::string& name, const char* option) {
+const Node& find_layer(const Graph& graph, const std::string& name, const char* field) {
   for (const Node& node : graph.nodes)
     if (node.name == name) return node;
-  throw UsageError(str(option, ": the net '", graph.name, "' has no layer '", name, "'",
-                       did_you_mean(name, names(graph.nodes)),
-                       "; `revisit net inspect` lists the layers"));
+  throw UsageError(str(field, ": the net '", graph.name, "' has no layer '", name, "'",
+                       did_you_mean(name, names(graph.nodes)), "; Net::layer_names lists them"));
 }
 
-/// Appends a copy of layer `graft` (parameters only) after `end` and its in-place ReLU.
-Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
-  const Node& source = find_layer(graph, truncation.graft, "--graft");
-  if (source.inputs.size() != 1 || source.outputs.size() != 1)
-    throw UsageError(str("--graft: layer '", truncation.graft,
-                         "' must have one input and one output to be grafted"));
+/// What comes out of the ReLU of the layer that wrote `value`: one that works in place, or that
+/// nobody reads `value` beside. Without one, `value` itself.
+ValueId after_relu(Graph& graph, const Truncation& truncation, ValueId value) {
+  const Node* relu = nullptr;
+  int n_readers = 0;
   for (const Node& node : graph.nodes) {
-    if (node.param.type() == "ReLU" && node.in_place && node.inputs[0] == value) {
-      value = node.outputs[0];
-      break;
-    }
+    if (std::ranges::find(node.inputs, value) == node.inputs.end()) continue;
+    ++n_readers;
+    if (node.param.type() == "ReLU" && (!relu || node.in_place)) relu = &node;
   }
+  if (!relu) return value;
+  if (relu->in_place || n_readers == 1) return relu->outputs.at(0);
+  graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
+                               "' before the ReLU '", relu->name,
+                               "', because other layers read it, too; with '", relu->name,
+                               "' as Truncation::end it is after it"));
+  return value;
+}
+
+/// Appends a copy of layer `graft` (parameters only) after `end` and its ReLU.
+Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
+  const Node& source = find_layer(graph, truncation.graft, "Truncation::graft");
+  if (source.inputs.size() != 1 || source.outputs.size() != 1)
+    throw UsageError(str("Truncation::graft: layer '", truncation.graft,
+                         "' must have one input and one output to be grafted"));
+  value = after_relu(graph, truncation, value);
   Node node = source;
   node.name = truncation.name();
   node.in_place = false;
@@ -115,10 +128,14 @@ Graph parse(const caffe::NetParameter& net) {
 Graph prune(const Graph& whole, const Truncation& truncation) {
   Graph graph = whole;
   if (!truncation.graft.empty() && truncation.end.empty())
-    throw UsageError("--graft needs --end: the layer to graft onto");
+    throw UsageError("Truncation::graft needs Truncation::end: the layer to graft onto");
   if (!truncation.end.empty()) {
-    const Node& end = find_layer(graph, truncation.end, "--end");
-    if (end.outputs.empty()) throw UsageError(str("--end: layer '", end.name, "' has no output"));
+    const Node& end = find_layer(graph, truncation.end, "Truncation::end");
+    if (end.outputs.empty())
+      throw UsageError(str("Truncation::end: layer '", end.name, "' has no output"));
+    if (!truncation.graft.empty() && end.outputs.size() > 1)
+      throw UsageError(str("Truncation::graft: the layer '", end.name, "' (Truncation::end) has ",
+                           end.outputs.size(), " outputs; graft onto a layer with one"));
     if (truncation.graft.empty()) {
       graph.outputs.clear();
       for (size_t i = 0; i < end.outputs.size(); ++i)

@@ -33,7 +33,8 @@ struct Graph {
   std::string name;
   std::vector<Node> nodes;
   std::vector<Value> values;
-  std::vector<Output> outputs;  // of the whole graph: the blobs nobody consumes
+  std::vector<Output> outputs;        // of the whole graph: the blobs nobody consumes
+  std::vector<std::string> warnings;  // of prune: what a person should know
 };
 
 /// Builds the graph of a net that proto::read_net gave: the layers of the TEST phase only. Layer
@@ -42,7 +43,7 @@ struct Graph {
 Graph parse(const caffe::NetParameter& net);
 
 /// Keeps what `truncation` needs, with the grafted layer appended. Throws UsageError for layers
-/// that are not there, naming the nearest.
+/// that are not there, naming the nearest, and for layers that cannot be grafted or grafted onto.
 Graph prune(const Graph& graph, const Truncation& truncation);
 
 }  // namespace revisit::engine

@@ -31,6 +31,15 @@ proto::NetFile read(const fs::path& prototxt, const LoadOptions& options) {
                          {.allow_unknown_fields = options.allow_unknown, .limits = options.limits});
 }
 
+/// A copy of a layer has another input than the layer and a name that no weights file has.
+void check_graft(const Net::Impl& net, const Truncation& truncation) {
+  if (truncation.graft.empty() || net.nodes.back().weights.empty()) return;
+  throw UsageError(str(net.file, ": Truncation::graft: layer '", truncation.graft, "' (",
+                       net.graph.nodes.back().param.type(),
+                       ") has weights, and there are none for a copy of it; graft a layer without "
+                       "weights, e.g. a pooling layer"));
+}
+
 /// Everything but the weights' values; their shapes are set.
 std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOptions& options) {
   proto::NetFile file = read(prototxt, options);
@@ -42,6 +51,8 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
     for (const Node& node : whole.nodes) net->layer_names.push_back(node.name);
     net->sharing = find_sharing(whole);
     net->graph = prune(whole, options.truncation);
+    for (const std::string& warning : net->graph.warnings)
+      net->warnings.push_back(str(net->file, ": ", warning));
   } catch (const InputError& error) {
     throw InputError(net->file + ": " + error.what());
   }
@@ -72,6 +83,7 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
       rethrow_at(net->file, node);
     }
   }
+  check_graft(*net, options.truncation);
   check_sharing(*net);
   return net;
 }

@@ -80,7 +80,7 @@ class Loader {
       throw InputError(
           str(path_, ": no weights for the layers ", joined(missing), " of ", net_.file,
               unused_.empty() ? "" : str("; the file has weights for ", joined(unused_)),
-              " (--allow-missing would make them zero)"));
+              " (LoadOptions::allow_missing makes them zero)"));
     if (!missing.empty())
       net_.warnings.push_back(str("layers without weights, set to zero: ", joined(missing)));
     if (!unused_.empty())

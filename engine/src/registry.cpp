@@ -91,7 +91,7 @@ std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
   for (const LayerType& type : layer_types()) known.push_back(type.type);
   throw UnsupportedError(str("layer type '", param.type(), "' is not supported",
                              did_you_mean(param.type(), known),
-                             "; `revisit net layers` lists them"));
+                             "; engine::layer_types lists them"));
 }
 
 std::vector<LayerType> layer_types() {

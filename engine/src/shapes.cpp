@@ -9,9 +9,13 @@ namespace {
 Shape input_shape(const Node& node, size_t port) {
   const caffe::InputParameter& param = node.param.input_param();
   const auto n_shapes = static_cast<size_t>(param.shape_size());
+  if (n_shapes == 0)
+    throw InputError(str("the file says no shape for the input '",
+                         node.param.top(static_cast<int>(port)),
+                         "'; give it in the prototxt or by LoadOptions::inputs"));
   if (n_shapes != 1 && n_shapes != node.outputs.size())
     throw InputError(str("expected 1 or ", node.outputs.size(), " shapes, found ", n_shapes,
-                         "; give the input shape in the prototxt or with --input-shape"));
+                         "; give them in the prototxt or by LoadOptions::inputs"));
   const caffe::BlobShape& shape = param.shape(n_shapes == 1 ? 0 : static_cast<int>(port));
   return Shape(std::vector<int64_t>(shape.dim().begin(), shape.dim().end()));
 }

@@ -240,7 +240,7 @@ const Hdf5Links& Hdf5File::links(uint64_t address) {
 void Hdf5File::spend(int64_t steps) {
   steps_left_ -= steps;
   if (steps_left_ < 0)
-    throw Hdf5Error(cursor_.position(), "has too many links (--max-layers raises the limit)");
+    throw Hdf5Error(cursor_.position(), "has too many links (Limits::layers raises the limit)");
 }
 
 /// A node of the tree that holds a group's links, at `level` (-1: the top).

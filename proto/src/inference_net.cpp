@@ -241,9 +241,9 @@ class Extraction {
       dims.Add(shape.begin(), shape.end());
     }
     const std::string lost = top == 1 ? "" : preprocessing(layer(i).transform_param());
-    return str(shape.empty() ? "whose shape the file does not say: give it with --input-shape"
-                             : str(text(shape), " (", reason, ")"),
-               lost.empty() ? "" : "; not applied to it: " + lost);
+    return str(
+        shape.empty() ? "whose shape the file does not say" : str(text(shape), " (", reason, ")"),
+        lost.empty() ? "" : "; not applied to it: " + lost);
   }
 
   void add_softmax(int i) {

@@ -71,14 +71,15 @@ void check_is_text(const std::string& text, const std::string& name, const Limit
         str(name, ":1:1: starts with a byte order mark; save it as UTF-8 without one"));
   }
   if (static_cast<int64_t>(text.size()) > limits.text_bytes) {
-    throw InputError(str(name, ": is larger than ", limits.text_bytes >> 20,
-                         " MB, the limit for a network description (--max-text-mb raises it)"));
+    throw InputError(
+        str(name, ": is larger than ", limits.text_bytes >> 20,
+            " MB, the limit for a network description (Limits::text_bytes raises it)"));
   }
   const auto opens = [](char c) { return c == '{' || c == '<'; };
   if (std::ranges::count_if(text, opens) > limits.layers * kMessagesPerLayer) {
     throw InputError(str(name, ": has more than ", limits.layers * kMessagesPerLayer, " pairs of ",
                          "braces, ", kMessagesPerLayer, " for each of at most ", limits.layers,
-                         " layers (--max-layers raises the limit)"));
+                         " layers (Limits::layers raises the limit)"));
   }
 }
 
@@ -86,7 +87,7 @@ void check_layers(const caffe::NetParameter& net, const std::string& name, const
   const int64_t layers = int64_t{net.layer_size()} + net.layers_size();
   if (layers <= limits.layers) return;
   throw InputError(str(name, ": has ", layers, " layers, more than the limit of ", limits.layers,
-                       " (--max-layers raises it)"));
+                       " (Limits::layers raises it)"));
 }
 
 /// Everything that is done to a text once it is parsed.
@@ -96,7 +97,8 @@ NetFile finish(NetFile file, const std::string& text, const std::string& name,
   const bool has_layers = file.net.layer_size() + file.net.layers_size() > 0;
   std::vector<std::string> notes;
   try {
-    upgrade(file.net, notes);
+    upgrade(file.net, options.keep_training ? ShapelessInputs::kDropped : ShapelessInputs::kKept,
+            notes);
     if (!options.keep_training) keep_inference(file.net, notes);
   } catch (const UpgradeError& error) {
     throw InputError(message_start(name, locate(text, error.field, error.index)) + error.what());
@@ -157,7 +159,7 @@ NetFile read_net_binary(const fs::path& file, const Limits& limits) {
         str(name, ": missing required field ", result.net.InitializationErrorString()));
   std::vector<std::string> notes;
   try {
-    upgrade(result.net, notes);
+    upgrade(result.net, ShapelessInputs::kDropped, notes);
   } catch (const UpgradeError& error) {
     throw InputError(str(name, ": ", error.what()));
   }

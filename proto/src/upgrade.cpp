@@ -1,5 +1,7 @@
 #include "upgrade.h"
 
+#include <algorithm>
+
 #include "revisit/proto/error.h"
 #include "upgrade_v0.h"
 #include "upgrade_v1.h"
@@ -40,25 +42,48 @@ std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {
   return shapes;
 }
 
+/// Whether some layer reads this blob and none writes it.
+bool is_missed(const caffe::NetParameter& net, const std::string& blob) {
+  bool is_read = false;
+  for (const caffe::LayerParameter& layer : net.layer()) {
+    const bool reads = std::ranges::find(layer.bottom(), blob) != layer.bottom().end();
+    if (!reads && std::ranges::find(layer.top(), blob) != layer.top().end()) return false;
+    is_read |= reads;
+  }
+  return is_read;
+}
+
+void put_in_front(caffe::LayerParameter& layer, caffe::NetParameter& net) {
+  net.add_layer()->Swap(&layer);
+  for (int i = net.layer_size() - 1; i > 0; --i) net.mutable_layer()->SwapElements(i, i - 1);
+}
+
 /// Turns the `input*` fields into an Input layer before all others.
-void upgrade_inputs(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+void upgrade_inputs(caffe::NetParameter& net, ShapelessInputs inputs,
+                    std::vector<std::string>& warnings) {
+  caffe::LayerParameter input;
+  input.set_name("input");
+  input.set_type("Input");
   const bool has_shape = net.input_shape_size() > 0, has_dim = net.input_dim_size() > 0;
   if (net.input_size() == 0) {
     if (has_shape || has_dim)
       warnings.emplace_back("input_shape or input_dim without `input` is ignored");
   } else if (!has_shape && !has_dim) {
-    warnings.push_back(
-        str("`input: \"", net.input(0), "\"` without input_shape or input_dim is ignored"));
+    for (const std::string& blob : net.input()) {
+      if (inputs == ShapelessInputs::kKept && is_missed(net, blob)) {
+        input.add_top(blob);
+      } else {
+        warnings.push_back(
+            str("`input: \"", blob, "\"` without input_shape or input_dim is ignored"));
+      }
+    }
+    if (input.top_size() > 0) put_in_front(input, net);
   } else {
     if (has_shape && has_dim) warnings.emplace_back("input_dim is ignored: input_shape wins");
-    caffe::LayerParameter input;
-    input.set_name("input");
-    input.set_type("Input");
     *input.mutable_top() = net.input();
     for (const caffe::BlobShape& shape : input_shapes(net))
       *input.mutable_input_param()->add_shape() = shape;
-    net.add_layer()->Swap(&input);
-    for (int i = net.layer_size() - 1; i > 0; --i) net.mutable_layer()->SwapElements(i, i - 1);
+    put_in_front(input, net);
   }
   net.clear_input();
   net.clear_input_shape();
@@ -78,12 +103,12 @@ void upgrade_batch_norm(caffe::NetParameter& net) {
 
 }  // namespace
 
-void upgrade(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, std::vector<std::string>& warnings) {
   check_one_generation(net);
   upgrade_v0(net, warnings);
   upgrade_data_transform(net);
   upgrade_v1(net);
-  upgrade_inputs(net, warnings);
+  upgrade_inputs(net, inputs, warnings);
   upgrade_batch_norm(net);
 }
 

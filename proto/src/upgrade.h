@@ -17,7 +17,13 @@ struct UpgradeError : std::runtime_error {
   int index;
 };
 
+/// What becomes of an `input` without a shape that a layer reads.
+enum class ShapelessInputs {
+  kDropped,  // Caffe's rule: the upgraded file is the original's
+  kKept      // an Input layer without a shape: who loads the net may know it
+};
+
 /// Brings a net of any generation to V2, in Caffe's order. Throws UpgradeError.
-void upgrade(caffe::NetParameter& net, std::vector<std::string>& warnings);
+void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, std::vector<std::string>& warnings);
 
 }  // namespace revisit::proto

@@ -44,7 +44,7 @@ void check_size(const FileCursor& cursor, const Limits& limits) {
   const auto size = static_cast<int64_t>(cursor.size());
   if (size <= limits.weight_bytes) return;
   throw InputError(str(cursor.file().string(), ": is ", size, " bytes, more than the limit of ",
-                       limits.weight_bytes >> 20, " MB (--max-weights-mb raises it)"));
+                       limits.weight_bytes >> 20, " MB (Limits::weight_bytes raises it)"));
 }
 
 void check_binary_size(const FileCursor& cursor, const char* what) {
@@ -130,7 +130,7 @@ class Caffemodel final : public WeightsFile {
       }
       if (static_cast<int64_t>(layers_.size()) == limits_.layers) {
         throw WireError(field.begin, str("more than ", limits_.layers,
-                                         " layers (--max-layers raises the limit)"));
+                                         " layers (Limits::layers raises the limit)"));
       }
       Layer layer;
       std::vector<Range> blobs;
@@ -162,8 +162,8 @@ class Caffemodel final : public WeightsFile {
       if (!field.is(numbers.blobs, WireType::kLength)) continue;
       if (++n_blobs_ > limits_.layers * kBlobsPerLayer) {
         throw WireError(field.begin, str("more than ", limits_.layers * kBlobsPerLayer,
-                                         " blobs (--max-layers raises the limit, ", kBlobsPerLayer,
-                                         " for each layer)"));
+                                         " blobs (Limits::layers raises the limit, ",
+                                         kBlobsPerLayer, " for each layer)"));
       }
       blobs.push_back({field.begin, field.end});
     }

@@ -167,7 +167,7 @@ class Hdf5Weights final : public WeightsFile {
     }
     if (name.empty() || (blobs.empty() && has_groups)) return;
     if (static_cast<int64_t>(layers_.size()) == limits_.layers)
-      fail(str("more than ", limits_.layers, " layers (--max-layers raises the limit)"));
+      fail(str("more than ", limits_.layers, " layers (Limits::layers raises the limit)"));
     layers_.push_back({name, blobs.size()});
     blobs_.push_back(std::move(blobs));
   }

@@ -81,8 +81,9 @@ TEST_F(TrainingNet, RunsAsItsDeployNetWould) {
 }
 
 TEST_F(TrainingNet, AsksForAShapeItDoesNotSay) {
-  expect_error<InputError>([&] { Net::load_without_weights(net(kTrainVal)); },
-                           {"layer 'mnist' (Input)", "--input-shape"});
+  expect_error<InputError>(
+      [&] { Net::load_without_weights(net(kTrainVal)); },
+      {"layer 'mnist' (Input)", "no shape for the input 'data'", "LoadOptions::inputs"});
 }
 
 /// Weights as Caffe would store them, one blob with the shape given for each name.

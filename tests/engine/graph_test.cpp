@@ -60,19 +60,63 @@ TEST(Graph, GraftWithoutReluGoesOnTheLayerItself) {
             (std::vector<std::string>{"in", "conv1", "relu1", "conv2", "conv2+pool"}));
 }
 
+/// The first layers of kNet as exporters write them that let no layer work in place.
+std::string with_own_blobs(const std::string& further) {
+  return R"(
+  layer { name: "in" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 8 dim: 8 } } }
+  layer { name: "conv1" type: "Convolution" bottom: "data" top: "conv1" convolution_param { num_output: 2 kernel_size: 3 } }
+  layer { name: "relu1" type: "ReLU" bottom: "conv1" top: "relu1" }
+  layer { name: "pool" type: "Pooling" bottom: "relu1" top: "pool" pooling_param { kernel_size: 2 } })" +
+         further;
+}
+
+TEST(Graph, GraftFollowsAReluWithABlobOfItsOwn) {
+  const Graph graph = prune(parse_text(with_own_blobs("")), {"conv1", "pool"});
+  EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "conv1", "relu1", "conv1+pool"}));
+  EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);
+  EXPECT_TRUE(graph.warnings.empty());
+}
+
+TEST(Graph, GraftBeforeAReluIsSaidWhenOtherLayersReadWhatItReads) {
+  const Graph whole = parse_text(with_own_blobs(
+      R"(layer { name: "sum" type: "Eltwise" bottom: "conv1" bottom: "relu1" top: "sum" })"));
+  const Graph graph = prune(whole, {"conv1", "pool"});
+  EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "conv1", "conv1+pool"}));
+  ASSERT_EQ(graph.warnings.size(), 1U);
+  EXPECT_EQ(graph.warnings[0],
+            "'conv1+pool' is grafted onto 'conv1' before the ReLU 'relu1', because other layers "
+            "read it, too; with 'relu1' as Truncation::end it is after it");
+  EXPECT_EQ(names(prune(whole, {"relu1", "pool"})),
+            (std::vector<std::string>{"in", "conv1", "relu1", "relu1+pool"}));
+}
+
+TEST(Graph, NothingIsGraftedOntoALayerWithSeveralOutputs) {
+  const Graph graph = parse_text(
+      with_own_blobs(R"(layer { name: "cut" type: "Slice" bottom: "pool" top: "a" top: "b" })"));
+  expect_error<UsageError>(
+      [&] {
+        prune(graph, {"cut", "pool"});
+      },
+      {"Truncation::graft", "'cut'", "2 outputs"});
+}
+
 TEST(Graph, UnknownLayersAreNamedWithTheNearest) {
   const Graph graph = parse_text(kNet);
   expect_error<UsageError>(
       [&] {
         prune(graph, {"conv3", ""});
       },
-      {"--end", "conv3", "did you mean 'conv"});
+      {"Truncation::end", "conv3", "did you mean 'conv"});
   expect_error<UsageError>(
       [&] {
         prune(graph, {"conv1", "pol"});
       },
-      {"--graft", "did you mean 'pool'"});
-  expect_error<UsageError>([&] { prune(graph, {"", "pool"}); }, {"--graft needs --end"});
+      {"Truncation::graft", "did you mean 'pool'"});
+  expect_error<UsageError>(
+      [&] {
+        prune(graph, {"", "pool"});
+      },
+      {"Truncation::graft needs Truncation::end"});
 }
 
 TEST(Graph, RefusesDanglingAndDoublyWrittenBlobs) {

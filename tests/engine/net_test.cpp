@@ -150,13 +150,49 @@ TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
   const auto load = [&](int64_t bytes) {
     Net::load_with_random_weights(prototxt(), 1, {.limits = {.weight_bytes = bytes}});
   };
-  expect_error<InputError>([&] { load(7); }, {"'conv' (Convolution)", "--max-weights-mb"});
+  expect_error<InputError>([&] { load(7); }, {"'conv' (Convolution)", "Limits::weight_bytes"});
   load(8);
 }
 
 TEST_F(NetTest, TooManyThreadsAreRefused) {
   const Net net = Net::load(prototxt(), weights());
   expect_error<UsageError>([&] { net.plan({}, {.threads = 2'000'000'000}); }, {"at most 1024"});
+}
+
+TEST_F(NetTest, AnInputWithoutAShapeTakesThatOfTheOptions) {
+  test::write_file(prototxt(), R"(input: "data"
+    layer { name: "c" type: "Convolution" bottom: "data" top: "c"
+            convolution_param { num_output: 2 kernel_size: 3 } })");
+  expect_error<InputError>([&] { Net::load_without_weights(prototxt()); },
+                           {"net.prototxt: layer 'input' (Input)",
+                            "the file says no shape for the input 'data'", "LoadOptions::inputs"});
+  const Net net = Net::load_without_weights(prototxt(), {.inputs = {{"data", {1, 3, 8, 8}}}});
+  EXPECT_EQ(net.plan().outputs()[0].shape, (Shape{1, 2, 6, 6}));
+  EXPECT_EQ(net.plan({{"data", {2, 3, 9, 8}}}).outputs()[0].shape, (Shape{2, 2, 7, 6}));
+  EXPECT_EQ(input_blobs(prototxt()), std::vector<std::string>{"data"});
+  EXPECT_TRUE(net.warnings().empty());
+}
+
+TEST_F(NetTest, LayersWithWeightsAreNotGrafted) {
+  expect_error<UsageError>(
+      [&] {
+        Net::load(prototxt(), weights(), {.truncation = {"pool", "conv"}});
+      },
+      {"net.prototxt", "Truncation::graft", "'conv' (Convolution) has weights"});
+  EXPECT_NO_THROW(Net::load(prototxt(), weights(), {.truncation = {"conv", "pool"}}));
+}
+
+TEST_F(NetTest, AGraftBeforeAReluIsAWarningOfTheNet) {
+  test::write_file(prototxt(), R"(
+    layer { name: "d" type: "Input" top: "d" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }
+    layer { name: "p" type: "Pooling" bottom: "d" top: "p" pooling_param { kernel_size: 2 } }
+    layer { name: "r" type: "ReLU" bottom: "p" top: "r" }
+    layer { name: "s" type: "Eltwise" bottom: "p" bottom: "r" top: "s" })");
+  const Net net = Net::load_without_weights(prototxt(), {.truncation = {"p", "p"}});
+  ASSERT_EQ(net.warnings().size(), 1U);
+  EXPECT_NE(net.warnings()[0].find("'p+p' is grafted onto 'p' before the ReLU 'r'"),
+            std::string::npos)
+      << net.warnings()[0];
 }
 
 TEST_F(NetTest, WeightsOfAnotherNetworkAreRefused) {

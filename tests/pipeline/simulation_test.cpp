@@ -705,7 +705,8 @@ TEST(Simulate, OtherSettingsInTheSameFolderNeedOverwrite) {
     FAIL() << "expected UsageError";
   } catch (const UsageError& error) {
     EXPECT_NE(std::string(error.what()).find("seed: 1"), std::string::npos) << error.what();
-    EXPECT_NE(std::string(error.what()).find("--overwrite"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("SimulationConfig::overwrite"), std::string::npos)
+        << error.what();
   }
   EXPECT_TRUE(scan_bytes(dir.path(), 0) == before);
   config.overwrite = true;

@@ -130,9 +130,9 @@ TEST(NetFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
   const test::TempDir dir;
   test::write_file(dir / "large", std::string((16 << 20) + 1, ' '));
   test::expect_error<InputError>([&] { read_net(dir / "large"); },
-                                 {"is larger than 16 MB", "--max-text-mb"});
+                                 {"is larger than 16 MB", "Limits::text_bytes"});
   test::expect_error<InputError>([&] { read_net(dir / "large", {.limits = {.text_bytes = 5}}); },
-                                 {"is larger than 0 MB", "--max-text-mb"});
+                                 {"is larger than 0 MB", "Limits::text_bytes"});
   EXPECT_NE(message_of<InputError>([&] {
               read_net(dir / "large", {.limits = {.text_bytes = 17 << 20}});
             }).find("describes no layers"),
@@ -141,10 +141,10 @@ TEST(NetFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
   std::string many;
   for (int i = 0; i <= 20'000; ++i) many += "layer{}";
   test::expect_error<InputError>([&] { parse_net(many, "net"); },
-                                 {"net: has 20001 layers", "limit of 20000", "--max-layers"});
+                                 {"net: has 20001 layers", "limit of 20000", "Limits::layers"});
   // So many messages would take gigabytes once parsed.
   test::expect_error<InputError>([&] { parse_net("layer{" + std::string(15 << 20, '<'), "net"); },
-                                 {"net: has more than 320000 pairs of braces", "--max-layers"});
+                                 {"net: has more than 320000 pairs of braces", "Limits::layers"});
   test::expect_error<InputError>(
       [&] { parse_net("layer { include { } }", "net", {.limits = {.nesting = 1}}); },
       {"recursion limit"});

@@ -54,6 +54,16 @@ TEST(UpgradeInputs, InputShapeWinsOverInputDim) {
 }
 
 TEST(UpgradeInputs, InputWithoutDimsIsDropped) {
+  const char* reader = "layer { name: 'r' type: 'ReLU' bottom: 'a' top: 'b' }";
+  EXPECT_EQ(expect_upgrade(str("input: 'a' ", reader), reader).warnings.size(), 1U);
+  const NetFile loaded = parse_net(str("input: 'a' ", reader), "net");
+  EXPECT_TRUE(loaded.warnings.empty());
+  ASSERT_EQ(loaded.net.layer_size(), 2);
+  EXPECT_EQ(loaded.net.layer(0).type(), "Input");
+  EXPECT_FALSE(loaded.net.layer(0).has_input_param());
+  const std::string both =
+      str("layer { name: 'd' type: 'Input' top: 'a' input_param { shape { } } }", reader);
+  EXPECT_EQ(expect_upgrade("input: 'a' " + both, both).warnings.size(), 1U);
   EXPECT_EQ(expect_upgrade("input: 'a' layer { name: 'r' }", "layer { name: 'r' }").warnings.size(),
             1U);
   EXPECT_EQ(

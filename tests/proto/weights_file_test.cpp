@@ -206,7 +206,7 @@ TEST(WeightsFile, ThingsThatAreNoCaffemodel) {
            "a layer name of 100000 bytes");
   std::string many;
   for (int i = 0; i < 20'001; ++i) many += bytes_field(100, "");
-  contains(open_error(many), "more than 20000 layers (--max-layers");
+  contains(open_error(many), "more than 20000 layers (Limits::layers");
 
   const TempDir dir;
   contains(message_of<InputError>([&] { WeightsFile::open(dir / "none"); }),
@@ -224,8 +224,9 @@ TEST(WeightsFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
   const auto error = [&](const Limits& limits) {
     return message_of<InputError>([&] { WeightsFile::open(dir / "w", limits)->read(0); });
   };
-  contains(error({.weight_bytes = 10}), "more than the limit of 0 MB (--max-weights-mb raises it)");
-  contains(error({.layers = 1}), "more than 1 layers (--max-layers raises the limit)");
+  contains(error({.weight_bytes = 10}),
+           "more than the limit of 0 MB (Limits::weight_bytes raises it)");
+  contains(error({.layers = 1}), "more than 1 layers (Limits::layers raises the limit)");
   contains(error({.elements = 2}), "shape 3 has more than 2 elements");
   EXPECT_EQ(WeightsFile::open(dir / "w", {.layers = 2, .elements = 3})->read(0).size(), 1U);
 }

@@ -338,13 +338,13 @@ TEST_F(WeightsHdf5, WhatHoldsNoWeights) {
     Writer out(path_);
     for (int i = 0; i < 3; ++i) out.group("/data/" + std::to_string(i));
   }
-  expect_read_error({"more than 2 layers", "--max-layers"}, {.layers = 2});
+  expect_read_error({"more than 2 layers", "Limits::layers"}, {.layers = 2});
   {
     Writer out(path_);
     for (int i = 0; i < 20; ++i) out.floats("/data/c/" + std::to_string(i), {1}, {1});
   }
-  expect_read_error({"has too many links", "--max-layers"}, {.layers = 1});
-  expect_read_error({"MB (--max-weights-mb raises it)"}, {.weight_bytes = 100});
+  expect_read_error({"has too many links", "Limits::layers"}, {.layers = 1});
+  expect_read_error({"MB (Limits::weight_bytes raises it)"}, {.weight_bytes = 100});
 }
 
 TEST_F(WeightsHdf5, CirclesEnd) {

@@ -175,6 +175,21 @@ TEST_F(NetCommand, LimitsAreOptions) {
                  "limit of 1 MB (--max-run-mb");
 }
 
+TEST_F(NetCommand, AnInputWithoutAShapeTakesThatOfTheCommandLine) {
+  std::string text = kNet;
+  text.replace(text.find("layer { name: \"data\""),
+               text.find("layer { name: \"conv1\"") - text.find("layer { name: \"data\""),
+               "input: \"data\"\n");
+  test::write_file(dir_ / "net.prototxt", text);
+  expect_failure(3, "net inspect " + path("net.prototxt"),
+                 "no shape for the input 'data'; give it in the prototxt or by --input-shape");
+  const auto result = run_revisit("net inspect --input-shape 1x1x4x4 " + model());
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(run_revisit("net forward " + model() + " -i " + path("in.npy") + " -o " + path("o"))
+                .exit_code,
+            0);
+}
+
 TEST_F(NetCommand, APipeWithoutAWriterIsEmpty) {
   ASSERT_EQ(mkfifo(path("pipe").c_str(), 0600), 0);
   expect_failure(3, "net inspect " + path("pipe"), "is empty");

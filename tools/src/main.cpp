@@ -7,6 +7,7 @@
 #include "cli/blas_choice.h"
 #include "cli/command.h"
 #include "cli/interrupt.h"
+#include "cli/messages.h"
 #include "cli/printable.h"
 #include "revisit/proto/error.h"
 
@@ -46,7 +47,7 @@ int run(const cli::Arguments& arguments) {
 }
 
 int fail(const char* message, int code) {
-  std::cerr << "revisit: " << message << "\n";
+  std::cerr << "revisit: " << cli::in_our_words(message) << "\n";
   return code;
 }
 

@@ -176,7 +176,7 @@ const KnownModel& known_model(const std::string& name) {
     names.push_back(model.name);
   }
   throw UsageError(str("unknown model '", name, "'", did_you_mean(lower(name), names),
-                       "; 'revisit models list' shows them all"));
+                       "; models::known_models lists them"));
 }
 
 const KnownModel* known_model_by_sha1(const std::string& sha1) {

@@ -55,7 +55,7 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
   const engine::Port input = plan.inputs()[0];  // one channel, or all
   if (plan.outputs().size() != 1)
     throw UsageError(str("the net '", net.name(), "' has ", plan.outputs().size(),
-                         " outputs; choose the layer that is the feature with --end"));
+                         " outputs; choose the layer that is the feature by Truncation::end"));
   FeatureExtractor extractor;
   extractor.name = plan.outputs()[0].name;
   extractor.dim = plan.outputs()[0].shape.elements();

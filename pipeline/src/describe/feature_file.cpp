@@ -216,7 +216,7 @@ void FeatureWriter::check_space() const {
   if (error || static_cast<uintmax_t>(needed) <= space.available) return;
   throw Error(str(part_.string(), ": the ", n_rows_ - rows_, " features to come need ", needed,
                   " bytes, but only ", space.available,
-                  " are free on that disk; make room or use another --output"));
+                  " are free on that disk; make room or write them to another disk"));
 }
 
 void FeatureWriter::append(std::span<const float> row) {

@@ -165,7 +165,7 @@ void need_distances(const Trajectory& trajectory, Distance kind, const std::stri
     throw UsageError(str(what, " needs named places; this data set has none"));
   if (kind != Distance::kPlace && trajectory.positions.empty())
     throw UsageError(str(what, " needs poses; this data set has none",
-                         trajectory.places.empty() ? "" : ", but places: use --distance place"));
+                         trajectory.places.empty() ? "" : ", but places: use Distance::kPlace"));
 }
 
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {

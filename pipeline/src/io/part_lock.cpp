@@ -11,8 +11,9 @@ namespace revisit::pipeline {
 
 void lock_part(int descriptor, const std::filesystem::path& part) {
   if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-    throw Error(str(part.string(),
-                    ": another process is writing this file; wait for it or use another --output"));
+    throw Error(
+        str(part.string(),
+            ": another process is writing this file; wait for it or write to another folder"));
   // The writer that held the lock may have finished, so that what we opened has its final name now.
   struct stat opened {
   }, named{};

@@ -50,17 +50,19 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
     for (const fs::path& file : strange)
       if (fs::exists(file))
         throw UsageError(str(file.string(),
-                             " is there already and was not made by `revisit simulate` (no ",
-                             settings_file_.string(), "): choose another --output or --sequence"));
+                             " is there already and was not made by a simulation (no ",
+                             settings_file_.string(),
+                             "): choose another "
+                             "SimulationConfig::output or SimulationConfig::sequence"));
   } else if (!known.starts_with(kHeader)) {
-    throw UsageError(
-        settings_file_.string() +
-        " is there but is no settings file of `revisit simulate`: choose another --output");
+    throw UsageError(settings_file_.string() +
+                     " is there but is no settings file of a simulation: choose another "
+                     "SimulationConfig::output");
   } else if (known != settings_ && !overwrite) {
-    throw UsageError(str(folder, " holds ", there.size(), " files made with other settings (",
-                         difference(known),
-                         "): choose another --output or --sequence, or replace them with "
-                         "--overwrite"));
+    throw UsageError(
+        str(folder, " holds ", there.size(), " files made with other settings (", difference(known),
+            "): choose another SimulationConfig::output or "
+            "SimulationConfig::sequence, or replace them (SimulationConfig::overwrite)"));
   }
   // What this run would not make: all of other settings, or what was not asked for.
   Files stale = there;
@@ -69,10 +71,12 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
     std::set_difference(there.begin(), there.end(), wanted.begin(), wanted.end(),
                         std::inserter(stale, stale.end()));
     if (!stale.empty() && !overwrite)
-      throw UsageError(str(folder, " holds ", stale.size(), " more files than asked for (",
-                           stale.begin()->filename().string(),
-                           "): widen --frames or --every, choose another --output, or remove them "
-                           "with --overwrite"));
+      throw UsageError(
+          str(folder, " holds ", stale.size(), " more files than asked for (",
+              stale.begin()->filename().string(),
+              "): widen SimulationConfig::last_frame or SimulationConfig::every, choose "
+              "another SimulationConfig::output, or remove them "
+              "(SimulationConfig::overwrite)"));
   }
   for (const fs::path& file : stale) fs::remove(file);
   Files complete;

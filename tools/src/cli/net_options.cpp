@@ -1,7 +1,6 @@
 #include "net_options.h"
 
-#include <iostream>
-
+#include "cli/messages.h"
 namespace revisit::cli {
 namespace {
 
@@ -62,7 +61,8 @@ void NetOptions::declare(Parser& parser) {
                 &truncation.end);
   parser.option(
       "graft", "LAYER",
-      "append a copy of this layer after --end and its in-place ReLU: --end conv3 --graft pool5",
+      "append a copy of this layer, which has no weights, after --end and its ReLU: --end conv3 "
+      "--graft pool5",
       &truncation.graft);
   parser.option("input-shape", "[BLOB=]NxCxHxW", "replace an input's shape, e.g. 1x3x107x4000",
                 &input_shapes);
@@ -112,7 +112,7 @@ engine::Net load_net(const NetOptions& options, NoWeights otherwise) {
                     : otherwise == NoWeights::kRandom
                         ? engine::Net::load_with_random_weights(options.prototxt, kRandomSeed, load)
                         : engine::Net::load_without_weights(options.prototxt, load);
-  for (const std::string& warning : net.warnings()) std::cerr << "warning: " << warning << "\n";
+  for (const std::string& warning : net.warnings()) warn(warning);
   return net;
 }
 

@@ -3,6 +3,7 @@
 #include "cli/command.h"
 #include "cli/interrupt.h"
 #include "cli/json.h"
+#include "cli/messages.h"
 #include "cli/parser.h"
 #include "cli/progress.h"
 #include "cli/table.h"
@@ -189,7 +190,7 @@ int which_command(const Arguments& arguments) {
   parser.parse(arguments);
 
   const models::FoundModel found = models::find_model(request);
-  for (const std::string& warning : found.warnings) std::cerr << "warning: " << warning << "\n";
+  for (const std::string& warning : found.warnings) warn(warning);
   std::cout << "network:   " << found.name << (found.trained ? "" : " (UNTRAINED)")
             << "\nprototxt:  " << found.prototxt.string()
             << "\nweights:   " << found.weights.string()

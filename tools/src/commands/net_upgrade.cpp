@@ -1,6 +1,7 @@
 #include <fstream>
 #include <iostream>
 
+#include "cli/messages.h"
 #include "net_commands.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/net_file.h"
@@ -82,7 +83,7 @@ int net_upgrade_command(const Arguments& arguments) {
   const proto::NetFile file = kind == Kind::kText     ? proto::read_net(in, read)
                               : kind == Kind::kBinary ? proto::read_net_binary(in, read.limits)
                                                       : read_hdf5(in, read.limits);
-  for (const std::string& warning : file.warnings) std::cerr << "warning: " << warning << "\n";
+  for (const std::string& warning : file.warnings) warn(warning);
   if (kind != Kind::kText) {
     proto::write_net_binary(*out, file.net);
   } else if (out) {

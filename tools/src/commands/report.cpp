@@ -3,6 +3,7 @@
 #include <sstream>
 
 #include "cli/command.h"
+#include "cli/messages.h"
 #include "cli/parser.h"
 #include "cli/shell.h"
 #include "report/html.h"
@@ -92,7 +93,7 @@ int report_command(const Arguments& arguments) {
                               fs::relative(options.files, fs::absolute(*markdown).parent_path()));
     });
   }
-  for (const std::string& warning : page.warnings()) std::cerr << "warning: " << warning << "\n";
+  for (const std::string& warning : page.warnings()) warn(warning);
   if (options.static_figures)
     std::cerr << "note: this build has no plotting library; the figures are static (install "
                  "libjs-chart.js and build again)\n";

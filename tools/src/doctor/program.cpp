@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "cli/messages.h"
 #include "doctor/checks.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/error.h"
@@ -80,7 +81,7 @@ Check self_test() {
     else
       check.advice = "the results of networks are wrong on this machine; please report this output";
   } catch (const std::exception& error) {
-    check.found = error.what();
+    check.found = cli::in_our_words(error.what());
     check.advice = "networks do not run on this machine; please report this output";
   }
   return check;

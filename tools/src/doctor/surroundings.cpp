@@ -3,6 +3,7 @@
 #include <cstdlib>
 #include <sstream>
 
+#include "cli/messages.h"
 #include "doctor/checks.h"
 #include "models/cache.h"
 #include "models/fetch.h"
@@ -73,7 +74,7 @@ void check_models(Checks& checks) {
       }
     } catch (const std::exception& error) {
       check.status = Status::kWarn;
-      check.found = error.what();
+      check.found = cli::in_our_words(error.what());
     }
     checks.push_back(check);
   }

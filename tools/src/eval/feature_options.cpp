@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "cli/mean_file.h"
+#include "cli/messages.h"
 #include "cli/progress.h"
 #include "eval/competitors.h"
 #include "models/checksum.h"
@@ -174,14 +175,14 @@ FeatureSource open_network(const FeatureOptions& options) {
     throw UsageError(str("--input-scale: expected a positive number, found ", options.input_scale));
   models::FoundModel model = models::find_model(
       {options.model, options.weights, options.end, options.graft, parse_mean(options.mean_bgr)});
-  for (const std::string& warning : model.warnings) std::cerr << "warning: " << warning << "\n";
+  for (const std::string& warning : model.warnings) warn(warning);
   if (!model.trained)
     std::cerr << "note: the network '" << model.name
               << "' is UNTRAINED (random weights): it shows that the machinery works and proves "
                  "nothing about accuracy\n";
   const engine::Net net = engine::Net::load(model.prototxt, model.weights,
                                             {{model.cut.end, model.cut.graft}, {}, false, false});
-  for (const std::string& warning : net.warnings()) std::cerr << "warning: " << warning << "\n";
+  for (const std::string& warning : net.warnings()) warn(warning);
   const std::string key = str("net ", models::file_sha1(model.prototxt), " ", model.weights_sha1);
   FeatureSource source;
   source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.image.geometry(),
@@ -278,7 +279,7 @@ pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::Data
     throw UsageError(str("--every: expected at least 1, found ", options.every));
   pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence, needs);
   if (!options.quiet)
-    for (const std::string& warning : dataset.warnings) std::cerr << "warning: " << warning << "\n";
+    for (const std::string& warning : dataset.warnings) warn(warning);
   std::erase_if(dataset.scans,
                 [&](const pipeline::ScanRef& scan) { return scan.frame % options.every != 0; });
   if (dataset.scans.empty())

@@ -1,12 +1,12 @@
 #include "figures.h"
 
 #include <cmath>
-#include <iostream>
 #include <optional>
 #include <set>
 #include <sstream>
 #include <tuple>
 
+#include "cli/messages.h"
 #include "cli/table.h"
 #include "plots/plots.h"
 #include "revisit/pipeline/scan_file.h"
@@ -128,7 +128,7 @@ void write_figures(const fs::path& run, const RunContext& context,
                          r.matches, r.verdicts, r.accepted()));
     if (const auto q = showcase(context, r)) keep(plot_match(run, context, r, *q, align));
   }
-  for (const std::string& warning : warnings) std::cerr << "warning: " << warning << "\n";
+  for (const std::string& warning : warnings) warn(warning);
 }
 
 }  // namespace revisit::cli

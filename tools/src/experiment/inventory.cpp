@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <fstream>
 
+#include "cli/messages.h"
 #include "eval/feature_options.h"
 #include "models/cache.h"
 #include "models/fetch.h"
@@ -37,7 +38,7 @@ void find_drives(const ExperimentOptions& options, Inventory& found) {
         found.along_routes += line.starts_with("route: ") ? 1 : 0;
       }
     } catch (const InputError& error) {
-      found.missing.push_back(str("sequence ", sequence, ": ", error.what()));
+      found.missing.push_back(str("sequence ", sequence, ": ", in_our_words(error.what())));
     }
   }
 }
@@ -113,7 +114,7 @@ void find_networks(const ExperimentOptions& options, Inventory& found) {
         request.weights = weights;
         add_network(request, options, found);
       } catch (const Error& unusable) {
-        found.passed_over.push_back(str(weights.string(), ": ", unusable.what()));
+        found.passed_over.push_back(str(weights.string(), ": ", in_our_words(unusable.what())));
       }
     }
   }

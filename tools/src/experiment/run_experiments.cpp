@@ -7,6 +7,7 @@
 
 #include "cli/interrupt.h"
 #include "cli/json.h"
+#include "cli/messages.h"
 #include "eval/curve.h"
 #include "eval/evaluation.h"
 #include "revisit/pipeline/text.h"
@@ -126,7 +127,7 @@ class Workload {
       throw;
     } catch (const Error& error) {
       work.state = "skipped";
-      work.reason = error.what();
+      work.reason = in_our_words(error.what());
       return;
     }
     if (finished_.find(work.key.text, &work.result)) work.state = "done";
@@ -153,8 +154,8 @@ class Workload {
       throw;
     } catch (const Error& error) {
       work.state = "failed";
-      work.reason = error.what();
-      std::cerr << "failed: " << error.what() << "\n";
+      work.reason = in_our_words(error.what());
+      std::cerr << "failed: " << work.reason << "\n";
     }
   }
 

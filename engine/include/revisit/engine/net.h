@@ -18,8 +18,8 @@ struct Truncation {
   /// The layer whose output is wanted: that layer's own output, before any in-place layer that
   /// follows. Empty: the whole net.
   std::string end;
-  /// A layer of the same net (parameters only, e.g. "pool5") to append to `end`, after the in-place
-  /// ReLU of `end` if there is one: the paper's "conv3+pool5".
+  /// A layer without weights (e.g. "pool5") to append to `end` and its ReLU: the paper's
+  /// "conv3+pool5". A ReLU not in place is left out, with a warning, when others read `end`, too.
   std::string graft;
 
   /// The name of the output: "conv3", "conv3+pool5", or "" for the whole net.

@@ -1,0 +1,49 @@
+#include "cli/messages.h"
+
+#include <iostream>
+#include <string_view>
+
+namespace revisit::cli {
+namespace {
+
+constexpr Setting kSettings[] = {
+    {"Distance::kPlace", "--distance place"},
+    {"Limits::layers", "--max-layers"},
+    {"Limits::text_bytes", "--max-text-mb"},
+    {"Limits::weight_bytes", "--max-weights-mb"},
+    {"LoadOptions::allow_missing", "--allow-missing"},
+    {"LoadOptions::inputs", "--input-shape"},
+    {"Net::layer_names", "'revisit net inspect'"},
+    {"PlanOptions::max_arena_bytes", "--max-run-mb"},
+    {"SimulationConfig::every", "--every"},
+    {"SimulationConfig::last_frame", "--frames"},
+    {"SimulationConfig::output", "--output"},
+    {"SimulationConfig::overwrite", "--overwrite"},
+    {"SimulationConfig::sequence", "--sequence"},
+    {"Truncation::end", "--end"},
+    {"Truncation::graft", "--graft"},
+    {"engine::layer_types", "'revisit net layers'"},
+    {"models::known_models", "'revisit models list'"},
+};
+
+}  // namespace
+
+std::span<const Setting> settings_in_messages() {
+  return kSettings;
+}
+
+std::string in_our_words(std::string message) {
+  for (const auto& [field, here] : kSettings) {
+    const std::string_view name = field, ours = here;
+    for (size_t at = message.find(name); at != std::string::npos;
+         at = message.find(name, at + ours.size()))
+      message.replace(at, name.size(), ours);
+  }
+  return message;
+}
+
+void warn(const std::string& message) {
+  std::cerr << "warning: " << in_our_words(message) << "\n";
+}
+
+}  // namespace revisit::cli
