@@ -301,6 +301,12 @@ TEST(FeatureFile, RefusesWhatIsNotAFeatureFile) {
   refused(proto::npy_header({999'999'999'999'999, 999'999'999'999'999}) + std::string(24, 'x'));
 }
 
+TEST(FeatureFile, APipeIsRefusedAndNotWaitedFor) {
+  const test::TempDir dir;
+  ASSERT_EQ(::mkfifo((dir / "pipe").c_str(), 0600), 0);
+  EXPECT_THROW(FeatureFile(dir / "pipe"), InputError);
+}
+
 TEST(FeatureFile, NoticesThatTheFileBecameShorter) {
   const test::TempDir dir;
   write_all(dir / "f.npy", "key", 100, 100);

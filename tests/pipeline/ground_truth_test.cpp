@@ -71,6 +71,20 @@ TEST(GroundTruth, ParsesExclusions) {
   EXPECT_THROW(parse_distance("xy"), UsageError);
 }
 
+TEST(GroundTruth, AnExclusionWithoutItsAmountIsNoMisspelling) {
+  const auto message = [](const char* text) {
+    try {
+      parse_exclusion(text);
+    } catch (const UsageError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  for (const char* text : {"frames", "frames=-1", "seconds=nan", "none=1"})
+    EXPECT_EQ(message(text).find("did you mean"), std::string::npos) << message(text);
+  EXPECT_NE(message("meters=50").find("did you mean 'metres'"), std::string::npos);
+}
+
 TEST(GroundTruth, CandidatesAreMoreThanTheExclusionAway) {
   const Trajectory drive = along_x({0, 1, 2, 3, 4});
   using V = std::vector<int64_t>;

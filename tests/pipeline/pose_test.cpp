@@ -42,6 +42,17 @@ TEST(Poses, RowMajor3x4LineByLine) {
   }
 }
 
+TEST(TextFiles, AByteOrderMarkIsNotPartOfTheFirstLine) {
+  const TempDir dir;
+  const std::string mark = "\xEF\xBB\xBF";
+  write_file(dir / "poses.txt", mark + kIdentity);
+  write_file(dir / "times.txt", mark + "1.5\n2\n");
+  write_file(dir / "calib.txt", mark + "Tr: " + kIdentity);
+  EXPECT_EQ(read_kitti_poses(dir / "poses.txt").size(), 1U);
+  EXPECT_EQ(read_kitti_times(dir / "times.txt"), (std::vector<double>{1.5, 2}));
+  EXPECT_TRUE(read_kitti_calibration(dir / "calib.txt").isApprox(Pose::Identity()));
+}
+
 TEST(Poses, WindowsLineEnds) {
   const TempDir dir;
   write_file(dir / "poses.txt", "1 0 0 7 0 1 0 0 0 0 1 0\r\n1 0 0 8 0 1 0 0 0 0 1 0\r\n");

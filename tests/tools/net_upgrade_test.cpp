@@ -47,6 +47,13 @@ std::map<std::string, std::vector<float>> weights_of(const fs::path& path) {
   return all;
 }
 
+TEST_F(NetUpgrade, WhatIsNoNetworkIsNamed) {
+  test::write_file(dir_ / "in.npy", "\x93NUMPY\1");
+  expect_failure(3, path("in.npy"), "in.npy: is a NumPy array");
+  ASSERT_EQ(::mkfifo((dir_ / "fifo").c_str(), 0600), 0);
+  expect_failure(3, path("fifo"), "fifo: is not a regular file");
+}
+
 TEST_F(NetUpgrade, AFifoIsWrittenToAndStaysOne) {
   test::write_file(dir_ / "in.prototxt",
                    "layer { name: 'a' type: 'Input' top: 'a' input_param { shape { dim: 1 } } }");

@@ -1,8 +1,21 @@
 #include "cli/parser.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+#include <sys/wait.h>
 
 #include <cstdlib>
+#include <fstream>
+#include <sstream>
+
+#include "cli/csv.h"
+#include "cli/json.h"
+#include "cli/progress.h"
+#include "eval/config_file.h"
+#include "expect_error.h"
+#include "reports.pb.h"
+#include "test_data.h"
 
 namespace revisit::cli {
 namespace {
@@ -26,6 +39,112 @@ TEST(Parser, AListIsThatOfTheLastSourceThatHasOne) {
   EXPECT_EQ(parts_of({"--part", "1", "--part", "2", "-c", "file"}), (Parts{"1", "2"}));
   EXPECT_EQ(parts_of({"--set", "part=s", "--set", "part=t"}), (Parts{"s", "t"}));
   ::unsetenv("REVISIT_PART");
+}
+
+TEST(Parser, ThereIsOneConfigurationFileAndItNamesNoOther) {
+  test::expect_error<UsageError>(
+      [] {
+        parts_of({"-c", "file", "--config", "other"});
+      },
+      {"--config: there can be one", "file", "other"});
+  test::expect_error<UsageError>(
+      [] {
+        parts_of({"--set", "config=file"});
+      },
+      {"unknown key 'config'"});
+}
+
+TEST(Progress, TheLineIsCutToTheTerminal) {
+  EXPECT_EQ(redrawn("abcdef", 0, 0, false), "\r\033[Kabcdef");
+  EXPECT_EQ(redrawn("abcdef", 9, 5, false), "\r\033[Kabcd");
+  EXPECT_EQ(redrawn("abc", 6, 80, true), "\rabc   ");
+  EXPECT_EQ(redrawn("abcdef", 2, 5, true), "\rabcd");
+}
+
+/// What one command line of a shell gave; "REVISIT" stands for the program.
+std::string shell(std::string command, int* code) {
+  const test::TempDir dir;
+  for (size_t at; (at = command.find("REVISIT")) != std::string::npos;)
+    command.replace(at, 7, REVISIT_PROGRAM);
+  command = "cd " + dir.path().string() + "; { " + command + "; } > output 2>&1";
+  const int status = std::system(command.c_str());
+  *code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return test::read_file(dir / "output");
+}
+
+TEST(Program, HelpIsAFailureWhenItCannotBeWritten) {
+  const test::TempDir dir;
+  const std::string full = (dir / "full").string();
+  if (::mknod(full.c_str(), S_IFCHR | 0666, ::makedev(1, 7)) != 0 || !std::ofstream(full).is_open())
+    GTEST_SKIP() << "no device can be made here (mknod needs root)";
+  for (const char* help : {"net inspect --help", "net inspect --usage", "--help"}) {
+    int code = 0;
+    const std::string said = shell(str("REVISIT ", help, " > ", full), &code);
+    EXPECT_EQ(code, 1) << help;
+    EXPECT_NE(said.find("cannot write to standard output"), std::string::npos) << help << said;
+  }
+}
+
+TEST(Program, ExamplesOfHelpAreOneLineACommand) {
+  for (const char* command : {"net forward", "net inspect"}) {
+    const auto result = test::run_revisit(str(command, " --help"));
+    EXPECT_EQ(result.exit_code, 0);
+    const size_t examples = result.out.find("\nExamples:\n");
+    ASSERT_NE(examples, std::string::npos) << result.out;
+    std::istringstream lines(result.out.substr(examples + 11));
+    for (std::string line; std::getline(lines, line);)
+      EXPECT_TRUE(line.starts_with("  revisit ")) << command << ": " << line;
+  }
+}
+
+TEST(TextFiles, WhatIsNoRegularFileIsRefusedAndNotWaitedFor) {
+  const test::TempDir dir;
+  ASSERT_EQ(::mkfifo((dir / "fifo").c_str(), 0600), 0);
+  const std::pair<std::filesystem::path, const char*> cases[] = {
+      {dir / "fifo", "is not a regular file"},
+      {dir.path(), "is a folder"},
+      {dir / "none", "cannot read: No such file"}};
+  for (const auto& [file, reason] : cases) {
+    test::expect_error<InputError>([&] { read_config_file(file); }, {file.string(), reason});
+    test::expect_error<InputError>([&] { read_json(file); }, {file.string(), reason});
+    test::expect_error<InputError>([&] { CsvFile{file}; }, {file.string(), reason});
+  }
+}
+
+TEST(TextFiles, BrokenJsonIsOneLineWithoutCodes) {
+  const test::TempDir dir;
+  test::write_file(dir / "m.json", "{\"tasks\": [");
+  reports::MetricsList metrics;
+  const std::string message =
+      test::message_of<InputError>([&] { read_report(dir / "m.json", &metrics); });
+  EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+  EXPECT_EQ(message.find("INVALID"), std::string::npos) << message;
+  EXPECT_NE(message.find("m.json: not the MetricsList that revisit writes: Unexpected end"),
+            std::string::npos)
+      << message;
+}
+
+TEST(Program, TheListOfProtocolsIsJsonWhenAsked) {
+  const auto result = test::run_revisit("eval --protocol list --format json");
+  EXPECT_EQ(result.exit_code, 0);
+  const test::TempDir dir;
+  test::write_file(dir / "list.json", result.out);
+  const auto list = read_json(dir / "list.json").fields().at("").list_value();
+  EXPECT_GT(list.values_size(), 5);
+  EXPECT_NE(list.values(0).struct_value().fields().at("definition").string_value(), "");
+}
+
+TEST(Program, HelpAndVersionAsWords) {
+  EXPECT_EQ(test::run_revisit("help net inspect").out, test::run_revisit("net inspect --help").out);
+  EXPECT_EQ(test::run_revisit("version").out, test::run_revisit("--version").out);
+  EXPECT_EQ(test::run_revisit("help nonsense").exit_code, 2);
+}
+
+TEST(Program, AFileBeyondTheLimitOfTheShellIsAnError) {
+  int code = 0;
+  const std::string said = shell("ulimit -f 8; REVISIT models make-random -o r", &code);
+  EXPECT_EQ(code, 1) << said;
+  EXPECT_NE(said.find("File too large"), std::string::npos) << said;
 }
 
 }  // namespace

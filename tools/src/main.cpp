@@ -1,5 +1,6 @@
 #include <unistd.h>
 
+#include <csignal>
 #include <iostream>
 #include <new>
 #include <optional>
@@ -22,7 +23,7 @@ constexpr const char* kIntroduction =
     "(partial results are kept).\n";
 
 int run(const cli::Arguments& arguments) {
-  if (!arguments.empty() && arguments[0] == "--version") {
+  if (!arguments.empty() && (arguments[0] == "--version" || arguments[0] == "version")) {
     std::cout << "revisit " << REVISIT_VERSION << "\n";
     return cli::kOk;
   }
@@ -56,6 +57,7 @@ int fail(const char* message, int code) {
 int main(int argc, char** argv) {
   cli::restart_with_faster_blas(argv);
   cli::watch_for_interrupt();
+  std::signal(SIGXFSZ, SIG_IGN);  // a file too large for `ulimit -f` is an error of the write
   // Names in files are not to command the terminal.
   const cli::PrintableStream messages(std::cerr);
   std::optional<cli::PrintableStream> output;

@@ -79,9 +79,11 @@ Exclusion parse_exclusion(const std::string& text) {
   }
   if (is_number && kind == "frames" && exclusion.amount == std::floor(exclusion.amount))
     return exclusion;
+  const std::vector<std::string> kinds = {"frames", "seconds", "metres", "none"};
+  const bool is_kind = std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
   throw UsageError(
       str("exclusion: expected frames=N, seconds=T, metres=L (not negative) or none, found '", text,
-          "'", did_you_mean(kind, {"frames", "seconds", "metres", "none"})));
+          "'", is_kind ? "" : did_you_mean(kind, kinds)));
 }
 
 std::string to_string(const Exclusion& exclusion) {

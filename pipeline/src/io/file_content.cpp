@@ -52,6 +52,7 @@ std::vector<std::string> read_lines(const fs::path& file) {
   std::vector<std::string> lines;
   for (std::string line; std::getline(in.stream, line);) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (lines.empty() && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
     lines.push_back(std::move(line));
   }
   if (in.stream.bad()) throw InputError(file.string() + ": cannot read");

@@ -28,8 +28,8 @@ void read_ahead(const std::filesystem::path& file);
 /// The whole file. Throws InputError as OpenFile does.
 std::string read_content(const std::filesystem::path& file);
 
-/// The lines of a text file without their ends (LF or CRLF); trailing blank lines are dropped, so
-/// lines()[i] is line i + 1 of the file. Throws InputError as OpenFile does.
+/// The lines of a text file without their ends (LF or CRLF) and a byte order mark; trailing blank
+/// lines are dropped, so lines()[i] is line i + 1 of the file. Throws InputError as OpenFile does.
 std::vector<std::string> read_lines(const std::filesystem::path& file);
 
 /// The finite numbers in `text`, separated by blanks. Throws InputError, starting with `where`, for

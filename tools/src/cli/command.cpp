@@ -9,6 +9,11 @@ namespace revisit::cli {
 
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments) {
+  if (arguments.size() > 1 && arguments[0] == "help") {  // as `COMMAND ... --help`
+    Arguments asked(arguments.begin() + 1, arguments.end());
+    asked.push_back("--help");
+    return dispatch(program, introduction, table, asked);
+  }
   if (arguments.empty() || arguments[0] == "--help" || arguments[0] == "-h" ||
       arguments[0] == "help") {
     std::ostream& out = arguments.empty() ? std::cerr : std::cout;

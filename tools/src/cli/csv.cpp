@@ -3,19 +3,14 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
+#include "cli/text_file.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
 
 CsvFile::CsvFile(std::filesystem::path file) : file_(std::move(file)) {
-  std::ifstream in(file_, std::ios::binary);
-  std::ostringstream content;
-  content << in.rdbuf();
-  if (!in) throw InputError(file_.string() + ": cannot read the file");
-  const std::string text = std::move(content).str();
+  const std::string text = read_text_file(file_);
 
   int line = 1;
   Row row{{""}, line};

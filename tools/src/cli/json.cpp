@@ -2,9 +2,7 @@
 
 #include <google/protobuf/util/json_util.h>
 
-#include <fstream>
-#include <sstream>
-
+#include "cli/text_file.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
@@ -16,26 +14,24 @@ std::string to_json(const google::protobuf::Message& report) {
   options.preserve_proto_field_names = true;
   std::string text;
   const auto status = google::protobuf::util::MessageToJsonString(report, &text, options);
-  if (!status.ok()) throw Error("cannot write JSON: " + status.ToString());
+  if (!status.ok()) throw Error("cannot write JSON: " + std::string(status.message()));
   return text;
 }
 
 namespace {
 
-std::string content_of(const std::filesystem::path& file) {
-  std::ifstream in(file);
-  std::ostringstream content;
-  content << in.rdbuf();
-  if (!in) throw InputError(file.string() + ": cannot read the file");
-  return std::move(content).str();
+/// protobuf's reason without its code, and without the place it draws below.
+std::string reason_of(const google::protobuf::util::Status& status) {
+  const std::string message(status.message());
+  return message.substr(0, message.find('\n'));
 }
 
 }  // namespace
 
 google::protobuf::Struct read_json(const std::filesystem::path& file) {
   google::protobuf::Value value;
-  const auto status = google::protobuf::util::JsonStringToMessage(content_of(file), &value);
-  if (!status.ok()) throw InputError(str(file.string(), ": ", status.ToString()));
+  const auto status = google::protobuf::util::JsonStringToMessage(read_text_file(file), &value);
+  if (!status.ok()) throw InputError(str(file.string(), ": not valid JSON: ", reason_of(status)));
   if (value.has_struct_value()) return value.struct_value();
   google::protobuf::Struct wrapped;
   (*wrapped.mutable_fields())[""] = value;
@@ -46,10 +42,10 @@ void read_report(const std::filesystem::path& file, google::protobuf::Message* r
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
   const auto status =
-      google::protobuf::util::JsonStringToMessage(content_of(file), report, options);
+      google::protobuf::util::JsonStringToMessage(read_text_file(file), report, options);
   if (!status.ok())
     throw InputError(str(file.string(), ": not the ", report->GetDescriptor()->name(),
-                         " that revisit writes: ", status.ToString()));
+                         " that revisit writes: ", reason_of(status)));
 }
 
 }  // namespace revisit::cli

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 
 namespace revisit::cli {
@@ -34,10 +35,21 @@ struct Collected {
   std::vector<std::pair<Parser::Option*, std::string>> options;
   std::vector<std::string> positionals;
   std::vector<Parser::Option>* declared = nullptr;
+  std::string examples = {};
 };
 
+/// Prints what `flags` of argp say, then the examples as they are: argp would break their lines,
+/// which then are two commands.
+[[noreturn]] void print_help(argp_state* state, unsigned flags, const std::string& examples) {
+  argp_state_help(state, stdout, flags);
+  if (!examples.empty()) std::fputs(("\nExamples:\n" + examples).c_str(), stdout);
+  if (std::fflush(stdout) == 0 && !std::ferror(stdout)) std::exit(EXIT_SUCCESS);
+  std::fputs("revisit: cannot write to standard output\n", stderr);
+  std::exit(EXIT_FAILURE);
+}
+
 /// argp identifies an option by an integer: a letter, or our index above the range of letters.
-constexpr int kFirstKey = 1000;
+constexpr int kHelpKey = '?', kUsageKey = 999, kFirstKey = 1000;
 
 error_t collect(int key, char* argument, argp_state* state) {
   auto& collected = *static_cast<Collected*>(state->input);
@@ -45,6 +57,9 @@ error_t collect(int key, char* argument, argp_state* state) {
     collected.positionals.emplace_back(argument);
     return 0;
   }
+  if (key == kHelpKey)
+    print_help(state, ARGP_HELP_STD_HELP & ~ARGP_HELP_EXIT_OK, collected.examples);
+  if (key == kUsageKey) print_help(state, ARGP_HELP_USAGE, "");
   for (size_t i = 0; i < collected.declared->size(); ++i) {
     Parser::Option& option = (*collected.declared)[i];
     const int option_key = option.letter ? option.letter : kFirstKey + static_cast<int>(i);
@@ -53,6 +68,11 @@ error_t collect(int key, char* argument, argp_state* state) {
     return 0;
   }
   return ARGP_ERR_UNKNOWN;
+}
+
+/// The options that name other options: they stand on the command line only.
+bool is_config(const Parser::Option& option) {
+  return option.name == "config" || option.name == "set";
 }
 
 std::string environment_name(const std::string& option) {
@@ -130,7 +150,7 @@ Parser& Parser::config(ConfigReader reader, std::vector<std::string> others) {
 Parser::Option& Parser::find(const std::string& source, const std::string& name) {
   std::vector<std::string> known;
   for (Option& option : options_) {
-    if (option.is_heading) continue;
+    if (option.is_heading || is_config(option)) continue;
     if (option.name == name) return option;
     known.push_back(option.name);
   }
@@ -152,7 +172,7 @@ void Parser::apply(Option& option, Source source, const std::string& what,
 
 void Parser::apply_environment() {
   for (Option& option : options_) {
-    if (option.is_heading || option.name == "config" || option.name == "set") continue;
+    if (option.is_heading || is_config(option)) continue;
     const std::string name = environment_name(option.name);
     if (name == "REVISIT_MODELS") continue;  // has a meaning of its own: models/cache.h
     if (const char* value = std::getenv(name.c_str()))
@@ -190,26 +210,29 @@ void Parser::parse(std::vector<std::string> arguments) {
                      option.metavar.empty() ? nullptr : option.metavar.c_str(), 0,
                      option.help.c_str(), group_number});
   }
+  table.push_back({"help", kHelpKey, nullptr, 0, "Give this help list", -1});
+  table.push_back({"usage", kUsageKey, nullptr, 0, "Give a short usage message", -1});
   table.push_back({});
 
-  const std::string documentation =
-      summary_ + (examples_.empty() ? "" : "\vExamples:\n" + examples_);
-  const argp parser{table.data(), collect, usage_.c_str(), documentation.c_str(),
+  const argp parser{table.data(), collect, usage_.c_str(), summary_.c_str(),
                     nullptr,      nullptr, nullptr};
   std::vector<char*> argv{command_.data()};
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);
 
   argp_err_exit_status = 2;
-  Collected collected{{}, {}, &options_};
-  argp_parse(&parser, static_cast<int>(argv.size() - 1), argv.data(), 0, nullptr, &collected);
+  Collected collected{{}, {}, &options_, examples_};
+  argp_parse(&parser, static_cast<int>(argv.size() - 1), argv.data(), ARGP_NO_HELP, nullptr,
+             &collected);
 
   // The configuration comes first, whatever its place on the command line.
-  const auto is_config = [](const Option& option) {
-    return option.name == "config" || option.name == "set";
-  };
-  for (const auto& [option, text] : collected.options)
-    if (is_config(*option)) option->apply("--" + option->name, text);
+  for (const auto& [option, text] : collected.options) {
+    if (!is_config(*option)) continue;
+    if (option->name == "config" && config_path_)
+      throw UsageError(str("--config: there can be one, found ", config_path_->string(), " and ",
+                           text, "; --set overrides single settings"));
+    option->apply("--" + option->name, text);
+  }
   if (config_path_)
     for (const auto& [name, value] : config_reader_(*config_path_)) {
       const auto has_name = [&](const Option& option) { return option.name == name; };

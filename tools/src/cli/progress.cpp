@@ -1,13 +1,39 @@
 #include "progress.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
+#include <cstdlib>
+#include <string_view>
+
+#include "cli/table.h"
+#include "revisit/proto/error.h"
 
 namespace revisit::cli {
 
+namespace {
+
+size_t terminal_columns() {
+  winsize size{};
+  return ::ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 ? size.ws_col : 0;
+}
+
+}  // namespace
+
+std::string redrawn(const std::string& line, size_t before, size_t columns, bool dumb) {
+  // In the last column the cursor of some terminals goes to the next line.
+  const std::string shown = columns > 1 ? line.substr(0, columns - 1) : line;
+  if (!dumb) return "\r\033[K" + shown;
+  return "\r" + shown + std::string(std::max(before, shown.size()) - shown.size(), ' ');
+}
+
 Progress::Progress(std::string verb, std::string unit, bool enabled)
-    : verb_(std::move(verb)), unit_(std::move(unit)), enabled_(enabled && isatty(STDERR_FILENO)) {}
+    : verb_(std::move(verb)), unit_(std::move(unit)), enabled_(enabled && isatty(STDERR_FILENO)) {
+  const char* terminal = std::getenv("TERM");
+  dumb_ = !terminal || std::string_view(terminal) == "dumb";
+}
 
 Progress::~Progress() {
   if (drawn_) std::fputc('\n', stderr);
@@ -22,14 +48,17 @@ void Progress::update(int64_t done, int64_t total) {
   drawn_ = true;
   const double seconds = std::chrono::duration<double>(now - start_).count();
   const double rate = seconds > 0 ? static_cast<double>(done - first_done_) / seconds : 0;
-  std::fprintf(stderr, "\r\033[K%s %lld/%lld [%lld%%]", verb_.c_str(), static_cast<long long>(done),
-               static_cast<long long>(total),
-               static_cast<long long>(total ? 100 * done / total : 100));
+  std::string line =
+      str(verb_, " ", done, "/", total, " [", total ? 100 * done / total : 100, "%]");
   if (rate > 0) {
     const auto left = static_cast<long long>(static_cast<double>(total - done) / rate + 0.5);
-    std::fprintf(stderr, rate < 10 ? " %.1f %s/s" : " %.0f %s/s", rate, unit_.c_str());
-    std::fprintf(stderr, " ETA %02lld:%02lld", left / 60, left % 60);
+    char text[64];
+    std::snprintf(text, sizeof text, " ETA %02lld:%02lld", left / 60, left % 60);
+    line += str(" ", number(rate, rate < 10 ? 1 : 0), " ", unit_, "/s", text);
   }
+  const size_t columns = terminal_columns();
+  std::fputs(redrawn(line, width_, columns, dumb_).c_str(), stderr);
+  width_ = columns > 1 ? std::min(line.size(), columns - 1) : line.size();
   std::fflush(stderr);
 }
 

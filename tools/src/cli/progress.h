@@ -10,6 +10,11 @@ namespace revisit::cli {
 /// Reports (done, total) of long work; thread-safe callers only from one thread at a time.
 using ProgressCallback = std::function<void(int64_t done, int64_t total)>;
 
+/// What draws `line` where `before` characters stand, on a terminal of `columns` (0: not known): as
+/// much of it as one line holds. A dumb terminal, which knows no command to clear the line, gets
+/// blanks over the rest.
+std::string redrawn(const std::string& line, size_t before, size_t columns, bool dumb);
+
 /// One line on stderr, only when it is a terminal and progress is wanted:
 /// `describing 1234/4541 [27%] 81 scans/s ETA 00:41`. Redrawn at most ten times a second.
 class Progress {
@@ -29,7 +34,8 @@ class Progress {
   using Clock = std::chrono::steady_clock;
   std::string verb_, unit_;
   bool enabled_;
-  bool drawn_ = false;
+  bool drawn_ = false, dumb_ = false;
+  size_t width_ = 0;  // of the line that stands there
   Clock::time_point start_ = Clock::now(), last_{};
   int64_t first_done_ = -1;  // work kept from an earlier run does not count for the rate
 };

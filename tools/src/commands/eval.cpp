@@ -8,11 +8,11 @@
 namespace revisit::cli {
 namespace {
 
-/// `--protocol list` needs no data, which the parser would ask for.
-bool asks_for_list(const Arguments& arguments) {
+/// For `--protocol list`, which needs no data: the parser would ask for it.
+bool has_option(const Arguments& arguments, const std::string& option, const std::string& value) {
   for (size_t i = 0; i < arguments.size(); ++i)
-    if (arguments[i] == "--protocol=list" ||
-        (arguments[i] == "--protocol" && i + 1 < arguments.size() && arguments[i + 1] == "list"))
+    if (arguments[i] == option + "=" + value ||
+        (arguments[i] == option && i + 1 < arguments.size() && arguments[i + 1] == value))
       return true;
   return false;
 }
@@ -48,8 +48,12 @@ void print_matches(const TaskResult& result, const pipeline::Trajectory& traject
 }  // namespace
 
 int eval_command(const Arguments& arguments) {
-  if (asks_for_list(arguments)) {
-    print_protocols(std::cout);
+  if (has_option(arguments, "--protocol", "list")) {
+    if (has_option(arguments, "--format", "json")) {
+      print_protocols_json(std::cout);
+    } else {
+      print_protocols(std::cout);
+    }
     return kOk;
   }
   if (lists_sensors(arguments)) return kOk;

@@ -2,6 +2,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include "cli/text_file.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
@@ -18,9 +19,7 @@ std::vector<std::pair<std::string, std::string>> read_config_file(
     const std::filesystem::path& file) {
   YAML::Node root;
   try {
-    root = YAML::LoadFile(file.string());
-  } catch (const YAML::BadFile&) {
-    throw InputError(file.string() + ": cannot read the configuration file");
+    root = YAML::Load(read_text_file(file));
   } catch (const YAML::ParserException& error) {
     fail(file, error.mark, error.msg);
   }

@@ -1,5 +1,8 @@
 #include "summary_table.h"
 
+#include <google/protobuf/struct.pb.h>
+#include <google/protobuf/util/json_util.h>
+
 #include <algorithm>
 #include <cmath>
 #include <ostream>
@@ -61,6 +64,22 @@ void print_left_out(std::ostream& out, const std::vector<std::string>& names, in
   out << names.size() << " of " << n_scans << " scans could not be described and are left out: ";
   for (size_t i = 0; i < std::min(names.size(), kFew); ++i) out << (i ? ", " : "") << names[i];
   out << (names.size() > kFew ? ", ...\n" : "\n");
+}
+
+void print_protocols_json(std::ostream& out) {
+  google::protobuf::ListValue list;
+  for (const pipeline::Protocol& protocol : pipeline::protocols()) {
+    auto& fields = *list.add_values()->mutable_struct_value()->mutable_fields();
+    fields["name"].set_string_value(protocol.name);
+    fields["definition"].set_string_value(protocol.definition);
+    fields["source"].set_string_value(protocol.source);
+  }
+  google::protobuf::util::JsonPrintOptions options;
+  options.add_whitespace = true;
+  std::string text;
+  const auto status = google::protobuf::util::MessageToJsonString(list, &text, options);
+  if (!status.ok()) throw Error("cannot write JSON: " + std::string(status.message()));
+  out << text << "\n";
 }
 
 void print_protocols(std::ostream& out) {

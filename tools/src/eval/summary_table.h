@@ -14,6 +14,8 @@ void print_summary(std::ostream& out, const std::vector<TaskResult>& results, in
 
 /// What `--protocol list` prints: every protocol with its definition and source.
 void print_protocols(std::ostream& out);
+/// The same as a JSON list of {name, definition, source}.
+void print_protocols_json(std::ostream& out);
 
 /// Counts the scans that could not be described and names the first few; nothing without any.
 void print_left_out(std::ostream& out, const std::vector<std::string>& names, int64_t n_scans);
