@@ -41,8 +41,11 @@ class Check {
         statistics_(statistics),
         random_(random_net.seed ^ 0x5EED),
         net_(load()) {
-    ways_ = {{"default", {}}, {"keep_all", {.keep_all = true}}};
-    if (!random_net.gray_offsets.empty() && net_.takes_gray_input()) {
+    ways_ = {{"default", {}},
+             {"keep_all", {.keep_all = true}},
+             {"strict", {.accuracy = engine::Accuracy::kStrict}}};
+    is_gray_ = !random_net.gray_offsets.empty() && net_.takes_gray_input();
+    if (is_gray_) {
       ways_.push_back({"gray", {.gray_offsets = random_net.gray_offsets}});
       ways_.push_back(
           {"gray, keep_all", {.keep_all = true, .gray_offsets = random_net.gray_offsets}});
@@ -92,7 +95,7 @@ class Check {
       tensor.values.resize(static_cast<size_t>(shape.elements()));
       for (size_t i = 0; i < tensor.values.size(); ++i)
         tensor.values[i] = number(fill, i, all.bounds.at(port.name));
-      if (ways_.size() > 2) make_gray(port.name, result);
+      if (is_gray_) make_gray(port.name, result);
     }
     return result;
   }
@@ -239,6 +242,7 @@ class Check {
   const test::TempDir folder_;
   Net net_;
   std::vector<Way> ways_;
+  bool is_gray_ = false;
   std::vector<Case> cases_;
 };
 

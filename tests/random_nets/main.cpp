@@ -2,8 +2,12 @@
 //   revisit_random_nets [--minutes M] [--first-seed N] [--nets K] [--keep-going]
 // A fault is printed with its seed and ends the run with exit code 1; --keep-going collects them.
 // To see one seed again: --first-seed N --nets 1.
+#include <unistd.h>
+
+#include <atomic>
 #include <chrono>
-#include <cstring>
+#include <csignal>
+#include <cstdio>
 #include <ctime>
 #include <iostream>
 #include <limits>
@@ -41,6 +45,18 @@ Request parse(int argc, char** argv) {
   return request;
 }
 
+std::atomic<uint64_t> current_seed;
+
+/// A crash says which net it was; then it takes its course.
+void say_seed(int signal) {
+  char text[64];
+  const int length = std::snprintf(text, sizeof(text), "CRASH seed %llu, signal %d\n",
+                                   static_cast<unsigned long long>(current_seed), signal);
+  if (::write(STDERR_FILENO, text, static_cast<size_t>(length)) < 0) ::_exit(signal);
+  std::signal(signal, SIG_DFL);
+  std::raise(signal);
+}
+
 void print(const Statistics& s, uint64_t next_seed, int faults) {
   std::cout << s.nets << " nets (" << s.not_finite << " with NaN or infinity, " << s.other_shapes
             << " with two shapes, " << s.gray << " gray, " << s.truncated << " cut off), "
@@ -61,6 +77,7 @@ int run(const Request& request) {
   uint64_t seed = request.first_seed;
   for (; seed - request.first_seed < request.nets && minutes_since(begin) < request.minutes;
        ++seed) {
+    current_seed = seed;
     const RandomNet net = make_random_net(seed);
     const std::string fault = find_fault(net, statistics);
     if (!fault.empty()) {
@@ -81,6 +98,8 @@ int run(const Request& request) {
 }  // namespace revisit::random_nets
 
 int main(int argc, char** argv) {
+  for (const int signal : {SIGSEGV, SIGBUS, SIGFPE, SIGABRT})
+    std::signal(signal, revisit::random_nets::say_seed);
   try {
     return revisit::random_nets::run(revisit::random_nets::parse(argc, argv));
   } catch (const std::exception& error) {
