@@ -226,12 +226,19 @@ TEST_F(ReportCommand, MarkdownHasTheCommandBesideEachNumber) {
   EXPECT_NE(text.find("sequence 05 is not there"), std::string::npos) << text;
 }
 
-TEST_F(ReportCommand, MatchesThatAreNeitherRightNorWrongAreNotShownAsWrong) {
+/// A run on three scans with one task, still without queries.
+cli::ReportData one_task() {
   cli::ReportData data;
   cli::ReportRun& run = data.runs.emplace_back();
   run.info.set_align("none");
   run.scans.resize(3);
-  cli::ReportTask& task = run.tasks.emplace_back();
+  run.tasks.emplace_back();
+  return data;
+}
+
+TEST_F(ReportCommand, MatchesThatAreNeitherRightNorWrongAreNotShownAsWrong) {
+  cli::ReportData data = one_task();
+  cli::ReportTask& task = data.runs[0].tasks[0];
   task.queries.resize(2);
   for (cli::ReportQuery& query : task.queries) {
     query.matches = {2};
@@ -254,11 +261,8 @@ TEST_F(ReportCommand, MatchesThatAreNeitherRightNorWrongAreNotShownAsWrong) {
 
 TEST_F(ReportCommand, TheMapShowsWhatTheRunAccepted) {
   // The score in the file is rounded below the threshold, as files of earlier versions have it.
-  cli::ReportData data;
-  cli::ReportRun& run = data.runs.emplace_back();
-  run.info.set_align("none");
-  run.scans.resize(3);
-  cli::ReportTask& task = run.tasks.emplace_back();
+  cli::ReportData data = one_task();
+  cli::ReportTask& task = data.runs[0].tasks[0];
   task.metrics.set_protocol("online");
   task.metrics.set_f1_max_threshold(0.62320303359);
   cli::ReportQuery& query = task.queries.emplace_back();

@@ -56,25 +56,23 @@ size_t CsvFile::column(const std::string& name) const {
   return static_cast<size_t>(found - header_.begin());
 }
 
-double CsvFile::number(size_t row, size_t column) const {
+template <class Number>
+Number CsvFile::parsed(size_t row, size_t column, const char* expected) const {
   const std::string& cell = text(row, column);
-  if (cell.empty()) return std::nan("");
-  double value = 0;
+  Number value = 0;
   const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
   if (error != std::errc() || end != cell.data() + cell.size())
     fail(rows_[row].line,
-         str("column '", header_[column], "': expected a number, found '", cell, "'"));
+         str("column '", header_[column], "': expected ", expected, ", found '", cell, "'"));
   return value;
 }
 
+double CsvFile::number(size_t row, size_t column) const {
+  return text(row, column).empty() ? std::nan("") : parsed<double>(row, column, "a number");
+}
+
 int CsvFile::whole_number(size_t row, size_t column) const {
-  const std::string& cell = text(row, column);
-  int value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc() || end != cell.data() + cell.size())
-    fail(rows_[row].line,
-         str("column '", header_[column], "': expected a whole number, found '", cell, "'"));
-  return value;
+  return parsed<int>(row, column, "a whole number");
 }
 
 void CsvFile::fail(int line, const std::string& what) const {

@@ -27,6 +27,8 @@ class CsvFile {
     std::vector<std::string> cells;
     int line = 0;  // in the file, from 1
   };
+  template <class Number>
+  Number parsed(size_t row, size_t column, const char* expected) const;
   [[noreturn]] void fail(int line, const std::string& what) const;
 
   std::filesystem::path file_;

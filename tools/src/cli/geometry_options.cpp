@@ -57,8 +57,12 @@ void GeometryOptions::declare(Parser& parser) {
       .option("closing-height", "DEG", "and this height (default: the sensor's)", &closing_height);
 }
 
+bool GeometryOptions::is_auto() const {
+  return sensor == kAuto;
+}
+
 std::string GeometryOptions::resolve(const std::vector<pipeline::PointCloud>& scans) {
-  if (sensor != kAuto) return "";
+  if (!is_auto()) return "";
   const pipeline::SensorFound found = pipeline::find_sensor(scans);
   const std::vector<double>& beams = found.beams.elevations;
   const std::string seen =

@@ -18,6 +18,8 @@ struct GeometryOptions {
   std::optional<double> closing_width, closing_height;  // [deg]
 
   void declare(Parser& parser);
+  /// Whether the scans are to say which sensor it is.
+  bool is_auto() const;
   /// Puts what the scans say in the place of `auto`: the sensor's name, or an upper and lower edge
   /// and a closing rectangle where they are not given. Returns what was found, for people; "" when
   /// a sensor was given.

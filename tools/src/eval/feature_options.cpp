@@ -260,7 +260,8 @@ std::string similarity_name(const FeatureSource& source) {
 
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset) {
   constexpr size_t kEnough = 3, kTried = 20;
-  if (options.feature != "cnn" && options.feature != "data") return "";
+  const bool sees_image = options.feature == "cnn" || options.feature == "data";
+  if (!sees_image || !options.image.is_auto()) return "";
   std::vector<pipeline::PointCloud> scans;
   for (size_t i = 0; i < std::min(dataset.scans.size(), kTried) && scans.size() < kEnough; ++i) {
     try {

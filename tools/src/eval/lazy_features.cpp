@@ -5,6 +5,7 @@
 #include <iostream>
 
 #include "cli/interrupt.h"
+#include "cli/messages.h"
 #include "cli/progress.h"
 #include "revisit/proto/folder.h"
 #include "revisit/proto/npy.h"
@@ -38,7 +39,7 @@ class LeftOut {
   explicit LeftOut(bool quiet) : quiet_(quiet) {}
   void operator()(const pipeline::ScanRef&, const std::string& why) {
     constexpr int kFew = 5;
-    if (!quiet_ && said_++ < kFew) std::cerr << "warning: " << why << "; this scan is left out\n";
+    if (!quiet_ && said_++ < kFew) warn(why + "; this scan is left out");
   }
 
  private:
@@ -134,9 +135,8 @@ void LazyFeatures::warn_of_zeros(const pipeline::FeatureFile& features) {
   }
   zeros -= static_cast<int64_t>(left_out().size());  // which are said elsewhere
   if (zeros > 0)
-    std::cerr << "warning: " << zeros << " of " << features.n() << " scans have no "
-              << source_.extractor.name
-              << " (all zero): there was nothing in them that it describes\n";
+    warn(str(zeros, " of ", features.n(), " scans have no ", source_.extractor.name,
+             " (all zero): there was nothing in them that it describes"));
 }
 
 void LazyFeatures::make() {

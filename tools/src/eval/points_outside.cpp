@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
 
+#include "cli/messages.h"
 #include "cli/table.h"
 #include "revisit/pipeline/scan_file.h"
 
@@ -32,8 +32,8 @@ void warn_of_points_outside(const FeatureOptions& options, const pipeline::Datas
       std::ranges::find(records, median, &pipeline::AlignmentRecord::outside) - records.begin();
   const pipeline::PointCloud scan =
       pipeline::read_scan(dataset.scans[static_cast<size_t>(typical)].file);
-  std::cerr << "warning: " << points_outside(double{median}, options.image.geometry(), scan)
-            << " (median of " << shares.size() << " scans)\n";
+  warn(str(points_outside(double{median}, options.image.geometry(), scan), " (median of ",
+           shares.size(), " scans)"));
 }
 
 }  // namespace revisit::cli

@@ -4,11 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
 #include <numbers>
 
 #include "cli/json.h"
 #include "cli/local_time.h"
+#include "cli/messages.h"
 #include "cli/table.h"
 #include "eval/run_info.h"
 #include "plots/metrics_report.h"
@@ -127,9 +127,8 @@ void link_latest(const fs::path& run) {
   const fs::path fresh = run.parent_path() / ".latest.part";
   std::error_code error;
   if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) {  // it is not ours
-    std::cerr << "warning: " << link.string()
-              << " is no link, so that it stays as it is; the latest run is " << run.string()
-              << "\n";
+    warn(str(link.string(), " is no link, so that it stays as it is; the latest run is ",
+             run.string()));
     return;
   }
   fs::remove(fresh, error);

@@ -53,15 +53,19 @@ const char* to_string(CacheState state) {
   return "";
 }
 
-std::vector<fs::path> weights_in(const fs::path& folder) {
+std::vector<fs::path> files_in(const fs::path& folder, bool (*is_wanted)(const std::string&)) {
   std::vector<fs::path> files;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
        entry.increment(error))
-    if (entry->is_regular_file(error) && is_weights_name(entry->path().filename().string()))
+    if (entry->is_regular_file(error) && is_wanted(entry->path().filename().string()))
       files.push_back(entry->path());
   std::sort(files.begin(), files.end());
   return files;
+}
+
+std::vector<fs::path> weights_in(const fs::path& folder) {
+  return files_in(folder, is_weights_name);
 }
 
 std::optional<fs::path> cached_weights(const fs::path& cache, const KnownModel& model) {

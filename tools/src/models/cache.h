@@ -18,6 +18,9 @@ std::filesystem::path cache_folder();
 /// `<cache>/<name>/<file>`: where a model's download belongs, fetched or put there by hand.
 std::filesystem::path cached_file(const std::filesystem::path& cache, const KnownModel& model);
 
+/// The regular files in a folder whose name `is_wanted`, in order; not in folders below it.
+std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder,
+                                            bool (*is_wanted)(const std::string& name));
 /// The caffemodels (.caffemodel, .caffemodel.h5) in a folder, by name; not in folders below it.
 std::vector<std::filesystem::path> weights_in(const std::filesystem::path& folder);
 

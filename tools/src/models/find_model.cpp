@@ -46,12 +46,7 @@ fs::path prototxt_beside(const fs::path& weights) {
   for (const std::string& name :
        {stem + ".prototxt", stem + "_deploy.prototxt", std::string("deploy.prototxt")})
     if (fs::is_regular_file(folder / name)) return folder / name;
-  std::vector<fs::path> all;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
-    if (entry->is_regular_file(error) && is_prototxt_name(entry->path().filename().string()))
-      all.push_back(entry->path());
+  const std::vector<fs::path> all = files_in(folder, is_prototxt_name);
   return all.size() == 1 ? all[0] : fs::path();
 }
 
