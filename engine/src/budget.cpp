@@ -35,23 +35,26 @@ void check_outputs(const std::vector<Shape>& outputs, int64_t limit) {
   if (bytes > limit)
     throw InputError(str("its outputs take ", bytes / kMegabyte, " MB, more than the limit of ",
                          limit / kMegabyte,
-                         " MB (PlanOptions::max_arena_bytes); choose smaller input shapes"));
+                         " MB (PlanOptions::max_run_bytes); choose smaller input shapes"));
 }
 
-void check_arena(const Plan::Impl& plan, int64_t limit) {
+void check_run_memory(const Net::Impl& net, const RunMemory& memory, int64_t limit) {
   constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
-  if (plan.arena_floats <= limit / kFloat) return;
+  if (memory.arena_floats + memory.packed_floats <= limit / kFloat) return;
+  const auto megabytes = [](int64_t floats) { return floats / (kMegabyte / kFloat); };
   const auto largest =
-      std::max_element(plan.buffers.begin(), plan.buffers.end(),
+      std::max_element(memory.buffers.begin(), memory.buffers.end(),
                        [](const BufferUse& a, const BufferUse& b) { return a.bytes < b.bytes; });
-  throw InputError(str(plan.net->file, ": running the net takes ",
-                       plan.arena_floats / (kMegabyte / kFloat), " MB, more than the limit of ",
-                       limit / kMegabyte, " MB (PlanOptions::max_arena_bytes); most is for '",
-                       largest->what, "': ", largest->bytes / kMegabyte,
-                       " MB; choose smaller input shapes"));
+  throw InputError(
+      str(net.file, ": running the net takes ", megabytes(memory.arena_floats),
+          " MB for values and ", megabytes(memory.packed_floats), " MB for packed weights, beside ",
+          megabytes(memory.weight_floats), " MB of weights, more than the limit of ",
+          limit / kMegabyte, " MB (PlanOptions::max_run_bytes); most is for '", largest->what,
+          "': ", largest->bytes / kMegabyte, " MB; choose smaller input shapes or fewer threads"));
 }
 
 void check_threads(int threads) {
+  if (threads < 1) throw UsageError(str("expected at least 1 thread, found ", threads));
   if (threads > kMostThreads)
     throw UsageError(str("expected at most ", kMostThreads, " threads, found ", threads));
 }

@@ -11,13 +11,18 @@ namespace revisit::engine {
 
 void check_weight_bytes(const Net::Impl& net, int64_t limit);
 
-/// The outputs of one layer are alive together: they alone can exceed the limit of the arena.
-/// Throws with a reason only, as Layer does.
+/// The outputs of one layer are alive together: they alone can exceed the limit of a run. Throws
+/// with a reason only, as Layer does.
 void check_outputs(const std::vector<Shape>& outputs, int64_t limit);
 
-void check_arena(const Plan::Impl& plan, int64_t limit);
+/// What a plan takes beside the weights of the file.
+struct RunMemory {
+  int64_t arena_floats, packed_floats, weight_floats;
+  const std::vector<BufferUse>& buffers;
+};
+void check_run_memory(const Net::Impl& net, const RunMemory& memory, int64_t limit);
 
-/// Throws UsageError.
+/// Throws UsageError for fewer than one or too many.
 void check_threads(int threads);
 
 }  // namespace revisit::engine

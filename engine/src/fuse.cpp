@@ -12,8 +12,10 @@ namespace {
 /// that gives the same.
 class Fuser {
  public:
-  Fuser(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations)
+  Fuser(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations,
+        int64_t most_packed_floats)
       : operations_(std::move(operations)),
+        packed_left_(most_packed_floats),
         readers_(shapes.size(), 0),
         maker_(shapes.size(), kNone) {
     for (const Operation& operation : operations_.list)
@@ -148,8 +150,9 @@ class Fuser {
     fusion.pooling = both ? both->pooling : *pooling;
     if (both) fusion.lrn = both->lrn;
     const BlockedConvolutionKernel* const kernel = choose_convolution(
-        convolving->problem, fusion, Layout::kPlain, first->most_winograd_points);
+        convolving->problem, fusion, Layout::kPlain, {first->most_winograd_points, packed_left_});
     if (!kernel) return false;
+    packed_left_ -= packed_floats(convolving->problem, fusion, *kernel);
     first->convolution = kernel;
     first->fusion = std::move(fusion);
     absorb(first, operation);
@@ -157,14 +160,16 @@ class Fuser {
   }
 
   Operations operations_;
+  int64_t packed_left_;        // floats
   std::vector<int> readers_;   // of each value
   std::vector<size_t> maker_;  // of each value: index into operations_.list; kNone: a net input
 };
 
 }  // namespace
 
-Operations fuse(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations) {
-  return Fuser(net, shapes, std::move(operations)).run();
+Operations fuse(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations,
+                int64_t most_packed_floats) {
+  return Fuser(net, shapes, std::move(operations), most_packed_floats).run();
 }
 
 }  // namespace revisit::engine

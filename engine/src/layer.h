@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -15,6 +16,14 @@ namespace revisit::engine {
 class WeightCache;
 struct BlockedConvolutionKernel;
 
+/// The weights of a layer as its kernel reads them, and what keeps them in memory.
+struct HeldWeights {
+  const float* weights = nullptr;
+  const float* bias = nullptr;
+  const float* outside = nullptr;  // BlockedConvolutionArguments::outside
+  std::shared_ptr<const void> owner;
+};
+
 /// The pointers of one execution of one kernel; shapes were fixed when it was bound.
 struct Call {
   const std::vector<const float*>& inputs;
@@ -22,6 +31,7 @@ struct Call {
   float* scratch;
   float* state = nullptr;   // see Kernel::state_floats
   int64_t* rows = nullptr;  // where a layer with Layer::dynamic_axis() says how many it wrote
+  const HeldWeights* weights = nullptr;  // what Kernel::hold gave
 };
 
 /// A layer bound to shapes and weights, ready to run. Never allocates, never fails.
@@ -39,6 +49,9 @@ struct Kernel {
   /// The output is the inputs one after another: where they already lie so, nothing has to run.
   bool joins_inputs = false;
   int64_t packed_floats = 0;  // weights in its own order, beside those of the net
+  /// Of kernels with packed weights, or weights that a net may release: makes them, or takes those
+  /// that are there. To be called once, when it is known that there is memory for them.
+  std::function<HeldWeights()> hold = {};
 };
 
 /// One whose inputs and outputs are all blocked.
@@ -54,7 +67,9 @@ inline Kernel blocked_kernel(std::string name, size_t n_inputs,
 struct Binding {
   const std::vector<Shape>& inputs;
   const std::vector<Shape>& outputs;
-  const std::vector<Tensor>& weights;  // kept alive by the plan; empty values when only inspected
+  /// Kept alive by the plan. Values are empty when the net is only inspected, and when they are to
+  /// be had from `originals`.
+  const std::vector<Tensor>& weights;
   int threads = 1;
   bool reference_kernels = false;
   /// The layouts that the inputs are in. Empty: this must be a kernel on plain values.
@@ -63,8 +78,10 @@ struct Binding {
     return !layouts.empty() && layouts[input] == Layout::kBlocked;
   }
   Fusion fusion = {};            // only convolutions look at it, bind_operation() does the rest
-  WeightCache* cache = nullptr;  // there when `layouts` are given or something is fused
-  size_t layer = 0;              // that the cache knows it as
+  WeightCache* cache = nullptr;  // there when `convolution` is or something is fused
+  /// Of a layer whose weights the net may release.
+  std::function<std::shared_ptr<const std::vector<Tensor>>()> originals = {};
+  size_t layer = 0;  // that the cache knows it as
   /// Of a convolution: choose_convolution().
   const BlockedConvolutionKernel* convolution = nullptr;
 };

@@ -1,7 +1,9 @@
 #include <algorithm>
+#include <utility>
 
 #include "budget.h"
 #include "net_impl.h"
+#include "operations.h"
 #include "registry.h"
 #include "revisit/proto/net_file.h"
 #include "weights.h"
@@ -88,12 +90,33 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
   return net;
 }
 
+/// Hands the weights of convolutions, which have kernels that pack them, to Net::Impl::releasable.
+void make_releasable(Net::Impl& net) {
+  std::map<std::string, Shape> inputs;
+  for (const Port& port : net.inputs) inputs[port.name] = port.shape;
+  for (const Operation& operation : operations_of(net, infer_shapes(net, inputs)).list) {
+    if (!std::holds_alternative<Convolving>(operation.form)) continue;
+    std::vector<Tensor> weights;
+    for (Tensor& weight : net.nodes[operation.node].weights)
+      weights.push_back({weight.shape, std::exchange(weight.values, {})});
+    net.releasable.add(operation.node, std::move(weights));
+  }
+}
+
 }  // namespace
 
 Net Net::load(const fs::path& prototxt, const fs::path& weights, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
   check_weight_bytes(*net, options.limits.weight_bytes);
+  const fs::path file = fs::absolute(weights);
+  const FileState state = state_of(file);
   load_weights(*net, weights, options);
+  if (options.release_weights) {
+    make_releasable(*net);
+    net->releasable.read_with([&impl = *net, file, state, options](size_t layer) {
+      return read_weights_again(impl, layer, file, state, options);
+    });
+  }
   return Net(std::move(net));
 }
 
@@ -134,6 +157,13 @@ const std::vector<std::string>& Net::warnings() const {
 }
 uint64_t Net::weight_bytes_read() const {
   return impl_->weight_bytes_read;
+}
+
+int64_t Net::weight_bytes_in_memory() const {
+  int64_t floats = impl_->releasable.floats_in_memory();
+  for (const LoadedNode& node : impl_->nodes)
+    for (const Tensor& weight : node.weights) floats += static_cast<int64_t>(weight.values.size());
+  return floats * static_cast<int64_t>(sizeof(float));
 }
 
 int64_t Net::packed_weight_bytes() const {

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <optional>
 #include <set>
 
 #include "revisit/proto/weights_file.h"
@@ -37,18 +38,26 @@ struct Place {
   friend auto operator<=>(const Place&, const Place&) = default;
 };
 
+/// Reads the weights of all kept layers, or of only one.
 class Loader {
  public:
-  Loader(Net::Impl& net, const std::filesystem::path& path, const proto::Limits& limits)
-      : net_(net), path_(path.string()), file_(proto::WeightsFile::open(path, limits)) {
+  Loader(const Net::Impl& net, const std::filesystem::path& path, const proto::Limits& limits,
+         std::optional<size_t> only = {})
+      : net_(net),
+        path_(path.string()),
+        only_(only),
+        file_(proto::WeightsFile::open(path, limits)),
+        weights_(net.nodes.size()) {
     for (size_t i = 0; i < net.nodes.size(); ++i) {
+      for (const Tensor& weight : net.nodes[i].weights) weights_[i].push_back({weight.shape, {}});
       const std::string& name = net.graph.nodes[i].name;
       by_name_.try_emplace(name, i);  // of layers that share a name, the first takes the weights
       for (size_t b = 0; b < net.nodes[i].weights.size(); ++b) {
         const auto group = net.sharing.find({name, b});
-        if (group != net.sharing.end()) members_[group->second].push_back({i, b});
+        if (group != net.sharing.end() && is_asked(i)) members_[group->second].push_back({i, b});
       }
     }
+    std::erase_if(by_name_, [this](const auto& entry) { return !is_asked(entry.second); });
   }
 
   void read_all() {
@@ -64,12 +73,13 @@ class Loader {
     }
   }
 
-  void finish(bool allow_missing) {
-    std::vector<std::string> missing;
+  /// Throws when weights are missing that may not be; returns warnings.
+  std::vector<std::string> finish(bool allow_missing) {
+    std::vector<std::string> missing, warnings;
     for (size_t i = 0; i < net_.nodes.size(); ++i) {
-      std::vector<Tensor>& weights = net_.nodes[i].weights;
+      std::vector<Tensor>& weights = weights_[i];
       for (size_t b = 0; b < weights.size(); ++b) {
-        if (filled_.count({i, b})) continue;
+        if (!is_asked(i) || filled_.count({i, b})) continue;
         if (missing.empty() || missing.back() != net_.graph.nodes[i].name)
           missing.push_back(net_.graph.nodes[i].name);
         if (allow_missing)
@@ -82,14 +92,18 @@ class Loader {
               unused_.empty() ? "" : str("; the file has weights for ", joined(unused_)),
               " (LoadOptions::allow_missing makes them zero)"));
     if (!missing.empty())
-      net_.warnings.push_back(str("layers without weights, set to zero: ", joined(missing)));
+      warnings.push_back(str("layers without weights, set to zero: ", joined(missing)));
     if (!unused_.empty())
-      net_.warnings.push_back(str(path_, ": weights that no layer uses: ", joined(unused_)));
-    net_.weight_bytes_read = file_->bytes_read();
-    net_.has_weights = true;
+      warnings.push_back(str(path_, ": weights that no layer uses: ", joined(unused_)));
+    return warnings;
   }
 
+  std::vector<Tensor> take(size_t node) { return std::move(weights_[node]); }
+  uint64_t bytes_read() const { return file_->bytes_read(); }
+
  private:
+  bool is_asked(size_t node) const { return !only_ || *only_ == node; }
+
   /// A layer that is kept, or one that shares a blob with a kept layer.
   bool is_wanted(const proto::WeightsFile::Layer& layer) const {
     if (by_name_.count(layer.name)) return true;
@@ -117,7 +131,7 @@ class Loader {
   }
 
   void check(size_t node, const std::vector<proto::Blob>& blobs) const {
-    const std::vector<Tensor>& weights = net_.nodes[node].weights;
+    const std::vector<Tensor>& weights = weights_[node];
     // A file may leave blobs out that it has under another layer, which shares them.
     size_t n_expected = weights.size();
     while (n_expected > blobs.size() &&
@@ -134,7 +148,7 @@ class Loader {
   }
 
   void put(const Place& place, const std::string& layer, size_t blob, std::vector<float> values) {
-    Tensor& weight = net_.nodes[place.node].weights[place.blob];
+    Tensor& weight = weights_[place.node][place.blob];
     if (values.size() != static_cast<size_t>(weight.shape.elements()))
       throw InputError(str(place_text(place.node), " blob ", place.blob, ": shares blob ", blob,
                            " of layer '", layer, "', which has ", values.size(),
@@ -148,9 +162,11 @@ class Loader {
     return str(path_, ": layer '", n.name, "' (", n.param.type(), ")");
   }
 
-  Net::Impl& net_;
+  const Net::Impl& net_;
   std::string path_;
+  std::optional<size_t> only_;
   std::unique_ptr<proto::WeightsFile> file_;
+  std::vector<std::vector<Tensor>> weights_;  // as net_.nodes
   std::map<std::string, size_t> by_name_;
   std::map<std::string, std::vector<Place>> members_;  // kept blobs of each sharing group
   std::set<Place> filled_;
@@ -195,7 +211,36 @@ void load_weights(Net::Impl& net, const std::filesystem::path& weights,
                   const LoadOptions& options) {
   Loader loader(net, weights, options.limits);
   loader.read_all();
+  const std::vector<std::string> warnings = loader.finish(options.allow_missing);
+  net.warnings.insert(net.warnings.end(), warnings.begin(), warnings.end());
+  for (size_t i = 0; i < net.nodes.size(); ++i) net.nodes[i].weights = loader.take(i);
+  net.weight_bytes_read = loader.bytes_read();
+  net.has_weights = true;
+}
+
+FileState state_of(const std::filesystem::path& file) {
+  std::error_code failed;
+  const uint64_t bytes = std::filesystem::file_size(file, failed);
+  const auto changed = std::filesystem::last_write_time(file, failed);
+  return failed ? FileState{} : FileState{bytes, changed};
+}
+
+std::vector<Tensor> read_weights_again(const Net::Impl& net, size_t node,
+                                       const std::filesystem::path& file, const FileState& state,
+                                       const LoadOptions& options) {
+  const auto check = [&] {
+    if (state_of(file) != state)
+      throw InputError(str(file.string(), ": has changed since the net was loaded; layer '",
+                           net.graph.nodes[node].name,
+                           "' needs its weights again, which were released: load the net again, or "
+                           "without release_weights"));
+  };
+  check();
+  Loader loader(net, file, options.limits, node);
+  loader.read_all();
   loader.finish(options.allow_missing);
+  check();  // not while it was read either
+  return loader.take(node);
 }
 
 }  // namespace revisit::engine

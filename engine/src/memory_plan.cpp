@@ -1,14 +1,14 @@
 #include "memory_plan.h"
 
 #include <algorithm>
-#include <numeric>
 
 namespace revisit::engine {
 
 MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) {
   const auto aligned = [&](int64_t size) { return (size + alignment - 1) / alignment * alignment; };
-  std::vector<size_t> order(buffers.size());
-  std::iota(order.begin(), order.end(), size_t{0});
+  std::vector<size_t> order;
+  for (size_t i = 0; i < buffers.size(); ++i)
+    if (buffers[i].size > 0) order.push_back(i);  // most steps have no scratch and no state
   std::stable_sort(order.begin(), order.end(),
                    [&](size_t a, size_t b) { return buffers[a].size > buffers[b].size; });
 

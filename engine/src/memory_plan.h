@@ -17,7 +17,8 @@ struct MemoryPlan {
 };
 
 /// Places buffers in one arena so that those alive at the same time do not overlap: largest first,
-/// each into the lowest gap that holds it. Offsets are multiples of `alignment`.
+/// each into the lowest gap that holds it. Offsets are multiples of `alignment`; 0 of empty
+/// buffers.
 MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment);
 
 }  // namespace revisit::engine

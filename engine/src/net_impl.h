@@ -8,6 +8,7 @@
 
 #include "graph.h"
 #include "layer.h"
+#include "releasable_weights.h"
 #include "revisit/engine/net.h"
 #include "weight_cache.h"
 
@@ -16,7 +17,8 @@ namespace revisit::engine {
 /// A node ready to be planned.
 struct LoadedNode {
   std::shared_ptr<const Layer> layer;  // null for Input
-  std::vector<Tensor> weights;         // values are empty when the net was loaded without weights
+  /// Values are empty when the net was loaded without weights, and when they are Impl::releasable.
+  std::vector<Tensor> weights;
 };
 
 /// (layer name, blob index) -> name of the parameter, for blobs that `param { name }` shares.
@@ -32,7 +34,8 @@ struct Net::Impl {
   std::vector<std::string> warnings;
   uint64_t weight_bytes_read = 0;
   bool has_weights = false;
-  mutable WeightCache packed_weights;  // filled by plans
+  mutable WeightCache packed_weights;    // filled by plans
+  mutable ReleasableWeights releasable;  // with LoadOptions::release_weights
 };
 
 /// Shapes of all values of a graph; empty shapes for values of pruned nodes.

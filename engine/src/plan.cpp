@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <limits>
+#include <new>
 
 #include "budget.h"
 #include "buffers.h"
@@ -9,6 +12,7 @@ namespace revisit::engine {
 namespace {
 
 constexpr auto kFloatBytes = static_cast<int64_t>(sizeof(float));
+constexpr int64_t kMegabyte = 1 << 20;
 
 std::vector<Shape> shapes_for(const Net::Impl& net, const std::map<std::string, Shape>& inputs) {
   std::map<std::string, Shape> input_shapes;
@@ -38,13 +42,51 @@ void check_weight_shapes(const Net::Impl& net, const std::vector<Shape>& shapes)
 }
 
 Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
-                   const PlanOptions& options) {
+                   const PlanOptions& options, int64_t most_packed_floats) {
   // Kept values are read from outside: nothing may be merged across them.
   const bool merge = !options.keep_all && !options.reference_kernels;
   Operations operations = operations_of(net, shapes);
   if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
   limit_rounding(options.accuracy, &operations);
-  return merge ? fuse(net, shapes, std::move(operations)) : operations;
+  return merge ? fuse(net, shapes, std::move(operations), most_packed_floats) : operations;
+}
+
+/// A plan that has taken no memory yet.
+struct Draft {
+  Operations operations;
+  Schedule schedule;
+  Placement placement;
+
+  int64_t floats() const { return placement.arena_floats + schedule.packed_floats; }
+};
+
+Draft make_draft(const Net::Impl& net, const std::vector<Shape>& shapes, const PlanOptions& options,
+                 int64_t most_packed_floats) {
+  Draft draft;
+  draft.operations = rewrite(net, shapes, options, most_packed_floats);
+  draft.schedule = schedule(net, shapes, draft.operations, options, most_packed_floats);
+  draft.placement = place(net, draft.schedule);
+  return draft;
+}
+
+/// The fastest kernels whose packed weights and arena together keep to PlanOptions::max_run_bytes,
+/// or what takes least when there are none. They are those of one thread, whose scratch is the
+/// smallest: what a plan computes does not depend on its threads.
+Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& shapes,
+                              const PlanOptions& options) {
+  constexpr int kMostAttempts = 8;
+  const int64_t limit = options.max_run_bytes / kFloatBytes;
+  PlanOptions one_thread = options;
+  one_thread.threads = 1;
+  int64_t most_packed = std::numeric_limits<int64_t>::max() / 2;  // first as if without a limit
+  for (int attempt = 1;; ++attempt) {
+    Draft draft = make_draft(net, shapes, one_thread, most_packed);
+    if (draft.floats() <= limit || most_packed == 0)
+      return options.threads == 1 ? draft : make_draft(net, shapes, options, most_packed);
+    // Less than it packs now. Other kernels may need more scratch: then once more.
+    most_packed =
+        attempt < kMostAttempts ? std::max(limit - draft.placement.arena_floats, int64_t{0}) : 0;
+  }
 }
 
 int64_t count_elements(const std::vector<Tensor>& weights) {
@@ -92,6 +134,20 @@ void count_step(const ScheduledStep& step, bool runs, int64_t new_floats, LayerC
   if (!step.is_reorder) cost->why = step.why;
 }
 
+/// The weights of a step. Those of the file are released when it has a copy.
+HeldWeights hold(const Net::Impl& net, const Step& step) {
+  try {
+    HeldWeights weights = step.kernel.hold();
+    if (net.releasable.has(step.layer)) net.releasable.release(step.layer);
+    return weights;
+  } catch (const std::bad_alloc&) {
+    throw MemoryError(str(net.file, ": layer '", net.graph.nodes[step.layer].name,
+                          "': out of memory for ",
+                          step.kernel.packed_floats * kFloatBytes / kMegabyte,
+                          " MB of packed weights; lower PlanOptions::max_run_bytes"));
+  }
+}
+
 }  // namespace
 
 Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& options) const {
@@ -99,17 +155,19 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   const std::vector<Shape> shapes = shapes_for(*impl_, inputs);
   const std::vector<std::optional<DynamicRows>> rows = dynamic_rows(*impl_, shapes);
   check_weight_shapes(*impl_, shapes);
-  const Operations operations = rewrite(*impl_, shapes, options);
-  Schedule schedule = engine::schedule(*impl_, shapes, operations, options);
-  const Placement placement = place(*impl_, schedule);
+  auto [operations, schedule, placement] = make_draft_within_limit(*impl_, shapes, options);
 
   auto plan = std::make_shared<Plan::Impl>();
   plan->net = impl_;
   plan->flush_denormals = options.flush_denormals;
   plan->costs = describe_layers(*impl_, shapes);
+  for (const LayerCost& cost : plan->costs) plan->weight_floats += cost.parameters;
+  plan->packed_floats = schedule.packed_floats;
   plan->arena_floats = placement.arena_floats;
   plan->buffers = placement.buffers;
-  check_arena(*plan, options.max_arena_bytes);
+  check_run_memory(*impl_,
+                   {plan->arena_floats, plan->packed_floats, plan->weight_floats, plan->buffers},
+                   options.max_run_bytes);
 
   for (size_t s = 0; s < schedule.steps.size(); ++s) {
     ScheduledStep& scheduled = schedule.steps[s];
@@ -121,6 +179,8 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
     for (const size_t id : scheduled.inputs) step.inputs.push_back(placement.stored[id]);
     for (const size_t id : scheduled.outputs) step.outputs.push_back(placement.stored[id]);
     if (step.kernel.name.find("gemm") != std::string::npos) plan->blas_threads = options.threads;
+    if (impl_->has_weights && step.kernel.hold) step.weights = hold(*impl_, step);
+    step.kernel.hold = nullptr;
     plan->steps.push_back(std::move(step));
   }
   name_absorbed(operations, &plan->costs);
@@ -147,10 +207,6 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   for (const Graph::Output& output : graph.outputs) {
     plan->output_slots.emplace(output.name, slot_of(output.value));
     plan->outputs.push_back({output.name, shapes[output.value]});
-  }
-  for (const LayerCost& cost : plan->costs) {
-    plan->weight_floats += cost.parameters;
-    plan->packed_floats += cost.packed_weight_bytes / kFloatBytes;
   }
   return Plan(std::move(plan));
 }

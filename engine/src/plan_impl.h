@@ -20,6 +20,7 @@ struct Step {
   std::vector<int64_t> inputs, outputs;
   int64_t scratch = 0;
   int64_t state = 0;
+  HeldWeights weights = {};  // Kernel::hold
 };
 
 struct Plan::Impl {

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <limits>
 #include <memory>
+#include <new>
 
 #include "aligned.h"
 #include "kernels/float_mode.h"
@@ -10,10 +11,18 @@
 namespace revisit::engine {
 namespace {
 
-/// Filled with NaN: a read of memory that nothing wrote shows.
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+#ifdef REVISIT_POISON
+constexpr bool kPoison = true;
+#else
+constexpr bool kPoison = false;
+#endif
+
 AlignedFloats allocate_arena(int64_t floats) {
   AlignedFloats arena(floats);
-  std::fill_n(arena.data(), floats, std::numeric_limits<float>::quiet_NaN());
+  // A read of memory that nothing wrote shows. Elsewhere pages stay untouched until a kernel's
+  // threads write them: then they are near those threads, and only as many as are needed.
+  if (kPoison) std::fill_n(arena.data(), floats, kNan);
   return arena;
 }
 
@@ -54,7 +63,7 @@ struct Run::Memory {
 
   void run(const Step& step, size_t i) {
     const Operands& o = operands[i];
-    step.kernel.run({o.inputs, o.outputs, o.scratch, o.state, &rows[step.layer]});
+    step.kernel.run({o.inputs, o.outputs, o.scratch, o.state, &rows[step.layer], &step.weights});
   }
 };
 
@@ -62,10 +71,19 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {
   const Plan::Impl& impl = *plan_.impl_;
   if (!impl.net->has_weights)
     throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
-  memory_ = std::make_unique<Memory>(Memory{
-      {}, allocate_arena(impl.arena_floats), {}, std::vector<int64_t>(impl.costs.size(), 0)});
-  if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
+  try {
+    memory_ = std::make_unique<Memory>(Memory{
+        {}, allocate_arena(impl.arena_floats), {}, std::vector<int64_t>(impl.costs.size(), 0)});
+    if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
+  } catch (const std::bad_alloc&) {
+    throw MemoryError(str(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
+                          " MB of values and ", 128 * impl.blas_threads,
+                          " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
+                          "or fewer runs at a time"));
+  }
   float* const arena = memory_->arena.data();
+  for (const auto& [blob, slot] : impl.input_slots)  // one that is not filled shows
+    std::fill_n(arena + slot.offset, slot.shape.elements(), kNan);
   for (const Step& step : impl.steps) {
     Memory::Operands operands{{}, {}, arena + step.scratch, arena + step.state};
     std::fill_n(operands.state, step.kernel.state_floats, 0.0F);
@@ -79,32 +97,40 @@ Run::Run(Run&&) noexcept = default;
 Run& Run::operator=(Run&&) noexcept = default;
 Run::~Run() = default;
 
+Run::Memory& Run::memory() const {
+  if (!memory_) throw UsageError("this run was moved from: use the one that it was moved to");
+  return *memory_;
+}
+
 View<float> Run::input(std::string_view blob) {
+  Memory& memory = this->memory();
   const Plan::Impl::Slot& slot = find_slot(plan_.impl_->input_slots, blob, "input");
-  return {memory_->arena.data() + slot.offset, slot.shape};
+  return {memory.arena.data() + slot.offset, slot.shape};
 }
 
 View<const float> Run::output(std::string_view name) const {
-  return memory_->view(find_slot(plan_.impl_->output_slots, name, "output"));
+  return memory().view(find_slot(plan_.impl_->output_slots, name, "output"));
 }
 
 View<const float> Run::layer_output(std::string_view name) const {
-  return memory_->view(find_slot(plan_.impl_->layer_slots, name, "output of a layer"));
+  return memory().view(find_slot(plan_.impl_->layer_slots, name, "output of a layer"));
 }
 
 void Run::forward() noexcept {
+  Memory& memory = this->memory();
   const FloatModeScope scope(mode_of(*plan_.impl_));
   const std::vector<Step>& steps = plan_.impl_->steps;
-  for (size_t i = 0; i < steps.size(); ++i) memory_->run(steps[i], i);
+  for (size_t i = 0; i < steps.size(); ++i) memory.run(steps[i], i);
 }
 
 void Run::forward(StepObserver& observer) {
+  Memory& memory = this->memory();
   const std::vector<Step>& steps = plan_.impl_->steps;
   for (size_t i = 0; i < steps.size(); ++i) {
     observer.before(steps[i].layer);
     {
       const FloatModeScope scope(mode_of(*plan_.impl_));
-      memory_->run(steps[i], i);
+      memory.run(steps[i], i);
     }
     observer.after(steps[i].layer);
   }

@@ -22,14 +22,21 @@ Kernel reorder_kernel(const Shape& shape, Layout to, int threads) {
 class Scheduler {
  public:
   Scheduler(const Net::Impl& net, const std::vector<Shape>& shapes, const Operations& operations,
-            const PlanOptions& options)
+            const PlanOptions& options, int64_t most_packed_floats)
       : net_(net),
         shapes_(shapes),
         operations_(operations),
         options_(options),
+        packed_left_(most_packed_floats),
         read_outside_(shapes.size(), false) {
     result_.plain.resize(shapes.size());
     blocked_.resize(shapes.size());
+    for (const Operation& operation : operations.list)
+      if (operation.convolution)
+        packed_left_ -= packed_floats(std::get<Convolving>(operation.form).problem,
+                                      operation.fusion, *operation.convolution);
+      else if (chooses(operation))
+        weights_left_ += weights_of(operation);
   }
 
   Schedule run() {
@@ -89,10 +96,15 @@ class Scheduler {
     for (const ValueId id : operation.outputs) outputs.push_back(shapes_[id]);
     ScheduledStep step{operation.node, {}, operation.layer->output_memory(), {}, {}};
     if (step.memory != OutputMemory::kViewOfInput) {
-      check_outputs(outputs, options_.max_arena_bytes);
+      check_outputs(outputs, options_.max_run_bytes);
       const BlockedConvolutionKernel* const convolution = convolution_kernel(operation);
       step.kernel = bind(operation, convolution, inputs, outputs);
       step.why = why(operation, convolution);
+      result_.packed_floats += step.kernel.packed_floats;
+      if (chooses(operation)) {
+        packed_left_ -= step.kernel.packed_floats;
+        weights_left_ -= weights_of(operation);
+      }
     }
     for (size_t i = 0; i < operation.inputs.size(); ++i)
       step.inputs.push_back(require(
@@ -107,14 +119,16 @@ class Scheduler {
 
   Kernel bind(const Operation& operation, const BlockedConvolutionKernel* convolution,
               const std::vector<Shape>& inputs, const std::vector<Shape>& outputs) {
-    Binding binding{inputs, outputs, net_.nodes[operation.node].weights,
-                    std::max(options_.threads, 1), options_.reference_kernels};
+    Binding binding{inputs, outputs, net_.nodes[operation.node].weights, options_.threads,
+                    options_.reference_kernels};
     if (!options_.reference_kernels)
       for (const ValueId id : operation.inputs)
         binding.layouts.push_back(blocked_[id] ? Layout::kBlocked : Layout::kPlain);
     binding.fusion = operation.fusion;
     binding.cache = &net_.packed_weights;
     binding.layer = operation.node;
+    if (net_.releasable.has(operation.node))
+      binding.originals = [&net = net_, node = operation.node] { return net.releasable.get(node); };
     binding.convolution = convolution;
     return bind_operation(*operation.layer, operation.form, binding);
   }
@@ -124,14 +138,15 @@ class Scheduler {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
     if (!convolving || options_.reference_kernels) return nullptr;
     if (operation.convolution) return operation.convolution;
-    return choose(operation, convolving->problem, operation.most_winograd_points);
+    return choose(operation, convolving->problem,
+                  {operation.most_winograd_points, share_of(operation)});
   }
 
   const BlockedConvolutionKernel* choose(const Operation& operation,
                                          const ConvolutionProblem& problem,
-                                         int most_winograd_points) const {
+                                         const ConvolutionLimits& limits) const {
     const Layout input = blocked_[operation.inputs[0]] ? Layout::kBlocked : Layout::kPlain;
-    return choose_convolution(problem, operation.fusion, input, most_winograd_points);
+    return choose_convolution(problem, operation.fusion, input, limits);
   }
 
   /// As LayerCost::why.
@@ -139,9 +154,29 @@ class Scheduler {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
     if (!convolving) return "";
     if (options_.reference_kernels) return "reference asked";
-    if (!operation.convolution && choose(operation, convolving->problem, kAnyPoints) != chosen)
+    const ConvolutionProblem& problem = convolving->problem;
+    if (choose(operation, problem, {operation.most_winograd_points}) != chosen)
+      return "memory limit";
+    if (!operation.convolution && choose(operation, problem, {}) != chosen)
       return options_.accuracy == Accuracy::kStrict ? "strict accuracy" : "amplified later";
     return chosen ? "fastest predicted" : "blocked does not pay";
+  }
+
+  /// Of what is left to be packed, by its weights: so that no layer takes all from those after it.
+  int64_t share_of(const Operation& operation) const {
+    const double share = weights_of(operation) / std::max(weights_left_, 1.0);
+    return static_cast<int64_t>(share * static_cast<double>(packed_left_));
+  }
+
+  double weights_of(const Operation& operation) const {
+    double elements = 0;
+    for (const Tensor& weight : net_.nodes[operation.node].weights)
+      elements += static_cast<double>(weight.shape.elements());
+    return elements;
+  }
+
+  bool chooses(const Operation& operation) const {
+    return std::holds_alternative<Convolving>(operation.form) && !operation.convolution;
   }
 
   const Net::Impl& net_;
@@ -149,6 +184,8 @@ class Scheduler {
   const Operations& operations_;
   const PlanOptions& options_;
   Schedule result_;
+  int64_t packed_left_;                         // floats, of kernels still to be chosen
+  double weights_left_ = 0;                     // floats, of layers whose kernels are
   std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::plain
   std::vector<bool> read_outside_;              // of each value
 };
@@ -156,8 +193,9 @@ class Scheduler {
 }  // namespace
 
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
-                  const Operations& operations, const PlanOptions& options) {
-  return Scheduler(net, shapes, operations, options).run();
+                  const Operations& operations, const PlanOptions& options,
+                  int64_t most_packed_floats) {
+  return Scheduler(net, shapes, operations, options, most_packed_floats).run();
 }
 
 }  // namespace revisit::engine

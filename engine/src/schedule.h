@@ -29,13 +29,16 @@ struct Schedule {
   std::vector<ScheduledStep> steps;
   std::vector<size_t> inputs;                // of the net, in the order of its Input layers
   std::vector<std::optional<size_t>> plain;  // of each value: where it lies in plain layout
+  int64_t packed_floats = 0;                 // of all kernels
 };
 
 /// Binds every operation: blocked kernels where a layer has one that takes what is there, with
 /// reorders only where a layer needs what is not there yet. Values that are read from outside (the
-/// outputs of the net; all, with keep_all) are plain in the end. Throws InputError naming the layer
-/// that cannot take the shapes.
+/// outputs of the net; all, with keep_all) are plain in the end. Nothing is packed yet; where the
+/// kernels of convolutions are chosen here, each packs at most its share of what is left of
+/// `most_packed_floats`. Throws InputError naming the layer that cannot take the shapes.
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
-                  const Operations& operations, const PlanOptions& options);
+                  const Operations& operations, const PlanOptions& options,
+                  int64_t most_packed_floats);
 
 }  // namespace revisit::engine

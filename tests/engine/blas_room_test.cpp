@@ -25,7 +25,7 @@ void limit_memory() {
   setrlimit(RLIMIT_AS, &limit);
 }
 
-/// Exits with 7 when `work` throws std::bad_alloc.
+/// Exits with 7 when `work` throws std::bad_alloc, 8 for MemoryError.
 template <class Work>
 void expect_no_memory(const Work& work) {
   limit_memory();
@@ -33,6 +33,8 @@ void expect_no_memory(const Work& work) {
     work();
   } catch (const std::bad_alloc&) {
     std::_Exit(7);
+  } catch (const MemoryError&) {
+    std::_Exit(8);
   }
   std::_Exit(0);
 }
@@ -54,7 +56,7 @@ TEST(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
   options.threads = kThreads;
   const Plan plan = net.plan({}, options);
   ASSERT_NE(plan.layers().back().kernel.find("gemm"), std::string::npos);
-  EXPECT_EXIT(expect_no_memory([&] { const engine::Run run(plan); }), testing::ExitedWithCode(7),
+  EXPECT_EXIT(expect_no_memory([&] { const engine::Run run(plan); }), testing::ExitedWithCode(8),
               "");
   options.reference_kernels = true;
   const Plan reference = net.plan({}, options);

@@ -138,12 +138,12 @@ TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
   const Shape large{1, 1, 1000, 1000};  // 4 MB; outputs "concat" 8 MB
   expect_error<InputError>(
       [&] {
-        net.plan({{"data", large}}, {.max_arena_bytes = int64_t{7} << 20});
+        net.plan({{"data", large}}, {.max_run_bytes = int64_t{7} << 20});
       },
-      {"'concat'", "outputs take 7 MB", "limit of 7 MB", "max_arena_bytes"});
+      {"'concat'", "outputs take 7 MB", "limit of 7 MB", "max_run_bytes"});
   expect_error<InputError>(
       [&] {
-        net.plan({{"data", large}}, {.max_arena_bytes = int64_t{9} << 20});
+        net.plan({{"data", large}}, {.max_run_bytes = int64_t{9} << 20});
       },
       {"running the net takes", "limit of 9 MB", "most is for 'concat': 7 MB"});
   EXPECT_GT(net.plan({{"data", large}}).arena_bytes(), int64_t{9} << 20);
@@ -154,9 +154,12 @@ TEST_F(NetTest, TooMuchMemoryIsRefusedBeforeItIsAllocated) {
   load(8);
 }
 
-TEST_F(NetTest, TooManyThreadsAreRefused) {
+TEST_F(NetTest, OtherNumbersOfThreadsAreRefused) {
   const Net net = Net::load(prototxt(), weights());
   expect_error<UsageError>([&] { net.plan({}, {.threads = 2'000'000'000}); }, {"at most 1024"});
+  for (const int threads : {0, -1})
+    expect_error<UsageError>([&] { net.plan({}, {.threads = threads}); },
+                             {"at least 1", std::to_string(threads)});
 }
 
 TEST_F(NetTest, AnInputWithoutAShapeTakesThatOfTheOptions) {

@@ -19,7 +19,7 @@ constexpr int64_t kMostBytes = int64_t{4} << 20;  // of weights, and of an arena
 
 struct Request {
   std::optional<engine::Shape> shape;
-  engine::PlanOptions options{.max_arena_bytes = kMostBytes};
+  engine::PlanOptions options{.max_run_bytes = kMostBytes};
   bool special_values = false, shape_at_load = false;
 };
 

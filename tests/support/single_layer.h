@@ -65,9 +65,10 @@ inline std::vector<engine::Tensor> run_layer(const SingleLayer& l) {
   std::vector<float> scratch(static_cast<size_t>(kernel.scratch_floats));
   if (!scratch.empty()) std::memset(scratch.data(), 0xA5, scratch.size() * sizeof(float));
   std::vector<float> state(static_cast<size_t>(kernel.state_floats), 0.0F);
+  const HeldWeights held = kernel.hold ? kernel.hold() : HeldWeights{};
   int64_t rows = -1;
   for (int pass = 0; pass < l.passes; ++pass)
-    kernel.run({in, out, scratch.data(), state.data(), &rows});
+    kernel.run({in, out, scratch.data(), state.data(), &rows, &held});
   if (const auto axis = layer->dynamic_axis())
     for (Tensor& output : outputs) {
       output.shape = output.shape.with_rows(*axis, rows);

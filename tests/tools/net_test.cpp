@@ -173,6 +173,22 @@ TEST_F(NetCommand, LimitsAreOptions) {
   expect_failure(2, "net inspect --max-layers 0 " + model(), "--max-layers: expected 1 to");
   expect_failure(3, "net inspect --max-run-mb 1 --input-shape 1x1x900x900 " + path("net.prototxt"),
                  "limit of 1 MB (--max-run-mb");
+  // Values and packed weights together: a kernel that packs less takes the layer.
+  test::write_file(dir_ / "deep.prototxt",
+                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+                   "dim: 1024 dim: 14 "
+                   "dim: 14 } } } layer { name: 'c' type: 'Convolution' bottom: 'data' top: 'c' "
+                   "convolution_param { num_output: 1024 kernel_size: 3 pad: 1 } }");
+  const auto memory = [&](const std::string& option) {
+    const auto result = run_revisit("net inspect --format json " + option + path("deep.prototxt"));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    const auto number = [&](const std::string& name) {
+      return std::stod(result.out.substr(result.out.rfind("\"" + name + "\":") + name.size() + 3));
+    };
+    return number("arena_bytes") + number("packed_weight_bytes");
+  };
+  EXPECT_GT(memory(""), 40 << 20);
+  EXPECT_LE(memory("--max-run-mb 10 "), 10 << 20);
 }
 
 TEST_F(NetCommand, AnInputWithoutAShapeTakesThatOfTheCommandLine) {

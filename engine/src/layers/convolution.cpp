@@ -44,12 +44,8 @@ class Convolution : public Layer {
   Kernel bind(const Binding& binding) const override {
     Problem p = problem(binding.inputs[0]);
     p.threads = binding.threads;
-    const bool inspected = binding.weights[0].values.empty();
-    const float* weights = inspected ? nullptr : binding.weights[0].values.data();
-    const float* bias =
-        inspected || !param_.bias_term() ? nullptr : binding.weights[1].values.data();
-    Kernel kernel = p.axes.size() <= 2 ? bind_planar_convolution(planar(p), binding, weights, bias)
-                                       : bind_nd(p, binding.reference_kernels, weights, bias);
+    Kernel kernel = p.axes.size() <= 2 ? bind_planar_convolution(planar(p), binding)
+                                       : bind_nd(p, binding, param_.bias_term());
     kernel.macs = static_cast<int64_t>(binding.outputs.size()) * p.macs();
     return kernel;
   }
@@ -93,9 +89,11 @@ class Convolution : public Layer {
             w.pad,     h.dilation, w.dilation, p.group,  p.threads};
   }
 
-  static Kernel bind_nd(const Problem& problem, bool reference, const float* weights,
-                        const float* bias) {
-    const ConvolutionNdKernel& chosen = reference ? kConvolutionNdReference : kConvolutionNdGemm;
+  static Kernel bind_nd(const Problem& problem, const Binding& binding, bool has_bias) {
+    const ConvolutionNdKernel& chosen =
+        binding.reference_kernels ? kConvolutionNdReference : kConvolutionNdGemm;
+    const float* weights = binding.weights[0].values.data();
+    const float* bias = has_bias ? binding.weights[1].values.data() : nullptr;
     return {chosen.name,
             [problem, &chosen, weights, bias](const Call& call) {
               for (size_t i = 0; i < call.inputs.size(); ++i)

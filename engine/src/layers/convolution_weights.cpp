@@ -29,28 +29,35 @@ std::vector<float> with_constants(const FoldedWeights& folded, int64_t c_out) {
   return result;
 }
 
-bool changes_weights(const Fusion& fusion) {
-  return fusion.gray_offsets || fusion.affine;
+const float* bias_of(const std::vector<Tensor>& originals) {
+  return originals.size() > 1 ? originals[1].values.data() : nullptr;
+}
+
+HeldWeights held(std::shared_ptr<const PackedWeights> packed) {
+  const float *weights = packed->weights.data(), *bias = packed->bias.data(),
+              *outside = packed->outside.data();
+  return {weights, bias, outside, std::move(packed)};
 }
 
 }  // namespace
 
-FusedConvolution::FusedConvolution(const ConvolutionProblem& problem, const Fusion& fusion,
-                                   const float* weights, const float* bias)
+FusedConvolution::FusedConvolution(const ConvolutionProblem& problem, const Fusion& fusion)
     : problem_(problem),
       fusion_(fusion),
       weight_size_{problem.c_out, problem.c_in_per_group(), problem.kernel_h * problem.kernel_w},
       sees_outside_(problem.pad_h > 0 || problem.pad_w > 0 ||
                     (problem.kernel_h - 1) * problem.dilation_h >= problem.h ||
-                    (problem.kernel_w - 1) * problem.dilation_w >= problem.w),
-      weights_(weights),
-      bias_(bias) {
+                    (problem.kernel_w - 1) * problem.dilation_w >= problem.w) {
   if (fusion.gray_offsets) problem_.c_in = 1;
 }
 
 int64_t FusedConvolution::packed_floats(const BlockedConvolutionKernel& kernel) const {
   return (has_constants() ? 2 : 1) * kernel.packed_floats(problem_) +
          padded_channels(problem_.c_out);
+}
+
+int64_t FusedConvolution::most_packed_floats(int64_t limit) const {
+  return (limit - padded_channels(problem_.c_out)) / (has_constants() ? 2 : 1);
 }
 
 PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
@@ -61,38 +68,47 @@ PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
   return key;
 }
 
-std::shared_ptr<const PackedWeights> FusedConvolution::pack(const BlockedConvolutionKernel& kernel,
-                                                            const Binding& binding) const {
-  if (!weights_) return nullptr;
-  return binding.cache->get(key(binding.layer, kernel.name), [&] {
+FoldedWeights FusedConvolution::folded(const std::vector<Tensor>& originals) const {
+  return fold(fusion_, weight_size_, sees_outside_, originals[0].values.data(), bias_of(originals));
+}
+
+HeldWeights FusedConvolution::packed(const BlockedConvolutionKernel& kernel,
+                                     const WeightSource& source) const {
+  return held(source.cache->get(key(source.layer, kernel.name), [&] {
+    const auto originals = source.originals();
     const int64_t lanes = padded_channels(problem_.c_out);
     PackedWeights packed{AlignedFloats(kernel.packed_floats(problem_)), {}};
-    if (!changes_weights(fusion_)) {
-      kernel.pack(problem_, weights_, packed.weights.data());
-      packed.bias =
-          padded(std::span(bias_, static_cast<size_t>(bias_ ? problem_.c_out : 0)), lanes);
+    if (!fusion_.gray_offsets && !fusion_.affine) {
+      const float* bias = bias_of(*originals);
+      kernel.pack(problem_, (*originals)[0].values.data(), packed.weights.data());
+      packed.bias = padded(std::span(bias, static_cast<size_t>(bias ? problem_.c_out : 0)), lanes);
       return packed;
     }
-    FoldedWeights f = folded();
+    FoldedWeights f = folded(*originals);
     kernel.pack(problem_, f.weights.data(), packed.weights.data());
     packed.bias = padded(f.bias, lanes);
     if (has_constants()) pack_constants(kernel, problem_, std::move(f.constants), &packed);
     return packed;
-  });
+  }));
 }
 
-FusedConvolution::Plain FusedConvolution::plain(const Binding& binding) const {
-  if (!changes_weights(fusion_)) return {weights_, bias_, nullptr, 0};
-  const int64_t floats = problem_.c_out * ((has_constants() ? 2 : 1) * problem_.depth() + 1);
-  if (!weights_) return {nullptr, nullptr, nullptr, floats};
-  auto owner = binding.cache->get(key(binding.layer, ""), [&] {
-    FoldedWeights f = folded();
+int64_t FusedConvolution::plain_floats() const {
+  return fusion_.gray_offsets ? problem_.c_out * ((has_constants() ? 2 : 1) * problem_.depth() + 1)
+                              : 0;
+}
+
+HeldWeights FusedConvolution::plain(const WeightSource& source) const {
+  if (!fusion_.gray_offsets) {
+    auto originals = source.originals();
+    const float *weights = (*originals)[0].values.data(), *bias = bias_of(*originals);
+    return {weights, bias, nullptr, std::move(originals)};
+  }
+  return held(source.cache->get(key(source.layer, ""), [&] {
+    FoldedWeights f = folded(*source.originals());
     if (has_constants()) f.weights = with_constants(f, problem_.c_out);
     return PackedWeights{padded(f.weights, static_cast<int64_t>(f.weights.size())),
                          padded(f.bias, static_cast<int64_t>(f.bias.size()))};
-  });
-  const float *weights = owner->weights.data(), *bias = owner->bias.data();
-  return {weights, bias, std::move(owner), floats};
+  }));
 }
 
 }  // namespace revisit::engine

@@ -21,8 +21,8 @@ bool pays(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
 }
 
 const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout input,
-                                           int most_points) {
-  const BlockedConvolutionKernel* const kernel = choose_blocked_convolution(p, input, most_points);
+                                           const ConvolutionLimits& limits) {
+  const BlockedConvolutionKernel* const kernel = choose_blocked_convolution(p, input, limits);
   return kernel && pays(*kernel, p) ? kernel : nullptr;
 }
 
@@ -49,6 +49,15 @@ struct RunBlocked {
   }
 };
 
+WeightSource source_of(const Binding& binding) {
+  if (binding.originals) return {binding.originals, binding.cache, binding.layer};
+  return {[&weights = binding.weights] {
+            const std::shared_ptr<const void> not_owned;
+            return std::shared_ptr<const std::vector<Tensor>>(not_owned, &weights);
+          },
+          binding.cache, binding.layer};
+}
+
 Kernel bind_blocked(const BlockedConvolutionKernel& chosen, const FusedConvolution& convolution,
                     const Binding& binding) {
   const Fusion& fusion = convolution.fusion();
@@ -60,12 +69,15 @@ Kernel bind_blocked(const BlockedConvolutionKernel& chosen, const FusedConvoluti
   kernel.writes = Layout::kBlocked;
   kernel.packed_floats = convolution.packed_floats(chosen);
   kernel.scratch_floats = run.scratch_floats();
-  kernel.run = [run, adds = fusion.adds_last_input, packed = convolution.pack(chosen, binding),
+  kernel.hold = [convolution, &chosen, source = source_of(binding)] {
+    return convolution.packed(chosen, source);
+  };
+  kernel.run = [run, adds = fusion.adds_last_input,
                 held = HeldEpilogue(fusion.activation)](const Call& call) {
     for (size_t i = 0; i < call.outputs.size(); ++i)
-      run({call.inputs[i], packed->weights.data(), packed->bias.data(),
+      run({call.inputs[i], call.weights->weights, call.weights->bias,
            adds ? call.inputs.back() : nullptr, held.epilogue, call.outputs[i], call.scratch,
-           packed->outside.data()});
+           call.weights->outside});
   };
   return kernel;
 }
@@ -95,21 +107,25 @@ Kernel bind_plain(const FusedConvolution& convolution, const Binding& binding) {
   const bool has_ones = convolution.has_constants();
   if (has_ones) p.c_in = 2;
   const ConvolutionKernel& chosen = choose_plain(p, binding.reference_kernels);
-  const FusedConvolution::Plain weights = convolution.plain(binding);
+  // Of a gray input they are a copy already, with scale and shift in it.
+  std::optional<HeldAffine> affine;
+  if (fusion.affine && !fusion.gray_offsets) affine = HeldAffine(*fusion.affine);
   const int64_t input_scratch = has_ones ? p.n * p.c_in * p.h * p.w : 0;
   Kernel kernel;
   kernel.name = chosen.name;
-  kernel.packed_floats = weights.packed_floats;
+  kernel.packed_floats = convolution.plain_floats();
   kernel.scratch_floats = input_scratch + chosen.scratch_floats(p);
-  kernel.run = [p, &chosen, weights, has_ones, input_scratch, adds = fusion.adds_last_input,
+  kernel.hold = [convolution, source = source_of(binding)] { return convolution.plain(source); };
+  kernel.run = [p, &chosen, has_ones, input_scratch, affine, adds = fusion.adds_last_input,
                 held = HeldEpilogue(fusion.activation)](const Call& call) {
     for (size_t i = 0; i < call.outputs.size(); ++i) {
       const float* input = has_ones ? with_ones(p, call.inputs[i], call.scratch) : call.inputs[i];
-      chosen.run(p, input, weights.weights, weights.bias, call.outputs[i],
+      chosen.run(p, input, call.weights->weights, call.weights->bias, call.outputs[i],
                  call.scratch + input_scratch);
       finish({p.n, p.c_out, p.out_pixels()},
-             {.addend = adds ? call.inputs.back() : nullptr, .epilogue = held.epilogue}, p.threads,
-             call.outputs[i]);
+             {affine ? affine->scale->data() : nullptr, affine ? affine->shift->data() : nullptr,
+              adds ? call.inputs.back() : nullptr, held.epilogue},
+             p.threads, call.outputs[i]);
     }
   };
   return kernel;
@@ -119,20 +135,25 @@ Kernel bind_plain(const FusedConvolution& convolution, const Binding& binding) {
 
 const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& problem,
                                                    const Fusion& fusion, Layout input,
-                                                   int most_winograd_points) {
-  const FusedConvolution convolution(problem, fusion, nullptr, nullptr);
+                                                   const ConvolutionLimits& limits) {
+  const FusedConvolution convolution(problem, fusion);
   const ConvolutionProblem& p = convolution.problem();
+  const ConvolutionLimits of_kernel{limits.transform_points,
+                                    convolution.most_packed_floats(limits.packed_floats)};
   // Both are made for the plain input, also where another layer has it in blocks.
-  if (fusion.gray_offsets || fusion.pooling)
-    return choose_for(p, Layout::kPlain, most_winograd_points);
+  if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kPlain, of_kernel);
   if (input == Layout::kPlain)
-    if (const auto* kernel = choose_for(p, Layout::kPlain, most_winograd_points)) return kernel;
-  return choose_for(p, Layout::kBlocked, most_winograd_points);
+    if (const auto* kernel = choose_for(p, Layout::kPlain, of_kernel)) return kernel;
+  return choose_for(p, Layout::kBlocked, of_kernel);
 }
 
-Kernel bind_planar_convolution(const ConvolutionProblem& problem, const Binding& binding,
-                               const float* weights, const float* bias) {
-  const FusedConvolution convolution(problem, binding.fusion, weights, bias);
+int64_t packed_floats(const ConvolutionProblem& problem, const Fusion& fusion,
+                      const BlockedConvolutionKernel& kernel) {
+  return FusedConvolution(problem, fusion).packed_floats(kernel);
+}
+
+Kernel bind_planar_convolution(const ConvolutionProblem& problem, const Binding& binding) {
+  const FusedConvolution convolution(problem, binding.fusion);
   return binding.convolution ? bind_blocked(*binding.convolution, convolution, binding)
                              : bind_plain(convolution, binding);
 }

@@ -14,7 +14,7 @@ constexpr Setting kSettings[] = {
     {"LoadOptions::allow_missing", "--allow-missing"},
     {"LoadOptions::inputs", "--input-shape"},
     {"Net::layer_names", "'revisit net inspect'"},
-    {"PlanOptions::max_arena_bytes", "--max-run-mb"},
+    {"PlanOptions::max_run_bytes", "--max-run-mb"},
     {"SimulationConfig::every", "--every"},
     {"SimulationConfig::last_frame", "--frames"},
     {"SimulationConfig::output", "--output"},

@@ -78,7 +78,10 @@ void NetOptions::declare(Parser& parser) {
               &keep_denormals);
   limits.declare(parser);
   parser.option("max-run-mb", "N",
-                str("most memory for the values of one run (default ", run_mb, ")"), &run_mb);
+                str("most memory for the values of one run and its kernels' packed weights "
+                    "together (default ",
+                    run_mb, ")"),
+                &run_mb);
 }
 
 std::vector<std::string> NetOptions::input_blobs() const {
@@ -87,13 +90,17 @@ std::vector<std::string> NetOptions::input_blobs() const {
 
 engine::LoadOptions NetOptions::load_options() const {
   if (threads < 1) throw UsageError(str("--threads: expected at least 1, found ", threads));
-  return {truncation, named_shapes(*this), allow_missing, allow_unknown, limits.limits()};
+  return {.truncation = truncation,
+          .inputs = named_shapes(*this),
+          .allow_missing = allow_missing,
+          .allow_unknown = allow_unknown,
+          .limits = limits.limits()};
 }
 
 engine::PlanOptions NetOptions::plan_options() const {
   check_limit("--max-run-mb", run_mb, kMostMb);
   return {.threads = threads,
-          .max_arena_bytes = run_mb << 20,
+          .max_run_bytes = run_mb << 20,
           .flush_denormals = !keep_denormals,
           .accuracy = parse_accuracy(accuracy)};
 }

@@ -32,7 +32,7 @@ struct NetOptions {
   bool allow_missing = false, allow_unknown = false, keep_denormals = false;
   std::string accuracy = "usual";
   LimitOptions limits;
-  int64_t run_mb = engine::PlanOptions{}.max_arena_bytes >> 20;
+  int64_t run_mb = engine::PlanOptions{}.max_run_bytes >> 20;
 
   /// Declares the positional PROTOTXT [WEIGHTS] and the options.
   void declare(Parser& parser);

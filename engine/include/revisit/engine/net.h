@@ -9,9 +9,15 @@
 #include <vector>
 
 #include "revisit/engine/tensor.h"
+#include "revisit/proto/error.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::engine {
+
+/// The system refused memory; the message says how much and for what.
+class MemoryError : public Error {
+  using Error::Error;
+};
 
 /// Where to cut a network off. Layers beyond are never looked at and their weights are not read.
 struct Truncation {
@@ -37,6 +43,11 @@ struct LoadOptions {
   /// What the files may ask for. A prototxt of a few lines can ask for any amount of weights: more
   /// than `limits.weight_bytes` in memory are refused, too, before they are allocated.
   proto::Limits limits;
+  /// Lets go of the file's weights of a convolution as soon as a plan has them in the order of its
+  /// kernel (Plan::packed_weight_bytes()), so that they are not in memory twice. A later plan that
+  /// needs them again (another kernel, reference_kernels) reads them from the file, which therefore
+  /// has to stay what it is: else that plan throws InputError. Only of weights from a file.
+  bool release_weights = false;
 };
 
 /// A tensor of the net that has a name outside: an input or an output.
@@ -59,14 +70,19 @@ enum class Accuracy {
 };
 
 struct PlanOptions {
-  /// Threads of one forward pass. The result does not depend on it, bit for bit.
+  /// Threads of one forward pass, 1 to 1024. The result does not depend on it, bit for bit.
   int threads = 1;
   /// Keep the output of every layer, not only the net's outputs.
   bool keep_all = false;
   /// Use the slow, readable kernels only: the truth the others are tested against.
   bool reference_kernels = false;
-  /// A plan whose runs would need more memory than this is refused.
-  int64_t max_arena_bytes = int64_t{8} << 30;
+  /// The most that one run may take beside the weights of the file [bytes]: Plan::arena_bytes() and
+  /// Plan::packed_weight_bytes() together. Where the fastest kernels take more, the kernel of a
+  /// convolution is the fastest whose packed weights fit in its share of what is left, in the end
+  /// one that reads the weights as they are; a plan that takes more even so is refused, before any
+  /// of it is allocated. What other plans of the net share counts in full: which kernels a plan has
+  /// depends on nothing else.
+  int64_t max_run_bytes = int64_t{8} << 30;
   /// Numbers below 1.2e-38 in magnitude (denormals) count as zero while a pass runs. Caffe keeps
   /// them. On x86 each costs some hundred cycles: an LSTM whose gates have closed takes 13 times as
   /// long, a net faded to nothing 55 times. What differs is smaller than any error of rounding, but
@@ -102,8 +118,9 @@ struct LayerCost {
   /// work.
   std::string kernel;
   /// Of a convolution, the rule that chose its kernel: "fastest predicted"; "strict accuracy" or
-  /// "amplified later" where that ruled out a faster one; "blocked does not pay" (few channels);
-  /// "reference asked". "" for other layers.
+  /// "amplified later" where that ruled out a faster one; "memory limit" where
+  /// PlanOptions::max_run_bytes did; "blocked does not pay" (few channels); "reference asked". ""
+  /// for other layers.
   std::string why;
   std::vector<Shape> inputs, outputs;
   std::vector<std::string>
@@ -121,14 +138,20 @@ struct LayerCost {
 class Run;
 
 /// How one network runs on inputs of given shapes: kernels chosen, memory laid out. Immutable,
-/// cheap to copy; keeps what it needs of the net alive.
+/// cheap to copy; keeps what it needs of the net alive. Moving copies: there is no plan that was
+/// moved from.
 class Plan {
  public:
+  Plan(const Plan&) = default;
+  Plan& operator=(const Plan&) = default;
+  ~Plan() = default;
+
   const std::vector<LayerCost>& layers() const;
   const std::vector<Port>& inputs() const;
   const std::vector<Port>& outputs() const;
   /// All activations and scratch of one run [bytes]: the size of the arena.
   int64_t arena_bytes() const;
+  /// The weights of the file [bytes], whether in memory or released.
   int64_t weight_bytes() const;
   /// What kernels hold in an order of their own, beside the weights [bytes]. All plans of a net
   /// share it where they use the same kernels; it goes with the last of them.
@@ -145,9 +168,14 @@ class Plan {
   std::shared_ptr<const Impl> impl_;
 };
 
-/// A network with its weights, cut off where asked. Immutable after loading; share it freely.
+/// A network with its weights, cut off where asked. Immutable after loading; share it freely, also
+/// between threads that plan. Moving copies, which is cheap: there is no net that was moved from.
 class Net {
  public:
+  Net(const Net&) = default;
+  Net& operator=(const Net&) = default;
+  ~Net() = default;
+
   /// Reads an original Caffe prototxt and caffemodel; only the layers that are needed.
   /// Throws InputError (files that do not parse or do not fit each other), UnsupportedError (a
   /// needed layer type that we lack), UsageError (an unknown layer in the truncation; the nearest
@@ -164,8 +192,10 @@ class Net {
                                   const LoadOptions& options = {});
 
   /// Chooses kernels and lays out memory. `inputs` replaces input shapes by blob name.
-  /// Throws InputError naming the layer that cannot take the shapes or needs too much memory,
-  /// UsageError for an unknown input or too many threads.
+  /// Throws InputError naming the layer that cannot take the shapes, or what takes more than
+  /// PlanOptions::max_run_bytes, or when released weights cannot be read again; UsageError for an
+  /// unknown input or a number of threads that is none; MemoryError when the system has no memory
+  /// for the packed weights.
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
   const std::string& name() const;
@@ -182,6 +212,9 @@ class Net {
   const std::vector<std::string>& warnings() const;
   /// Bytes read from the weights file.
   uint64_t weight_bytes_read() const;
+  /// The file's weights that are in memory now [bytes]: all, but for what
+  /// LoadOptions::release_weights let go.
+  int64_t weight_bytes_in_memory() const;
   /// Weights that the kernels of all living plans hold in orders of their own [bytes].
   int64_t packed_weight_bytes() const;
 
@@ -210,10 +243,15 @@ class StepObserver {
 
 /// One execution context: owns the memory of a plan. Use one per thread; several runs of one plan
 /// may work at the same time. Threads are OpenMP's, a team for each thread that calls forward().
-/// What matrix products do to OpenBLAS's threads: OneBlasThread in blas.h.
+/// What matrix products do to OpenBLAS's threads: OneBlasThread in blas.h. A run that was moved
+/// from may be assigned to or destroyed; all else throws UsageError, and forward() without an
+/// observer, which cannot throw, ends the program with it (std::terminate).
 class Run {
  public:
-  /// Allocates the arena. Throws UsageError when the net has no weights but needs some.
+  /// Allocates the arena, Plan::arena_bytes(). Its inputs are NaN until they are filled. Throws
+  /// UsageError when the net has no weights but needs some, MemoryError when the system has no
+  /// memory for it. A system that promises more than it has (Linux's overcommit) may end the
+  /// program later instead: PlanOptions::max_run_bytes is the limit that always holds.
   explicit Run(Plan plan);
   Run(Run&&) noexcept;
   Run& operator=(Run&&) noexcept;
@@ -235,6 +273,7 @@ class Run {
 
  private:
   struct Memory;
+  Memory& memory() const;  // throws UsageError when moved from
   Plan plan_;
   std::unique_ptr<Memory> memory_;
 };

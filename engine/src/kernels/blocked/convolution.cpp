@@ -18,11 +18,13 @@ std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
 }
 
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
-                                                           Layout input, int most_points) {
+                                                           Layout input,
+                                                           const ConvolutionLimits& limits) {
   const BlockedConvolutionKernel* best = nullptr;
   double best_ms = 0;
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
-    if (kernel.input != input || kernel.transform_points > most_points || !kernel.supports(p))
+    if (kernel.input != input || kernel.transform_points > limits.transform_points ||
+        !kernel.supports(p) || kernel.packed_floats(p) > limits.packed_floats)
       continue;
     const double ms = kernel.predicted_ms(p);
     if (best && best_ms <= ms) continue;

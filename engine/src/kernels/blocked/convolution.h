@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "kernels/convolution.h"
@@ -44,10 +45,16 @@ constexpr int kAnyPoints = 99;
 
 std::span<const BlockedConvolutionKernel> blocked_convolution_kernels();
 
+/// What a kernel may not exceed.
+struct ConvolutionLimits {
+  int transform_points = kAnyPoints;
+  int64_t packed_floats = std::numeric_limits<int64_t>::max();
+};
+
 /// The kernel with the smallest predicted time among those that support the problem, take this
-/// layout and have transforms of at most `most_points`; null when none does.
+/// layout and keep to the limits; null when none does.
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
                                                            Layout input,
-                                                           int most_points = kAnyPoints);
+                                                           const ConvolutionLimits& limits = {});
 
 }  // namespace revisit::engine
