@@ -51,8 +51,8 @@ gather_seeds() {  # gather_seeds TARGET FOLDER
 make_dictionary() {
   case $1 in
     prototxt | net_forward)
-      { grep -oE '\b[a-z_0-9]+ = [0-9]+' "$root/proto/caffe.proto" | cut -d' ' -f1
-        grep -oE '\b[A-Z][A-Z_]+ = [0-9]+' "$root/proto/caffe.proto" | cut -d' ' -f1
+      { grep -oE '\b[a-z_0-9]+ = [0-9]+' "$root/proto/caffe_schema.proto" | cut -d' ' -f1
+        grep -oE '\b[A-Z][A-Z_]+ = [0-9]+' "$root/proto/caffe_schema.proto" | cut -d' ' -f1
         grep -oE '\{"[A-Za-z]+"' "$root/engine/src/registry.cpp" | tr -d '{"'
       } | sort -u | sed 's/.*/"&"/'
       ;;

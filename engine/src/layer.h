@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "form.h"
 #include "layout.h"
 #include "revisit/engine/tensor.h"

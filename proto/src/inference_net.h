@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 
 namespace revisit::proto {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 
 namespace revisit::proto {
 

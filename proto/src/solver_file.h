@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

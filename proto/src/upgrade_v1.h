@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 
 namespace revisit::proto {
 

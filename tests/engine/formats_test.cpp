@@ -4,7 +4,7 @@
 #include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "compare.h"
 #include "expect_error.h"
 #include "revisit/engine/net.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <thread>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "expect_error.h"
 #include "net_case.h"
 #include "revisit/engine/profile.h"

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <thread>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "compare.h"
 #include "expect_error.h"
 #include "net_case.h"

@@ -10,7 +10,7 @@
 #include <map>
 #include <optional>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "damage.h"
 #include "expect_error.h"
 #include "revisit/proto/npy.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "revisit/engine/net.h"
 
 /// Nets that a generator makes up, valid ones only, over all layer types of the registry.

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "layers/pooling_window.h"
 
 namespace revisit::test {

@@ -1,7 +1,7 @@
 // `revisit net` as a person meets it: output, files and exit codes.
 #include <gtest/gtest.h>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "compare.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"

@@ -6,7 +6,7 @@
 
 #include <future>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "test_data.h"

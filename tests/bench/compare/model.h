@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 #include "revisit/engine/tensor.h"
 
 /// A net as all engines of the comparison get it: what the files say, every value numbered.

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string>
 
-#include "caffe.pb.h"
+#include "caffe_schema.pb.h"
 
 namespace revisit::models {
 

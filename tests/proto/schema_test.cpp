@@ -1,0 +1,33 @@
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor.pb.h>
+#include <gtest/gtest.h>
+
+#include "caffe_schema.pb.h"
+
+namespace revisit {
+namespace {
+
+/// What libcaffe does when it is loaded: protobuf ends a program in which two generated files have
+/// the same name or define the same message.
+TEST(Schema, IsInOneProgramWithThatOfTheOriginalCaffe) {
+  google::protobuf::FileDescriptorProto original;
+  original.set_name("caffe.proto");
+  original.set_package("caffe");
+  for (const char* name : {"NetParameter", "LayerParameter", "BlobProto", "SolverParameter"})
+    original.add_message_type()->set_name(name);
+  // The bytes stay: the pool keeps a pointer to them.
+  static const std::string bytes = original.SerializeAsString();
+  google::protobuf::DescriptorPool::InternalAddGeneratedFile(bytes.data(),
+                                                             static_cast<int>(bytes.size()));
+  const auto* pool = google::protobuf::DescriptorPool::generated_pool();
+  const auto* theirs = pool->FindMessageTypeByName("caffe.NetParameter");
+  ASSERT_NE(theirs, nullptr);
+  EXPECT_EQ(theirs->file()->name(), "caffe.proto");
+  EXPECT_EQ(theirs->field_count(), 0);
+  const auto* ours = caffe::NetParameter::descriptor();
+  EXPECT_EQ(ours->full_name(), "revisit.caffe.NetParameter");
+  EXPECT_NE(ours->FindFieldByName("layer"), nullptr);
+}
+
+}  // namespace
+}  // namespace revisit
