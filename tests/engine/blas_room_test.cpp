@@ -1,10 +1,11 @@
-// OpenBLAS under a limit on the address space, where it would ask for memory for ever.
+// The engine under a limit on the address space; OpenBLAS would ask for memory for ever there.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
 #include <fstream>
 #include <new>
 
+#include "net_case.h"
 #include "revisit/engine/blas.h"
 #include "revisit/engine/net.h"
 #include "test_data.h"
@@ -61,6 +62,16 @@ TEST(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
   options.reference_kernels = true;
   const Plan reference = net.plan({}, options);
   EXPECT_EXIT(expect_no_memory([&] { const engine::Run run(reference); }),
+              testing::ExitedWithCode(0), "");
+}
+
+TEST(PackedWeightsDeathTest, APlanAsksForTheirMemory) {
+  const Net net = test::small_net(
+      {1, 2048, 24, 24}, test::conv("c", "data", "num_output: 1024 kernel_size: 3 pad: 1"));
+  constexpr int64_t kAll = int64_t{256} << 20;
+  ASSERT_GT(net.plan().packed_weight_bytes(), kAll);
+  EXPECT_EXIT(expect_no_memory([&] { net.plan(); }), testing::ExitedWithCode(8), "");
+  EXPECT_EXIT(expect_no_memory([&] { net.plan({}, {.max_run_bytes = kAll / 4}); }),
               testing::ExitedWithCode(0), "");
 }
 

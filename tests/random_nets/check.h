@@ -11,7 +11,7 @@ struct Statistics {
   int64_t nets = 0;
   int64_t outputs = 0;      // compared with the reference, over all plans
   int64_t insensitive = 0;  // of these: with a tolerance above a hundredth of the values
-  int64_t not_finite = 0;   // nets with NaN or infinity, whose numbers are not compared
+  int64_t too_large = 0;    // nets with NaN, infinity or values near it, which are not compared
   int64_t other_shapes = 0, gray = 0, truncated = 0;  // nets
 };
 
@@ -34,5 +34,9 @@ Shrunk shrink(const RandomNet& net, const std::string& fault);
 
 /// What a person needs to see a fault again: the seed, the fault, and the shrunk net.
 std::string describe(const RandomNet& net, const std::string& fault);
+
+/// All of this for the net of one seed: nothing, or describe(). A net that is refused is a fault,
+/// too.
+std::string find_fault(uint64_t seed, Statistics& statistics);
 
 }  // namespace revisit::random_nets

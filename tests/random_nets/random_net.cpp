@@ -87,6 +87,20 @@ Builder begin(uint64_t seed) {
   }
 }
 
+engine::Net load_structure(const RandomNet& net) {
+  const test::TempDir folder;
+  proto::write_net_text(folder / "net.prototxt", net.net);
+  return engine::Net::load_without_weights(folder / "net.prototxt", {.truncation = net.truncation});
+}
+
+/// A grafted layer reads what it does not read in the whole net: only a plan knows whether it fits.
+void plan_at(const RandomNet& net, const std::map<std::string, Shape>& shapes) {
+  const engine::Net loaded = load_structure(net);
+  std::map<std::string, Shape> needed;
+  for (const engine::Port& port : loaded.inputs()) needed[port.name] = shapes.at(port.name);
+  loaded.plan(needed);
+}
+
 /// Other sizes that all layers can take; the same ones when none were found.
 std::vector<int64_t> other_sizes(const RandomNet& net, Random& random) {
   for (int attempt = 0; attempt < 40; ++attempt) {
@@ -99,18 +113,13 @@ std::vector<int64_t> other_sizes(const RandomNet& net, Random& random) {
                                                              : 2 * net.sizes[0][slot]);
     try {
       if (sizes == net.sizes[0]) continue;
-      input_shapes(net, sizes);
+      const InputShapes all = input_shapes(net, sizes);
+      if (!net.truncation.graft.empty()) plan_at(net, all.shapes);
       return sizes;
     } catch (const InputError&) {
     }
   }
   return net.sizes[0];
-}
-
-engine::Net load_structure(const RandomNet& net) {
-  const test::TempDir folder;
-  proto::write_net_text(folder / "net.prototxt", net.net);
-  return engine::Net::load_without_weights(folder / "net.prototxt", {.truncation = net.truncation});
 }
 
 /// Cuts the net off at some layer, perhaps with a layer of the net grafted on, where that is valid.

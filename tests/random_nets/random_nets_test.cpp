@@ -46,13 +46,12 @@ class RandomNetsAgree : public testing::TestWithParam<uint64_t> {};
 TEST_P(RandomNetsAgree, InAllWays) {
   Statistics statistics;
   for (uint64_t seed = GetParam(); seed < GetParam() + kNetsOfATest; ++seed) {
-    const RandomNet net = make_random_net(seed);
-    const std::string fault = find_fault(net, statistics);
-    if (!fault.empty()) ADD_FAILURE() << describe(net, fault);
+    const std::string fault = find_fault(seed, statistics);
+    if (!fault.empty()) ADD_FAILURE() << fault;
   }
   RecordProperty("insensitive", std::to_string(statistics.insensitive));
   EXPECT_LE(statistics.insensitive, statistics.outputs / 10) << "tolerances that find nothing";
-  EXPECT_LE(statistics.not_finite, statistics.nets / 10) << "nets that compare no numbers";
+  EXPECT_LE(statistics.too_large, statistics.nets / 10) << "nets that compare no numbers";
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomNetsAgree,

@@ -26,7 +26,9 @@ class Reference {
   Reference(const engine::Net& net, const Values& inputs, std::map<std::string, double> noise);
 
   const Values& values() const { return values_; }
-  bool is_finite() const;
+  /// No NaN, no infinity and nothing that another order of a sum may take there
+  /// (docs/STRICTER.md): such numbers cannot be compared.
+  bool is_far_from_overflow() const;
   /// Empty when `found` is right; else where it is not. `insensitive` counts what it could hardly
   /// have been wrong about.
   std::string compare(const std::string& name, const engine::Tensor& found, int64_t& insensitive);
