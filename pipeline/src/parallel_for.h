@@ -5,6 +5,8 @@
 #include <exception>
 #include <mutex>
 
+#include "revisit/engine/parallel_region.h"
+
 namespace revisit::pipeline {
 
 /// Calls `work(item)` for every item in [0, items) on up to `threads` threads; when one throws, no
@@ -16,18 +18,23 @@ void parallel_for(int64_t items, int threads, const Work& work) {
   int64_t failed_item = items;
   std::mutex mutex;
   std::atomic<bool> failed = false;
+  {
+    engine::RegionForSanitizer region;
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1) if (threads > 1 && items > 1)
-  for (int64_t item = 0; item < items; ++item) {
-    if (failed) continue;
-    try {
-      work(item);
-    } catch (...) {
-      const std::scoped_lock lock(mutex);
-      if (item < failed_item) {
-        failed_item = item;
-        error = std::current_exception();
+    for (int64_t item = 0; item < items; ++item) {
+      region.before_item();
+      if (failed) continue;
+      try {
+        work(item);
+      } catch (...) {
+        const std::scoped_lock lock(mutex);
+        if (item < failed_item) {
+          failed_item = item;
+          error = std::current_exception();
+        }
+        failed = true;
       }
-      failed = true;
+      region.after_item();
     }
   }
   if (error) std::rethrow_exception(error);

@@ -1,16 +1,17 @@
-#include "../../pipeline/src/simulation/camera.h"
+#include "simulation/camera.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "../../pipeline/src/simulation/drive.h"
-#include "../../pipeline/src/simulation/film.h"
-#include "../../pipeline/src/simulation/world.h"
 #include "revisit/pipeline/visual_words.h"
 #include "revisit/proto/error.h"
+#include "simulation/drive.h"
+#include "simulation/film.h"
+#include "simulation/world.h"
 #include "test_data.h"
+#include "town.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -211,10 +212,7 @@ double correlation(const GrayImage& a, const GrayImage& b) {
 /// A town with a camera in it.
 struct Seen {
   SimulationConfig config;
-  Drive drive;
-  Path path;
-  RoadMap roads;
-  Ground ground;
+  Town town;
   Scene scene;
   Textures textures;
   RayCaster rays;
@@ -228,19 +226,17 @@ struct Seen {
   }
   explicit Seen(double scale)
       : config(config_of(scale)),
-        drive(make_drive(config)),
-        path(resample(drive.poses)),
-        roads(drive.poses, path.points),
-        ground(config.seed, roads),
-        scene(build_world(config.seed, path.points, roads, ground).mesh),
+        town(config),
+        scene(town.world.mesh),
         rays(scene),
-        camera(drive.camera, textures, config.seed) {}
+        camera(town.drive.camera, textures, config.seed) {}
 
   GrayImage at(size_t frame, const Light& light, int noise) {
-    const PlanarPose& p = drive.poses[frame];
+    const PlanarPose& p = town.drive.poses[frame];
     Pose T = Pose::Identity();
     T.linear() = Eigen::AngleAxisd(p.yaw, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    T.translation() = Eigen::Vector3d(p.x, p.y, ground.height({p.x, p.y}) + kSensorHeight);
+    T.translation() =
+        Eigen::Vector3d(p.x, p.y, town.streets.ground.height({p.x, p.y}) + kSensorHeight);
     return camera.picture(noise, T, light, rays);
   }
   GrayImage at(size_t frame) {
@@ -280,7 +276,7 @@ int matches(const FloatMatrix& a, const FloatMatrix& b) {
 
 TEST(Camera, APlaceIsRecognisedOnTheNextVisitInOtherLight) {
   Seen seen(0.4);
-  const std::vector<PlanarPose>& poses = seen.drive.poses;
+  const std::vector<PlanarPose>& poses = seen.town.drive.poses;
   std::vector<FloatMatrix> first, second;
   for (size_t i = 30; i < 220; i += 60) {
     const auto distance = [&](size_t j) {
@@ -305,14 +301,10 @@ TEST(Camera, APlaceIsRecognisedOnTheNextVisitInOtherLight) {
 
 // ---- whole data sets ----
 
-/// A short run with the quick sensor and small pictures.
-SimulationConfig quick(const fs::path& output) {
-  SimulationConfig config;
-  config.output = output;
-  config.sensor = LidarModel::kVlp16;
-  config.length = 400;
+/// A short run with small pictures.
+SimulationConfig with_camera(const fs::path& output) {
+  SimulationConfig config = quick(output);
   config.last_frame = 3;
-  config.threads = 1;
   config.camera = SimulatedCamera{0.2, true};
   return config;
 }
@@ -323,8 +315,8 @@ fs::path image_path(const fs::path& root, int frame) {
 
 TEST(SimulateCamera, SameBytesForAnyNumberOfThreadsAndScansAsWithoutACamera) {
   const TempDir one, two, without;
-  simulate(quick(one.path()));
-  SimulationConfig config = quick(two.path());
+  simulate(with_camera(one.path()));
+  SimulationConfig config = with_camera(two.path());
   config.threads = 2;
   simulate(config);
   config.output = without.path();
@@ -343,10 +335,10 @@ TEST(SimulateCamera, SameBytesForAnyNumberOfThreadsAndScansAsWithoutACamera) {
 
 TEST(SimulateCamera, AFrameWithoutItsPictureIsMadeAgain) {
   const TempDir dir;
-  simulate(quick(dir.path()));
+  simulate(with_camera(dir.path()));
   const std::string picture = test::read_file(image_path(dir.path(), 2));
   fs::remove(image_path(dir.path(), 2));
-  const SimulationSummary summary = simulate(quick(dir.path()));
+  const SimulationSummary summary = simulate(with_camera(dir.path()));
   EXPECT_EQ(summary.kept, 3);
   EXPECT_EQ(summary.scans, 4);
   EXPECT_TRUE(test::read_file(image_path(dir.path(), 2)) == picture);
@@ -354,11 +346,11 @@ TEST(SimulateCamera, AFrameWithoutItsPictureIsMadeAgain) {
 
 TEST(SimulateCamera, PicturesOfOtherSettingsAreNotMixedIn) {
   const TempDir dir;
-  simulate(quick(dir.path()));
-  SimulationConfig steady = quick(dir.path());
+  simulate(with_camera(dir.path()));
+  SimulationConfig steady = with_camera(dir.path());
   steady.camera->changing_light = false;
   EXPECT_THROW(simulate(steady), UsageError);
-  SimulationConfig scans_only = quick(dir.path());
+  SimulationConfig scans_only = with_camera(dir.path());
   scans_only.camera.reset();
   EXPECT_THROW(simulate(scans_only), UsageError);
   scans_only.overwrite = true;
@@ -368,7 +360,7 @@ TEST(SimulateCamera, PicturesOfOtherSettingsAreNotMixedIn) {
 
   const TempDir real;
   test::write_file(image_path(real.path(), 0), "precious");
-  SimulationConfig config = quick(real.path());
+  SimulationConfig config = with_camera(real.path());
   config.overwrite = true;
   EXPECT_THROW(simulate(config), UsageError);
   EXPECT_EQ(test::read_file(image_path(real.path(), 0)), "precious");
@@ -381,7 +373,7 @@ TEST(SimulateCamera, CalibrationIsThatOfThePictures) {
   test::write_file(
       dir / "calib.txt",
       "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nP2: 700 0 600 50 0 700 180 1 0 0 1 2\n" + Tr);
-  SimulationConfig config = quick(dir / "out");
+  SimulationConfig config = with_camera(dir / "out");
   config.poses = dir / "poses.txt";
   config.calibration = dir / "calib.txt";
   config.last_frame.reset();
@@ -405,7 +397,7 @@ TEST(SimulateCamera, CalibrationIsThatOfThePictures) {
 TEST(SimulateCamera, SizesThatCannotBeAreRefused) {
   const TempDir dir;
   for (const double scale : {0.0, -1.0, 0.05, 1.5, std::nan("")}) {
-    SimulationConfig config = quick(dir.path());
+    SimulationConfig config = with_camera(dir.path());
     config.camera->scale = scale;
     EXPECT_THROW(simulate(config), UsageError) << scale;
   }

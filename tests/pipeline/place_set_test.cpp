@@ -8,16 +8,17 @@
 #include <sstream>
 #include <tuple>
 
-#include "../../pipeline/src/simulation/lidar.h"
-#include "../../pipeline/src/simulation/passers.h"
-#include "../../pipeline/src/simulation/route.h"
-#include "../../pipeline/src/simulation/shots.h"
-#include "../../pipeline/src/simulation/world.h"
 #include "revisit/pipeline/dataset.h"
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/pipeline/simulation.h"
 #include "revisit/proto/error.h"
+#include "simulation/lidar.h"
+#include "simulation/passers.h"
+#include "simulation/route.h"
+#include "simulation/shots.h"
+#include "simulation/world.h"
 #include "test_data.h"
+#include "town.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -27,17 +28,9 @@ using namespace simulation;
 using test::TempDir;
 using Vec2 = Eigen::Vector2d;
 
-struct Campus {
-  std::vector<PlanarPose> route;
-  Path path;
-  RoadMap roads;
-  Ground ground;
-  explicit Campus(uint64_t seed)
-      : route(generate_route(RouteKind::kLoop, kPlaceRoute, seed)),
-        path(resample(route)),
-        roads(route, path.points),
-        ground(seed, roads) {}
-};
+Streets campus_of(uint64_t seed) {
+  return {generate_route(RouteKind::kLoop, kPlaceRoute, seed), seed};
+}
 
 double yaw_of(const Shot& shot) {
   const Eigen::Vector3d forward = shot.T_town_velo.linear().col(0);
@@ -46,7 +39,7 @@ double yaw_of(const Shot& shot) {
 
 TEST(PlaceShots, AreThoseOfTheHkustData) {
   for (const uint64_t seed : {1u, 2u, 3u}) {
-    const Campus campus(seed);
+    const Streets campus = campus_of(seed);
     const std::vector<Shot> turned =
         plan_shots(PlaceScans::kRotation, seed, campus.path.points, campus.ground);
     const std::vector<Shot> passed =
@@ -80,8 +73,8 @@ TEST(PlaceShots, AreThoseOfTheHkustData) {
 }
 
 TEST(Passers, AreNearWalkThroughNothingAndAreSeen) {
-  const Campus campus(1);
-  World world = build_world(1, campus.path.points, campus.roads, campus.ground);
+  const Streets campus = campus_of(1);
+  World world = campus.built(1);
   const std::vector<Footprint> objects = world.objects;
   const std::vector<Shot> shots =
       plan_shots(PlaceScans::kObjects, 1, campus.path.points, campus.ground);
@@ -166,7 +159,7 @@ TEST(SimulatePlaces, WritesAFolderPerPlaceThatIsReadWithItsTruth) {
   for (const auto& [place, scans] : count) EXPECT_EQ(scans, 11) << place;
 
   // Where they say they were taken they agree.
-  const Campus campus(1);
+  const Streets campus = campus_of(1);
   const std::vector<Shot> shots =
       plan_shots(PlaceScans::kRotation, 1, campus.path.points, campus.ground);
   const auto seen = [&](size_t i) {

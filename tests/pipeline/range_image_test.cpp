@@ -14,6 +14,7 @@
 #include "revisit/pipeline/sensor.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
+#include "turned_cloud.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -39,11 +40,6 @@ std::vector<Pixel> pixels_of(const RangeImage& image) {
 
 std::vector<Pixel> pixels_of(const std::vector<Point>& points, const ImageGeometry& geometry = {}) {
   return pixels_of(project({points}, geometry));
-}
-
-PointCloud turned_by_half(PointCloud cloud) {
-  for (Point& p : cloud.points) p = {-p.x, -p.y, p.z, p.intensity};
-  return cloud;
 }
 
 /// Turned counter-clockwise about z, in the float arithmetic of any user.

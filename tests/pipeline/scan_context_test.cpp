@@ -125,13 +125,6 @@ TEST(ScanContext, YawOfWholeSectorsIsAColumnShift) {
   }
 }
 
-TEST(ScanContext, AnotherSceneIsFarther) {
-  const ScanContextOptions options;
-  const auto a = context_of(random_scene(options, 1), options);
-  const auto b = context_of(random_scene(options, 2), options);
-  EXPECT_GT(context_distance(a, b, options).distance, 0.2);
-}
-
 class ScanContextRetrieval : public testing::Test {
  protected:
   /// Ten scenes, and the third of them again, turned by 90 degrees.

@@ -131,7 +131,11 @@ TEST(Program, TheListOfProtocolsIsJsonWhenAsked) {
   test::write_file(dir / "list.json", result.out);
   const auto list = read_json(dir / "list.json").fields().at("").list_value();
   EXPECT_GT(list.values_size(), 5);
-  EXPECT_NE(list.values(0).struct_value().fields().at("definition").string_value(), "");
+  for (const auto& value : list.values()) {
+    const auto& protocol = value.struct_value().fields();
+    for (const char* field : {"name", "definition", "source"})
+      EXPECT_GT(protocol.at(field).string_value().size(), 2U) << field;
+  }
 }
 
 TEST(Program, HelpAndVersionAsWords) {

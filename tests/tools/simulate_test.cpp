@@ -141,12 +141,5 @@ TEST(SimulateCommand, AFolderThatCannotBeWrittenIsAnError) {
   EXPECT_TRUE(has(run.err, "file")) << run.err;
 }
 
-TEST(SimulateCommand, HelpHasExamples) {
-  const ProgramResult help = run_revisit("simulate --help");
-  EXPECT_EQ(help.exit_code, 0);
-  EXPECT_TRUE(has(help.out, "--poses")) << help.out;
-  EXPECT_TRUE(has(help.out, "Examples:")) << help.out;
-}
-
 }  // namespace
 }  // namespace revisit::test

@@ -6,36 +6,9 @@
 #include <cstdint>
 
 #include "kernels/float_mode.h"
-
-#ifdef __SANITIZE_THREAD__
-extern "C" void __tsan_acquire(void*);
-extern "C" void __tsan_release(void*);
-#endif
+#include "revisit/engine/parallel_region.h"
 
 namespace revisit::engine {
-
-/// Tells the thread sanitizer what libgomp, which is built without it, does at the two ends of a
-/// parallel region. Between the items of a region it sees races as ever.
-struct RegionForSanitizer {
-#ifdef __SANITIZE_THREAD__
-  char begun = 0, done = 0;
-  RegionForSanitizer() {
-    __tsan_release(&begun);
-  }
-  ~RegionForSanitizer() {
-    __tsan_acquire(&done);
-  }
-  void before_item() {
-    __tsan_acquire(&begun);
-  }
-  void after_item() {
-    __tsan_release(&done);
-  }
-#else
-  void before_item() {}
-  void after_item() {}
-#endif
-};
 
 /// Calls `work(item, thread)` for every item in [0, items), on up to `threads` threads. Items must
 /// be independent, and no value may depend on how many there are: their number may depend on the

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <atomic>
-#include <exception>
+#include <mutex>
+
+#include "parallel_for.h"
 
 namespace revisit::pipeline::simulation {
 
@@ -16,30 +18,14 @@ int threads_for(int asked, int64_t items) {
 void for_each_item(int64_t items, int threads,
                    const std::function<void(int64_t item, int thread)>& make,
                    const std::function<bool(int64_t item)>& done) {
-  std::atomic<bool> ended{false};
-  std::exception_ptr failure;
-#pragma omp parallel for schedule(dynamic) num_threads(threads)
-  for (int64_t item = 0; item < items; ++item) {
-    if (ended) continue;
-    try {
-      make(item, omp_get_thread_num());
-    } catch (...) {
-#pragma omp critical(revisit_simulation)
-      if (!failure) failure = std::current_exception();
-      ended = true;
-      continue;
-    }
-#pragma omp critical(revisit_simulation)
-    {
-      try {
-        if (!done(item)) ended = true;
-      } catch (...) {
-        if (!failure) failure = std::current_exception();
-        ended = true;
-      }
-    }
-  }
-  if (failure) std::rethrow_exception(failure);
+  std::mutex mutex;
+  std::atomic<bool> ended = false;
+  parallel_for(items, threads, [&](int64_t item) {
+    if (ended) return;
+    make(item, omp_get_thread_num());
+    const std::scoped_lock lock(mutex);
+    if (!done(item)) ended = true;
+  });
 }
 
 }  // namespace revisit::pipeline::simulation

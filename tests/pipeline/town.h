@@ -1,0 +1,56 @@
+#pragma once
+
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include "revisit/pipeline/simulation.h"
+#include "simulation/drive.h"
+#include "simulation/ground.h"
+#include "simulation/road_map.h"
+#include "simulation/world.h"
+
+namespace revisit::pipeline::simulation {
+
+/// The streets along a route. Neither copied nor moved: its parts refer to each other.
+struct Streets {
+  std::vector<PlanarPose> poses;
+  Path path;
+  RoadMap roads;
+  Ground ground;
+
+  Streets(std::vector<PlanarPose> route, uint64_t seed)
+      : poses(std::move(route)),
+        path(resample(poses)),
+        roads(poses, path.points),
+        ground(seed, roads) {}
+  Streets(const Streets&) = delete;
+  Streets& operator=(const Streets&) = delete;
+
+  World built(uint64_t seed) const { return build_world(seed, path.points, roads, ground); }
+};
+
+/// What a simulated drive drives through.
+struct Town {
+  Drive drive;
+  Streets streets;
+  World world;
+
+  explicit Town(const SimulationConfig& config)
+      : drive(make_drive(config)),
+        streets(drive.poses, config.seed),
+        world(streets.built(config.seed)) {}
+};
+
+/// A short run with the quick sensor.
+inline SimulationConfig quick(const std::filesystem::path& output) {
+  SimulationConfig config;
+  config.output = output;
+  config.sensor = LidarModel::kVlp16;
+  config.length = 400;
+  config.last_frame = 5;
+  config.threads = 1;
+  return config;
+}
+
+}  // namespace revisit::pipeline::simulation
