@@ -129,6 +129,37 @@ TEST_F(NetCommand, ProfilePrintsLayersAndTheWhole) {
   EXPECT_EQ(std::count(csv.out.begin(), csv.out.end(), '\n'), 5);
 }
 
+TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {
+  test::write_file(dir_ / "wide.prototxt",
+                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+                   "dim: 64 dim: 96 dim: 96 } } } layer { name: 'c' type: 'Convolution' bottom: "
+                   "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } }");
+  const auto why = [&](const std::string& accuracy) {
+    return run_revisit("net inspect --format json --accuracy " + accuracy + " " +
+                       path("wide.prototxt"))
+        .out;
+  };
+  EXPECT_NE(why("usual").find("\"fastest predicted\""), std::string::npos) << why("usual");
+  EXPECT_NE(why("strict").find("\"strict accuracy\""), std::string::npos) << why("strict");
+  expect_failure(2, "net inspect --accuracy loose " + model(), "usual or strict");
+}
+
+TEST_F(NetCommand, DenormalsAreKeptWhenAsked) {
+  test::write_file(dir_ / "tiny.prototxt",
+                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+                   "dim: 1 dim: 4 dim: 4 } } } layer { name: 'down' type: 'Power' bottom: 'data' "
+                   "top: 'down' power_param { scale: 1e-38 } } layer { name: 'half' type: 'Power' "
+                   "bottom: 'down' top: 'half' power_param { scale: 0.0078125 } } layer { name: "
+                   "'up' type: 'Power' bottom: 'half' top: 'up' power_param { scale: 1e38 } }");
+  const auto last = [&](const std::string& option) {
+    run_revisit("net forward " + option + path("tiny.prototxt") + " --input " + path("in.npy") +
+                " -o " + path("out"));
+    return proto::read_npy(path("out/out_up.npy")).data.back();
+  };
+  EXPECT_EQ(last(""), 0);
+  EXPECT_NEAR(last("--keep-denormals "), 15 * 0.0078125, 1e-3);
+}
+
 TEST_F(NetCommand, MisuseSaysWhatIsKnown) {
   expect_failure(
       2,
