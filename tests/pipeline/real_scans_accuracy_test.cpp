@@ -1,5 +1,5 @@
-// The method as a whole on the 12 real scans of KITTI 00: the figures of README.md ("The same on
-// the 12 real scans") and docs/RESULTS.md, and how well the alignment repeats.
+// The method as a whole on the 12 real scans of KITTI 00: the first matches of docs/RESULTS.md
+// ("The 12 real scans") with their cosines, and how well the alignment repeats.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -20,14 +20,14 @@ namespace fs = std::filesystem;
 
 // --- what is recognised
 
-/// What a query finds: frames and cosines, as the README's table has them.
+/// What a query finds: frames and cosines.
 struct Found {
   int frame;
   double cosine;
   double next;  // cosine of the second; NaN: not given
 };
 
-/// One column of the README's table.
+/// One column of the table.
 struct Row {
   const char* end;    // layer; "": the range image itself
   const char* graft;  // layer

@@ -307,12 +307,12 @@ TEST_F(NetCommand, VerifyComparesWithTheOriginal) {
   expect_failure(3, "net verify " + path("empty"), "empty");
 }
 
-TEST_F(NetCommand, ReadmeListsTheLayerTypes) {
+TEST_F(NetCommand, DocumentsListTheLayerTypes) {
   const auto layers = run_revisit("net layers --format markdown");
   EXPECT_EQ(layers.exit_code, 0);
-  const std::string readme = test::read_file(test::project_file("README.md"));
-  EXPECT_NE(readme.find("--format markdown -->\n" + layers.out + "<!-- end -->"), std::string::npos)
-      << "README.md does not hold what `revisit net layers --format markdown` prints";
+  const std::string page = test::read_file(test::project_file("docs/NETWORKS.md"));
+  EXPECT_NE(page.find("--format markdown -->\n" + layers.out + "<!-- end -->"), std::string::npos)
+      << "docs/NETWORKS.md does not hold what `revisit net layers --format markdown` prints";
 }
 
 TEST_F(NetCommand, UnwritableOutputIsExitCode1) {
