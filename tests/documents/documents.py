@@ -1,0 +1,241 @@
+#!/usr/bin/env python3
+"""Holds README.md, HACKING.md and docs/ against the program and the tree.
+
+  tests/documents/documents.py PROGRAM [DOCUMENT...]      all documents unless some are named
+
+- Every fenced block names its language. Blocks of ```sh are run by bash in a folder made for the document
+  (below), in the order of the text, and must succeed.
+- A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
+  a Python script must know the options. So is what stands between backquotes and begins with `revisit `.
+- Links and pictures lead to files and headings that are there.
+
+The folder holds what the commands speak of, made by the program itself: KITTI/ (a circle of 240 m, driven 15
+times, as sequence 00 with as many poses as KITTI's, every 150th with a scan), scans/ (the same scans in a plain folder),
+deploy.prototxt with model.caffemodel (AlexNet's first layers, random), data.npy (an input of 3 x 107 x 4000).
+"""
+
+import argparse
+import json
+import math
+import os
+import re
+import shlex
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+# Commands of blocks that are not run and that are no business of ours.
+FOREIGN = {'apt-get', 'dpkg', 'git', 'grep', 'sudo', 'xargs', 'for', 'cd'}
+POSES_OF_KITTI_00 = 4541
+
+
+def documents():
+    return [ROOT / 'README.md', ROOT / 'HACKING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+
+
+class Block:
+    """A fenced block: `line` is its first, counted from 1; `reason` says why it is not run."""
+
+    def __init__(self, info, line):
+        self.language, _, rest = info.partition(' ')
+        self.line, self.text, self.rest = line, '', rest
+        self.reason = rest.removeprefix('not run:').strip() if rest.startswith('not run:') else None
+
+
+def split(document):
+    """The fenced blocks of a document, and its other lines (empty where a block is)."""
+    blocks, prose, block = [], [], None
+    for number, line in enumerate(document.read_text().splitlines(), 1):
+        fence = line.startswith('```')
+        if fence and block is None:
+            block = Block(line[3:].strip(), number)
+            blocks.append(block)
+        elif fence:
+            block = None
+        elif block is not None:
+            block.text += line + '\n'
+        prose.append('' if fence or block is not None else line)
+    return blocks, prose
+
+
+def commands(text):
+    """The words of every simple command of a piece of shell, without comments and redirections."""
+    for line in text.replace('\\\n', ' ').splitlines():
+        lexer = shlex.shlex(line, posix=True, punctuation_chars='();&|<>')
+        lexer.whitespace_split = True
+        words = []
+        for word in [*lexer, ';']:
+            if word in ('do', 'done', 'then', ';', '&&', '||', '|', '(', ')', '&'):
+                if words:
+                    yield words
+                words = []
+            else:
+                words.append(word)
+
+
+class Checker:
+    def __init__(self, program):
+        self.program, self.help, self.faults = program, {}, []
+        presets = json.loads((ROOT / 'CMakePresets.json').read_text())
+        self.presets = {preset['name'] for preset in presets['configurePresets']}
+
+    def fault(self, document, line, text):
+        self.faults.append(f'{document.relative_to(ROOT)}:{line}: {text}')
+
+    def help_of(self, *command):
+        if command not in self.help:
+            done = subprocess.run([*command, '--help'], text=True, capture_output=True)
+            self.help[command] = done.stdout if done.returncode == 0 else None
+        return self.help[command]
+
+    def unknown_options(self, text, words):
+        known = set(re.findall(r'(?<![\w-])--?[A-Za-z][\w-]*', text))
+        return [word for word in (word.split('=')[0] for word in words)
+                if re.fullmatch(r'--?[A-Za-z][\w-]*', word) and word not in known]
+
+    def check_revisit(self, words):
+        """What is wrong with the command line `revisit WORDS`, or None. Words in capitals stand for anything."""
+        verbs = []
+        for word in words[:2 if words[:1] in (['net'], ['models']) else 1]:
+            if word.startswith('-') or not re.fullmatch(r'[a-z-]+', word):
+                break
+            verbs.append(word)
+        text = self.help_of(self.program, *verbs)
+        if text is None:
+            return 'there is no `revisit ' + ' '.join(verbs) + '`'
+        unknown = self.unknown_options(text, words[len(verbs):])
+        return f'`revisit {" ".join(verbs)}` has no {", ".join(unknown)}' if unknown else None
+
+    def check_command(self, words):
+        """What is wrong with a command that is not run, or None."""
+        name = words[0]
+        if name == 'revisit':
+            return self.check_revisit(words[1:])
+        if name in ('cmake', 'ctest') and '--preset' in words:
+            preset = words[words.index('--preset') + 1]
+            return None if preset in self.presets else f'there is no preset {preset}'
+        if name.startswith('build/'):  # a program of a build
+            return None if name.split('/')[1] in self.presets | {'bench'} else f'no preset builds {name}'
+        if '/' in name:
+            script = ROOT / name
+            if not os.access(script, os.X_OK):
+                return f'{name} is not there, or no program'
+            if script.suffix == '.py':
+                text = self.help_of(str(script)) or ''
+                unknown = self.unknown_options(text, words[1:])
+                return f'{name} has no {", ".join(unknown)}' if unknown else None
+            return None
+        return None if name in FOREIGN or name in ('cmake', 'ctest') else f'the test does not know the command {name}'
+
+    def check_block(self, document, block):
+        for words in commands(block.text):
+            wrong = self.check_command(words)
+            if wrong:
+                self.fault(document, block.line, wrong)
+
+    def check_prose(self, document, prose):
+        for number, line in enumerate(prose, 1):
+            for code in re.findall(r'`(revisit [^`]+)`', line):
+                try:
+                    words = next(commands(code))
+                except (StopIteration, ValueError):
+                    continue
+                wrong = self.check_revisit(words[1:])
+                if wrong:
+                    self.fault(document, number, wrong)
+            for target in re.findall(r'\]\(([^)\s]+)\)', line) + re.findall(r'src="([^"]+)"', line):
+                if '://' not in target and not self.leads_somewhere(document, target):
+                    self.fault(document, number, f'{target} leads nowhere')
+
+    def leads_somewhere(self, document, target):
+        path, _, heading = target.partition('#')
+        file = document.parent / path if path else document
+        if not file.exists():
+            return False
+        titles = re.findall(r'(?m)^#+ (.*)$', file.read_text()) if heading else []
+        return not heading or heading in [re.sub(r'[^\w\- ]', '', t.lower()).replace(' ', '-') for t in titles]
+
+
+def write_circle(file, n, step=0.8, length=240.0):
+    """`n` poses on a circle in KITTI's format: 3 x 4, camera axes (x right, z forward), [m]."""
+    radius = length / (2 * math.pi)
+    with file.open('w') as out:
+        for i in range(n):
+            angle = i * step / radius
+            c, s = math.cos(angle), math.sin(angle)
+            pose = (c, 0, s, radius * (1 - c), 0, 1, 0, 0, -s, 0, c, radius * s)
+            out.write(' '.join(f'{value:.6e}' for value in pose) + '\n')
+
+
+def write_npy(file, shape):
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}"
+    header += ' ' * (-(len(header) + 11) % 64) + '\n'
+    count = math.prod(shape)
+    with file.open('wb') as out:
+        out.write(b'\x93NUMPY\x01\x00' + struct.pack('<H', len(header)) + header.encode())
+        out.write(b''.join(struct.pack('<f', i % 251) for i in range(251)) * (count // 251 + 1))
+        out.truncate(10 + len(header) + 4 * count)
+
+
+def make_things(revisit, folder):
+    write_circle(folder / 'circle.txt', POSES_OF_KITTI_00)
+    for arguments in (['simulate', '-q', '-o', 'KITTI', '--poses', 'circle.txt', '--every', '150'],
+                      ['models', 'make-random', '-o', 'random']):
+        subprocess.run([revisit, *arguments], cwd=folder, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    shutil.copytree(folder / 'KITTI/sequences/00/velodyne', folder / 'scans')
+    for suffix, name in (('prototxt', 'deploy.prototxt'), ('caffemodel', 'model.caffemodel')):
+        shutil.move(folder / f'random/alexnet_random.{suffix}', folder / name)
+    write_npy(folder / 'data.npy', (1, 3, 107, 4000))
+
+
+def environment_of(folder, program):
+    (folder / 'bin').mkdir()
+    (folder / 'bin/revisit').symlink_to(program)
+    kept = {k: v for k, v in os.environ.items() if not k.startswith('REVISIT_') and k != 'PYTHONPATH'}
+    return kept | {'PATH': f'{folder}/bin:{kept["PATH"]}', 'HOME': str(folder)}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('program', type=Path, help='the built `revisit`')
+    parser.add_argument('document', type=Path, nargs='*')
+    arguments = parser.parse_args()
+    program = str(arguments.program.resolve())
+    checker, n_run, n_checked = Checker(program), 0, 0
+    with tempfile.TemporaryDirectory(prefix='revisit_documents_') as scratch:
+        things = Path(scratch, 'things')
+        things.mkdir()
+        make_things(program, things)
+        for document in [d.resolve() for d in arguments.document] or documents():
+            blocks, prose = split(document)
+            checker.check_prose(document, prose)
+            shell = [block for block in blocks if block.language == 'sh']
+            folder = Path(scratch, document.stem)
+            shutil.copytree(things, folder, copy_function=os.link)
+            environment = environment_of(folder, program)
+            for block in blocks:
+                if not block.language:
+                    checker.fault(document, block.line, 'the block says no language (sh, text, cpp ...)')
+                elif block.language == 'sh' and block.rest and not block.reason:
+                    checker.fault(document, block.line, "behind `sh` stands nothing, or 'not run: REASON'")
+            for block in shell:
+                if block.reason:
+                    checker.check_block(document, block)
+                    n_checked += 1
+                    continue
+                done = subprocess.run(['bash', '-euo', 'pipefail', '-c', block.text], cwd=folder, env=environment, text=True,
+                                      stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+                n_run += 1
+                if done.returncode != 0:
+                    checker.fault(document, block.line, f'exit code {done.returncode} of\n{block.text}{done.stdout}')
+    print(f'{n_run} blocks of commands were run, {n_checked} checked without running them')
+    print('\n'.join([*checker.faults, f'{len(checker.faults)} faults']))
+    return 1 if checker.faults else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
