@@ -45,7 +45,7 @@ def main():
     figure, (top, below) = plt.subplots(2, 1, figsize=(10, 7.6), height_ratios=(1, 5.2), layout='constrained')
     pixels = plt.imread(arguments.image)
     top.imshow(pixels, cmap='gray', aspect='auto', extent=(180, -180, -25, 3), interpolation='antialiased')
-    top.set(xticks=range(180, -181, -90), yticks=(-25, 3), xlabel='azimuth [deg]', ylabel='elevation [deg]',
+    top.set(xticks=range(180, -181, -90), yticks=(-25, 3), xlabel='azimuth from the principal direction [deg]', ylabel='elevation [deg]',
             title='One scan: range image, dark is near')
 
     below.plot(*zip(*place.values()), color='#8c959f', linewidth=1, zorder=1)

@@ -7,7 +7,9 @@
   (below), in the order of the text, and must succeed.
 - A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
   a Python script must know the options. So is what stands between backquotes and begins with `revisit `.
+- Programs of ```cpp pass the compiler's checks, with the engine's public headers.
 - Links and pictures lead to files and headings that are there.
+- A number with decimals in a table of the README stands in a page of docs/, too, where its command is.
 
 The folder holds what the commands speak of, made by the program itself: KITTI/ (a circle of 240 m, driven 15
 times, as sequence 00 with as many poses as KITTI's, every 150th with a scan), scans/ (the same scans in a plain folder),
@@ -151,6 +153,22 @@ class Checker:
                 if '://' not in target and not self.leads_somewhere(document, target):
                     self.fault(document, number, f'{target} leads nowhere')
 
+    def check_program(self, document, block):
+        includes = [f'-I{ROOT / folder / "include"}' for folder in ('engine', 'proto')]
+        done = subprocess.run(['c++', '-std=c++20', '-fsyntax-only', '-xc++', *includes, '-'], input=block.text, text=True,
+                              capture_output=True)
+        if done.returncode != 0:
+            self.fault(document, block.line, done.stderr)
+
+    def check_numbers(self, readme):
+        pages = ''.join(page.read_text() for page in (ROOT / 'docs').glob('*.md'))
+        known = set(re.findall(r'\d+\.\d+', pages))
+        for number, line in enumerate(readme.read_text().splitlines(), 1):
+            for cell in line.split('|')[2:] if line.startswith('|') else []:
+                for value in re.findall(r'^[ *]*(\d+\.\d+)[ *]*$', cell):
+                    if value not in known:
+                        self.fault(readme, number, f'{value} stands in no page of docs/')
+
     def leads_somewhere(self, document, target):
         path, _, heading = target.partition('#')
         file = document.parent / path if path else document
@@ -213,6 +231,8 @@ def main():
         for document in [d.resolve() for d in arguments.document] or documents():
             blocks, prose = split(document)
             checker.check_prose(document, prose)
+            if document.name == 'README.md':
+                checker.check_numbers(document)
             shell = [block for block in blocks if block.language == 'sh']
             folder = Path(scratch, document.stem)
             shutil.copytree(things, folder, copy_function=os.link)
@@ -220,6 +240,8 @@ def main():
             for block in blocks:
                 if not block.language:
                     checker.fault(document, block.line, 'the block says no language (sh, text, cpp ...)')
+                elif block.language == 'cpp':
+                    checker.check_program(document, block)
                 elif block.language == 'sh' and block.rest and not block.reason:
                     checker.fault(document, block.line, "behind `sh` stands nothing, or 'not run: REASON'")
             for block in shell:
