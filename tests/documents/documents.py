@@ -8,7 +8,7 @@
 - A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
   a Python script must know the options. So is what stands between backquotes and begins with `revisit `.
 - Programs of ```cpp pass the compiler's checks, with the engine's public headers.
-- Links and pictures lead to files and headings that are there.
+- Links and pictures lead to files and headings that are there. Files of the sources that are named between backquotes are there.
 - A number with decimals in a table of the README stands in a page of docs/, too, where its command is.
 
 The folder holds what the commands speak of, made by the program itself: KITTI/ (a circle of 240 m, driven 15
@@ -17,6 +17,7 @@ deploy.prototxt with model.caffemodel (AlexNet's first layers, random), data.npy
 """
 
 import argparse
+import fnmatch
 import json
 import math
 import os
@@ -83,6 +84,8 @@ class Checker:
     def __init__(self, program):
         self.program, self.help, self.faults = program, {}, []
         presets = json.loads((ROOT / 'CMakePresets.json').read_text())
+        self.sources = [str(file) for folder in ROOT.iterdir() if folder.name not in ('build', 'results', '.git')
+                        for file in folder.rglob('*.*')]
         self.presets = {preset['name'] for preset in presets['configurePresets']}
 
     def fault(self, document, line, text):
@@ -149,6 +152,9 @@ class Checker:
                 wrong = self.check_revisit(words[1:])
                 if wrong:
                     self.fault(document, number, wrong)
+            for name in re.findall(r'`([\w./*-]+\.(?:cmake|cpp|h|proto|py|sh))`', line):
+                if not Path(name).stem.isupper() and not fnmatch.filter(self.sources, f'*/{name}'):
+                    self.fault(document, number, f'{name} is not there')
             for target in re.findall(r'\]\(([^)\s]+)\)', line) + re.findall(r'src="([^"]+)"', line):
                 if '://' not in target and not self.leads_somewhere(document, target):
                     self.fault(document, number, f'{target} leads nowhere')
