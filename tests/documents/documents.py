@@ -7,6 +7,7 @@
   (below), in the order of the text, and must succeed.
 - A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
   a Python script must know the options. So is what stands between backquotes and begins with `revisit `.
+- A page has at most two screens of prose: MOST_WORDS outside of blocks and tables.
 - Programs of ```cpp pass the compiler's checks, with the engine's public headers.
 - Links and pictures lead to files and headings that are there. Files of the sources that are named between backquotes are there.
 - A number with decimals in a table of the README stands in a page of docs/, too, where its command is.
@@ -34,6 +35,7 @@ ROOT = Path(__file__).resolve().parents[2]
 # Commands of blocks that are not run and that are no business of ours.
 FOREIGN = {'apt-get', 'dpkg', 'git', 'grep', 'sudo', 'xargs', 'for', 'cd'}
 POSES_OF_KITTI_00 = 4541
+MOST_WORDS = 900
 
 
 def documents():
@@ -143,6 +145,9 @@ class Checker:
                 self.fault(document, block.line, wrong)
 
     def check_prose(self, document, prose):
+        n_words = sum(len(line.split()) for line in prose if not line.startswith('|'))
+        if n_words > MOST_WORDS:
+            self.fault(document, 1, f'{n_words} words of prose are more than {MOST_WORDS}')
         for number, line in enumerate(prose, 1):
             for code in re.findall(r'`(revisit [^`]+)`', line):
                 try:
