@@ -2,7 +2,7 @@
 
 #include <charconv>
 
-#include "fnv1a.h"
+#include "revisit/pipeline/fnv1a.h"
 
 namespace revisit::pipeline {
 

@@ -1,6 +1,7 @@
 // A camera image, and the visual words' descriptors of it.
+#include "revisit/pipeline/gray_png.h"
+
 #include "fuzz.h"
-#include "revisit/pipeline/gray_image.h"
 #include "revisit/pipeline/visual_words.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

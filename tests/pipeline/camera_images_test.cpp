@@ -4,7 +4,7 @@
 
 #include "expect_error.h"
 #include "revisit/pipeline/dataset.h"
-#include "revisit/pipeline/gray_image.h"
+#include "revisit/pipeline/gray_png.h"
 #include "small_drive.h"
 #include "test_data.h"
 

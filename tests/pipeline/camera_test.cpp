@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "revisit/pipeline/gray_png.h"
 #include "revisit/pipeline/visual_words.h"
 #include "revisit/proto/error.h"
 #include "simulation/drive.h"

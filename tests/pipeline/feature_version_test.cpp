@@ -5,9 +5,8 @@
 #include <bit>
 #include <cstdio>
 
-#include "describe/keys.h"
-#include "fnv1a.h"
 #include "revisit/pipeline/describe.h"
+#include "revisit/pipeline/fnv1a.h"
 #include "revisit/pipeline/scan_context.h"
 #include "revisit/pipeline/sensor.h"
 #include "test_data.h"

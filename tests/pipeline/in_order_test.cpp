@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 
 namespace revisit::pipeline {
 namespace {

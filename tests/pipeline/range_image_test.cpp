@@ -10,6 +10,7 @@
 
 #include "naive_range_image.h"
 #include "revisit/pipeline/align.h"
+#include "revisit/pipeline/gray_png.h"
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/pipeline/sensor.h"
 #include "revisit/proto/error.h"

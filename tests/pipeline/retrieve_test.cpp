@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "float_matrix.h"
+#include "revisit/pipeline/protocols.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "expect_error.h"
+#include "revisit/pipeline/protocols.h"
 #include "revisit/pipeline/retrieve.h"
 
 namespace revisit::pipeline {

@@ -8,6 +8,8 @@
 
 #include "expect_error.h"
 #include "revisit/pipeline/feature_file.h"
+#include "revisit/pipeline/gray_png.h"
+#include "revisit/pipeline/protocols.h"
 #include "revisit/pipeline/retrieve.h"
 #include "test_data.h"
 

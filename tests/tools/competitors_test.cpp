@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "revisit/pipeline/gray_image.h"
+#include "revisit/pipeline/gray_png.h"
 #include "small_drive.h"
 #include "test_data.h"
 

@@ -12,6 +12,8 @@
 namespace revisit::pipeline {
 namespace {
 
+constexpr const char* kAlignModes[] = {"none", "case1", "case2"};
+
 /// Covariance about the mean. Two passes: the sums of one pass would cancel for a cloud far from
 /// the origin. The mean is taken from the first point on, so that equal points give exactly zero.
 Eigen::Matrix3d covariance_of(const PointCloud& cloud) {
@@ -79,6 +81,16 @@ PointCloud rotated(const PointCloud& cloud, const Eigen::Matrix3f& R) {
                              R(1, 0) * p.x + R(1, 1) * p.y + R(1, 2) * p.z,
                              R(2, 0) * p.x + R(2, 1) * p.y + R(2, 2) * p.z, p.intensity});
   return result;
+}
+
+AlignMode parse_align_mode(const std::string& text) {
+  for (size_t i = 0; i < std::size(kAlignModes); ++i)
+    if (text == kAlignModes[i]) return static_cast<AlignMode>(i);
+  throw UsageError("alignment: expected none, case1 or case2, found '" + text + "'");
+}
+
+const char* name_of(AlignMode mode) {
+  return kAlignModes[static_cast<size_t>(mode)];
 }
 
 }  // namespace revisit::pipeline

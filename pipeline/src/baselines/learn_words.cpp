@@ -1,9 +1,10 @@
 #include <algorithm>
 #include <memory>
 
-#include "describe/keys.h"
-#include "parallel_for.h"
+#include "revisit/pipeline/describe.h"
 #include "revisit/pipeline/feature_file.h"
+#include "revisit/pipeline/gray_png.h"
+#include "revisit/pipeline/parallel_for.h"
 #include "revisit/pipeline/text.h"
 #include "revisit/pipeline/visual_words.h"
 #include "revisit/proto/error.h"

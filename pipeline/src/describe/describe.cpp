@@ -8,9 +8,10 @@
 #include <utility>
 
 #include "describe/in_order.h"
-#include "describe/keys.h"
 #include "io/file_content.h"
+#include "revisit/pipeline/describe.h"
 #include "revisit/pipeline/feature_file.h"
+#include "revisit/pipeline/gray_png.h"
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/pipeline/text.h"
 
@@ -20,7 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr const char* kAlignModes[] = {"none", "case1", "case2"};
 constexpr int64_t kAlignmentColumns = 6;  // of an AlignmentRecord
 
 /// Gives the milliseconds since it was made, or since it was asked last.
@@ -71,14 +71,11 @@ struct Memory {
   RangeImage image;
 };
 
-Alignment alignment_for(const PointCloud& cloud, AlignMode mode) {
-  return principal_alignment(cloud, mode == AlignMode::kCase2 ? AlignCase::kTwo : AlignCase::kOne);
-}
-
 /// Where scans are taken as they are it is only recorded, and may be unknown.
 Alignment alignment_to_use(const PointCloud& cloud, AlignMode mode) {
   try {
-    return alignment_for(cloud, mode);
+    return principal_alignment(cloud,
+                               mode == AlignMode::kCase2 ? AlignCase::kTwo : AlignCase::kOne);
   } catch (const InputError&) {
     if (mode != AlignMode::kNone) throw;
     Alignment unknown;
@@ -234,30 +231,12 @@ class Output {
 
 }  // namespace
 
-AlignMode parse_align_mode(const std::string& text) {
-  for (size_t i = 0; i < std::size(kAlignModes); ++i)
-    if (text == kAlignModes[i]) return static_cast<AlignMode>(i);
-  throw UsageError("alignment: expected none, case1 or case2, found '" + text + "'");
-}
-
-const char* name_of(AlignMode mode) {
-  return kAlignModes[static_cast<size_t>(mode)];
-}
-
 void DescribeTimes::append(const DescribeTimes& more) {
   for (const auto stage :
        {&DescribeTimes::read, &DescribeTimes::align, &DescribeTimes::project, &DescribeTimes::close,
         &DescribeTimes::feature, &DescribeTimes::write, &DescribeTimes::processor})
     (this->*stage).insert((this->*stage).end(), (more.*stage).begin(), (more.*stage).end());
   wall_ms += more.wall_ms;
-}
-
-RangeImage scan_to_image(const PointCloud& cloud, AlignMode mode, const ImageGeometry& geometry) {
-  const Alignment alignment = mode == AlignMode::kNone ? Alignment() : alignment_for(cloud, mode);
-  RangeImage image;
-  project_turned(cloud, turn_for(alignment, mode), geometry, image);
-  close_holes_in_place(image, geometry);
-  return image;
 }
 
 FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,

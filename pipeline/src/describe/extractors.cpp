@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "revisit/pipeline/describe.h"
+#include "revisit/pipeline/feature.h"
 #include "revisit/pipeline/text.h"
 
 namespace revisit::pipeline {
@@ -91,6 +91,18 @@ FeatureExtractor range_vector_features(const ImageGeometry& geometry) {
     };
   };
   return extractor;
+}
+
+RangeImage scan_to_image(const PointCloud& cloud, AlignMode mode, const ImageGeometry& geometry) {
+  Eigen::Matrix3f R_image_sensor = Eigen::Matrix3f::Identity();
+  if (mode != AlignMode::kNone)
+    R_image_sensor =
+        principal_alignment(cloud, mode == AlignMode::kCase2 ? AlignCase::kTwo : AlignCase::kOne)
+            .R_aligned_sensor;
+  RangeImage image;
+  project_turned(cloud, R_image_sensor, geometry, image);
+  close_holes_in_place(image, geometry);
+  return image;
 }
 
 }  // namespace revisit::pipeline

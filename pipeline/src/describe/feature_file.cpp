@@ -14,9 +14,9 @@
 #include <utility>
 #include <vector>
 
-#include "fnv1a.h"
 #include "io/file_content.h"
 #include "io/part_lock.h"
+#include "revisit/pipeline/fnv1a.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"

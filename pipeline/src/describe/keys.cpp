@@ -1,7 +1,6 @@
-#include "describe/keys.h"
-
 #include <sys/stat.h>
 
+#include "revisit/pipeline/describe.h"
 #include "revisit/pipeline/text.h"
 #include "revisit/proto/error.h"
 

@@ -3,7 +3,7 @@
 #include <random>
 
 #include "evaluation/ballots.h"
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 
 namespace revisit::pipeline {
 namespace {

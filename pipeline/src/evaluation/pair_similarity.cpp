@@ -1,6 +1,6 @@
 #include <memory>
 
-#include "retrieve/cosine.h"
+#include "revisit/pipeline/cosine.h"
 #include "revisit/pipeline/pairs.h"
 
 namespace revisit::pipeline {

@@ -4,7 +4,7 @@
 #include <random>
 
 #include "evaluation/ballots.h"
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -1,7 +1,8 @@
+#include "revisit/pipeline/gray_png.h"
+
 #include <png.h>
 
 #include "io/file_content.h"
-#include "revisit/pipeline/gray_image.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 

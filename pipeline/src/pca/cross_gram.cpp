@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "linear_algebra/linear_algebra.h"
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {

@@ -7,7 +7,7 @@
 #include "cross_gram.h"
 #include "feature_panels.h"
 #include "linear_algebra/linear_algebra.h"
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 #include "revisit/proto/error.h"
 #include "write_model.h"
 

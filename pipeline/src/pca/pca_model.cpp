@@ -3,7 +3,7 @@
 
 #include "feature_panels.h"
 #include "linear_algebra/linear_algebra.h"
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 #include "revisit/pipeline/pca.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "basis_writer.h"
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 

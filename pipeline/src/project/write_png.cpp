@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "revisit/pipeline/gray_image.h"
+#include "revisit/pipeline/gray_png.h"
 #include "revisit/pipeline/range_image.h"
 
 namespace revisit::pipeline {

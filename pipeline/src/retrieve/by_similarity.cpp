@@ -3,21 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
-#include "parallel_for.h"
 #include "retrieve/ranking.h"
+#include "revisit/pipeline/parallel_for.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {
 
-std::vector<int64_t> candidates_of(const Task& task, const TaskQuery& query) {
+std::vector<int64_t> candidates_of(const RetrievalTask& task, const TaskQuery& query) {
   std::vector<int64_t> scans;
   for (const CandidateRange& range : query.candidates)
     scans.insert(scans.end(), task.stored.begin() + range.begin, task.stored.begin() + range.end);
   return scans;
 }
 
-Match answer(const FloatMatrix& asked, const FloatMatrix& stored, const Task& task,
+Match answer(const FloatMatrix& asked, const FloatMatrix& stored, const RetrievalTask& task,
              const TaskQuery& query, const RetrieveOptions& options, int which_case) {
   const std::vector<int64_t> scans = candidates_of(task, query);
   std::vector<double> similarities(scans.size());
@@ -34,8 +34,9 @@ Match answer(const FloatMatrix& asked, const FloatMatrix& stored, const Task& ta
 
 }  // namespace
 
-void retrieve_by_similarity(const FloatMatrix& asked, const FloatMatrix& stored, const Task& task,
-                            const RetrieveOptions& options, int which_case,
+void retrieve_by_similarity(const FloatMatrix& asked, const FloatMatrix& stored,
+                            const RetrievalTask& task, const RetrieveOptions& options,
+                            int which_case,
                             const std::function<void(int64_t index, Match match)>& done) {
   // Blocks, so that progress and stop are called from this thread and often enough.
   constexpr int64_t kBlock = 64;

@@ -1,4 +1,4 @@
-#include "retrieve/cosine.h"
+#include "revisit/pipeline/cosine.h"
 
 #include <algorithm>
 #include <cmath>

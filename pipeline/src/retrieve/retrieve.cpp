@@ -5,8 +5,8 @@
 
 #include "linear_algebra/linear_algebra.h"
 #include "retrieve/by_similarity.h"
-#include "retrieve/cosine.h"
 #include "retrieve/ranking.h"
+#include "revisit/pipeline/cosine.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
@@ -69,8 +69,8 @@ bool is_candidate(const TaskQuery& query, int64_t position) {
 /// One descriptor a query against the stored ones.
 class Retrieval {
  public:
-  Retrieval(const FloatMatrix& stored, const std::vector<double>& stored_lengths, const Task& task,
-            const RetrieveOptions& options)
+  Retrieval(const FloatMatrix& stored, const std::vector<double>& stored_lengths,
+            const RetrievalTask& task, const RetrieveOptions& options)
       : stored_(stored),
         stored_lengths_(stored_lengths),
         task_(task),
@@ -142,14 +142,14 @@ class Retrieval {
 
   const FloatMatrix& stored_;
   const std::vector<double>& stored_lengths_;
-  const Task& task_;
+  const RetrievalTask& task_;
   const RetrieveOptions& options_;
   int64_t block_rows_;
   float slack_;
   std::vector<float> stored_units_, cosines_;
 };
 
-void check(const FloatMatrix& case1, const Task& task, const RetrieveOptions& options,
+void check(const FloatMatrix& case1, const RetrievalTask& task, const RetrieveOptions& options,
            const FloatMatrix* case2) {
   if (options.k < 1) throw UsageError(str("k: expected at least 1, found ", options.k));
   if (options.threads < 1)
@@ -185,7 +185,7 @@ const char* name_of(Score score) {
   return score == Score::kMargin ? "margin" : "cosine";
 }
 
-std::vector<Match> retrieve(const FloatMatrix& case1, const Task& task,
+std::vector<Match> retrieve(const FloatMatrix& case1, const RetrievalTask& task,
                             const RetrieveOptions& options, const FloatMatrix* case2) {
   check(case1, task, options, case2);
   const int64_t n_queries = static_cast<int64_t>(task.queries.size());

@@ -6,7 +6,7 @@
 #include <atomic>
 #include <mutex>
 
-#include "parallel_for.h"
+#include "revisit/pipeline/parallel_for.h"
 
 namespace revisit::pipeline::simulation {
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 
+#include "revisit/pipeline/gray_png.h"
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/proto/error.h"
 #include "simulation/camera.h"

@@ -11,6 +11,7 @@
 #include "eval/points_outside.h"
 #include "reports.pb.h"
 #include "revisit/pipeline/align.h"
+#include "revisit/pipeline/gray_png.h"
 #include "revisit/pipeline/range_image.h"
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/proto/error.h"

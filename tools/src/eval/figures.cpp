@@ -9,6 +9,7 @@
 #include "cli/messages.h"
 #include "cli/table.h"
 #include "plots/plots.h"
+#include "revisit/pipeline/gray_png.h"
 #include "revisit/pipeline/scan_file.h"
 
 namespace revisit::cli {

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "report/base64.h"
+#include "revisit/pipeline/gray_png.h"
 #include "revisit/pipeline/scan_file.h"
 #include "revisit/pipeline/text.h"
 

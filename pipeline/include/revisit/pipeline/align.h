@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 
 #include "revisit/pipeline/point_cloud.h"
 
@@ -9,6 +10,12 @@ namespace revisit::pipeline {
 /// Which of the two right-handed sign choices of the principal directions (paper, section III-A;
 /// docs/METHODS.md): case 2 is case 1 turned by 180 degrees about z'.
 enum class AlignCase { kOne = 1, kTwo = 2 };
+
+/// How scans are turned before they are projected.
+enum class AlignMode { kNone, kCase1, kCase2 };
+/// "none", "case1", "case2"; throws UsageError for anything else.
+AlignMode parse_align_mode(const std::string& text);
+const char* name_of(AlignMode mode);
 
 /// The rotation that brings a cloud to its principal directions, and how far to trust it.
 struct Alignment {

@@ -1,26 +1,13 @@
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "revisit/pipeline/ground_truth.h"
+#include "revisit/pipeline/retrieve.h"
 
 namespace revisit::pipeline {
-
-/// Half-open range of positions in Task::stored.
-struct CandidateRange {
-  int64_t begin = 0, end = 0;
-  int64_t size() const { return end - begin; }
-};
-
-/// One scan to recognise and the stored scans it is compared with.
-struct TaskQuery {
-  int64_t scan = 0;                            // row of the data set
-  std::array<CandidateRange, 2> candidates{};  // before and after a hole; the second may be empty
-  int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
-};
 
 /// What is accepted or rejected, and so what precision and recall count.
 enum class Decision {
@@ -36,14 +23,11 @@ enum class Missed {
 
 /// A place-recognition task: which scans of a data set are stored, which are asked, what is true.
 /// Scans are rows of the data set, so a subsampled drive (gaps in the frame numbers) works alike.
-struct Task {
-  std::string name;                // "paper-easy", "paper-median", "online", "ssc", ...
-  std::string definition;          // of the protocol, for people and for the results
-  std::string population;          // for people: what is stored and what is asked
-  std::vector<int64_t> stored;     // rows, ascending
-  std::vector<TaskQuery> queries;  // by row; only scans with at least one candidate
-  bool both_cases = false;         // describe the queries in both alignment cases
-  TrueMatchRule rule;              // the protocol's own; the command line may replace it
+struct Task : RetrievalTask {
+  std::string definition;   // of the protocol, for people and for the results
+  std::string population;   // for people: what is stored and what is asked
+  bool both_cases = false;  // describe the queries in both alignment cases
+  TrueMatchRule rule;       // the protocol's own; the command line may replace it
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   Decision decision = Decision::kQuery;
   Missed missed = Missed::kNotFound;

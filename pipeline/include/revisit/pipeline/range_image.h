@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <string>
 #include <vector>
 
 #include "revisit/pipeline/point_cloud.h"
@@ -67,8 +66,5 @@ Projected project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image
 /// UsageError as check_geometry() does, and for a rectangle larger than the image given.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
-
-/// Writes an 8-bit grey PNG (values rounded). Throws Error when it cannot.
-void write_png(const std::string& file, const RangeImage& image);
 
 }  // namespace revisit::pipeline

@@ -1,15 +1,35 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "revisit/pipeline/matrix.h"
-#include "revisit/pipeline/protocols.h"
 #include "revisit/pipeline/similarity.h"
 
 namespace revisit::pipeline {
+
+/// Half-open range of positions in RetrievalTask::stored.
+struct CandidateRange {
+  int64_t begin = 0, end = 0;
+  int64_t size() const { return end - begin; }
+};
+
+/// One scan to recognise and the stored scans it is compared with.
+struct TaskQuery {
+  int64_t scan = 0;                            // row of the data set
+  std::array<CandidateRange, 2> candidates{};  // before and after a hole; the second may be empty
+  int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
+};
+
+/// Which scans of a data set are stored and which are asked. Scans are rows of the data set.
+struct RetrievalTask {
+  std::string name;                // for messages: "paper-easy", "online", "ssc", ...
+  std::vector<int64_t> stored;     // rows, ascending
+  std::vector<TaskQuery> queries;  // by row; only scans with at least one candidate
+};
 
 /// How sure a retrieval is (paper, section III-D).
 enum class Score {
@@ -54,7 +74,7 @@ struct Match {
 /// Memory beyond the inputs is bounded (about 130 MB), whatever n and d.
 /// Throws UsageError for k or threads < 1, Error when shapes do not fit or a descriptor or a
 /// similarity is not finite.
-std::vector<Match> retrieve(const FloatMatrix& case1, const Task& task,
+std::vector<Match> retrieve(const FloatMatrix& case1, const RetrievalTask& task,
                             const RetrieveOptions& options = {},
                             const FloatMatrix* case2 = nullptr);
 

@@ -13,7 +13,7 @@
 #include <random>
 
 #include "baselines/pcl/clouds.h"
-#include "fnv1a.h"
+#include "revisit/pipeline/fnv1a.h"
 #include "revisit/pipeline/pcl_features.h"
 #include "revisit/proto/error.h"
 
