@@ -12,7 +12,7 @@ set(sees_tools tools pipeline engine proto weights_conversion)
 # library header pattern -> files that may include it
 set(owned_libraries
   "opencv2/|pipeline/src/baselines/visual_words"
-  "png.h|pipeline/src/io/gray_png"
+  "png.h|pipeline/src/io/gray_png|tools/src/report/range_images"
   "liblzf/|pipeline/src/io/pcd"
   "pcl/|pipeline/src/baselines/pcl/"
   "embree3/|pipeline/src/simulation/ray_caster"
@@ -21,7 +21,7 @@ set(owned_libraries
   "lapacke|pipeline/src/linear_algebra/"
   "yaml-cpp/|tools/src/"
   "curl/|tools/src/models/"
-  "openssl/|tools/src/models/"
+  "openssl/|tools/src/models/|tools/src/report/range_images"
   "argp.h|tools/src/cli/parser")
 
 function(complain text)

@@ -46,14 +46,5 @@ awk -v positives="$(metric n_positives)" -v top="$(metric recall_at_1)" \
     printf "For %.0f %% of them the most similar earlier scan was of that place;\n", 100 * top
     printf "%.0f %% can be accepted without a single false alarm.\n", 100 * safe
   }'
-"$revisit" report "$run" --output "$output/report.html" --title "A drive through a synthetic town" \
-  --no-plots --quiet
-echo "Look at:"
-echo "  $output/report.html  (all of it, interactive, in one file for the browser)"
-for picture in precision_recall:"precision against recall" \
-  trajectory_online:"the drive with right, wrong and missed places" \
-  match_online:"one query and its best match, as the network sees them"; do
-  file="$run/${picture%%:*}.png"
-  [ -f "$file" ] && echo "  $file  (${picture#*:})" || echo "  (no ${picture%%:*}.png: is gnuplot installed?)"
-done
-echo "All figures and tables: $run"
+echo "Look at $run/report.html: curves, the drive with right, wrong and missed places, and what the network sees,"
+echo "all of it in one file for the browser. Tables: $run"

@@ -42,7 +42,7 @@ class CompetitorsTest : public testing::Test {
   }
   std::string eval(const std::string& feature, const std::string& more = "") const {
     return "eval " + root().string() + " --feature " + feature +
-           " --protocol online --exclusion frames=8 --radius 2 --no-plots -o " +
+           " --protocol online --exclusion frames=8 --radius 2 --no-report -o " +
            (dir_ / "results").string() + " " + more;
   }
   std::string run_json() const {
@@ -82,8 +82,8 @@ TEST_F(CompetitorsTest, OnRealScans) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
   const auto top_1 = [&](const std::string& feature) {
     return run_revisit("eval " + kitti.string() + " --sequence 00 --protocol leave-one-out" +
-                       " --exclusion none --no-plots --format json -o " + (dir_ / "real").string() +
-                       " --feature " + feature)
+                       " --exclusion none --no-report --format json -o " +
+                       (dir_ / "real").string() + " --feature " + feature)
         .out;
   };
   // 11 of the 12 scans have another within 5 m; found by Scan Context all, by M2DP all but one.

@@ -7,7 +7,6 @@
 #include <map>
 #include <sstream>
 
-#include "cli/csv.h"
 #include "cli/json.h"
 #include "eval/eval_options.h"
 #include "reports.pb.h"
@@ -42,39 +41,68 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
   const auto result = run_revisit(eval());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("online"), std::string::npos);
-  for (const char* file :
-       {"config.yaml", "run.json", "metrics.json", "loops_online.csv", "pr_online.csv", "scans.csv",
-        "precision_recall.gp", "trajectory_online.gp", "match_online.gp"})
+  for (const char* file : {"config.yaml", "run.json", "metrics.json", "loops_online.csv",
+                           "pr_online.csv", "scans.csv", "report.json", "report.html"})
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
+  EXPECT_NE(result.out.find("\nreport: "), std::string::npos) << result.out;
   const std::string loops = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(loops.substr(0, loops.find('\n')),
             "query_index,match_index,rank,query_time,match_time,cosine,score,margin,yaw_deg,"
             "accepted,true,positive,case");
+  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
+  EXPECT_FALSE(fs::exists(run_folder() / "report.html"));
 }
 
 TEST_F(EvalCommand, AcceptedIsWhatTheScoresInTheFileReach) {
   // The lowest score of an accepted query is the threshold itself, to the last digit.
-  ASSERT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
   reports::MetricsList metrics;
   cli::read_report(run_folder() / "metrics.json", &metrics);
-  const cli::CsvFile loops(run_folder() / "loops_online.csv");
+  std::istringstream loops(test::read_file(run_folder() / "loops_online.csv"));
   double lowest = std::numeric_limits<double>::infinity();
-  for (size_t row = 0; row < loops.rows(); ++row)
-    if (loops.number(row, loops.column("accepted")) == 1)
-      lowest = std::min(lowest, loops.number(row, loops.column("score")));
+  std::string line;
+  std::getline(loops, line);  // the header, as in WritesEveryFileOfARun
+  while (std::getline(loops, line)) {
+    std::vector<std::string> cells;
+    std::istringstream row(line);
+    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    if (cells.size() > 9 && cells[9] == "1") lowest = std::min(lowest, std::stod(cells[6]));
+  }
   EXPECT_EQ(lowest, metrics.tasks(0).f1_max_threshold());
 }
 
-TEST_F(EvalCommand, BothPicturesOfAFigureHaveAllItsPanels) {
-  const auto result = run_revisit(eval());
-  ASSERT_EQ(result.exit_code, 0) << result.err;
-  const std::string picture = test::read_file(run_folder() / "match_online.svg");
-  for (const char* panel : {"and its best match", "range image of the query", "image of the best"})
-    EXPECT_NE(picture.find(panel), std::string::npos) << panel;
+TEST_F(EvalCommand, TheReportHasWhatTheOtherFilesHave) {
+  ASSERT_EQ(run_revisit(eval("--no-report --protocol online,ssc")).exit_code, 0);
+  reports::Run run;
+  cli::read_report(run_folder() / "report.json", &run);
+  reports::MetricsList metrics;
+  cli::read_report(run_folder() / "metrics.json", &metrics);
+  ASSERT_EQ(run.tasks_size(), 2);
+  EXPECT_EQ(cli::to_json(run.tasks(0).metrics()), cli::to_json(metrics.tasks(0)));
+  EXPECT_EQ(run.frame_size(), 24);
+  EXPECT_EQ(run.x_size(), 24);
+  const reports::RunTask& online = run.tasks(0);
+  EXPECT_EQ(online.stored_size(), 24);
+  EXPECT_EQ(online.scan_size(), metrics.tasks(0).n_queries());
+  EXPECT_EQ(online.match_size(), 4 * online.scan_size());
+  int positives = 0, found = 0;
+  for (const int flags : online.flags()) {
+    positives += (flags & 4) != 0;
+    found += (flags & 3) == 3;
+  }
+  EXPECT_EQ(positives, metrics.tasks(0).n_positives());
+  EXPECT_GT(found, 0);
+  EXPECT_GT(online.curve().recall_size(), 1);
+  // Of the pairs there is a histogram instead.
+  const reports::RunTask& pairs = run.tasks(1);
+  EXPECT_EQ(pairs.scan_size(), 0);
+  double n_true = 0;
+  for (const double count : pairs.histogram().of_true()) n_true += count;
+  EXPECT_EQ(n_true, metrics.tasks(1).n_true_pairs());
 }
 
 TEST_F(EvalCommand, TasksThatShareTheirDescriptorsGiveWhatEachGivesAlone) {
-  const std::string both = "--no-plots --pca 5 --query-case both --protocol ";
+  const std::string both = "--no-report --pca 5 --query-case both --protocol ";
   std::map<std::string, std::string> alone;
   for (const char* task : {"paper-easy", "online"}) {
     const auto result = run_revisit(eval(both + task));
@@ -85,17 +113,17 @@ TEST_F(EvalCommand, TasksThatShareTheirDescriptorsGiveWhatEachGivesAlone) {
   for (const auto& [task, loops] : alone)
     EXPECT_EQ(test::read_file(run_folder() / ("loops_" + task + ".csv")), loops) << task;
   // A task in both cases and one in case 1 alone.
-  ASSERT_EQ(run_revisit(eval("--no-plots --pca 5 --protocol paper-easy")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --pca 5 --protocol paper-easy")).exit_code, 0);
   EXPECT_NE(test::read_file(run_folder() / "loops_paper-easy.csv"), alone["paper-easy"]);
 }
 
 TEST_F(EvalCommand, ACalibrationThatIsNotNeededIsNotRead) {
   test::write_file(root() / "sequences/00/calib.txt", "P0: 1 0 0 0 0 1 0 0 0 0 1 0\n");
-  EXPECT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+  EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
 }
 
 TEST_F(EvalCommand, SaysWhereTheTimeWent) {
-  const auto result = run_revisit(eval("--no-plots --threads 3 --threads-per-scan 2"));
+  const auto result = run_revisit(eval("--no-report --threads 3 --threads-per-scan 2"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("described 24 scans in "), std::string::npos) << result.out;
   const std::string run = test::read_file(run_folder() / "run.json");
@@ -109,20 +137,20 @@ TEST_F(EvalCommand, SaysWhereTheTimeWent) {
   EXPECT_NE(run.find("\"scans_per_second\": "), std::string::npos);
   EXPECT_NE(run.find("\"threads_per_scan\": 2"), std::string::npos);
 
-  const auto again = run_revisit(eval("--no-plots"));
+  const auto again = run_revisit(eval("--no-report"));
   EXPECT_EQ(again.out.find("described"), std::string::npos) << "the scans were described before";
   EXPECT_EQ(run_revisit(eval("--threads-per-scan 0")).exit_code, 2);
 }
 
 TEST_F(EvalCommand, FindsTheSecondPassOfASmallDrive) {
-  const auto result = run_revisit(eval("--no-plots --format json"));
+  const auto result = run_revisit(eval("--no-report --format json"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("\"n_positives\": 12"), std::string::npos) << result.out;
   EXPECT_NE(result.out.find("\"recall_at_1\": 1"), std::string::npos) << result.out;
 }
 
 TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
-  ASSERT_EQ(run_revisit(eval("--no-plots --every 2 --pca 7 --score cosine")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --every 2 --pca 7 --score cosine")).exit_code, 0);
   const std::string first = test::read_file(run_folder() / "metrics.json");
   const std::string info = test::read_file(run_folder() / "run.json");
   const std::string start = "\"command\": \"revisit ";
@@ -131,7 +159,7 @@ TEST_F(EvalCommand, ItsOwnCommandRepeatsARun) {
   const std::string command =
       info.substr(at + start.size(), info.find('"', at + start.size()) - at - start.size());
   EXPECT_NE(command.find("--every 2"), std::string::npos) << command;
-  const auto again = run_revisit(command + " --no-plots -o " + (dir_ / "again").string());
+  const auto again = run_revisit(command + " --no-report -o " + (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err << command;
   EXPECT_EQ(test::read_file(dir_ / "again/drive_00/latest/metrics.json"), first);
 }
@@ -161,19 +189,19 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
 TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
   for (const char* option : {"--end pool5", "--set end=pool5", "--mean-bgr 1,2,nan",
                              "--ring-key-candidates 5", "--new-place sampled"}) {
-    const auto result = run_revisit(eval(std::string("--no-plots ") + option));
+    const auto result = run_revisit(eval(std::string("--no-report ") + option));
     EXPECT_EQ(result.exit_code, 2) << option;
     EXPECT_NE(result.err.find(" belongs to --feature "), std::string::npos) << result.err;
   }
   const auto described = run_revisit("describe " + root().string() +
                                      " --feature data --end pool5 -o " + results().string());
   EXPECT_EQ(described.exit_code, 2) << described.err;
-  EXPECT_EQ(run_revisit(eval("--no-plots"), "REVISIT_END=pool5").exit_code, 0);
+  EXPECT_EQ(run_revisit(eval("--no-report"), "REVISIT_END=pool5").exit_code, 0);
   EXPECT_EQ(test::read_file(run_folder() / "config.yaml").find("end:"), std::string::npos);
 }
 
 TEST_F(EvalCommand, DescribeTakesTheConfigurationOfARun) {
-  ASSERT_EQ(run_revisit(eval("--no-plots --pca 5")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --pca 5")).exit_code, 0);
   const std::string describe =
       "describe " + root().string() + " -o " + (dir_ / "out").string() + " -c ";
   const auto result = run_revisit(describe + (run_folder() / "config.yaml").string());
@@ -185,7 +213,7 @@ TEST_F(EvalCommand, DescribeTakesTheConfigurationOfARun) {
 
 TEST_F(EvalCommand, ATaskIsEvaluatedOnce) {
   for (const char* twice : {"online,online", "online,ssc,online"}) {
-    const auto result = run_revisit(eval(std::string("--no-plots --protocol ") + twice));
+    const auto result = run_revisit(eval(std::string("--no-report --protocol ") + twice));
     EXPECT_EQ(result.exit_code, 2) << twice;
     EXPECT_NE(result.err.find("twice"), std::string::npos) << result.err;
   }
@@ -193,7 +221,7 @@ TEST_F(EvalCommand, ATaskIsEvaluatedOnce) {
 
 TEST_F(EvalCommand, MemoryIsCheckedAtTheStart) {
   for (const char* memory : {"0", "-1", "1e-9", "nan"}) {
-    const auto result = run_revisit(eval(std::string("--no-plots --pca 5 --memory ") + memory));
+    const auto result = run_revisit(eval(std::string("--no-report --pca 5 --memory ") + memory));
     EXPECT_EQ(result.exit_code, 2) << memory;
     EXPECT_NE(result.err.find("--memory"), std::string::npos) << result.err;
   }
@@ -202,7 +230,7 @@ TEST_F(EvalCommand, MemoryIsCheckedAtTheStart) {
 
 TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {
   const fs::path cache = dir_ / "cache";
-  const std::string common = "--no-plots --cache " + cache.string();
+  const std::string common = "--no-report --cache " + cache.string();
   ASSERT_EQ(run_revisit(eval(common + " --pca 0")).exit_code, 0);
   for (const auto& entry : fs::directory_iterator(cache))
     if (entry.path().filename().string().starts_with("data-case1") &&
@@ -215,7 +243,7 @@ TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {
                  entry.path().filename().string().starts_with("data-case1") &&
                  entry.path().string().find("-scans") == std::string::npos)
         << "described again: " << entry.path();
-  ASSERT_EQ(run_revisit(eval("--no-plots --pca 6")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --pca 6")).exit_code, 0);
   EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), cached);
 }
 
@@ -234,14 +262,14 @@ TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
 
 TEST_F(EvalCommand, WhatIsCalledLatestAndIsNoLinkStays) {
   test::write_file(results() / "drive_00/latest", "mine");
-  const auto result = run_revisit(eval("--no-plots"));
+  const auto result = run_revisit(eval("--no-report"));
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.err.find("latest is no link"), std::string::npos) << result.err;
   EXPECT_EQ(test::read_file(results() / "drive_00/latest"), "mine");
 }
 
 TEST_F(EvalCommand, EveryNthFrame) {
-  ASSERT_EQ(run_revisit(eval("--no-plots --every 3")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --every 3")).exit_code, 0);
   std::istringstream scans(test::read_file(run_folder() / "scans.csv"));
   std::string line;
   std::getline(scans, line);
@@ -291,7 +319,7 @@ std::vector<double> of_best_matches(const std::string& csv, int column) {
 }
 
 TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
-  const std::string easy = "--no-plots --protocol paper-easy --query-case ";
+  const std::string easy = "--no-report --protocol paper-easy --query-case ";
   std::map<std::string, std::vector<double>> scores, cases;
   for (const char* which : {"1", "2", "both"}) {
     const auto result = run_revisit(eval(easy + which));
@@ -316,11 +344,11 @@ TEST_F(EvalCommand, OfBothAlignmentCasesTheHigherScoreWins) {
 }
 
 TEST_F(EvalCommand, ItsOwnConfigRepeatsARun) {
-  ASSERT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
   const fs::path config = dir_ / "config.yaml";
   fs::copy_file(run_folder() / "config.yaml", config);
   const std::string first = test::read_file(run_folder() / "metrics.json");
-  const auto again = run_revisit("eval " + root().string() + " --no-plots -c " + config.string() +
+  const auto again = run_revisit("eval " + root().string() + " --no-report -c " + config.string() +
                                  " -o " + (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_EQ(test::read_file(dir_ / "again/drive_00/latest/metrics.json"), first);
@@ -335,7 +363,7 @@ TEST_F(EvalCommand, UnknownConfigKeysAreNamed) {
 
 TEST_F(EvalCommand, CommandLineBeatsEnvironmentBeatsConfig) {
   test::write_file(dir_ / "c.yaml", "k: 0\n");  // would fail
-  const std::string config = " --no-plots -c " + (dir_ / "c.yaml").string();
+  const std::string config = " --no-report -c " + (dir_ / "c.yaml").string();
   EXPECT_EQ(run_revisit(eval(config)).exit_code, 2);
   EXPECT_EQ(run_revisit(eval(config), "REVISIT_K=3").exit_code, 0);
   EXPECT_EQ(run_revisit(eval(config + " --k 0"), "REVISIT_K=3").exit_code, 2);
@@ -348,7 +376,7 @@ TEST_F(EvalCommand, FullDiskLeavesNothingThatLooksWhole) {
   EXPECT_NE(result.err.find("data-case1"), std::string::npos) << result.err;
   for (const auto& entry : fs::recursive_directory_iterator(results()))
     EXPECT_NE(entry.path().extension(), ".npy") << entry.path();
-  EXPECT_EQ(run_revisit(eval("--no-plots")).exit_code, 0) << "the next run does not recover";
+  EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 0) << "the next run does not recover";
 }
 
 TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
@@ -364,18 +392,18 @@ TEST_F(EvalCommand, CtrlCKeepsWhatWasDone) {
                        "done\n"
                        "kill -INT $!\n"
                        "wait $!\n");
-  const auto stopped = run_revisit(eval("--no-plots --threads 1 --width 4000"),
+  const auto stopped = run_revisit(eval("--no-report --threads 1 --width 4000"),
                                    "sh " + (dir_ / "stop_midway.sh").string());
   EXPECT_EQ(stopped.exit_code, 130) << stopped.err;
   EXPECT_NE(stopped.err.find("goes on"), std::string::npos) << stopped.err;
-  EXPECT_EQ(run_revisit(eval("--no-plots --width 4000")).exit_code, 0);
+  EXPECT_EQ(run_revisit(eval("--no-report --width 4000")).exit_code, 0);
 }
 
 TEST_F(EvalCommand, BadInputHasItsExitCode) {
   const fs::path scan = root() / "sequences/00/velodyne/000003.bin";
   const std::string good = test::read_file(scan);
   const auto expect = [&](int code, const std::string& part, const std::string& more = "") {
-    const auto result = run_revisit(eval("--no-plots " + more));
+    const auto result = run_revisit(eval("--no-report " + more));
     EXPECT_EQ(result.exit_code, code) << result.err;
     EXPECT_NE(result.err.find(part), std::string::npos) << "no '" << part << "' in: " << result.err;
   };
@@ -424,7 +452,7 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
   for (const char* protocol : {"online", "paper-easy", "ssc"}) {
     SCOPED_TRACE(protocol);
     const auto result =
-        run_revisit(eval("--no-plots --pca 5 --query-case protocol --protocol ") + protocol);
+        run_revisit(eval("--no-report --pca 5 --query-case protocol --protocol ") + protocol);
     ASSERT_EQ(result.exit_code, 6) << result.err;
     EXPECT_NE(result.out.find("5 of 24 scans could not be described and are left out: 000003.bin, "
                               "000005.bin, 000007.bin, 000014.bin, 000020.bin\n"),
@@ -450,14 +478,14 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
         EXPECT_FALSE(match.starts_with(str(frame, ","))) << "found: " << line;
       }
   }
-  const auto first = run_revisit(eval("--no-plots --pca 4 --width 200"));
+  const auto first = run_revisit(eval("--no-report --pca 4 --width 200"));
   EXPECT_NE(first.err.find("000003.bin: "), std::string::npos) << "no reason: " << first.err;
-  const auto kept = run_revisit(eval("--no-plots --pca 5 --strict"));
+  const auto kept = run_revisit(eval("--no-report --pca 5 --strict"));
   EXPECT_EQ(kept.exit_code, 3) << "the cache holds scans that were left out";
   EXPECT_NE(kept.err.find("000003.bin"), std::string::npos) << kept.err;
 
   // As they are, all equal points have an image, whatever their direction is.
-  const auto none = run_revisit(eval("--no-plots --align none"));
+  const auto none = run_revisit(eval("--no-report --align none"));
   EXPECT_EQ(none.exit_code, 6) << none.err;
   EXPECT_NE(none.out.find("3 of 24 scans could not be described"), std::string::npos) << none.out;
 
@@ -469,12 +497,12 @@ TEST_F(EvalCommand, AScanThatCannotBeDescribedIsLeftOutAndTheDriveGoesOn) {
   EXPECT_NE(frames.find(",described\n"), std::string::npos) << frames;
 
   for (int i = 0; i < 24; ++i) test::write_file(scan(i), "short");
-  EXPECT_EQ(run_revisit(eval("--no-plots")).exit_code, 3) << "nothing is left";
+  EXPECT_EQ(run_revisit(eval("--no-report")).exit_code, 3) << "nothing is left";
 }
 
 TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
   const fs::path cache = dir_ / "cache";
-  const std::string command = eval("--no-plots --pca 5 --cache " + cache.string());
+  const std::string command = eval("--no-report --pca 5 --cache " + cache.string());
   ASSERT_EQ(run_revisit(command).exit_code, 0);
   const std::string loops = test::read_file(run_folder() / "loops_online.csv");
   std::map<fs::path, std::string> kept;  // features, alignments, times, descriptors
@@ -512,7 +540,7 @@ TEST_F(EvalCommand, DamagedFilesOfTheCacheAreMadeAnew) {
 }
 
 TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
-  ASSERT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
   // What an earlier program left under this name: its key says so.
   for (const auto& entry : fs::directory_iterator(results() / "features"))
     if (entry.path().filename().string().ends_with(".npy.key")) {
@@ -521,21 +549,21 @@ TEST_F(EvalCommand, FeaturesOfAnotherVersionAreNotUsed) {
       key.replace(8, 1, "0");
       test::write_file(entry.path(), key);
     }
-  const auto again = run_revisit(eval("--no-plots"));
+  const auto again = run_revisit(eval("--no-report"));
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_NE(again.out.find("described 24 scans"), std::string::npos) << again.out;
 }
 
 TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
-  ASSERT_EQ(run_revisit(eval("--no-plots --pca none")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --pca none")).exit_code, 0);
   const std::string raw = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_NE(test::read_file(run_folder() / "config.yaml").find("pca: none"), std::string::npos);
   // No pixel is negative, so no cosine of two images is; less their mean some are.
   for (const double cosine : of_best_matches(raw, 5)) EXPECT_GE(cosine, 0);
-  ASSERT_EQ(run_revisit(eval("--no-plots --pca all")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --pca all")).exit_code, 0);
   const std::string all = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_NE(all, raw);
-  ASSERT_EQ(run_revisit(eval("--no-plots --pca 0")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report --pca 0")).exit_code, 0);
   EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), all);
   for (const char* bad : {"--pca -1", "--pca x", "--pca none --pca-fit map"})
     EXPECT_EQ(run_revisit(eval(bad)).exit_code, 2) << bad;
@@ -554,17 +582,17 @@ TEST_F(EvalCommand, ProtocolListNeedsNoData) {
 }
 
 TEST_F(EvalCommand, ADriveThatIsOnlyCalledLikeKittisIsNotTakenForIt) {
-  const auto refused = run_revisit(eval("--no-plots --protocol paper-median"));
+  const auto refused = run_revisit(eval("--no-report --protocol paper-median"));
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_NE(refused.err.find("4541 poses; this drive 00 has 24"), std::string::npos) << refused.err;
   // What is taken when nothing is said works for any drive.
   const auto result = run_revisit(
       "eval " + root().string() +
-      " --feature data --width 100 --exclusion frames=8 --no-plots -o " + results().string());
+      " --feature data --width 100 --exclusion frames=8 --no-report -o " + results().string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_TRUE(fs::exists(run_folder() / "pr_online.csv"));
 
-  const auto every_third = run_revisit(eval("--no-plots --protocol paper-easy --every 3"));
+  const auto every_third = run_revisit(eval("--no-report --protocol paper-easy --every 3"));
   EXPECT_EQ(every_third.exit_code, 0) << every_third.err << "of these, too, a third is stored";
 }
 
@@ -589,15 +617,14 @@ TEST_F(EvalCommand, AFolderPerPlaceIsTheTruth) {
   const auto result =
       run_revisit("eval " + (dir_ / "sets").string() +
                   " --sequence rotation --feature data --width 400 --protocol places-3 "
-                  "--no-plots --format json -o " +
+                  "--no-report --format json -o " +
                   results().string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   for (const char* part : {"\"recall_at_1\": 1,", "\"n_queries\": 8,", "\"n_positives\": 8,",
                            "\"pose_source\": \"names of the places\"", "\"distance\": \"place\""})
     EXPECT_NE(result.out.find(part), std::string::npos) << part << " not in " << result.out;
   const fs::path page = dir_ / "report.html";
-  const auto report =
-      run_revisit("report " + results().string() + " --no-plots -o " + page.string());
+  const auto report = run_revisit("report " + results().string() + " -o " + page.string());
   EXPECT_EQ(report.exit_code, 0) << report.err;
 }
 
@@ -608,7 +635,7 @@ TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
                                   results().string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find(" of them true"), std::string::npos) << result.out;
-  for (const char* file : {"metrics.json", "pr_ssc.csv", "scores_ssc.gp", "precision_recall.gp"})
+  for (const char* file : {"metrics.json", "pr_ssc.csv", "report.html"})
     EXPECT_TRUE(fs::exists(run_folder() / file)) << file;
   EXPECT_FALSE(fs::exists(run_folder() / "loops_ssc.csv"));
   const std::string metrics = test::read_file(run_folder() / "metrics.json");
@@ -619,13 +646,13 @@ TEST_F(EvalCommand, PairProtocolsWriteTheirFiles) {
 }
 
 TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
-  ASSERT_EQ(run_revisit(eval("--no-plots")).exit_code, 0);
+  ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
   const std::string with = test::read_file(run_folder() / "metrics.json");
   EXPECT_NE(with.find("\"bootstrap_resamples\": 1000"), std::string::npos) << with;
   EXPECT_NE(with.find("\"average_precision_ci\": [\n"), std::string::npos) << with;
-  const auto threads = run_revisit(eval("--no-plots --threads 3"));
+  const auto threads = run_revisit(eval("--no-report --threads 3"));
   EXPECT_EQ(test::read_file(run_folder() / "metrics.json"), with) << threads.err;
-  const auto without = run_revisit(eval("--no-plots --bootstrap 0"));
+  const auto without = run_revisit(eval("--no-report --bootstrap 0"));
   ASSERT_EQ(without.exit_code, 0);
   EXPECT_EQ(without.out.find("95 %"), std::string::npos);
   const std::string metrics = test::read_file(run_folder() / "metrics.json");
@@ -636,7 +663,7 @@ TEST_F(EvalCommand, BootstrapIsPartOfTheResultAndCanBeLeftOut) {
 
 TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
   const auto score = [&](const std::string& more) {
-    const auto result = run_revisit(eval("--no-plots --format json " + more));
+    const auto result = run_revisit(eval("--no-report --format json " + more));
     EXPECT_EQ(result.exit_code, 0) << result.err;
     return result.out.find("\"score\": \"margin\"") != std::string::npos   ? "margin"
            : result.out.find("\"score\": \"cosine\"") != std::string::npos ? "cosine"

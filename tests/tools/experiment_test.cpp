@@ -1,6 +1,8 @@
 // `revisit experiment` as a person meets it, on a tiny drive: sequence 00 alone, without networks.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <map>
 
@@ -68,15 +70,17 @@ TEST_F(ExperimentCommand, WhatIsMissingIsSaidAndTheRestRuns) {
   EXPECT_EQ(done.feature_dimension(), 100 * 112);
   EXPECT_EQ(done.metrics().protocol(), "paper-median");
   EXPECT_EQ(done.metrics().n_queries(), 40);
-  EXPECT_GT(done.curve_size(), 1);
   EXPECT_GT(done.frames_per_second(), 0);
   const fs::path run = out() / "networks-and-layers" / done.folder();
   EXPECT_TRUE(fs::exists(run / "scans.csv")) << run;
+  EXPECT_FALSE(fs::exists(run / "report.html")) << "one page has all runs";
+  EXPECT_NE(test::read_file(out() / "report.html").find("Comparison with other methods"),
+            std::string::npos);
   EXPECT_EQ(networks.runs(1).state(), "skipped");
   EXPECT_EQ(networks.runs(1).reason(), "sequence 05 is not there");
 
   // The command beside a number gives that number.
-  const auto again = run_revisit(done.command().substr(8) + " --no-plots --format json -o " +
+  const auto again = run_revisit(done.command().substr(8) + " --no-report --format json -o " +
                                  (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err;
   const auto digits = test::read_file(run / "metrics.json");
@@ -98,7 +102,8 @@ TEST_F(ExperimentCommand, WhatIsMissingIsSaidAndTheRestRuns) {
 }
 
 TEST_F(ExperimentCommand, ARunIsRepeatedWhenAScanHasChanged) {
-  ASSERT_EQ(run_revisit(command("networks-and-layers")).exit_code, 0);
+  ASSERT_EQ(run_revisit(command("networks-and-layers", "--no-report")).exit_code, 0);
+  EXPECT_FALSE(fs::exists(out() / "report.html"));
   const fs::path scan = dir_ / "drive/sequences/00/velodyne/000007.bin";
   const std::string bytes = test::read_file(scan);
   test::write_file(scan, bytes.substr(0, bytes.size() - 16));
@@ -135,6 +140,13 @@ TEST_F(ExperimentCommand, Misuse) {
     EXPECT_EQ(result.exit_code, 2) << bad << result.out << result.err;
     EXPECT_FALSE(fs::exists(out())) << bad;
   }
+}
+
+TEST_F(ExperimentCommand, AFileThatIsNoReportIsNotReplaced) {
+  test::write_file(out() / "report.html", "my thesis");
+  const auto refused = run_revisit(command("networks-and-layers"));
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("--no-report"), std::string::npos) << refused.err;
 }
 
 TEST_F(ExperimentCommand, TheFolderOfFetchedModelsIsNotTheOneAskedFor) {
@@ -245,7 +257,7 @@ TEST_F(ExperimentCommand, WhatCannotRunHasOneRowAndNoEmptyTable) {
   EXPECT_EQ(rows, 2U) << "done, skipped\n" << result.out;
 }
 
-TEST(DrawnPoints, KeepTheEndsAndDropWhatIsNotSeen) {
+TEST(DrawnCurve, KeepTheEndsAndDropWhatIsNotSeen) {
   std::vector<pipeline::PrPoint> curve;
   for (int i = 0; i <= 10000; ++i) {
     pipeline::PrPoint point;
@@ -254,15 +266,14 @@ TEST(DrawnPoints, KeepTheEndsAndDropWhatIsNotSeen) {
     point.precision = 1 - i * 0.5e-4;
     curve.push_back(point);
   }
-  const auto points = cli::drawn_points(curve);
-  EXPECT_LE(points.size(), 601);
-  EXPECT_GE(points.size(), 200);
-  EXPECT_EQ(points.begin()->recall(), 0);
-  EXPECT_EQ(points.rbegin()->recall(), 1);
-  for (auto point = points.begin() + 1; point != points.end(); ++point)
-    EXPECT_LT((point - 1)->recall(), point->recall());
+  const auto drawn = cli::drawn_curve(curve).recall();
+  EXPECT_LE(drawn.size(), 601);
+  EXPECT_GE(drawn.size(), 200);
+  EXPECT_EQ(drawn.Get(0), 0);
+  EXPECT_EQ(drawn.Get(drawn.size() - 1), 1);
+  EXPECT_TRUE(std::ranges::is_sorted(drawn));
   for (pipeline::PrPoint& point : curve) point.recall = std::nan("");
-  EXPECT_EQ(cli::drawn_points(curve).size(), 0);
+  EXPECT_EQ(cli::drawn_curve(curve).recall_size(), 0);
 }
 
 }  // namespace

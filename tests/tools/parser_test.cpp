@@ -9,7 +9,6 @@
 #include <fstream>
 #include <sstream>
 
-#include "cli/csv.h"
 #include "cli/json.h"
 #include "cli/progress.h"
 #include "eval/config_file.h"
@@ -107,7 +106,6 @@ TEST(TextFiles, WhatIsNoRegularFileIsRefusedAndNotWaitedFor) {
   for (const auto& [file, reason] : cases) {
     test::expect_error<InputError>([&] { read_config_file(file); }, {file.string(), reason});
     test::expect_error<InputError>([&] { read_json(file); }, {file.string(), reason});
-    test::expect_error<InputError>([&] { CsvFile{file}; }, {file.string(), reason});
   }
 }
 

@@ -37,11 +37,12 @@ TEST(Printable, StreamsKeepLinesAndCharactersThatComeInPieces) {
 TEST(Table, CellsAreMadePrintableAndCsvIsExact) {
   Table table({"layer", "n"});
   table.row({"\x1b[31m,\r", "1"});
+  table.row({"a \"b\"", ""});
   std::ostringstream text, csv;
   table.print(text);
   table.print_csv(csv);
-  EXPECT_EQ(text.str(), "layer          n\n\\x1b[31m,\\x0d  1\n");
-  EXPECT_EQ(csv.str(), "layer,n\n\"\x1b[31m,\r\",1\n");
+  EXPECT_EQ(text.str(), "layer          n\n\\x1b[31m,\\x0d  1\na \"b\"\n");
+  EXPECT_EQ(csv.str(), "layer,n\n\"\x1b[31m,\r\",1\n\"a \"\"b\"\"\",\n");
 }
 
 TEST(Table, TimeGrowsAsTheRowsDo) {

@@ -24,7 +24,7 @@ class SensorOption : public testing::Test {
   std::string eval(const std::string& more = "") const {
     return "eval " + root().string() +
            " --feature data --width 400 --protocol online --exclusion frames=8 --radius 2 "
-           "--no-plots -o " +
+           "--no-report -o " +
            (dir_ / "results").string() + " " + more;
   }
   std::string describe(const std::string& more = "") const {
@@ -125,7 +125,7 @@ TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
   const fs::path other = dir_ / "other";
   test::write_small_drive(other, 24, {30, 4, 10});
   const std::string options =
-      " --feature data --width 400 --protocol online --exclusion frames=8 --radius 2 --no-plots "
+      " --feature data --width 400 --protocol online --exclusion frames=8 --radius 2 --no-report "
       "-o ";
   const auto result = run_revisit("eval " + other.string() + options + (dir_ / "results").string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
@@ -135,7 +135,7 @@ TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
   const fs::path run = dir_ / "results/other_00/latest";
   const auto again =
       run_revisit("eval " + other.string() + " --config " + (run / "config.yaml").string() +
-                  " --no-plots -o " + (dir_ / "again").string());
+                  " --no-report -o " + (dir_ / "again").string());
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_EQ(test::read_file(dir_ / "again/other_00/latest/metrics.json"),
             test::read_file(run / "metrics.json"));
@@ -147,7 +147,7 @@ TEST(SensorAuto, RealScansOfKittiAreAnHdl64) {
   const test::TempDir dir;
   const std::string eval = "eval " + kitti.string() +
                            " --sequence 00 --protocol leave-one-out --exclusion none --feature "
-                           "data --no-plots --format json --cache " +
+                           "data --no-report --format json --cache " +
                            (dir / "cache").string() + " -o " + (dir / "results").string();
   const auto found = run_revisit(eval);
   ASSERT_EQ(found.exit_code, 0) << found.err;

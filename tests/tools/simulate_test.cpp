@@ -51,7 +51,7 @@ TEST(SimulateCommand, WhatItSaysIsNextWorks) {
   const std::string command = run.out.substr(begin, run.out.find('\n', begin) - begin);
   EXPECT_TRUE(has(command, "--sensor vlp16")) << command;
   const ProgramResult next =
-      run_revisit(command + " --no-plots -o '" + (dir / "results").string() + "'", no_models);
+      run_revisit(command + " --no-report -o '" + (dir / "results").string() + "'", no_models);
   EXPECT_EQ(next.exit_code, 0) << command << ": " << next.err;
   EXPECT_TRUE(has(next.out, "online")) << next.out;
 }

@@ -7,18 +7,17 @@
 
 namespace revisit::cli {
 
-std::string to_json(const google::protobuf::Message& report) {
-  google::protobuf::util::JsonPrintOptions options;
-  options.add_whitespace = true;
-  options.always_print_primitive_fields = true;
+namespace {
+
+using google::protobuf::util::JsonPrintOptions;
+
+std::string printed(const google::protobuf::Message& report, JsonPrintOptions options) {
   options.preserve_proto_field_names = true;
   std::string text;
   const auto status = google::protobuf::util::MessageToJsonString(report, &text, options);
   if (!status.ok()) throw Error("cannot write JSON: " + std::string(status.message()));
   return text;
 }
-
-namespace {
 
 /// protobuf's reason without its code, and without the place it draws below.
 std::string reason_of(const google::protobuf::util::Status& status) {
@@ -27,6 +26,17 @@ std::string reason_of(const google::protobuf::util::Status& status) {
 }
 
 }  // namespace
+
+std::string to_json(const google::protobuf::Message& report) {
+  JsonPrintOptions options;
+  options.add_whitespace = true;
+  options.always_print_primitive_fields = true;
+  return printed(report, options);
+}
+
+std::string to_compact_json(const google::protobuf::Message& report) {
+  return printed(report, {});
+}
 
 google::protobuf::Struct read_json(const std::filesystem::path& file) {
   google::protobuf::Value value;

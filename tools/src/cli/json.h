@@ -12,6 +12,10 @@ namespace revisit::cli {
 /// out. The writer is protobuf's own.
 std::string to_json(const google::protobuf::Message& report);
 
+/// The same on one line, without fields that have their default. No '<' is in it (but as \u003c),
+/// so that it can stand in a script element of HTML.
+std::string to_compact_json(const google::protobuf::Message& report);
+
 /// Reads a JSON file. A list at the top is found under the key "". Throws InputError.
 google::protobuf::Struct read_json(const std::filesystem::path& file);
 

@@ -20,8 +20,7 @@ void print_text(const doctor::Checks& checks) {
     if (check.section != section)
       std::cout << (section.empty() ? "" : "\n") << check.section << "\n";
     section = check.section;
-    const std::string status = doctor::to_string(check.status);
-    std::cout << "  " << status << std::string(9 - status.size(), ' ') << check.name
+    std::cout << "  " << check.status << std::string(9 - check.status.size(), ' ') << check.name
               << std::string(width + 2 - check.name.size(), ' ') << check.found << "\n";
     if (!check.advice.empty()) std::cout << std::string(11, ' ') << "-> " << check.advice << "\n";
   }
@@ -34,7 +33,7 @@ void print_json(const doctor::Checks& checks, bool ok) {
     reports::DoctorCheck& item = *report.add_checks();
     item.set_section(check.section);
     item.set_name(check.name);
-    item.set_status(doctor::to_string(check.status));
+    item.set_status(check.status);
     item.set_found(check.found);
     item.set_advice(check.advice);
     item.set_essential(check.essential);
@@ -61,7 +60,6 @@ int doctor_command(const Arguments& arguments) {
   doctor::Checks checks;
   doctor::check_program(checks);
   doctor::check_machine(checks);
-  doctor::check_tools(checks);
   doctor::check_models(checks);
   if (data) doctor::check_data(*data, checks);
 

@@ -1,9 +1,11 @@
 #include <iostream>
 
 #include "cli/json.h"
+#include "cli/shell.h"
 #include "cli/table.h"
 #include "eval/evaluation.h"
 #include "eval/summary_table.h"
+#include "report/page.h"
 
 namespace revisit::cli {
 namespace {
@@ -45,6 +47,15 @@ void print_matches(const TaskResult& result, const pipeline::Trajectory& traject
   table.print(std::cout);
 }
 
+/// report.html in the folder of the run, as `revisit report` makes it.
+std::filesystem::path write_page(const std::filesystem::path& run) {
+  const std::filesystem::path file = run / "report.html";
+  PageOptions options;
+  options.command = shell_command("revisit report", {run.string(), "-o", file.string()});
+  write_report({run}, file, options);
+  return file;
+}
+
 }  // namespace
 
 int eval_command(const Arguments& arguments) {
@@ -59,11 +70,13 @@ int eval_command(const Arguments& arguments) {
   if (lists_sensors(arguments)) return kOk;
   const EvalOptions options = parse_eval_options(arguments);
   const Evaluation evaluation = evaluate(options);
+  const int exit_code = evaluation.left_out.empty() ? kOk : kScansLeftOut;
   if (options.format == "json") {
+    if (!options.no_report) write_page(evaluation.run);
     reports::MetricsList metrics = metrics_list(evaluation.tasks, options.resamples);
     metrics.set_folder(evaluation.run.string());
     std::cout << to_json(metrics) << "\n";
-    return evaluation.left_out.empty() ? kOk : kScansLeftOut;
+    return exit_code;
   }
   std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
             << " numbers a scan), " << evaluation.trajectory.size() << " scans, "
@@ -82,7 +95,8 @@ int eval_command(const Arguments& arguments) {
   std::cout << "\n";
   print_times(evaluation.times, std::cout);
   std::cout << "\nresults: " << evaluation.run.string() << "\n";
-  return evaluation.left_out.empty() ? kOk : kScansLeftOut;
+  if (!options.no_report) std::cout << "report: " << write_page(evaluation.run).string() << "\n";
+  return exit_code;
 }
 
 }  // namespace revisit::cli

@@ -8,6 +8,7 @@
 #include "cli/table.h"
 #include "eval/feature_options.h"
 #include "experiment/run_experiments.h"
+#include "report/page.h"
 
 namespace revisit::cli {
 namespace {
@@ -26,7 +27,7 @@ ExperimentOptions parse_options(const Arguments& arguments) {
       "  revisit experiment list\n"
       "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
       "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
-      "  revisit report results/paper -o report.html     # afterwards\n");
+      "  revisit report results/paper -o report.html     # the page alone, again\n");
   parser.optional_positional("NAME", &o.names);
   parser.group("Data:");
   parser.option("kitti", "DIR",
@@ -51,6 +52,7 @@ ExperimentOptions parse_options(const Arguments& arguments) {
               &o.untrained);
   parser.group("Running:");
   parser.option("output", "DIR", "folder of the experiments, kept between calls", &o.output, 'o');
+  parser.flag("no-report", "no report.html in the folder of the experiments", &o.no_report);
   parser.option("threads", "N", "scans in flight, one thread each (default: all cores)",
                 &o.threads);
   parser.flag("keep-features",
@@ -159,6 +161,8 @@ int experiment_command(const Arguments& arguments) {
   for (const std::string& name : options.names)
     if (name != "all") find_experiment(name);
   check(options);
+  const fs::path report = options.output / "report.html";
+  if (!options.no_report) need_report(report, kHtmlMark, "move it away, or give --no-report");
 
   const Inventory inventory = take_inventory(options);
   if (!options.quiet)
@@ -167,13 +171,17 @@ int experiment_command(const Arguments& arguments) {
   if (!options.quiet)
     for (const std::string& passed : inventory.passed_over)
       std::cerr << "passed over: " << passed << "\n";
+  PageOptions page;
+  page.command = shell_command("revisit experiment", arguments);
   const std::vector<reports::Experiment> results =
-      run_experiments(options, inventory, make_plans(options, inventory),
-                      shell_command("revisit experiment", arguments));
+      run_experiments(options, inventory, make_plans(options, inventory), page.command);
   print_results(results);
   const bool good = print_summary(results);
-  std::cout << "\nresults: " << options.output.string() << "\n"
-            << "to look at them: revisit report " << options.output.string() << " -o report.html\n";
+  std::cout << "\nresults: " << options.output.string() << "\n";
+  if (!options.no_report) {
+    write_report({options.output}, report, page);
+    std::cout << "report: " << report.string() << "\n";
+  }
   return good ? kOk : kFailed;
 }
 

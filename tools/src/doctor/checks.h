@@ -6,16 +6,15 @@
 
 namespace revisit::doctor {
 
-enum class Status { kOk, kWarn, kMissing };
-
-/// "ok", "warn", "missing".
-const char* to_string(Status status);
+struct Status {
+  static constexpr const char *kOk = "ok", *kWarn = "warn", *kMissing = "missing";
+};
 
 /// One line of `revisit doctor`.
 struct Check {
-  std::string section;  // program | machine | tools | models | data
+  std::string section;  // program | machine | models | data
   std::string name;
-  Status status = Status::kOk;
+  std::string status = Status::kOk;
   std::string found;
   std::string advice{};    // what to do; "" when nothing
   bool essential = false;  // kMissing here: the program cannot do its work
@@ -24,10 +23,9 @@ using Checks = std::vector<Check>;
 
 // Each appends its lines and tolerates whatever it finds; none throws for what is missing.
 void check_program(Checks& checks);  // build, the engine computing a small network correctly
-void check_machine(Checks& checks);  // CPU, threads, BLAS, memory, disk
-void check_tools(Checks& checks);    // terminal, gnuplot
+void check_machine(Checks& checks);  // CPU, threads, BLAS, memory, disk, terminal
 void check_models(Checks& checks);   // the cache
 void check_data(const std::filesystem::path& root,
-                Checks& checks);  // a KITTI layout or scan folder
+                Checks& checks);  // anything that open_dataset() opens
 
 }  // namespace revisit::doctor

@@ -1,3 +1,4 @@
+#include <unistd.h>
 
 #include <cstdio>
 #include <cstdlib>
@@ -6,10 +7,12 @@
 #include <thread>
 
 #include "doctor/checks.h"
-#include "doctor/openblas.h"
 #include "revisit/engine/blas.h"
 #include "revisit/engine/simd.h"
 #include "revisit/proto/error.h"
+
+// From OpenBLAS' cblas.h, which only the engine includes: its own line about its version and build.
+extern "C" char* openblas_get_config(void);
 
 namespace revisit::doctor {
 namespace {
@@ -80,11 +83,12 @@ void check_cpu(Checks& checks) {
 }
 
 void check_blas(Checks& checks) {
+  std::string configuration = openblas_get_config();
+  while (configuration.ends_with(' ')) configuration.pop_back();
   const char* const forced = std::getenv("OPENBLAS_CORETYPE");  // by the user, or by our restart
-  Check check{
-      "machine", "OpenBLAS", Status::kOk,
-      str("kernels for ", engine::blas_core(), forced ? str(", by OPENBLAS_CORETYPE=", forced) : "",
-          " (", openblas_configuration(), ")")};
+  Check check{"machine", "OpenBLAS", Status::kOk,
+              str("kernels for ", engine::blas_core(),
+                  forced ? str(", by OPENBLAS_CORETYPE=", forced) : "", " (", configuration, ")")};
   if (const std::string faster = engine::faster_blas_core(); !faster.empty()) {
     check.status = Status::kWarn;
     check.advice = str("this CPU can run the kernels for ", faster, ", several times faster: ",
@@ -124,6 +128,15 @@ void check_disk(Checks& checks) {
                     enough ? "" : "features of a long drive may need more: free some space"});
 }
 
+void check_terminal(Checks& checks) {
+  const char* const term = std::getenv("TERM");
+  std::string found =
+      str(isatty(STDERR_FILENO) ? "progress is shown" : "not a terminal: no progress line",
+          term ? str(", TERM=", term) : "");
+  if (std::getenv("NO_COLOR")) found += ", NO_COLOR set";
+  checks.push_back({"machine", "terminal", Status::kOk, found});
+}
+
 }  // namespace
 
 void check_machine(Checks& checks) {
@@ -131,6 +144,7 @@ void check_machine(Checks& checks) {
   check_blas(checks);
   check_memory(checks);
   check_disk(checks);
+  check_terminal(checks);
 }
 
 }  // namespace revisit::doctor

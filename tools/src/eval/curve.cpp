@@ -11,8 +11,7 @@ constexpr size_t kMostPoints = 600;
 
 }  // namespace
 
-google::protobuf::RepeatedPtrField<reports::CurvePoint> drawn_points(
-    const std::vector<pipeline::PrPoint>& curve) {
+reports::Curve drawn_curve(const std::vector<pipeline::PrPoint>& curve) {
   std::vector<const pipeline::PrPoint*> kept;
   for (const pipeline::PrPoint& point : curve) {
     if (std::isnan(point.recall) || std::isnan(point.precision)) continue;
@@ -23,16 +22,19 @@ google::protobuf::RepeatedPtrField<reports::CurvePoint> drawn_points(
             kStep)
       kept.push_back(&point);
   }
-  google::protobuf::RepeatedPtrField<reports::CurvePoint> points;
+  reports::Curve points;
   const size_t stride = std::max<size_t>(1, (kept.size() + kMostPoints - 1) / kMostPoints);
   for (size_t i = 0; i < kept.size(); ++i) {
     if (i % stride != 0 && i + 1 != kept.size()) continue;
-    reports::CurvePoint& point = *points.Add();
-    point.set_threshold(kept[i]->threshold);
-    point.set_precision(kept[i]->precision);
-    point.set_recall(kept[i]->recall);
+    points.add_threshold(rounded(kept[i]->threshold, 1e-5));
+    points.add_precision(rounded(kept[i]->precision, 1e-5));
+    points.add_recall(rounded(kept[i]->recall, 1e-5));
   }
   return points;
+}
+
+float rounded(double value, double step) {
+  return static_cast<float>(std::round(value / step) * step);
 }
 
 }  // namespace revisit::cli

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <google/protobuf/repeated_field.h>
-
 #include <vector>
 
 #include "reports.pb.h"
@@ -11,7 +9,9 @@ namespace revisit::cli {
 
 /// The points of a curve that are seen when it is drawn: at most a few hundred, the first and the
 /// last among them. Nothing for a curve without positives.
-google::protobuf::RepeatedPtrField<reports::CurvePoint> drawn_points(
-    const std::vector<pipeline::PrPoint>& curve);
+reports::Curve drawn_curve(const std::vector<pipeline::PrPoint>& curve);
+
+/// A number with the digits that are seen when it is drawn: a multiple of `step`.
+float rounded(double value, double step);
 
 }  // namespace revisit::cli

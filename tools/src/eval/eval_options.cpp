@@ -124,7 +124,7 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   parser.option("output", "DIR", "results go to DIR/<data>_<sequence>/<time>/ (default results)",
                 &o.output, 'o');
   parser.option("format", "table|json", "what is printed (default table)", &o.format);
-  parser.flag("no-plots", "no figures", &o.no_plots);
+  parser.flag("no-report", "no report.html in the folder of the results", &o.no_report);
   parser.config(read_config_file);
   parser.parse(arguments);
   o.feature.check_given(parser);

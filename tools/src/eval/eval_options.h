@@ -21,7 +21,7 @@ struct EvalOptions {
   std::optional<double> radius;
   int k = 4;
   int resamples = 1000;  // of the bootstrap; 0: none
-  bool no_plots = false;
+  bool no_report = false;
 };
 
 /// Reads the command line of `revisit eval`. Throws UsageError.

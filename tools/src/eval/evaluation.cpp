@@ -9,7 +9,6 @@
 #include "cli/interrupt.h"
 #include "cli/progress.h"
 #include "eval/descriptors.h"
-#include "eval/figures.h"
 #include "eval/points_outside.h"
 
 namespace revisit::cli {
@@ -249,7 +248,6 @@ Evaluation evaluate(const EvalOptions& options) {
       o.feature,      in.dataset,    in.trajectory, in.source, in.case1.alignments(),
       settings_of(o), command_of(o), o.resamples};
   write_run(result.run, context, result.tasks, result.times);
-  if (!o.no_plots) write_figures(result.run, context, result.tasks, in.source.align);
   link_latest(result.run);
   result.trajectory = std::move(in.trajectory);
   result.feature = in.source.extractor.name;

@@ -10,8 +10,8 @@
 #include "cli/local_time.h"
 #include "cli/messages.h"
 #include "cli/table.h"
+#include "eval/run_data.h"
 #include "eval/run_info.h"
-#include "plots/metrics_report.h"
 #include "revisit/pipeline/text.h"
 #include "revisit/proto/atomic_file.h"
 
@@ -176,7 +176,10 @@ void write_run(const fs::path& run, const RunContext& context,
     if (!result.on_pairs())
       write_loops(run / ("loops_" + result.task.name + ".csv"), context, result);
   }
-  write_text(run / "metrics.json", to_json(metrics_list(results, context.resamples)) + "\n");
+  const reports::MetricsList metrics = metrics_list(results, context.resamples);
+  write_text(run / "report.json",
+             to_compact_json(run_data(context, results, info, metrics)) + "\n");
+  write_text(run / "metrics.json", to_json(metrics) + "\n");
 }
 
 }  // namespace revisit::cli

@@ -56,8 +56,8 @@ std::filesystem::path make_run_folder(const std::filesystem::path& output,
 void link_latest(const std::filesystem::path& run);
 
 /// config.yaml, run.json, scans.csv (where each scan was taken, how it was aligned and which tasks
-/// store it), pr_<task>.csv, loops_<task>.csv (not when pairs are decided) and metrics.json, which
-/// comes last: with it the run is complete.
+/// store it), pr_<task>.csv, loops_<task>.csv (not when pairs are decided), report.json (all of it
+/// again, for the page) and metrics.json, which comes last: with it the run is complete.
 void write_run(const std::filesystem::path& run, const RunContext& context,
                const std::vector<TaskResult>& results, const RunTimes& times);
 

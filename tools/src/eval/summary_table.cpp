@@ -1,13 +1,13 @@
 #include "summary_table.h"
 
 #include <google/protobuf/struct.pb.h>
-#include <google/protobuf/util/json_util.h>
 
 #include <algorithm>
 #include <cmath>
 #include <ostream>
 #include <sstream>
 
+#include "cli/json.h"
 #include "cli/table.h"
 #include "revisit/proto/error.h"
 
@@ -74,12 +74,7 @@ void print_protocols_json(std::ostream& out) {
     fields["definition"].set_string_value(protocol.definition);
     fields["source"].set_string_value(protocol.source);
   }
-  google::protobuf::util::JsonPrintOptions options;
-  options.add_whitespace = true;
-  std::string text;
-  const auto status = google::protobuf::util::MessageToJsonString(list, &text, options);
-  if (!status.ok()) throw Error("cannot write JSON: " + std::string(status.message()));
-  out << text << "\n";
+  out << to_json(list) << "\n";
 }
 
 void print_protocols(std::ostream& out) {

@@ -19,7 +19,8 @@ struct ExperimentOptions {
   std::string sensor = "hdl64";
   int every = 1, width = 0, threads = 0;
   double feature_mb = 8;  // of one scan; larger features are left out
-  bool untrained = false, keep_features = false, no_progress = false, quiet = false;
+  bool untrained = false, keep_features = false, no_report = false, no_progress = false,
+       quiet = false;
 };
 
 /// A drive of the data set that the paper has tasks for.

@@ -8,7 +8,6 @@
 #include "cli/interrupt.h"
 #include "cli/json.h"
 #include "cli/messages.h"
-#include "eval/curve.h"
 #include "eval/evaluation.h"
 #include "revisit/pipeline/text.h"
 #include "revisit/proto/atomic_file.h"
@@ -40,7 +39,7 @@ class FinishedRuns {
     } catch (const InputError&) {
       return false;  // of another version: computed again
     }
-    return result->key() == key && fs::exists(fs::path(result->folder()) / "metrics.json", none);
+    return result->key() == key && fs::exists(fs::path(result->folder()) / "report.json", none);
   }
   void add(const std::string& key, reports::ExperimentRun result) const {
     result.set_key(key);
@@ -66,7 +65,6 @@ reports::ExperimentRun result_of(const EvalOptions& options, const Evaluation& e
     run.set_frames_per_second(*speed);
   const reports::MetricsList metrics = metrics_list(evaluation.tasks, options.resamples);
   *run.mutable_metrics() = metrics.tasks(0);
-  *run.mutable_curve() = drawn_points(evaluation.tasks.front().curve);
   return run;
 }
 
@@ -137,7 +135,6 @@ class Workload {
   EvalOptions complete(const Arguments& arguments) const {
     EvalOptions eval = parse_eval_options(arguments);
     eval.output = options_.output / "runs";
-    eval.no_plots = true;
     eval.feature.cache = (options_.output / "cache").string();
     eval.feature.threads = options_.threads;
     eval.feature.no_progress = options_.no_progress;

@@ -2,11 +2,10 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <sstream>
 
 #include "cli/table.h"
-#include "experiment/catalog.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::cli {
 namespace {
@@ -45,17 +44,20 @@ void write_runs(const reports::Experiment& experiment, std::ostream& out) {
   out << "\n";
 }
 
-void write_methods(const reports::Experiment& experiment, std::ostream& out) {
+void write_methods(const reports::Page& page, const reports::Experiment& experiment,
+                   std::ostream& out) {
   out << "| method | dimension | training data | parameters | frames/s here | frames/s in the "
          "paper "
          "|\n|---|---|---|---|---|---|\n";
-  for (const PaperMethod& method : paper_methods())
+  for (const reports::PageMethod& method : page.methods())
     for (const reports::ExperimentRun& run : experiment.runs()) {
-      if (run.feature() != method.feature || run.state() != "done") continue;
-      out << "| " << cell(method.method) << " | " << run.descriptor_dimension() << " | "
-          << (method.needs_training ? "yes" : "no") << " | " << method.parameters << " | "
+      if (run.feature() != method.feature() || run.state() != "done") continue;
+      out << "| " << cell(method.method()) << " | " << run.descriptor_dimension() << " | "
+          << (method.needs_training() ? "yes" : "no") << " | " << method.parameters() << " | "
           << (run.has_frames_per_second() ? number(run.frames_per_second(), 1) : "") << " | "
-          << (method.frames_per_second > 0 ? number(method.frames_per_second, 1) : "") << " |\n";
+          << (method.has_paper_frames_per_second() ? number(method.paper_frames_per_second(), 1)
+                                                   : "")
+          << " |\n";
       break;
     }
   out << "\n";
@@ -85,30 +87,23 @@ void write_skipped(const reports::Experiment& experiment, std::ostream& out) {
 
 }  // namespace
 
-std::string results_markdown(const ReportData& data, const std::filesystem::path& figures) {
+std::string results_markdown(const reports::Page& page) {
   std::ostringstream out;
   out << kMarkdownMark;
-  std::vector<std::string> commands;
-  for (const reports::Experiment& experiment : data.experiments)
-    if (std::find(commands.begin(), commands.end(), experiment.command()) == commands.end())
-      commands.push_back(experiment.command());
-  for (const std::string& command : commands) out << "    " << command << "\n";
+  std::set<std::string> commands;
+  for (const reports::PageExperiment& entry : page.experiments())
+    if (commands.insert(entry.experiment().command()).second)
+      out << "    " << entry.experiment().command() << "\n";
   out << "\nThe command in each row repeats its numbers.\n";
-  for (const reports::Experiment& experiment : data.experiments) {
+  for (const reports::PageExperiment& entry : page.experiments()) {
+    const reports::Experiment& experiment = entry.experiment();
     out << "\n## " << experiment.title() << "\n\n"
         << experiment.question() << "\n\nThe paper: " << experiment.paper() << "\n\n";
     for (const std::string& note : experiment.notes()) out << "> " << note << "\n>\n";
     if (experiment.notes_size()) out << "\n";
-    std::vector<std::string> panels;
-    for (const reports::ExperimentRun& run : experiment.runs())
-      if (run.state() == "done" &&
-          std::find(panels.begin(), panels.end(), run.panel()) == panels.end())
-        panels.push_back(run.panel());
-    for (const std::string& panel : panels)
-      out << "![" << experiment.title() << ", " << panel << "]("
-          << (figures / (experiment.name() + "_" + panel + ".svg")).generic_string() << ")\n\n";
-    if (!panels.empty()) write_runs(experiment, out);
-    if (experiment.name() == "comparison" && !panels.empty()) write_methods(experiment, out);
+    const bool any = std::ranges::any_of(entry.run(), [](int run) { return run >= 0; });
+    if (any) write_runs(experiment, out);
+    if (any && experiment.name() == "comparison") write_methods(page, experiment, out);
     write_claims(experiment, out);
     write_skipped(experiment, out);
   }

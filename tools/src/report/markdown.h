@@ -2,14 +2,13 @@
 
 #include <string>
 
-#include "report/report_data.h"
+#include "reports.pb.h"
 
 namespace revisit::cli {
 
-/// docs/RESULTS.md: figures and tables of the experiments, the command beside each number.
-/// `figures` is the folder of the figures as the file sees it.
-/// Begins with kMarkdownMark.
-std::string results_markdown(const ReportData& data, const std::filesystem::path& figures);
+/// The tables of the page's experiments, with the command beside each number. Begins with
+/// kMarkdownMark.
+std::string results_markdown(const reports::Page& page);
 inline constexpr const char* kMarkdownMark =
     "# Results\n\nThe experiments of the paper (Sun, Liu, Ye, Yeung: Point-cloud-based place "
     "recognition using CNN feature extraction), made with\n\n";

@@ -1,14 +1,14 @@
 #include "report/range_images.h"
 
-#include <algorithm>
-#include <cstdio>
-#include <fstream>
-#include <sstream>
+#include <openssl/evp.h>
+#include <png.h>
 
-#include "report/base64.h"
-#include "revisit/pipeline/gray_png.h"
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
 #include "revisit/pipeline/scan_file.h"
-#include "revisit/pipeline/text.h"
+#include "revisit/proto/error.h"
 
 namespace revisit::cli {
 namespace {
@@ -47,39 +47,51 @@ pipeline::ImageGeometry geometry_of(const reports::RunInfo& info) {
   return g;
 }
 
+std::string base64(const std::vector<uint8_t>& bytes) {
+  std::string text((bytes.size() + 2) / 3 * 4 + 1, '\0');  // with the 0 that OpenSSL writes behind
+  text.resize(static_cast<size_t>(EVP_EncodeBlock(reinterpret_cast<uint8_t*>(text.data()),
+                                                  bytes.data(), static_cast<int>(bytes.size()))));
+  return text;
+}
+
+std::string png_uri(const pipeline::RangeImage& image) {
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  png.width = static_cast<png_uint_32>(image.width);
+  png.height = static_cast<png_uint_32>(image.height);
+  png.format = PNG_FORMAT_GRAY;
+  std::vector<uint8_t> pixels;
+  for (const float value : image.pixels) pixels.push_back(static_cast<uint8_t>(std::lround(value)));
+  std::vector<uint8_t> file(PNG_IMAGE_PNG_SIZE_MAX(png));
+  png_alloc_size_t bytes = file.size();
+  if (!png_image_write_to_memory(&png, file.data(), &bytes, 0, pixels.data(), 0, nullptr))
+    throw Error(str("cannot make a PNG: ", png.message));
+  file.resize(bytes);
+  return "data:image/png;base64," + base64(file);
+}
+
 }  // namespace
 
-std::string RangeImages::add(const std::string& scan_file, int frame, const reports::RunInfo& info,
+std::string RangeImages::add(const std::string& scan_file, const reports::RunInfo& info,
                              bool turned) {
   const std::string align = turned ? "case2" : info.align();
-  char number[16];
-  std::snprintf(number, sizeof number, "%06d", frame);
-  const std::string name = info.sequence() + "_" + number + "_" + align;
   const std::string key =
-      str(name, " ", scan_file, " ", info.image_width(), "x", info.image_height());
+      str(align, " ", info.image_width(), "x", info.image_height(), " ", scan_file);
   if (images_.count(key)) return key;
   if (bytes_ >= most_bytes_) {
     warning_ = "some range images were left out, to keep the file small (--image-mb allows more)";
     return "";
   }
-  pipeline::RangeImage image;
   try {
-    image = reduced(pipeline::scan_to_image(pipeline::read_scan(scan_file),
-                                            pipeline::parse_align_mode(align), geometry_of(info)));
-  } catch (const InputError& error) {
+    const std::string uri = png_uri(reduced(pipeline::scan_to_image(
+        pipeline::read_scan(scan_file), pipeline::parse_align_mode(align), geometry_of(info))));
+    bytes_ += uri.size();
+    images_.emplace(key, uri);
+    return key;
+  } catch (const Error& error) {
     warning_ = str("some range images are missing: ", error.what());
     return "";
   }
-  // Several data sets of a report may have the same sequence: the key tells their scans apart.
-  const std::filesystem::path file =
-      folder_ / str(name, "_", pipeline::short_name_of(key).substr(0, 8), ".png");
-  pipeline::write_png(file.string(), image);
-  std::ostringstream content;
-  content << std::ifstream(file, std::ios::binary).rdbuf();
-  const std::string uri = data_uri("image/png", content.str());
-  bytes_ += uri.size();
-  images_.emplace(key, uri);
-  return key;
 }
 
 }  // namespace revisit::cli

@@ -2,7 +2,6 @@
 (() => {
   const page = JSON.parse(document.getElementById("data").textContent);
   const root = document.getElementById("report");
-  const canPlot = typeof Chart !== "undefined";
   // Okabe and Ito: colours that also differ for the colour-blind; then the same, dashed.
   const kColours = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7f6fc9", "#8c8c8c"];
   const kRight = "#1a9641", kWrong = "#d7191c", kMissed = "#f39c12", kStored = "#3b76b5", kPath = "#a9b0b8";
@@ -52,9 +51,16 @@
   function axis(title, more = {}) {
     return { type: "linear", title: { display: true, text: title }, ...more, ticks: { includeBounds: false, ...more.ticks } };
   }
+  /** A download of a chart as it stands, on the page's background. */
+  function save(chart, name) {
+    const picture = el("canvas", { width: chart.width * 2, height: chart.height * 2 }), context = picture.getContext("2d");
+    context.fillStyle = css("--paper");
+    context.fillRect(0, 0, picture.width, picture.height);
+    context.drawImage(chart.canvas, 0, 0, picture.width, picture.height);
+    el("a", { href: picture.toDataURL("image/png"), download: name.replace(/[^\w.-]+/g, "_") + ".png" }).click();
+  }
   /** A chart with a legend of buttons below that hide and show its data sets. */
   function plot(name, config, aspect) {
-    if (!canPlot) return el("p", { class: "soft" }, "This build has no plotting library.");
     const canvas = el("canvas", { role: "img", "aria-label": name });
     const box = el("div", { class: "plot" }, canvas);
     config.options = { animation: false, responsive: true, maintainAspectRatio: true, aspectRatio: aspect,
@@ -77,6 +83,7 @@
           } } }, el("span", { class: "swatch", style: `background:${set.borderColor}` }), set.legend || set.label);
         legend.append(button);
       });
+      legend.append(el("button", { type: "button", class: "save", title: "save this figure as a PNG file", on: { click: () => save(chart, name) } }, "PNG"));
       canvas.dataset.drawn = String(chart.getVisibleDatasetCount());
     };
     const holder = el("div", {}, box, legend);
@@ -106,14 +113,12 @@
     list(entry.experiment.runs).forEach((run, i) => {
       if (run.state !== "done") return;
       if (!panels.has(run.panel)) panels.set(run.panel, []);
-      panels.get(run.panel).push({ run, curve: list(entry.curves)[i], page: list(entry.run)[i] });
+      panels.get(run.panel).push({ run, curve: list((page.runs[list(entry.run)[i]] || {}).tasks).map(task => task.curve)[0] });
     });
     return panels;
   };
   function panelPlot(entry, panel, items) {
     const name = `${entry.experiment.title}, ${panel}`;
-    const drawn = list(entry.figures).find(figure => figure.panel === panel);
-    if (!canPlot && drawn) return el("img", { src: drawn.image, alt: name });
     return prPlot(name, items.map((item, i) => prDataset(item.run.label, item.curve, item.run.metrics, i)));
   }
   function metricRows(items, first) {
@@ -189,33 +194,47 @@
   }
 
   // ---- runs
-  const accepted = flags => flags & 1, right = flags => flags & 2, positive = flags => flags & 4, ignored = flags => flags & 8;
+  const accepted = flags => flags & 1, right = flags => flags & 2, positive = flags => flags & 4, ignored = flags => flags & 8, turned = flags => flags & 16;
   const outcome = flags => ignored(flags) ? "not counted" : accepted(flags) ? (right(flags) ? "right" : "wrong") : positive(flags) ? "missed" : "rejected";
+  /** The run whose frame, x and z are those of this one. */
+  const scansOf = run => run.scans_of === undefined ? run : page.runs[run.scans_of];
+  /** What query `i` of a task found: scans and their similarities, best first. */
+  function matchesOf(task, i) {
+    const n = list(task.match).length / list(task.scan).length;
+    return list(task.match).slice(i * n, (i + 1) * n).map((scan, j) => ({ scan, similarity: list(task.similarity)[i * n + j] })).filter(match => match.scan >= 0);
+  }
+  /** The way the vehicle took. Scans much farther apart than the others were not taken one after another: there it breaks. */
+  function pathOf(xs, zs) {
+    const steps = xs.slice(1).map((x, i) => Math.hypot(x - xs[i], zs[i + 1] - zs[i]));
+    const longest = Math.max(10, 5 * [...steps].sort((a, b) => a - b)[steps.length >> 1] || 0);
+    return xs.flatMap((x, i) => i > 0 && steps[i - 1] > longest ? [{ x: NaN, y: NaN }, { x, y: zs[i] }] : [{ x, y: zs[i] }]);
+  }
   function mapPlot(run, task) {
-    const drive = page.drives[run.drive || 0], frame = list(drive.frame);
-    if (!list(drive.x).length) return el("p", { class: "soft" }, "Places are known by name: there is no map.");
-    const at = scan => ({ x: list(drive.x)[scan], y: list(drive.z)[scan], scan });
+    const drive = scansOf(run), frame = list(drive.frame), xs = list(drive.x), zs = list(drive.z);
+    if (!xs.length) return el("p", { class: "soft" }, "Places are known by name: there is no map.");
+    const at = scan => ({ x: xs[scan], y: zs[scan], scan });
     const points = { right: [], wrong: [], missed: [] }, lines = { right: [], wrong: [] };
     list(task.scan).forEach((scan, i) => {
-      const kind = outcome(list(task.flags)[i]);
+      const kind = outcome(list(task.flags)[i]), match = (matchesOf(task, i)[0] || { scan: -1 }).scan;
       if (!points[kind]) return;
-      const match = list(task.match)[i];
       points[kind].push({ ...at(scan), match, score: list(task.score)[i] });
       if (lines[kind] && match >= 0) lines[kind].push(at(scan), at(match), { x: NaN, y: NaN });
     });
+    const shown = list(task.shown).flatMap(query => [list(task.scan)[query.query || 0], ...matchesOf(task, query.query || 0).slice(0, 1).map(match => match.scan)]).map(at);
     const dots = (label, data, colour, radius) => ({ label, legend: `${label} (${data.length})`, data, borderColor: colour, backgroundColor: colour,
       pointRadius: radius, pointHitRadius: 4, borderWidth: 0 });
-    const joined = (belongsTo, data, colour) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: colour + "80", borderWidth: 1, pointRadius: 0, pointHitRadius: 0 });
-    const xs = list(drive.x), zs = list(drive.z);
+    const joined = (belongsTo, data, colour, width = 1) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: colour, borderWidth: width, pointRadius: 0, pointHitRadius: 0 });
+    const rings = { ...dots("shown below", shown, "#7f6fc9", 6), legend: `shown below (${list(task.shown).length})`, backgroundColor: "transparent", borderWidth: 2, pointHitRadius: 0 };
     const range = values => { const low = Math.min(...values), high = Math.max(...values); return [low, high]; };
     const [x0, x1] = range(xs), [z0, z1] = range(zs), margin = .04 * Math.max(x1 - x0, z1 - z0, 10);
     const width = x1 - x0 + 2 * margin, height = z1 - z0 + 2 * margin, aspect = Math.min(Math.max(width / height, 1), 2.5);
     // Equal scales: the shorter side gets what the other leaves.
     const grow = Math.max(0, aspect * height - width) / 2, rise = Math.max(0, width / aspect - height) / 2;
-    return plot(`map, ${run.title}`, { type: "scatter", data: { datasets: [
+    return plot(`map, ${run.title}, ${task.metrics.protocol}`, { type: "scatter", data: { datasets: [
+      ...(shown.length ? [rings] : []),
       dots("right", points.right, kRight, 2.5), dots("wrong", points.wrong, kWrong, 2.5), dots("missed", points.missed, kMissed, 2.5),
       dots("stored", list(task.stored).map(at), kStored, 1.5), dots("scans", frame.map((_, i) => at(i)), kPath, 1.2),
-      joined("right", lines.right, kRight), joined("wrong", lines.wrong, kWrong)] }, options: {
+      joined("right", lines.right, kRight + "80"), joined("wrong", lines.wrong, kWrong + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)] }, options: {
       scales: { x: axis("x, right [m]", { min: x0 - margin - grow, max: x1 + margin + grow }), y: axis("z, forward [m]", { min: z0 - margin - rise, max: z1 + margin + rise }) },
       plugins: { tooltip: { filter: item => item.raw.scan !== undefined, callbacks: { label: item => {
         const raw = item.raw, text = [`${item.dataset.label || ""} ${frame[raw.scan]}`];
@@ -223,27 +242,38 @@
         return text;
       } } } } } }, aspect);
   }
-  function histogram(name, series, title, bins = 50) {
-    const all = series.flatMap(entry => entry.values).filter(Number.isFinite);
-    if (!all.length) return el("p", { class: "soft" }, "nothing to show");
-    const low = all.reduce((a, b) => Math.min(a, b)), high = Math.max(all.reduce((a, b) => Math.max(a, b)), low + 1e-3), width = (high - low) / bins;
-    const datasets = series.map(({ label, colour, values }) => {
-      const counts = new Array(bins).fill(0);
-      for (const value of values) if (Number.isFinite(value)) ++counts[Math.min(bins - 1, Math.floor((value - low) / width))];
-      return { label, legend: `${label} (${values.length})`, borderColor: colour, backgroundColor: colour + "99", barPercentage: 1, categoryPercentage: 1, grouped: false,
-        data: counts.map((count, i) => ({ x: low + (i + .5) * width, y: values.length ? 100 * count / values.length : 0 })) };
+  /** Shares of each kind in bins from `low` on, `width` wide; shares, as true matches are often too few to be seen as counts. */
+  function histogram(name, low, width, series, threshold, title) {
+    const datasets = series.map(({ label, colour, counts }) => {
+      const total = counts.reduce((a, b) => a + b, 0);
+      return { label, legend: `${label} (${total})`, borderColor: colour, backgroundColor: colour + "99", barPercentage: 1, categoryPercentage: 1, grouped: false,
+        data: counts.map((count, i) => ({ x: low + (i + .5) * width, y: total ? 100 * count / total : 0 })) };
     });
+    const most = Math.max(...datasets.flatMap(set => set.data.map(bar => bar.y)), 1);
+    if (Number.isFinite(threshold)) datasets.push({ type: "line", label: "threshold", legend: `threshold ${number(threshold)}`, borderColor: css("--text"),
+      borderWidth: 1.6, borderDash: [5, 4], pointRadius: 0, data: [{ x: threshold, y: 0 }, { x: threshold, y: most }] });
     return plot(name, { type: "bar", data: { datasets }, options: {
-      scales: { x: axis(title, { min: low, max: high, offset: false, grid: { offset: false } }), y: axis("share of each kind [%]", { beginAtZero: true }) },
+      scales: { x: axis(title, { min: low, max: low + series[0].counts.length * width, offset: false, grid: { offset: false } }), y: axis("share of each kind [%]", { beginAtZero: true }) },
       plugins: { tooltip: { callbacks: { title: () => "", label: item => `${item.dataset.label}: ${number(item.raw.y, 1)} % at ${number(item.raw.x, 3)}` } } } } }, 1.6);
   }
   function scorePlot(run, task) {
-    const of = wanted => list(task.score).filter((_, i) => !ignored(list(task.flags)[i]) && Boolean(right(list(task.flags)[i])) === wanted);
-    return histogram(`scores, ${run.title}`, [{ label: "best match is true", colour: kRight, values: of(true) }, { label: "best match is not true", colour: kWrong, values: of(false) }], "score of the best match");
+    const name = `scores, ${run.title}, ${task.metrics.protocol}`, threshold = task.metrics.f1_max_threshold, pairs = task.histogram;
+    if (pairs) return histogram(name, pairs.low || 0, pairs.width, [{ label: "pair not true", colour: kWrong, counts: list(pairs.of_false) },
+      { label: "pair true", colour: kRight, counts: list(pairs.of_true) }], threshold, "similarity of the pair");
+    const bins = 50, scores = list(task.score), counted = scores.map((_, i) => i).filter(i => !ignored(list(task.flags)[i]));
+    if (!counted.length) return el("p", { class: "soft" }, "nothing to show");
+    const low = counted.reduce((a, i) => Math.min(a, scores[i]), Infinity), high = counted.reduce((a, i) => Math.max(a, scores[i]), low + 1e-3), width = (high - low) / bins;
+    const counts = wanted => {
+      const counts = new Array(bins).fill(0);
+      for (const i of counted) if (Boolean(right(list(task.flags)[i])) === wanted) ++counts[Math.min(bins - 1, Math.floor((scores[i] - low) / width))];
+      return counts;
+    };
+    return histogram(name, low, width, [{ label: "best match is not true", colour: kWrong, counts: counts(false) },
+      { label: "best match is true", colour: kRight, counts: counts(true) }], threshold, "score of the best match");
   }
   function alignmentPlots(run) {
-    const frame = list(page.drives[run.drive || 0].frame), mirrored = list(run.mirrored);
-    const ratio = list(run.eigenvalue_ratio), t11 = list(run.abs_t11);
+    const frame = list(scansOf(run).frame), mirrored = list(run.mirrored);
+    const ratio = list(run.eigenvalue_ratio).map(Number), t11 = list(run.abs_t11).map(Number);  // "NaN" for scans left out
     if (!ratio.length) return [el("p", { class: "soft" }, "Camera images are not aligned.")];
     const over = (values, title, options) => plot(title, { type: "scatter", data: { datasets: [{ label: title, data: values.map((y, i) => ({ x: frame[i], y, yaw: list(run.yaw_deg)[i] })),
       borderColor: kColours[0], backgroundColor: kColours[0] + "99", pointRadius: 1.8 }] }, options: {
@@ -255,15 +285,16 @@
       el("div", { class: "grid" }, el("div", { class: "card" }, over(ratio, "eigenvalue ratio l1 / l2", { min: 1 })), el("div", { class: "card" }, over(t11, "|t11|", { min: 0, max: 1 })))];
   }
   function browser(run, task) {
-    const frame = list(page.drives[run.drive || 0].frame);
+    const { frame, x, z } = scansOf(run);
     const image = key => key && page.images && page.images[key];
+    const line = (caption, key, className) => el("figure", {}, image(key) ? el("img", { src: image(key), alt: caption, loading: "lazy" }) : el("p", { class: "soft" }, "(no range image)"), el("figcaption", { class: className }, caption));
     return list(task.shown).map(shown => {
-      const kind = shown.kind, scan = frame[shown.scan || 0];
-      const line = (caption, key, className) => el("figure", {}, image(key) ? el("img", { src: image(key), alt: caption, loading: "lazy" }) : el("p", { class: "soft" }, "(no range image)"), el("figcaption", { class: className }, caption));
+      const kind = shown.kind, query = shown.query || 0, scan = task.scan[query];
+      const away = match => list(x).length ? `, ${number(Math.hypot(x[scan] - x[match], z[scan] - z[match]), 1)} m away` : "";
       return el("div", { class: "shown" }, el("h3", { class: kind === "right" ? "good" : kind === "wrong" ? "bad" : "warn" },
-        `${kind}: query ${scan}, score ${number(shown.score ?? 0, 4)}${shown.which_case === 2 ? " (alignment case 2)" : ""}`),
-        line(`query ${scan}`, list(shown.images)[0], "soft"),
-        list(shown.matches).map((match, i) => line(`${i + 1}. scan ${frame[match]}: similarity ${number(shown.similarities[i], 4)}${list(shown.distances_m).length ? `, ${number(shown.distances_m[i], 1)} m away` : ""}`, list(shown.images)[i + 1], "")));
+        `${kind}: query ${frame[scan]}, score ${number(task.score[query], 4)}${turned(task.flags[query]) ? " (alignment case 2)" : ""}`),
+        line(`query ${frame[scan]}`, list(shown.images)[0], "soft"),
+        matchesOf(task, query).map((match, i) => line(`${i + 1}. scan ${frame[match.scan]}: similarity ${number(match.similarity, 4)}${away(match.scan)}`, list(shown.images)[i + 1], "")));
     });
   }
   function runContent(run) {
@@ -273,8 +304,8 @@
         el("h3", {}, task.metrics.protocol), el("p", { class: "soft" }, `${task.metrics.population || ""}; alignment of the queries: ${task.metrics.query_case || "?"}`),
         table([["", ""], ...kMetrics.map(([, title]) => [title, "n"]), ["queries", "n"], ["with a true match", "n"], ["true match"]],
           [["", ...kMetrics.map(([key]) => metric(task.metrics, key)), String(task.metrics.n_queries ?? 0), String(task.metrics.n_positives ?? 0), `${task.metrics.distance} < ${task.metrics.radius_m} m, exclusion ${task.metrics.exclusion}`]]),
-        el("div", { class: "grid" }, el("div", { class: "card" }, prPlot(`precision and recall, ${run.title}`, [prDataset(task.metrics.protocol, task.curve, task.metrics, 0)])),
-          list(task.scan).length ? el("div", { class: "card" }, scorePlot(run, task)) : null),
+        el("div", { class: "grid" }, el("div", { class: "card" }, prPlot(`precision and recall, ${run.title}, ${task.metrics.protocol}`, [prDataset(task.metrics.protocol, task.curve, task.metrics, 0)])),
+          list(task.scan).length || task.histogram ? el("div", { class: "card" }, scorePlot(run, task)) : null),
         list(task.scan).length ? el("div", { class: "card map" }, mapPlot(run, task)) : null,
         list(task.shown).length ? el("details", { open: "open" }, el("summary", {}, "Queries: the surest errors, the faintest misses, and right ones"), browser(run, task)) : null]).flat(),
       el("h3", {}, "Alignment"), ...alignmentPlots(run),
@@ -301,6 +332,7 @@
 
   // ---- the page
   const experiments = list(page.experiments), runs = list(page.runs);
+  document.title = page.title || "revisit";
   root.append(
     el("header", {}, el("h1", {}, page.title || ""), el("p", { class: "soft" }, `revisit ${page.version}, ${page.made}`)),
     list(page.warnings).length ? el("div", {}, page.warnings.map(warning => el("p", { class: "note" }, warning))) : "",

@@ -1,8 +1,3 @@
-#include <unistd.h>
-
-#include <cstdlib>
-#include <sstream>
-
 #include "cli/messages.h"
 #include "doctor/checks.h"
 #include "models/cache.h"
@@ -10,42 +5,7 @@
 #include "revisit/proto/error.h"
 
 namespace revisit::doctor {
-namespace {
-
 namespace fs = std::filesystem;
-
-/// Where the shell would find `program`, or "".
-fs::path find_in_path(const std::string& program) {
-  const char* const path = std::getenv("PATH");
-  std::istringstream folders(path ? path : "");
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    const fs::path candidate = fs::path(folder) / program;
-    std::error_code none;
-    if (fs::is_regular_file(candidate, none) && ::access(candidate.c_str(), X_OK) == 0)
-      return candidate;
-  }
-  return {};
-}
-
-void check_terminal(Checks& checks) {
-  const char* const term = std::getenv("TERM");
-  std::string found =
-      str(isatty(STDERR_FILENO) ? "progress is shown" : "not a terminal: no progress line",
-          term ? str(", TERM=", term) : "");
-  if (std::getenv("NO_COLOR")) found += ", NO_COLOR set";
-  checks.push_back({"tools", "terminal", Status::kOk, found});
-}
-
-}  // namespace
-
-void check_tools(Checks& checks) {
-  check_terminal(checks);
-  if (const fs::path gnuplot = find_in_path("gnuplot"); !gnuplot.empty())
-    checks.push_back({"tools", "gnuplot", Status::kOk, gnuplot.string()});
-  else
-    checks.push_back({"tools", "gnuplot", Status::kWarn, "not found",
-                      "for plots: apt-get install gnuplot-nox (everything else works without)"});
-}
 
 void check_models(Checks& checks) {
   fs::path cache;

@@ -1,12 +1,17 @@
 #pragma once
 
-#include <string>
-
+#include "eval/run_folder.h"
 #include "reports.pb.h"
-#include "revisit/pipeline/bootstrap.h"
-#include "revisit/pipeline/precision_recall.h"
 
 namespace revisit::cli {
+
+/// The range images of so many matches of a query can be shown.
+inline constexpr int kShownMatches = 4;
+
+/// What report.json holds: all that the page of a run shows, but range images. `info` and `metrics`
+/// are those of run.json and metrics.json.
+reports::Run run_data(const RunContext& context, const std::vector<TaskResult>& results,
+                      const reports::RunInfo& info, const reports::MetricsList& metrics);
 
 /// The entry of metrics.json for one task. `pose_source` names where the ground truth comes from,
 /// e.g. the poses file. What `summary` has as NaN (not computed) is left out.

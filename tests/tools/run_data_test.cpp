@@ -1,0 +1,68 @@
+#include "eval/run_data.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace revisit::cli {
+namespace {
+
+using pipeline::Task;
+using pipeline::Verdict;
+
+const std::vector<Verdict> kVerdicts = {
+    {0.9, true, true}, {0.8, false, false}, {0.7, true, true}, {0.1, false, true}};
+
+TEST(MetricsReport, LeavesOutWhatWasNotComputed) {
+  Task task;
+  task.name = "online";
+  task.exclusion = pipeline::parse_exclusion("frames=50");
+  const auto some = metrics_report(pipeline::summarize(kVerdicts), task,
+                                   {pipeline::Distance::kBox, 3}, "poses/00.txt");
+  EXPECT_EQ(some.protocol(), "online");
+  EXPECT_EQ(some.distance(), "box");
+  EXPECT_EQ(some.exclusion(), "frames=50");
+  EXPECT_EQ(some.n_positives(), 3);
+  EXPECT_DOUBLE_EQ(some.recall_at_1(), 2.0 / 3);
+  EXPECT_EQ(some.decision(), "query");
+  EXPECT_FALSE(some.has_n_pairs());
+  EXPECT_FALSE(some.has_false_beyond_m());
+  const auto none = metrics_report(pipeline::summarize({}), task, task.rule, "");
+  EXPECT_EQ(none.n_queries(), 0);
+  EXPECT_FALSE(none.has_f1_max());
+  EXPECT_FALSE(none.has_average_precision());
+  EXPECT_FALSE(none.has_recall_at_1());
+  EXPECT_FALSE(none.has_max_recall_at_precision_1());
+  EXPECT_FALSE(none.has_extended_precision());
+}
+
+TEST(MetricsReport, IntervalsAreLowAndHigh) {
+  reports::Metrics metrics;
+  const double nan = std::nan("");
+  add_intervals(metrics, {{0.1, 0.2}, {0.3, 0.4}, {nan, nan}, {0.5, 0.6}, {0.7, 0.8}}, 500);
+  EXPECT_EQ(metrics.bootstrap_resamples(), 500);
+  ASSERT_EQ(metrics.f1_max_ci_size(), 2);
+  EXPECT_EQ(metrics.f1_max_ci(0), 0.1);
+  EXPECT_EQ(metrics.average_precision_ci(1), 0.4);
+  EXPECT_EQ(metrics.recall_at_1_ci_size(), 0);
+  EXPECT_EQ(metrics.max_recall_at_precision_1_ci(0), 0.5);
+  EXPECT_EQ(metrics.extended_precision_ci(1), 0.8);
+}
+
+TEST(MetricsReport, PairsHaveTheirCounts) {
+  Task task;
+  task.decision = pipeline::Decision::kPair;
+  pipeline::PrSummary summary;
+  summary.n_pairs = 1010;
+  summary.n_true_pairs = 10;
+  summary.recall_at_1 = std::nan("");
+  const auto metrics = metrics_report(summary, task, {pipeline::Distance::kXz, 3, 20}, "");
+  EXPECT_EQ(metrics.decision(), "pair");
+  EXPECT_EQ(metrics.n_pairs(), 1010);
+  EXPECT_EQ(metrics.n_true_pairs(), 10);
+  EXPECT_EQ(metrics.false_beyond_m(), 20);
+  EXPECT_FALSE(metrics.has_recall_at_1());
+}
+
+}  // namespace
+}  // namespace revisit::cli

@@ -1,0 +1,113 @@
+#include "report/read_runs.h"
+
+#include <algorithm>
+#include <map>
+
+#include "cli/json.h"
+#include "experiment/catalog.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_file(const fs::path& file) {
+  std::error_code none;
+  return fs::is_regular_file(file, none);
+}
+
+/// What the page does with a run needs arrays of one length, and rows of scans that are there.
+void need_consistent(const fs::path& file, const reports::Run& run) {
+  const auto need = [&](bool good, const char* what) {
+    if (!good) throw InputError(str(file.string(), ": ", what, ": this is no file of revisit"));
+  };
+  const int n = run.frame_size();
+  const auto rows = [n](const auto& scans, int least = 0) {
+    return std::ranges::all_of(scans, [&](int row) { return least <= row && row < n; });
+  };
+  need(run.file_size() == n, "scans without a file");
+  for (const int size : {run.x_size(), run.yaw_deg_size()})
+    need(size == 0 || size == n, "not all scans have a place or an alignment");
+  need(run.z_size() == run.x_size() && run.eigenvalue_ratio_size() == run.yaw_deg_size() &&
+           run.abs_t11_size() == run.yaw_deg_size() && rows(run.mirrored()),
+       "scans");
+  for (const reports::RunTask& task : run.tasks()) {
+    const int queries = task.scan_size(), matches = task.match_size();
+    need(task.score_size() == queries && task.flags_size() == queries &&
+             task.similarity_size() == matches &&
+             (queries == 0 ? matches == 0 : matches >= queries && matches % queries == 0) &&
+             rows(task.stored()) && rows(task.scan()) && rows(task.match(), -1),
+         "queries");
+  }
+}
+
+/// Adds runs to a page by their folders, each once.
+class RunReader {
+ public:
+  explicit RunReader(reports::Page* page) : page_(page) {}
+  /// Which of the page's runs it is.
+  int read(const fs::path& folder) {
+    const fs::path name = fs::weakly_canonical(folder);
+    const auto [entry, fresh] = index_.try_emplace(name, page_->runs_size());
+    if (!fresh) return entry->second;
+    reports::Run& run = *page_->add_runs();
+    read_report(name / "report.json", &run);
+    need_consistent(name / "report.json", run);
+    return entry->second;
+  }
+
+ private:
+  reports::Page* page_;
+  std::map<fs::path, int> index_;
+};
+
+/// The folders that hold `file`, `folder` itself or what is below it.
+std::vector<fs::path> folders_with(const fs::path& folder, const char* file) {
+  if (is_file(folder / file)) return {folder};
+  std::vector<fs::path> found;
+  std::error_code error;
+  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error))
+    if (entry->path().filename() == file) found.push_back(entry->path().parent_path());
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+size_t catalog_position(const std::string& name) {
+  const auto& all = experiments();
+  return static_cast<size_t>(std::ranges::find(all, name, &ExperimentInfo::name) - all.begin());
+}
+
+}  // namespace
+
+reports::Page read_runs(const std::vector<fs::path>& folders) {
+  reports::Page page;
+  RunReader runs(&page);
+  std::vector<std::pair<reports::Experiment, fs::path>> found;
+  for (const fs::path& folder : folders) {
+    const std::vector<fs::path> of_experiments = folders_with(folder, "experiment.json");
+    for (const fs::path& experiment : of_experiments) {
+      found.emplace_back(reports::Experiment{}, experiment);
+      read_report(experiment / "experiment.json", &found.back().first);
+    }
+    if (!of_experiments.empty()) continue;
+    const std::vector<fs::path> of_runs = folders_with(folder, "report.json");
+    if (of_runs.empty())
+      throw InputError(folder.string() +
+                       ": neither a run (report.json) nor an experiment (experiment.json) is here "
+                       "or below; 'revisit eval' and 'revisit experiment' write them");
+    for (const fs::path& run : of_runs) runs.read(run);
+  }
+  std::ranges::stable_sort(
+      found, {}, [](const auto& experiment) { return catalog_position(experiment.first.name()); });
+  for (auto& [experiment, folder] : found) {
+    reports::PageExperiment& out = *page.add_experiments();
+    for (const reports::ExperimentRun& run : experiment.runs())
+      out.add_run(run.state() == "done" ? runs.read(folder / run.folder()) : -1);
+    *out.mutable_experiment() = std::move(experiment);
+  }
+  return page;
+}
+
+}  // namespace revisit::cli

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "reports.pb.h"
+
+namespace revisit::cli {
+
+/// A page with what is in folders of runs (report.json), of experiments (experiment.json, with
+/// their runs), and in folders that have such below them. A run that several experiments share is
+/// there once. Throws InputError for a folder with neither and for files that are not as revisit
+/// writes them.
+reports::Page read_runs(const std::vector<std::filesystem::path>& folders);
+
+}  // namespace revisit::cli
