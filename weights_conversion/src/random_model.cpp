@@ -1,7 +1,6 @@
 #include "revisit/weights_conversion/random_model.h"
 
 #include <cmath>
-#include <map>
 
 #include "revisit/proto/error.h"
 #include "revisit/proto/folder.h"
@@ -52,17 +51,6 @@ class Stream {
   uint64_t key_;
 };
 
-int64_t channels_of(const std::map<std::string, int64_t>& channels,
-                    const caffe::LayerParameter& layer) {
-  const auto found = layer.bottom_size() == 1 ? channels.find(layer.bottom(0)) : channels.end();
-  if (found == channels.end())
-    throw InputError(
-        str("layer '", layer.name(), "' (", layer.type(),
-            "): cannot tell its number of input channels; random weights are for plain "
-            "chains of layers"));
-  return found->second;
-}
-
 void fill_convolution(caffe::LayerParameter& layer, int64_t in_channels, const Stream& weights,
                       const Stream& biases) {
   const auto& parameters = layer.convolution_param();
@@ -87,21 +75,16 @@ void fill_convolution(caffe::LayerParameter& layer, int64_t in_channels, const S
     bias->add_data(static_cast<float>(0.01 * biases.uniform(static_cast<uint64_t>(i))));
 }
 
+/// Of a trunk, which is a plain chain: each convolution reads what the one before it put out.
 void fill_with_random_weights(caffe::NetParameter& net, uint64_t seed) {
-  std::map<std::string, int64_t> channels;  // of each blob
+  int64_t channels = 0;
   for (int l = 0; l < net.layer_size(); ++l) {
     caffe::LayerParameter& layer = *net.mutable_layer(l);
-    if (layer.type() == "Input" && layer.input_param().shape_size() == 1 &&
-        layer.input_param().shape(0).dim_size() >= 2) {
-      channels[layer.top(0)] = layer.input_param().shape(0).dim(1);
-    } else if (layer.type() == "Convolution") {
-      const auto index = static_cast<uint64_t>(l);
-      fill_convolution(layer, channels_of(channels, layer), {seed, index, 0}, {seed, index, 1});
-      channels[layer.top(0)] = layer.convolution_param().num_output();
-    } else {
-      const int64_t kept = channels_of(channels, layer);  // ReLU, LRN and pooling keep channels
-      channels[layer.top(0)] = kept;
-    }
+    if (layer.type() == "Input") channels = layer.input_param().shape(0).dim(1);
+    if (layer.type() != "Convolution") continue;
+    const auto index = static_cast<uint64_t>(l);
+    fill_convolution(layer, channels, {seed, index, 0}, {seed, index, 1});
+    channels = layer.convolution_param().num_output();
   }
 }
 
