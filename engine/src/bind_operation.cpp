@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include "held_epilogue.h"
-#include "kernels/epilogue_plain.h"
+#include "held_post_ops.h"
 
 namespace revisit::engine {
 namespace {
@@ -14,11 +13,9 @@ BlockedSize size_of(const Binding& binding) {
 }
 
 Kernel bind_activation(const Activating& activation, const Binding& binding) {
-  return blocked_kernel(
-      "activation", 1,
-      [size = size_of(binding), held = HeldEpilogue(activation)](const Call& call) {
-        blocked_activation(size, held.epilogue, call.inputs[0], call.outputs[0]);
-      });
+  return blocked_kernel("activation", 1, [size = size_of(binding), activation](const Call& call) {
+    blocked_activation(size, activation.epilogue, call.inputs[0], call.outputs[0]);
+  });
 }
 
 Kernel bind_affine(const ChannelAffine& affine, const Binding& binding) {
@@ -26,8 +23,8 @@ Kernel bind_affine(const ChannelAffine& affine, const Binding& binding) {
   return blocked_kernel(
       "scale", 1,
       [size = size_of(binding), factors = HeldAffine(next ? composed(affine, *next) : affine),
-       held = HeldEpilogue(binding.fusion.activation)](const Call& call) {
-        blocked_scale(size, factors.scale->data(), factors.shift->data(), held.epilogue,
+       activation = binding.fusion.activation](const Call& call) {
+        blocked_scale(size, factors.scale->data(), factors.shift->data(), activation.epilogue,
                       call.inputs[0], call.outputs[0]);
       });
 }
@@ -45,13 +42,13 @@ const char* name_of(BlockedEltwise::Operation operation) {
 }
 
 Kernel bind_combination(const Combining& combining, const Binding& binding) {
-  return blocked_kernel(name_of(combining.operation), binding.inputs.size(),
-                        [size = size_of(binding), combining,
-                         held = HeldEpilogue(binding.fusion.activation)](const Call& call) {
-                          blocked_eltwise(
-                              size, {combining.operation, combining.coefficients, held.epilogue},
-                              call.inputs, call.outputs[0]);
-                        });
+  return blocked_kernel(
+      name_of(combining.operation), binding.inputs.size(),
+      [size = size_of(binding), combining,
+       activation = binding.fusion.activation](const Call& call) {
+        blocked_eltwise(size, {combining.operation, combining.coefficients, activation.epilogue},
+                        call.inputs, call.outputs[0]);
+      });
 }
 
 /// A kernel on plain values with what is fused to it done afterwards, in place.
@@ -59,19 +56,9 @@ Kernel finished(Kernel kernel, const Binding& binding) {
   const Fusion& fusion = binding.fusion;
   if (!fusion.affine && fusion.activation.epilogue.activation == Epilogue::Activation::kNone)
     return kernel;
-  const Shape& shape = binding.outputs[0];
-  const ChannelRuns runs = shape.rank() < 2
-                               ? ChannelRuns{1, 1, shape.elements()}
-                               : ChannelRuns{shape[0], shape[1], shape.product(2, shape.rank())};
-  std::optional<HeldAffine> affine;
-  if (fusion.affine) affine = HeldAffine(*fusion.affine);
-  kernel.run = [runs, affine, run = std::move(kernel.run), threads = binding.threads,
-                held = HeldEpilogue(fusion.activation)](const Call& call) {
+  kernel.run = [run = std::move(kernel.run), post_ops = HeldPostOps(binding)](const Call& call) {
     run(call);
-    finish(runs,
-           {affine ? affine->scale->data() : nullptr, affine ? affine->shift->data() : nullptr,
-            nullptr, held.epilogue},
-           threads, call.outputs[0]);
+    post_ops(nullptr, call.outputs[0]);
   };
   return kernel;
 }
@@ -81,7 +68,7 @@ Kernel finished(Kernel kernel, const Binding& binding) {
 Kernel bind_operation(const Layer& layer, const Form& form, const Binding& binding) {
   if (std::holds_alternative<Convolving>(form)) return layer.bind(binding);
   const bool any_blocked =
-      std::count(binding.layouts.begin(), binding.layouts.end(), Layout::kBlocked) > 0;
+      std::count(binding.layouts.begin(), binding.layouts.end(), Layout::kNChw16c) > 0;
   if (any_blocked) {
     if (const auto* activation = std::get_if<Activating>(&form))
       return bind_activation(*activation, binding);

@@ -15,12 +15,8 @@ void check_weight_bytes(const Net::Impl& net, int64_t limit);
 /// with a reason only, as Layer does.
 void check_outputs(const std::vector<Shape>& outputs, int64_t limit);
 
-/// What a plan takes beside the weights of the file.
-struct RunMemory {
-  int64_t arena_floats, packed_floats, weight_floats;
-  const std::vector<BufferUse>& buffers;
-};
-void check_run_memory(const Net::Impl& net, const RunMemory& memory, int64_t limit);
+/// Of a plan whose schedule is placed.
+void check_run_memory(const Plan::Impl& plan, int64_t limit);
 
 /// Throws UsageError for fewer than one or too many.
 void check_threads(int threads);

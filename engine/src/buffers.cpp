@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "memory_plan.h"
+
 namespace revisit::engine {
 namespace {
 
@@ -19,7 +21,7 @@ struct Buffer {
 
 class Placer {
  public:
-  Placer(const Net::Impl& net, const Schedule& schedule)
+  Placer(const Net::Impl& net, Schedule& schedule)
       : net_(net),
         schedule_(schedule),
         end_(static_cast<int>(schedule.steps.size())),
@@ -31,18 +33,18 @@ class Placer {
       if (schedule.stored[id].pinned) last_use_[id] = end_;
   }
 
-  Placement run() {
+  void run() {
     // Inputs keep their values over forward passes: nothing else is ever where they are.
     for (const size_t id : schedule_.inputs)
       add_buffer(id, kBefore, net_.graph.values[schedule_.stored[id].value].blob);
     n_inputs_ = buffers_.size();
     for (int step = 0; step < end_; ++step) add_step(step);
-    return lay_out();
+    lay_out();
   }
 
  private:
   void add_step(int index) {
-    const ScheduledStep& step = schedule_.steps[index];
+    Step& step = schedule_.steps[index];
     const std::string& name = net_.graph.nodes[step.layer].name;
     const bool joined = step.kernel.joins_inputs && can_join(step);
     const size_t n_before = buffers_.size();
@@ -56,8 +58,8 @@ class Placer {
     if (joined) join(step);
     int64_t floats = 0;
     for (size_t b = n_before; b < buffers_.size(); ++b) floats += buffers_[b].floats;
-    result_.new_floats.push_back(joined ? 0 : floats);
-    result_.runs.push_back(step.memory != OutputMemory::kViewOfInput && !joined);
+    step.new_floats = joined ? 0 : floats;
+    step.runs = step.memory != OutputMemory::kViewOfInput && !joined;
     scratch_.push_back(add(name + " (scratch)", step.kernel.scratch_floats, index, index));
     state_.push_back(add(name + " (state)", step.kernel.state_floats, kBefore, end_));
   }
@@ -80,7 +82,7 @@ class Placer {
   /// Whether the first output can be where the first input is: nothing reads that buffer later, nor
   /// what it is a part of, under any of the names it has, and no other input of this step lies
   /// there.
-  bool may_overwrite(const ScheduledStep& step, int index) const {
+  bool may_overwrite(const Step& step, int index) const {
     if (step.memory != OutputMemory::kMayReuseInput) return false;
     const size_t first = step.inputs[0];
     const Stored &input = schedule_.stored[first], &output = schedule_.stored[step.outputs[0]];
@@ -97,7 +99,7 @@ class Placer {
   }
 
   /// Whether the inputs can lie one after another in the output, each on a cache line.
-  bool can_join(const ScheduledStep& step) const {
+  bool can_join(const Step& step) const {
     std::vector<int> seen;
     for (size_t i = 0; i < step.inputs.size(); ++i) {
       const int b = buffer_of_[step.inputs[i]];
@@ -110,7 +112,7 @@ class Placer {
     return true;
   }
 
-  void join(const ScheduledStep& step) {
+  void join(const Step& step) {
     const int whole = buffer_of_[step.outputs[0]];
     int64_t offset = 0;
     for (const size_t input : step.inputs) {
@@ -123,7 +125,7 @@ class Placer {
     }
   }
 
-  Placement lay_out() {
+  void lay_out() {
     std::vector<Lifetime> lifetimes;
     for (const Buffer& buffer : buffers_)
       lifetimes.push_back({buffer.parent < 0 ? buffer.floats : 0, buffer.first, buffer.last});
@@ -133,12 +135,14 @@ class Placer {
       for (; buffers_[b].parent >= 0; b = buffers_[b].parent) offset += buffers_[b].offset;
       return memory.offsets[b] + offset;
     };
-    for (const int b : buffer_of_) result_.stored.push_back(offset_of(b));
-    for (const int b : scratch_) result_.scratch.push_back(offset_of(b));
-    for (const int b : state_) result_.state.push_back(offset_of(b));
-    result_.arena_floats = memory.total;
+    for (size_t id = 0; id < buffer_of_.size(); ++id)
+      schedule_.stored[id].offset = offset_of(buffer_of_[id]);
+    for (int step = 0; step < end_; ++step) {
+      schedule_.steps[step].scratch = offset_of(scratch_[step]);
+      schedule_.steps[step].state = offset_of(state_[step]);
+    }
+    schedule_.arena_floats = memory.total;
     for (size_t b = 0; b < buffers_.size(); ++b) describe(buffers_[b], memory.offsets[b]);
-    return std::move(result_);
   }
 
   void describe(const Buffer& buffer, int64_t offset) {
@@ -149,25 +153,24 @@ class Placer {
              : step == end_  ? net_.graph.nodes.size()
                              : schedule_.steps[step].layer;
     };
-    result_.buffers.push_back({buffer.what, offset * kFloat, buffer.floats * kFloat,
-                               layer_of(buffer.first), layer_of(buffer.last)});
+    schedule_.buffers.push_back({buffer.what, offset * kFloat, buffer.floats * kFloat,
+                                 layer_of(buffer.first), layer_of(buffer.last)});
   }
 
   const Net::Impl& net_;
-  const Schedule& schedule_;
+  Schedule& schedule_;
   const int end_;                     // one past the last step
   std::vector<int> last_use_;         // of each stored value: step; end_ when it outlives the run
   std::vector<int> buffer_of_;        // of each stored value
   std::vector<int> scratch_, state_;  // of each step
   std::vector<Buffer> buffers_;
   size_t n_inputs_ = 0;
-  Placement result_;
 };
 
 }  // namespace
 
-Placement place(const Net::Impl& net, const Schedule& schedule) {
-  return Placer(net, schedule).run();
+void place(const Net::Impl& net, Schedule* schedule) {
+  Placer(net, *schedule).run();
 }
 
 }  // namespace revisit::engine

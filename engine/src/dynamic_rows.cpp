@@ -31,8 +31,8 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
   std::vector<std::optional<DynamicRows>> result(net.graph.values.size());
   for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
     const Node& node = net.graph.nodes[i];
-    if (!net.nodes[i].layer) continue;
-    const Layer& layer = *net.nodes[i].layer;
+    if (!node.layer) continue;
+    const Layer& layer = *node.layer;
     try {
       const bool is_view = layer.output_memory() == OutputMemory::kViewOfInput;
       std::vector<Shape> inputs;

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <variant>
 #include <vector>
 
+#include "aligned.h"
 #include "kernels/blocked/elementwise.h"
 #include "kernels/convolution.h"
 #include "kernels/epilogue.h"
@@ -22,8 +24,8 @@ struct Convolving {
 
 /// A function of each element.
 struct Activating {
-  Epilogue epilogue;          // its slopes are null
-  std::vector<float> slopes;  // kPrelu: [c]
+  Epilogue epilogue;
+  std::shared_ptr<const AlignedFloats> slopes = nullptr;  // kPrelu: those of the epilogue
 };
 
 /// scale[c] * x + shift[c] on `[n][c]...`.
@@ -37,18 +39,11 @@ struct Combining {
   std::vector<float> coefficients;  // of a sum, one for each input
 };
 
-/// Normalisation across channels, then the maximum of windows.
-struct LrnMaxPooling {
-  LrnProblem lrn;
-  PoolingProblem pooling;
-};
-
-using Form =
-    std::variant<std::monostate, Convolving, Activating, ChannelAffine, Combining,
-                 LrnProblem /* across channels */, PoolingProblem /* maximum */, LrnMaxPooling>;
+using Form = std::variant<std::monostate, Convolving, Activating, ChannelAffine, Combining,
+                          LrnProblem /* across channels */, PoolingProblem /* maximum */>;
 
 /// What an operation does beside what its layer says, in this order. All of it is for convolutions;
-/// ChannelAffine takes scale and shift and activations, Combining activations.
+/// ChannelAffine takes scale and shift and activations, Combining activations, LrnProblem pooling.
 struct Fusion {
   /// The input holds one channel, x, which stands for channels x + offset.
   std::optional<std::vector<float>> gray_offsets;
@@ -56,8 +51,8 @@ struct Fusion {
   std::vector<size_t> affine_layers;  // that it comes from: indices into Graph::nodes
   bool adds_last_input = false;       // of the shape of the output
   Activating activation;
-  std::optional<LrnProblem> lrn;  // only with pooling
-  std::optional<PoolingProblem> pooling;
+  std::optional<LrnProblem> lrn;          // only with pooling
+  std::optional<PoolingProblem> pooling;  // maximum
 };
 
 /// `next` after `first`.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "layers/lrn_max_pooling.h"
 #include "layers/planar_convolution.h"
 
 namespace revisit::engine {
@@ -12,16 +11,14 @@ namespace {
 /// that gives the same.
 class Fuser {
  public:
-  Fuser(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations,
-        int64_t most_packed_floats)
+  Fuser(Operations operations, int64_t most_packed_floats)
       : operations_(std::move(operations)),
         packed_left_(most_packed_floats),
-        readers_(shapes.size(), 0),
-        maker_(shapes.size(), kNone) {
+        readers_(operations_.held_by.size(), 0),
+        maker_(operations_.held_by.size(), kNone) {
     for (const Operation& operation : operations_.list)
       for (const ValueId id : operation.inputs) ++readers_[id];
-    for (const Graph::Output& output : net.graph.outputs)
-      ++readers_[operations_.held_by[output.value]];
+    for (size_t id = 0; id < readers_.size(); ++id) readers_[id] += operations_.read_outside[id];
   }
 
   Operations run() {
@@ -124,12 +121,10 @@ class Fuser {
 
   bool take(const Operation& operation, const PoolingProblem& pooling) {
     Operation* const maker = only_maker(operation.inputs[0]);
-    if (!maker || operation.outputs.size() != 1) return false;
-    const auto* lrn = std::get_if<LrnProblem>(&maker->form);
-    if (!lrn) return false;
-    const LrnMaxPooling both{*lrn, pooling};
-    maker->layer = make_lrn_max_pooling(both);
-    maker->form = both;
+    if (!maker || operation.outputs.size() != 1 ||
+        !std::holds_alternative<LrnProblem>(maker->form) || maker->fusion.pooling)
+      return false;
+    maker->fusion.pooling = pooling;
     absorb(maker, operation);
     return true;
   }
@@ -138,19 +133,19 @@ class Fuser {
   /// kernel can do that, which then is its kernel.
   bool merge_into_first(const Operation& operation) {
     if (operation.outputs.size() != 1) return false;
-    const auto* pooling = std::get_if<PoolingProblem>(&operation.form);
-    const auto* both = std::get_if<LrnMaxPooling>(&operation.form);
-    if (!pooling && !both) return false;
+    const auto* lrn = std::get_if<LrnProblem>(&operation.form);
+    const auto* alone = std::get_if<PoolingProblem>(&operation.form);
+    if (!alone && !operation.fusion.pooling) return false;
     Operation* const first = only_maker(operation.inputs[0]);
     const auto* convolving = first ? std::get_if<Convolving>(&first->form) : nullptr;
     if (!convolving || maker_[first->inputs[0]] != kNone || first->fusion.adds_last_input ||
         first->fusion.pooling)
       return false;
     Fusion fusion = first->fusion;
-    fusion.pooling = both ? both->pooling : *pooling;
-    if (both) fusion.lrn = both->lrn;
+    fusion.pooling = alone ? *alone : operation.fusion.pooling;
+    if (lrn) fusion.lrn = *lrn;
     const BlockedConvolutionKernel* const kernel = choose_convolution(
-        convolving->problem, fusion, Layout::kPlain, {first->most_winograd_points, packed_left_});
+        convolving->problem, fusion, Layout::kNchw, {first->most_winograd_points, packed_left_});
     if (!kernel) return false;
     packed_left_ -= packed_floats(convolving->problem, fusion, *kernel);
     first->convolution = kernel;
@@ -167,9 +162,8 @@ class Fuser {
 
 }  // namespace
 
-Operations fuse(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations,
-                int64_t most_packed_floats) {
-  return Fuser(net, shapes, std::move(operations), most_packed_floats).run();
+Operations fuse(Operations operations, int64_t most_packed_floats) {
+  return Fuser(std::move(operations), most_packed_floats).run();
 }
 
 }  // namespace revisit::engine

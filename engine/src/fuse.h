@@ -11,10 +11,9 @@ namespace revisit::engine {
 ///   - activations (ReLU, PReLU, ELU, ReLU6) are done by the operation before them,
 ///   - normalisation across channels and the maximum pooling after it are one operation, and both
 ///     (or pooling alone) one with the net's first convolution.
-/// Values in between are merged away only when nothing else reads them and they are no output.
+/// Values in between are merged away only when nothing else reads them, inside or outside.
 /// Kernels that are chosen on the way pack at most `most_packed_floats` together.
-Operations fuse(const Net::Impl& net, const std::vector<Shape>& shapes, Operations operations,
-                int64_t most_packed_floats);
+Operations fuse(Operations operations, int64_t most_packed_floats);
 
 /// Sets Operation::most_winograd_points: of all operations when `accuracy` is strict, else of those
 /// whose values reach a layer that amplifies rounding. To be called before fuse().

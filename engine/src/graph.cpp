@@ -19,7 +19,7 @@ class Builder {
   explicit Builder(Graph& graph) : graph_(graph) {}
 
   void add(const caffe::LayerParameter& layer) {
-    Node node{layer.name(), description(layer), {}, {}, false};
+    Node node{layer.name(), description(layer), {}, {}};
     for (const std::string& bottom : layer.bottom()) node.inputs.push_back(consume(layer, bottom));
     for (int i = 0; i < layer.top_size(); ++i) {
       const std::string& top = layer.top(i);
@@ -115,6 +115,12 @@ Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId v
 }
 
 }  // namespace
+
+std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes) {
+  std::vector<Shape> result;
+  for (const ValueId id : ids) result.push_back(shapes[id]);
+  return result;
+}
 
 Graph parse(const caffe::NetParameter& net) {
   Graph graph;

@@ -1,9 +1,10 @@
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "caffe_schema.pb.h"
+#include "layer.h"
 #include "revisit/engine/net.h"
 
 namespace revisit::engine {
@@ -17,12 +18,21 @@ struct Value {
   std::string blob;
 };
 
+/// A layer of the file.
 struct Node {
   std::string name;
   caffe::LayerParameter param;  // without blobs
   std::vector<ValueId> inputs, outputs;
   bool in_place = false;  // in the file: an output has the blob name of the input at its position
+  // From here on set when the net is loaded, for layers that are needed:
+  std::shared_ptr<const Layer> layer = nullptr;  // null for Input
+  /// Values are empty when the net was loaded without weights, and when they are
+  /// Net::Impl::releasable.
+  std::vector<Tensor> weights = {};
 };
+
+/// Of these values, `shapes` being those of all.
+std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes);
 
 /// What a prototxt says, names resolved. Nodes are in execution order.
 struct Graph {

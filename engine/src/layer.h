@@ -20,7 +20,7 @@ struct BlockedConvolutionKernel;
 struct HeldWeights {
   const float* weights = nullptr;
   const float* bias = nullptr;
-  const float* outside = nullptr;  // BlockedConvolutionArguments::outside
+  const float* outside_taps = nullptr;  // BlockedConvolutionArguments::outside_taps
   std::shared_ptr<const void> owner;
 };
 
@@ -45,7 +45,7 @@ struct Kernel {
   int64_t state_floats = 0;
   /// The layout it wants each input in; empty: all plain. The planner reorders where needed.
   std::vector<Layout> reads = {};
-  Layout writes = Layout::kPlain;
+  Layout writes = Layout::kNchw;
   /// The output is the inputs one after another: where they already lie so, nothing has to run.
   bool joins_inputs = false;
   int64_t packed_floats = 0;  // weights in its own order, beside those of the net
@@ -58,8 +58,8 @@ struct Kernel {
 inline Kernel blocked_kernel(std::string name, size_t n_inputs,
                              std::function<void(const Call&)> run, int64_t scratch_floats = 0) {
   Kernel kernel{std::move(name), std::move(run), scratch_floats};
-  kernel.reads.assign(n_inputs, Layout::kBlocked);
-  kernel.writes = Layout::kBlocked;
+  kernel.reads.assign(n_inputs, Layout::kNChw16c);
+  kernel.writes = Layout::kNChw16c;
   return kernel;
 }
 
@@ -75,7 +75,7 @@ struct Binding {
   /// The layouts that the inputs are in. Empty: this must be a kernel on plain values.
   std::vector<Layout> layouts = {};
   bool blocked(size_t input) const {
-    return !layouts.empty() && layouts[input] == Layout::kBlocked;
+    return !layouts.empty() && layouts[input] == Layout::kNChw16c;
   }
   Fusion fusion = {};            // only convolutions look at it, bind_operation() does the rest
   WeightCache* cache = nullptr;  // there when `convolution` is or something is fused
@@ -157,7 +157,17 @@ class Layer {
   virtual Kernel bind(const Binding& binding) const = 0;
 };
 
-/// Throws InputError unless there are `n` of `what` ("inputs", "outputs").
+/// A layer with one input and one output.
+class OneToOneLayer : public Layer {
+ public:
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const final;
+
+ protected:
+  /// Layer::infer() once the numbers of inputs and outputs are right.
+  virtual Shape output_shape(const Shape& input) const { return input; }
+};
+
+/// Throws InputError unless there are `expected` of `what` ("inputs", "outputs").
 void expect_count(size_t found, size_t expected, const char* what);
 
 /// Throws InputError unless a size of the file fits an int, in which Caffe keeps it. Then the

@@ -6,8 +6,9 @@ namespace revisit::engine {
 
 /// How the numbers of a value `[n][c][h][w]` lie in memory.
 enum class Layout {
-  kPlain,    // [n][c][h][w]
-  kBlocked,  // [n][ceil(c / kLanes)][h][w][kLanes], lanes beyond c are zero, 64-byte aligned
+  kNchw,     // [n][c][h][w]: "plain"
+  kNChw16c,  // "blocked": [n][ceil(c / kLanes)][h][w][kLanes], lanes beyond c are zero, 64-byte
+             // aligned
 };
 
 /// Channels of a block, on every CPU: one AVX-512 register, two of AVX2, four of NEON.

@@ -21,7 +21,7 @@ void limit_rounding(Accuracy accuracy, Operations* operations) {
     }
     if (of_outputs.amplified || of_outputs.compared || accuracy == Accuracy::kStrict)
       operation->most_winograd_points = kLittleRounding;
-    const Rounding rounding = operation->layer->rounding();
+    const Rounding rounding = operation->layer.get().rounding();
     for (const ValueId id : operation->inputs) {
       later[id].amplified |= of_outputs.amplified || rounding == Rounding::kAmplified;
       later[id].compared |= (of_outputs.compared && rounding != Rounding::kAveraged) ||

@@ -2,11 +2,11 @@
 #include <utility>
 
 #include "budget.h"
+#include "load_weights.h"
 #include "net_impl.h"
 #include "operations.h"
 #include "registry.h"
 #include "revisit/proto/net_file.h"
-#include "weights.h"
 
 namespace revisit::engine {
 namespace {
@@ -14,17 +14,17 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What the original refuses for layers of any type, or leaves undefined.
-void check_in_place(const Node& node, const Layer& layer) {
-  if (node.in_place && !layer.allows_in_place())
+void check_in_place(const Node& node) {
+  if (node.in_place && !node.layer->allows_in_place())
     throw InputError(
         "this type of layer cannot work in place: its bottom and its top have the same name; give "
         "the top a name of its own");
 }
 
-void check_param_count(const Node& node, size_t n_weights) {
+void check_param_count(const Node& node) {
   const auto n_params = static_cast<size_t>(node.param.param_size());
-  if (n_params > n_weights)
-    throw InputError(str("expected at most one `param` for each of its ", n_weights,
+  if (n_params > node.weights.size())
+    throw InputError(str("expected at most one `param` for each of its ", node.weights.size(),
                          " weight blobs, found ", n_params));
 }
 
@@ -35,9 +35,10 @@ proto::NetFile read(const fs::path& prototxt, const LoadOptions& options) {
 
 /// A copy of a layer has another input than the layer and a name that no weights file has.
 void check_graft(const Net::Impl& net, const Truncation& truncation) {
-  if (truncation.graft.empty() || net.nodes.back().weights.empty()) return;
+  const Node& last = net.graph.nodes.back();
+  if (truncation.graft.empty() || last.weights.empty()) return;
   throw UsageError(str(net.file, ": Truncation::graft: layer '", truncation.graft, "' (",
-                       net.graph.nodes.back().param.type(),
+                       last.param.type(),
                        ") has weights, and there are none for a copy of it; graft a layer without "
                        "weights, e.g. a pooling layer"));
 }
@@ -58,29 +59,26 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
   } catch (const InputError& error) {
     throw InputError(net->file + ": " + error.what());
   }
-  for (const Node& node : net->graph.nodes) {
+  for (Node& node : net->graph.nodes) {
     try {
-      net->nodes.push_back({node.param.type() == "Input" ? nullptr : make_layer(node.param), {}});
-      if (net->nodes.back().layer) check_in_place(node, *net->nodes.back().layer);
+      node.layer = make_layer(node.param);
+      if (node.layer) check_in_place(node);
     } catch (const Error&) {
       rethrow_at(net->file, node);
     }
   }
 
   const std::vector<Shape> shapes = infer_shapes(*net, options.inputs);
-  for (size_t i = 0; i < net->nodes.size(); ++i) {
-    const Node& node = net->graph.nodes[i];
-    if (!net->nodes[i].layer) {
+  for (Node& node : net->graph.nodes) {
+    if (!node.layer) {
       for (const ValueId id : node.outputs)
         net->inputs.push_back({net->graph.values[id].blob, shapes[id]});
       continue;
     }
-    std::vector<Shape> inputs;
-    for (const ValueId id : node.inputs) inputs.push_back(shapes[id]);
     try {
-      for (Shape& shape : net->nodes[i].layer->weight_shapes(inputs))
-        net->nodes[i].weights.push_back({std::move(shape), {}});
-      check_param_count(node, net->nodes[i].weights.size());
+      for (Shape& shape : node.layer->weight_shapes(shapes_of(node.inputs, shapes)))
+        node.weights.push_back({std::move(shape), {}});
+      check_param_count(node);
     } catch (const Error&) {
       rethrow_at(net->file, node);
     }
@@ -97,7 +95,7 @@ void make_releasable(Net::Impl& net) {
   for (const Operation& operation : operations_of(net, infer_shapes(net, inputs)).list) {
     if (!std::holds_alternative<Convolving>(operation.form)) continue;
     std::vector<Tensor> weights;
-    for (Tensor& weight : net.nodes[operation.node].weights)
+    for (Tensor& weight : net.graph.nodes[operation.node].weights)
       weights.push_back({weight.shape, std::exchange(weight.values, {})});
     net.releasable.add(operation.node, std::move(weights));
   }
@@ -130,8 +128,8 @@ Net Net::load_with_random_weights(const fs::path& prototxt, uint64_t seed,
 
 Net Net::load_without_weights(const fs::path& prototxt, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
-  net->has_weights = std::all_of(net->nodes.begin(), net->nodes.end(),
-                                 [](const LoadedNode& node) { return node.weights.empty(); });
+  net->has_weights = std::all_of(net->graph.nodes.begin(), net->graph.nodes.end(),
+                                 [](const Node& node) { return node.weights.empty(); });
   return Net(std::move(net));
 }
 
@@ -139,7 +137,8 @@ std::vector<std::string> input_blobs(const fs::path& prototxt, const LoadOptions
   const proto::NetFile file = read(prototxt, options);
   std::vector<std::string> blobs;
   for (const caffe::LayerParameter& layer : file.net.layer())
-    if (layer.type() == "Input") blobs.insert(blobs.end(), layer.top().begin(), layer.top().end());
+    if (layer.type() == kInputType)
+      blobs.insert(blobs.end(), layer.top().begin(), layer.top().end());
   return blobs;
 }
 
@@ -161,7 +160,7 @@ uint64_t Net::weight_bytes_read() const {
 
 int64_t Net::weight_bytes_in_memory() const {
   int64_t floats = impl_->releasable.floats_in_memory();
-  for (const LoadedNode& node : impl_->nodes)
+  for (const Node& node : impl_->graph.nodes)
     for (const Tensor& weight : node.weights) floats += static_cast<int64_t>(weight.values.size());
   return floats * static_cast<int64_t>(sizeof(float));
 }

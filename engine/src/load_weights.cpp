@@ -1,9 +1,10 @@
+#include "load_weights.h"
+
 #include <algorithm>
 #include <optional>
 #include <set>
 
 #include "revisit/proto/weights_file.h"
-#include "weights.h"
 
 namespace revisit::engine {
 namespace {
@@ -16,12 +17,6 @@ bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   std::vector<int64_t> padded(4 - wanted.rank(), 1);
   padded.insert(padded.end(), wanted.axes().begin(), wanted.axes().end());
   return blob.shape == padded;
-}
-
-std::string text(const std::vector<int64_t>& axes) {
-  std::string result;
-  for (const int64_t size : axes) result += (result.empty() ? "" : "x") + std::to_string(size);
-  return result.empty() ? "scalar" : result;
 }
 
 std::string joined(const std::vector<std::string>& names) {
@@ -47,13 +42,13 @@ class Loader {
         path_(path.string()),
         only_(only),
         file_(proto::WeightsFile::open(path, limits)),
-        weights_(net.nodes.size()) {
-    for (size_t i = 0; i < net.nodes.size(); ++i) {
-      for (const Tensor& weight : net.nodes[i].weights) weights_[i].push_back({weight.shape, {}});
-      const std::string& name = net.graph.nodes[i].name;
-      by_name_.try_emplace(name, i);  // of layers that share a name, the first takes the weights
-      for (size_t b = 0; b < net.nodes[i].weights.size(); ++b) {
-        const auto group = net.sharing.find({name, b});
+        weights_(net.graph.nodes.size()) {
+    for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
+      const Node& node = net.graph.nodes[i];
+      for (const Tensor& weight : node.weights) weights_[i].push_back({weight.shape, {}});
+      by_name_.try_emplace(node.name, i);  // of layers that share a name, the first has the weights
+      for (size_t b = 0; b < node.weights.size(); ++b) {
+        const auto group = net.sharing.find({node.name, b});
         if (group != net.sharing.end() && is_asked(i)) members_[group->second].push_back({i, b});
       }
     }
@@ -76,7 +71,7 @@ class Loader {
   /// Throws when weights are missing that may not be; returns warnings.
   std::vector<std::string> finish(bool allow_missing) {
     std::vector<std::string> missing, warnings;
-    for (size_t i = 0; i < net_.nodes.size(); ++i) {
+    for (size_t i = 0; i < net_.graph.nodes.size(); ++i) {
       std::vector<Tensor>& weights = weights_[i];
       for (size_t b = 0; b < weights.size(); ++b) {
         if (!is_asked(i) || filled_.count({i, b})) continue;
@@ -143,7 +138,7 @@ class Loader {
     for (size_t b = 0; b < blobs.size(); ++b)
       if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
         throw InputError(str(place_text(node), " blob ", b, ": expected shape ", weights[b].shape,
-                             ", found ", text(blobs[b].shape),
+                             ", found ", text_of(blobs[b].shape),
                              "; these weights belong to another network"));
   }
 
@@ -166,7 +161,7 @@ class Loader {
   std::string path_;
   std::optional<size_t> only_;
   std::unique_ptr<proto::WeightsFile> file_;
-  std::vector<std::vector<Tensor>> weights_;  // as net_.nodes
+  std::vector<std::vector<Tensor>> weights_;  // as net_.graph.nodes
   std::map<std::string, size_t> by_name_;
   std::map<std::string, std::vector<Place>> members_;  // kept blobs of each sharing group
   std::set<Place> filled_;
@@ -186,12 +181,11 @@ Sharing find_sharing(const Graph& whole) {
 
 void check_sharing(const Net::Impl& net) {
   std::map<std::string, std::pair<const Node*, const Shape*>> owners;  // by parameter name
-  for (size_t i = 0; i < net.nodes.size(); ++i) {
-    const Node& node = net.graph.nodes[i];
-    for (size_t b = 0; b < net.nodes[i].weights.size(); ++b) {
+  for (const Node& node : net.graph.nodes) {
+    for (size_t b = 0; b < node.weights.size(); ++b) {
       const auto group = net.sharing.find({node.name, b});
       if (group == net.sharing.end()) continue;
-      const Shape& shape = net.nodes[i].weights[b].shape;
+      const Shape& shape = node.weights[b].shape;
       const auto [owner, is_new] = owners.try_emplace(group->second, &node, &shape);
       if (is_new) continue;
       const Shape& owned = *owner->second.second;
@@ -213,7 +207,7 @@ void load_weights(Net::Impl& net, const std::filesystem::path& weights,
   loader.read_all();
   const std::vector<std::string> warnings = loader.finish(options.allow_missing);
   net.warnings.insert(net.warnings.end(), warnings.begin(), warnings.end());
-  for (size_t i = 0; i < net.nodes.size(); ++i) net.nodes[i].weights = loader.take(i);
+  for (size_t i = 0; i < net.graph.nodes.size(); ++i) net.graph.nodes[i].weights = loader.take(i);
   net.weight_bytes_read = loader.bytes_read();
   net.has_weights = true;
 }

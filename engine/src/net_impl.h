@@ -7,27 +7,18 @@
 #include <vector>
 
 #include "graph.h"
-#include "layer.h"
 #include "releasable_weights.h"
 #include "revisit/engine/net.h"
 #include "weight_cache.h"
 
 namespace revisit::engine {
 
-/// A node ready to be planned.
-struct LoadedNode {
-  std::shared_ptr<const Layer> layer;  // null for Input
-  /// Values are empty when the net was loaded without weights, and when they are Impl::releasable.
-  std::vector<Tensor> weights;
-};
-
 /// (layer name, blob index) -> name of the parameter, for blobs that `param { name }` shares.
 using Sharing = std::map<std::pair<std::string, size_t>, std::string>;
 
 struct Net::Impl {
-  std::string file;               // the prototxt, for messages
-  Graph graph;                    // pruned
-  std::vector<LoadedNode> nodes;  // as graph.nodes
+  std::string file;  // the prototxt, for messages
+  Graph graph;       // pruned
   std::vector<Port> inputs;
   std::vector<std::string> layer_names;  // of the whole net
   Sharing sharing;                       // of the whole net

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <memory>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -13,7 +13,7 @@ namespace revisit::engine {
 struct Operation {
   size_t node;                   // the layer it is listed under: index into Graph::nodes
   std::vector<size_t> absorbed;  // the other layers
-  std::shared_ptr<const Layer> layer;
+  std::reference_wrapper<const Layer> layer;
   Form form;  // the layer's, for these inputs
   std::vector<ValueId> inputs, outputs;
   Fusion fusion = {};
@@ -30,11 +30,14 @@ struct Operations {
   /// The value that holds the numbers of each value: itself, but for outputs of layers that change
   /// nothing.
   std::vector<ValueId> held_by;
+  /// Of each value: outputs of the net, and what is to be kept. Nothing may write over these.
+  std::vector<bool> read_outside;
   std::optional<ValueId> gray_input;  // has one channel in memory, which stands for all
 };
 
 /// One operation a layer, nothing merged; layers that change nothing (Dropout, Split) are gone.
-/// `shapes` are those of the net's values.
-Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes);
+/// `shapes` are those of the net's values; `kept` are read from outside beside the net's outputs.
+Operations operations_of(const Net::Impl& net, const std::vector<Shape>& shapes,
+                         const std::vector<ValueId>& kept = {});
 
 }  // namespace revisit::engine

@@ -1,7 +1,7 @@
 #include <cmath>
 #include <map>
 
-#include "weights.h"
+#include "load_weights.h"
 
 namespace revisit::engine {
 namespace {
@@ -21,12 +21,11 @@ uint64_t next_random(uint64_t& state) {
 void fill_randomly(Net::Impl& net, uint64_t seed) {
   uint64_t state = seed;
   std::map<std::string, const Tensor*> first_of;  // of each group that shares a parameter
-  for (size_t n = 0; n < net.nodes.size(); ++n) {
-    std::vector<Tensor>& weights = net.nodes[n].weights;
-    const bool batch_norm = net.graph.nodes[n].param.type() == "BatchNorm";
-    for (size_t blob = 0; blob < weights.size(); ++blob) {
-      Tensor& weight = weights[blob];
-      const auto group = net.sharing.find({net.graph.nodes[n].name, blob});
+  for (Node& node : net.graph.nodes) {
+    const bool batch_norm = node.param.type() == "BatchNorm";
+    for (size_t blob = 0; blob < node.weights.size(); ++blob) {
+      Tensor& weight = node.weights[blob];
+      const auto group = net.sharing.find({node.name, blob});
       if (group != net.sharing.end()) {
         const auto [first, is_new] = first_of.try_emplace(group->second, &weight);
         if (!is_new) {

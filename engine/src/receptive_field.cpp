@@ -24,4 +24,22 @@ Field field_through(const std::vector<Field>& inputs, const Window& window) {
   return out;
 }
 
+void trace_field(const Node& node, std::vector<FieldHw>* fields, LayerCost* cost) {
+  FieldHw out;
+  if (node.layer) {
+    const auto window = node.inputs.empty() ? std::nullopt : node.layer->window(cost->inputs[0]);
+    std::vector<Field> h, w;
+    for (const ValueId id : node.inputs) {
+      h.push_back((*fields)[id].h);
+      w.push_back((*fields)[id].w);
+    }
+    out.h = window ? field_through(h, window->h) : std::nullopt;
+    out.w = window ? field_through(w, window->w) : std::nullopt;
+  }
+  for (const ValueId id : node.outputs) (*fields)[id] = out;
+  const size_t axes = cost->outputs.empty() ? 0 : cost->outputs[0].rank();
+  if (axes >= 3) cost->field_w = out.w;
+  if (axes >= 4) cost->field_h = out.h;
+}
+
 }  // namespace revisit::engine

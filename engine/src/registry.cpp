@@ -3,7 +3,6 @@
 #include <strings.h>
 
 #include <algorithm>
-#include <limits>
 
 #include "layers/layers.h"
 
@@ -17,7 +16,7 @@ struct Entry {
   const char* does;
 };
 
-/// THE table of layer types. ("Input" is not here: it runs nothing, load.cpp takes it.)
+/// THE table of layer types. (kInputType is not here: it runs nothing.)
 constexpr Entry kTable[] = {
     {"AbsVal", make_abs_val, "Caffe", "absolute value"},
     {"Accuracy", make_accuracy, "Caffe", "share of labels among the k best scores"},
@@ -85,6 +84,7 @@ constexpr Entry kTable[] = {
 }  // namespace
 
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
+  if (param.type() == kInputType) return nullptr;
   for (const Entry& entry : kTable)
     if (param.type() == entry.type) return entry.make(param);
   std::vector<std::string> known;
@@ -95,21 +95,12 @@ std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
 }
 
 std::vector<LayerType> layer_types() {
-  std::vector<LayerType> types{{"Input", "Caffe", "an input of the net"}};
+  std::vector<LayerType> types{{kInputType, "Caffe", "an input of the net"}};
   for (const Entry& entry : kTable) types.push_back({entry.type, entry.origin, entry.does});
   std::sort(types.begin(), types.end(), [](const LayerType& a, const LayerType& b) {
     return strcasecmp(a.type.c_str(), b.type.c_str()) < 0;
   });
   return types;
-}
-
-void expect_count(size_t found, size_t expected, const char* what) {
-  if (found != expected) throw InputError(str("expected ", expected, " ", what, ", found ", found));
-}
-
-void expect_int(int64_t size, const char* what) {
-  constexpr int64_t kMost = std::numeric_limits<int>::max();
-  if (size > kMost) throw InputError(str(what, " must be at most ", kMost, ", found ", size));
 }
 
 }  // namespace revisit::engine

@@ -18,12 +18,10 @@ constexpr bool kPoison = true;
 constexpr bool kPoison = false;
 #endif
 
-AlignedFloats allocate_arena(int64_t floats) {
-  AlignedFloats arena(floats);
-  // A read of memory that nothing wrote shows. Elsewhere pages stay untouched until a kernel's
-  // threads write them: then they are near those threads, and only as many as are needed.
-  if (kPoison) std::fill_n(arena.data(), floats, kNan);
-  return arena;
+/// A read of memory that nothing wrote shows. Elsewhere pages stay untouched until a kernel's
+/// threads write them: then they are near those threads, and only as many as are needed.
+void poison(float* arena, int64_t floats) {
+  if (kPoison) std::fill_n(arena, floats, kNan);
 }
 
 template <class Slots>
@@ -44,7 +42,8 @@ FloatMode mode_of(const Plan::Impl& plan) {
 
 struct Run::Memory {
   std::unique_ptr<BlasRoom> blas_room;  // null: not needed
-  AlignedFloats arena;
+  AlignedFloats own;                    // empty where the arena is the caller's
+  float* arena = nullptr;
   struct Operands {
     std::vector<const float*> inputs;
     std::vector<float*> outputs;
@@ -58,7 +57,7 @@ struct Run::Memory {
     Shape shape = slot.shape;
     if (slot.rows)
       shape = shape.with_rows(slot.rows->axis, slot.rows->multiple * rows[slot.rows->layer]);
-    return {arena.data() + slot.offset, std::move(shape)};
+    return {arena + slot.offset, std::move(shape)};
   }
 
   void run(const Step& step, size_t i) {
@@ -68,12 +67,28 @@ struct Run::Memory {
 };
 
 Run::Run(Plan plan) : plan_(std::move(plan)) {
+  prepare(nullptr);
+}
+
+Run::Run(Plan plan, std::span<float> arena) : plan_(std::move(plan)) {
+  constexpr uintptr_t kAlignment = 64;
+  if (static_cast<int64_t>(arena.size_bytes()) < plan_.arena_bytes() ||
+      reinterpret_cast<uintptr_t>(arena.data()) % kAlignment != 0)
+    throw UsageError(str("the arena of a run must have ", plan_.arena_bytes(),
+                         " bytes and begin on a multiple of 64, found ", arena.size_bytes(),
+                         " bytes at ", arena.data()));
+  prepare(arena.data());
+}
+
+/// Without an arena of the caller's it makes one.
+void Run::prepare(float* arena) {
   const Plan::Impl& impl = *plan_.impl_;
   if (!impl.net->has_weights)
     throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
   try {
-    memory_ = std::make_unique<Memory>(Memory{
-        {}, allocate_arena(impl.arena_floats), {}, std::vector<int64_t>(impl.costs.size(), 0)});
+    memory_ = std::make_unique<Memory>();
+    memory_->rows.assign(impl.costs.size(), 0);
+    if (!arena) memory_->own = AlignedFloats(impl.schedule.arena_floats);
     if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
   } catch (const std::bad_alloc&) {
     throw MemoryError(str(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
@@ -81,14 +96,17 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {
                           " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
                           "or fewer runs at a time"));
   }
-  float* const arena = memory_->arena.data();
+  if (!arena) arena = memory_->own.data();
+  memory_->arena = arena;
+  poison(arena, impl.schedule.arena_floats);
   for (const auto& [blob, slot] : impl.input_slots)  // one that is not filled shows
     std::fill_n(arena + slot.offset, slot.shape.elements(), kNan);
-  for (const Step& step : impl.steps) {
+  const std::vector<Stored>& stored = impl.schedule.stored;
+  for (const Step& step : impl.schedule.steps) {
     Memory::Operands operands{{}, {}, arena + step.scratch, arena + step.state};
     std::fill_n(operands.state, step.kernel.state_floats, 0.0F);
-    for (const int64_t offset : step.inputs) operands.inputs.push_back(arena + offset);
-    for (const int64_t offset : step.outputs) operands.outputs.push_back(arena + offset);
+    for (const size_t id : step.inputs) operands.inputs.push_back(arena + stored[id].offset);
+    for (const size_t id : step.outputs) operands.outputs.push_back(arena + stored[id].offset);
     memory_->operands.push_back(std::move(operands));
   }
 }
@@ -105,7 +123,7 @@ Run::Memory& Run::memory() const {
 View<float> Run::input(std::string_view blob) {
   Memory& memory = this->memory();
   const Plan::Impl::Slot& slot = find_slot(plan_.impl_->input_slots, blob, "input");
-  return {memory.arena.data() + slot.offset, slot.shape};
+  return {memory.arena + slot.offset, slot.shape};
 }
 
 View<const float> Run::output(std::string_view name) const {
@@ -119,13 +137,13 @@ View<const float> Run::layer_output(std::string_view name) const {
 void Run::forward() noexcept {
   Memory& memory = this->memory();
   const FloatModeScope scope(mode_of(*plan_.impl_));
-  const std::vector<Step>& steps = plan_.impl_->steps;
+  const std::vector<Step>& steps = plan_.impl_->schedule.steps;
   for (size_t i = 0; i < steps.size(); ++i) memory.run(steps[i], i);
 }
 
 void Run::forward(StepObserver& observer) {
   Memory& memory = this->memory();
-  const std::vector<Step>& steps = plan_.impl_->steps;
+  const std::vector<Step>& steps = plan_.impl_->schedule.steps;
   for (size_t i = 0; i < steps.size(); ++i) {
     observer.before(steps[i].layer);
     {

@@ -12,7 +12,7 @@ namespace {
 
 Kernel reorder_kernel(const Shape& shape, Layout to, int threads) {
   const BlockedSize size{shape[0], shape[1], shape.product(2, shape.rank()), threads};
-  auto* const run = to == Layout::kBlocked ? reorder_to_blocked : reorder_to_plain;
+  auto* const run = to == Layout::kNChw16c ? reorder_to_blocked : reorder_to_plain;
   Kernel kernel;
   kernel.name = "reorder";
   kernel.run = [size, run](const Call& call) { run(size, call.inputs[0], call.outputs[0]); };
@@ -27,9 +27,8 @@ class Scheduler {
         shapes_(shapes),
         operations_(operations),
         options_(options),
-        packed_left_(most_packed_floats),
-        read_outside_(shapes.size(), false) {
-    result_.plain.resize(shapes.size());
+        packed_left_(most_packed_floats) {
+    result_.nchw.resize(shapes.size());
     blocked_.resize(shapes.size());
     for (const Operation& operation : operations.list)
       if (operation.convolution)
@@ -40,12 +39,10 @@ class Scheduler {
   }
 
   Schedule run() {
-    for (const Graph::Output& output : net_.graph.outputs)
-      read_outside_[operations_.held_by[output.value]] = true;
-    for (size_t i = 0; i < net_.graph.nodes.size(); ++i)
-      if (!net_.nodes[i].layer)
-        for (const ValueId id : net_.graph.nodes[i].outputs)
-          result_.inputs.push_back(pin(store(id, Layout::kPlain)));
+    for (const Node& node : net_.graph.nodes)
+      if (!node.layer)
+        for (const ValueId id : node.outputs)
+          result_.inputs.push_back(pin(store(id, Layout::kNchw)));
     for (const Operation& operation : operations_.list) {
       try {
         add(operation);
@@ -58,13 +55,13 @@ class Scheduler {
 
  private:
   std::optional<size_t>& place(ValueId id, Layout layout) {
-    return layout == Layout::kBlocked ? blocked_[id] : result_.plain[id];
+    return layout == Layout::kNChw16c ? blocked_[id] : result_.nchw[id];
   }
 
   size_t store(ValueId id, Layout layout) {
     const Shape shape = operations_.gray_input == id ? shapes_[id].with(1, 1) : shapes_[id];
     int64_t floats = shape.elements();
-    if (layout == Layout::kBlocked) floats = floats / shape[1] * padded_channels(shape[1]);
+    if (layout == Layout::kNChw16c) floats = floats / shape[1] * padded_channels(shape[1]);
     result_.stored.push_back({id, layout, shape, floats});
     place(id, layout) = result_.stored.size() - 1;
     return result_.stored.size() - 1;
@@ -78,7 +75,7 @@ class Scheduler {
   /// Where the value is in this layout; a reorder that has to be made counts for `layer`.
   size_t require(ValueId id, Layout layout, size_t layer) {
     if (const auto found = place(id, layout)) return *found;
-    const Layout other = layout == Layout::kPlain ? Layout::kBlocked : Layout::kPlain;
+    const Layout other = layout == Layout::kNchw ? Layout::kNChw16c : Layout::kNchw;
     const size_t from = place(id, other).value();
     const size_t to = store(id, layout);
     result_.steps.push_back({layer,
@@ -91,10 +88,9 @@ class Scheduler {
   }
 
   void add(const Operation& operation) {
-    std::vector<Shape> inputs, outputs;
-    for (const ValueId id : operation.inputs) inputs.push_back(shapes_[id]);
-    for (const ValueId id : operation.outputs) outputs.push_back(shapes_[id]);
-    ScheduledStep step{operation.node, {}, operation.layer->output_memory(), {}, {}};
+    const std::vector<Shape> inputs = shapes_of(operation.inputs, shapes_);
+    const std::vector<Shape> outputs = shapes_of(operation.outputs, shapes_);
+    Step step{operation.node, {}, operation.layer.get().output_memory(), {}, {}};
     if (step.memory != OutputMemory::kViewOfInput) {
       check_outputs(outputs, options_.max_run_bytes);
       const BlockedConvolutionKernel* const convolution = convolution_kernel(operation);
@@ -108,29 +104,29 @@ class Scheduler {
     }
     for (size_t i = 0; i < operation.inputs.size(); ++i)
       step.inputs.push_back(require(
-          operation.inputs[i], step.kernel.reads.empty() ? Layout::kPlain : step.kernel.reads[i],
+          operation.inputs[i], step.kernel.reads.empty() ? Layout::kNchw : step.kernel.reads[i],
           operation.node));
     for (const ValueId id : operation.outputs)
       step.outputs.push_back(store(id, step.kernel.writes));
     result_.steps.push_back(std::move(step));
     for (const ValueId id : operation.outputs)
-      if (options_.keep_all || read_outside_[id]) pin(require(id, Layout::kPlain, operation.node));
+      if (operations_.read_outside[id]) pin(require(id, Layout::kNchw, operation.node));
   }
 
   Kernel bind(const Operation& operation, const BlockedConvolutionKernel* convolution,
               const std::vector<Shape>& inputs, const std::vector<Shape>& outputs) {
-    Binding binding{inputs, outputs, net_.nodes[operation.node].weights, options_.threads,
+    Binding binding{inputs, outputs, net_.graph.nodes[operation.node].weights, options_.threads,
                     options_.reference_kernels};
     if (!options_.reference_kernels)
       for (const ValueId id : operation.inputs)
-        binding.layouts.push_back(blocked_[id] ? Layout::kBlocked : Layout::kPlain);
+        binding.layouts.push_back(blocked_[id] ? Layout::kNChw16c : Layout::kNchw);
     binding.fusion = operation.fusion;
     binding.cache = &net_.packed_weights;
     binding.layer = operation.node;
     if (net_.releasable.has(operation.node))
       binding.originals = [&net = net_, node = operation.node] { return net.releasable.get(node); };
     binding.convolution = convolution;
-    return bind_operation(*operation.layer, operation.form, binding);
+    return bind_operation(operation.layer, operation.form, binding);
   }
 
   /// Null when it is none or has one on plain values.
@@ -145,7 +141,7 @@ class Scheduler {
   const BlockedConvolutionKernel* choose(const Operation& operation,
                                          const ConvolutionProblem& problem,
                                          const ConvolutionLimits& limits) const {
-    const Layout input = blocked_[operation.inputs[0]] ? Layout::kBlocked : Layout::kPlain;
+    const Layout input = blocked_[operation.inputs[0]] ? Layout::kNChw16c : Layout::kNchw;
     return choose_convolution(problem, operation.fusion, input, limits);
   }
 
@@ -170,7 +166,7 @@ class Scheduler {
 
   double weights_of(const Operation& operation) const {
     double elements = 0;
-    for (const Tensor& weight : net_.nodes[operation.node].weights)
+    for (const Tensor& weight : net_.graph.nodes[operation.node].weights)
       elements += static_cast<double>(weight.shape.elements());
     return elements;
   }
@@ -186,8 +182,7 @@ class Scheduler {
   Schedule result_;
   int64_t packed_left_;                         // floats, of kernels still to be chosen
   double weights_left_ = 0;                     // floats, of layers whose kernels are
-  std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::plain
-  std::vector<bool> read_outside_;              // of each value
+  std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::nchw
 };
 
 }  // namespace

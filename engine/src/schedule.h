@@ -11,25 +11,34 @@ struct Stored {
   Shape shape;  // of the value; one channel for a gray input
   int64_t floats;
   bool pinned = false;  // read or written from outside: keeps its numbers to the end
+  int64_t offset = 0;   // floats from the start of the arena; place() sets it
 };
 
 /// A kernel with its operands: indices into Schedule::stored.
-struct ScheduledStep {
+struct Step {
   size_t layer;  // it counts for: index into Graph::nodes
   Kernel kernel;
   OutputMemory memory = OutputMemory::kOwn;  // kViewOfInput: nothing runs
   std::vector<size_t> inputs, outputs;
   bool is_reorder = false;
   std::string why = {};  // LayerCost::why
+  // place() sets these:
+  bool runs = true;                // false where nothing has to be done
+  int64_t scratch = 0, state = 0;  // floats from the start of the arena
+  int64_t new_floats = 0;          // memory that its outputs take anew
+  HeldWeights weights = {};        // what Kernel::hold gave
 };
 
 /// All kernels of a forward pass in order, with the reorders between layouts.
 struct Schedule {
   std::vector<Stored> stored;
-  std::vector<ScheduledStep> steps;
-  std::vector<size_t> inputs;                // of the net, in the order of its Input layers
-  std::vector<std::optional<size_t>> plain;  // of each value: where it lies in plain layout
-  int64_t packed_floats = 0;                 // of all kernels
+  std::vector<Step> steps;
+  std::vector<size_t> inputs;               // of the net, in the order of its Input layers
+  std::vector<std::optional<size_t>> nchw;  // of each value: where it lies in plain layout
+  int64_t packed_floats = 0;                // of all kernels
+  // place() sets these:
+  std::vector<BufferUse> buffers;  // for people
+  int64_t arena_floats = 0;
 };
 
 /// Binds every operation: blocked kernels where a layer has one that takes what is there, with

@@ -36,10 +36,9 @@ void rethrow_at(const std::string& file, const Node& node) {
 std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string, Shape>& inputs) {
   std::vector<Shape> shapes(net.graph.values.size());
   std::vector<std::string> input_names;
-  for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
-    const Node& node = net.graph.nodes[i];
+  for (const Node& node : net.graph.nodes) {
     try {
-      if (!net.nodes[i].layer) {
+      if (!node.layer) {
         for (size_t port = 0; port < node.outputs.size(); ++port) {
           const std::string& blob = net.graph.values[node.outputs[port]].blob;
           const auto given = inputs.find(blob);
@@ -49,10 +48,8 @@ std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string
         }
         continue;
       }
-      std::vector<Shape> input_shapes;
-      for (const ValueId id : node.inputs) input_shapes.push_back(shapes[id]);
       const std::vector<Shape> outputs =
-          net.nodes[i].layer->infer(input_shapes, node.outputs.size());
+          node.layer->infer(shapes_of(node.inputs, shapes), node.outputs.size());
       expect_count(node.outputs.size(), outputs.size(), "outputs");
       for (size_t port = 0; port < outputs.size(); ++port)
         shapes[node.outputs[port]] = outputs[port];

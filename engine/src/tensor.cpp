@@ -60,10 +60,10 @@ Shape Shape::with_rows(size_t axis, int64_t size) const {
   return empty;
 }
 
-std::string Shape::text() const {
-  if (axes_.empty()) return "scalar";
+std::string text_of(const std::vector<int64_t>& axes) {
+  if (axes.empty()) return "scalar";
   std::string result;
-  for (const int64_t size : axes_) result += (result.empty() ? "" : "x") + std::to_string(size);
+  for (const int64_t size : axes) result += (result.empty() ? "" : "x") + std::to_string(size);
   return result;
 }
 

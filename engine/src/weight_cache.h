@@ -16,8 +16,8 @@ namespace revisit::engine {
 /// Weights of one layer in the order of one kernel.
 struct PackedWeights {
   AlignedFloats weights, bias;
-  AlignedFloats outside = {};  // BlockedConvolutionArguments::outside
-  int64_t floats() const { return weights.size() + bias.size() + outside.size(); }
+  AlignedFloats outside_taps = {};  // BlockedConvolutionArguments::outside_taps
+  int64_t floats() const { return weights.size() + bias.size() + outside_taps.size(); }
 };
 
 /// All that decides what is packed; the weights of a net's layers never change.
@@ -26,7 +26,7 @@ struct PackedWeightsKey {
   std::vector<size_t> affine_layers;   // Fusion::affine_layers
   std::vector<uint32_t> gray_offsets;  // Fusion::gray_offsets, their bits
   bool has_constants;                  // FusedConvolution::has_constants()
-  std::string kernel;                  // that wants this order; "": the file's
+  std::string kernel;                  // that wants this order
   friend auto operator<=>(const PackedWeightsKey&, const PackedWeightsKey&) = default;
 };
 

@@ -39,8 +39,10 @@ struct Case {
 
 std::vector<float> definition_of(const Case& c) {
   std::vector<float> output(static_cast<size_t>(c.outputs()));
-  kConvolutionReference.run(c.p, c.input.data(), c.weights.data(), c.bias.data(), output.data(),
-                            nullptr);
+  const ConvolutionNdProblem p = test::over_axes(c.p);
+  std::vector<float> scratch(static_cast<size_t>(kConvolutionReference.scratch_floats(p)));
+  kConvolutionReference.run(p, c.input.data(), c.weights.data(), c.bias.data(), output.data(),
+                            scratch.data());
   return output;
 }
 
@@ -65,7 +67,7 @@ test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const Case& c,
       test::to_blocked(p.n, p.c_out, c.addend.empty() ? 0 : p.out_pixels(), c.addend);
   test::AlignedFloats scratch(kernel.scratch_floats(p), kDirty);
   test::AlignedFloats output(p.n * padded_channels(p.c_out) * p.out_pixels(), kNan);
-  kernel.run(p, {kernel.input == Layout::kPlain ? c.input.data() : blocked_input.data(),
+  kernel.run(p, {kernel.input == Layout::kNchw ? c.input.data() : blocked_input.data(),
                  packed.data(), bias.data(), c.addend.empty() ? nullptr : addend.data(), c.epilogue,
                  output.data(), scratch.data()});
   return output;
@@ -243,7 +245,7 @@ TEST(BlockedConvolutionSmall, InputsThatAreNotFinite) {
 
 TEST(ChooseBlockedConvolution, TakesTheFastestThatTakesTheLayout) {
   for (const auto& [name, p] : test::convolution_problems())
-    for (const Layout layout : {Layout::kPlain, Layout::kBlocked}) {
+    for (const Layout layout : {Layout::kNchw, Layout::kNChw16c}) {
       const BlockedConvolutionKernel* chosen = choose_blocked_convolution(p, layout);
       for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
         if (kernel.input != layout || !kernel.supports(p)) continue;
@@ -261,8 +263,8 @@ TEST(ChooseBlockedConvolution, NothingForNarrowGroups) {
   ConvolutionProblem p;
   p.c_in = p.c_out = 128, p.group = 32;
   p.h = p.w = p.out_h = p.out_w = 14, p.kernel_h = p.kernel_w = 3, p.pad_h = p.pad_w = 1;
-  EXPECT_EQ(choose_blocked_convolution(p, Layout::kBlocked), nullptr);
-  EXPECT_EQ(choose_blocked_convolution(p, Layout::kPlain), nullptr);
+  EXPECT_EQ(choose_blocked_convolution(p, Layout::kNChw16c), nullptr);
+  EXPECT_EQ(choose_blocked_convolution(p, Layout::kNchw), nullptr);
 }
 
 /// New widths re-plan without packing again.

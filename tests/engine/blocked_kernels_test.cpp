@@ -8,9 +8,9 @@
 
 #include "blocked.h"
 #include "compare.h"
+#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/convolution_max_pool.h"
 #include "kernels/blocked/elementwise.h"
-#include "kernels/blocked/kernels.h"
 #include "kernels/blocked/lrn.h"
 #include "kernels/blocked/pooling.h"
 #include "kernels/blocked/pooling_pieces.h"
@@ -352,7 +352,7 @@ TEST(PoolingPieces, EveryThreadHasOneAndOneThreadMakesNoRowTwice) {
       // What the busiest thread makes, at most, against a fair share.
       const int64_t rounds = (pieces.count() + threads - 1) / threads;
       const int64_t fair = (c.n * c.out_h + threads - 1) / threads;
-      EXPECT_LE(rounds * pieces.bands.most(), fair + std::max<int64_t>(fair / 4, 1));
+      EXPECT_LE(rounds * pieces.bands.widest(), fair + std::max<int64_t>(fair / 4, 1));
     }
   }
 }

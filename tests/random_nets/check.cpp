@@ -47,7 +47,8 @@ class Check {
     ways_ = {{"default", {}},
              {"keep_all", {.keep_all = true}},
              {"strict", {.accuracy = engine::Accuracy::kStrict}},
-             {"little memory", {}, true}};
+             {"little memory", {}, true},
+             {"keep", {.keep = some_layers()}}};
     is_gray_ = !random_net.gray_offsets.empty() && net_.takes_gray_input();
     if (is_gray_) {
       ways_.push_back({"gray", {.gray_offsets = random_net.gray_offsets}});
@@ -55,6 +56,15 @@ class Check {
           {"gray, keep_all", {.keep_all = true, .gray_offsets = random_net.gray_offsets}});
       ++statistics.gray;
     }
+  }
+
+  /// Every third layer that puts something out.
+  std::vector<std::string> some_layers() const {
+    std::vector<std::string> names;
+    const engine::Plan plan = net_.plan();
+    for (size_t i = 0; i < plan.layers().size(); i += 3)
+      if (!plan.layers()[i].outputs.empty()) names.push_back(plan.layers()[i].name);
+    return names;
   }
 
   std::string run() {

@@ -90,7 +90,7 @@ Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* obs
       try {
         keep("layer " + name, run.layer_output(name));
       } catch (const UsageError&) {
-        return result;  // a plan that does not keep them
+        continue;  // a plan that does not keep it
       }
     }
   return result;

@@ -26,7 +26,7 @@ class AlignedFloats {
   size_t size_;
 };
 
-/// `[n][c][pixels]` in Layout::kBlocked, and back; both written from the definition.
+/// `[n][c][pixels]` in Layout::kNChw16c, and back; both written from the definition.
 AlignedFloats to_blocked(int64_t n, int64_t c, int64_t pixels, std::span<const float> plain);
 std::vector<float> to_plain(int64_t n, int64_t c, int64_t pixels, std::span<const float> blocked);
 

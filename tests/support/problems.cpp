@@ -75,4 +75,11 @@ std::vector<Named<engine::InnerProductProblem>> inner_product_problems() {
       });
 }
 
+engine::ConvolutionNdProblem over_axes(const engine::ConvolutionProblem& p) {
+  engine::ConvolutionNdProblem result{p.n, p.c_in, p.c_out, p.group, {}, p.threads};
+  result.axes = {{p.h, p.out_h, p.kernel_h, p.stride_h, p.pad_h, p.dilation_h},
+                 {p.w, p.out_w, p.kernel_w, p.stride_w, p.pad_w, p.dilation_w}};
+  return result;
+}
+
 }  // namespace revisit::test

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "kernels/convolution.h"
+#include "kernels/convolution_nd.h"
 #include "kernels/inner_product.h"
 #include "kernels/lrn.h"
 #include "kernels/pooling.h"
@@ -20,6 +21,9 @@ struct Named {
 using NamedConvolution = Named<engine::ConvolutionProblem>;
 enum class MapSize { kSmall, kFull };  // for tests; as in the network
 std::vector<NamedConvolution> convolution_problems(MapSize size = MapSize::kSmall);
+
+/// As the kernels on plain values take it.
+engine::ConvolutionNdProblem over_axes(const engine::ConvolutionProblem& p);
 
 struct BlockedPooling {
   int64_t n, c;

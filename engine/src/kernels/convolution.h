@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 
 namespace revisit::engine {
 
@@ -23,23 +22,5 @@ struct ConvolutionProblem {
   int64_t out_pixels() const { return out_h * out_w; }
   int64_t macs() const { return n * c_out * out_pixels() * depth(); }
 };
-
-struct ConvolutionKernel {
-  const char* name;
-  bool (*supports)(const ConvolutionProblem&);
-  int64_t (*scratch_floats)(const ConvolutionProblem&);
-  void (*run)(const ConvolutionProblem&, const float* input, const float* weights,
-              const float* bias, float* output, float* scratch);
-};
-
-/// In order of preference; the last is the reference and supports everything.
-std::span<const ConvolutionKernel> convolution_kernels();
-
-// The kernels, one a file.
-extern const ConvolutionKernel
-    kConvolutionPointwiseGemm;  // 1x1, stride 1: a matrix product on the input itself
-extern const ConvolutionKernel
-    kConvolutionIm2colGemm;  // strips of columns unfolded, then a matrix product
-extern const ConvolutionKernel kConvolutionReference;  // the definition, in double precision
 
 }  // namespace revisit::engine

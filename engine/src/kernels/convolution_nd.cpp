@@ -1,6 +1,7 @@
 #include "kernels/convolution_nd.h"
 
 #include <algorithm>
+#include <new>
 
 #include "kernels/gemm.h"
 #include "kernels/parallel.h"
@@ -8,65 +9,122 @@
 namespace revisit::engine {
 namespace {
 
-/// Windows unfolded at a time: few enough that the columns stay in the L2 cache.
-int64_t strip_windows(const ConvolutionNdProblem& p) {
-  constexpr int64_t kColumnFloats = 256 * 1024, kLeast = 16;
-  return std::min(std::max(kColumnFloats / p.depth(), kLeast), p.windows());
+/// Windows that one matrix product makes: few enough that their columns stay in the L2 cache.
+int64_t tile_windows(const ConvolutionNdProblem& p) {
+  constexpr int64_t kColumnFloats = 256 * 1024, kLeast = 64, kStep = 16;
+  const int64_t wanted = std::max(kColumnFloats / p.depth() / kStep * kStep, kLeast);
+  return std::min(wanted, p.windows());
 }
 
-int64_t scratch_floats(const ConvolutionNdProblem& p) {
-  return p.threads * p.depth() * strip_windows(p);
-}
+/// The matrix of input values under `count` windows, `[depth][stride]`.
+struct Columns {
+  const float* data;
+  int64_t stride;
+};
 
-void run(const ConvolutionNdProblem& p, const float* input, const float* weights, const float* bias,
-         float* output, float* scratch) {
-  const int64_t windows = p.windows(), pixels = p.image_pixels(), taps = p.kernel_elements();
-  const int64_t strip = strip_windows(p), strips = (windows + strip - 1) / strip;
+/// Splits the work into (image, group, tile) items of a size that does not depend on the number of
+/// threads: the result is the same bit for bit. `columns_of(image, first, count, thread)` gives the
+/// columns of the windows from `first` on, `image` being the channels of one group.
+template <class ColumnsOf>
+void multiply_tiles(const ConvolutionNdProblem& p, const float* input, const float* weights,
+                    const float* bias, float* output, const ColumnsOf& columns_of) {
+  const int64_t windows = p.windows(), pixels = p.image_pixels();
+  const int64_t tile = tile_windows(p), tiles = (windows + tile - 1) / tile;
   const int64_t channels = p.c_windows_per_group();
-  parallel_for(p.n * p.group * strips, p.threads, [&](int64_t item, int thread) {
-    const int64_t first = item % strips * strip, count = std::min(strip, windows - first);
-    const int64_t group = item / strips % p.group, n = item / strips / p.group;
+  parallel_for(p.n * p.group * tiles, p.threads, [&](int64_t item, int thread) {
+    const int64_t first = item % tiles * tile, count = std::min(tile, windows - first);
+    const int64_t group = item / tiles % p.group, n = item / tiles / p.group;
     const float* image = input + (n * p.c_image + group * p.c_image_per_group()) * pixels;
-    float* const columns = scratch + thread * p.depth() * strip;
-    for (int64_t ci = 0; ci < p.c_image_per_group(); ++ci)
-      for (int64_t k = 0; k < taps; ++k)
-        gather_pixels(p.axes, image + ci * pixels, k, first, count,
-                      columns + (ci * taps + k) * count);
+    const Columns columns = columns_of(image, first, count, thread);
     float* out = output + (n * p.c_windows + group * channels) * windows + first;
-    gemm({channels, count, p.depth(), weights + group * channels * p.depth(), p.depth(), columns,
-          count, false, out, windows});
+    gemm({channels, count, p.depth(), weights + group * channels * p.depth(), p.depth(),
+          columns.data, columns.stride, false, out, windows});
     for (int64_t co = 0; bias && co < channels; ++co)
       for (int64_t i = 0; i < count; ++i) out[co * windows + i] += bias[group * channels + co];
   });
 }
 
-void run_reference(const ConvolutionNdProblem& p, const float* input, const float* weights,
+int64_t im2col_scratch_floats(const ConvolutionNdProblem& p) {
+  return p.threads * p.depth() * tile_windows(p);
+}
+
+void run_im2col(const ConvolutionNdProblem& p, const float* input, const float* weights,
+                const float* bias, float* output, float* scratch) {
+  const int64_t pixels = p.image_pixels(), taps = p.kernel_elements();
+  const int64_t thread_floats = p.depth() * tile_windows(p);
+  multiply_tiles(p, input, weights, bias, output,
+                 [&](const float* image, int64_t first, int64_t count, int thread) -> Columns {
+                   float* const columns = scratch + thread * thread_floats;
+                   for (int64_t ci = 0; ci < p.c_image_per_group(); ++ci)
+                     for (int64_t k = 0; k < taps; ++k)
+                       gather_pixels(p.axes, image + ci * pixels, k, first, count,
+                                     columns + (ci * taps + k) * count);
+                   return {columns, count};
+                 });
+}
+
+/// 1x1, stride 1: the columns are the image itself.
+bool is_pointwise(const ConvolutionNdProblem& p) {
+  return std::all_of(p.axes.begin(), p.axes.end(), [](const WindowAxis& axis) {
+    return axis.kernel == 1 && axis.stride == 1 && axis.pad == 0;
+  });
+}
+
+void run_pointwise(const ConvolutionNdProblem& p, const float* input, const float* weights,
                    const float* bias, float* output, float*) {
+  multiply_tiles(p, input, weights, bias, output,
+                 [&](const float* image, int64_t first, int64_t, int) -> Columns {
+                   return {image + first, p.image_pixels()};
+                 });
+}
+
+int64_t reference_scratch_floats(const ConvolutionNdProblem& p) {
+  return p.kernel_elements();
+}
+
+void run_reference(const ConvolutionNdProblem& p, const float* input, const float* weights,
+                   const float* bias, float* output, float* scratch) {
+  static_assert(sizeof(int32_t) == sizeof(float));
   const int64_t windows = p.windows(), pixels = p.image_pixels(), taps = p.kernel_elements();
-  for (int64_t n = 0; n < p.n; ++n)
-    for (int64_t co = 0; co < p.c_windows; ++co)
-      for (int64_t i = 0; i < windows; ++i) {
+  auto* const under = new (scratch) int32_t[static_cast<size_t>(taps)];  // pixel, -1 for none
+  for (int64_t i = 0; i < windows; ++i) {
+    for (int64_t k = 0; k < taps; ++k)
+      under[k] = static_cast<int32_t>(pixel_under(p.axes, p.axes.size(), i, k));
+    for (int64_t n = 0; n < p.n; ++n)
+      for (int64_t co = 0; co < p.c_windows; ++co) {
         const int64_t first_channel = co / p.c_windows_per_group() * p.c_image_per_group();
         double sum = 0;
-        for (int64_t ci = 0; ci < p.c_image_per_group(); ++ci)
-          for (int64_t k = 0; k < taps; ++k) {
-            const int64_t pixel = pixel_under(p.axes, p.axes.size(), i, k);
-            if (pixel < 0) continue;
-            const double value = input[(n * p.c_image + first_channel + ci) * pixels + pixel];
-            sum += value * weights[(co * p.c_image_per_group() + ci) * taps + k];
-          }
+        for (int64_t ci = 0; ci < p.c_image_per_group(); ++ci) {
+          const float* image = input + (n * p.c_image + first_channel + ci) * pixels;
+          const float* w = weights + (co * p.c_image_per_group() + ci) * taps;
+          for (int64_t k = 0; k < taps; ++k)
+            if (under[k] >= 0) sum += static_cast<double>(image[under[k]]) * w[k];
+        }
         output[(n * p.c_windows + co) * windows + i] =
             static_cast<float>(sum + (bias ? bias[co] : 0.0F));
       }
+  }
 }
 
 int64_t no_scratch(const ConvolutionNdProblem&) {
   return 0;
 }
 
+bool always(const ConvolutionNdProblem&) {
+  return true;
+}
+
 }  // namespace
 
-const ConvolutionNdKernel kConvolutionNdGemm = {"im2col-nd-gemm", scratch_floats, run};
-const ConvolutionNdKernel kConvolutionNdReference = {"reference", no_scratch, run_reference};
+const ConvolutionNdKernel kConvolutionReference = {"reference", always, reference_scratch_floats,
+                                                   run_reference};
+
+std::span<const ConvolutionNdKernel> convolution_kernels() {
+  static const ConvolutionNdKernel kList[] = {
+      {"pointwise-gemm", is_pointwise, no_scratch, run_pointwise},
+      {"im2col-gemm", always, im2col_scratch_floats, run_im2col},
+      kConvolutionReference};
+  return kList;
+}
 
 }  // namespace revisit::engine

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <span>
+
 #include "kernels/window.h"
 
 namespace revisit::engine {
@@ -27,14 +29,17 @@ struct ConvolutionNdProblem {
 /// scratch.
 struct ConvolutionNdKernel {
   const char* name;
+  bool (*supports)(const ConvolutionNdProblem&);
   int64_t (*scratch_floats)(const ConvolutionNdProblem&);
   void (*run)(const ConvolutionNdProblem&, const float* input, const float* weights,
               const float* bias, float* output, float* scratch);
 };
 
-extern const ConvolutionNdKernel kConvolutionNdGemm;       // strips of im2col, matrix products
-extern const ConvolutionNdKernel kConvolutionNdReference;  // the definition, in double precision
-extern const ConvolutionNdKernel kDeconvolutionGemm;       // matrix products, strips of col2im
+/// Of convolutions, in order of preference; the last is the reference and supports everything.
+std::span<const ConvolutionNdKernel> convolution_kernels();
+
+extern const ConvolutionNdKernel kConvolutionReference;    // the definition, in double precision
+extern const ConvolutionNdKernel kDeconvolutionGemm;       // matrix products, tiles of col2im
 extern const ConvolutionNdKernel kDeconvolutionReference;  // the definition, in double precision
 
 }  // namespace revisit::engine

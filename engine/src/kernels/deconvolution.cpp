@@ -96,9 +96,14 @@ int64_t no_scratch(const ConvolutionNdProblem&) {
   return 0;
 }
 
+bool always(const ConvolutionNdProblem&) {
+  return true;
+}
+
 }  // namespace
 
-const ConvolutionNdKernel kDeconvolutionGemm = {"gemm-col2im", scratch_floats, run};
-const ConvolutionNdKernel kDeconvolutionReference = {"reference", no_scratch, run_reference};
+const ConvolutionNdKernel kDeconvolutionGemm = {"gemm-col2im", always, scratch_floats, run};
+const ConvolutionNdKernel kDeconvolutionReference = {"reference", always, no_scratch,
+                                                     run_reference};
 
 }  // namespace revisit::engine

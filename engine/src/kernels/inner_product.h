@@ -28,7 +28,6 @@ const InnerProductKernel& choose_inner_product(const InnerProductProblem& proble
 void inner_product(const InnerProductProblem& problem, const float* input, const float* weights,
                    const float* bias, float* output);
 
-// The kernels, one a file.
 extern const InnerProductKernel kInnerProductGemv;       // few inputs: the weights are read once
 extern const InnerProductKernel kInnerProductGemm;       // a matrix product
 extern const InnerProductKernel kInnerProductReference;  // the definition, in double precision

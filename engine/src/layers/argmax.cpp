@@ -9,28 +9,25 @@ namespace {
 
 /// Where the largest values are, and on demand the values: along one axis, or of all values of an
 /// image.
-class ArgMax : public Layer {
+class ArgMax : public OneToOneLayer {
  public:
   explicit ArgMax(const caffe::ArgMaxParameter& param) : param_(param) {
     if (param.top_k() < 1) throw InputError("top_k must be at least 1");
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    const Shape& input = inputs[0];
+  Shape output_shape(const Shape& input) const override {
     if (input.rank() < 1) throw InputError("ArgMax needs an input of at least one axis");
     const int64_t top_k = param_.top_k(), candidates = lines(input).candidates;
     if (top_k > candidates)
       throw InputError(str("top_k ", top_k, " is more than the ", candidates,
                            " values to choose from in an input of shape ", input));
-    if (param_.has_axis()) return {input.with(axis(input), top_k)};
+    if (param_.has_axis()) return input.with(axis(input), top_k);
     // n x (indices, values) x k, and 1 for further axes.
     std::vector<int64_t> axes(std::max<size_t>(input.rank(), 3), 1);
     axes[0] = input[0];
     axes[1] = param_.out_max_val() ? 2 : 1;
     axes[2] = top_k;
-    return {Shape(std::move(axes))};
+    return Shape(std::move(axes));
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {

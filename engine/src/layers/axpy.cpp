@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "kernels/channels.h"
+#include "kernels/channel_runs.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {

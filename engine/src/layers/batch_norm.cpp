@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/channels.h"
+#include "kernels/channel_runs.h"
 #include "kernels/moments.h"
 #include "layers/broadcast.h"
 #include "layers/layers.h"
@@ -11,7 +11,7 @@ namespace {
 
 /// (x - mean) / sqrt(variance + eps) per channel, with the statistics of training, or (rare) those
 /// of the batch at hand.
-class BatchNorm : public Layer {
+class BatchNorm : public OneToOneLayer {
  public:
   explicit BatchNorm(const caffe::LayerParameter& param) : param_(param.batch_norm_param()) {
     const int n = std::min(param.param_size(), 3);
@@ -20,12 +20,10 @@ class BatchNorm : public Layer {
         throw InputError("statistics are not learned: lr_mult of every `param` must be 0");
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    if (inputs[0].rank() < 2)
-      throw InputError(str("BatchNorm needs an input of at least 2 axes, found ", inputs[0]));
-    return inputs;
+  Shape output_shape(const Shape& input) const override {
+    if (input.rank() < 2)
+      throw InputError(str("BatchNorm needs an input of at least 2 axes, found ", input));
+    return input;
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {

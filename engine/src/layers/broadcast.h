@@ -1,7 +1,7 @@
 #pragma once
 
 #include "form.h"
-#include "kernels/channels.h"
+#include "kernels/channel_runs.h"
 #include "revisit/engine/tensor.h"
 
 /// What Scale and Bias share: an operand that covers some axes of the input.

@@ -48,8 +48,8 @@ class Concat : public Layer {
                   }};
     kernel.joins_inputs = outer == 1 && !binding.reference_kernels;
     if (blocked) {
-      kernel.reads.assign(binding.inputs.size(), Layout::kBlocked);
-      kernel.writes = Layout::kBlocked;
+      kernel.reads.assign(binding.inputs.size(), Layout::kNChw16c);
+      kernel.writes = Layout::kNChw16c;
     }
     return kernel;
   }

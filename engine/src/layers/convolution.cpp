@@ -36,7 +36,7 @@ class Convolution : public Layer {
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    // Blocked values are images: other inputs that run as 2-D ones stay plain.
+    // Blocked values are images.
     if (inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
     return Convolving{planar(problem(inputs[0]))};
   }
@@ -44,8 +44,8 @@ class Convolution : public Layer {
   Kernel bind(const Binding& binding) const override {
     Problem p = problem(binding.inputs[0]);
     p.threads = binding.threads;
-    Kernel kernel = p.axes.size() <= 2 ? bind_planar_convolution(planar(p), binding)
-                                       : bind_nd(p, binding, param_.bias_term());
+    Kernel kernel = binding.convolution ? bind_blocked_convolution(planar(p), binding)
+                                        : bind_plain_convolution(p, binding);
     kernel.macs = static_cast<int64_t>(binding.outputs.size()) * p.macs();
     return kernel;
   }
@@ -79,27 +79,11 @@ class Convolution : public Layer {
     return p;
   }
 
-  /// Problems of up to two axes run as 2-D ones, with leading axes of size 1.
   static ConvolutionProblem planar(const Problem& p) {
-    WindowAxes axes = p.axes;
-    axes.insert(axes.begin(), 2 - axes.size(), WindowAxis{});
-    const WindowAxis &h = axes[0], &w = axes[1];
+    const WindowAxis &h = p.axes[0], &w = p.axes[1];
     return {p.n,       p.c_image,  h.image,    w.image,  p.c_windows, h.windows,
             w.windows, h.kernel,   w.kernel,   h.stride, w.stride,    h.pad,
             w.pad,     h.dilation, w.dilation, p.group,  p.threads};
-  }
-
-  static Kernel bind_nd(const Problem& problem, const Binding& binding, bool has_bias) {
-    const ConvolutionNdKernel& chosen =
-        binding.reference_kernels ? kConvolutionNdReference : kConvolutionNdGemm;
-    const float* weights = binding.weights[0].values.data();
-    const float* bias = has_bias ? binding.weights[1].values.data() : nullptr;
-    return {chosen.name,
-            [problem, &chosen, weights, bias](const Call& call) {
-              for (size_t i = 0; i < call.inputs.size(); ++i)
-                chosen.run(problem, call.inputs[i], weights, bias, call.outputs[i], call.scratch);
-            },
-            chosen.scratch_floats(problem)};
   }
 
   caffe::ConvolutionParameter param_;

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/parallel.h"
+#include "kernels/post_ops.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -10,16 +10,10 @@ namespace {
 /// One function of one number, applied to every element. The expressions below are Caffe's own
 /// where they decide about NaN and infinity, or round in double.
 template <class Function>
-class Elementwise : public Layer {
+class Elementwise : public OneToOneLayer {
  public:
   Elementwise(const char* name, Function function, bool in_place, Form form)
       : name_(name), function_(std::move(function)), in_place_(in_place), form_(std::move(form)) {}
-
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    return inputs;
-  }
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
   bool allows_in_place() const override { return in_place_; }
@@ -53,7 +47,7 @@ std::unique_ptr<Layer> elementwise(const char* name, Function function, bool in_
 /// A function that kernels can apply while their results are in registers.
 template <class Function>
 std::unique_ptr<Layer> activation(const char* name, Function function, const Epilogue& epilogue) {
-  return elementwise(name, std::move(function), true, Activating{epilogue, {}});
+  return elementwise(name, std::move(function), true, Activating{epilogue});
 }
 
 float sigmoid(float x) {
@@ -97,10 +91,8 @@ std::unique_ptr<Layer> make_clip(const caffe::LayerParameter& param) {
 
 std::unique_ptr<Layer> make_elu(const caffe::LayerParameter& param) {
   const float alpha = param.elu_param().alpha();
-  return activation(
-      "elu",
-      [alpha](float x) { return std::max(x, 0.0F) + alpha * (std::exp(std::min(x, 0.0F)) - 1); },
-      {.activation = Epilogue::Activation::kElu, .slope = alpha});
+  return activation("elu", [alpha](float x) { return elu(x, alpha); },
+                    {.activation = Epilogue::Activation::kElu, .slope = alpha});
 }
 
 std::unique_ptr<Layer> make_exp(const caffe::LayerParameter& param) {
@@ -131,13 +123,17 @@ std::unique_ptr<Layer> make_power(const caffe::LayerParameter& param) {
   return elementwise("power", [=](float x) { return std::pow(x * scale + shift, power); });
 }
 
+std::unique_ptr<Layer> make_relu(const caffe::LayerParameter& param) {
+  const float slope = param.relu_param().negative_slope();
+  return activation("relu", [slope](float x) { return leaky_relu(x, slope); },
+                    {.activation = Epilogue::Activation::kRelu, .slope = slope});
+}
+
 std::unique_ptr<Layer> make_relu6(const caffe::LayerParameter& param) {
   // Some forks keep the slope in relu_param.
   const float slope = param.has_relu6_param() ? param.relu6_param().negative_slope()
                                               : param.relu_param().negative_slope();
-  const auto relu6 = [slope](float x) {
-    return std::min(std::max(x, 0.0F), 6.0F) + slope * std::min(x, 0.0F);
-  };
+  const auto relu6 = [slope](float x) { return clipped(x, 0, 6) + slope * std::min(x, 0.0F); };
   if (slope != 0) return elementwise("relu6", relu6);
   return activation("relu6", relu6,
                     {.activation = Epilogue::Activation::kClip, .low = 0, .high = 6});

@@ -9,19 +9,17 @@ namespace {
 
 /// Replaces every index by its row of a learned table. The original reads past the table for an
 /// index that is out of range; here the row becomes NaN, which cannot be taken for a result.
-class Embed : public Layer {
+class Embed : public OneToOneLayer {
  public:
   explicit Embed(const caffe::EmbedParameter& param) : param_(param) {
     if (param.num_output() < 1) throw InputError("num_output must be at least 1");
     if (param.input_dim() < 1) throw InputError("input_dim must be at least 1");
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    std::vector<int64_t> axes = inputs[0].axes();
+  Shape output_shape(const Shape& input) const override {
+    std::vector<int64_t> axes = input.axes();
     axes.push_back(param_.num_output());
-    return {Shape(std::move(axes))};
+    return Shape(std::move(axes));
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>&) const override {

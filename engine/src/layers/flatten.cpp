@@ -3,14 +3,11 @@
 namespace revisit::engine {
 namespace {
 
-class Flatten : public Layer {
+class Flatten : public OneToOneLayer {
  public:
   explicit Flatten(const caffe::FlattenParameter& param) : param_(param) {}
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    const Shape& input = inputs[0];
+  Shape output_shape(const Shape& input) const override {
     const size_t first = input.canonical_axis(param_.axis(), "flatten axis");
     const size_t last = input.canonical_axis(param_.end_axis(), "flatten end_axis");
     if (last < first) throw InputError(str("end_axis ", last, " comes before axis ", first));
@@ -19,7 +16,7 @@ class Flatten : public Layer {
     axes.push_back(input.product(first, last + 1));
     axes.insert(axes.end(), input.axes().begin() + static_cast<int64_t>(last) + 1,
                 input.axes().end());
-    return {Shape(std::move(axes))};
+    return Shape(std::move(axes));
   }
   OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
   bool allows_in_place() const override { return false; }

@@ -6,24 +6,22 @@ namespace revisit::engine {
 namespace {
 
 /// The windows of a convolution written out: channel c and kernel element k give channel c * K + k.
-class Im2col : public Layer {
+class Im2col : public OneToOneLayer {
  public:
   explicit Im2col(const caffe::ConvolutionParameter& param) : param_(param) {}
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    const size_t axis = channel_axis(inputs[0]);
-    const WindowAxes windows = windows_of(inputs[0]);
-    int64_t channels = inputs[0][axis];
-    std::vector<int64_t> axes = inputs[0].axes();
+  Shape output_shape(const Shape& input) const override {
+    const size_t axis = channel_axis(input);
+    const WindowAxes windows = windows_of(input);
+    int64_t channels = input[axis];
+    std::vector<int64_t> axes = input.axes();
     for (size_t i = 0; i < windows.size(); ++i) {
       // Checked at each step: the product of many kernel sizes can exceed 64 bits.
       channels = Shape{channels, windows[i].kernel}.elements();
       axes[axis + 1 + i] = windows[i].windows;
     }
     axes[axis] = channels;
-    return {Shape(std::move(axes))};
+    return Shape(std::move(axes));
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {

@@ -5,20 +5,18 @@
 namespace revisit::engine {
 namespace {
 
-class InnerProduct : public Layer {
+class InnerProduct : public OneToOneLayer {
  public:
   explicit InnerProduct(const caffe::InnerProductParameter& param) : param_(param) {
     if (param.num_output() < 1) throw InputError("num_output must be at least 1");
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    const size_t axis = first_axis(inputs[0]);
-    std::vector<int64_t> axes(inputs[0].axes().begin(),
-                              inputs[0].axes().begin() + static_cast<int64_t>(axis));
+  Shape output_shape(const Shape& input) const override {
+    const size_t axis = first_axis(input);
+    std::vector<int64_t> axes(input.axes().begin(),
+                              input.axes().begin() + static_cast<int64_t>(axis));
     axes.push_back(param_.num_output());
-    return {Shape(std::move(axes))};
+    return Shape(std::move(axes));
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {

@@ -1,11 +1,59 @@
-#include "kernels/interpolate.h"
+#include <algorithm>
+
+#include "kernels/parallel.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
 namespace {
 
+/// Bilinear resizing of `planes` images `[h][w]`, of which the part `[cropped_h][cropped_w]` that
+/// starts `crop` pixels from the top and the left is used. Corner pixels map to corner pixels.
+struct InterpolationProblem {
+  int64_t planes = 1, h = 1, w = 1;
+  int64_t crop = 0, cropped_h = 1, cropped_w = 1;
+  int64_t out_h = 1, out_w = 1;
+  int threads = 1;
+};
+
+/// The two pixels along one axis that an output pixel lies between, and how far.
+struct Between {
+  int64_t first, second;
+  float weight_first, weight_second;
+};
+
+Between locate(int64_t out, int64_t out_size, int64_t size) {
+  const float ratio =
+      out_size > 1 ? static_cast<float>(size - 1) / static_cast<float>(out_size - 1) : 0.0F;
+  const float at = ratio * static_cast<float>(out);
+  const int64_t first = std::min(static_cast<int64_t>(at), size - 1);
+  const float weight = at - static_cast<float>(first);
+  return {first, std::min(first + 1, size - 1), 1 - weight, weight};
+}
+
+void interpolate(const InterpolationProblem& p, const float* input, float* output) {
+  const bool copy = p.out_h == p.cropped_h && p.out_w == p.cropped_w;
+  parallel_for(p.planes * p.out_h, p.threads, [&](int64_t item, int) {
+    const float* image = input + (item / p.out_h * p.h + p.crop) * p.w + p.crop;
+    float* out = output + item * p.out_w;
+    const int64_t y = item % p.out_h;
+    if (copy) {  // not the same as weights of 1 and 0 where a neighbour is not finite
+      std::copy_n(image + y * p.w, p.out_w, out);
+      return;
+    }
+    const Between rows = locate(y, p.out_h, p.cropped_h);
+    const float *top = image + rows.first * p.w, *bottom = image + rows.second * p.w;
+    for (int64_t x = 0; x < p.out_w; ++x) {
+      const Between c = locate(x, p.out_w, p.cropped_w);
+      out[x] =
+          rows.weight_first * (c.weight_first * top[c.first] + c.weight_second * top[c.second]) +
+          rows.weight_second *
+              (c.weight_first * bottom[c.first] + c.weight_second * bottom[c.second]);
+    }
+  });
+}
+
 /// Bilinear resizing of DeepLab and PSPNet: corner pixels stay corner pixels.
-class Interp : public Layer {
+class Interp : public OneToOneLayer {
  public:
   explicit Interp(const caffe::InterpParameter& param) : param_(param) {
     if (param.interp_type() != "bilinear")
@@ -25,13 +73,11 @@ class Interp : public Layer {
     }
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    if (inputs[0].rank() != 4)
-      throw InputError(str("Interp needs an input of 4 axes (n x c x h x w), found ", inputs[0]));
-    const InterpolationProblem p = problem(inputs[0]);
-    return {Shape{inputs[0][0], inputs[0][1], p.out_h, p.out_w}};
+  Shape output_shape(const Shape& input) const override {
+    if (input.rank() != 4)
+      throw InputError(str("Interp needs an input of 4 axes (n x c x h x w), found ", input));
+    const InterpolationProblem p = problem(input);
+    return Shape{input[0], input[1], p.out_h, p.out_w};
   }
 
   Kernel bind(const Binding& binding) const override {

@@ -6,7 +6,7 @@
 namespace revisit::engine {
 namespace {
 
-class Lrn : public Layer {
+class Lrn : public OneToOneLayer {
  public:
   explicit Lrn(const caffe::LRNParameter& param) : param_(param) {
     if (param.local_size() % 2 == 0)
@@ -14,12 +14,10 @@ class Lrn : public Layer {
     expect_int(param.local_size(), "local_size");
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    if (inputs[0].rank() != 4)
-      throw InputError(str("LRN needs an input of 4 axes (n x c x h x w), found ", inputs[0]));
-    return inputs;
+  Shape output_shape(const Shape& input) const override {
+    if (input.rank() != 4)
+      throw InputError(str("LRN needs an input of 4 axes (n x c x h x w), found ", input));
+    return input;
   }
 
   std::optional<WindowHw> window(const Shape&) const override {
@@ -39,6 +37,7 @@ class Lrn : public Layer {
       return {"lrn-within", [problem](const Call& call) {
                 lrn_within_channel(problem, call.inputs[0], call.outputs[0]);
               }};
+    if (binding.fusion.pooling) return bind_with_pooling(problem, *binding.fusion.pooling);
     if (binding.blocked(0))
       return blocked_kernel(
           "lrn-across", 1,
@@ -53,6 +52,16 @@ class Lrn : public Layer {
   }
 
  private:
+  static Kernel bind_with_pooling(const LrnProblem& lrn, PoolingProblem pooling) {
+    pooling.threads = lrn.threads;
+    return blocked_kernel(
+        "lrn + max-pool", 1,
+        [lrn, pooling](const Call& call) {
+          blocked_lrn_max_pool(lrn, pooling, call.inputs[0], call.outputs[0], call.scratch);
+        },
+        blocked_lrn_max_pool_scratch_floats(lrn, pooling));
+  }
+
   bool across() const { return param_.norm_region() == caffe::LRNParameter::ACROSS_CHANNELS; }
 
   LrnProblem problem_of(const Shape& shape) const {

@@ -8,16 +8,14 @@ namespace revisit::engine {
 namespace {
 
 /// Mean-variance normalisation of every channel, or of all channels of an image together.
-class Mvn : public Layer {
+class Mvn : public OneToOneLayer {
  public:
   explicit Mvn(const caffe::MVNParameter& param) : param_(param) {}
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    if (inputs[0].rank() > 4)
-      throw InputError(str("MVN needs an input of at most 4 axes, found ", inputs[0]));
-    return inputs;
+  Shape output_shape(const Shape& input) const override {
+    if (input.rank() > 4)
+      throw InputError(str("MVN needs an input of at most 4 axes, found ", input));
+    return input;
   }
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }

@@ -7,7 +7,7 @@ namespace revisit::engine {
 namespace {
 
 /// Transposes: axis i of the output is axis order[i] of the input (the layer of the SSD fork).
-class Permute : public Layer {
+class Permute : public OneToOneLayer {
  public:
   explicit Permute(const caffe::PermuteParameter& param)
       : order_(param.order().begin(), param.order().end()) {
@@ -17,15 +17,13 @@ class Permute : public Layer {
     if (twice != sorted.end()) throw InputError(str("order names axis ", *twice, " twice"));
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
+  Shape output_shape(const Shape& input) const override {
     for (const size_t axis : order_)
-      if (axis >= inputs[0].rank())
-        throw InputError(str("order names axis ", axis, ", the input is ", inputs[0]));
+      if (axis >= input.rank())
+        throw InputError(str("order names axis ", axis, ", the input is ", input));
     std::vector<int64_t> axes;
-    for (const size_t axis : whole_order(inputs[0].rank())) axes.push_back(inputs[0][axis]);
-    return {Shape(std::move(axes))};
+    for (const size_t axis : whole_order(input.rank())) axes.push_back(input[axis]);
+    return Shape(std::move(axes));
   }
 
   Kernel bind(const Binding& binding) const override {

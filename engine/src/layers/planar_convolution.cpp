@@ -3,17 +3,16 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "held_epilogue.h"
+#include "held_post_ops.h"
 #include "kernels/blocked/convolution_max_pool.h"
-#include "kernels/epilogue_plain.h"
-#include "layers/convolution_weights.h"
+#include "layers/fused_convolution.h"
 
 namespace revisit::engine {
 namespace {
 
 /// Whether lanes and weights are not mostly padding: a few channels on a large image, or a huge
 /// kernel of one channel, would take many times the memory of the plain kernels.
-bool pays(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
+bool is_worth_blocking(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
   constexpr int64_t kMostWaste = 2, kMostExpansion = 16, kSmall = 4 << 20;
   const int64_t packed = kernel.packed_floats(p);
   return padded_channels(p.c_out) <= kMostWaste * p.c_out &&
@@ -23,7 +22,7 @@ bool pays(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
 const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout input,
                                            const ConvolutionLimits& limits) {
   const BlockedConvolutionKernel* const kernel = choose_blocked_convolution(p, input, limits);
-  return kernel && pays(*kernel, p) ? kernel : nullptr;
+  return kernel && is_worth_blocking(*kernel, p) ? kernel : nullptr;
 }
 
 /// Runs a blocked kernel, alone or with normalisation and pooling behind it.
@@ -58,77 +57,23 @@ WeightSource source_of(const Binding& binding) {
           binding.cache, binding.layer};
 }
 
-Kernel bind_blocked(const BlockedConvolutionKernel& chosen, const FusedConvolution& convolution,
-                    const Binding& binding) {
-  const Fusion& fusion = convolution.fusion();
-  const RunBlocked run{convolution.problem(), chosen, fusion.lrn, fusion.pooling};
-  Kernel kernel;
-  kernel.name = run.name();
-  kernel.reads.assign(binding.inputs.size(), chosen.input);
-  if (fusion.adds_last_input) kernel.reads.back() = Layout::kBlocked;
-  kernel.writes = Layout::kBlocked;
-  kernel.packed_floats = convolution.packed_floats(chosen);
-  kernel.scratch_floats = run.scratch_floats();
-  kernel.hold = [convolution, &chosen, source = source_of(binding)] {
-    return convolution.packed(chosen, source);
-  };
-  kernel.run = [run, adds = fusion.adds_last_input,
-                held = HeldEpilogue(fusion.activation)](const Call& call) {
-    for (size_t i = 0; i < call.outputs.size(); ++i)
-      run({call.inputs[i], call.weights->weights, call.weights->bias,
-           adds ? call.inputs.back() : nullptr, held.epilogue, call.outputs[i], call.scratch,
-           call.weights->outside});
-  };
-  return kernel;
-}
-
-const ConvolutionKernel& choose_plain(const ConvolutionProblem& p, bool reference) {
+const ConvolutionNdKernel& choose_plain(const ConvolutionNdProblem& p, bool reference) {
+  if (reference) return kConvolutionReference;
   const auto kernels = convolution_kernels();
-  return reference
-             ? kernels.back()
-             : *std::find_if(kernels.begin(), kernels.end(),
-                             [&](const ConvolutionKernel& kernel) { return kernel.supports(p); });
+  return *std::find_if(kernels.begin(), kernels.end(),
+                       [&](const ConvolutionNdKernel& kernel) { return kernel.supports(p); });
 }
 
-/// The picture and a channel of ones beside it.
-const float* with_ones(const ConvolutionProblem& p, const float* picture, float* scratch) {
-  const int64_t pixels = p.h * p.w;
-  for (int64_t n = 0; n < p.n; ++n) {
-    std::copy_n(picture + n * pixels, pixels, scratch + 2 * n * pixels);
-    std::fill_n(scratch + (2 * n + 1) * pixels, pixels, 1.0F);
-  }
-  return scratch;
-}
-
-Kernel bind_plain(const FusedConvolution& convolution, const Binding& binding) {
-  ConvolutionProblem p = convolution.problem();
-  const Fusion& fusion = convolution.fusion();
-  if (fusion.pooling) throw std::logic_error("a convolution on plain values cannot pool");
-  const bool has_ones = convolution.has_constants();
-  if (has_ones) p.c_in = 2;
-  const ConvolutionKernel& chosen = choose_plain(p, binding.reference_kernels);
-  // Of a gray input they are a copy already, with scale and shift in it.
-  std::optional<HeldAffine> affine;
-  if (fusion.affine && !fusion.gray_offsets) affine = HeldAffine(*fusion.affine);
-  const int64_t input_scratch = has_ones ? p.n * p.c_in * p.h * p.w : 0;
-  Kernel kernel;
-  kernel.name = chosen.name;
-  kernel.packed_floats = convolution.plain_floats();
-  kernel.scratch_floats = input_scratch + chosen.scratch_floats(p);
-  kernel.hold = [convolution, source = source_of(binding)] { return convolution.plain(source); };
-  kernel.run = [p, &chosen, has_ones, input_scratch, affine, adds = fusion.adds_last_input,
-                held = HeldEpilogue(fusion.activation)](const Call& call) {
-    for (size_t i = 0; i < call.outputs.size(); ++i) {
-      const float* input = has_ones ? with_ones(p, call.inputs[i], call.scratch) : call.inputs[i];
-      chosen.run(p, input, call.weights->weights, call.weights->bias, call.outputs[i],
-                 call.scratch + input_scratch);
-      finish({p.n, p.c_out, p.out_pixels()},
-             {affine ? affine->scale->data() : nullptr, affine ? affine->shift->data() : nullptr,
-              adds ? call.inputs.back() : nullptr, held.epilogue},
-             p.threads, call.outputs[i]);
-    }
-  };
-  return kernel;
+/// All channels of a gray input: the picture plus each channel's offset.
+const float* write_channels(const ConvolutionNdProblem& p, const std::vector<float>& offsets,
+                            const float* picture, float* channels) {
+  const int64_t pixels = p.image_pixels();
+  float* out = channels;
+  for (int64_t n = 0; n < p.n; ++n, picture += pixels)
+    for (const float offset : offsets)
+      out =
+          std::transform(picture, picture + pixels, out, [offset](float x) { return x + offset; });
+  return channels;
 }
 
 }  // namespace
@@ -141,10 +86,10 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
   const ConvolutionLimits of_kernel{limits.transform_points,
                                     convolution.most_packed_floats(limits.packed_floats)};
   // Both are made for the plain input, also where another layer has it in blocks.
-  if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kPlain, of_kernel);
-  if (input == Layout::kPlain)
-    if (const auto* kernel = choose_for(p, Layout::kPlain, of_kernel)) return kernel;
-  return choose_for(p, Layout::kBlocked, of_kernel);
+  if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, of_kernel);
+  if (input == Layout::kNchw)
+    if (const auto* kernel = choose_for(p, Layout::kNchw, of_kernel)) return kernel;
+  return choose_for(p, Layout::kNChw16c, of_kernel);
 }
 
 int64_t packed_floats(const ConvolutionProblem& problem, const Fusion& fusion,
@@ -152,10 +97,55 @@ int64_t packed_floats(const ConvolutionProblem& problem, const Fusion& fusion,
   return FusedConvolution(problem, fusion).packed_floats(kernel);
 }
 
-Kernel bind_planar_convolution(const ConvolutionProblem& problem, const Binding& binding) {
+Kernel bind_blocked_convolution(const ConvolutionProblem& problem, const Binding& binding) {
   const FusedConvolution convolution(problem, binding.fusion);
-  return binding.convolution ? bind_blocked(*binding.convolution, convolution, binding)
-                             : bind_plain(convolution, binding);
+  const BlockedConvolutionKernel& chosen = *binding.convolution;
+  const Fusion& fusion = convolution.fusion();
+  const RunBlocked run{convolution.problem(), chosen, fusion.lrn, fusion.pooling};
+  Kernel kernel;
+  kernel.name = run.name();
+  kernel.reads.assign(binding.inputs.size(), chosen.input);
+  if (fusion.adds_last_input) kernel.reads.back() = Layout::kNChw16c;
+  kernel.writes = Layout::kNChw16c;
+  kernel.packed_floats = convolution.packed_floats(chosen);
+  kernel.scratch_floats = run.scratch_floats();
+  kernel.hold = [convolution, &chosen, source = source_of(binding)] {
+    return convolution.packed(chosen, source);
+  };
+  kernel.run = [run, adds = fusion.adds_last_input,
+                activation = fusion.activation](const Call& call) {
+    for (size_t i = 0; i < call.outputs.size(); ++i)
+      run({call.inputs[i], call.weights->weights, call.weights->bias,
+           adds ? call.inputs.back() : nullptr, activation.epilogue, call.outputs[i], call.scratch,
+           call.weights->outside_taps});
+  };
+  return kernel;
+}
+
+Kernel bind_plain_convolution(const ConvolutionNdProblem& p, const Binding& binding) {
+  const Fusion& fusion = binding.fusion;
+  if (fusion.pooling) throw std::logic_error("a convolution on plain values cannot pool");
+  const ConvolutionNdKernel& chosen = choose_plain(p, binding.reference_kernels);
+  const int64_t input_scratch = fusion.gray_offsets ? p.n * p.c_image * p.image_pixels() : 0;
+  Kernel kernel;
+  kernel.name = chosen.name;
+  kernel.scratch_floats = input_scratch + chosen.scratch_floats(p);
+  kernel.hold = [originals = source_of(binding).originals] {
+    auto weights = originals();
+    const float *filters = (*weights)[0].values.data(), *bias = bias_of(*weights);
+    return HeldWeights{filters, bias, nullptr, std::move(weights)};
+  };
+  kernel.run = [p, &chosen, input_scratch, offsets = fusion.gray_offsets,
+                post_ops = HeldPostOps(binding)](const Call& call) {
+    for (size_t i = 0; i < call.outputs.size(); ++i) {
+      const float* input =
+          offsets ? write_channels(p, *offsets, call.inputs[i], call.scratch) : call.inputs[i];
+      chosen.run(p, input, call.weights->weights, call.weights->bias, call.outputs[i],
+                 call.scratch + input_scratch);
+      post_ops(call.inputs.back(), call.outputs[i]);
+    }
+  };
+  return kernel;
 }
 
 }  // namespace revisit::engine

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "kernels/blocked/convolution.h"
+#include "kernels/convolution_nd.h"
 #include "layer.h"
 
 namespace revisit::engine {
@@ -17,8 +18,11 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
 int64_t packed_floats(const ConvolutionProblem& problem, const Fusion& fusion,
                       const BlockedConvolutionKernel& kernel);
 
-/// The kernel for a 2-D convolution of one or more inputs and what is fused with it:
-/// Binding::convolution, or one on plain values. Its weights are held, not bound.
-Kernel bind_planar_convolution(const ConvolutionProblem& problem, const Binding& binding);
+/// Binding::convolution for the inputs, with all that is fused. Its weights are held, not bound.
+Kernel bind_blocked_convolution(const ConvolutionProblem& problem, const Binding& binding);
+
+/// A kernel on plain values with all that is fused but pooling. Of a gray input it writes out all
+/// channels: it is for the few convolutions that no blocked kernel takes.
+Kernel bind_plain_convolution(const ConvolutionNdProblem& problem, const Binding& binding);
 
 }  // namespace revisit::engine

@@ -1,22 +1,18 @@
-#include <algorithm>
-
-#include "kernels/channels.h"
+#include "kernels/post_ops.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
 namespace {
 
 /// ReLU with a learned slope below 0: one for each channel, or one for all.
-class PReLU : public Layer {
+class PReLU : public OneToOneLayer {
  public:
   explicit PReLU(const caffe::PReLUParameter& param) : shared_(param.channel_shared()) {}
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    if (inputs[0].rank() < 2)
-      throw InputError(str("PReLU needs an input of at least 2 axes, found ", inputs[0]));
-    return inputs;
+  Shape output_shape(const Shape& input) const override {
+    if (input.rank() < 2)
+      throw InputError(str("PReLU needs an input of at least 2 axes, found ", input));
+    return input;
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
@@ -28,7 +24,11 @@ class PReLU : public Layer {
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
     std::vector<float> slopes = weights[0].values;
     slopes.resize(inputs[0][1], shared_ && !slopes.empty() ? slopes[0] : 0);
-    return Activating{{.activation = Epilogue::Activation::kPrelu}, std::move(slopes)};
+    auto held =
+        std::make_shared<const AlignedFloats>(padded(slopes, padded_channels(inputs[0][1])));
+    const float* const data = held->data();
+    return Activating{{.activation = Epilogue::Activation::kPrelu, .slopes = data},
+                      std::move(held)};
   }
 
   Kernel bind(const Binding& binding) const override {
@@ -42,8 +42,7 @@ class PReLU : public Layer {
               float* out = call.outputs[0];
               for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
                 const float slope = slopes[channel];
-                for (int64_t i = begin; i < end; ++i)
-                  out[i] = std::max(in[i], 0.0F) + slope * std::min(in[i], 0.0F);
+                for (int64_t i = begin; i < end; ++i) out[i] = leaky_relu(in[i], slope);
               });
             }};
   }

@@ -7,16 +7,14 @@ namespace revisit::engine {
 namespace {
 
 /// All axes from `axis` on become one number: sum, sum of magnitudes, sum of squares or mean.
-class Reduction : public Layer {
+class Reduction : public OneToOneLayer {
  public:
   explicit Reduction(const caffe::ReductionParameter& param) : param_(param) {}
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    const std::vector<int64_t>& axes = inputs[0].axes();
-    return {Shape(std::vector<int64_t>(
-        axes.begin(), axes.begin() + static_cast<int64_t>(first_axis(inputs[0]))))};
+  Shape output_shape(const Shape& input) const override {
+    const std::vector<int64_t>& axes = input.axes();
+    return Shape(
+        std::vector<int64_t>(axes.begin(), axes.begin() + static_cast<int64_t>(first_axis(input))));
   }
 
   Kernel bind(const Binding& binding) const override {

@@ -5,7 +5,7 @@ namespace {
 
 /// The same values under another shape. Axes [axis, axis + num_axes) are replaced by `shape`, in
 /// which 0 copies the axis of the input at that place and -1 takes what is left.
-class Reshape : public Layer {
+class Reshape : public OneToOneLayer {
  public:
   explicit Reshape(const caffe::ReshapeParameter& param) : param_(param) {
     int inferred = 0;
@@ -18,10 +18,7 @@ class Reshape : public Layer {
       throw InputError(str("num_axes must be -1 (all) or more, found ", param.num_axes()));
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    const Shape& input = inputs[0];
+  Shape output_shape(const Shape& input) const override {
     const std::vector<int64_t>& old = input.axes();
     const auto rank = static_cast<int64_t>(input.rank());
     // -1 is the place after the last axis here, not the last axis.
@@ -51,7 +48,7 @@ class Reshape : public Layer {
     if (output.elements() != input.elements())
       throw InputError(str("the ", input.elements(), " values of the input (", input,
                            ") do not fit into the new shape (", output, ")"));
-    return {output};
+    return output;
   }
 
   OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }

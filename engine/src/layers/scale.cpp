@@ -4,10 +4,14 @@
 namespace revisit::engine {
 namespace {
 
-/// input * scale + bias, broadcast. The scale is learned or the second input; a bias is learned.
-class Scale : public Layer {
+/// input * scale + bias (Scale) or input + bias (Bias), broadcast. The first operand is learned or
+/// the second input; the bias of a Scale is learned.
+class Affine : public Layer {
  public:
-  explicit Scale(const caffe::ScaleParameter& param) : param_(param) {}
+  explicit Affine(const caffe::ScaleParameter& param)
+      : scales_(true), has_bias_(param.bias_term()), axis_(param.axis()), axes_(param.num_axes()) {}
+  explicit Affine(const caffe::BiasParameter& param)
+      : scales_(false), has_bias_(true), axis_(param.axis()), axes_(param.num_axes()) {}
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     if (inputs.empty() || inputs.size() > 2)
@@ -21,10 +25,9 @@ class Scale : public Layer {
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
     std::vector<Shape> shapes;
     if (inputs.size() == 1) shapes.push_back(operand(inputs));
-    if (param_.bias_term())
+    if (scales_ && has_bias_)
       shapes.push_back(learned_operand(
-          inputs[0], param_.axis(),
-          inputs.size() == 1 ? param_.num_axes() : static_cast<int64_t>(inputs[1].rank())));
+          inputs[0], axis_, inputs.size() == 1 ? axes_ : static_cast<int64_t>(inputs[1].rank())));
     return shapes;
   }
 
@@ -32,45 +35,51 @@ class Scale : public Layer {
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
     if (inputs.size() == 2) return {};
-    return channel_affine(runs(inputs), inputs[0], &weights[0].values,
-                          param_.bias_term() ? &weights[1].values : nullptr);
+    return channel_affine(runs(inputs), inputs[0], scales_ ? &weights.front().values : nullptr,
+                          has_bias_ ? &weights.back().values : nullptr);
   }
 
   Kernel bind(const Binding& binding) const override {
     const bool learned = binding.inputs.size() == 1;
-    const float* weights = learned ? binding.weights[0].values.data() : nullptr;
-    const float* bias = param_.bias_term() ? binding.weights.back().values.data() : nullptr;
-    return {"scale", [runs = runs(binding.inputs), threads = binding.threads, learned, weights,
-                      bias](const Call& call) {
+    const float* first = learned ? binding.weights[0].values.data() : nullptr;
+    const float* last = scales_ && has_bias_ ? binding.weights.back().values.data() : nullptr;
+    return {scales_ ? "scale" : "bias", [runs = runs(binding.inputs), threads = binding.threads,
+                                         scales = scales_, learned, first, last](const Call& call) {
               const float* in = call.inputs[0];
-              const float* scales = learned ? weights : call.inputs[1];
+              const float* operand = learned ? first : call.inputs[1];
               float* out = call.outputs[0];
               for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-                const float scale = scales[channel];
-                if (bias)
-                  for (int64_t i = begin; i < end; ++i) out[i] = in[i] * scale + bias[channel];
+                const float value = operand[channel];
+                if (!scales)
+                  for (int64_t i = begin; i < end; ++i) out[i] = in[i] + value;
+                else if (last)
+                  for (int64_t i = begin; i < end; ++i) out[i] = in[i] * value + last[channel];
                 else
-                  for (int64_t i = begin; i < end; ++i) out[i] = in[i] * scale;
+                  for (int64_t i = begin; i < end; ++i) out[i] = in[i] * value;
               });
             }};
   }
 
  private:
   Shape operand(const std::vector<Shape>& inputs) const {
-    return inputs.size() == 2 ? inputs[1]
-                              : learned_operand(inputs[0], param_.axis(), param_.num_axes());
+    return inputs.size() == 2 ? inputs[1] : learned_operand(inputs[0], axis_, axes_);
   }
   ChannelRuns runs(const std::vector<Shape>& inputs) const {
-    return lay_over(operand(inputs), inputs[0], param_.axis());
+    return lay_over(operand(inputs), inputs[0], axis_);
   }
 
-  caffe::ScaleParameter param_;
+  bool scales_, has_bias_;
+  int64_t axis_, axes_;  // where the operand lies; how many axes it has when it is learned
 };
 
 }  // namespace
 
 std::unique_ptr<Layer> make_scale(const caffe::LayerParameter& param) {
-  return std::make_unique<Scale>(param.scale_param());
+  return std::make_unique<Affine>(param.scale_param());
+}
+
+std::unique_ptr<Layer> make_bias(const caffe::LayerParameter& param) {
+  return std::make_unique<Affine>(param.bias_param());
 }
 
 }  // namespace revisit::engine

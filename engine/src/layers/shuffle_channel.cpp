@@ -5,21 +5,19 @@ namespace revisit::engine {
 namespace {
 
 /// Channels seen as [group][channel of the group], transposed (the layer of the ShuffleNet fork).
-class ShuffleChannel : public Layer {
+class ShuffleChannel : public OneToOneLayer {
  public:
   explicit ShuffleChannel(const caffe::ShuffleChannelParameter& param) : groups_(param.group()) {
     if (groups_ < 1) throw InputError("group must be at least 1");
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    if (inputs[0].rank() < 2)
-      throw InputError(str("ShuffleChannel needs an input of at least 2 axes, found ", inputs[0]));
-    if (inputs[0][1] % groups_ != 0)
-      throw InputError(str("the ", inputs[0][1], " channels of the input (", inputs[0],
+  Shape output_shape(const Shape& input) const override {
+    if (input.rank() < 2)
+      throw InputError(str("ShuffleChannel needs an input of at least 2 axes, found ", input));
+    if (input[1] % groups_ != 0)
+      throw InputError(str("the ", input[1], " channels of the input (", input,
                            ") are not a multiple of group ", groups_));
-    return inputs;
+    return input;
   }
 
   std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }

@@ -5,15 +5,13 @@
 namespace revisit::engine {
 namespace {
 
-class Softmax : public Layer {
+class Softmax : public OneToOneLayer {
  public:
   explicit Softmax(const caffe::SoftmaxParameter& param) : axis_(param.axis()) {}
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    inputs[0].canonical_axis(axis_, "softmax axis");
-    return inputs;
+  Shape output_shape(const Shape& input) const override {
+    input.canonical_axis(axis_, "softmax axis");
+    return input;
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {

@@ -6,7 +6,7 @@ namespace {
 
 /// Spatial pyramid pooling (He et al. 2014): level i pools the whole image into 2^i x 2^i bins, the
 /// levels are laid side by side.
-class Spp : public Layer {
+class Spp : public OneToOneLayer {
  public:
   explicit Spp(const caffe::SPPParameter& param) : param_(param) {
     if (param.pyramid_height() < 1) throw InputError("pyramid_height must be at least 1");
@@ -14,14 +14,11 @@ class Spp : public Layer {
       throw UnsupportedError("stochastic pooling is not supported (Caffe runs it on a GPU only)");
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    const std::vector<PoolingProblem> levels = levels_of(inputs[0]);
+  Shape output_shape(const Shape& input) const override {
+    const std::vector<PoolingProblem> levels = levels_of(input);
     // A pyramid of one level is a pooling layer: its output is not flattened.
-    if (levels.size() == 1)
-      return {Shape{inputs[0][0], inputs[0][1], levels[0].out_h, levels[0].out_w}};
-    return {Shape{inputs[0][0], inputs[0][1] * bins(levels)}};
+    if (levels.size() == 1) return Shape{input[0], input[1], levels[0].out_h, levels[0].out_w};
+    return Shape{input[0], input[1] * bins(levels)};
   }
 
   Kernel bind(const Binding& binding) const override {

@@ -5,18 +5,16 @@ namespace revisit::engine {
 namespace {
 
 /// Repeats the input along one axis.
-class Tile : public Layer {
+class Tile : public OneToOneLayer {
  public:
   explicit Tile(const caffe::TileParameter& param) : param_(param) {
     if (param.tiles() < 1)
       throw InputError(str("tiles must be given and at least 1, found ", param.tiles()));
   }
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    expect_count(inputs.size(), 1, "inputs");
-    expect_count(n_outputs, 1, "outputs");
-    const size_t axis = tile_axis(inputs[0]);
-    return {inputs[0].with(axis, inputs[0][axis] * param_.tiles())};
+  Shape output_shape(const Shape& input) const override {
+    const size_t axis = tile_axis(input);
+    return input.with(axis, input[axis] * param_.tiles());
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {

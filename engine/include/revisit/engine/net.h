@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -72,8 +73,11 @@ enum class Accuracy {
 struct PlanOptions {
   /// Threads of one forward pass, 1 to 1024. The result does not depend on it, bit for bit.
   int threads = 1;
-  /// Keep the output of every layer, not only the net's outputs.
+  /// Keep the output of every layer, not only the net's outputs: nothing is merged with anything.
   bool keep_all = false;
+  /// Layers whose outputs are kept beside the net's, by port_name(), for Run::layer_output(). Only
+  /// what would write over them is not merged.
+  std::vector<std::string> keep = {};
   /// Use the slow, readable kernels only: the truth the others are tested against.
   bool reference_kernels = false;
   /// The most that one run may take beside the weights of the file [bytes]: Plan::arena_bytes() and
@@ -194,8 +198,8 @@ class Net {
   /// Chooses kernels and lays out memory. `inputs` replaces input shapes by blob name.
   /// Throws InputError naming the layer that cannot take the shapes, or what takes more than
   /// PlanOptions::max_run_bytes, or when released weights cannot be read again; UsageError for an
-  /// unknown input or a number of threads that is none; MemoryError when the system has no memory
-  /// for the packed weights.
+  /// unknown input, an unknown layer in PlanOptions::keep or a number of threads that is none;
+  /// MemoryError when the system has no memory for the packed weights.
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
   const std::string& name() const;
@@ -253,6 +257,11 @@ class Run {
   /// memory for it. A system that promises more than it has (Linux's overcommit) may end the
   /// program later instead: PlanOptions::max_run_bytes is the limit that always holds.
   explicit Run(Plan plan);
+  /// The same in memory of the caller's, which must outlive the run: two runs that never work at
+  /// the same time may share it, but each then finds its inputs and outputs overwritten by the
+  /// other. Throws UsageError unless `arena` has Plan::arena_bytes() and begins on a multiple of 64
+  /// bytes.
+  Run(Plan plan, std::span<float> arena);
   Run(Run&&) noexcept;
   Run& operator=(Run&&) noexcept;
   ~Run();
@@ -266,13 +275,15 @@ class Run {
   /// on the data (Filter, DetectionOutput) the shape is that of the last pass; it can have no rows.
   View<const float> output(std::string_view name) const;
   /// What a layer put out, before any later layer worked on it in place; `name` as port_name() has
-  /// it. Throws UsageError unless planned with keep_all, so stale data is never seen.
+  /// it. Throws UsageError unless planned with keep_all, or with the name in keep, so stale data is
+  /// never seen.
   View<const float> layer_output(std::string_view name) const;
 
   const Plan& plan() const { return plan_; }
 
  private:
   struct Memory;
+  void prepare(float* arena);
   Memory& memory() const;  // throws UsageError when moved from
   Plan plan_;
   std::unique_ptr<Memory> memory_;

@@ -11,6 +11,9 @@
 
 namespace revisit::engine {
 
+/// As Shape::text(), of axes that need not be a shape.
+std::string text_of(const std::vector<int64_t>& axes);
+
 /// The size of a tensor, slowest axis first; for images `[n][c][h][w]`. Any number of axes; none is
 /// a single number. The product of the axes is at most kMaxElements (checked on construction).
 class Shape {
@@ -40,7 +43,7 @@ class Shape {
   /// depends on the data.
   Shape with_rows(size_t axis, int64_t size) const;
   /// "1x3x107x4000"; "scalar" without axes.
-  std::string text() const;
+  std::string text() const { return text_of(axes_); }
 
   friend bool operator==(const Shape&, const Shape&) = default;
 

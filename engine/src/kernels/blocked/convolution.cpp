@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "kernels/blocked/kernels.h"
+#include "kernels/blocked/convolution_list.h"
 
 namespace revisit::engine {
 

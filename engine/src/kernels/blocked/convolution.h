@@ -21,7 +21,7 @@ struct BlockedConvolutionArguments {
   float* scratch;  // scratch_floats() of them, any content
   /// Of kernels on plain input with one channel: what each tap outside the image adds, packed like
   /// the weights; or null.
-  const float* outside = nullptr;
+  const float* outside_taps = nullptr;
 };
 
 /// A convolution with blocked output: fast, with bias, addend and activation in one pass. The

@@ -9,20 +9,20 @@ namespace {
 
 constexpr double kCyclesPerMs = 3.4e6;
 
-/// Cycles of multiply-adds for `depth` input channels, every strip of columns, every output block.
-/// A channel takes two blocks times the columns of a strip at two multiply-adds a cycle; fewer than
+/// Cycles of multiply-adds for `depth` input channels, every panel of columns, every output block.
+/// A channel takes two blocks times the columns of a panel at two multiply-adds a cycle; fewer than
 /// kLatency of them wait for each other.
 double multiply_cycles(int64_t columns, int64_t depth, int64_t out_blocks) {
   constexpr double kLatency = 8, kPerCycle = 2, kPerTile = 60, kLoads = 0.03;
-  const auto strips = static_cast<double>(strips_of(columns).size);
-  const double width = static_cast<double>(columns) / strips;
+  const auto panels = static_cast<double>(panels_of(columns).parts);
+  const double width = static_cast<double>(columns) / panels;
   const auto tile = [&](double blocks) {
     return static_cast<double>(depth) * std::max(blocks * width, kLatency) / kPerCycle *
                (1 + kLoads) +
            kPerTile;
   };
   const int64_t pairs = out_blocks / 2, odd = out_blocks % 2;
-  return strips * (static_cast<double>(pairs) * tile(2) + static_cast<double>(odd) * tile(1));
+  return panels * (static_cast<double>(pairs) * tile(2) + static_cast<double>(odd) * tile(1));
 }
 
 /// Cycles that multiplying waits for weights, read once a chunk from the L3 cache or from memory;
@@ -65,7 +65,7 @@ double pointwise_ms(const ConvolutionProblem& problem) {
   const double multiply = static_cast<double>(s.images) *
                           multiply_cycles(p.out_pixels(), s.depth() * kLanes, s.out_blocks);
   return (multiply + weights_cycles(static_cast<double>(s.out_blocks * s.weights_floats()),
-                                    s.images * s.chunks.columns.size, multiply)) /
+                                    s.images * s.chunks.columns.parts, multiply)) /
          kCyclesPerMs;
 }
 
@@ -74,7 +74,7 @@ double direct_ms(const ConvolutionProblem& p) {
   const DirectShape s(p);
   const double unfold = static_cast<double>(s.images * s.depth()) *
                         (kPerBlock * static_cast<double>(p.out_pixels()) +
-                         kPerRun * static_cast<double>(strips_of(p.out_pixels()).size));
+                         kPerRun * static_cast<double>(panels_of(p.out_pixels()).parts));
   return pointwise_ms(p) + unfold / kCyclesPerMs;
 }
 
@@ -90,7 +90,7 @@ double winograd_ms(const WinogradVariant& v, const ConvolutionProblem& problem) 
   const double multiply = points * static_cast<double>(s.group) *
                           multiply_cycles(s.tiles(), depth, s.out_blocks_per_group());
   const double weights = points * static_cast<double>(depth * s.out_blocks * kLanes);
-  return (transforms + multiply + weights_cycles(weights, s.chunks.columns.size, multiply)) /
+  return (transforms + multiply + weights_cycles(weights, s.chunks.columns.parts, multiply)) /
          kCyclesPerMs;
 }
 

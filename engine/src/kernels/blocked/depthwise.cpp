@@ -3,9 +3,9 @@
 #include <hwy/foreach_target.h>  // includes this file again for every target
 
 #include "kernels/blocked/convolution.h"
+#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"
 #include "kernels/blocked/epilogue-inl.h"
-#include "kernels/blocked/kernels.h"
 #include "kernels/parallel.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -112,7 +112,7 @@ void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
 
 const BlockedConvolutionKernel kBlockedDepthwise = {
     "depthwise",
-    Layout::kBlocked,
+    Layout::kNChw16c,
     [](const ConvolutionProblem& p) { return p.group == p.c_in && p.group == p.c_out; },
     depthwise_ms,
     [](const ConvolutionProblem& p) { return padded_channels(p.c_out) * p.kernel_h * p.kernel_w; },

@@ -3,17 +3,17 @@
 #include <hwy/foreach_target.h>  // includes this file again for every target
 
 #include "kernels/blocked/convolution.h"
+#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"
 #include "kernels/blocked/direct_shape.h"
 #include "kernels/blocked/epilogue-inl.h"
-#include "kernels/blocked/kernels.h"
 #include "kernels/blocked/multiply-inl.h"
 #include "kernels/parallel.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-/// A convolution as a matrix product. The columns of a strip of pixels are copied together block by
+/// A convolution as a matrix product. The columns of a panel of pixels are copied together block by
 /// block, which costs little beside the product; a pointwise convolution finds them in the input.
 class Direct {
  public:
@@ -21,11 +21,11 @@ class Direct {
       : p_(p), a_(a), shape_(p) {}
 
   void run_pointwise() const {
-    const int64_t chunks = shape_.chunks.columns.size, slices = shape_.slices();
+    const int64_t chunks = shape_.chunks.columns.parts, slices = shape_.slices();
     const int64_t parts = shape_.chunks.per_thread ? 1 : slices;
     parallel_for(shape_.images * chunks * parts, p_.threads, [&](int64_t item, int) {
       const int64_t chunk = item / parts % chunks, image = item / parts / chunks;
-      const Parts cut = {slices, parts};
+      const Split cut = {slices, parts};
       const float* pixels =
           a_.input +
           (image * shape_.in_blocks * p_.h * p_.w + shape_.chunks.columns.begin(chunk)) * kLanes;
@@ -37,7 +37,7 @@ class Direct {
   }
 
   void run() const {
-    const int64_t chunks = shape_.chunks.columns.size;
+    const int64_t chunks = shape_.chunks.columns.parts;
     if (shape_.chunks.per_thread) {
       parallel_for(shape_.images * chunks, p_.threads, [&](int64_t item, int thread) {
         const int64_t chunk = item % chunks, image = item / chunks;
@@ -58,30 +58,30 @@ class Direct {
   }
 
  private:
-  /// Of a strip: [depth][pixel][kLanes], `step` floats from one block of the depth to the next.
+  /// Of a panel: [depth][pixel][kLanes], `step` floats from one block of the depth to the next.
   struct Columns {
     const float* data;
     int64_t step;
   };
 
-  Parts strips_of_chunk(int64_t chunk) const {
-    return strips_of(shape_.chunks.columns.width(chunk));
+  Split panels_of_chunk(int64_t chunk) const {
+    return panels_of(shape_.chunks.columns.width(chunk));
   }
 
-  /// An item is one strip of pixels and one block of input channels.
+  /// An item is one panel of pixels and one block of input channels.
   int64_t unfold_items(int64_t chunk) const {
-    return strips_of_chunk(chunk).size * shape_.in_blocks;
+    return panels_of_chunk(chunk).parts * shape_.in_blocks;
   }
 
-  /// Writes [strip][block][tap][pixel][kLanes].
+  /// Writes [panel][block][tap][pixel][kLanes].
   void unfold(int64_t image, int64_t chunk, int64_t item, float* columns) const {
-    const Parts strips = strips_of_chunk(chunk);
-    const int64_t strip = item / shape_.in_blocks, block = item % shape_.in_blocks;
+    const Split panels = panels_of_chunk(chunk);
+    const int64_t panel = item / shape_.in_blocks, block = item % shape_.in_blocks;
     const float* in = a_.input + (image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
-    const int64_t width = strips.width(strip);
-    const int64_t first = shape_.chunks.columns.begin(chunk) + strips.begin(strip);
+    const int64_t width = panels.width(panel);
+    const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
     float* to =
-        columns + (strips.begin(strip) * shape_.in_blocks + block * width) * shape_.taps * kLanes;
+        columns + (panels.begin(panel) * shape_.in_blocks + block * width) * shape_.taps * kLanes;
     for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
       for (int64_t kx = 0; kx < p_.kernel_w; ++kx, to += width * kLanes)
         unfold_tap(in, ky, kx, first, width, to);
@@ -116,7 +116,7 @@ class Direct {
     });
   }
 
-  /// `columns_of(first, width)` gives a strip of the chunk.
+  /// `columns_of(first, width)` gives a panel of the chunk.
   template <class ColumnsOf>
   void multiply_slice(int64_t image, int64_t chunk, int64_t slice,
                       const ColumnsOf& columns_of) const {
@@ -127,16 +127,16 @@ class Direct {
     const BlockEpilogue epilogues[] = {
         BlockEpilogue(a_.epilogue, a_.bias, block, p_.c_out),
         BlockEpilogue(a_.epilogue, a_.bias, block + blocks - 1, p_.c_out)};
-    const Parts strips = strips_of_chunk(chunk);
-    for (int64_t strip = 0; strip < strips.size; ++strip) {
-      const int64_t first = strips.begin(strip), width = strips.width(strip);
+    const Split panels = panels_of_chunk(chunk);
+    for (int64_t panel = 0; panel < panels.parts; ++panel) {
+      const int64_t first = panels.begin(panel), width = panels.width(panel);
       const Columns columns = columns_of(first, width);
       const Factors factors = {shape_.depth(),
                                columns.data,
                                columns.step,
                                a_.packed + block * shape_.weights_floats(),
                                shape_.weights_floats(),
-                               fetched(block, slice, strips.size - 1 - strip)};
+                               prefetched(block, slice, panels.parts - 1 - panel)};
       const int64_t offset = (image * shape_.out_blocks + begin) * image_step +
                              (shape_.chunks.columns.begin(chunk) + first) * kLanes;
       float* const output = a_.output + offset;
@@ -149,10 +149,10 @@ class Direct {
     }
   }
 
-  /// The weights to fetch while one strip of a slice that starts at `block` is multiplied, `left`
-  /// strips before the last: the last strips fetch a block each of what this thread likely takes
-  /// next; deep layers' are in L3 or in memory.
-  const float* fetched(int64_t block, int64_t slice, int64_t left) const {
+  /// The weights to prefetch while one panel of a slice that starts at `block` is multiplied,
+  /// `left` panels before the last: the last panels prefetch a block each of what this thread
+  /// likely takes next; deep layers' are in L3 or in memory.
+  const float* prefetched(int64_t block, int64_t slice, int64_t left) const {
     const int64_t next = slice + (shape_.chunks.per_thread ? 1 : p_.threads);
     const int64_t ahead = (next - slice) * DirectShape::kSliceBlocks + left;
     const bool there = left < DirectShape::kSliceBlocks &&
@@ -217,7 +217,7 @@ void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
 
 const BlockedConvolutionKernel kBlockedDirect = {
     "direct",
-    Layout::kBlocked,
+    Layout::kNChw16c,
     groups_are_whole_blocks,
     direct_ms,
     packed_floats,
@@ -232,7 +232,7 @@ const BlockedConvolutionKernel kBlockedDirect = {
 
 const BlockedConvolutionKernel kBlockedPointwise = {
     "pointwise",
-    Layout::kBlocked,
+    Layout::kNChw16c,
     is_pointwise,
     pointwise_ms,
     packed_floats,

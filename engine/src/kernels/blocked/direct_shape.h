@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "kernels/blocked/columns.h"
+#include "kernels/blocked/column_panels.h"
 #include "kernels/convolution.h"
 #include "layout.h"
 
@@ -24,16 +24,16 @@ struct DirectShape {
         images(p.n * p.group),
         chunks(cut_into_chunks(
             images, p.out_pixels(),
-            std::clamp<int64_t>(kChunkFloats / (kMaxColumns * kLanes * depth()), 1, kMostStrips),
+            std::clamp<int64_t>(kChunkFloats / (kMaxColumns * kLanes * depth()), 1, kMostPanels),
             p.threads)) {}
 
   int64_t depth() const { return taps * in_blocks; }
   int64_t weights_floats() const { return depth() * kLanes * kLanes; }  // of an output block
-  int64_t columns_floats() const { return chunks.columns.most() * kLanes * depth(); }
+  int64_t columns_floats() const { return chunks.columns.widest() * kLanes * depth(); }
   int64_t slices() const { return (out_blocks + kSliceBlocks - 1) / kSliceBlocks; }
 
  private:
-  static constexpr int64_t kChunkFloats = 256 * 1024, kMostStrips = 8;
+  static constexpr int64_t kChunkFloats = 256 * 1024, kMostPanels = 8;
 };
 
 }  // namespace revisit::engine

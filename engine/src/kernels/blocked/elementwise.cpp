@@ -1,6 +1,6 @@
 #include "kernels/blocked/elementwise.h"
 
-#include "kernels/blocked/planes.h"
+#include "kernels/blocked/blocked_pieces.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/elementwise.cpp"

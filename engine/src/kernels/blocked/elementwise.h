@@ -2,7 +2,7 @@
 
 #include <span>
 
-#include "kernels/blocked/size.h"
+#include "kernels/blocked/blocked_size.h"
 #include "kernels/epilogue.h"
 
 // Kernels on each element of blocked values by itself. All arrays are 64-byte aligned; the output

@@ -13,7 +13,7 @@
 #include <cmath>
 
 #include "kernels/blocked/block-inl.h"
-#include "kernels/blocked/lrn_tile.h"
+#include "kernels/blocked/lrn_squares.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

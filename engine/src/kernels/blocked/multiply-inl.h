@@ -1,4 +1,4 @@
-// The matrix product under every blocked convolution: a strip of columns (pixels or tiles) times
+// The matrix product under every blocked convolution: a panel of columns (pixels or tiles) times
 // blocks of output channels, summed over blocks of input channels. Highway includes this file once
 // per target.
 #if defined(REVISIT_MULTIPLY_INL_H_) == defined(HWY_TARGET_TOGGLE)
@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "kernels/blocked/block-inl.h"
-#include "kernels/blocked/columns.h"
+#include "kernels/blocked/column_panels.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
@@ -24,12 +24,12 @@ constexpr int kTileColumns = sum_tile(kRegisters, kVectors).columns;
 
 /// Factors of a product, in steps of floats.
 struct Factors {
-  int64_t in_blocks;     // of the sum
-  const float* inputs;   // [in_blocks][columns][kLanes]
-  int64_t inputs_step;   // from block to block; columns are kLanes apart
-  const float* weights;  // [output block][in_blocks * kLanes][kLanes]
-  int64_t weights_step;  // from output block to output block
-  const float* fetched;  // meanwhile into the cache, as much as one output block's weights
+  int64_t in_blocks;        // of the sum
+  const float* inputs;      // [in_blocks][columns][kLanes]
+  int64_t inputs_step;      // from block to block; columns are kLanes apart
+  const float* weights;     // [output block][in_blocks * kLanes][kLanes]
+  int64_t weights_step;     // from output block to output block
+  const float* prefetched;  // meanwhile into the cache, as much as one output block's weights
 };
 
 /// A sink that stores [output block][column][kLanes].
@@ -54,10 +54,11 @@ void multiply_tile(const Factors& f, const Sink& sink) {
   }
   const float* HWY_RESTRICT weights = f.weights;
   const float* HWY_RESTRICT inputs = f.inputs;
-  const float* fetched = f.fetched;
+  const float* prefetched = f.prefetched;
   for (int64_t block = 0; block < f.in_blocks; ++block, inputs += f.inputs_step) {
-    for (int64_t channel = 0; channel < kLanes; ++channel, weights += kLanes, fetched += kLanes) {
-      hwy::Prefetch(fetched);
+    for (int64_t channel = 0; channel < kLanes;
+         ++channel, weights += kLanes, prefetched += kLanes) {
+      hwy::Prefetch(prefetched);
       hwy::Prefetch(inputs + f.inputs_step + std::min<int64_t>(channel, kColumns - 1) * kLanes);
       Block w[kBlocks];
       REVISIT_UNROLL

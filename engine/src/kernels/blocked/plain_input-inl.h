@@ -83,7 +83,7 @@ class PlainInput {
     const InputView view = view_of(row.n, row.y, x, kTile, row.patch);
     Block sums[kBlocks][kTile];
     accumulate<kBlocks, kTile, kStride>(view, a_.packed + block * weights_step(), sums);
-    if (a_.outside && reaches_outside(view, x, kTile)) add_outside(view, x, block, sums);
+    if (a_.outside_taps && reaches_outside(view, x, kTile)) add_outside(view, x, block, sums);
     REVISIT_UNROLL
     for (int b = 0; b < kBlocks; ++b) {
       const BlockEpilogue epilogue(a_.epilogue, a_.bias, block + b, p_.c_out);
@@ -138,7 +138,7 @@ class PlainInput {
           const bool inside = ky >= view.first_ky && ky < view.end_ky && ix >= 0 && ix < p_.w;
           if (inside) continue;
           for (int b = 0; b < kBlocks; ++b)
-            sums[b][i] = sums[b][i] + load_block(a_.outside + (block + b) * weights_step() +
+            sums[b][i] = sums[b][i] + load_block(a_.outside_taps + (block + b) * weights_step() +
                                                  (ky * p_.kernel_w + kx) * kLanes);
         }
   }

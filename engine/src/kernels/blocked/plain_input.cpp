@@ -2,8 +2,8 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/plain_input.cpp"
 #include <hwy/foreach_target.h>  // includes this file again for every target
 
+#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"
-#include "kernels/blocked/kernels.h"
 #include "kernels/blocked/plain_input-inl.h"
 #include "kernels/blocked/plain_input_scratch.h"
 #include "kernels/parallel.h"
@@ -43,7 +43,7 @@ void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
 
 const BlockedConvolutionKernel kBlockedPlainInput = {
     "direct plain-input",
-    Layout::kPlain,
+    Layout::kNchw,
     [](const ConvolutionProblem& p) {
       return p.c_in <= 4 && p.group == 1 && plain_input_patch_fits(p);
     },

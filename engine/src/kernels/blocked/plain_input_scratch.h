@@ -1,6 +1,6 @@
 #pragma once
 
-#include "kernels/blocked/columns.h"
+#include "kernels/blocked/column_panels.h"
 #include "kernels/convolution.h"
 
 namespace revisit::engine {

@@ -1,6 +1,6 @@
 #include "kernels/blocked/pooling.h"
 
-#include "kernels/blocked/planes.h"
+#include "kernels/blocked/blocked_pieces.h"
 #include "kernels/parallel.h"
 
 #undef HWY_TARGET_INCLUDE

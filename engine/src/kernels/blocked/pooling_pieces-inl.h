@@ -6,7 +6,7 @@
 #define REVISIT_BLOCKED_POOLING_PIECES_INL_H
 #endif
 
-#include "kernels/blocked/planes.h"
+#include "kernels/blocked/blocked_pieces.h"
 #include "kernels/blocked/pooling-inl.h"
 #include "kernels/blocked/pooling_pieces.h"
 
@@ -123,7 +123,7 @@ HWY_INLINE void join_continued(const PoolingPiece& piece) {
 template <class RowsOf>
 void pool_pieces(const PoolingProblem& p, int64_t channels, const PoolingPieces& pieces,
                  float* output, float* scratch, const RowsOf& rows_of) {
-  const int64_t bands = pieces.bands.size;
+  const int64_t bands = pieces.bands.parts;
   float* const rows = scratch;
   float* const continued = scratch + pieces.threads * pieces.row_floats();
   const auto piece_of = [&](int64_t image, int64_t strip, int64_t band, int thread) HWY_ATTR {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "kernels/blocked/columns.h"
+#include "kernels/blocked/column_panels.h"
 #include "kernels/pooling.h"
 #include "layout.h"
 
@@ -20,7 +20,7 @@ struct PoolingPieces {
   int64_t windows;    // of a strip
   int64_t columns;    // of the image that a strip reads, at most
   int64_t strips;     // of an image
-  Parts bands;        // rows of an image
+  Split bands;        // rows of an image
   int64_t continued;  // rows of windows that reach into a band from the one above, at most
   int64_t blocks;     // of channels
   int threads;
@@ -37,13 +37,13 @@ struct PoolingPieces {
     continued = std::min(ceil_div(p.kernel_h - 1, p.stride_h), p.out_h);
   }
 
-  int64_t count() const { return images * strips * bands.size; }
+  int64_t count() const { return images * strips * bands.parts; }
 
   int64_t row_floats() const { return columns * blocks * kLanes; }  // of one row of pixels
   /// What a piece has of the windows that began above its band.
   int64_t continued_floats() const { return continued * windows * blocks * kLanes; }
   int64_t scratch_floats() const {
-    return images * strips * (bands.size - 1) * continued_floats() + threads * row_floats();
+    return images * strips * (bands.parts - 1) * continued_floats() + threads * row_floats();
   }
 
  private:

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "kernels/blocked/size.h"
+#include "kernels/blocked/blocked_size.h"
 
 namespace revisit::engine {
 

@@ -3,9 +3,9 @@
 #include <hwy/foreach_target.h>  // includes this file again for every target
 
 #include "kernels/blocked/convolution.h"
+#include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"
 #include "kernels/blocked/epilogue-inl.h"
-#include "kernels/blocked/kernels.h"
 #include "kernels/blocked/multiply-inl.h"
 #include "kernels/blocked/winograd_lines-inl.h"
 #include "kernels/blocked/winograd_shape.h"
@@ -34,7 +34,7 @@ class Winograd {
       : p_(p), a_(a), shape_(kVariants[kVariant], p) {}
 
   void run() const {
-    const int64_t chunks = shape_.chunks.columns.size;
+    const int64_t chunks = shape_.chunks.columns.parts;
     if (shape_.chunks.per_thread) {
       const int64_t floats = shape_.inputs_floats() + shape_.products_floats();
       parallel_for(chunks, p_.threads, [&](int64_t chunk, int thread) {
@@ -72,23 +72,23 @@ class Winograd {
             tile % shape_.tiles_x * kTile.columns};
   }
 
-  Parts strips_of_chunk(int64_t chunk) const {
-    return strips_of(shape_.chunks.columns.width(chunk));
+  Split panels_of_chunk(int64_t chunk) const {
+    return panels_of(shape_.chunks.columns.width(chunk));
   }
 
-  /// An item is one strip of tiles and one block of input channels.
+  /// An item is one panel of tiles and one block of input channels.
   int64_t input_items(int64_t chunk) const {
-    return strips_of_chunk(chunk).size * shape_.in_blocks;
+    return panels_of_chunk(chunk).parts * shape_.in_blocks;
   }
 
-  /// Writes [strip][block][point][tile][kLanes].
+  /// Writes [panel][block][point][tile][kLanes].
   void transform_inputs(int64_t chunk, int64_t item, float* inputs) const {
-    const Parts strips = strips_of_chunk(chunk);
-    const int64_t strip = item / shape_.in_blocks, block = item % shape_.in_blocks;
-    const int64_t width = strips.width(strip);
-    const int64_t first = shape_.chunks.columns.begin(chunk) + strips.begin(strip);
+    const Split panels = panels_of_chunk(chunk);
+    const int64_t panel = item / shape_.in_blocks, block = item % shape_.in_blocks;
+    const int64_t width = panels.width(panel);
+    const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
     float* const to =
-        inputs + (strips.begin(strip) * shape_.in_blocks + block * width) * kPoints * kLanes;
+        inputs + (panels.begin(panel) * shape_.in_blocks + block * width) * kPoints * kLanes;
     for (int64_t t = 0; t < width; ++t) {
       const Tile tile = locate(first + t);
       const float* image =
@@ -131,20 +131,20 @@ class Winograd {
   }
 
   /// Multiplies for every point, then transforms the products back while they are in cache:
-  /// [strip][block][point][tile][kLanes].
+  /// [panel][block][point][tile][kLanes].
   void compute_slice(int64_t chunk, int64_t slice, const float* inputs, float* products) const {
     const int64_t group = slice / shape_.slices_per_group();
     const int64_t begin = slice % shape_.slices_per_group() * shape_.slice_blocks;
     const int64_t blocks = std::min(shape_.slice_blocks, shape_.out_blocks_per_group() - begin);
     const int64_t first_block = group * shape_.out_blocks_per_group() + begin;
 
-    const Parts cut = strips_of_chunk(chunk);
-    const int64_t n_strips = cut.size;
-    ChunkStrip strips[WinogradShape::kMostChunkStrips];
-    for (int64_t i = 0; i < n_strips; ++i) {
+    const Split cut = panels_of_chunk(chunk);
+    const int64_t n_panels = cut.parts;
+    ChunkPanel panels[WinogradShape::kMostChunkPanels];
+    for (int64_t i = 0; i < n_panels; ++i) {
       const int64_t block_floats = kPoints * cut.width(i) * kLanes;
       const int64_t before = cut.begin(i) * kPoints * kLanes;
-      strips[i] = {
+      panels[i] = {
           shape_.chunks.columns.begin(chunk) + cut.begin(i), cut.width(i), block_floats,
           inputs + before * shape_.in_blocks + group * shape_.in_blocks_per_group() * block_floats,
           products + before * blocks};
@@ -152,20 +152,20 @@ class Winograd {
 
     const Products order(first_block, blocks);
     for (int64_t step = 0; step < order.steps(); ++step)
-      for (int64_t i = 0; i < n_strips; ++i)
-        multiply_step(strips[i], order, step, n_strips - 1 - i);
+      for (int64_t i = 0; i < n_panels; ++i)
+        multiply_step(panels[i], order, step, n_panels - 1 - i);
 
     for (int64_t b = 0; b < blocks; ++b) {
       const BlockEpilogue epilogue(a_.epilogue, a_.bias, first_block + b, p_.c_out);
-      for (int64_t i = 0; i < n_strips; ++i)
-        for (int64_t t = 0; t < strips[i].width; ++t)
-          transform_output(locate(strips[i].first_tile + t),
-                           strips[i].products + b * strips[i].block_floats + t * kLanes,
-                           strips[i].width * kLanes, first_block + b, epilogue);
+      for (int64_t i = 0; i < n_panels; ++i)
+        for (int64_t t = 0; t < panels[i].width; ++t)
+          transform_output(locate(panels[i].first_tile + t),
+                           panels[i].products + b * panels[i].block_floats + t * kLanes,
+                           panels[i].width * kLanes, first_block + b, epilogue);
     }
   }
 
-  struct ChunkStrip {
+  struct ChunkPanel {
     int64_t first_tile, width;
     int64_t block_floats;  // of all points
     const float* inputs;   // from the first block of the group on
@@ -192,21 +192,22 @@ class Winograd {
     return a_.packed + (block * kPoints + point) * weights_floats();
   }
 
-  /// One strip of a step, after which `left` strips are left of the step. The last strips fetch the
-  /// weights of the next step, a block each: a deep layer's are in L3 or in memory.
-  void multiply_step(const ChunkStrip& strip, const Products& products, int64_t step,
+  /// One panel of a step, after which `left` panels are left of the step. The last panels prefetch
+  /// the weights of the next step, a block each: a deep layer's are in L3 or in memory.
+  void multiply_step(const ChunkPanel& panel, const Products& products, int64_t step,
                      int64_t left) const {
     const int64_t point = products.point(step), begin = products.begin(step), next = step + 1;
     const float* const here = weights(products.first_block + begin, point);
-    const bool fetches = next < products.steps() && left < products.count(next);
-    const float* const fetched =
-        fetches ? weights(products.first_block + products.begin(next) + left, products.point(next))
-                : here;
-    const int64_t offset = point * strip.width * kLanes, block_floats = strip.block_floats;
-    multiply({shape_.in_blocks_per_group(), strip.inputs + offset, block_floats, here,
-              kPoints * weights_floats(), fetched},
-             products.count(step), strip.width,
-             StoreProducts{strip.products + begin * block_floats + offset, block_floats});
+    const bool prefetches = next < products.steps() && left < products.count(next);
+    const float* const prefetched =
+        prefetches
+            ? weights(products.first_block + products.begin(next) + left, products.point(next))
+            : here;
+    const int64_t offset = point * panel.width * kLanes, block_floats = panel.block_floats;
+    multiply({shape_.in_blocks_per_group(), panel.inputs + offset, block_floats, here,
+              kPoints * weights_floats(), prefetched},
+             products.count(step), panel.width,
+             StoreProducts{panel.products + begin * block_floats + offset, block_floats});
   }
 
   void transform_output(const Tile& tile, const float* from, int64_t step, int64_t block,
@@ -328,7 +329,7 @@ void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
 template <size_t kVariant>
 constexpr BlockedConvolutionKernel kernel() {
   return {kVariants[kVariant].name,
-          Layout::kBlocked,
+          Layout::kNChw16c,
           supports<kVariant>,
           [](const ConvolutionProblem& p) { return winograd_ms(kVariants[kVariant], p); },
           packed_floats<kVariant>,

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "kernels/blocked/columns.h"
+#include "kernels/blocked/column_panels.h"
 #include "kernels/convolution.h"
 #include "layout.h"
 
@@ -19,7 +19,7 @@ struct WinogradVariant {
 /// point; a chunk of them is transformed, multiplied and transformed back slice by slice of output
 /// channels, so that transformed inputs and products stay in cache.
 struct WinogradShape {
-  static constexpr int64_t kMostChunkStrips = 4;
+  static constexpr int64_t kMostChunkPanels = 4;
 
   int64_t points, tiles_y, tiles_x;
   int64_t in_blocks, out_blocks;  // of all groups
@@ -36,11 +36,11 @@ struct WinogradShape {
         group(p.group),
         slice_blocks(in_blocks_per_group() <= kShallow ? 2 : 4),
         chunks(cut_into_chunks(1, p.n * tiles_y * tiles_x,
-                               in_blocks_per_group() < kDeep ? 2 : kMostChunkStrips, p.threads)) {
+                               in_blocks_per_group() < kDeep ? 2 : kMostChunkPanels, p.threads)) {
     if (!chunks.per_thread && slices() < 2 * p.threads) slice_blocks = 2;
   }
 
-  int64_t tiles() const { return chunks.columns.count; }
+  int64_t tiles() const { return chunks.columns.items; }
   int64_t in_blocks_per_group() const { return in_blocks / group; }
   int64_t out_blocks_per_group() const { return out_blocks / group; }
 
@@ -49,9 +49,10 @@ struct WinogradShape {
   }
   int64_t slices() const { return group * slices_per_group(); }
 
-  int64_t inputs_floats() const { return chunks.columns.most() * in_blocks * points * kLanes; }
+  int64_t inputs_floats() const { return chunks.columns.widest() * in_blocks * points * kLanes; }
   int64_t products_floats() const {
-    return chunks.columns.most() * std::min(slice_blocks, out_blocks_per_group()) * points * kLanes;
+    return chunks.columns.widest() * std::min(slice_blocks, out_blocks_per_group()) * points *
+           kLanes;
   }
   int64_t scratch_floats(int threads) const {
     return (chunks.per_thread ? threads : 1) * inputs_floats() + threads * products_floats();

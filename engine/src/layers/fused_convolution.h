@@ -1,6 +1,5 @@
 #pragma once
 
-#include "fold.h"
 #include "kernels/blocked/convolution.h"
 #include "layer.h"
 #include "weight_cache.h"
@@ -14,7 +13,11 @@ struct WeightSource {
   size_t layer;  // that the cache knows it as
 };
 
-/// A 2-D convolution as its kernels see it: what its fusion changes about input and weights.
+/// The second blob of a layer, or null where it has none.
+const float* bias_of(const std::vector<Tensor>& originals);
+
+/// A 2-D convolution as its blocked kernels see it: what its fusion changes about input and
+/// weights.
 class FusedConvolution {
  public:
   FusedConvolution(const ConvolutionProblem& problem, const Fusion& fusion);
@@ -22,8 +25,6 @@ class FusedConvolution {
   /// With one input channel where that is gray.
   const ConvolutionProblem& problem() const { return problem_; }
   const Fusion& fusion() const { return fusion_; }
-  /// Whether padding meets a gray input whose channels differ: FoldedWeights::constants.
-  bool has_constants() const { return needs_constants(fusion_, sees_outside_); }
 
   /// Of packed(): the kernel's own for weights and constants, and the bias.
   int64_t packed_floats(const BlockedConvolutionKernel& kernel) const;
@@ -31,20 +32,17 @@ class FusedConvolution {
   int64_t most_packed_floats(int64_t limit) const;
   HeldWeights packed(const BlockedConvolutionKernel& kernel, const WeightSource& source) const;
 
-  /// Weights and bias in the file's order for a kernel on plain values: the file's own, but of a
-  /// gray input a copy of plain_floats(). With constants there is a second input channel, of ones,
-  /// whose padding is 0 as that of the picture.
-  HeldWeights plain(const WeightSource& source) const;
-  int64_t plain_floats() const;
-
  private:
   PackedWeightsKey key(size_t layer, std::string kernel) const;
-  FoldedWeights folded(const std::vector<Tensor>& originals) const;
+  PackedWeights pack(const BlockedConvolutionKernel& kernel,
+                     const std::vector<Tensor>& originals) const;
 
   ConvolutionProblem problem_;
   Fusion fusion_;
-  WeightSize weight_size_;
-  bool sees_outside_;  // windows reach beyond the image
+  int64_t c_in_;  // of the weights of the file, of one group
+  /// Windows of a gray input reach beyond the image, and its channels differ there: padding is 0 in
+  /// every channel of the original, not the offset.
+  bool has_constants_;
 };
 
 }  // namespace revisit::engine

@@ -4,14 +4,14 @@
 
 namespace revisit::engine {
 
-/// `count` things in `size` parts, equal to within one.
-struct Parts {
-  int64_t count, size;
+/// `items` things cut into `parts` parts, equal to within one.
+struct Split {
+  int64_t items, parts;
 
-  int64_t begin(int64_t part) const { return count * part / size; }
+  int64_t begin(int64_t part) const { return items * part / parts; }
   int64_t end(int64_t part) const { return begin(part + 1); }
   int64_t width(int64_t part) const { return end(part) - begin(part); }
-  int64_t most() const { return (count + size - 1) / size; }
+  int64_t widest() const { return (items + parts - 1) / parts; }
 };
 
 /// Columns of a matrix product that are summed in registers at a time: with two blocks of output
@@ -33,22 +33,22 @@ constexpr SumTile sum_tile(int registers, int vectors) {
   return {blocks, std::clamp((registers - 1) / (blocks * vectors) - 1, 2, kColumns)};
 }
 
-/// The fewest strips of at most kMaxColumns.
-inline Parts strips_of(int64_t columns) {
+/// The fewest panels, of at most kMaxColumns columns each.
+inline Split panels_of(int64_t columns) {
   return {columns, (columns + kMaxColumns - 1) / kMaxColumns};
 }
 
 /// Columns are worked on in chunks that stay in cache.
 struct Chunks {
-  Parts columns;    // of one product
+  Split columns;    // of one product
   bool per_thread;  // every thread takes chunks of its own; else all work on the same one
 };
 
-/// Of `products` products alike, in chunks of at most `strips` strips. Where threads have at least
+/// Of `products` products alike, in chunks of at most `panels` panels. Where threads have at least
 /// one each, there are as many for each.
-inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t strips, int threads) {
-  int64_t chunks = strips_of(columns).size;
-  chunks = (chunks + strips - 1) / strips;
+inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t panels, int threads) {
+  int64_t chunks = panels_of(columns).parts;
+  chunks = (chunks + panels - 1) / panels;
   if (products * chunks < threads) return {{columns, chunks}, false};
   if (products * chunks < 4 * threads)
     while (products * chunks % threads != 0) ++chunks;

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "kernels/blocked/size.h"
+#include "kernels/blocked/blocked_size.h"
 #include "kernels/parallel.h"
 
 namespace revisit::engine {
 
 /// Zeroes the lanes beyond channel `c` of `pixels` pixels of one plane, `block` being its number:
-/// the promise of Layout::kBlocked, kept by every kernel whose result for zero is not zero.
+/// the promise of Layout::kNChw16c, kept by every kernel whose result for zero is not zero.
 inline void clear_tail_lanes(int64_t c, int64_t block, int64_t pixels, float* output) {
   const int64_t used = std::clamp<int64_t>(c - block * kLanes, 0, kLanes);
   if (used == kLanes) return;

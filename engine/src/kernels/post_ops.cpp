@@ -1,21 +1,16 @@
-#include "kernels/epilogue_plain.h"
-
-#include <algorithm>
-#include <cmath>
+#include "kernels/post_ops.h"
 
 namespace revisit::engine {
 namespace {
 
-/// Caffe's own expressions, as in the layers of these names.
 template <class Function>
-void apply(const Function& function, int64_t begin, int64_t end, float* values) {
+void apply_to_each(const Function& function, int64_t begin, int64_t end, float* values) {
   for (int64_t i = begin; i < end; ++i) values[i] = function(values[i]);
 }
 
 void activate(const Epilogue& e, int64_t channel, int64_t begin, int64_t end, float* values) {
   const auto leaky = [&](float slope) {
-    apply([slope](float x) { return std::max(x, 0.0F) + slope * std::min(x, 0.0F); }, begin, end,
-          values);
+    apply_to_each([slope](float x) { return leaky_relu(x, slope); }, begin, end, values);
   };
   switch (e.activation) {
     case Epilogue::Activation::kNone:
@@ -25,20 +20,16 @@ void activate(const Epilogue& e, int64_t channel, int64_t begin, int64_t end, fl
     case Epilogue::Activation::kPrelu:
       return leaky(e.slopes[channel]);
     case Epilogue::Activation::kElu:
-      return apply(
-          [alpha = e.slope](float x) {
-            return std::max(x, 0.0F) + alpha * (std::exp(std::min(x, 0.0F)) - 1);
-          },
-          begin, end, values);
+      return apply_to_each([alpha = e.slope](float x) { return elu(x, alpha); }, begin, end,
+                           values);
     case Epilogue::Activation::kClip:
-      return apply([&](float x) { return std::min(std::max(x, e.low), e.high); }, begin, end,
-                   values);
+      return apply_to_each([&](float x) { return clipped(x, e.low, e.high); }, begin, end, values);
   }
 }
 
 }  // namespace
 
-void finish(const ChannelRuns& runs, const PlainEpilogue& e, int threads, float* values) {
+void apply(const PostOps& e, const ChannelRuns& runs, int threads, float* values) {
   if (!e.scale && !e.addend && e.epilogue.activation == Epilogue::Activation::kNone) return;
   for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
     if (e.scale)

@@ -1,0 +1,22 @@
+#include "layer.h"
+
+#include <limits>
+
+namespace revisit::engine {
+
+std::vector<Shape> OneToOneLayer::infer(const std::vector<Shape>& inputs, size_t n_outputs) const {
+  expect_count(inputs.size(), 1, "inputs");
+  expect_count(n_outputs, 1, "outputs");
+  return {output_shape(inputs[0])};
+}
+
+void expect_count(size_t found, size_t expected, const char* what) {
+  if (found != expected) throw InputError(str("expected ", expected, " ", what, ", found ", found));
+}
+
+void expect_int(int64_t size, const char* what) {
+  constexpr int64_t kMost = std::numeric_limits<int>::max();
+  if (size > kMost) throw InputError(str(what, " must be at most ", kMost, ", found ", size));
+}
+
+}  // namespace revisit::engine

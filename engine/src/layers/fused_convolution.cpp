@@ -1,0 +1,128 @@
+#include "layers/fused_convolution.h"
+
+#include <algorithm>
+#include <bit>
+#include <numeric>
+
+namespace revisit::engine {
+namespace {
+
+using Doubles = std::vector<double>;
+
+/// Sums of `[c_out][c_in][taps]` over the channels, each times its factor.
+Doubles sum_of_channels(int64_t c_out, const Doubles& factors, const Doubles& weights) {
+  const auto c_in = static_cast<int64_t>(factors.size());
+  const int64_t taps = static_cast<int64_t>(weights.size()) / (c_out * c_in);
+  Doubles sums(c_out * taps, 0.0);
+  for (int64_t co = 0; co < c_out; ++co)
+    for (int64_t ci = 0; ci < c_in; ++ci)
+      for (int64_t k = 0; k < taps; ++k)
+        sums[co * taps + k] += factors[ci] * weights[(co * c_in + ci) * taps + k];
+  return sums;
+}
+
+/// Multiplies each output channel, `values` being [c_out][...].
+void scale_outputs(const Doubles& factors, Doubles* values) {
+  const size_t run = values->size() / factors.size();
+  for (size_t i = 0; i < values->size(); ++i) (*values)[i] *= factors[i / run];
+}
+
+std::vector<float> rounded(const Doubles& values) {
+  return {values.begin(), values.end()};
+}
+
+/// The bias has the constants of all taps; `outside_taps` takes away those outside the image.
+void pack_constants(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p,
+                    std::vector<float> constants, PackedWeights* packed) {
+  const auto taps = static_cast<int64_t>(constants.size()) / p.c_out;
+  for (int64_t co = 0; co < p.c_out; ++co)
+    packed->bias.data()[co] = static_cast<float>(
+        std::accumulate(constants.begin() + co * taps, constants.begin() + (co + 1) * taps,
+                        double{packed->bias.data()[co]}));
+  for (float& constant : constants) constant = -constant;
+  packed->outside_taps = AlignedFloats(kernel.packed_floats(p));
+  kernel.pack(p, constants.data(), packed->outside_taps.data());
+}
+
+bool reaches_beyond_image(const ConvolutionProblem& p) {
+  return p.pad_h > 0 || p.pad_w > 0 || (p.kernel_h - 1) * p.dilation_h >= p.h ||
+         (p.kernel_w - 1) * p.dilation_w >= p.w;
+}
+
+}  // namespace
+
+const float* bias_of(const std::vector<Tensor>& originals) {
+  return originals.size() > 1 ? originals[1].values.data() : nullptr;
+}
+
+FusedConvolution::FusedConvolution(const ConvolutionProblem& problem, const Fusion& fusion)
+    : problem_(problem),
+      fusion_(fusion),
+      c_in_(problem.c_in_per_group()),
+      has_constants_(fusion.gray_offsets && reaches_beyond_image(problem) &&
+                     std::any_of(fusion.gray_offsets->begin(), fusion.gray_offsets->end(),
+                                 [](float offset) { return offset != 0; })) {
+  if (fusion.gray_offsets) problem_.c_in = 1;
+}
+
+int64_t FusedConvolution::packed_floats(const BlockedConvolutionKernel& kernel) const {
+  return (has_constants_ ? 2 : 1) * kernel.packed_floats(problem_) +
+         padded_channels(problem_.c_out);
+}
+
+int64_t FusedConvolution::most_packed_floats(int64_t limit) const {
+  return (limit - padded_channels(problem_.c_out)) / (has_constants_ ? 2 : 1);
+}
+
+PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
+  PackedWeightsKey key{layer, fusion_.affine_layers, {}, has_constants_, std::move(kernel)};
+  if (fusion_.gray_offsets)
+    for (const float offset : *fusion_.gray_offsets)
+      key.gray_offsets.push_back(std::bit_cast<uint32_t>(offset));
+  return key;
+}
+
+HeldWeights FusedConvolution::packed(const BlockedConvolutionKernel& kernel,
+                                     const WeightSource& source) const {
+  const auto all = source.cache->get(key(source.layer, kernel.name),
+                                     [&] { return pack(kernel, *source.originals()); });
+  return {all->weights.data(), all->bias.data(), all->outside_taps.data(), all};
+}
+
+/// What is merged into the weights is computed in double precision.
+PackedWeights FusedConvolution::pack(const BlockedConvolutionKernel& kernel,
+                                     const std::vector<Tensor>& originals) const {
+  const int64_t c_out = problem_.c_out, lanes = padded_channels(c_out);
+  const std::vector<float>& weights = originals[0].values;
+  const float* const bias = bias_of(originals);
+  PackedWeights packed{AlignedFloats(kernel.packed_floats(problem_)), {}};
+  if (!fusion_.gray_offsets && !fusion_.affine) {
+    kernel.pack(problem_, weights.data(), packed.weights.data());
+    packed.bias = padded(std::span(bias, static_cast<size_t>(bias ? c_out : 0)), lanes);
+    return packed;
+  }
+  Doubles w(weights.begin(), weights.end()), b(c_out, 0.0);
+  Doubles constants;  // what the offsets of a gray input add for each tap, [c_out][taps]
+  if (bias) std::copy_n(bias, c_out, b.begin());
+  if (const auto& offsets = fusion_.gray_offsets) {
+    constants = sum_of_channels(c_out, Doubles(offsets->begin(), offsets->end()), w);
+    w = sum_of_channels(c_out, Doubles(c_in_, 1.0), w);
+    const int64_t taps = static_cast<int64_t>(constants.size()) / c_out;
+    if (!has_constants_) {
+      for (size_t i = 0; i < constants.size(); ++i) b[i / taps] += constants[i];
+      constants.clear();
+    }
+  }
+  if (fusion_.affine) {
+    scale_outputs(fusion_.affine->scale, &w);
+    scale_outputs(fusion_.affine->scale, &constants);
+    for (int64_t co = 0; co < c_out; ++co)
+      b[co] = b[co] * fusion_.affine->scale[co] + fusion_.affine->shift[co];
+  }
+  kernel.pack(problem_, rounded(w).data(), packed.weights.data());
+  packed.bias = padded(rounded(b), lanes);
+  if (has_constants_) pack_constants(kernel, problem_, rounded(constants), &packed);
+  return packed;
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,85 @@
+// Outputs of layers that a plan keeps beside the net's, and runs in memory of the caller's.
+#include <gtest/gtest.h>
+
+#include "aligned.h"
+#include "compare.h"
+#include "expect_error.h"
+#include "net_case.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::conv;
+using test::expect_error;
+using test::in_place;
+using test::kernel_of;
+using test::small_net;
+
+Net two_convolutions() {
+  return small_net(
+      {1, 16, 13, 17},
+      conv("c1", "data") + in_place("r1", "ReLU", "c1") + conv("c2", "c1") +
+          in_place("r2", "ReLU", "c2") + test::layer("drop", "Dropout", {"c2"}) +
+          test::layer("p", "Pooling", {"drop"}, "pooling_param { kernel_size: 3 stride: 2 }"));
+}
+
+std::vector<float> layer_of(const Net& net, const PlanOptions& options, const char* layer) {
+  engine::Run run(net.plan({}, options));
+  test::fill_randomly(run);
+  run.forward();
+  const auto values = run.layer_output(layer).values();
+  return {values.begin(), values.end()};
+}
+
+TEST(KeptOutputs, AreThoseOfAPlanThatKeepsAll) {
+  const Net net = two_convolutions();
+  for (const char* layer : {"data", "c1", "r1", "c2", "r2", "drop", "p"})
+    EXPECT_LE(test::relative_error(layer_of(net, {.keep = {layer}}, layer),
+                                   layer_of(net, {.keep_all = true}, layer)),
+              1e-5)
+        << layer;
+}
+
+TEST(KeptOutputs, WhatDoesNotWriteOverThemIsMerged) {
+  const Net net = two_convolutions();
+  const Plan before = net.plan({}, {.keep = {"c1", "r2"}}), after = net.plan({}, {.keep = {"r1"}});
+  EXPECT_NE(kernel_of(before, "r1"), "in c1");
+  EXPECT_EQ(kernel_of(before, "r2"), "in c2");
+  EXPECT_EQ(kernel_of(after, "r1"), "in c1");
+  test::expect_as_reference(net, {.keep = {"c1", "r2"}});
+}
+
+TEST(KeptOutputs, OfOtherLayersAreNotReadable) {
+  const Net net = two_convolutions();
+  const engine::Run run(net.plan({}, {.keep = {"c1"}}));
+  expect_error<UsageError>([&] { static_cast<void>(run.layer_output("c2")); }, {"c2"});
+  expect_error<UsageError>([&] { net.plan({}, {.keep = {"cl"}}); },
+                           {"keep", "has no layer 'cl'", "c1"});
+}
+
+TEST(RunInAnArena, GivesTheSameBits) {
+  const Net net = two_convolutions();
+  const Plan plan = net.plan();
+  const AlignedFloats arena(plan.arena_bytes() / static_cast<int64_t>(sizeof(float)));
+  std::vector<std::vector<float>> outputs;
+  for (const bool own : {true, false, false}) {
+    engine::Run run = own ? engine::Run(plan) : engine::Run(plan, arena.values());
+    test::fill_randomly(run);
+    run.forward();
+    const auto values = run.output("p").values();
+    outputs.emplace_back(values.begin(), values.end());
+  }
+  EXPECT_EQ(outputs[0], outputs[1]);
+  EXPECT_EQ(outputs[0], outputs[2]) << "what the run before left there does not show";
+}
+
+TEST(RunInAnArena, RefusesOneThatIsTooSmallOrNotAligned) {
+  const Plan plan = two_convolutions().plan();
+  const AlignedFloats arena(plan.arena_bytes() / static_cast<int64_t>(sizeof(float)) + 1);
+  const std::span<float> all = arena.values();
+  for (const std::span<float> wrong : {all.first(all.size() - 2), all.subspan(1)})
+    expect_error<UsageError>([&] { engine::Run(plan, wrong); }, {"arena", "multiple of 64"});
+}
+
+}  // namespace
+}  // namespace revisit::engine
