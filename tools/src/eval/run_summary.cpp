@@ -45,34 +45,27 @@ std::string row_key(const FinishedRun& run, const reports::Metrics& task, bool o
   return key;
 }
 
-/// Sums of the values that runs have.
-class Samples {
- public:
-  void add(bool computed, double value) {
-    if (computed) values_.push_back(value);
-  }
-  bool empty() const { return values_.empty(); }
-  reports::Spread spread() const {
-    const auto n = static_cast<double>(values_.size());
-    double sum = 0, squares = 0;
-    for (const double value : values_) sum += value;
-    for (const double value : values_) squares += (value - sum / n) * (value - sum / n);
-    reports::Spread spread;
-    spread.set_mean(sum / n);
-    if (values_.size() > 1) spread.set_deviation(std::sqrt(squares / (n - 1)));
-    spread.set_runs(static_cast<int>(values_.size()));
-    return spread;
-  }
+/// The figures that are averaged, as reports::Metrics and reports::SummaryRow call them.
+constexpr const char* kFigures[] = {"average_precision", "f1_max", "max_recall_at_precision_1",
+                                    "recall_at_1", "extended_precision"};
 
- private:
-  std::vector<double> values_;
-};
+reports::Spread spread_of(const std::vector<double>& values) {
+  const auto n = static_cast<double>(values.size());
+  double sum = 0, squares = 0;
+  for (const double value : values) sum += value;
+  for (const double value : values) squares += (value - sum / n) * (value - sum / n);
+  reports::Spread spread;
+  spread.set_mean(sum / n);
+  if (values.size() > 1) spread.set_deviation(std::sqrt(squares / (n - 1)));
+  spread.set_runs(static_cast<int>(values.size()));
+  return spread;
+}
 
 struct Row {
   reports::SummaryRow report;
   std::map<std::pair<std::string, std::string>, std::string> folder_of_drive;  // data, sequence
   std::set<std::string> sequences;
-  Samples average_precision, f1_max, max_recall_at_precision_1, recall_at_1, extended_precision;
+  std::map<std::string, std::vector<double>> values;  // of each figure, of the runs that have it
 };
 
 void add(Row& row, const FinishedRun& run, const reports::Metrics& task) {
@@ -84,12 +77,11 @@ void add(Row& row, const FinishedRun& run, const reports::Metrics& task) {
                          " ", run.info.sequence(), "; give each drive once"));
   row.sequences.insert(run.info.sequence());
   row.report.add_folders(run.folder.string());
-  row.average_precision.add(task.has_average_precision(), task.average_precision());
-  row.f1_max.add(task.has_f1_max(), task.f1_max());
-  row.max_recall_at_precision_1.add(task.has_max_recall_at_precision_1(),
-                                    task.max_recall_at_precision_1());
-  row.recall_at_1.add(task.has_recall_at_1(), task.recall_at_1());
-  row.extended_precision.add(task.has_extended_precision(), task.extended_precision());
+  for (const char* figure : kFigures) {
+    const auto* const field = task.GetDescriptor()->FindFieldByName(figure);
+    if (task.GetReflection()->HasField(task, field))
+      row.values[figure].push_back(task.GetReflection()->GetDouble(task, field));
+  }
 }
 
 }  // namespace
@@ -129,16 +121,10 @@ reports::Summary summarize_runs(const std::vector<FinishedRun>& runs, bool over_
     for (const std::string& name : row.sequences)
       sequences += (sequences.empty() ? "" : " ") + name;
     row.report.set_sequence(sequences);
-    const auto set = [](const Samples& samples, reports::Spread* (reports::SummaryRow::*of)(),
-                        reports::SummaryRow& to) {
-      if (!samples.empty()) *(to.*of)() = samples.spread();
-    };
-    using R = reports::SummaryRow;
-    set(row.average_precision, &R::mutable_average_precision, row.report);
-    set(row.f1_max, &R::mutable_f1_max, row.report);
-    set(row.max_recall_at_precision_1, &R::mutable_max_recall_at_precision_1, row.report);
-    set(row.recall_at_1, &R::mutable_recall_at_1, row.report);
-    set(row.extended_precision, &R::mutable_extended_precision, row.report);
+    for (const auto& [figure, values] : row.values)
+      row.report.GetReflection()
+          ->MutableMessage(&row.report, row.report.GetDescriptor()->FindFieldByName(figure))
+          ->CopyFrom(spread_of(values));
     *summary.add_rows() = row.report;
   }
   return summary;
