@@ -356,6 +356,16 @@ TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
         ">best match is true \\([0-9]+\\)<", ">pair not true \\([0-9]+\\)<",
         ">threshold -?[01]\\.[0-9]+<", "src=\"data:image/png;base64,"})
     EXPECT_TRUE(std::regex_search(dom, std::regex(legend))) << legend;
+
+  // The page again, in which somebody saves a figure.
+  std::string html = test::read_file(page);
+  html.insert(html.rfind("</body>"),
+              "<script>HTMLAnchorElement.prototype.click = function() {"
+              "  document.body.dataset.saved = this.download + ' ' + this.href.slice(0, 22); };"
+              "setTimeout(() => document.querySelector('.save').click(), 2000)</script>");
+  test::write_file(dir_ / "saved.html", html);
+  const std::string saved = browse(browser, path("saved.html"), "--dump-dom");
+  EXPECT_NE(saved.find(".png data:image/png;base64,\""), std::string::npos);
 }
 
 }  // namespace
