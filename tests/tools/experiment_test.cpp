@@ -210,7 +210,7 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
   add_run(experiment, "b", 0.55, 0, 1);
   add_run(experiment, "c", 0.2, 0.1, 0.52);  // holds a's, which does not hold it
   cli::ExperimentPlan plan;
-  plan.runs = {{"00", "a", {}, "", ""}};
+  plan.runs = {{"00", {"a"}, {}, ""}};
   plan.claims = {{"", "a", "b", 0}, {"", "b", "a", 0},   {"", "b", "c", 0},
                  {"", "c", "b", 0}, {"", "a", "b", 0.1}, {"", "a", "b", 0.01}};
   cli::check_claims(plan, &experiment);
@@ -224,6 +224,45 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
                                                        {false, false},
                                                        {true, false},
                                                        {false, true}}));
+}
+
+TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirNetworks) {
+  cli::ExperimentOptions options;
+  options.names = {"networks-and-layers", "alignment", "hkust-rotation"};
+  options.kitti = "kitti";
+  options.width = 900;
+  cli::Inventory inventory;
+  inventory.drives = {{"00", 4541}, {"05", 100}};
+  inventory.networks = {{"a", "a.prototxt", "a.caffemodel", true, {{"c3", "p5"}, {"p5", ""}}},
+                        {"b", "b.prototxt", "b.caffemodel", true, {{"p5", ""}}},
+                        {"r", "r.prototxt", "r.caffemodel", false, {{"p5", ""}}}};
+  const std::vector<cli::ExperimentPlan> plans = cli::make_plans(options, inventory);
+  const auto labels = [](const cli::ExperimentPlan& plan, const std::string& panel) {
+    std::string text;
+    for (const cli::PlannedRun& run : plan.runs)
+      if (run.panel == panel) text += run.curve.label + (run.skipped.empty() ? "; " : " (not); ");
+    return text;
+  };
+  EXPECT_EQ(labels(plans.at(0), "00"), "a c3+p5; a p5; b p5; r p5 (UNTRAINED) (not); data; ");
+  EXPECT_EQ(labels(plans.at(0), "05"), "a c3+p5; a p5; b p5; r p5 (UNTRAINED); data; ");
+  EXPECT_EQ(labels(plans.at(0), "06"),
+            "a c3+p5 (not); a p5 (not); b p5 (not); r p5 (UNTRAINED) (not); data (not); ");
+  EXPECT_EQ(labels(plans.at(1), "05"),
+            "a c3+p5, aligned; a c3+p5, not aligned; b p5, aligned; b p5, not aligned; "
+            "data, aligned; data, not aligned; ");
+  EXPECT_EQ(
+      plans.at(1).runs.at(1).arguments,
+      (cli::Arguments{"kitti",        "--sequence", "00",  "--every", "1",          "--sensor",
+                      "hdl64",        "--width",    "900", "--model", "a.prototxt", "--weights",
+                      "a.caffemodel", "--end",      "c3",  "--graft", "p5",         "--protocol",
+                      "paper-median", "--align",    "none"}));
+  ASSERT_EQ(plans.at(0).claims.size(), 3U);
+  EXPECT_EQ(plans.at(0).claims[1].better, "a p5");
+  EXPECT_EQ(plans.at(0).claims[1].worse, "data");
+  ASSERT_EQ(plans.at(1).claims.size(), 2U);
+  EXPECT_EQ(plans.at(1).claims[1].better, "b p5, aligned");
+  EXPECT_EQ(plans.at(2).runs.size(), 18U) << "of each network three ways of three parts";
+  EXPECT_NE(plans.at(2).runs.at(0).skipped.find("--hkust"), std::string::npos);
 }
 
 TEST(ExperimentPlan, SaysAlongWhatSimulatedDrivesWent) {

@@ -3,7 +3,6 @@
 #include <string>
 #include <vector>
 
-#include "cli/command.h"
 #include "experiment/catalog.h"
 #include "experiment/inventory.h"
 
@@ -13,17 +12,9 @@ namespace revisit::cli {
 /// why there is none.
 struct PlannedRun {
   std::string panel;  // curves of one panel share axes: the sequence
-  std::string label;  // what distinguishes the curve within its panel
+  CurveInfo curve;    // its label tells networks apart, too
   Arguments arguments;
-  std::string feature;  // as in paper_methods(), for the comparison's table
   std::string skipped;  // why it cannot run; "" when it can
-};
-
-/// A statement about two curves of every panel that the results confirm or not:
-/// AP of `better` >= AP of `worse` - slack.
-struct Claim {
-  std::string text, better, worse;
-  double slack = 0;
 };
 
 struct ExperimentPlan {

@@ -201,8 +201,14 @@ reports::Experiment report_of(const ExperimentPlan& plan, const Workload& worklo
       run.set_reason(planned.skipped);
     }
     run.set_panel(planned.panel);
-    run.set_label(planned.label);
-    run.set_feature(planned.feature);
+    run.set_label(planned.curve.label);
+    run.set_feature(planned.curve.feature);
+    if (!planned.curve.parameters) continue;
+    reports::Method& method = *run.mutable_method();
+    method.set_needs_training(planned.curve.needs_training);
+    method.set_parameters(*planned.curve.parameters);
+    if (const auto speed = planned.curve.paper_frames_per_second)
+      method.set_paper_frames_per_second(*speed);
   }
   check_claims(plan, &experiment);
   return experiment;

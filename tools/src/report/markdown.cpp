@@ -17,8 +17,8 @@ std::string cell(const std::string& text) {
   return safe;
 }
 
-std::string metric(bool there, double value) {
-  return there ? number(value, 3) : "";
+std::string metric(bool there, double value, int digits = 3) {
+  return there ? number(value, digits) : "";
 }
 
 /// With its confidence interval, where there is one.
@@ -44,23 +44,22 @@ void write_runs(const reports::Experiment& experiment, std::ostream& out) {
   out << "\n";
 }
 
-void write_methods(const reports::Page& page, const reports::Experiment& experiment,
-                   std::ostream& out) {
-  out << "| method | dimension | training data | parameters | frames/s here | frames/s in the "
-         "paper "
-         "|\n|---|---|---|---|---|---|\n";
-  for (const reports::PageMethod& method : page.methods())
-    for (const reports::ExperimentRun& run : experiment.runs()) {
-      if (run.feature() != method.feature() || run.state() != "done") continue;
-      out << "| " << cell(method.method()) << " | " << run.descriptor_dimension() << " | "
-          << (method.needs_training() ? "yes" : "no") << " | " << method.parameters() << " | "
-          << (run.has_frames_per_second() ? number(run.frames_per_second(), 1) : "") << " | "
-          << (method.has_paper_frames_per_second() ? number(method.paper_frames_per_second(), 1)
-                                                   : "")
-          << " |\n";
-      break;
-    }
-  out << "\n";
+/// A row of each method of the comparison, from its first run.
+void write_methods(const reports::Experiment& experiment, std::ostream& out) {
+  std::set<std::string> written;
+  for (const reports::ExperimentRun& run : experiment.runs()) {
+    if (!run.has_method() || run.state() != "done" || !written.insert(run.label()).second) continue;
+    const reports::Method& method = run.method();
+    if (written.size() == 1)
+      out << "| method | dimension | training data | parameters | frames/s here | frames/s in the "
+             "paper |\n|---|---|---|---|---|---|\n";
+    out << "| " << cell(run.label()) << " | " << run.descriptor_dimension() << " | "
+        << (method.needs_training() ? "yes" : "no") << " | " << cell(method.parameters()) << " | "
+        << metric(run.has_frames_per_second(), run.frames_per_second(), 1) << " | "
+        << metric(method.has_paper_frames_per_second(), method.paper_frames_per_second(), 1)
+        << " |\n";
+  }
+  if (!written.empty()) out << "\n";
 }
 
 void write_claims(const reports::Experiment& experiment, std::ostream& out) {
@@ -103,7 +102,7 @@ std::string results_markdown(const reports::Page& page) {
     if (experiment.notes_size()) out << "\n";
     const bool any = std::ranges::any_of(entry.run(), [](int run) { return run >= 0; });
     if (any) write_runs(experiment, out);
-    if (any && experiment.name() == "comparison") write_methods(page, experiment, out);
+    write_methods(experiment, out);
     write_claims(experiment, out);
     write_skipped(experiment, out);
   }

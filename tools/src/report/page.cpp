@@ -8,7 +8,6 @@
 #include "cli/json.h"
 #include "cli/local_time.h"
 #include "cli/messages.h"
-#include "experiment/catalog.h"
 #include "report/range_images.h"
 #include "report/read_runs.h"
 #include "report_assets.h"
@@ -144,14 +143,6 @@ void complete_page(const PageOptions& options, reports::Page* page) {
   }
   share_scans(page);
   page->mutable_images()->insert(images.images().begin(), images.images().end());
-  for (const PaperMethod& method : paper_methods()) {
-    reports::PageMethod& out = *page->add_methods();
-    out.set_feature(method.feature);
-    out.set_method(method.method);
-    out.set_needs_training(method.needs_training);
-    out.set_parameters(method.parameters);
-    if (method.frames_per_second > 0) out.set_paper_frames_per_second(method.frames_per_second);
-  }
   if (!images.warning().empty()) page->add_warnings(images.warning());
 }
 

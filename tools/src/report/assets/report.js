@@ -131,14 +131,13 @@
     })]);
   }
   function comparisonTable(entry, items) {
-    if (entry.experiment.name !== "comparison")
+    if (!items.some(item => item.run.method))
       return table([["curve"], ...kMetrics.map(([, title]) => [title, "n"]), ["dimensions", "n"]],
         metricRows(items, item => [item.run.label]).map((row, i) => [...row, String(items[i].run.descriptor_dimension ?? "")]));
-    const methodOf = item => list(page.methods).find(method => method.feature === item.run.feature) || {};
     return table([["method"], ...kMetrics.map(([, title]) => [title, "n"]), ["dimensions", "n"], ["training data"], ["parameters"],
       ["frames/s here", "n"], ["frames/s in the paper", "n"]],
       metricRows(items, item => [item.run.label]).map((row, i) => {
-        const method = methodOf(items[i]);
+        const method = items[i].run.method || {};
         return [...row, String(items[i].run.descriptor_dimension ?? ""), method.needs_training ? "yes" : "no", method.parameters || "",
           number(items[i].run.frames_per_second, 1), number(method.paper_frames_per_second, 1)];
       }));
