@@ -179,17 +179,14 @@ void Hdf5File::read_type(Hdf5Object& object) {
   constexpr int kInteger = 0, kFloat = 1;
   const int kind = static_cast<int>(read_number(1)) & 15;
   const uint64_t bits = read_number(3);
-  Hdf5Number& number = object.number;
+  NumberType& number = object.number;
   number.bytes = read_number(4);
   number.big_endian = (bits & 1) != 0;
   if (kind != kInteger && kind != kFloat) return;
   const uint64_t first_bit = read_number(2), precision = read_number(2);
   if (first_bit != 0 || precision != 8 * number.bytes) return;
   if (kind == kInteger) {
-    const bool known =
-        number.bytes == 1 || number.bytes == 2 || number.bytes == 4 || number.bytes == 8;
-    if (known)
-      number.kind = (bits & 8) != 0 ? Hdf5Number::Kind::kSigned : Hdf5Number::Kind::kUnsigned;
+    number.kind = (bits & 8) != 0 ? NumberType::Kind::kSigned : NumberType::Kind::kUnsigned;
     return;
   }
   read_number(1);  // where the exponent begins
@@ -199,7 +196,7 @@ void Hdf5File::read_type(Hdf5Object& object) {
   const bool vax = (bits & 0x40) != 0;
   const bool single = number.bytes == 4 && exponent_bits == 8 && mantissa_bits == 23 && bias == 127;
   const bool wide = number.bytes == 8 && exponent_bits == 11 && mantissa_bits == 52 && bias == 1023;
-  if (!vax && (single || wide)) number.kind = Hdf5Number::Kind::kFloat;
+  if (!vax && (single || wide)) number.kind = NumberType::Kind::kFloat;
 }
 
 void Hdf5File::read_layout(Hdf5Object& object) {

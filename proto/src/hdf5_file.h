@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "file_cursor.h"
+#include "revisit/proto/number_type.h"
 
 namespace revisit::proto {
 
@@ -22,20 +23,13 @@ struct Hdf5Unsupported : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// How an array's numbers are stored.
-struct Hdf5Number {
-  enum class Kind { kFloat, kSigned, kUnsigned, kOther } kind = Kind::kOther;
-  uint64_t bytes = 0;
-  bool big_endian = false;
-};
-
 /// What the header of an object says: a group has `tree` and `heap`, an array the rest.
 struct Hdf5Object {
   bool is_group = false, is_array = false;
   uint64_t tree = 0, heap = 0;  // addresses
 
   std::vector<int64_t> shape;
-  Hdf5Number number;
+  NumberType number;
   bool is_written = false;         // has `stored` bytes at `begin` in the file
   uint64_t begin = 0, stored = 0;  // [bytes]
   std::string unsupported;         // why its values cannot be read, or ""

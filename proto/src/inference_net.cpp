@@ -7,6 +7,7 @@
 
 #include "phase.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/shape_text.h"
 
 namespace revisit::proto {
 namespace {
@@ -52,12 +53,6 @@ std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
   std::vector<int64_t> shape = {batch, channels, height, width};
   if (std::ranges::any_of(shape, [](int64_t size) { return size < 1; })) return {};
   return shape;
-}
-
-std::string text(const std::vector<int64_t>& shape) {
-  std::string result;
-  for (const int64_t size : shape) result += (result.empty() ? "" : "x") + std::to_string(size);
-  return result;
 }
 
 /// What a data layer did to its images; inference has to do the same before the network.
@@ -241,9 +236,9 @@ class Extraction {
       dims.Add(shape.begin(), shape.end());
     }
     const std::string lost = top == 1 ? "" : preprocessing(layer(i).transform_param());
-    return str(
-        shape.empty() ? "whose shape the file does not say" : str(text(shape), " (", reason, ")"),
-        lost.empty() ? "" : "; not applied to it: " + lost);
+    return str(shape.empty() ? "whose shape the file does not say"
+                             : str(shape_text(shape), " (", reason, ")"),
+               lost.empty() ? "" : "; not applied to it: " + lost);
   }
 
   void add_softmax(int i) {

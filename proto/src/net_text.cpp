@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "revisit/proto/error.h"
+#include "silence.h"
 
 namespace revisit::proto {
 namespace {
@@ -141,10 +142,6 @@ class Complaints final : public google::protobuf::io::ErrorCollector {
   const std::string& text_;
   const std::string& name_;
   std::vector<std::string>& warnings_;
-};
-
-class Silence final : public google::protobuf::io::ErrorCollector {
-  void AddError(int, google::protobuf::io::ColumnNumber, const std::string&) override {}
 };
 
 /// Parses again, now noting where each field stands: only needed for errors, and large.

@@ -1,21 +1,17 @@
 #include "solver_file.h"
 
-#include <google/protobuf/io/tokenizer.h>
 #include <google/protobuf/text_format.h>
 
 #include <algorithm>
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "silence.h"
 
 namespace revisit::proto {
 namespace {
 
 namespace fs = std::filesystem;
-
-class Silence final : public google::protobuf::io::ErrorCollector {
-  void AddError(int, google::protobuf::io::ColumnNumber, const std::string&) override {}
-};
 
 /// The nets a solver names that have a TEST phase, each once.
 std::vector<std::string> named_nets(const caffe::SolverParameter& solver) {

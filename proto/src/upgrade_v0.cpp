@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <map>
-#include <optional>
+#include <sstream>
 
 #include "revisit/proto/error.h"
 #include "upgrade.h"
@@ -16,181 +17,80 @@ using V0 = caffe::V0LayerParameter;
 using V1 = caffe::V1LayerParameter;
 using google::protobuf::FieldDescriptor;
 
-struct TypeName {
+/// A layer type, and the V0 fields that V1 keeps in the type's own message (`convolution_param` of
+/// CONVOLUTION): a name, or "V0's=V1's". Training data and losses are never run, but `net upgrade`
+/// writes them back.
+struct LayerKind {
   const char* v0;
   V1::LayerType v1;
+  const char* fields;
 };
-constexpr std::array<TypeName, 24> kTypes = {{
-    {"accuracy", V1::ACCURACY},
-    {"bnll", V1::BNLL},
-    {"concat", V1::CONCAT},
-    {"conv", V1::CONVOLUTION},
-    {"data", V1::DATA},
-    {"dropout", V1::DROPOUT},
-    {"euclidean_loss", V1::EUCLIDEAN_LOSS},
-    {"flatten", V1::FLATTEN},
-    {"hdf5_data", V1::HDF5_DATA},
-    {"hdf5_output", V1::HDF5_OUTPUT},
-    {"im2col", V1::IM2COL},
-    {"images", V1::IMAGE_DATA},
-    {"infogain_loss", V1::INFOGAIN_LOSS},
-    {"innerproduct", V1::INNER_PRODUCT},
-    {"lrn", V1::LRN},
-    {"multinomial_logistic_loss", V1::MULTINOMIAL_LOGISTIC_LOSS},
-    {"pool", V1::POOLING},
-    {"relu", V1::RELU},
-    {"sigmoid", V1::SIGMOID},
-    {"softmax", V1::SOFTMAX},
-    {"softmax_loss", V1::SOFTMAX_LOSS},
-    {"split", V1::SPLIT},
-    {"tanh", V1::TANH},
-    {"window_data", V1::WINDOW_DATA},
+constexpr std::array<LayerKind, 24> kTypes = {{
+    {"accuracy", V1::ACCURACY, ""},
+    {"bnll", V1::BNLL, ""},
+    {"concat", V1::CONCAT, "concat_dim"},
+    {"conv", V1::CONVOLUTION,
+     "num_output biasterm=bias_term weight_filler bias_filler pad kernelsize=kernel_size stride "
+     "group"},
+    {"data", V1::DATA, "source batchsize=batch_size rand_skip"},
+    {"dropout", V1::DROPOUT, "dropout_ratio"},
+    {"euclidean_loss", V1::EUCLIDEAN_LOSS, ""},
+    {"flatten", V1::FLATTEN, ""},
+    {"hdf5_data", V1::HDF5_DATA, "source batchsize=batch_size"},
+    {"hdf5_output", V1::HDF5_OUTPUT, ""},
+    {"im2col", V1::IM2COL, ""},
+    {"images", V1::IMAGE_DATA,
+     "source batchsize=batch_size rand_skip shuffle_images=shuffle new_height new_width"},
+    {"infogain_loss", V1::INFOGAIN_LOSS, "source"},
+    {"innerproduct", V1::INNER_PRODUCT, "num_output biasterm=bias_term weight_filler bias_filler"},
+    {"lrn", V1::LRN, "local_size alpha beta k"},
+    {"multinomial_logistic_loss", V1::MULTINOMIAL_LOGISTIC_LOSS, ""},
+    {"pool", V1::POOLING, "pad kernelsize=kernel_size stride pool"},
+    {"relu", V1::RELU, ""},
+    {"sigmoid", V1::SIGMOID, ""},
+    {"softmax", V1::SOFTMAX, ""},
+    {"softmax_loss", V1::SOFTMAX_LOSS, ""},
+    {"split", V1::SPLIT, ""},
+    {"tanh", V1::TANH, ""},
+    {"window_data", V1::WINDOW_DATA,
+     "source batchsize=batch_size det_fg_threshold=fg_threshold det_bg_threshold=bg_threshold "
+     "det_fg_fraction=fg_fraction det_context_pad=context_pad det_crop_mode=crop_mode"},
 }};
+constexpr const char* kTransformFields = "scale meanfile=mean_file cropsize=crop_size mirror";
 constexpr const char* kPadding = "padding";
 
-std::optional<V1::LayerType> v1_type(const std::string& type) {
-  const auto* found = std::ranges::find_if(kTypes, [&](const TypeName& t) { return type == t.v0; });
-  if (found == kTypes.end()) return std::nullopt;
-  return found->v1;
+const LayerKind& kind_of(const std::string& v0, int index) {
+  const auto* kind = std::ranges::find_if(kTypes, [&](const LayerKind& k) { return v0 == k.v0; });
+  if (kind != kTypes.end()) return *kind;
+  std::vector<std::string> names = {kPadding};
+  for (const LayerKind& k : kTypes) names.emplace_back(k.v0);
+  throw UpgradeError("layers", index,
+                     str("unknown V0 layer type '", v0, "'", did_you_mean(v0, names)));
 }
 
-V1::LayerType v1_type_or_throw(const std::string& type, int index) {
-  if (const auto known = v1_type(type)) return *known;
-  std::vector<std::string> names = {kPadding};
-  for (const TypeName& t : kTypes) names.emplace_back(t.v0);
-  throw UpgradeError("layers", index,
-                     str("unknown V0 layer type '", type, "'", did_you_mean(type, names)));
+/// What V1 calls a V0 field, or "" when it is none of `fields`.
+std::string renamed(const std::string& v0, const char* fields) {
+  std::istringstream words(fields);
+  for (std::string word; words >> word;) {
+    const size_t equals = std::min(word.find('='), word.size());
+    if (word.compare(0, equals, v0) == 0)
+      return equals < word.size() ? word.substr(equals + 1) : v0;
+  }
+  return "";
 }
 
 /// Carries one set V0 field over to where V1 keeps it. False when it means nothing for the type.
-bool carry_over(const V0& v0, int number, V1& v1) {
-  const V1::LayerType type = v1.type();
-  const bool conv = type == V1::CONVOLUTION, pool = type == V1::POOLING;
-  const bool inner = type == V1::INNER_PRODUCT, lrn = type == V1::LRN;
-  const bool data = type == V1::DATA, hdf5 = type == V1::HDF5_DATA;
-  const bool images = type == V1::IMAGE_DATA, windows = type == V1::WINDOW_DATA;
-  switch (number) {
-    case V0::kNumOutputFieldNumber:
-      if (conv) v1.mutable_convolution_param()->set_num_output(v0.num_output());
-      if (inner) v1.mutable_inner_product_param()->set_num_output(v0.num_output());
-      return conv || inner;
-    case V0::kBiastermFieldNumber:
-      if (conv) v1.mutable_convolution_param()->set_bias_term(v0.biasterm());
-      if (inner) v1.mutable_inner_product_param()->set_bias_term(v0.biasterm());
-      return conv || inner;
-    case V0::kWeightFillerFieldNumber:
-      if (conv) *v1.mutable_convolution_param()->mutable_weight_filler() = v0.weight_filler();
-      if (inner) *v1.mutable_inner_product_param()->mutable_weight_filler() = v0.weight_filler();
-      return conv || inner;
-    case V0::kBiasFillerFieldNumber:
-      if (conv) *v1.mutable_convolution_param()->mutable_bias_filler() = v0.bias_filler();
-      if (inner) *v1.mutable_inner_product_param()->mutable_bias_filler() = v0.bias_filler();
-      return conv || inner;
-    case V0::kPadFieldNumber:
-      if (conv) v1.mutable_convolution_param()->add_pad(v0.pad());
-      if (pool) v1.mutable_pooling_param()->set_pad(v0.pad());
-      return conv || pool;
-    case V0::kKernelsizeFieldNumber:
-      if (conv) v1.mutable_convolution_param()->add_kernel_size(v0.kernelsize());
-      if (pool) v1.mutable_pooling_param()->set_kernel_size(v0.kernelsize());
-      return conv || pool;
-    case V0::kStrideFieldNumber:
-      if (conv) v1.mutable_convolution_param()->add_stride(v0.stride());
-      if (pool) v1.mutable_pooling_param()->set_stride(v0.stride());
-      return conv || pool;
-    case V0::kGroupFieldNumber:
-      if (conv) v1.mutable_convolution_param()->set_group(v0.group());
-      return conv;
-    case V0::kPoolFieldNumber:  // the methods have the same numbers in both
-      if (pool) {
-        v1.mutable_pooling_param()->set_pool(
-            static_cast<caffe::PoolingParameter::PoolMethod>(v0.pool()));
-      }
-      return pool;
-    case V0::kDropoutRatioFieldNumber:
-      if (type != V1::DROPOUT) return false;
-      v1.mutable_dropout_param()->set_dropout_ratio(v0.dropout_ratio());
-      return true;
-    case V0::kLocalSizeFieldNumber:
-      if (lrn) v1.mutable_lrn_param()->set_local_size(v0.local_size());
-      return lrn;
-    case V0::kAlphaFieldNumber:
-      if (lrn) v1.mutable_lrn_param()->set_alpha(v0.alpha());
-      return lrn;
-    case V0::kBetaFieldNumber:
-      if (lrn) v1.mutable_lrn_param()->set_beta(v0.beta());
-      return lrn;
-    case V0::kKFieldNumber:
-      if (lrn) v1.mutable_lrn_param()->set_k(v0.k());
-      return lrn;
-    case V0::kConcatDimFieldNumber:
-      if (type != V1::CONCAT) return false;
-      v1.mutable_concat_param()->set_concat_dim(v0.concat_dim());
-      return true;
-
-    // Training data and losses: never run, but written back by `net upgrade`.
-    case V0::kSourceFieldNumber:
-      if (data) v1.mutable_data_param()->set_source(v0.source());
-      if (hdf5) v1.mutable_hdf5_data_param()->set_source(v0.source());
-      if (images) v1.mutable_image_data_param()->set_source(v0.source());
-      if (windows) v1.mutable_window_data_param()->set_source(v0.source());
-      if (type == V1::INFOGAIN_LOSS) v1.mutable_infogain_loss_param()->set_source(v0.source());
-      return data || hdf5 || images || windows || type == V1::INFOGAIN_LOSS;
-    case V0::kBatchsizeFieldNumber:
-      if (data) v1.mutable_data_param()->set_batch_size(v0.batchsize());
-      if (hdf5) v1.mutable_hdf5_data_param()->set_batch_size(v0.batchsize());
-      if (images) v1.mutable_image_data_param()->set_batch_size(v0.batchsize());
-      if (windows) v1.mutable_window_data_param()->set_batch_size(v0.batchsize());
-      return data || hdf5 || images || windows;
-    case V0::kRandSkipFieldNumber:
-      if (data) v1.mutable_data_param()->set_rand_skip(v0.rand_skip());
-      if (images) v1.mutable_image_data_param()->set_rand_skip(v0.rand_skip());
-      return data || images;
-    case V0::kScaleFieldNumber:
-      v1.mutable_transform_param()->set_scale(v0.scale());
-      return true;
-    case V0::kMeanfileFieldNumber:
-      v1.mutable_transform_param()->set_mean_file(v0.meanfile());
-      return true;
-    case V0::kCropsizeFieldNumber:
-      v1.mutable_transform_param()->set_crop_size(v0.cropsize());
-      return true;
-    case V0::kMirrorFieldNumber:
-      v1.mutable_transform_param()->set_mirror(v0.mirror());
-      return true;
-    case V0::kShuffleImagesFieldNumber:
-      if (images) v1.mutable_image_data_param()->set_shuffle(v0.shuffle_images());
-      return images;
-    case V0::kNewHeightFieldNumber:
-      if (images)
-        v1.mutable_image_data_param()->set_new_height(static_cast<uint32_t>(v0.new_height()));
-      return images;
-    case V0::kNewWidthFieldNumber:
-      if (images)
-        v1.mutable_image_data_param()->set_new_width(static_cast<uint32_t>(v0.new_width()));
-      return images;
-    case V0::kDetFgThresholdFieldNumber:
-      if (windows) v1.mutable_window_data_param()->set_fg_threshold(v0.det_fg_threshold());
-      return windows;
-    case V0::kDetBgThresholdFieldNumber:
-      if (windows) v1.mutable_window_data_param()->set_bg_threshold(v0.det_bg_threshold());
-      return windows;
-    case V0::kDetFgFractionFieldNumber:
-      if (windows) v1.mutable_window_data_param()->set_fg_fraction(v0.det_fg_fraction());
-      return windows;
-    case V0::kDetContextPadFieldNumber:
-      if (windows) v1.mutable_window_data_param()->set_context_pad(v0.det_context_pad());
-      return windows;
-    case V0::kDetCropModeFieldNumber:
-      if (windows) v1.mutable_window_data_param()->set_crop_mode(v0.det_crop_mode());
-      return windows;
-    case V0::kHdf5OutputParamFieldNumber:
-      if (type != V1::HDF5_OUTPUT) return false;
-      *v1.mutable_hdf5_output_param() = v0.hdf5_output_param();
-      return true;
-    default:
-      return false;
+bool carry_over(const V0& v0, const FieldDescriptor& field, const LayerKind& kind, V1& v1) {
+  if (const std::string name = renamed(field.name(), kTransformFields); !name.empty())
+    return merge_field(v0, field, "transform_param", name, v1);
+  if (field.number() == V0::kHdf5OutputParamFieldNumber && kind.v1 == V1::HDF5_OUTPUT) {
+    *v1.mutable_hdf5_output_param() = v0.hdf5_output_param();
+    return true;
   }
+  const std::string name = renamed(field.name(), kind.fields);
+  std::string message = V1::LayerType_Name(kind.v1) + "_param";
+  std::ranges::transform(message, message.begin(), [](unsigned char c) { return std::tolower(c); });
+  return !name.empty() && merge_field(v0, field, message, name, v1);
 }
 
 void warn_ignored(const std::string& layer, const std::string& field, const std::string& type,
@@ -205,7 +105,11 @@ V1 upgrade_layer(const V1& shell, int index, std::vector<std::string>& warnings)
   *v1.mutable_bottom() = shell.bottom();
   *v1.mutable_top() = shell.top();
   if (v0.has_name()) v1.set_name(v0.name());
-  if (v0.has_type()) v1.set_type(v1_type_or_throw(v0.type(), index));
+  LayerKind kind{"", V1::NONE, ""};
+  if (v0.has_type()) {
+    kind = kind_of(v0.type(), index);
+    v1.set_type(kind.v1);
+  }
   *v1.mutable_blobs() = v0.blobs();
   *v1.mutable_blobs_lr() = v0.blobs_lr();
   *v1.mutable_weight_decay() = v0.weight_decay();
@@ -216,7 +120,7 @@ V1 upgrade_layer(const V1& shell, int index, std::vector<std::string>& warnings)
     const int number = field->number();
     if (number == V0::kNameFieldNumber || number == V0::kTypeFieldNumber ||
         number == V0::kBlobsFieldNumber || number == V0::kBlobsLrFieldNumber ||
-        number == V0::kWeightDecayFieldNumber || carry_over(v0, number, v1)) {
+        number == V0::kWeightDecayFieldNumber || carry_over(v0, *field, kind, v1)) {
       continue;
     }
     warn_ignored(v0.name(), field->name(), v0.type(), warnings);

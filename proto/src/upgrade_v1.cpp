@@ -1,108 +1,45 @@
 #include "upgrade_v1.h"
 
+#include <google/protobuf/text_format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <sstream>
 #include <vector>
+
+#include "revisit/proto/error.h"
+#include "silence.h"
 
 namespace revisit::proto {
 namespace {
 
 using V1 = caffe::V1LayerParameter;
 
-const char* type_name(V1::LayerType type) {
-  switch (type) {
-    case V1::NONE:
-      return "";
-    case V1::ABSVAL:
-      return "AbsVal";
-    case V1::ACCURACY:
-      return "Accuracy";
-    case V1::ARGMAX:
-      return "ArgMax";
-    case V1::BNLL:
-      return "BNLL";
-    case V1::CONCAT:
-      return "Concat";
-    case V1::CONTRASTIVE_LOSS:
-      return "ContrastiveLoss";
-    case V1::CONVOLUTION:
-      return "Convolution";
-    case V1::DATA:
-      return "Data";
-    case V1::DECONVOLUTION:
-      return "Deconvolution";
-    case V1::DROPOUT:
-      return "Dropout";
-    case V1::DUMMY_DATA:
-      return "DummyData";
-    case V1::ELTWISE:
-      return "Eltwise";
-    case V1::EUCLIDEAN_LOSS:
-      return "EuclideanLoss";
-    case V1::EXP:
-      return "Exp";
-    case V1::FLATTEN:
-      return "Flatten";
-    case V1::HDF5_DATA:
-      return "HDF5Data";
-    case V1::HDF5_OUTPUT:
-      return "HDF5Output";
-    case V1::HINGE_LOSS:
-      return "HingeLoss";
-    case V1::IM2COL:
-      return "Im2col";
-    case V1::IMAGE_DATA:
-      return "ImageData";
-    case V1::INFOGAIN_LOSS:
-      return "InfogainLoss";
-    case V1::INNER_PRODUCT:
-      return "InnerProduct";
-    case V1::LRN:
-      return "LRN";
-    case V1::MEMORY_DATA:
-      return "MemoryData";
-    case V1::MULTINOMIAL_LOGISTIC_LOSS:
-      return "MultinomialLogisticLoss";
-    case V1::MVN:
-      return "MVN";
-    case V1::POOLING:
-      return "Pooling";
-    case V1::POWER:
-      return "Power";
-    case V1::RELU:
-      return "ReLU";
-    case V1::SIGMOID:
-      return "Sigmoid";
-    case V1::SIGMOID_CROSS_ENTROPY_LOSS:
-      return "SigmoidCrossEntropyLoss";
-    case V1::SILENCE:
-      return "Silence";
-    case V1::SLICE:
-      return "Slice";
-    case V1::SOFTMAX:
-      return "Softmax";
-    case V1::SOFTMAX_LOSS:
-      return "SoftmaxWithLoss";
-    case V1::SPLIT:
-      return "Split";
-    case V1::TANH:
-      return "TanH";
-    case V1::THRESHOLD:
-      return "Threshold";
-    case V1::WINDOW_DATA:
-      return "WindowData";
-  }
+constexpr const char* kTypes =
+    "AbsVal Accuracy ArgMax BNLL Concat ContrastiveLoss Convolution Data Deconvolution Dropout "
+    "DummyData Eltwise EuclideanLoss Exp Flatten HDF5Data HDF5Output HingeLoss Im2col ImageData "
+    "InfogainLoss InnerProduct LRN MemoryData MultinomialLogisticLoss MVN Pooling Power ReLU "
+    "Sigmoid SigmoidCrossEntropyLoss Silence Slice Softmax Split TanH Threshold WindowData";
+
+/// V1's names are V2's in capitals, with underscores, but for one.
+std::string type_name(V1::LayerType type) {
+  if (type == V1::SOFTMAX_LOSS) return "SoftmaxWithLoss";
+  std::string capitals = V1::LayerType_Name(type);
+  std::erase(capitals, '_');
+  std::istringstream types(kTypes);
+  for (std::string v2; types >> v2;)
+    if (std::ranges::equal(v2, capitals, {}, [](unsigned char c) { return std::toupper(c); }))
+      return v2;
   return "";
 }
 
-template <class DataParameter>
-void move_transform(DataParameter& from, V1& layer) {
-  if (from.has_scale()) layer.mutable_transform_param()->set_scale(from.scale());
-  if (from.has_mean_file()) layer.mutable_transform_param()->set_mean_file(from.mean_file());
-  if (from.has_crop_size()) layer.mutable_transform_param()->set_crop_size(from.crop_size());
-  if (from.has_mirror()) layer.mutable_transform_param()->set_mirror(from.mirror());
-  from.clear_scale();
-  from.clear_mean_file();
-  from.clear_crop_size();
-  from.clear_mirror();
+void move_transform(google::protobuf::Message& from, V1& layer) {
+  for (const char* name : {"scale", "mean_file", "crop_size", "mirror"}) {
+    const auto* field = from.GetDescriptor()->FindFieldByName(name);
+    if (!from.GetReflection()->HasField(from, field)) continue;
+    merge_field(from, *field, "transform_param", name, layer);
+    from.GetReflection()->ClearField(&from, field);
+  }
 }
 
 /// The i-th ParamSpec, which exists afterwards.
@@ -151,15 +88,28 @@ void upgrade_layer(const V1& v1, caffe::LayerParameter& v2) {
 
 }  // namespace
 
+bool merge_field(const google::protobuf::Message& from,
+                 const google::protobuf::FieldDescriptor& field, const std::string& message,
+                 const std::string& name, google::protobuf::Message& to) {
+  using google::protobuf::TextFormat;
+  std::string value;
+  TextFormat::PrintFieldValueToString(from, &field, -1, &value);
+  const bool is_message = field.message_type() != nullptr;
+  TextFormat::Parser parser;
+  Silence silence;
+  parser.RecordErrorsTo(&silence);
+  return parser.MergeFromString(
+      str(message, " { ", name, is_message ? " { " : ": ", value, is_message ? " } }" : " }"), &to);
+}
+
 void upgrade_data_transform(caffe::NetParameter& net) {
   for (V1& layer : *net.mutable_layers()) {
-    if (layer.type() == V1::DATA && layer.has_data_param()) {
+    if (layer.type() == V1::DATA && layer.has_data_param())
       move_transform(*layer.mutable_data_param(), layer);
-    } else if (layer.type() == V1::IMAGE_DATA && layer.has_image_data_param()) {
+    if (layer.type() == V1::IMAGE_DATA && layer.has_image_data_param())
       move_transform(*layer.mutable_image_data_param(), layer);
-    } else if (layer.type() == V1::WINDOW_DATA && layer.has_window_data_param()) {
+    if (layer.type() == V1::WINDOW_DATA && layer.has_window_data_param())
       move_transform(*layer.mutable_window_data_param(), layer);
-    }
   }
 }
 

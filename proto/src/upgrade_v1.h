@@ -6,6 +6,12 @@
 
 namespace revisit::proto {
 
+/// Sets `name` in the sub-message `message` of `to` to the value of a set field that is called
+/// otherwise elsewhere, as text says it. False when the value does not fit there.
+bool merge_field(const google::protobuf::Message& from,
+                 const google::protobuf::FieldDescriptor& field, const std::string& message,
+                 const std::string& name, google::protobuf::Message& to);
+
 /// Moves scale, mean_file, crop_size and mirror of V1 data layers into `transform_param`.
 void upgrade_data_transform(caffe::NetParameter& net);
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <type_traits>
 
+#include "revisit/proto/shape_text.h"
 #include "wire_reader.h"
 
 static_assert(std::endian::native == std::endian::little, "the wire format is little-endian");
@@ -62,18 +63,13 @@ void append_shape(FileCursor& cursor, const WireField& message, std::vector<int6
   }
 }
 
-std::string describe(const std::vector<int64_t>& shape) {
-  std::string text;
-  for (const int64_t dim : shape) text += (text.empty() ? "" : "x") + std::to_string(dim);
-  return shape.empty() ? "() (none given)" : text;
-}
-
 int64_t count_elements(const std::vector<int64_t>& shape, int64_t most, uint64_t offset) {
   int64_t count = 1;
   for (const int64_t dim : shape) {
-    if (dim < 0) throw WireError(offset, str("negative dimension in shape ", describe(shape)));
+    if (dim < 0) throw WireError(offset, str("negative dimension in shape ", shape_text(shape)));
     if (count != 0 && dim > most / count) {
-      throw WireError(offset, str("shape ", describe(shape), " has more than ", most, " elements"));
+      throw WireError(offset,
+                      str("shape ", shape_text(shape), " has more than ", most, " elements"));
     }
     count *= dim;
   }
@@ -105,8 +101,9 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end, int64_t most_el
 
   const int64_t wanted = count_elements(blob.shape, most_elements, begin);
   if (static_cast<uint64_t>(wanted) != blob.data.size()) {
-    throw WireError(begin, str("shape ", describe(blob.shape), " wants ", wanted, " values, found ",
-                               blob.data.size()));
+    throw WireError(begin,
+                    str("shape ", shape_text(blob.shape), blob.shape.empty() ? " (none given)" : "",
+                        " wants ", wanted, " values, found ", blob.data.size()));
   }
   return blob;
 }

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cstring>
 #include <optional>
 #include <set>
 
 #include "hdf5_file.h"
+#include "revisit/proto/shape_text.h"
 
 namespace revisit::proto {
 namespace {
@@ -26,47 +26,6 @@ int64_t index_of(const std::string& name) {
   const bool canonical = error == std::errc() && end == name.data() + name.size() &&
                          (name.size() == 1 || name[0] != '0');
   return canonical && index >= 0 ? index : -1;
-}
-
-std::string text(const std::vector<int64_t>& shape) {
-  std::string result;
-  for (const int64_t dim : shape) result += (result.empty() ? "" : "x") + std::to_string(dim);
-  return result.empty() ? "()" : result;
-}
-
-/// One number of type Stored, in the byte order of this machine or the other, as float.
-template <class Stored>
-float convert(const unsigned char* bytes, bool swap) {
-  std::array<unsigned char, sizeof(Stored)> own;
-  std::copy_n(bytes, own.size(), own.begin());
-  if (swap) std::reverse(own.begin(), own.end());
-  Stored value;
-  std::memcpy(&value, own.data(), sizeof value);
-  return static_cast<float>(value);
-}
-
-using Converter = float (*)(const unsigned char*, bool);
-
-/// How to read numbers of this kind; null when we cannot.
-Converter converter(const Hdf5Number& number) {
-  using Kind = Hdf5Number::Kind;
-  switch (number.kind) {
-    case Kind::kFloat:
-      return number.bytes == 4 ? convert<float> : convert<double>;
-    case Kind::kSigned:
-      return number.bytes == 1   ? convert<int8_t>
-             : number.bytes == 2 ? convert<int16_t>
-             : number.bytes == 4 ? convert<int32_t>
-                                 : convert<int64_t>;
-    case Kind::kUnsigned:
-      return number.bytes == 1   ? convert<uint8_t>
-             : number.bytes == 2 ? convert<uint16_t>
-             : number.bytes == 4 ? convert<uint32_t>
-                                 : convert<uint64_t>;
-    case Kind::kOther:
-      return nullptr;
-  }
-  return nullptr;
 }
 
 class Hdf5Weights final : public WeightsFile {
@@ -175,10 +134,10 @@ class Hdf5Weights final : public WeightsFile {
   void read_blob(uint64_t address, const std::string& place, Blob& blob) {
     const Hdf5Object array = file_->object(address);
     if (!array.unsupported.empty()) throw Hdf5Unsupported(array.unsupported);
-    const Converter number = converter(array.number);
+    const NumberReader number = number_reader(array.number);
     if (!number) throw Hdf5Unsupported("holds no floats, doubles or integers");
     const auto blame = [&](const std::string& reason) {
-      fail(str(place, "shape ", text(array.shape), " ", reason));
+      fail(str(place, "shape ", shape_text(array.shape), " ", reason));
     };
     uint64_t elements = 1;
     for (const int64_t dim : array.shape) {
@@ -196,15 +155,15 @@ class Hdf5Weights final : public WeightsFile {
     blob.shape = array.shape;
     blob.data.resize(elements);
     cursor_.seek(array.begin);
-    if (array.number.kind == Hdf5Number::Kind::kFloat && array.number.bytes == sizeof(float) &&
+    if (array.number.kind == NumberType::Kind::kFloat && array.number.bytes == sizeof(float) &&
         !array.number.big_endian) {
       cursor_.read(blob.data.data(), bytes);
       return;
     }
-    std::array<unsigned char, sizeof(int64_t)> stored;
+    std::array<char, sizeof(int64_t)> stored;
     for (float& value : blob.data) {
       cursor_.read(stored.data(), array.number.bytes);
-      value = number(stored.data(), array.number.big_endian);
+      value = number(stored.data());
     }
   }
 
