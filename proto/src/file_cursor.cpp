@@ -1,4 +1,4 @@
-#include "file_cursor.h"
+#include "revisit/proto/file_cursor.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

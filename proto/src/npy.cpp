@@ -8,8 +8,8 @@
 #include <string>
 #include <string_view>
 
-#include "file_cursor.h"
 #include "revisit/proto/atomic_file.h"
+#include "revisit/proto/file_cursor.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are stored little-endian");
 

@@ -4,7 +4,7 @@
 #include <limits>
 #include <string_view>
 
-#include "file_cursor.h"
+#include "revisit/proto/file_cursor.h"
 #include "weights_blob.h"
 #include "weights_hdf5.h"
 #include "wire_reader.h"

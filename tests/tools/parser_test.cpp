@@ -102,7 +102,7 @@ TEST(TextFiles, WhatIsNoRegularFileIsRefusedAndNotWaitedFor) {
   const std::pair<std::filesystem::path, const char*> cases[] = {
       {dir / "fifo", "is not a regular file"},
       {dir.path(), "is a folder"},
-      {dir / "none", "cannot read: No such file"}};
+      {dir / "none", "cannot open: No such file"}};
   for (const auto& [file, reason] : cases) {
     test::expect_error<InputError>([&] { read_config_file(file); }, {file.string(), reason});
     test::expect_error<InputError>([&] { read_json(file); }, {file.string(), reason});

@@ -14,11 +14,11 @@
 #include <utility>
 #include <vector>
 
-#include "io/file_content.h"
 #include "io/part_lock.h"
 #include "revisit/pipeline/fnv1a.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::pipeline {
@@ -29,15 +29,6 @@ static_assert(std::endian::native == std::endian::little, "features are stored l
 
 std::string with_suffix(const fs::path& file, const char* suffix) {
   return file.string() + suffix;
-}
-
-/// "" for what is absent or no regular file.
-std::string content_of(const fs::path& file) {
-  try {
-    return read_content(file);
-  } catch (const InputError&) {
-    return "";
-  }
 }
 
 /// Of a file without rows. A changed word always changes the checksum.
@@ -168,7 +159,7 @@ FeatureWriter::~FeatureWriter() {
 
 /// A finished key in a part's place is of a run that was killed between two names.
 bool FeatureWriter::continues_part(int64_t size) const {
-  const std::string key = content_of(part_key_);
+  const std::string key = content_if_any(part_key_);
   if (key != key_ && !key.starts_with(before_checksum(key_))) return false;
   const auto header_bytes = static_cast<int64_t>(header_.size());
   std::string found(header_.size(), '\0');
@@ -285,9 +276,9 @@ void FeatureWriter::finish() {
 }
 
 bool features_complete(const fs::path& file, const std::string& key) {
-  std::string found = content_of(with_suffix(file, ".key"));
+  std::string found = content_if_any(with_suffix(file, ".key"));
   // A run that was killed between the two names of finish().
-  if (found.empty()) found = content_of(with_suffix(file, ".part.key"));
+  if (found.empty()) found = content_if_any(with_suffix(file, ".part.key"));
   if (!found.starts_with(before_checksum(key))) return false;
   try {
     const FeatureFile features(file);

@@ -3,10 +3,9 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include <cerrno>
+#include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 
 #include "revisit/proto/error.h"
 
@@ -14,24 +13,7 @@ namespace revisit::pipeline {
 
 namespace fs = std::filesystem;
 
-OpenFile::OpenFile(const fs::path& file) : name(file.string()) {
-  std::error_code error;
-  const fs::file_status status = fs::status(file, error);
-  if (!fs::exists(status)) throw InputError(str(file.string(), ": ", error.message()));
-  if (!fs::is_regular_file(status)) throw InputError(file.string() + ": not a regular file");
-  size = fs::file_size(file, error);
-  errno = 0;
-  stream.open(file, std::ios::binary);
-  if (error || !stream)
-    throw InputError(str(file.string(), ": cannot open: ",
-                         error ? error.message() : std::string(std::strerror(errno))));
-}
-
-void OpenFile::read(char* to) {
-  stream.read(to, static_cast<std::streamsize>(size));
-  if (static_cast<uint64_t>(stream.gcount()) != size)
-    throw InputError(str(name, ": expected ", size, " bytes, could read ", stream.gcount()));
-}
+constexpr std::string_view kBlanks = " \t";
 
 void read_ahead(const fs::path& file) {
   const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
@@ -40,42 +22,46 @@ void read_ahead(const fs::path& file) {
   ::close(descriptor);
 }
 
-std::string read_content(const fs::path& file) {
-  OpenFile in(file);
-  std::string content(in.size, '\0');
-  in.read(content.data());
-  return content;
-}
-
 std::vector<std::string> read_lines(const fs::path& file) {
-  OpenFile in(file);
+  const std::string content = read_content(file);
+  std::string_view rest = content;
+  if (rest.starts_with("\xEF\xBB\xBF")) rest.remove_prefix(3);
   std::vector<std::string> lines;
-  for (std::string line; std::getline(in.stream, line);) {
-    if (!line.empty() && line.back() == '\r') line.pop_back();
-    if (lines.empty() && line.starts_with("\xEF\xBB\xBF")) line.erase(0, 3);
-    lines.push_back(std::move(line));
+  while (!rest.empty()) {
+    const size_t end = std::min(rest.find('\n'), rest.size());
+    std::string_view line = rest.substr(0, end);
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    lines.emplace_back(line);
   }
-  if (in.stream.bad()) throw InputError(file.string() + ": cannot read");
-  while (!lines.empty() && lines.back().find_first_not_of(" \t") == std::string::npos)
+  while (!lines.empty() && lines.back().find_first_not_of(kBlanks) == std::string::npos)
     lines.pop_back();
   return lines;
 }
 
+std::string_view take_word(std::string_view* text) {
+  const size_t begin = std::min(text->find_first_not_of(kBlanks), text->size());
+  const std::string_view word =
+      text->substr(begin, std::min(text->find_first_of(kBlanks, begin), text->size()) - begin);
+  text->remove_prefix(begin + word.size());
+  return word;
+}
+
+double parse_number(std::string_view word, const std::string& where, bool may_be_infinite) {
+  const char* const first = word.data() + (word.starts_with('+') ? 1 : 0);  // as printf's "%+e"
+  const char* const last = word.data() + word.size();
+  double value = 0;
+  const auto [stop, error] = std::from_chars(first, last, value);
+  if (error != std::errc() || stop != last || (!may_be_infinite && !std::isfinite(value)))
+    throw InputError(str(where, ": expected a ", may_be_infinite ? "" : "finite ",
+                         "number, found '", word.substr(0, 40), "'"));
+  return value;
+}
+
 std::vector<double> parse_numbers(std::string_view text, const std::string& where) {
-  constexpr std::string_view kBlanks = " \t";
   std::vector<double> numbers;
-  for (size_t begin; (begin = text.find_first_not_of(kBlanks)) != std::string_view::npos;) {
-    text.remove_prefix(begin);
-    const std::string_view token = text.substr(0, text.find_first_of(kBlanks));
-    text.remove_prefix(token.size());
-    const char* const first = token.data() + (token.front() == '+' ? 1 : 0);  // as printf's "%+e"
-    const char* const last = token.data() + token.size();
-    double value = 0;
-    const auto [stop, error] = std::from_chars(first, last, value);
-    if (error != std::errc() || stop != last || !std::isfinite(value))
-      throw InputError(str(where, ": expected a finite number, found '", token.substr(0, 40), "'"));
-    numbers.push_back(value);
-  }
+  for (std::string_view word; !(word = take_word(&text)).empty();)
+    numbers.push_back(parse_number(word, where, false));
   return numbers;
 }
 

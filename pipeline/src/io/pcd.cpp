@@ -26,18 +26,16 @@ std::vector<std::string_view> words_of(std::string_view line) {
   return words;
 }
 
-ScalarType scalar_type(std::string_view type, std::string_view size, const std::string& where) {
-  const std::string code = str(type, size);
-  if (code == "I1") return ScalarType::kInt8;
-  if (code == "I2") return ScalarType::kInt16;
-  if (code == "I4") return ScalarType::kInt32;
-  if (code == "I8") return ScalarType::kInt64;
-  if (code == "U1") return ScalarType::kUint8;
-  if (code == "U2") return ScalarType::kUint16;
-  if (code == "U4") return ScalarType::kUint32;
-  if (code == "U8") return ScalarType::kUint64;
-  if (code == "F4") return ScalarType::kFloat32;
-  if (code == "F8") return ScalarType::kFloat64;
+proto::NumberType number_type(std::string_view type, std::string_view size,
+                              const std::string& where) {
+  using Kind = proto::NumberType::Kind;
+  proto::NumberType number;
+  number.kind = type == "I"   ? Kind::kSigned
+                : type == "U" ? Kind::kUnsigned
+                : type == "F" ? Kind::kFloat
+                              : Kind::kOther;
+  if (size.size() == 1) number.bytes = static_cast<size_t>(size[0] - '0');
+  if (proto::number_reader(number)) return number;
   throw InputError(str(where, ": no such type: TYPE ", type.substr(0, 40), " of SIZE ",
                        size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8"));
 }
@@ -85,7 +83,7 @@ PcdHeader read_header(TextCursor* text) {
                          sizes.size(), " SIZE, ", types.size(), " TYPE, ", counts.size(),
                          " COUNT values"));
   for (size_t i = 0; i < names.size(); ++i)
-    header.table.add(names[i], scalar_type(types[i], sizes[i], where),
+    header.table.add(names[i], number_type(types[i], sizes[i], where),
                      counts.empty() ? 1 : parse_count(counts[i], where));
   header.table.check(where);
 

@@ -22,15 +22,16 @@ struct PlyHeader {
   std::vector<Element> elements;
 };
 
-ScalarType scalar_type(std::string_view name, const std::string& where) {
-  if (name == "char" || name == "int8") return ScalarType::kInt8;
-  if (name == "uchar" || name == "uint8") return ScalarType::kUint8;
-  if (name == "short" || name == "int16") return ScalarType::kInt16;
-  if (name == "ushort" || name == "uint16") return ScalarType::kUint16;
-  if (name == "int" || name == "int32") return ScalarType::kInt32;
-  if (name == "uint" || name == "uint32") return ScalarType::kUint32;
-  if (name == "float" || name == "float32") return ScalarType::kFloat32;
-  if (name == "double" || name == "float64") return ScalarType::kFloat64;
+proto::NumberType number_type(std::string_view name, const std::string& where) {
+  using Kind = proto::NumberType::Kind;
+  if (name == "char" || name == "int8") return {Kind::kSigned, 1};
+  if (name == "uchar" || name == "uint8") return {Kind::kUnsigned, 1};
+  if (name == "short" || name == "int16") return {Kind::kSigned, 2};
+  if (name == "ushort" || name == "uint16") return {Kind::kUnsigned, 2};
+  if (name == "int" || name == "int32") return {Kind::kSigned, 4};
+  if (name == "uint" || name == "uint32") return {Kind::kUnsigned, 4};
+  if (name == "float" || name == "float32") return {Kind::kFloat, 4};
+  if (name == "double" || name == "float64") return {Kind::kFloat, 8};
   throw InputError(str(where, ": no such property type: '", name.substr(0, 40), "'"));
 }
 
@@ -59,7 +60,7 @@ PlyHeader read_header(TextCursor* text) {
       if (type == "list")
         element.has_lists = true;
       else
-        element.table.add(take_word(&line), scalar_type(type, where), 1);
+        element.table.add(take_word(&line), number_type(type, where), 1);
     } else {
       throw InputError(str(where, ": no PLY header line: '", key.substr(0, 40), "'"));
     }

@@ -5,7 +5,9 @@
 #include <string_view>
 #include <vector>
 
+#include "io/file_content.h"
 #include "revisit/pipeline/point_cloud.h"
+#include "revisit/proto/number_type.h"
 
 namespace revisit::pipeline {
 
@@ -26,30 +28,14 @@ class TextCursor {
   size_t line_ = 0;
 };
 
-/// Takes the first blank-separated word off `text`; "" when there is none.
-std::string_view take_word(std::string_view* text);
 /// A word as a whole number 0..2^32-1: any count these formats can hold. Throws InputError.
 size_t parse_count(std::string_view word, const std::string& where);
-
-enum class ScalarType {
-  kInt8,
-  kUint8,
-  kInt16,
-  kUint16,
-  kInt32,
-  kUint32,
-  kInt64,
-  kUint64,
-  kFloat32,
-  kFloat64
-};
-size_t size_of(ScalarType type);  // [bytes]
 
 /// What a header declares: `points` rows of named columns.
 class PointTable {
  public:
-  /// `count` values of one type, after the columns added before.
-  void add(std::string_view name, ScalarType type, size_t count);
+  /// `count` values of a type that number_reader() knows, after the columns added before.
+  void add(std::string_view name, proto::NumberType type, size_t count);
   /// Throws InputError, starting with `where`, unless x, y and z are there as single values.
   void check(const std::string& where) const;
 
@@ -67,7 +53,7 @@ class PointTable {
  private:
   struct Column {
     std::string name;
-    ScalarType type;
+    proto::NumberType type;  // little-endian
     size_t count;
     size_t offset;  // in a row [bytes]
     size_t index;   // in a row [values]

@@ -5,11 +5,11 @@
 #include <cctype>
 #include <cmath>
 
-#include "io/file_content.h"
 #include "io/pcd.h"
 #include "io/ply.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_cursor.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -47,14 +47,15 @@ void check_plausible(const fs::path& file, const PointCloud& cloud) {
 }
 
 void read_kitti_bin(const fs::path& file, PointCloud& cloud) {
-  OpenFile in(file);
-  if (in.size == 0) throw InputError(file.string() + ": empty file, it holds no points");
-  if (const uint64_t remainder = in.size % sizeof(Point))
-    throw InputError(str(file.string(), ": ", in.size, " bytes is not a whole number of points of ",
-                         sizeof(Point), " bytes (float32 x y z reflectance): remainder ", remainder,
+  proto::FileCursor in(file);
+  if (in.size() == 0) throw InputError(file.string() + ": empty file, it holds no points");
+  if (const uint64_t remainder = in.size() % sizeof(Point))
+    throw InputError(str(file.string(), ": ", in.size(),
+                         " bytes is not a whole number of points of ", sizeof(Point),
+                         " bytes (float32 x y z reflectance): remainder ", remainder,
                          "; the file is truncated or is no KITTI scan"));
-  cloud.points.resize(in.size / sizeof(Point));
-  in.read(reinterpret_cast<char*>(cloud.points.data()));
+  cloud.points.resize(in.size() / sizeof(Point));
+  in.read(cloud.points.data(), in.size());
   check_plausible(file, cloud);
 }
 

@@ -2,23 +2,15 @@
 
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <sstream>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
 
 namespace revisit::pipeline::simulation {
 namespace {
 
 constexpr double kImageWidth = 1241, kImageHeight = 376;  // as in KITTI's sequence 00 [px]
-
-std::string file_content(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream content;
-  content << in.rdbuf();
-  if (!in) throw InputError(file.string() + ": cannot be read");
-  return std::move(content).str();
-}
 
 /// Camera 8 cm below and 27 cm in front of the LiDAR, with the fractions of a degree that a real
 /// mounting has: who forgets the rotation of Tr shall see it.
@@ -105,7 +97,7 @@ Drive make_drive(const SimulationConfig& config) {
   const double scale = config.camera ? config.camera->scale : 1;
   if (config.calibration) {
     drive.T_cam_velo = read_kitti_calibration(*config.calibration);
-    drive.calibration = file_content(*config.calibration);
+    drive.calibration = read_content(*config.calibration);
     if (scale != 1)
       drive.calibration = scaled_calibration(*config.calibration, drive.calibration, scale);
   } else {
@@ -121,7 +113,7 @@ Drive make_drive(const SimulationConfig& config) {
   }
   if (config.poses) {
     drive.poses = flatten(read_kitti_poses(*config.poses), drive.T_cam_velo, *config.poses);
-    drive.given_poses = file_content(*config.poses);
+    drive.given_poses = read_content(*config.poses);
   } else {
     drive.poses = generate_route(config.route, config.length, config.seed);
   }

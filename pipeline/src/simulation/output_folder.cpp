@@ -1,12 +1,12 @@
 #include "simulation/output_folder.h"
 
 #include <algorithm>
-#include <fstream>
 #include <sstream>
 
 #include "revisit/pipeline/text.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
 #include "revisit/proto/folder.h"
 
 namespace revisit::pipeline::simulation {
@@ -15,14 +15,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kHeader = "# revisit simulate: the settings of the scans beside this file\n";
-
-/// "" when there is no such file.
-std::string content(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  if (in) text << in.rdbuf();
-  return std::move(text).str();
-}
 
 }  // namespace
 
@@ -41,7 +33,7 @@ std::string OutputFolder::difference(const std::string& known) const {
 
 OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
                                        const std::vector<fs::path>& others, bool overwrite) const {
-  const std::string known = content(settings_file_);
+  const std::string known = content_if_any(settings_file_);
   const std::string folder = settings_file_.parent_path().string();
   if (known.empty()) {
     // Perhaps a real recording: never touched, whatever was asked for.
@@ -89,7 +81,7 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
 }
 
 void write_text(const fs::path& file, const std::string& text) {
-  if (content(file) == text) return;
+  if (content_if_any(file) == text) return;
   make_folder(file.parent_path());
   write_atomically(file, [&](std::ostream& out) { out << text; });
 }

@@ -2,8 +2,8 @@
 
 #include <google/protobuf/util/json_util.h>
 
-#include "cli/text_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
 
 namespace revisit::cli {
 
@@ -40,7 +40,7 @@ std::string to_compact_json(const google::protobuf::Message& report) {
 
 google::protobuf::Struct read_json(const std::filesystem::path& file) {
   google::protobuf::Value value;
-  const auto status = google::protobuf::util::JsonStringToMessage(read_text_file(file), &value);
+  const auto status = google::protobuf::util::JsonStringToMessage(read_content(file), &value);
   if (!status.ok()) throw InputError(str(file.string(), ": not valid JSON: ", reason_of(status)));
   if (value.has_struct_value()) return value.struct_value();
   google::protobuf::Struct wrapped;
@@ -52,7 +52,7 @@ void read_report(const std::filesystem::path& file, google::protobuf::Message* r
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
   const auto status =
-      google::protobuf::util::JsonStringToMessage(read_text_file(file), report, options);
+      google::protobuf::util::JsonStringToMessage(read_content(file), report, options);
   if (!status.ok())
     throw InputError(str(file.string(), ": not the ", report->GetDescriptor()->name(),
                          " that revisit writes: ", reason_of(status)));

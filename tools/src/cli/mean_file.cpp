@@ -1,28 +1,18 @@
 #include "mean_file.h"
 
 #include <cmath>
-#include <fstream>
 #include <numeric>
 
+#include "revisit/proto/file_content.h"
 #include "revisit/proto/npy.h"
 #include "revisit/proto/weights_file.h"
 
 namespace revisit::cli {
-namespace {
-
-bool is_npy(const std::filesystem::path& file) {
-  constexpr std::string_view kMagic = "\x93NUMPY";
-  std::array<char, kMagic.size()> start{};
-  std::ifstream(file, std::ios::binary).read(start.data(), start.size());
-  return std::string_view(start.data(), start.size()) == kMagic;
-}
-
-}  // namespace
-
 Mean read_mean(const std::filesystem::path& file) {
+  constexpr std::string_view kNpyMagic = "\x93NUMPY";
   Mean mean;
   std::vector<int64_t> shape;
-  if (is_npy(file)) {
+  if (read_head(file, kNpyMagic.size()) == kNpyMagic) {
     proto::NpyArray array = proto::read_npy(file);
     shape = std::move(array.shape);
     mean.values = std::move(array.data);

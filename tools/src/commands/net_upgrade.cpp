@@ -1,9 +1,9 @@
-#include <fstream>
 #include <iostream>
 
 #include "cli/messages.h"
 #include "net_commands.h"
 #include "revisit/proto/atomic_file.h"
+#include "revisit/proto/file_content.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 
@@ -15,16 +15,9 @@ namespace fs = std::filesystem;
 enum class Kind { kText, kBinary, kHdf5 };
 
 /// What a file is by its beginning. A binary caffemodel has control characters in the tags of its
-/// fields; files that cannot be read count as text, whose reader says why. Throws InputError for
-/// what is no network.
+/// fields. Throws InputError for what is no network.
 Kind kind_of(const fs::path& file) {
-  std::error_code none;
-  if (fs::exists(file, none) && !fs::is_directory(file, none) && !fs::is_regular_file(file, none))
-    throw InputError(file.string() + ": is not a regular file");
-  std::ifstream in(file, std::ios::binary);
-  std::string head(4096, '\0');
-  in.read(head.data(), static_cast<std::streamsize>(head.size()));
-  head.resize(static_cast<size_t>(in.gcount()));
+  const std::string head = read_head(file, 4096);
   if (head.starts_with("\x89HDF")) return Kind::kHdf5;
   if (head.starts_with("\x93NUMPY"))
     throw InputError(file.string() + ": is a NumPy array, expected a prototxt or weights of Caffe");

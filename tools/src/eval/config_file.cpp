@@ -2,8 +2,8 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include "cli/text_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
 
 namespace revisit::cli {
 namespace {
@@ -19,7 +19,7 @@ std::vector<std::pair<std::string, std::string>> read_config_file(
     const std::filesystem::path& file) {
   YAML::Node root;
   try {
-    root = YAML::Load(read_text_file(file));
+    root = YAML::Load(read_content(file));
   } catch (const YAML::ParserException& error) {
     fail(file, error.mark, error.msg);
   }

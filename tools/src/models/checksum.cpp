@@ -3,15 +3,14 @@
 #include <openssl/evp.h>
 #include <sys/stat.h>
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
+#include <algorithm>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_cursor.h"
 
 namespace revisit::models {
 
@@ -26,18 +25,14 @@ std::string read_and_sum(const fs::path& file) {
   if (!context || !digest || EVP_DigestInit_ex(context.get(), digest, nullptr) != 1)
     throw Error("OpenSSL cannot compute SHA-1 here");
 
-  errno = 0;
-  std::ifstream in(file, std::ios::binary);
+  proto::FileCursor cursor(file);
   std::vector<char> block(size_t{1} << 20);
-  while (in) {
-    in.read(block.data(), static_cast<std::streamsize>(block.size()));
-    const auto count = static_cast<size_t>(in.gcount());
-    if (count && EVP_DigestUpdate(context.get(), block.data(), count) != 1)
+  while (cursor.position() < cursor.size()) {
+    const auto count = std::min<uint64_t>(block.size(), cursor.size() - cursor.position());
+    cursor.read(block.data(), count);
+    if (EVP_DigestUpdate(context.get(), block.data(), count) != 1)
       throw Error("OpenSSL cannot compute SHA-1 here");
   }
-  if (!in.eof() || in.bad())
-    throw InputError(
-        str(file.string(), ": cannot read: ", errno ? std::strerror(errno) : "read error"));
 
   unsigned char sum[EVP_MAX_MD_SIZE];
   unsigned int length = 0;
