@@ -7,7 +7,7 @@
 
 #include "phase.h"
 #include "revisit/proto/error.h"
-#include "revisit/proto/shape_text.h"
+#include "revisit/proto/joined.h"
 
 namespace revisit::proto {
 namespace {
@@ -200,10 +200,10 @@ class Extraction {
         *kept_.add_layer() = layer(i);
       }
     }
-    std::string names;
-    for (const int i : left_out_)
-      names += str(names.empty() ? "" : ", ", "'", layer(i).name(), "' (", layer(i).type(), ")");
-    if (!names.empty()) warnings_.push_back(str("left out, being for training only: ", names));
+    const auto name = [&](int i) { return str("'", layer(i).name(), "' (", layer(i).type(), ")"); };
+    if (!left_out_.empty())
+      warnings_.push_back(
+          str("left out, being for training only: ", joined(left_out_, ", ", name)));
     net_.mutable_layer()->Swap(kept_.mutable_layer());
   }
 

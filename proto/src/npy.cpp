@@ -10,6 +10,7 @@
 
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/file_cursor.h"
+#include "revisit/proto/joined.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are stored little-endian");
 
@@ -201,8 +202,7 @@ NpyArray read_npy(const std::filesystem::path& file) {
 }
 
 std::string npy_header(const std::vector<int64_t>& shape) {
-  std::string dims;
-  for (const int64_t dim : shape) dims += (dims.empty() ? "" : ", ") + std::to_string(dim);
+  std::string dims = joined(shape, ", ");
   if (shape.size() == 1) dims += ",";  // a Python tuple of one
   std::string dictionary = "{'descr': '<f4', 'fortran_order': False, 'shape': (" + dims + "), }";
   const size_t fixed = kMagic.size() + 2 + 2;  // magic, version, length

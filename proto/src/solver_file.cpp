@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/joined.h"
 #include "silence.h"
 
 namespace revisit::proto {
@@ -53,11 +54,8 @@ std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& 
     throw InputError(str(path.string(), ": is a solver file ", reason));
   };
   if (has_net_inside) fail("with a net inside; put that into a prototxt of its own and give that");
-  if (names.size() > 1) {
-    std::string list;
-    for (const std::string& name : names) list += str(list.empty() ? "'" : ", '", name, "'");
-    fail(str("that names several nets: ", list, "; give one of them"));
-  }
+  if (names.size() > 1)
+    fail(str("that names several nets: '", joined(names, "', '"), "'; give one of them"));
   if (solver.test_state_size() > 1)
     fail(str("that tests its net in several states; give the net itself, '", names[0], "'"));
   SolverNet result{find_net(names[0], path), {}};

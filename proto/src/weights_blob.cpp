@@ -6,7 +6,7 @@
 #include <string>
 #include <type_traits>
 
-#include "revisit/proto/shape_text.h"
+#include "revisit/proto/joined.h"
 #include "wire_reader.h"
 
 static_assert(std::endian::native == std::endian::little, "the wire format is little-endian");

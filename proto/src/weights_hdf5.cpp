@@ -7,7 +7,7 @@
 #include <set>
 
 #include "hdf5_file.h"
-#include "revisit/proto/shape_text.h"
+#include "revisit/proto/joined.h"
 
 namespace revisit::proto {
 namespace {

@@ -2,6 +2,9 @@
 
 #include <google/protobuf/util/json_util.h>
 
+#include <iostream>
+
+#include "cli/table.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/file_content.h"
 
@@ -36,6 +39,16 @@ std::string to_json(const google::protobuf::Message& report) {
 
 std::string to_compact_json(const google::protobuf::Message& report) {
   return printed(report, {});
+}
+
+void print_report(const std::string& format, const google::protobuf::Message& report,
+                  const Table& table) {
+  if (format == "json")
+    std::cout << to_json(report);
+  else if (format == "csv")
+    table.print_csv(std::cout);
+  else
+    table.print(std::cout);
 }
 
 google::protobuf::Struct read_json(const std::filesystem::path& file) {

@@ -16,6 +16,12 @@ std::string to_json(const google::protobuf::Message& report);
 /// so that it can stand in a script element of HTML.
 std::string to_compact_json(const google::protobuf::Message& report);
 
+class Table;
+
+/// Prints a report as `format`, "table", "json" or "csv", says; the table has the same in columns.
+void print_report(const std::string& format, const google::protobuf::Message& report,
+                  const Table& table);
+
 /// Reads a JSON file. A list at the top is found under the key "". Throws InputError.
 google::protobuf::Struct read_json(const std::filesystem::path& file);
 

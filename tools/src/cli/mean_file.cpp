@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "revisit/proto/file_content.h"
+#include "revisit/proto/joined.h"
 #include "revisit/proto/npy.h"
 #include "revisit/proto/weights_file.h"
 
@@ -51,13 +52,10 @@ void subtract(const Mean& mean, const engine::Shape& shape, float* values) {
         str("--mean: the mean has ", mean.channels, " channels, the input is ", shape));
   const int64_t h = shape[2], w = shape[3];
   const bool is_image = mean.h * mean.w > 1;
-  if (is_image && (mean.h < h || mean.w < w)) {
-    std::string means;
-    for (const double value : channel_means(mean)) means += (means.empty() ? "" : ",") + str(value);
-    throw UsageError(str("--mean: the mean image is ", mean.h, " x ", mean.w,
-                         ", smaller than the input, ", h, " x ", w,
-                         "; give the means of its channels as .npy: ", means));
-  }
+  if (is_image && (mean.h < h || mean.w < w))
+    throw UsageError(str(
+        "--mean: the mean image is ", mean.h, " x ", mean.w, ", smaller than the input, ", h, " x ",
+        w, "; give the means of its channels as .npy: ", joined(channel_means(mean), ",")));
   const int64_t top = (mean.h - h) / 2, left = (mean.w - w) / 2;
   for (int64_t plane = 0; plane < shape[0] * shape[1]; ++plane) {
     const float* const from = mean.values.data() + plane % mean.channels * mean.h * mean.w;

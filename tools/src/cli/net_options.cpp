@@ -71,9 +71,7 @@ void NetOptions::declare(Parser& parser) {
               &allow_missing);
   parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
               &allow_unknown);
-  parser.option("accuracy", "WORD",
-                "usual (default) or strict: convolutions that round no more than Caffe's, slower",
-                &accuracy);
+  declare_accuracy(parser, &accuracy);
   parser.flag("keep-denormals", "numbers below 1.2e-38 keep their value, as in Caffe, however slow",
               &keep_denormals);
   limits.declare(parser);
@@ -102,13 +100,13 @@ engine::PlanOptions NetOptions::plan_options() const {
   return {.threads = threads,
           .max_run_bytes = run_mb << 20,
           .flush_denormals = !keep_denormals,
-          .accuracy = parse_accuracy(accuracy)};
+          .accuracy = accuracy};
 }
 
-engine::Accuracy parse_accuracy(const std::string& word) {
-  if (word == "usual") return engine::Accuracy::kUsual;
-  if (word == "strict") return engine::Accuracy::kStrict;
-  throw UsageError(str("--accuracy: expected usual or strict, found '", word, "'"));
+void declare_accuracy(Parser& parser, engine::Accuracy* accuracy) {
+  parser.choice<engine::Accuracy>(
+      "accuracy", {{"usual", engine::Accuracy::kUsual}, {"strict", engine::Accuracy::kStrict}},
+      "usual (default) or strict: convolutions that round no more than Caffe's, slower", accuracy);
 }
 
 engine::Net load_net(const NetOptions& options, NoWeights otherwise) {

@@ -30,7 +30,7 @@ struct NetOptions {
   std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
   int threads = 1;
   bool allow_missing = false, allow_unknown = false, keep_denormals = false;
-  std::string accuracy = "usual";
+  engine::Accuracy accuracy = engine::Accuracy::kUsual;
   LimitOptions limits;
   int64_t run_mb = engine::PlanOptions{}.max_run_bytes >> 20;
 
@@ -42,8 +42,8 @@ struct NetOptions {
   std::vector<std::string> input_blobs() const;
 };
 
-/// "usual" or "strict"; throws UsageError for another word.
-engine::Accuracy parse_accuracy(const std::string& word);
+/// Adds --accuracy usual|strict.
+void declare_accuracy(Parser& parser, engine::Accuracy* accuracy);
 
 /// How to do without a weights file.
 enum class NoWeights { kRefuse, kRandom, kNone };

@@ -123,19 +123,35 @@ Parser::Parser(std::string command, std::string usage, std::string summary, std:
       summary_(std::move(summary)),
       examples_(std::move(examples)) {}
 
-void Parser::add(Option option) {
+Parser& Parser::add(Option option) {
   options_.push_back(std::move(option));
+  return *this;
+}
+
+size_t Parser::index_of_word(const std::string& what, const std::string& text,
+                             const std::vector<std::string>& words) {
+  const auto found = std::ranges::find(words, text);
+  if (found != words.end()) return static_cast<size_t>(found - words.begin());
+  const std::span<const std::string> but_last(words.data(), words.size() - 1);
+  throw UsageError(str(what, ": expected ", joined(but_last, ", "), " or ", words.back(),
+                       ", found '", text, "'", did_you_mean(text, words)));
+}
+
+Parser& Parser::choice(std::string name, std::vector<std::string> words, std::string help,
+                       std::string* target) {
+  std::vector<std::pair<std::string, std::string>> values;
+  for (const std::string& word : words) values.emplace_back(word, word);
+  return choice(std::move(name), std::move(values), std::move(help), target);
 }
 
 Parser& Parser::flag(std::string name, std::string help, bool* target, char letter) {
-  add({std::move(name), "", std::move(help), letter,
+  return add(
+      {std::move(name), "", std::move(help), letter,
        [target](const std::string& what, const std::string& text) { assign(what, text, target); }});
-  return *this;
 }
 
 Parser& Parser::group(std::string heading) {
-  add({"", "", std::move(heading), 0, {}, true});
-  return *this;
+  return add({"", "", std::move(heading), 0, {}, true});
 }
 
 Parser& Parser::config(ConfigReader reader, std::vector<std::string> others) {

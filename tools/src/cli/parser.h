@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/joined.h"
 
 namespace revisit::cli {
 
@@ -41,6 +42,21 @@ class Parser {
     if constexpr (IsVector<T>::value) options_.back().clear = [target] { target->clear(); };
     return *this;
   }
+
+  /// An option whose value is one of some words; `target` is a T or a std::optional<T>.
+  template <class T, class Target>
+  Parser& choice(std::string name, std::vector<std::pair<std::string, T>> values, std::string help,
+                 Target* target) {
+    std::vector<std::string> words;
+    for (const auto& [word, value] : values) words.push_back(word);
+    return add({std::move(name), joined(words, "|"), std::move(help), 0,
+                [target, words, values](const std::string& what, const std::string& text) {
+                  *target = values[index_of_word(what, text, words)].second;
+                }});
+  }
+  /// The same where the word itself is the value.
+  Parser& choice(std::string name, std::vector<std::string> words, std::string help,
+                 std::string* target);
 
   /// A switch: present means true.
   Parser& flag(std::string name, std::string help, bool* target, char letter = 0);
@@ -120,7 +136,9 @@ class Parser {
                             }});
     return *this;
   }
-  void add(Option option);
+  Parser& add(Option option);
+  static size_t index_of_word(const std::string& what, const std::string& text,
+                              const std::vector<std::string>& words);
   static void apply(Option& option, Source source, const std::string& what,
                     const std::string& text);
   Option& find(const std::string& source, const std::string& name);

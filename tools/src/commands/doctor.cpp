@@ -52,10 +52,8 @@ int doctor_command(const Arguments& arguments) {
       "something essential is missing.",
       "  revisit doctor\n  revisit doctor /data/kitti\n");
   parser.optional_positional("DATA", &data);
-  parser.option("format", "table|json", "form of the output (default: table)", &format);
+  parser.choice("format", {"table", "json"}, "form of the output (default: table)", &format);
   parser.parse(arguments);
-  if (format != "table" && format != "json")
-    throw UsageError(str("--format: expected table or json, found '", format, "'"));
 
   doctor::Checks checks;
   doctor::check_program(checks);

@@ -9,6 +9,7 @@
 #include "eval/feature_options.h"
 #include "experiment/run_experiments.h"
 #include "report/page.h"
+#include "revisit/proto/joined.h"
 
 namespace revisit::cli {
 namespace {
@@ -137,9 +138,7 @@ bool print_summary(const std::vector<reports::Experiment>& all) {
     }
     if (kinds.empty()) table.row({experiment.name(), "0", "skipped", "no network was found"});
     for (const auto& [state, kind] : kinds) {
-      std::string why;
-      for (const std::string& reason : kind.reasons) why += (why.empty() ? "" : "; ") + reason;
-      table.row({experiment.name(), str(kind.runs), state, why});
+      table.row({experiment.name(), str(kind.runs), state, joined(kind.reasons, "; ")});
       good &= state != "failed";
     }
   }

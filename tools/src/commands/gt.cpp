@@ -47,10 +47,8 @@ GtOptions parse_options(const Arguments& arguments) {
               "(driven), or none",
               &o.exclusion)
       .flag("pairs", "list the true pairs", &o.pairs)
-      .option("format", "FORMAT", "table (default), json or csv", &o.format);
+      .choice("format", {"table", "json", "csv"}, "form of the output (default: table)", &o.format);
   parser.parse(arguments);
-  if (o.format != "table" && o.format != "json" && o.format != "csv")
-    throw UsageError(str("--format: expected table, json or csv, found '", o.format, "'"));
   return o;
 }
 
@@ -112,16 +110,11 @@ Table pair_table(const reports::GroundTruth& report) {
 }
 
 void print(const reports::GroundTruth& report, const GtOptions& o) {
-  if (o.format == "json") {
-    std::cout << to_json(report);
-  } else if (o.format == "csv") {
-    (o.pairs ? pair_table(report) : summary_table(report)).print_csv(std::cout);
-  } else {
+  if (o.pairs && o.format == "table") {
     summary_table(report).print(std::cout);
-    if (!o.pairs) return;
     std::cout << "\n";
-    pair_table(report).print(std::cout);
   }
+  print_report(o.format, report, o.pairs ? pair_table(report) : summary_table(report));
 }
 
 }  // namespace

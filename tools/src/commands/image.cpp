@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <iostream>
 #include <numbers>
 
 #include "cli/command.h"
@@ -40,32 +39,21 @@ struct ImageOptions {
   GeometryOptions image;
 };
 
-void check_choice(const char* option, const std::string& found,
-                  const std::vector<std::string>& choices) {
-  if (std::find(choices.begin(), choices.end(), found) != choices.end()) return;
-  std::string listed;
-  for (const std::string& choice : choices) listed += (listed.empty() ? "" : ", ") + choice;
-  throw UsageError(str(option, ": expected one of ", listed, ", found '", found, "'",
-                       did_you_mean(found, choices)));
-}
-
 ImageOptions parse_options(const Arguments& arguments) {
   ImageOptions o;
   Parser parser("revisit image", "SCAN", kSummary, kExamples);
   parser.positional("SCAN", &o.scan)
       .option("output", "DIR", "where the PNG files go (default: here)", &o.output, 'o')
-      .option("align", "CASE", "case1 (default), case2 or none", &o.align)
+      .choice("align", {"case1", "case2", "none"}, "(default: case1)", &o.align)
       .option("gamma", "G",
               "brightens the PNG files for looking at, value 255 (v / 255)^(1 / G); what the "
               "network sees is G = 1 (default 1)",
               &o.gamma)
-      .option("format", "FORMAT", "table (default) or json", &o.format);
+      .choice("format", {"table", "json"}, "form of the output (default: table)", &o.format);
   o.image.declare(parser);
   parser.parse(arguments);
-  check_choice("--align", o.align, {"case1", "case2", "none"});
   if (!(o.gamma > 0 && std::isfinite(o.gamma)))
     throw UsageError(str("--gamma: expected a positive number, found ", o.gamma));
-  check_choice("--format", o.format, {"table", "json"});
   return o;
 }
 
@@ -105,7 +93,7 @@ double filled(const RangeImage& image) {
   return 1 - static_cast<double>(empty) / static_cast<double>(image.pixels.size());
 }
 
-void print_table(const reports::RangeImageSummary& s) {
+Table table_of(const reports::RangeImageSummary& s) {
   const auto percent = [](double fraction) { return number(100 * fraction, 1) + " %"; };
   Table table({"scan", s.scan()});
   table.row({"image", str(s.width(), " x ", s.height(), ", ", s.sensor())});
@@ -124,7 +112,7 @@ void print_table(const reports::RangeImageSummary& s) {
   for (const std::string& warning : s.warnings()) table.row({"warning", warning});
   table.row({"projected", s.projected_png()});
   table.row({"closed", s.closed_png()});
-  table.print(std::cout);
+  return table;
 }
 
 }  // namespace
@@ -166,10 +154,7 @@ int image_command(const Arguments& arguments) {
   summary.set_pixels_closed(filled(closed));
   summary.set_projected_png(stem + "_projected.png");
   summary.set_closed_png(stem + "_closed.png");
-  if (o.format == "json")
-    std::cout << to_json(summary);
-  else
-    print_table(summary);
+  print_report(o.format, summary, table_of(summary));
   return kOk;
 }
 

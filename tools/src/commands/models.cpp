@@ -11,6 +11,7 @@
 #include "models/fetch.h"
 #include "models/find_model.h"
 #include "reports.pb.h"
+#include "revisit/proto/joined.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"
 
@@ -22,22 +23,22 @@ namespace fs = std::filesystem;
 constexpr double kMegabyte = 1e6;
 
 /// --models, or the usual place.
-fs::path cache_or_default(const std::optional<fs::path>& option) {
-  return option ? *option : models::cache_folder();
-}
+struct ModelsFolder {
+  std::optional<fs::path> given;
+
+  void declare(Parser& parser) {
+    parser.option("models", "DIR",
+                  "folder of models (default: $REVISIT_MODELS, ~/.cache/revisit/models)", &given);
+  }
+  fs::path path() const { return given ? *given : models::cache_folder(); }
+};
 
 std::string cuts_text(const models::KnownModel& model) {
-  std::string text;
-  for (const models::Cut& cut : model.cuts)
-    text += (text.empty() ? "" : " ") + models::to_string(cut);
-  return text;
+  return joined(model.cuts, " ", [](const models::Cut& cut) { return models::to_string(cut); });
 }
 
 std::string mean_text(const models::KnownModel& model) {
-  if (!model.mean_bgr) return "";
-  std::string text;
-  for (const double value : *model.mean_bgr) text += (text.empty() ? "" : " ") + str(value);
-  return text;
+  return model.mean_bgr ? joined(*model.mean_bgr, " ") : "";
 }
 
 std::string size_text(const models::CacheEntry& entry) {
@@ -71,20 +72,16 @@ void add_to_report(const models::KnownModel& model, const models::CacheEntry& en
 
 int list_command(const Arguments& arguments) {
   std::string format = "table";
-  std::optional<fs::path> cache_option;
+  ModelsFolder folder;
   Parser parser(
       "revisit models list", "",
       "Lists the known Caffe models: which are in the cache, and whether they are the real ones.",
       "  revisit models list\n  revisit models list --format json\n");
-  parser.option("format", "table|json|csv", "form of the output (default: table)", &format);
-  parser.option("models", "DIR",
-                "folder of models (default: $REVISIT_MODELS, ~/.cache/revisit/models)",
-                &cache_option);
+  parser.choice("format", {"table", "json", "csv"}, "form of the output (default: table)", &format);
+  folder.declare(parser);
   parser.parse(arguments);
-  if (format != "table" && format != "json" && format != "csv")
-    throw UsageError(str("--format: expected table, json or csv, found '", format, "'"));
 
-  const fs::path cache = cache_or_default(cache_option);
+  const fs::path cache = folder.path();
   reports::KnownModels report;
   report.set_cache(cache.string());
   const bool csv = format == "csv";
@@ -105,16 +102,11 @@ int list_command(const Arguments& arguments) {
     else
       table.row({model.name, state, size_text(entry), model.licence, input, cuts_text(model)});
   }
-  if (format == "json") {
-    std::cout << to_json(report);
-  } else if (csv) {
-    table.print_csv(std::cout);
-  } else {
-    table.print(std::cout);
+  print_report(format, report, table);
+  if (format == "table")
     std::cout
         << "\ncache: " << cache.string()
         << "\n'revisit models fetch NAME' gets one; --format json shows addresses and checksums.\n";
-  }
   return kOk;
 }
 
@@ -154,7 +146,7 @@ void print_fetched(const models::KnownModel& model, const models::Fetched& fetch
 
 int fetch_command(const Arguments& arguments) {
   std::string name;
-  std::optional<fs::path> cache_option;
+  ModelsFolder folder;
   bool no_progress = false;
   Parser parser("revisit models fetch", "NAME",
                 "Downloads a known model into the cache and checks its checksum. An interrupted "
@@ -162,16 +154,14 @@ int fetch_command(const Arguments& arguments) {
                 "  revisit models fetch bvlc_alexnet\n"
                 "  revisit models fetch squeezenet_v1.1 --models /data/models\n");
   parser.positional("NAME", &name);
-  parser.option("models", "DIR",
-                "folder of models (default: $REVISIT_MODELS, ~/.cache/revisit/models)",
-                &cache_option);
+  folder.declare(parser);
   parser.flag("no-progress", "no progress line", &no_progress);
   parser.parse(arguments);
 
   const models::KnownModel& model = models::known_model(name);
   const models::Fetched fetched = [&] {
     Progress progress("fetching " + model.name, "MB", !no_progress);
-    return models::fetch_model(model, cache_or_default(cache_option), download_options(progress));
+    return models::fetch_model(model, folder.path(), download_options(progress));
   }();
   print_fetched(model, fetched);
   return kOk;
@@ -204,15 +194,13 @@ int make_random_command(const Arguments& arguments) {
   std::string net = "alexnet";
   uint64_t seed = 1;
   fs::path output;
-  std::string names;
-  for (const std::string& name : models::trunk_names()) names += (names.empty() ? "" : "|") + name;
   Parser parser("revisit models make-random", "-o DIR",
                 "Writes a network with random weights, to try the machinery without a download. It "
                 "is not trained: its results say nothing about accuracy. The same seed gives the "
                 "same files everywhere.",
                 "  revisit models make-random -o /tmp/random\n"
                 "  revisit models make-random --net vgg_cnn_s --seed 7 -o /tmp/random\n");
-  parser.option("net", names, "which network (default: alexnet)", &net);
+  parser.choice("net", models::trunk_names(), "which network (default: alexnet)", &net);
   parser.option("seed", "N", "seed of the weights (default: 1)", &seed);
   parser.option("output", "DIR", "where to write NET_random.prototxt and .caffemodel", &output,
                 'o');

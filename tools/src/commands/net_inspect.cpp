@@ -26,16 +26,14 @@ int net_inspect_command(const Arguments& arguments) {
   parser.group("Output:");
   parser.flag("memory", "also show the memory plan: every buffer of a run", &memory);
   parser.option("graph", "FILE", "draw the graph to FILE.dot or FILE.svg (needs Graphviz)", &graph);
-  parser.option("format", "FORMAT", "table, json or csv (default table)", &format);
+  parser.choice("format", {"table", "json", "csv"}, "form of the output (default table)", &format);
   parser.parse(arguments);
 
   const engine::Net net = load_net(options, NoWeights::kNone);
   const engine::Plan plan = net.plan({}, options.plan_options());
   if (!graph.empty()) write_graph(graph, net, plan);
-  reports::NetReport report =
-      net_report(options, weights_source(options, NoWeights::kNone), net, plan, nullptr);
-  if (memory) add_buffers(plan, &report);
-  print_net_report(report, format);
+  print_net_report({options, weights_source(options, NoWeights::kNone), net, plan, nullptr, memory},
+                   format);
   return kOk;
 }
 

@@ -10,7 +10,8 @@ int net_layers_command(const Arguments& arguments) {
   std::string format = "table";
   Parser parser("revisit net layers", "", "List the layer types that networks can use.",
                 "  revisit net layers\n  revisit net layers --format markdown\n");
-  parser.option("format", "FORMAT", "table, csv or markdown (default table)", &format);
+  parser.choice("format", {"table", "csv", "markdown"}, "form of the output (default table)",
+                &format);
   parser.parse(arguments);
 
   Table table({"type", "from", "does"});
@@ -20,12 +21,10 @@ int net_layers_command(const Arguments& arguments) {
     table.print(std::cout);
   } else if (format == "csv") {
     table.print_csv(std::cout);
-  } else if (format == "markdown") {
+  } else {
     std::cout << "| type | from | does |\n|---|---|---|\n";
     for (const engine::LayerType& layer : engine::layer_types())
       std::cout << "| " << layer.type << " | " << layer.origin << " | " << layer.does << " |\n";
-  } else {
-    throw UsageError("--format: expected table, csv or markdown, found '" + format + "'");
   }
   return kOk;
 }

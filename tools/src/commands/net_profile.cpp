@@ -60,7 +60,7 @@ int net_profile_command(const Arguments& arguments) {
               "as on range images: the input's channels are one picture, up to a constant each",
               &gray);
   parser.flag("reference", "time the slow reference kernels instead", &reference);
-  parser.option("format", "FORMAT", "table, json or csv", &format);
+  parser.choice("format", {"table", "json", "csv"}, "form of the output (default table)", &format);
   parser.parse(arguments);
   if (measure.repeat < 1)
     throw UsageError(str("--repeat: expected at least 1, found ", measure.repeat));
@@ -78,8 +78,7 @@ int net_profile_command(const Arguments& arguments) {
   for (const engine::Port& port : plan.inputs()) fill_input(run.input(port.name));
   const engine::Profile profile = engine::profile(run, measure);
   print_net_report(
-      net_report(options, weights_source(options, NoWeights::kRandom), net, plan, &profile),
-      format);
+      {options, weights_source(options, NoWeights::kRandom), net, plan, &profile, false}, format);
   return interrupted() ? kInterrupted : kOk;
 }
 

@@ -8,7 +8,9 @@
 #include "cli/printable.h"
 #include "cli/table.h"
 #include "net_commands.h"
+#include "reports.pb.h"
 #include "revisit/engine/simd.h"
+#include "revisit/proto/joined.h"
 
 namespace revisit::cli {
 namespace {
@@ -22,9 +24,7 @@ void set_shape(const engine::Shape& shape, Repeated* out) {
 
 template <class Repeated>
 std::string shape_text(const Repeated& shape) {
-  std::string text;
-  for (const int size : shape) text += (text.empty() ? "" : "x") + std::to_string(size);
-  return text.empty() ? "scalar" : text;
+  return shape.empty() ? "scalar" : joined(shape, "x");
 }
 
 reports::Timing timing(const engine::Timing& t) {
@@ -141,8 +141,6 @@ void print_buffers(const reports::NetReport& report) {
   table.print(std::cout);
 }
 
-}  // namespace
-
 void add_buffers(const engine::Plan& plan, reports::NetReport* report) {
   for (const engine::BufferUse& use : plan.buffers()) {
     reports::Buffer& buffer = *report->add_buffers();
@@ -154,9 +152,8 @@ void add_buffers(const engine::Plan& plan, reports::NetReport* report) {
   }
 }
 
-reports::NetReport net_report(const NetOptions& options, const std::string& weights,
-                              const engine::Net& net, const engine::Plan& plan,
-                              const engine::Profile* profile) {
+reports::NetReport net_report(const NetFindings& findings) {
+  const auto& [options, weights, net, plan, profile, with_buffers] = findings;
   reports::NetReport report;
   report.set_net(net.name());
   report.set_prototxt(options.prototxt.string());
@@ -210,23 +207,21 @@ reports::NetReport net_report(const NetOptions& options, const std::string& weig
     report.set_gflops(gflops(macs, profile->total.median));
     report.set_peak_resident_bytes(peak_resident_bytes());
   }
+  if (with_buffers) add_buffers(plan, &report);
   return report;
 }
 
-void print_net_report(const reports::NetReport& report, const std::string& format) {
-  if (format == "json") {
-    std::cout << to_json(report) << "\n";
-  } else if (format == "csv") {
-    layer_table(report).print_csv(std::cout);
-  } else if (format == "table") {
+}  // namespace
+
+void print_net_report(const NetFindings& findings, const std::string& format) {
+  const reports::NetReport report = net_report(findings);
+  if (format == "table")
     std::cout << "kernels: " << report.simd() << ", " << report.threads() << " thread"
               << (report.threads() == 1 ? "" : "s") << "\n\n";
-    layer_table(report).print(std::cout);
-    if (report.buffers_size() > 0) print_buffers(report);
-    print_summary(report);
-  } else {
-    throw UsageError("--format: expected table, json or csv, found '" + format + "'");
-  }
+  print_report(format, report, layer_table(report));
+  if (format != "table") return;
+  if (report.buffers_size() > 0) print_buffers(report);
+  print_summary(report);
 }
 
 }  // namespace revisit::cli

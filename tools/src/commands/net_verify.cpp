@@ -14,7 +14,6 @@ namespace fs = std::filesystem;
 int net_verify_command(const Arguments& arguments) {
   std::vector<fs::path> folders;
   CompareOptions options;
-  std::string accuracy = "usual";
   Parser parser("revisit net verify", "DIR...",
                 "Run networks and compare with outputs of the original, layer by layer where those "
                 "are there: the "
@@ -31,13 +30,11 @@ int net_verify_command(const Arguments& arguments) {
                 "largest relative error of a layer (default 1e-5; 1e-4 where Winograd kernels run)",
                 &options.tolerance);
   parser.option("threads", "N", "threads of one forward pass (default 1)", &options.threads);
-  parser.option("accuracy", "WORD", "usual (default) or strict", &accuracy);
+  declare_accuracy(parser, &options.accuracy);
   parser.flag("reference", "use the slow reference kernels", &options.reference_kernels);
   parser.parse(arguments);
   if (options.tolerance && !(*options.tolerance > 0))
     throw UsageError(str("--tolerance: expected more than 0, found ", *options.tolerance));
-
-  options.accuracy = parse_accuracy(accuracy);
 
   std::vector<GoldenCase> cases;
   for (const fs::path& folder : folders)

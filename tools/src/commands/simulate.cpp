@@ -35,20 +35,6 @@ constexpr const char* kExamples =
     "from 0, and scan 000042.bin is frame 42. With --every or --frames there are lines without a "
     "scan.\n";
 
-template <class Value>
-Value choose(const std::string& option, const std::string& name,
-             const std::vector<std::pair<std::string, Value>>& choices) {
-  std::vector<std::string> names;
-  std::string list;
-  for (const auto& [known, value] : choices) {
-    if (known == name) return value;
-    names.push_back(known);
-    list += (list.empty() ? "" : ", ") + known;
-  }
-  throw UsageError(
-      str(option, ": expected one of ", list, "; found '", name, "'", did_you_mean(name, names)));
-}
-
 /// "N": the first N frames. "A-B": frames A to B, inclusive.
 void parse_frames(const std::string& text, pipeline::SimulationConfig* config) {
   const size_t dash = text.find('-');
@@ -101,7 +87,11 @@ void print(const pipeline::SimulationConfig& config, const pipeline::SimulationS
 
 struct SimulateOptions {
   std::optional<fs::path> output, poses, calib;
-  std::optional<std::string> preset, sequence, route, frames, sensor, light;
+  std::optional<std::string> sequence, frames;
+  std::optional<pipeline::PlaceScans> preset;
+  std::optional<pipeline::RouteKind> route;
+  std::optional<pipeline::LidarModel> sensor;
+  std::optional<bool> light;  // changing
   std::optional<double> length, image_scale;
   std::optional<int> every;
   double noise = 0.02, dropout = 0.01;
@@ -111,20 +101,29 @@ struct SimulateOptions {
 };
 
 SimulateOptions parse_options(const Arguments& arguments) {
+  using pipeline::LidarModel;
+  using pipeline::PlaceScans;
+  using pipeline::RouteKind;
   SimulateOptions o;
   Parser parser("revisit simulate", "-o DIR", kSummary, kExamples);
   parser.option("output", "DIR", "root of the data set", &o.output, 'o')
-      .option("preset", "NAME",
-              "instead of a drive: hkust-rotation (7 places, 77 scans of a VLP-16 turned by about "
-              "40 degrees each) or hkust-objects (the same places, 94 scans with people and cars "
-              "passing); a folder per place",
-              &o.preset)
+      .choice<PlaceScans>(
+          "preset",
+          {{"hkust-rotation", PlaceScans::kRotation}, {"hkust-objects", PlaceScans::kObjects}},
+          "instead of a drive: hkust-rotation (7 places, 77 scans of a VLP-16 turned by about "
+          "40 degrees each) or hkust-objects (the same places, 94 scans with people and cars "
+          "passing); a folder per place",
+          &o.preset)
       .option("sequence", "NN", "name of the sequence (default 00)", &o.sequence)
       .flag("overwrite", "replace scans made with other settings", &o.overwrite)
       .group("Where to drive:")
-      .option("route", "KIND",
-              "generated: loop (revisits in the same direction, the default), opposite, or both",
-              &o.route)
+      .choice<RouteKind>(
+          "route",
+          {{"loop", RouteKind::kLoop},
+           {"opposite", RouteKind::kOpposite},
+           {"both", RouteKind::kBoth}},
+          "generated: loop (revisits in the same direction, the default), opposite, or both",
+          &o.route)
       .option("length", "M", "of the generated route, in metres (default 1200)", &o.length)
       .option("poses", "FILE", "drive along these KITTI poses instead", &o.poses)
       .option("calib", "FILE", "calib.txt of these poses (default: a typical one)", &o.calib)
@@ -132,17 +131,19 @@ SimulateOptions parse_options(const Arguments& arguments) {
       .option("frames", "N|A-B", "the first N, or A to B inclusive (default: all)", &o.frames)
       .option("every", "N", "every Nth frame only", &o.every)
       .group("Sensor:")
-      .option("sensor", "NAME", "hdl64 (default) or vlp16", &o.sensor)
+      .choice<LidarModel>("sensor", {{"hdl64", LidarModel::kHdl64}, {"vlp16", LidarModel::kVlp16}},
+                          "(default: hdl64)", &o.sensor)
       .option("noise", "M", "standard deviation of a range in metres (default 0.02)", &o.noise)
       .option("dropout", "SHARE", "of returns lost at random (default 0.01)", &o.dropout)
       .group("Camera:")
       .flag("camera", "also what a camera beside it sees: image_0/000000.png, gray", &o.camera)
       .option("image-scale", "S", "size of the pictures, 1 is 1241 x 376 (default), down to 0.1",
               &o.image_scale)
-      .option("light", "KIND",
-              "changing: the sun wanders, clouds pass and the exposure errs, so passes of one "
-              "place differ (default); or steady",
-              &o.light)
+      .choice<bool>(
+          "light", {{"changing", true}, {"steady", false}},
+          "changing: the sun wanders, clouds pass and the exposure errs, so passes of one "
+          "place differ (default); or steady",
+          &o.light)
       .group("General:")
       .option("seed", "S", "another seed is another town (default 1)", &o.seed)
       .option("threads", "T", "default: all", &o.threads)
@@ -155,11 +156,8 @@ SimulateOptions parse_options(const Arguments& arguments) {
 }
 
 int simulate_places(const SimulateOptions& o) {
-  using pipeline::PlaceScans;
   pipeline::PlaceSimulationConfig config;
-  config.scans = choose<PlaceScans>(
-      "--preset", *o.preset,
-      {{"hkust-rotation", PlaceScans::kRotation}, {"hkust-objects", PlaceScans::kObjects}});
+  config.scans = *o.preset;
   const std::pair<const char*, bool> drive_only[] = {{"sequence", o.sequence.has_value()},
                                                      {"route", o.route.has_value()},
                                                      {"length", o.length.has_value()},
@@ -194,8 +192,6 @@ int simulate_places(const SimulateOptions& o) {
 }  // namespace
 
 int simulate_command(const Arguments& arguments) {
-  using pipeline::LidarModel;
-  using pipeline::RouteKind;
   const SimulateOptions o = parse_options(arguments);
   if (o.preset) return simulate_places(o);
   if (o.poses && (o.route || o.length))
@@ -208,18 +204,11 @@ int simulate_command(const Arguments& arguments) {
   config.sequence = o.sequence.value_or(config.sequence);
   config.poses = o.poses, config.calibration = o.calib;
   config.length = o.length.value_or(config.length);
-  config.route = choose<RouteKind>(
-      "--route", o.route.value_or("loop"),
-      {{"loop", RouteKind::kLoop}, {"opposite", RouteKind::kOpposite}, {"both", RouteKind::kBoth}});
-  config.sensor =
-      choose<LidarModel>("--sensor", o.sensor.value_or("hdl64"),
-                         {{"hdl64", LidarModel::kHdl64}, {"vlp16", LidarModel::kVlp16}});
+  config.route = o.route.value_or(pipeline::RouteKind::kLoop);
+  config.sensor = o.sensor.value_or(pipeline::LidarModel::kHdl64);
   if (o.frames) parse_frames(*o.frames, &config);
   config.every = o.every.value_or(config.every);
-  if (o.camera)
-    config.camera = {o.image_scale.value_or(1),
-                     choose<bool>("--light", o.light.value_or("changing"),
-                                  {{"changing", true}, {"steady", false}})};
+  if (o.camera) config.camera = {o.image_scale.value_or(1), o.light.value_or(true)};
   config.range_noise = o.noise, config.dropout = o.dropout;
   config.seed = static_cast<uint64_t>(o.seed);
   config.threads = o.threads, config.overwrite = o.overwrite;

@@ -33,14 +33,12 @@ SummarizeOptions parse_options(const Arguments& arguments) {
                 "  revisit summarize --over-sequences results/kitti_*/latest\n");
   parser.optional_positional("RUN", &o.runs)
       .flag("over-sequences", "a row is the mean over several sequences", &o.over_sequences)
-      .option("format", "FORMAT", "table (default), json or csv", &o.format);
+      .choice("format", {"table", "json", "csv"}, "form of the output (default: table)", &o.format);
   parser.parse(arguments);
   if (o.runs.empty())
     throw UsageError(
         "missing argument RUN (usage: revisit summarize RUN...; see revisit summarize "
         "--help)");
-  if (o.format != "table" && o.format != "json" && o.format != "csv")
-    throw UsageError("--format: expected table, json or csv, found '" + o.format + "'");
   return o;
 }
 
@@ -78,12 +76,7 @@ int summarize_command(const Arguments& arguments) {
     if (seen.insert(real).second) runs.push_back(read_run(real));
   }
   const reports::Summary summary = summarize_runs(runs, o.over_sequences);
-  if (o.format == "json")
-    std::cout << to_json(summary) << "\n";
-  else if (o.format == "csv")
-    table_of(summary).print_csv(std::cout);
-  else
-    table_of(summary).print(std::cout);
+  print_report(o.format, summary, table_of(summary));
   return kOk;
 }
 

@@ -15,13 +15,6 @@ namespace fs = std::filesystem;
 
 constexpr int kMaxResamples = 1'000'000;
 
-std::string known_protocols() {
-  std::string names;
-  for (const std::string& name : pipeline::protocol_names())
-    names += (names.empty() ? "" : ", ") + name;
-  return names;
-}
-
 /// Where a file or folder is, whatever the working folder. What is none (the name of a model, the
 /// word of another option value) stays as it is.
 std::string placed(const fs::path& given) {
@@ -96,10 +89,11 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   o.feature.declare(parser);
   parser.group("Evaluation:");
   parser.option("protocol", "NAME[,NAME]|list",
-                "which scans are stored and asked, and what is true: " + known_protocols() +
+                "which scans are stored and asked, and what is true: " +
+                    joined(pipeline::protocol_names(), ", ") +
                     " (default online). 'list' prints their definitions",
                 &o.protocol);
-  parser.option("query-case", "protocol|1|2|both",
+  parser.choice("query-case", {"protocol", "1", "2", "both"},
                 "the alignment cases queries are described in; stored scans always use case 1 "
                 "(default protocol: both in paper-difficult, else 1)",
                 &o.query_case);
@@ -123,16 +117,11 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   parser.group("Output:");
   parser.option("output", "DIR", "results go to DIR/<data>_<sequence>/<time>/ (default results)",
                 &o.output, 'o');
-  parser.option("format", "table|json", "what is printed (default table)", &o.format);
+  parser.choice("format", {"table", "json"}, "what is printed (default table)", &o.format);
   parser.flag("no-report", "no report.html in the folder of the results", &o.no_report);
   parser.config(read_config_file);
   parser.parse(arguments);
   o.feature.check_given(parser);
-  if (o.format != "table" && o.format != "json")
-    throw UsageError("--format: expected table or json, found '" + o.format + "'");
-  const std::vector<std::string> cases = {"protocol", "1", "2", "both"};
-  if (std::find(cases.begin(), cases.end(), o.query_case) == cases.end())
-    throw UsageError("--query-case: expected protocol, 1, 2 or both, found '" + o.query_case + "'");
   if (o.score) pipeline::parse_score(*o.score);
   if (o.radius && !(*o.radius > 0))
     throw UsageError(str("--radius: expected a positive number, found ", *o.radius));
