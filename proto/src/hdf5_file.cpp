@@ -34,7 +34,7 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
   length_bytes_ = cursor_.read_byte();
   for (const int bytes : {offset_bytes_, length_bytes_})
     if (bytes != 2 && bytes != 4 && bytes != 8)
-      throw Hdf5Error(13, str("addresses or sizes of ", bytes, " bytes"));
+      throw FormatError(13, str("addresses or sizes of ", bytes, " bytes"));
   // Sizes of tree nodes and flags; version 1 has four more bytes of them.
   cursor_.seek(version == 0 ? 24 : 28);
   base_ = read_offset();
@@ -42,8 +42,8 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
   const uint64_t end_at = cursor_.position();
   const uint64_t end = read_offset();
   if (end > cursor_.size()) {
-    throw Hdf5Error(end_at, str("the file should have ", end, " bytes, it has ", cursor_.size(),
-                                " (is it truncated?)"));
+    throw FormatError(end_at, str("the file should have ", end, " bytes, it has ", cursor_.size(),
+                                  " (is it truncated?)"));
   }
   read_offset();  // of driver information
   read_offset();  // of the root's name, which it has not
@@ -52,13 +52,13 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
 
 void Hdf5File::check_range(uint64_t begin, uint64_t length, const char* what) const {
   if (begin <= cursor_.size() && length <= cursor_.size() - begin) return;
-  throw Hdf5Error(begin, str(what, " would end beyond the file (is it truncated?)"));
+  throw FormatError(begin, str(what, " would end beyond the file (is it truncated?)"));
 }
 
 void Hdf5File::seek(uint64_t address) {
   uint64_t position = 0;
   if (__builtin_add_overflow(base_, address, &position) || position >= cursor_.size())
-    throw Hdf5Error(cursor_.position(), str("address ", address, " lies beyond the file"));
+    throw FormatError(cursor_.position(), str("address ", address, " lies beyond the file"));
   cursor_.seek(position);
 }
 
@@ -87,11 +87,11 @@ Hdf5Object Hdf5File::object(uint64_t address) {
   const uint64_t at = cursor_.position();
   const auto version = read_number(1);
   if (version == 'O') throw Hdf5Unsupported(str("an HDF5 object of a newer format", kSaveOlder));
-  if (version != 1) throw Hdf5Error(at, str("an object header of version ", version));
+  if (version != 1) throw FormatError(at, str("an object header of version ", version));
   read_number(1);
   uint64_t messages = read_number(2);
   if (messages > kMostMessages)
-    throw Hdf5Error(at, str("an object header of ", messages, " messages"));
+    throw FormatError(at, str("an object header of ", messages, " messages"));
   read_number(4);  // how often it is linked to
   const uint64_t size = read_number(4);
   cursor_.seek(at + 16);
@@ -110,13 +110,13 @@ Hdf5Object Hdf5File::object(uint64_t address) {
       const uint64_t length = read_number(2), flags = read_number(1);
       next += 8;
       if (length > end - next)
-        throw Hdf5Error(next, "a header message that ends beyond its header");
+        throw FormatError(next, "a header message that ends beyond its header");
       cursor_.seek(next);
       if (type == kContinuation) {
         seek(read_offset());
         const uint64_t begin = cursor_.position();
         cursor_.seek(next + static_cast<uint64_t>(offset_bytes_));
-        if (pieces.size() == kMostPieces) throw Hdf5Error(next, "a header of too many pieces");
+        if (pieces.size() == kMostPieces) throw FormatError(next, "a header of too many pieces");
         pieces.push_back({begin, read_length()});
       } else if ((flags & 2) != 0 && (type == kSpace || type == kType)) {
         object.unsupported = "its type is kept elsewhere in the file";
@@ -157,7 +157,7 @@ void Hdf5File::read_message(int type, uint64_t end, Hdf5Object& object) {
       return;  // times, comments, fill values, attributes
   }
   if (cursor_.position() > end)
-    throw Hdf5Error(begin, str("header message ", type, " is too short"));
+    throw FormatError(begin, str("header message ", type, " is too short"));
 }
 
 void Hdf5File::read_space(Hdf5Object& object, uint64_t end) {
@@ -165,11 +165,11 @@ void Hdf5File::read_space(Hdf5Object& object, uint64_t end) {
   const uint64_t version = read_number(1), rank = read_number(1);
   read_number(1);  // flags
   const uint64_t kind = read_number(1);
-  if (version == 2 && kind == 2) throw Hdf5Error(at, "an array without a shape");
-  if (version != 1 && version != 2) throw Hdf5Error(at, str("a dataspace of version ", version));
+  if (version == 2 && kind == 2) throw FormatError(at, "an array without a shape");
+  if (version != 1 && version != 2) throw FormatError(at, str("a dataspace of version ", version));
   if (version == 1) read_number(4);
-  if (rank > kMostAxes) throw Hdf5Error(at, str("an array of ", rank, " axes"));
-  if (cursor_.position() > end) throw Hdf5Error(at, "a dataspace that is too short");
+  if (rank > kMostAxes) throw FormatError(at, str("an array of ", rank, " axes"));
+  if (cursor_.position() > end) throw FormatError(at, "a dataspace that is too short");
   object.shape.clear();
   for (uint64_t axis = 0; axis < rank; ++axis)
     object.shape.push_back(static_cast<int64_t>(read_length()));
@@ -215,7 +215,7 @@ void Hdf5File::read_layout(Hdf5Object& object) {
     object.stored = read_length();
     if (is_undefined(address)) return;
     if (__builtin_add_overflow(base_, address, &object.begin))
-      throw Hdf5Error(at, "an array beyond the file");
+      throw FormatError(at, "an array beyond the file");
     object.is_written = true;
   } else if (object.unsupported.empty()) {
     object.unsupported = str("its values are in chunks or compressed", kSaveWhole);
@@ -228,7 +228,7 @@ const Hdf5Links& Hdf5File::links(uint64_t address) {
   const auto [entry, is_new] = links_.try_emplace(address);
   if (!is_new) return entry->second;
   const Hdf5Object group = object(address);
-  if (!group.is_group) throw Hdf5Error(base_ + address, "expected a group");
+  if (!group.is_group) throw FormatError(base_ + address, "expected a group");
   std::set<uint64_t> seen;
   read_tree(group.tree, -1, group, seen, entry->second);
   return entry->second;
@@ -237,7 +237,7 @@ const Hdf5Links& Hdf5File::links(uint64_t address) {
 void Hdf5File::spend(int64_t steps) {
   steps_left_ -= steps;
   if (steps_left_ < 0)
-    throw Hdf5Error(cursor_.position(), "has too many links (Limits::layers raises the limit)");
+    throw FormatError(cursor_.position(), "has too many links (Limits::layers raises the limit)");
 }
 
 /// A node of the tree that holds a group's links, at `level` (-1: the top).
@@ -245,12 +245,12 @@ void Hdf5File::read_tree(uint64_t address, int level, const Hdf5Object& group,
                          std::set<uint64_t>& seen, Hdf5Links& links) {
   seek(address);
   const uint64_t at = cursor_.position();
-  if (!seen.insert(at).second) throw Hdf5Error(at, "a tree of links that runs in a circle");
-  if (read_signature() != "TREE") throw Hdf5Error(at, "expected a tree of links (TREE)");
+  if (!seen.insert(at).second) throw FormatError(at, "a tree of links that runs in a circle");
+  if (read_signature() != "TREE") throw FormatError(at, "expected a tree of links (TREE)");
   const uint64_t kind = read_number(1);
   const int found = static_cast<int>(read_number(1));
   if (kind != 0 || found > kHighestTree || (level >= 0 && found != level))
-    throw Hdf5Error(at, str("a tree node of kind ", kind, " and level ", found));
+    throw FormatError(at, str("a tree node of kind ", kind, " and level ", found));
   const uint64_t children = read_number(2);
   spend(1);
   read_offset();  // its left neighbour
@@ -273,7 +273,7 @@ void Hdf5File::read_symbols(uint64_t address, const Hdf5Object& group, Hdf5Links
   constexpr uint64_t kSoft = 2;
   seek(address);
   const uint64_t at = cursor_.position();
-  if (read_signature() != "SNOD") throw Hdf5Error(at, "expected a table of links (SNOD)");
+  if (read_signature() != "SNOD") throw FormatError(at, "expected a table of links (SNOD)");
   read_number(2);  // version
   const uint64_t count = read_number(2);
   spend(1 + static_cast<int64_t>(count));
@@ -296,23 +296,24 @@ void Hdf5File::read_symbols(uint64_t address, const Hdf5Object& group, Hdf5Links
 std::string Hdf5File::read_name(uint64_t heap, uint64_t offset) {
   seek(heap);
   const uint64_t at = cursor_.position();
-  if (read_signature() != "HEAP") throw Hdf5Error(at, "expected a heap of names (HEAP)");
+  if (read_signature() != "HEAP") throw FormatError(at, "expected a heap of names (HEAP)");
   read_number(4);  // version
   const uint64_t size = read_length();
   read_length();  // where its free space begins
   seek(read_offset());
   check_range(cursor_.position(), size, "a heap of names");
-  if (offset >= size) throw Hdf5Error(at, str("name ", offset, " lies beyond its heap of ", size));
+  if (offset >= size)
+    throw FormatError(at, str("name ", offset, " lies beyond its heap of ", size));
   cursor_.seek(cursor_.position() + offset);
   std::string name;
   for (uint64_t left = size - offset; left > 0; --left) {
     const auto c = static_cast<char>(cursor_.read_byte());
     if (c == '\0') return name;
     if (name.size() == kLongestName)
-      throw Hdf5Error(at, str("a name of more than ", kLongestName, " bytes"));
+      throw FormatError(at, str("a name of more than ", kLongestName, " bytes"));
     name += c;
   }
-  throw Hdf5Error(at, "a name that does not end");
+  throw FormatError(at, "a name that does not end");
 }
 
 }  // namespace revisit::proto

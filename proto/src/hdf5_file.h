@@ -12,12 +12,6 @@
 
 namespace revisit::proto {
 
-/// A place in a file where HDF5's format is broken. Becomes an InputError once the path is known.
-struct Hdf5Error : std::runtime_error {
-  Hdf5Error(uint64_t at, const std::string& reason) : std::runtime_error(reason), offset(at) {}
-  uint64_t offset;  // [bytes] from the beginning of the file
-};
-
 /// Something well-formed that this reader does not know. Becomes an UnsupportedError.
 struct Hdf5Unsupported : std::runtime_error {
   using std::runtime_error::runtime_error;

@@ -24,8 +24,8 @@ template <class Number>
 void append(FileCursor& cursor, const WireField& field, std::vector<float>& out) {
   const uint64_t bytes = field.end - field.begin;
   if (bytes % sizeof(Number) != 0) {
-    throw WireError(field.begin, str("a run of ", bytes, " bytes holds no whole number of ",
-                                     sizeof(Number), "-byte values"));
+    throw FormatError(field.begin, str("a run of ", bytes, " bytes holds no whole number of ",
+                                       sizeof(Number), "-byte values"));
   }
   cursor.seek(field.begin);
   const size_t count = bytes / sizeof(Number);
@@ -46,7 +46,7 @@ void append(FileCursor& cursor, const WireField& field, std::vector<float>& out)
 
 void append_dim(uint64_t value, uint64_t offset, std::vector<int64_t>& shape) {
   if (shape.size() == kMostAxes)
-    throw WireError(offset, str("a shape of more than ", kMostAxes, " axes"));
+    throw FormatError(offset, str("a shape of more than ", kMostAxes, " axes"));
   shape.push_back(static_cast<int64_t>(value));
 }
 
@@ -66,10 +66,10 @@ void append_shape(FileCursor& cursor, const WireField& message, std::vector<int6
 int64_t count_elements(const std::vector<int64_t>& shape, int64_t most, uint64_t offset) {
   int64_t count = 1;
   for (const int64_t dim : shape) {
-    if (dim < 0) throw WireError(offset, str("negative dimension in shape ", shape_text(shape)));
+    if (dim < 0) throw FormatError(offset, str("negative dimension in shape ", shape_text(shape)));
     if (count != 0 && dim > most / count) {
-      throw WireError(offset,
-                      str("shape ", shape_text(shape), " has more than ", most, " elements"));
+      throw FormatError(offset,
+                        str("shape ", shape_text(shape), " has more than ", most, " elements"));
     }
     count *= dim;
   }
@@ -101,9 +101,9 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end, int64_t most_el
 
   const int64_t wanted = count_elements(blob.shape, most_elements, begin);
   if (static_cast<uint64_t>(wanted) != blob.data.size()) {
-    throw WireError(begin,
-                    str("shape ", shape_text(blob.shape), blob.shape.empty() ? " (none given)" : "",
-                        " wants ", wanted, " values, found ", blob.data.size()));
+    throw FormatError(
+        begin, str("shape ", shape_text(blob.shape), blob.shape.empty() ? " (none given)" : "",
+                   " wants ", wanted, " values, found ", blob.data.size()));
   }
   return blob;
 }

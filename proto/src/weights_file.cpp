@@ -34,7 +34,7 @@ struct Range {
   uint64_t begin, end;  // [bytes]
 };
 
-InputError malformed(const FileCursor& cursor, const WireError& error, const std::string& where) {
+InputError malformed(const FileCursor& cursor, const FormatError& error, const std::string& where) {
   return InputError(
       str(cursor.file().string(), ": byte ", error.offset, ": ", where, error.what()));
 }
@@ -71,12 +71,7 @@ bool is_text(std::string_view head) {
 
 class Caffemodel final : public WeightsFile {
  public:
-  Caffemodel(const fs::path& file, const Limits& limits) : cursor_(file), limits_(limits) {
-    index();
-  }
-
-  const std::vector<Layer>& layers() const override { return layers_; }
-  uint64_t bytes_read() const override { return cursor_.bytes_read(); }
+  Caffemodel(const fs::path& file, const Limits& limits) : WeightsFile(file, limits) { index(); }
 
   std::vector<Blob> read(size_t index) override {
     const std::vector<Range>& ranges = blobs_.at(index);
@@ -85,7 +80,7 @@ class Caffemodel final : public WeightsFile {
     for (const Range& range : ranges) {
       try {
         blobs.push_back(read_blob(cursor_, range.begin, range.end, limits_.elements));
-      } catch (const WireError& error) {
+      } catch (const FormatError& error) {
         throw malformed(cursor_, error,
                         str("layer '", layers_[index].name, "', blob ", blobs.size(), ": "));
       }
@@ -105,7 +100,7 @@ class Caffemodel final : public WeightsFile {
             "pointer in its place?)");
     try {
       index_net();
-    } catch (const WireError& error) {
+    } catch (const FormatError& error) {
       if (is_text(head)) throw InputError(not_binary);
       const std::string layer =
           layers_.empty() ? "" : str("after layer '", layers_.back().name, "': ");
@@ -126,11 +121,11 @@ class Caffemodel final : public WeightsFile {
       if (!v1 && !v2) continue;
       (v1 ? v1_at : v2_at) = field.begin;
       if (v1_at != 0 && v2_at != 0) {
-        throw WireError(field.begin, "has both V1 `layers` and V2 `layer`; Caffe reads neither");
+        throw FormatError(field.begin, "has both V1 `layers` and V2 `layer`; Caffe reads neither");
       }
       if (static_cast<int64_t>(layers_.size()) == limits_.layers) {
-        throw WireError(field.begin, str("more than ", limits_.layers,
-                                         " layers (Limits::layers raises the limit)"));
+        throw FormatError(field.begin, str("more than ", limits_.layers,
+                                           " layers (Limits::layers raises the limit)"));
       }
       Layer layer;
       std::vector<Range> blobs;
@@ -161,9 +156,9 @@ class Caffemodel final : public WeightsFile {
       if (field.is(numbers.name, WireType::kLength)) layer.name = read_string(field);
       if (!field.is(numbers.blobs, WireType::kLength)) continue;
       if (++n_blobs_ > limits_.layers * kBlobsPerLayer) {
-        throw WireError(field.begin, str("more than ", limits_.layers * kBlobsPerLayer,
-                                         " blobs (Limits::layers raises the limit, ",
-                                         kBlobsPerLayer, " for each layer)"));
+        throw FormatError(field.begin, str("more than ", limits_.layers * kBlobsPerLayer,
+                                           " blobs (Limits::layers raises the limit, ",
+                                           kBlobsPerLayer, " for each layer)"));
       }
       blobs.push_back({field.begin, field.end});
     }
@@ -172,7 +167,7 @@ class Caffemodel final : public WeightsFile {
   std::string read_string(const WireField& field) {
     const uint64_t length = field.end - field.begin;
     if (length > kLongestName) {
-      throw WireError(field.begin, str("a layer name of ", length, " bytes"));
+      throw FormatError(field.begin, str("a layer name of ", length, " bytes"));
     }
     std::string text(length, '\0');
     cursor_.seek(field.begin);
@@ -180,9 +175,6 @@ class Caffemodel final : public WeightsFile {
     return text;
   }
 
-  FileCursor cursor_;
-  Limits limits_;
-  std::vector<Layer> layers_;
   std::vector<std::vector<Range>> blobs_;  // of each layer
   int64_t n_blobs_ = 0;
 };
@@ -202,9 +194,9 @@ Blob read_binaryproto(const fs::path& file, const Limits& limits) {
   check_binary_size(cursor, "a binaryproto");
   try {
     Blob blob = read_blob(cursor, 0, cursor.size(), limits.elements);
-    if (blob.data.empty()) throw WireError(0, "it holds no values");
+    if (blob.data.empty()) throw FormatError(0, "it holds no values");
     return blob;
-  } catch (const WireError& error) {
+  } catch (const FormatError& error) {
     throw malformed(cursor, error, "not a binaryproto (one BlobProto), or a damaged one: ");
   }
 }

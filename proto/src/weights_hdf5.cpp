@@ -30,7 +30,7 @@ int64_t index_of(const std::string& name) {
 
 class Hdf5Weights final : public WeightsFile {
  public:
-  Hdf5Weights(const fs::path& path, const Limits& limits) : cursor_(path), limits_(limits) {
+  Hdf5Weights(const fs::path& path, const Limits& limits) : WeightsFile(path, limits) {
     explain("", [&] {
       file_.emplace(cursor_, limits.layers * kStepsPerLayer);
       const Hdf5Links& top = file_->links(file_->root());
@@ -44,9 +44,6 @@ class Hdf5Weights final : public WeightsFile {
       if (layers_.empty()) fail("an HDF5 file that holds no layers in /data");
     });
   }
-
-  const std::vector<Layer>& layers() const override { return layers_; }
-  uint64_t bytes_read() const override { return cursor_.bytes_read(); }
 
   std::vector<Blob> read(size_t index) override {
     std::vector<Blob> blobs(layers_.at(index).n_blobs);
@@ -69,7 +66,7 @@ class Hdf5Weights final : public WeightsFile {
   void explain(const std::string& place, Action&& action) {
     try {
       action();
-    } catch (const Hdf5Error& error) {
+    } catch (const FormatError& error) {
       fail(str("byte ", error.offset, ": ", place, "a damaged HDF5 file: ", error.what()));
     } catch (const Hdf5Unsupported& error) {
       throw UnsupportedError(str(cursor_.file().string(), ": ", place, error.what()));
@@ -167,10 +164,7 @@ class Hdf5Weights final : public WeightsFile {
     }
   }
 
-  FileCursor cursor_;
-  Limits limits_;
   std::optional<Hdf5File> file_;
-  std::vector<Layer> layers_;
   std::vector<std::vector<std::optional<uint64_t>>> blobs_;  // addresses; nothing: absent
   std::set<uint64_t> visited_;                               // groups looked into
 };

@@ -11,12 +11,12 @@ uint64_t read_varint(FileCursor& cursor, uint64_t end, const char* what) {
   const uint64_t begin = cursor.position();
   uint64_t value = 0;
   for (int shift = 0; shift < 70; shift += 7) {
-    if (cursor.position() >= end) throw WireError(begin, str(what, " is cut off"));
+    if (cursor.position() >= end) throw FormatError(begin, str(what, " is cut off"));
     const uint8_t byte = cursor.read_byte();
     value |= static_cast<uint64_t>(byte & 0x7f) << shift;
     if (byte < 0x80) return value;
   }
-  throw WireError(begin, str(what, " is longer than 10 bytes"));
+  throw FormatError(begin, str(what, " is longer than 10 bytes"));
 }
 
 bool WireReader::next(WireField& field) {
@@ -24,7 +24,7 @@ bool WireReader::next(WireField& field) {
   cursor_.seek(next_);
   bool closes_group = false;
   read_tag(field, closes_group);
-  if (closes_group) throw WireError(next_, "a group ends that never began");
+  if (closes_group) throw FormatError(next_, "a group ends that never began");
   read_extent(field);
   if (field.type == WireType::kGroup) {
     skip_group(field);
@@ -39,7 +39,7 @@ void WireReader::read_tag(WireField& field, bool& closes_group) {
   const uint64_t tag = read_varint(cursor_, end_, "a field tag");
   const uint64_t type = tag & 7;
   if (tag > std::numeric_limits<uint32_t>::max() || tag >> 3 == 0 || type > 5) {
-    throw WireError(at, str("illegal field tag ", tag));
+    throw FormatError(at, str("illegal field tag ", tag));
   }
   closes_group = type == 4;
   field.number = static_cast<uint32_t>(tag >> 3);
@@ -71,8 +71,8 @@ void WireReader::read_extent(WireField& field) {
   }
   field.begin = cursor_.position();
   if (length > end_ - field.begin) {
-    throw WireError(at, str("field ", field.number, " needs ", length, " bytes, only ",
-                            end_ - field.begin, " are left (is the file truncated?)"));
+    throw FormatError(at, str("field ", field.number, " needs ", length, " bytes, only ",
+                              end_ - field.begin, " are left (is the file truncated?)"));
   }
   field.end = field.begin + length;
   cursor_.seek(field.end);
@@ -88,14 +88,14 @@ void WireReader::skip_group(const WireField& group) {
     read_tag(field, closes_group);
     if (closes_group) {
       if (field.number != open.back()) {
-        throw WireError(at, str("group ", open.back(), " is closed as ", field.number));
+        throw FormatError(at, str("group ", open.back(), " is closed as ", field.number));
       }
       open.pop_back();
       continue;
     }
     read_extent(field);
     if (field.type != WireType::kGroup) continue;
-    if (open.size() >= kDeepest) throw WireError(at, "groups are nested too deeply");
+    if (open.size() >= kDeepest) throw FormatError(at, "groups are nested too deeply");
     open.push_back(field.number);
   }
 }

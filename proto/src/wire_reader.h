@@ -8,13 +8,6 @@
 
 namespace revisit::proto {
 
-/// A place in a file where protobuf's wire format is broken. Becomes an InputError once the path
-/// and what was being read are known.
-struct WireError : std::runtime_error {
-  WireError(uint64_t at, const std::string& reason) : std::runtime_error(reason), offset(at) {}
-  uint64_t offset;  // [bytes] from the beginning of the file
-};
-
 enum class WireType : uint8_t { kVarint = 0, kFixed64 = 1, kLength = 2, kGroup = 3, kFixed32 = 5 };
 
 /// One field of a message as it lies in the file; every range is checked against its message.
@@ -37,7 +30,7 @@ class WireReader {
       : cursor_(cursor), next_(begin), end_(end) {}
 
   /// False at the end of the message. The cursor is free to move between calls.
-  /// Throws WireError: fields that overrun the message, illegal tags, unbalanced groups.
+  /// Throws FormatError: fields that overrun the message, illegal tags, unbalanced groups.
   bool next(WireField& field);
 
  private:
@@ -50,7 +43,7 @@ class WireReader {
   uint64_t end_;
 };
 
-/// One varint inside a packed run [cursor, end). Throws WireError.
+/// One varint inside a packed run [cursor, end). Throws FormatError.
 uint64_t read_varint(FileCursor& cursor, uint64_t end, const char* what);
 
 }  // namespace revisit::proto

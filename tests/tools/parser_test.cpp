@@ -53,6 +53,31 @@ TEST(Parser, ThereIsOneConfigurationFileAndItNamesNoOther) {
       {"unknown key 'config'"});
 }
 
+TEST(Parser, AChoiceIsOneOfItsWords) {
+  const auto chosen = [](const std::vector<std::string>& arguments) {
+    std::optional<int> number;
+    std::string word = "table";
+    Parser parser("test", "", "", "");
+    parser.choice<int>("number", {{"one", 1}, {"two", 2}}, "", &number);
+    parser.choice("format", {"table", "json", "csv"}, "", &word);
+    parser.parse(arguments);
+    EXPECT_EQ(parser.given("number"), number.has_value());
+    return std::pair(number.value_or(0), word);
+  };
+  EXPECT_EQ(chosen({}), std::pair(0, std::string("table")));
+  EXPECT_EQ(chosen({"--number", "two", "--format=csv"}), std::pair(2, std::string("csv")));
+  test::expect_error<UsageError>(
+      [&] {
+        chosen({"--format", "jsn"});
+      },
+      {"--format: expected table, json or csv, found 'jsn'", "'json'?"});
+  test::expect_error<UsageError>(
+      [&] {
+        chosen({"--number", "three"});
+      },
+      {"--number: expected one or two, found 'three'"});
+}
+
 TEST(Progress, TheLineIsCutToTheTerminal) {
   EXPECT_EQ(redrawn("abcdef", 0, 0, false), "\r\033[Kabcdef");
   EXPECT_EQ(redrawn("abcdef", 9, 5, false), "\r\033[Kabcd");

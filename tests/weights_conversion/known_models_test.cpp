@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "caffe_schema.pb.h"
 #include "revisit/proto/error.h"
 #include "revisit/weights_conversion/trunks.h"
 

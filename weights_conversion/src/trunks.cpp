@@ -3,6 +3,7 @@
 #include <functional>
 #include <utility>
 
+#include "caffe_schema.pb.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::models {

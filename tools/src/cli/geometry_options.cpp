@@ -38,6 +38,25 @@ void print_sensors(std::ostream& out) {
   table.print(out);
 }
 
+/// An option that takes the place of a number of the sensor's geometry.
+struct Field {
+  const char *name, *unit, *help;
+  std::optional<double> GeometryOptions::*given;
+  double pipeline::ImageGeometry::*value;
+};
+constexpr Field kFields[] = {
+    {"top", "DEG", "elevation of the upper edge (default: the sensor's)", &GeometryOptions::top,
+     &pipeline::ImageGeometry::elevation_top},
+    {"bottom", "DEG", "elevation of the lower edge (default: the sensor's)",
+     &GeometryOptions::bottom, &pipeline::ImageGeometry::elevation_bottom},
+    {"max-range", "METRES", "range of pixel value 255 (default 80)", &GeometryOptions::max_range,
+     &pipeline::ImageGeometry::max_range},
+    {"closing-width", "DEG",
+     "holes are closed with a rectangle of this width; 0 for none (default: the sensor's)",
+     &GeometryOptions::closing_width, &pipeline::ImageGeometry::closing_width},
+    {"closing-height", "DEG", "and this height (default: the sensor's)",
+     &GeometryOptions::closing_height, &pipeline::ImageGeometry::closing_height}};
+
 }  // namespace
 
 void GeometryOptions::declare(Parser& parser) {
@@ -47,14 +66,9 @@ void GeometryOptions::declare(Parser& parser) {
               "beams of the first scans)",
               &sensor)
       .option("width", "PIXELS", "columns of the panorama (default 4000)", &width)
-      .option("height", "PIXELS", "rows of the panorama (default 112)", &height)
-      .option("top", "DEG", "elevation of the upper edge (default: the sensor's)", &top)
-      .option("bottom", "DEG", "elevation of the lower edge (default: the sensor's)", &bottom)
-      .option("max-range", "METRES", "range of pixel value 255 (default 80)", &max_range)
-      .option("closing-width", "DEG",
-              "holes are closed with a rectangle of this width; 0 for none (default: the sensor's)",
-              &closing_width)
-      .option("closing-height", "DEG", "and this height (default: the sensor's)", &closing_height);
+      .option("height", "PIXELS", "rows of the panorama (default 112)", &height);
+  for (const Field& field : kFields)
+    parser.option(field.name, field.unit, field.help, &(this->*field.given));
 }
 
 bool GeometryOptions::is_auto() const {
@@ -88,28 +102,21 @@ pipeline::ImageGeometry GeometryOptions::geometry() const {
       sensor == kAuto ? pipeline::ImageGeometry() : pipeline::sensor_geometry(sensor);
   geometry.width = width.value_or(geometry.width);
   geometry.height = height.value_or(geometry.height);
-  geometry.elevation_top = top.value_or(geometry.elevation_top);
-  geometry.elevation_bottom = bottom.value_or(geometry.elevation_bottom);
-  geometry.max_range = max_range.value_or(geometry.max_range);
-  geometry.closing_width = closing_width.value_or(geometry.closing_width);
-  geometry.closing_height = closing_height.value_or(geometry.closing_height);
+  for (const Field& field : kFields)
+    geometry.*field.value = (this->*field.given).value_or(geometry.*field.value);
   pipeline::check_geometry(geometry);
   return geometry;
 }
 
 std::vector<std::pair<std::string, std::string>> GeometryOptions::settings() const {
   const auto pixels = [](const std::optional<int>& value) { return value ? str(*value) : ""; };
-  const auto exact = [](const std::optional<double>& value) {
-    return value ? pipeline::exact(*value) : "";
-  };
-  return {{"sensor", sensor},
-          {"width", pixels(width)},
-          {"height", pixels(height)},
-          {"top", exact(top)},
-          {"bottom", exact(bottom)},
-          {"max-range", exact(max_range)},
-          {"closing-width", exact(closing_width)},
-          {"closing-height", exact(closing_height)}};
+  std::vector<std::pair<std::string, std::string>> settings = {
+      {"sensor", sensor}, {"width", pixels(width)}, {"height", pixels(height)}};
+  for (const Field& field : kFields) {
+    const std::optional<double>& value = this->*field.given;
+    settings.emplace_back(field.name, value ? pipeline::exact(*value) : "");
+  }
+  return settings;
 }
 
 bool lists_sensors(const std::vector<std::string>& arguments) {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <span>
 
 namespace revisit::cli {
 namespace {
@@ -173,10 +174,9 @@ Parser::Option& Parser::find(const std::string& source, const std::string& name)
   throw UsageError(str(source, ": unknown key '", name, "'", did_you_mean(name, known)));
 }
 
-bool Parser::given(const std::string& option) const {
-  return std::ranges::any_of(options_, [&](const Option& o) {
-    return o.name == option && (o.source == Source::kSet || o.source == Source::kCommandLine);
-  });
+bool Parser::given(const std::string& option, Source least) const {
+  return std::ranges::any_of(
+      options_, [&](const Option& o) { return o.name == option && o.source >= least; });
 }
 
 void Parser::apply(Option& option, Source source, const std::string& what,

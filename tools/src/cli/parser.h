@@ -88,11 +88,12 @@ class Parser {
   /// Throws UsageError for values that do not fit.
   void parse(std::vector<std::string> arguments);
 
-  /// Whether the option was on the command line, by itself or with --set; after parse().
-  bool given(const std::string& option) const;
-
   /// Where a value comes from; each overrules those before it.
   enum class Source { kDefault, kConfigFile, kEnvironment, kSet, kCommandLine };
+
+  /// Whether the option has a value from `least` or what overrules it, by default the command line,
+  /// by itself or with --set; after parse().
+  bool given(const std::string& option, Source least = Source::kSet) const;
 
   struct Option {
     std::string name, metavar, help;

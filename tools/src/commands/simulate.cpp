@@ -86,18 +86,10 @@ void print(const pipeline::SimulationConfig& config, const pipeline::SimulationS
 }
 
 struct SimulateOptions {
-  std::optional<fs::path> output, poses, calib;
-  std::optional<std::string> sequence, frames;
+  pipeline::SimulationConfig drive;
+  pipeline::SimulatedCamera camera;
   std::optional<pipeline::PlaceScans> preset;
-  std::optional<pipeline::RouteKind> route;
-  std::optional<pipeline::LidarModel> sensor;
-  std::optional<bool> light;  // changing
-  std::optional<double> length, image_scale;
-  std::optional<int> every;
-  double noise = 0.02, dropout = 0.01;
-  int64_t seed = 1;
-  int threads = 0;
-  bool camera = false, overwrite = false, no_progress = false, quiet = false;
+  bool no_progress = false, quiet = false;
 };
 
 SimulateOptions parse_options(const Arguments& arguments) {
@@ -105,8 +97,10 @@ SimulateOptions parse_options(const Arguments& arguments) {
   using pipeline::PlaceScans;
   using pipeline::RouteKind;
   SimulateOptions o;
+  std::optional<std::string> frames;
+  bool camera = false;
   Parser parser("revisit simulate", "-o DIR", kSummary, kExamples);
-  parser.option("output", "DIR", "root of the data set", &o.output, 'o')
+  parser.option("output", "DIR", "root of the data set", &o.drive.output, 'o')
       .choice<PlaceScans>(
           "preset",
           {{"hkust-rotation", PlaceScans::kRotation}, {"hkust-objects", PlaceScans::kObjects}},
@@ -114,8 +108,8 @@ SimulateOptions parse_options(const Arguments& arguments) {
           "40 degrees each) or hkust-objects (the same places, 94 scans with people and cars "
           "passing); a folder per place",
           &o.preset)
-      .option("sequence", "NN", "name of the sequence (default 00)", &o.sequence)
-      .flag("overwrite", "replace scans made with other settings", &o.overwrite)
+      .option("sequence", "NN", "name of the sequence (default 00)", &o.drive.sequence)
+      .flag("overwrite", "replace scans made with other settings", &o.drive.overwrite)
       .group("Where to drive:")
       .choice<RouteKind>(
           "route",
@@ -123,58 +117,58 @@ SimulateOptions parse_options(const Arguments& arguments) {
            {"opposite", RouteKind::kOpposite},
            {"both", RouteKind::kBoth}},
           "generated: loop (revisits in the same direction, the default), opposite, or both",
-          &o.route)
-      .option("length", "M", "of the generated route, in metres (default 1200)", &o.length)
-      .option("poses", "FILE", "drive along these KITTI poses instead", &o.poses)
-      .option("calib", "FILE", "calib.txt of these poses (default: a typical one)", &o.calib)
+          &o.drive.route)
+      .option("length", "M", "of the generated route, in metres (default 1200)", &o.drive.length)
+      .option("poses", "FILE", "drive along these KITTI poses instead", &o.drive.poses)
+      .option("calib", "FILE", "calib.txt of these poses (default: a typical one)",
+              &o.drive.calibration)
       .group("Which frames (10 a second, 0.8 m apart on a generated route):")
-      .option("frames", "N|A-B", "the first N, or A to B inclusive (default: all)", &o.frames)
-      .option("every", "N", "every Nth frame only", &o.every)
+      .option("frames", "N|A-B", "the first N, or A to B inclusive (default: all)", &frames)
+      .option("every", "N", "every Nth frame only", &o.drive.every)
       .group("Sensor:")
       .choice<LidarModel>("sensor", {{"hdl64", LidarModel::kHdl64}, {"vlp16", LidarModel::kVlp16}},
-                          "(default: hdl64)", &o.sensor)
-      .option("noise", "M", "standard deviation of a range in metres (default 0.02)", &o.noise)
-      .option("dropout", "SHARE", "of returns lost at random (default 0.01)", &o.dropout)
+                          "(default: hdl64)", &o.drive.sensor)
+      .option("noise", "M", "standard deviation of a range in metres (default 0.02)",
+              &o.drive.range_noise)
+      .option("dropout", "SHARE", "of returns lost at random (default 0.01)", &o.drive.dropout)
       .group("Camera:")
-      .flag("camera", "also what a camera beside it sees: image_0/000000.png, gray", &o.camera)
+      .flag("camera", "also what a camera beside it sees: image_0/000000.png, gray", &camera)
       .option("image-scale", "S", "size of the pictures, 1 is 1241 x 376 (default), down to 0.1",
-              &o.image_scale)
+              &o.camera.scale)
       .choice<bool>(
           "light", {{"changing", true}, {"steady", false}},
           "changing: the sun wanders, clouds pass and the exposure errs, so passes of one "
           "place differ (default); or steady",
-          &o.light)
+          &o.camera.changing_light)
       .group("General:")
-      .option("seed", "S", "another seed is another town (default 1)", &o.seed)
-      .option("threads", "T", "default: all", &o.threads)
+      .option("seed", "S", "another seed is another town (default 1)", &o.drive.seed)
+      .option("threads", "T", "default: all", &o.drive.threads)
       .flag("no-progress", "no progress line", &o.no_progress)
       .flag("quiet", "no progress line and no summary", &o.quiet, 'q');
   parser.parse(arguments);
-  if (!o.output) throw UsageError("--output DIR is missing: where shall the data set go?");
-  if (o.seed < 0) throw UsageError(str("--seed: expected 0 or more, found ", o.seed));
+  if (o.drive.output.empty())
+    throw UsageError("--output DIR is missing: where shall the data set go?");
+  const auto given = [&](const char* option) {
+    return parser.given(option, Parser::Source::kEnvironment);
+  };
+  for (const char* option : {"sequence", "route", "length", "poses", "calib", "frames", "every",
+                             "sensor", "camera", "image-scale", "light"})
+    if (o.preset && given(option))
+      throw UsageError(str("--", option, " is about drives: leave it out with --preset"));
+  if (given("poses") && (given("route") || given("length")))
+    throw UsageError("--poses gives the route: leave out --route and --length");
+  if (!camera && (given("image-scale") || given("light")))
+    throw UsageError("--image-scale and --light are about pictures: add --camera");
+  if (frames) parse_frames(*frames, &o.drive);
+  if (camera) o.drive.camera = o.camera;
   return o;
 }
 
 int simulate_places(const SimulateOptions& o) {
-  pipeline::PlaceSimulationConfig config;
-  config.scans = *o.preset;
-  const std::pair<const char*, bool> drive_only[] = {{"sequence", o.sequence.has_value()},
-                                                     {"route", o.route.has_value()},
-                                                     {"length", o.length.has_value()},
-                                                     {"poses", o.poses.has_value()},
-                                                     {"calib", o.calib.has_value()},
-                                                     {"frames", o.frames.has_value()},
-                                                     {"every", o.every.has_value()},
-                                                     {"sensor", o.sensor.has_value()},
-                                                     {"camera", o.camera},
-                                                     {"image-scale", o.image_scale.has_value()},
-                                                     {"light", o.light.has_value()}};
-  for (const auto& [name, given] : drive_only)
-    if (given) throw UsageError(str("--", name, " is about drives: leave it out with --preset"));
-  config.output = *o.output;
-  config.range_noise = o.noise, config.dropout = o.dropout;
-  config.seed = static_cast<uint64_t>(o.seed);
-  config.threads = o.threads, config.overwrite = o.overwrite;
+  const pipeline::SimulationConfig& drive = o.drive;
+  const pipeline::PlaceSimulationConfig config = {drive.output,   *o.preset,  drive.range_noise,
+                                                  drive.dropout,  drive.seed, drive.threads,
+                                                  drive.overwrite};
   pipeline::SimulationSummary summary;
   {
     Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
@@ -194,31 +188,12 @@ int simulate_places(const SimulateOptions& o) {
 int simulate_command(const Arguments& arguments) {
   const SimulateOptions o = parse_options(arguments);
   if (o.preset) return simulate_places(o);
-  if (o.poses && (o.route || o.length))
-    throw UsageError("--poses gives the route: leave out --route and --length");
-  if (!o.camera && (o.image_scale || o.light))
-    throw UsageError("--image-scale and --light are about pictures: add --camera");
-
-  pipeline::SimulationConfig config;
-  config.output = *o.output;
-  config.sequence = o.sequence.value_or(config.sequence);
-  config.poses = o.poses, config.calibration = o.calib;
-  config.length = o.length.value_or(config.length);
-  config.route = o.route.value_or(pipeline::RouteKind::kLoop);
-  config.sensor = o.sensor.value_or(pipeline::LidarModel::kHdl64);
-  if (o.frames) parse_frames(*o.frames, &config);
-  config.every = o.every.value_or(config.every);
-  if (o.camera) config.camera = {o.image_scale.value_or(1), o.light.value_or(true)};
-  config.range_noise = o.noise, config.dropout = o.dropout;
-  config.seed = static_cast<uint64_t>(o.seed);
-  config.threads = o.threads, config.overwrite = o.overwrite;
-
   pipeline::SimulationSummary summary;
   {
     Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
-    summary = pipeline::simulate(config, progress.callback(), interrupted);
+    summary = pipeline::simulate(o.drive, progress.callback(), interrupted);
   }
-  if (!o.quiet) print(config, summary);
+  if (!o.quiet) print(o.drive, summary);
   return kOk;
 }
 

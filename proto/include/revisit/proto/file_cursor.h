@@ -2,9 +2,18 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <stdexcept>
+#include <string>
 #include <vector>
 
 namespace revisit::proto {
+
+/// A place in a file where its format is broken. Becomes an InputError once the path and what was
+/// being read are known.
+struct FormatError : std::runtime_error {
+  FormatError(uint64_t at, const std::string& reason) : std::runtime_error(reason), offset(at) {}
+  uint64_t offset;  // [bytes] from the beginning of the file
+};
 
 /// Reads a regular file at any position and counts what it really read. Small steps are buffered;
 /// the buffer starts small after a jump and doubles while reading goes on, so that hopping from

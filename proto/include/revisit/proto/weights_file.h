@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_cursor.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {
@@ -42,7 +43,7 @@ class WeightsFile {
                                            const Limits& limits = {});
 
   /// The layers in file order. Names can repeat.
-  virtual const std::vector<Layer>& layers() const = 0;
+  const std::vector<Layer>& layers() const { return layers_; }
 
   /// The blobs of `layers()[index]`; `index` is in range. Throws InputError (offset, layer, blob)
   /// when they are corrupt: sizes that do not match the shape, negative or overflowing dimensions.
@@ -50,7 +51,15 @@ class WeightsFile {
   virtual std::vector<Blob> read(size_t index) = 0;
 
   /// Bytes actually read from the file so far.
-  virtual uint64_t bytes_read() const = 0;
+  uint64_t bytes_read() const { return cursor_.bytes_read(); }
+
+ protected:
+  WeightsFile(const std::filesystem::path& file, const Limits& limits)
+      : cursor_(file), limits_(limits) {}
+
+  FileCursor cursor_;
+  Limits limits_;
+  std::vector<Layer> layers_;
 };
 
 /// Reads a .binaryproto: one blob, in Caffe the mean image of a training set. Throws InputError.

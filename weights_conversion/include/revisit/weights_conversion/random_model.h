@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <string>
 
-#include "caffe_schema.pb.h"
+namespace revisit::caffe {
+class NetParameter;
+}
 
 namespace revisit::models {
 

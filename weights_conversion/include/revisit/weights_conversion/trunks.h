@@ -3,7 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "caffe_schema.pb.h"
+namespace revisit::caffe {
+class NetParameter;
+}
 
 namespace revisit::models {
 
