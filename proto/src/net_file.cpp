@@ -90,8 +90,8 @@ void check_layers(const caffe::NetParameter& net, const std::string& name, const
                        " (Limits::layers raises it)"));
 }
 
-/// Everything that is done to a text once it is parsed.
-NetFile finish(NetFile file, const std::string& text, const std::string& name,
+/// Everything that is done to a net once it is parsed; `text` is null for a binary file.
+NetFile finish(NetFile file, const std::string* text, const std::string& name,
                const NetReadOptions& options) {
   check_layers(file.net, name, options.limits);
   const bool has_layers = file.net.layer_size() + file.net.layers_size() > 0;
@@ -101,7 +101,8 @@ NetFile finish(NetFile file, const std::string& text, const std::string& name,
             notes);
     if (!options.keep_training) keep_inference(file.net, notes);
   } catch (const UpgradeError& error) {
-    throw InputError(message_start(name, locate(text, error.field, error.index)) + error.what());
+    const TextPosition where = text ? locate(*text, error.field, error.index) : TextPosition();
+    throw InputError(message_start(name, where) + error.what());
   } catch (const InputError& error) {
     throw InputError(str(name, ": ", error.what()));
   }
@@ -126,7 +127,7 @@ NetFile parse_net(const std::string& text, const std::string& name, const NetRea
   check_is_text(text, name, options.limits);
   NetFile file;
   file.net = parse_net_text(text, name, options, file.warnings);
-  return finish(std::move(file), text, name, options);
+  return finish(std::move(file), &text, name, options);
 }
 
 NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
@@ -143,7 +144,7 @@ NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
       str(prototxt.string(), ": is a solver file; read the net it names, ", name));
   file.net = parse_net_text(net_text, name, options, file.warnings);
   file.net.mutable_state()->MergeFrom(solver->state);  // Caffe's order: the solver's word counts
-  return finish(std::move(file), net_text, name, options);
+  return finish(std::move(file), &net_text, name, options);
 }
 
 NetFile read_net_binary(const fs::path& file, const Limits& limits) {
@@ -157,14 +158,7 @@ NetFile read_net_binary(const fs::path& file, const Limits& limits) {
   if (!result.net.IsInitialized())
     throw InputError(
         str(name, ": missing required field ", result.net.InitializationErrorString()));
-  std::vector<std::string> notes;
-  try {
-    upgrade(result.net, ShapelessInputs::kDropped, notes);
-  } catch (const UpgradeError& error) {
-    throw InputError(str(name, ": ", error.what()));
-  }
-  for (const std::string& note : notes) result.warnings.push_back(str(name, ": ", note));
-  return result;
+  return finish(std::move(result), nullptr, name, {.keep_training = true, .limits = limits});
 }
 
 std::string net_text(const caffe::NetParameter& net) {

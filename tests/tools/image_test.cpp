@@ -119,7 +119,7 @@ TEST(ImageCommand, MisuseIsExitCode2) {
   const std::pair<const char*, const char*> cases[] = {
       {" --sensor hdl46", "did you mean 'hdl64'"},
       {" --align case3", "did you mean"},
-      {" --format xml", "table, json"},
+      {" --format xml", "expected table or json"},
       {" --width 0", "width from 1"},
       {" --closing-width -4", "0 to 360 degrees"},
       {" --sensor hdl64 --top -30", "top -30, bottom -25"},
