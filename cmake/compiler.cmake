@@ -26,13 +26,21 @@ if(REVISIT_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
   add_compile_options($<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-fpch-preprocess>)
 endif()
 
-# revisit_library(NAME DEPENDS...): a static library from src/**.cpp with public headers in include/.
+# revisit_library(NAME DEPENDS...): a static library from src/**.cpp with public headers in include/, installed as
+# the component NAME of the package (cmake/revisitConfig.cmake).
 function(revisit_library name)
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/src/*.cpp)
   add_library(revisit_${name} STATIC ${sources})
   add_library(revisit::${name} ALIAS revisit_${name})
   target_include_directories(revisit_${name}
-    PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:include>
+    PUBLIC $<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>
     PRIVATE ${CMAKE_CURRENT_SOURCE_DIR}/src)
   target_link_libraries(revisit_${name} PUBLIC ${ARGN} PRIVATE $<BUILD_INTERFACE:revisit_build_flags>)
+  target_compile_features(revisit_${name} PUBLIC cxx_std_20)
+  set_target_properties(revisit_${name} PROPERTIES EXPORT_NAME ${name})
+  install(TARGETS revisit_${name} EXPORT revisit_${name} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+  install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+          PATTERN net_file.h EXCLUDE)  # it hands out protobuf's messages, which are ours alone
+  install(EXPORT revisit_${name} NAMESPACE revisit:: FILE ${name}.cmake
+          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/revisit)
 endfunction()

@@ -1,24 +1,28 @@
-# The arrows of HACKING.md, held against every #include: proto <- engine <- pipeline <- tools and
+# The arrows of HACKING.md, held against every #include: proto <- engine <- pipeline/* <- tools and
 # weights_conversion -> proto. Private headers never cross a folder; heavy libraries stay in the few
 # files that own them. Run as: cmake -DROOT=<project> -P layering.cmake
 cmake_policy(VERSION 3.25)
 
 set(sees_proto proto)
 set(sees_engine engine proto)
-set(sees_pipeline pipeline engine proto)
+set(sees_pipeline/recognition recognition engine proto)
+set(sees_pipeline/datasets datasets recognition engine proto)
+set(sees_pipeline/evaluation evaluation datasets recognition engine proto)
+set(sees_pipeline/baselines baselines datasets recognition engine proto)
+set(sees_pipeline/simulation simulation datasets engine proto)  # knows no recognition
 set(sees_weights_conversion weights_conversion proto)
-set(sees_tools tools pipeline engine proto weights_conversion)
+set(sees_tools tools simulation baselines evaluation datasets recognition engine proto weights_conversion)
 
 # library header pattern -> files that may include it
 set(owned_libraries
-  "opencv2/|pipeline/src/baselines/visual_words"
-  "png.h|pipeline/src/io/gray_png|tools/src/report/range_images"
-  "liblzf/|pipeline/src/io/pcd"
-  "pcl/|pipeline/src/baselines/pcl/"
-  "embree3/|pipeline/src/simulation/ray_caster"
-  "hwy/|engine/src/kernels/|pipeline/src/project/|pipeline/src/align/"
-  "cblas|engine/src/|pipeline/src/linear_algebra/"
-  "lapacke|pipeline/src/linear_algebra/"
+  "opencv2/|pipeline/baselines/src/visual_words"
+  "png.h|pipeline/datasets/src/io/gray_png|tools/src/report/range_images"
+  "liblzf/|pipeline/datasets/src/io/pcd"
+  "pcl/|pipeline/baselines/src/pcl/"
+  "embree3/|pipeline/simulation/src/ray_caster"
+  "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/"
+  "cblas|engine/src/|pipeline/recognition/src/linear_algebra/"
+  "lapacke|pipeline/recognition/src/linear_algebra/"
   "yaml-cpp/|tools/src/"
   "curl/|tools/src/models/"
   "openssl/|tools/src/models/|tools/src/report/range_images"
@@ -28,7 +32,8 @@ function(complain text)
   message(SEND_ERROR "${text}")
 endfunction()
 
-foreach(layer proto engine pipeline weights_conversion tools)
+foreach(layer proto engine pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
+        pipeline/simulation weights_conversion tools)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
   foreach(source IN LISTS sources)
     file(RELATIVE_PATH name ${ROOT} ${source})

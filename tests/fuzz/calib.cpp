@@ -1,6 +1,6 @@
 // KITTI's calib.txt.
 #include "fuzz.h"
-#include "revisit/pipeline/pose.h"
+#include "revisit/datasets/pose.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;

@@ -1,8 +1,8 @@
 // A camera image, and the visual words' descriptors of it.
-#include "revisit/pipeline/gray_png.h"
+#include "revisit/datasets/gray_png.h"
 
 #include "fuzz.h"
-#include "revisit/pipeline/visual_words.h"
+#include "revisit/baselines/visual_words.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;

@@ -5,8 +5,8 @@
 
 #include "fuzz.h"
 #ifdef REVISIT_HAVE_PIPELINE
-#include "revisit/pipeline/describe.h"
-#include "revisit/pipeline/feature_file.h"
+#include "revisit/datasets/describe.h"
+#include "revisit/recognition/feature_file.h"
 #endif
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

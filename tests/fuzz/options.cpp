@@ -3,11 +3,11 @@
 #include "revisit/engine/tensor.h"
 #ifdef REVISIT_HAVE_PIPELINE
 #include "cli/parser.h"
-#include "revisit/pipeline/describe.h"
-#include "revisit/pipeline/ground_truth.h"
-#include "revisit/pipeline/protocols.h"
-#include "revisit/pipeline/retrieve.h"
-#include "revisit/pipeline/sensor.h"
+#include "revisit/datasets/describe.h"
+#include "revisit/evaluation/ground_truth.h"
+#include "revisit/evaluation/protocols.h"
+#include "revisit/recognition/retrieve.h"
+#include "revisit/recognition/sensor.h"
 #endif
 
 namespace revisit::fuzz {
@@ -44,7 +44,7 @@ void read_for_pipeline(const std::string& text) {
   works_or_refuses([&] { make_tasks("paper", text, drive()); });
   works_or_refuses([&] { parse_distance(text); });
   works_or_refuses([&] { parse_score(text); });
-  works_or_refuses([&] { parse_align_mode(text); });
+  works_or_refuses([&] { parse_align_case(text); });
   works_or_refuses([&] { sensor_geometry(text); });
   read_value<std::filesystem::path>(text);
   read_value<int>(text);

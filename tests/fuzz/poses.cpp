@@ -1,6 +1,6 @@
 // KITTI's poses, and the loops of the drive.
 #include "fuzz.h"
-#include "revisit/pipeline/ground_truth.h"
+#include "revisit/evaluation/ground_truth.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;

@@ -5,11 +5,11 @@
 #include <span>
 
 #include "fuzz.h"
-#include "revisit/pipeline/describe.h"
-#include "revisit/pipeline/m2dp.h"
-#include "revisit/pipeline/pcl_features.h"
-#include "revisit/pipeline/scan_context.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/baselines/m2dp.h"
+#include "revisit/baselines/pcl_features.h"
+#include "revisit/baselines/scan_context.h"
+#include "revisit/datasets/describe.h"
+#include "revisit/datasets/scan_file.h"
 
 namespace revisit::fuzz {
 namespace {
@@ -21,11 +21,11 @@ const char* extension_of(const std::string& bytes) {
 }
 
 void make_images(const pipeline::PointCloud& cloud) {
-  using pipeline::AlignMode;
+  using pipeline::AlignCase;
   pipeline::ImageGeometry geometry;
   geometry.width = 40;
   geometry.height = 8;
-  for (const AlignMode mode : {AlignMode::kNone, AlignMode::kCase1, AlignMode::kCase2})
+  for (const AlignCase mode : {AlignCase::kNone, AlignCase::kOne, AlignCase::kTwo})
     works_or_refuses([&] { pipeline::scan_to_image(cloud, mode, geometry); });
 }
 

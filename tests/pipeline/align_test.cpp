@@ -1,4 +1,4 @@
-#include "revisit/pipeline/align.h"
+#include "revisit/recognition/align.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <numbers>
 #include <random>
 
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
 #include "turned_cloud.h"

@@ -1,11 +1,11 @@
-#include "revisit/pipeline/bootstrap.h"
+#include "revisit/evaluation/bootstrap.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-#include "evaluation/ballots.h"
+#include "ballots.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {

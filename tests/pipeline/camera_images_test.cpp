@@ -3,8 +3,8 @@
 #include <cstring>
 
 #include "expect_error.h"
-#include "revisit/pipeline/dataset.h"
-#include "revisit/pipeline/gray_png.h"
+#include "revisit/datasets/dataset.h"
+#include "revisit/datasets/gray_png.h"
 #include "small_drive.h"
 #include "test_data.h"
 

@@ -1,18 +1,18 @@
-#include "simulation/camera.h"
+#include "camera.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "revisit/pipeline/gray_png.h"
-#include "revisit/pipeline/visual_words.h"
+#include "drive.h"
+#include "film.h"
+#include "revisit/baselines/visual_words.h"
+#include "revisit/datasets/gray_png.h"
 #include "revisit/proto/error.h"
-#include "simulation/drive.h"
-#include "simulation/film.h"
-#include "simulation/world.h"
 #include "test_data.h"
 #include "town.h"
+#include "world.h"
 
 namespace revisit::pipeline {
 namespace {

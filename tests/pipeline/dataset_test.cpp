@@ -1,10 +1,10 @@
-#include "revisit/pipeline/dataset.h"
+#include "revisit/datasets/dataset.h"
 
 #include <gtest/gtest.h>
 #include <sys/inotify.h>
 #include <unistd.h>
 
-#include "datasets/folder.h"
+#include "folder.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
 

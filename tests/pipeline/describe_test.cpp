@@ -1,4 +1,4 @@
-#include "revisit/pipeline/describe.h"
+#include "revisit/datasets/describe.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <random>
 
 #include "expect_error.h"
-#include "revisit/pipeline/feature_file.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/feature_file.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -105,7 +105,7 @@ TEST_F(DescribeTest, DataIsTheImageItself) {
   const FeatureExtractor features = range_vector_features(options_.geometry);
   ASSERT_EQ(features.dim, 64 * 16);
   const RangeImage image =
-      scan_to_image(read_scan(dataset_.scans[0].file), AlignMode::kCase1, options_.geometry);
+      scan_to_image(read_scan(dataset_.scans[0].file), AlignCase::kOne, options_.geometry);
   std::vector<float> feature(static_cast<size_t>(features.dim));
   std::get<FeatureMaker<RangeImage>>(features.make)()(image, feature);
   EXPECT_EQ(feature, image.pixels);
@@ -122,7 +122,7 @@ TEST_F(DescribeTest, ThreadsDoNotChangeTheBytes) {
 }
 
 TEST_F(DescribeTest, ThePointsOutsideOfTheImageAreCountedForEachScan) {
-  options_.align = AlignMode::kNone;
+  options_.align = AlignCase::kNone;
   options_.geometry.elevation_bottom = -5;
   const FeaturePaths some = paths("some");
   write_features(some, dataset_, extractor(), options_);
@@ -173,9 +173,9 @@ TEST_F(DescribeTest, AStoppedRunGoesOnWhereItWas) {
 
 TEST_F(DescribeTest, OtherSettingsAreOtherFiles) {
   const FeaturePaths case1 = paths("x");
-  options_.align = AlignMode::kCase2;
+  options_.align = AlignCase::kTwo;
   EXPECT_NE(paths("x").features, case1.features);
-  options_.align = AlignMode::kCase1;
+  options_.align = AlignCase::kOne;
   options_.geometry.max_range = 60;
   EXPECT_NE(paths("x").features, case1.features);
 }
@@ -191,14 +191,14 @@ TEST_F(DescribeTest, APointFeatureSeesTheAlignedPoints) {
     };
   };
   const PointCloud cloud = read_scan(dataset_.scans[3].file);
-  for (const AlignMode align : {AlignMode::kNone, AlignMode::kCase2}) {
+  for (const AlignCase align : {AlignCase::kNone, AlignCase::kTwo}) {
     options_.align = align;
     std::filesystem::create_directories(dir_ / "points");
     const FeaturePaths paths = feature_paths(dir_ / "points", dataset_, first, options_);
     const DescribeTimes times = write_features(paths, dataset_, first, options_);
     EXPECT_EQ(times.processor.size(), 12U);
     const PointCloud seen =
-        align == AlignMode::kNone
+        align == AlignCase::kNone
             ? cloud
             : rotated(cloud, principal_alignment(cloud, AlignCase::kTwo).R_aligned_sensor);
     EXPECT_EQ(FeatureFile(paths.features).row(3)[0], seen.points[0].x);
@@ -259,7 +259,7 @@ TEST_F(DescribeTest, AScanTakenAsItIsNeedsNoDirection) {
   PointCloud equal;
   equal.points.assign(100, {10, 0, 0, 0});
   write_kitti_scan(dataset_.scans[5].file, equal);
-  options_.align = AlignMode::kNone;
+  options_.align = AlignCase::kNone;
   const FeaturePaths none = paths("none");
   write_features(none, dataset_, extractor(), options_);
   EXPECT_EQ(read_alignments(none.alignments).at(5).described, 1);

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/fabmap.h"
+#include "revisit/baselines/fabmap.h"
 
 #include <gtest/gtest.h>
 

@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "revisit/datasets/describe.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
-#include "revisit/pipeline/describe.h"
-#include "revisit/pipeline/feature_file.h"
-#include "revisit/pipeline/pca.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/recognition/feature_file.h"
+#include "revisit/recognition/pca.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -56,7 +56,7 @@ TEST(FastDescriptor, IsTheReferencesOnRealScans) {
 
   std::vector<RangeImage> images;
   for (const auto& entry : fs::directory_iterator(scans))
-    images.push_back(scan_to_image(read_scan(entry.path()), AlignMode::kCase1, geometry));
+    images.push_back(scan_to_image(read_scan(entry.path()), AlignCase::kOne, geometry));
   const auto n = static_cast<int64_t>(images.size());
   ASSERT_GE(n, 12);
 

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/feature_file.h"
+#include "revisit/recognition/feature_file.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>

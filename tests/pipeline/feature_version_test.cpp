@@ -5,10 +5,10 @@
 #include <bit>
 #include <cstdio>
 
-#include "revisit/pipeline/describe.h"
-#include "revisit/pipeline/fnv1a.h"
-#include "revisit/pipeline/scan_context.h"
-#include "revisit/pipeline/sensor.h"
+#include "revisit/baselines/scan_context.h"
+#include "revisit/datasets/describe.h"
+#include "revisit/proto/fnv1a.h"
+#include "revisit/recognition/sensor.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -41,7 +41,7 @@ std::string checksum(std::span<const float> values) {
   return text;
 }
 
-std::string image_checksum(AlignMode mode) {
+std::string image_checksum(AlignCase mode) {
   return checksum(scan_to_image(fixed_scan(), mode, sensor_geometry("hdl64")).pixels);
 }
 
@@ -49,9 +49,9 @@ std::string image_checksum(AlignMode mode) {
 // the new version and checksum here. (Pixels have the same bits on every CPU.)
 TEST(FeatureVersion, IsRaisedWhenPixelsChange) {
   EXPECT_EQ(kFeatureVersion, 1);
-  EXPECT_EQ(image_checksum(AlignMode::kNone), "e564e7350f2d357b");
-  EXPECT_EQ(image_checksum(AlignMode::kCase1), "dcdf1cc1509bab1d");
-  EXPECT_EQ(image_checksum(AlignMode::kCase2), "ed409cbef57b9309");
+  EXPECT_EQ(image_checksum(AlignCase::kNone), "e564e7350f2d357b");
+  EXPECT_EQ(image_checksum(AlignCase::kOne), "dcdf1cc1509bab1d");
+  EXPECT_EQ(image_checksum(AlignCase::kTwo), "ed409cbef57b9309");
 }
 
 TEST(FeatureVersion, IsRaisedWhenScanContextChanges) {

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/ground_truth.h"
+#include "revisit/evaluation/ground_truth.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "revisit/pipeline/parallel_for.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::pipeline {
 namespace {

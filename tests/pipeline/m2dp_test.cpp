@@ -1,4 +1,4 @@
-#include "revisit/pipeline/m2dp.h"
+#include "revisit/baselines/m2dp.h"
 
 #include <gtest/gtest.h>
 

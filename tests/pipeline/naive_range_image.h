@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-#include "revisit/pipeline/range_image.h"
+#include "revisit/recognition/range_image.h"
 
 /// The slow, readable twins of range_image.h, and clouds and images to compare them on.
 namespace revisit::pipeline {

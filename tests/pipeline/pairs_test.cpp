@@ -1,4 +1,4 @@
-#include "revisit/pipeline/pairs.h"
+#include "revisit/evaluation/pairs.h"
 
 #include <gtest/gtest.h>
 

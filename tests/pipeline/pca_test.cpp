@@ -1,4 +1,4 @@
-#include "revisit/pipeline/pca.h"
+#include "revisit/recognition/pca.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/pcl_features.h"
+#include "revisit/baselines/pcl_features.h"
 
 #include <gtest/gtest.h>
 

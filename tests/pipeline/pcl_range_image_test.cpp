@@ -22,7 +22,7 @@
 #include <numbers>
 
 #include "naive_range_image.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/scan_file.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

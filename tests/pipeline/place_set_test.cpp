@@ -8,17 +8,17 @@
 #include <sstream>
 #include <tuple>
 
-#include "revisit/pipeline/dataset.h"
-#include "revisit/pipeline/scan_file.h"
-#include "revisit/pipeline/simulation.h"
+#include "lidar.h"
+#include "passers.h"
+#include "revisit/datasets/dataset.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/proto/error.h"
-#include "simulation/lidar.h"
-#include "simulation/passers.h"
-#include "simulation/route.h"
-#include "simulation/shots.h"
-#include "simulation/world.h"
+#include "revisit/simulation/simulation.h"
+#include "route.h"
+#include "shots.h"
 #include "test_data.h"
 #include "town.h"
+#include "world.h"
 
 namespace revisit::pipeline {
 namespace {

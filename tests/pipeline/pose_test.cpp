@@ -1,4 +1,4 @@
-#include "revisit/pipeline/pose.h"
+#include "revisit/datasets/pose.h"
 
 #include <gtest/gtest.h>
 

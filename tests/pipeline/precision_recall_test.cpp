@@ -1,4 +1,4 @@
-#include "revisit/pipeline/precision_recall.h"
+#include "revisit/evaluation/precision_recall.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/protocols.h"
+#include "revisit/evaluation/protocols.h"
 
 #include <gtest/gtest.h>
 
@@ -6,9 +6,9 @@
 #include <numeric>
 
 #include "expect_error.h"
-#include "revisit/pipeline/precision_recall.h"
-#include "revisit/pipeline/retrieve.h"
+#include "revisit/evaluation/precision_recall.h"
 #include "revisit/proto/error.h"
+#include "revisit/recognition/retrieve.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

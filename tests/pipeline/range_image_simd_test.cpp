@@ -7,8 +7,8 @@
 #include <numbers>
 
 #include "naive_range_image.h"
-#include "revisit/pipeline/align.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/align.h"
 #include "simd_targets.h"
 #include "test_data.h"
 

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/range_image.h"
+#include "revisit/recognition/range_image.h"
 
 #include <gtest/gtest.h>
 
@@ -9,11 +9,11 @@
 #include <random>
 
 #include "naive_range_image.h"
-#include "revisit/pipeline/align.h"
-#include "revisit/pipeline/gray_png.h"
-#include "revisit/pipeline/scan_file.h"
-#include "revisit/pipeline/sensor.h"
+#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/recognition/align.h"
+#include "revisit/recognition/sensor.h"
 #include "test_data.h"
 #include "turned_cloud.h"
 

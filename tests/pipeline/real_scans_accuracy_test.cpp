@@ -5,12 +5,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "revisit/datasets/describe.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
-#include "revisit/pipeline/describe.h"
-#include "revisit/pipeline/pca.h"
-#include "revisit/pipeline/precision_recall.h"
-#include "revisit/pipeline/retrieve.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/evaluation/precision_recall.h"
+#include "revisit/recognition/pca.h"
+#include "revisit/recognition/retrieve.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -31,7 +31,7 @@ struct Found {
 struct Row {
   const char* end;    // layer; "": the range image itself
   const char* graft;  // layer
-  AlignMode align;
+  AlignCase align;
   Found of_4501, of_88;
   int right;  // best matches within 5 m, of the 11 scans that have one
   double average_precision;
@@ -101,32 +101,32 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Row{"fire8/concat",
             "",
-            AlignMode::kCase1,
+            AlignCase::kOne,
             {52, 0.113, -0.039},
             {94, 0.068, -0.030},
             11,
             0.992},
         Row{"fire8/concat",
             "pool8",
-            AlignMode::kCase1,
+            AlignCase::kOne,
             {52, 0.114, -0.047},
             {94, 0.081, -0.011},
             11,
             0.992},
-        Row{"", "", AlignMode::kCase1, {52, 0.322, 0.054}, {199, 0.151, kNotGiven}, 10, 0.909},
+        Row{"", "", AlignCase::kOne, {52, 0.322, 0.054}, {199, 0.151, kNotGiven}, 10, 0.909},
         Row{"fire8/concat",
             "",
-            AlignMode::kNone,
+            AlignCase::kNone,
             {52, 0.091, -0.060},
             {94, -0.022, -0.059},
             11,
             1.000},
-        Row{"", "", AlignMode::kNone, {52, 0.391, 0.070}, {850, 0.085, kNotGiven}, 10, 0.909}),
+        Row{"", "", AlignCase::kNone, {52, 0.391, 0.070}, {850, 0.085, kNotGiven}, 10, 0.909}),
     [](const auto& row) {
       const std::string name = std::string(row.param.end).empty() ? "Data"
                                : *row.param.graft                 ? "Fire8Pool8"
                                                                   : "Fire8";
-      return name + (row.param.align == AlignMode::kNone ? "NotAligned" : "");
+      return name + (row.param.align == AlignCase::kNone ? "NotAligned" : "");
     });
 
 // --- how the alignment repeats

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/retrieve.h"
+#include "revisit/recognition/retrieve.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <numeric>
 
 #include "float_matrix.h"
-#include "revisit/pipeline/protocols.h"
+#include "revisit/evaluation/protocols.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {

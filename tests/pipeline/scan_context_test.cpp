@@ -1,4 +1,4 @@
-#include "revisit/pipeline/scan_context.h"
+#include "revisit/baselines/scan_context.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <random>
 
 #include "expect_error.h"
-#include "revisit/pipeline/protocols.h"
-#include "revisit/pipeline/retrieve.h"
+#include "revisit/evaluation/protocols.h"
+#include "revisit/recognition/retrieve.h"
 
 namespace revisit::pipeline {
 namespace {

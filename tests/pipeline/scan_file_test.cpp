@@ -1,4 +1,4 @@
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/scan_file.h"
 
 #include <gtest/gtest.h>
 

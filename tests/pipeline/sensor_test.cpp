@@ -1,4 +1,4 @@
-#include "revisit/pipeline/sensor.h"
+#include "revisit/recognition/sensor.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <random>
 #include <set>
 
-#include "revisit/pipeline/scan_file.h"
+#include "lidar.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/proto/error.h"
-#include "simulation/lidar.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/simulation.h"
+#include "revisit/simulation/simulation.h"
 
 #include <gtest/gtest.h>
 
@@ -9,17 +9,17 @@
 #include <map>
 #include <numbers>
 
-#include "revisit/pipeline/align.h"
-#include "revisit/pipeline/scan_file.h"
+#include "drive.h"
+#include "lidar.h"
+#include "random.h"
+#include "ray_caster.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/proto/error.h"
-#include "simulation/drive.h"
-#include "simulation/lidar.h"
-#include "simulation/random.h"
-#include "simulation/ray_caster.h"
-#include "simulation/traffic.h"
-#include "simulation/world.h"
+#include "revisit/recognition/align.h"
 #include "test_data.h"
 #include "town.h"
+#include "traffic.h"
+#include "world.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -4,11 +4,11 @@
 #include <utility>
 #include <vector>
 
-#include "revisit/pipeline/simulation.h"
-#include "simulation/drive.h"
-#include "simulation/ground.h"
-#include "simulation/road_map.h"
-#include "simulation/world.h"
+#include "drive.h"
+#include "ground.h"
+#include "revisit/simulation/simulation.h"
+#include "road_map.h"
+#include "world.h"
 
 namespace revisit::pipeline::simulation {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "revisit/pipeline/point_cloud.h"
+#include "revisit/recognition/point_cloud.h"
 
 namespace revisit::pipeline {
 

@@ -1,4 +1,4 @@
-#include "revisit/pipeline/visual_words.h"
+#include "revisit/baselines/visual_words.h"
 
 #include <gtest/gtest.h>
 
@@ -7,10 +7,10 @@
 #include <random>
 
 #include "expect_error.h"
-#include "revisit/pipeline/feature_file.h"
-#include "revisit/pipeline/gray_png.h"
-#include "revisit/pipeline/protocols.h"
-#include "revisit/pipeline/retrieve.h"
+#include "revisit/datasets/gray_png.h"
+#include "revisit/evaluation/protocols.h"
+#include "revisit/recognition/feature_file.h"
+#include "revisit/recognition/retrieve.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -5,7 +5,7 @@
 #include <initializer_list>
 #include <random>
 
-#include "revisit/pipeline/matrix.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit::test {
 

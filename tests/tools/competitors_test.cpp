@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "revisit/pipeline/gray_png.h"
+#include "revisit/datasets/gray_png.h"
 #include "small_drive.h"
 #include "test_data.h"
 

@@ -10,7 +10,7 @@
 #include "cli/json.h"
 #include "eval/eval_options.h"
 #include "reports.pb.h"
-#include "revisit/pipeline/protocols.h"
+#include "revisit/evaluation/protocols.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 #include "small_drive.h"

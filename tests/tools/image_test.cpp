@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "revisit/pipeline/gray_png.h"
+#include "revisit/datasets/gray_png.h"
 #include "test_data.h"
 
 namespace revisit {

@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include "cli/table.h"
-#include "revisit/pipeline/text.h"
+#include "revisit/proto/text.h"
 
 namespace revisit::cli {
 namespace {
@@ -92,9 +92,9 @@ std::string GeometryOptions::resolve(const std::vector<pipeline::PointCloud>& sc
   bottom = bottom.value_or(found.image.elevation_bottom);
   closing_width = closing_width.value_or(rounded(found.image.closing_width));
   closing_height = closing_height.value_or(rounded(found.image.closing_height));
-  return str(seen, ": no sensor that is known, so --top ", pipeline::exact(*top), " --bottom ",
-             pipeline::exact(*bottom), " --closing-width ", pipeline::exact(*closing_width),
-             " --closing-height ", pipeline::exact(*closing_height));
+  return str(seen, ": no sensor that is known, so --top ", exact(*top), " --bottom ",
+             exact(*bottom), " --closing-width ", exact(*closing_width), " --closing-height ",
+             exact(*closing_height));
 }
 
 pipeline::ImageGeometry GeometryOptions::geometry() const {
@@ -114,7 +114,7 @@ std::vector<std::pair<std::string, std::string>> GeometryOptions::settings() con
       {"sensor", sensor}, {"width", pixels(width)}, {"height", pixels(height)}};
   for (const Field& field : kFields) {
     const std::optional<double>& value = this->*field.given;
-    settings.emplace_back(field.name, value ? pipeline::exact(*value) : "");
+    settings.emplace_back(field.name, value ? exact(*value) : "");
   }
   return settings;
 }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "cli/parser.h"
-#include "revisit/pipeline/sensor.h"
+#include "revisit/recognition/sensor.h"
 
 namespace revisit::cli {
 

@@ -5,8 +5,8 @@
 #include "cli/parser.h"
 #include "cli/table.h"
 #include "reports.pb.h"
-#include "revisit/pipeline/dataset.h"
-#include "revisit/pipeline/ground_truth.h"
+#include "revisit/datasets/dataset.h"
+#include "revisit/evaluation/ground_truth.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {

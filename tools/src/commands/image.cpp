@@ -9,12 +9,12 @@
 #include "cli/table.h"
 #include "eval/points_outside.h"
 #include "reports.pb.h"
-#include "revisit/pipeline/align.h"
-#include "revisit/pipeline/gray_png.h"
-#include "revisit/pipeline/range_image.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/gray_png.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/folder.h"
+#include "revisit/recognition/align.h"
+#include "revisit/recognition/range_image.h"
 
 namespace revisit::cli {
 namespace {

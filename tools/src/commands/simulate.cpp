@@ -7,7 +7,7 @@
 #include "cli/shell.h"
 #include "cli/table.h"
 #include "models/find_model.h"
-#include "revisit/pipeline/simulation.h"
+#include "revisit/simulation/simulation.h"
 
 namespace revisit::cli {
 namespace {

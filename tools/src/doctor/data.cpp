@@ -2,7 +2,7 @@
 
 #include "cli/messages.h"
 #include "doctor/checks.h"
-#include "revisit/pipeline/dataset.h"
+#include "revisit/datasets/dataset.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::doctor {

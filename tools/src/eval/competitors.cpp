@@ -2,10 +2,10 @@
 
 #include "cli/interrupt.h"
 #include "cli/progress.h"
-#include "revisit/pipeline/m2dp.h"
-#include "revisit/pipeline/pcl_features.h"
-#include "revisit/pipeline/scan_context.h"
-#include "revisit/pipeline/visual_words.h"
+#include "revisit/baselines/m2dp.h"
+#include "revisit/baselines/pcl_features.h"
+#include "revisit/baselines/scan_context.h"
+#include "revisit/baselines/visual_words.h"
 #include "revisit/proto/folder.h"
 
 namespace revisit::cli {

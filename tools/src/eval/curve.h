@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "reports.pb.h"
-#include "revisit/pipeline/precision_recall.h"
+#include "revisit/evaluation/precision_recall.h"
 
 namespace revisit::cli {
 

@@ -7,7 +7,7 @@
 
 #include "cli/interrupt.h"
 #include "cli/progress.h"
-#include "revisit/pipeline/text.h"
+#include "revisit/proto/text.h"
 
 namespace revisit::cli {
 namespace {
@@ -63,8 +63,8 @@ std::string descriptor_key(const FeatureOptions& options, const pipeline::Task& 
 }
 
 fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t components) {
-  return cache / str("descriptors-", pipeline::short_name_of(key), "-",
-                     components ? str(components) : "all", ".npy");
+  return cache /
+         str("descriptors-", short_name_of(key), "-", components ? str(components) : "all", ".npy");
 }
 
 /// Rows [first, first + count) and the first `columns` columns of a file.

@@ -3,8 +3,8 @@
 #include <optional>
 
 #include "eval/lazy_features.h"
-#include "revisit/pipeline/pca.h"
-#include "revisit/pipeline/protocols.h"
+#include "revisit/evaluation/protocols.h"
+#include "revisit/recognition/pca.h"
 
 namespace revisit::cli {
 

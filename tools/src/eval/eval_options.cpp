@@ -4,9 +4,9 @@
 
 #include "cli/shell.h"
 #include "eval/config_file.h"
-#include "revisit/pipeline/protocols.h"
-#include "revisit/pipeline/retrieve.h"
-#include "revisit/pipeline/text.h"
+#include "revisit/evaluation/protocols.h"
+#include "revisit/proto/text.h"
+#include "revisit/recognition/retrieve.h"
 
 namespace revisit::cli {
 namespace {
@@ -38,14 +38,14 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"end", f.end},
           {"graft", f.graft},
           {"mean-bgr", placed(f.mean_bgr)},
-          {"input-scale", pipeline::exact(f.input_scale)},
+          {"input-scale", exact(f.input_scale)},
           {"images", placed(f.images)},
           {"training-images", placed(f.training_images)},
           {"new-place", f.new_place},
           {"ring-key-candidates", str(f.ring_key_candidates)},
           {"pca", f.pca},
           {"pca-fit", f.pca_fit == "all" || f.pca_fit == "map" ? f.pca_fit : placed(f.pca_fit)},
-          {"memory", pipeline::exact(f.memory_gb)},
+          {"memory", exact(f.memory_gb)},
           {"protocol", o.protocol},
           {"align", f.align.value_or("")},
           {"query-case", o.query_case},
@@ -54,7 +54,7 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"bootstrap", str(o.resamples)},
           {"distance", o.distance.value_or("")},
           {"exclusion", o.exclusion.value_or("")},
-          {"radius", o.radius ? pipeline::exact(*o.radius) : ""}});
+          {"radius", o.radius ? exact(*o.radius) : ""}});
   for (auto& [name, value] : settings)
     if (!f.uses(name)) value.clear();
   return settings;

@@ -89,7 +89,7 @@ enum class QueryCase { kAsStored, kCase2, kBoth };
 
 QueryCase query_case_of(const EvalOptions& o, const FeatureSource& source,
                         const pipeline::Task& task) {
-  if (source.align != pipeline::AlignMode::kCase1) return QueryCase::kAsStored;
+  if (source.align != pipeline::AlignCase::kOne) return QueryCase::kAsStored;
   if (o.query_case == "2") return QueryCase::kCase2;
   return task.both_cases ? QueryCase::kBoth : QueryCase::kAsStored;
 }
@@ -157,7 +157,7 @@ TaskResult run_task(const EvalOptions& o, const FeatureSource& source, const pip
 void check_query_case(const EvalOptions& o, const FeatureSource& source,
                       const pipeline::Task& task) {
   if (o.query_case == "protocol" || o.query_case == "1") return;
-  if (source.align != pipeline::AlignMode::kCase1)
+  if (source.align != pipeline::AlignCase::kOne)
     throw UsageError("--query-case " + o.query_case + " needs --align case1");
   if (task.decision == pipeline::Decision::kPair)
     throw UsageError(str("--query-case ", o.query_case, ": task ", task.name,
@@ -193,14 +193,14 @@ struct Inputs {
         cache(o.feature.cache_folder(o.output)),
         source(open_feature(o.feature, dataset, cache)),
         case1(o.feature, source, source.align, cache),
-        case2(o.feature, source, pipeline::AlignMode::kCase2, cache) {
+        case2(o.feature, source, pipeline::AlignCase::kTwo, cache) {
     for (const pipeline::Task& task : tasks) check_query_case(o, source, task);
   }
   Inputs(const Inputs&) = delete;  // the features refer to the source
   Inputs& operator=(const Inputs&) = delete;
 
   bool needs_case2() const {
-    return source.align == pipeline::AlignMode::kCase1 &&
+    return source.align == pipeline::AlignCase::kOne &&
            (o.query_case == "2" || std::ranges::any_of(tasks, &pipeline::Task::both_cases));
   }
 };

@@ -12,7 +12,7 @@
 #include "cli/progress.h"
 #include "eval/competitors.h"
 #include "models/checksum.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/scan_file.h"
 
 namespace revisit::cli {
 namespace {
@@ -212,10 +212,10 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
   return components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
 }
 
-pipeline::AlignMode align_for(const FeatureOptions& options, const FeatureSource& source) {
-  const auto mode = pipeline::parse_align_mode(
+pipeline::AlignCase align_for(const FeatureOptions& options, const FeatureSource& source) {
+  const auto mode = pipeline::parse_align_case(
       options.align.value_or(is_range_image_feature(source) ? "case1" : "none"));
-  if (mode != pipeline::AlignMode::kNone && source.extractor.sees<pipeline::GrayImage>())
+  if (mode != pipeline::AlignCase::kNone && source.extractor.sees<pipeline::GrayImage>())
     throw UsageError(
         str("--align: the feature ", source.extractor.name, " sees camera images, not scans"));
   return mode;

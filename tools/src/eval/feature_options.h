@@ -8,8 +8,8 @@
 #include "cli/geometry_options.h"
 #include "cli/parser.h"
 #include "models/find_model.h"
-#include "revisit/pipeline/dataset.h"
-#include "revisit/pipeline/describe.h"
+#include "revisit/datasets/dataset.h"
+#include "revisit/datasets/describe.h"
 
 namespace revisit::cli {
 
@@ -57,7 +57,7 @@ struct FeatureSource {
   pipeline::FeatureExtractor extractor;
   std::optional<models::FoundModel> model;  // absent for all but cnn
   pipeline::Dataset inputs;                 // what is described: the scans, or their camera images
-  pipeline::AlignMode align = pipeline::AlignMode::kNone;
+  pipeline::AlignCase align = pipeline::AlignCase::kNone;
   int64_t components = -1;  // of the PCA; 0: all; -1: no PCA
 };
 

@@ -50,7 +50,7 @@ class LeftOut {
 }  // namespace
 
 LazyFeatures::LazyFeatures(const FeatureOptions& options, const FeatureSource& source,
-                           pipeline::AlignMode align, fs::path folder)
+                           pipeline::AlignCase align, fs::path folder)
     : options_(options), source_(source) {
   describe_.geometry = options.image.geometry();
   describe_.align = align;

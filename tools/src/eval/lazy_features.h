@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "eval/feature_options.h"
-#include "revisit/pipeline/feature_file.h"
+#include "revisit/recognition/feature_file.h"
 
 namespace revisit::cli {
 
@@ -19,7 +19,7 @@ namespace revisit::cli {
 class LazyFeatures {
  public:
   LazyFeatures(const FeatureOptions& options, const FeatureSource& source,
-               pipeline::AlignMode align, std::filesystem::path folder);
+               pipeline::AlignCase align, std::filesystem::path folder);
 
   /// Names everything the features depend on.
   const std::string& key() const { return paths_.key; }

@@ -5,7 +5,7 @@
 
 #include "cli/messages.h"
 #include "cli/table.h"
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/scan_file.h"
 
 namespace revisit::cli {
 

@@ -12,8 +12,8 @@
 #include "cli/table.h"
 #include "eval/run_data.h"
 #include "eval/run_info.h"
-#include "revisit/pipeline/text.h"
 #include "revisit/proto/atomic_file.h"
+#include "revisit/proto/text.h"
 
 namespace revisit::cli {
 namespace {
@@ -58,13 +58,13 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
           time_of(match.ranks[rank]),
           number(match.similarities[rank], 6)};
       if (rank == 0)
-        row.insert(row.end(),
-                   {pipeline::exact(match.score),
-                    number(match.similarities[0] - match.similarities.back(), 6),
-                    number(relative_yaw_deg(match, context.alignments), 2),
-                    has_threshold ? str(accepted[q] ? 1 : 0) : "",
-                    result.verdicts[q].ignored ? "" : str(result.verdicts[q].correct ? 1 : 0),
-                    str(result.verdicts[q].positive ? 1 : 0), str(match.which_case)});
+        row.insert(
+            row.end(),
+            {exact(match.score), number(match.similarities[0] - match.similarities.back(), 6),
+             number(relative_yaw_deg(match, context.alignments), 2),
+             has_threshold ? str(accepted[q] ? 1 : 0) : "",
+             result.verdicts[q].ignored ? "" : str(result.verdicts[q].correct ? 1 : 0),
+             str(result.verdicts[q].positive ? 1 : 0), str(match.which_case)});
       table.row(std::move(row));
     }
   }

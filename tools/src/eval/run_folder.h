@@ -6,9 +6,9 @@
 
 #include "feature_options.h"
 #include "reports.pb.h"
-#include "revisit/pipeline/bootstrap.h"
-#include "revisit/pipeline/pairs.h"
-#include "revisit/pipeline/precision_recall.h"
+#include "revisit/evaluation/bootstrap.h"
+#include "revisit/evaluation/pairs.h"
+#include "revisit/evaluation/precision_recall.h"
 #include "run_times.h"
 
 namespace revisit::cli {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "revisit/pipeline/describe.h"
+#include "revisit/datasets/describe.h"
 
 namespace revisit::cli {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "models/find_model.h"
-#include "revisit/pipeline/range_image.h"
+#include "revisit/recognition/range_image.h"
 
 namespace revisit::cli {
 

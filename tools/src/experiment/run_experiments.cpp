@@ -9,9 +9,9 @@
 #include "cli/json.h"
 #include "cli/messages.h"
 #include "eval/evaluation.h"
-#include "revisit/pipeline/text.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/folder.h"
+#include "revisit/proto/text.h"
 
 namespace revisit::cli {
 namespace {
@@ -47,9 +47,7 @@ class FinishedRuns {
   }
 
  private:
-  fs::path path(const std::string& key) const {
-    return folder_ / (pipeline::short_name_of(key) + ".json");
-  }
+  fs::path path(const std::string& key) const { return folder_ / (short_name_of(key) + ".json"); }
   fs::path folder_;
 };
 

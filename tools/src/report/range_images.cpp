@@ -7,7 +7,7 @@
 #include <cmath>
 #include <vector>
 
-#include "revisit/pipeline/scan_file.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
@@ -84,7 +84,7 @@ std::string RangeImages::add(const std::string& scan_file, const reports::RunInf
   }
   try {
     const std::string uri = png_uri(reduced(pipeline::scan_to_image(
-        pipeline::read_scan(scan_file), pipeline::parse_align_mode(align), geometry_of(info))));
+        pipeline::read_scan(scan_file), pipeline::parse_align_case(align), geometry_of(info))));
     bytes_ += uri.size();
     images_.emplace(key, uri);
     return key;

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "reports.pb.h"
-#include "revisit/pipeline/describe.h"
+#include "revisit/datasets/describe.h"
 
 namespace revisit::cli {
 

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "revisit/recognition/matrix.h"
+#include "revisit/recognition/similarity.h"
+
+namespace revisit::pipeline {
+
+/// FAB-MAP's model of places (M. Cummins, P. Newman: FAB-MAP: Probabilistic Localization and
+/// Mapping in the Space of Appearance, IJRR 27(6), 2008), on images that are described by the
+/// visual words they show: rows of 0 and 1, `[images][words]`. visual_words.h makes such rows from
+/// images.
+
+/// How words occur together: of all distributions in which each word depends on one other, the one
+/// nearest to the training images (Chow and Liu 1968).
+struct ChowLiuTree {
+  std::vector<int> parent;                          // [words], -1 at the root
+  std::vector<double> marginal;                     // [words], p(z = 1)
+  std::vector<std::array<double, 2>> given_parent;  // [words], p(z = 1 | parent's z = 0, 1)
+};
+
+/// The maximum spanning tree by mutual information. Probabilities are counts with one imagined
+/// image added, a quarter of which shows each combination of two words: none is 0 or 1, and
+/// marginals and conditionals fit together. Throws UsageError without images or words.
+ChowLiuTree chow_liu_tree(const FloatMatrix& images);
+
+struct FabMapOptions {
+  double p_seen_if_there = 0.39;  // p(z = 1 | e = 1) of the detector: the word is there
+  double p_seen_if_absent = 0;    // p(z = 1 | e = 0)
+  double p_new_place = 0.9;       // prior of a place that is not among the candidates
+  double smoothing = 0.99;        // sigma; 1: none
+};
+
+/// The probability that an image was taken at a place of the map, or at a new one.
+class FabMap {
+ public:
+  /// With `samples` (images of other places) the likelihood of a new place is their mean; without,
+  /// that of the average place (mean field). Throws UsageError for options that are no
+  /// probabilities, a detector that sees what is absent as often as what is there, a tree that is
+  /// none, and samples of another number of words.
+  FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples = {});
+
+  int words() const { return static_cast<int>(terms_.size()); }
+  /// ln p(Z | L) of the words `seen` at a place that has been seen once, showing `place`.
+  double log_likelihood(std::span<const float> seen, std::span<const float> place) const;
+  /// ln p(Z | new place).
+  double log_likelihood_of_new_place(std::span<const float> seen) const;
+
+  /// p(L | Z) over the candidates and the new place, which has the rest to 1. Without a motion
+  /// model: the prior is the same for all candidates. Likelihoods are scaled to a sum of 1 and
+  /// smoothed, sigma p + (1 - sigma) / (candidates + 1), against overconfidence. A Similarity.
+  void posterior(std::span<const float> seen, const FloatMatrix& stored,
+                 std::span<const int64_t> candidates, std::span<double> probabilities) const;
+
+ private:
+  /// ln p(z | parent's z, place) of one word: [z][parent's z].
+  using Table = std::array<std::array<double, 2>, 2>;
+  struct WordTerms {
+    int parent = -1;
+    std::array<Table, 2> place;  // the word was not seen, was seen when the place was stored
+    Table average;               // at the average place
+  };
+  double term(const Table& table, size_t word, std::span<const float> seen) const;
+
+  FabMapOptions options_;
+  std::vector<WordTerms> terms_;  // [words]
+  FloatMatrix samples_;
+};
+
+}  // namespace revisit::pipeline

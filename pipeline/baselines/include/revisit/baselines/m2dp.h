@@ -1,0 +1,33 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "revisit/datasets/describe.h"
+#include "revisit/recognition/point_cloud.h"
+
+namespace revisit::pipeline {
+
+/// M2DP (L. He, X. Wang, H. Zhang: M2DP: A Novel 3D Point Cloud Descriptor and Its Application in
+/// Loop Closure Detection, IROS 2016), with the sizes of the paper. docs/METHODS.md says where the
+/// paper is silent.
+inline constexpr int kM2dpAzimuths = 4, kM2dpElevations = 16;  // p, q: directions of the planes
+inline constexpr int kM2dpCircles = 8, kM2dpSectors = 16;      // l, t: bins of each plane
+inline constexpr int kM2dpPlanes = kM2dpAzimuths * kM2dpElevations;
+inline constexpr int kM2dpBins = kM2dpCircles * kM2dpSectors;
+inline constexpr int kM2dpDim = kM2dpPlanes + kM2dpBins;  // 192
+
+/// The signature matrix A [planes][bins]: the share of the points that falls into each bin of each
+/// plane. Points are taken from their centroid in their principal directions; those beyond 1 km are
+/// left out. Throws InputError when none is left.
+std::vector<double> m2dp_signatures(const PointCloud& cloud);
+
+/// The descriptor [192]: the first left and the first right singular vector of A, both with
+/// non-negative entries.
+void m2dp(const PointCloud& cloud, std::span<float> descriptor);
+
+/// M2DP as a feature. Compared by cosine, which orders as the paper's Euclidean distance does: all
+/// descriptors have length sqrt(2).
+FeatureExtractor m2dp_features();
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "revisit/datasets/describe.h"
+
+namespace revisit::pipeline {
+
+/// The hand-crafted descriptors of the paper's comparison (Table II), by the Point Cloud Library
+/// and with the paper's radii. All see the points and are compared by cosine. Points beyond 1 km
+/// are left out.
+///
+/// A build without PCL has none of them: every function here then throws UsageError saying so.
+/// A descriptor that needs surface normals leaves out the points that have none (fewer than 3
+/// points within the radius); a scan in which none are left gets the zero vector, which is like
+/// nothing.
+
+struct VfhOptions {
+  double normal_radius = 0.03;  // [m]
+};
+/// Viewpoint Feature Histogram, 308 numbers (Rusu, Bradski, Thibaux, Hsu: Fast 3D Recognition and
+/// Pose Using the Viewpoint Feature Histogram, IROS 2010). Throws UsageError for a radius outside
+/// 1 mm .. 10 m.
+FeatureExtractor vfh_features(const VfhOptions& options = {});
+
+struct GrsdOptions {
+  double normal_radius = 0.05;  // [m]
+  double radius = 0.1;          // [m], of the surface radii and edge of the voxels
+};
+/// Global Radius-based Surface Descriptor, 21 numbers (Marton, Pangercic, Blodow, Beetz: Combined
+/// 2D-3D categorization and classification for multimodal perception systems, IJRR 2011). Throws
+/// UsageError for a radius outside 1 mm .. 10 m.
+FeatureExtractor grsd_features(const GrsdOptions& options = {});
+
+/// Ensemble of Shape Functions, 640 numbers (Wohlkinger, Vincze: Ensemble of shape functions for 3D
+/// object classification, ROBIO 2011). Its random draws are seeded by the points themselves: a scan
+/// has one descriptor, whatever was described before it. Making one throws InputError for points
+/// that span no triangle.
+FeatureExtractor esf_features();
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,155 @@
+#include "revisit/baselines/fabmap.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// p(x = value) when p(x = 1) = p.
+double probability(double p, size_t value) {
+  return value ? p : 1 - p;
+}
+
+/// One word of the tree with the detector.
+struct Word {
+  double marginal;
+  std::array<double, 2> given_parent;
+  std::array<double, 2> seen_if;  // p(z = 1 | e = 0, 1)
+
+  /// p(e = 1 | z), with the marginal of z as the prior of e (IJRR 2008, eq. 17 from one image).
+  double there_if(size_t z) const {
+    const double there = probability(seen_if[1], z) * marginal;
+    const double absent = probability(seen_if[0], z) * (1 - marginal);
+    return there / (there + absent);
+  }
+
+  /// p(z | e, parent's z), eq. 14 to 16: e and the parent are independent given z.
+  double seen(size_t z, size_t e, size_t parent) const {
+    const double alpha = probability(marginal, z) * probability(seen_if[e], 1 - z) *
+                         probability(given_parent[parent], 1 - z);
+    const double beta = probability(marginal, 1 - z) * probability(seen_if[e], z) *
+                        probability(given_parent[parent], z);
+    return beta / (alpha + beta);
+  }
+
+  /// ln p(z | parent's z, L) where p(e = 1 | L) is `there` (eq. 11).
+  std::array<std::array<double, 2>, 2> table(double there) const {
+    std::array<std::array<double, 2>, 2> result{};
+    for (size_t z = 0; z < 2; ++z)
+      for (size_t parent = 0; parent < 2; ++parent)
+        result[z][parent] = std::log(there * seen(z, 1, parent) + (1 - there) * seen(z, 0, parent));
+    return result;
+  }
+};
+
+void check(const FabMapOptions& o) {
+  const auto is_probability = [](double p) { return p >= 0 && p <= 1; };
+  if (!is_probability(o.smoothing) || !(o.p_new_place > 0 && o.p_new_place < 1))
+    throw UsageError(
+        str("FAB-MAP: expected a smoothing of 0 to 1 and a probability of a new place "
+            "between them, found ",
+            o.smoothing, " and ", o.p_new_place));
+  if (!is_probability(o.p_seen_if_absent) || !(o.p_seen_if_there < 1) ||
+      !(o.p_seen_if_there > o.p_seen_if_absent))
+    throw UsageError(
+        str("FAB-MAP: expected a detector that sees a word more often when it is "
+            "there, but not always; found p = ",
+            o.p_seen_if_there, " when there and ", o.p_seen_if_absent, " when not"));
+}
+
+void check(const ChowLiuTree& tree) {
+  const size_t words = tree.parent.size();
+  bool good = words > 0 && tree.marginal.size() == words && tree.given_parent.size() == words;
+  const auto inside = [](double p) { return p > 0 && p < 1; };
+  for (size_t i = 0; good && i < words; ++i)
+    good = tree.parent[i] >= -1 && tree.parent[i] < static_cast<int>(words) &&
+           inside(tree.marginal[i]) && inside(tree.given_parent[i][0]) &&
+           inside(tree.given_parent[i][1]);
+  if (!good)
+    throw UsageError("FAB-MAP: the Chow-Liu tree is not one of probabilities between 0 and 1");
+}
+
+}  // namespace
+
+FabMap::FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples)
+    : options_(options), samples_(samples) {
+  check(options);
+  check(tree);
+  for (size_t i = 0; i < tree.parent.size(); ++i) {
+    const Word word{tree.marginal[i],
+                    tree.given_parent[i],
+                    {options.p_seen_if_absent, options.p_seen_if_there}};
+    terms_.push_back({tree.parent[i],
+                      {word.table(word.there_if(0)), word.table(word.there_if(1))},
+                      word.table(word.marginal)});
+  }
+  if (samples.n > 0 && samples.d != words())
+    throw UsageError(str("FAB-MAP: expected samples of ", words(), " words, found ", samples.d));
+}
+
+double FabMap::term(const Table& table, size_t word, std::span<const float> seen) const {
+  const int parent = terms_[word].parent;
+  const bool parent_seen = parent >= 0 && seen[static_cast<size_t>(parent)] > 0;
+  return table[seen[word] > 0 ? 1 : 0][parent_seen ? 1 : 0];
+}
+
+double FabMap::log_likelihood(std::span<const float> seen, std::span<const float> place) const {
+  double sum = 0;
+  for (size_t word = 0; word < terms_.size(); ++word)
+    sum += term(terms_[word].place[place[word] > 0 ? 1 : 0], word, seen);
+  return sum;
+}
+
+double FabMap::log_likelihood_of_new_place(std::span<const float> seen) const {
+  if (samples_.n == 0) {
+    double sum = 0;
+    for (size_t word = 0; word < terms_.size(); ++word)
+      sum += term(terms_[word].average, word, seen);
+    return sum;
+  }
+  std::vector<double> logs;
+  for (int64_t i = 0; i < samples_.n; ++i) logs.push_back(log_likelihood(seen, samples_.row(i)));
+  const double most = *std::max_element(logs.begin(), logs.end());
+  double sum = 0;
+  for (const double log : logs) sum += std::exp(log - most);
+  return most + std::log(sum / static_cast<double>(samples_.n));
+}
+
+void FabMap::posterior(std::span<const float> seen, const FloatMatrix& stored,
+                       std::span<const int64_t> candidates, std::span<double> probabilities) const {
+  // What the query shows is the same for all places: only "was this word seen there" is left, so
+  // that ln p(Z | L) = base + the sum of `gain` over the words of the place.
+  double base = 0;
+  std::vector<double> gain;
+  for (size_t word = 0; word < terms_.size(); ++word) {
+    const double without = term(terms_[word].place[0], word, seen);
+    base += without;
+    gain.push_back(term(terms_[word].place[1], word, seen) - without);
+  }
+  const double new_place = log_likelihood_of_new_place(seen);
+  double most = new_place;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const std::span<const float> place = stored.row(candidates[i]);
+    double sum = base;
+    for (size_t word = 0; word < gain.size(); ++word)
+      if (place[word] > 0) sum += gain[word];
+    probabilities[i] = sum;
+    most = std::max(most, sum);
+  }
+
+  double total = std::exp(new_place - most);
+  for (double& p : probabilities) total += (p = std::exp(p - most));
+  const auto places = static_cast<double>(candidates.size());
+  const auto smoothed = [&](double likelihood) {
+    return options_.smoothing * likelihood / total + (1 - options_.smoothing) / (places + 1);
+  };
+  double evidence = options_.p_new_place * smoothed(std::exp(new_place - most));
+  for (double& p : probabilities)
+    evidence += (p = (1 - options_.p_new_place) / places * smoothed(p));
+  for (double& p : probabilities) p /= evidence;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,172 @@
+#include "revisit/baselines/m2dp.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "near_return.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using Signatures = Eigen::Matrix<double, kM2dpPlanes, kM2dpBins, Eigen::RowMajor>;
+
+/// Points from their centroid, along their principal directions; coordinate by coordinate.
+struct AlignedPoints {
+  std::vector<float> x, y, z;  // [m]
+  float radius = 0;            // of the point farthest from the centroid [m]
+};
+
+/// Right-handed axes in the rows: x' the direction of largest variance, then y'. An eigenvector has
+/// no sign of its own: x' and y' point to the side of the longer tail (positive third moment),
+/// which turns with the cloud.
+Eigen::Matrix3d principal_axes(const std::vector<Eigen::Vector3d>& centred) {
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : centred) scatter += p * p.transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);  // ascending
+  const auto towards_the_tail = [&](Eigen::Vector3d axis) -> Eigen::Vector3d {
+    double third_moment = 0;
+    for (const Eigen::Vector3d& p : centred) {
+      const double along = axis.dot(p);
+      third_moment += along * along * along;
+    }
+    return third_moment < 0 ? -axis : axis;
+  };
+  Eigen::Matrix3d axes;
+  const Eigen::Vector3d x = towards_the_tail(solver.eigenvectors().col(2));
+  const Eigen::Vector3d y = towards_the_tail(solver.eigenvectors().col(1));
+  axes.row(0) = x;
+  axes.row(1) = y;
+  axes.row(2) = x.cross(y);
+  return axes;
+}
+
+AlignedPoints align_points(const PointCloud& cloud) {
+  std::vector<Eigen::Vector3d> points;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Point& point : cloud.points)
+    if (is_near_return(point)) {
+      points.emplace_back(point.x, point.y, point.z);
+      sum += points.back();
+    }
+  if (points.empty()) throw InputError("M2DP: no points to describe");
+  const Eigen::Vector3d centroid = sum / static_cast<double>(points.size());
+  for (Eigen::Vector3d& p : points) p -= centroid;
+
+  const Eigen::Matrix3d axes = principal_axes(points);
+  AlignedPoints aligned;
+  double largest = 0;
+  for (const Eigen::Vector3d& p : points) {
+    const Eigen::Vector3d turned = axes * p;
+    aligned.x.push_back(static_cast<float>(turned.x()));
+    aligned.y.push_back(static_cast<float>(turned.y()));
+    aligned.z.push_back(static_cast<float>(turned.z()));
+    largest = std::max(largest, p.squaredNorm());
+  }
+  aligned.radius = static_cast<float>(std::sqrt(largest));
+  return aligned;
+}
+
+/// `count` angles from `first` to `last`, both included.
+double angle(int i, int count, double first, double last) {
+  return first + (last - first) * i / (count - 1);
+}
+
+/// The axes of a plane: the x' axis projected onto it, and the normal times that.
+struct PlaneAxes {
+  Eigen::Vector3f u, v;
+};
+PlaneAxes plane_axes(double azimuth, double elevation) {
+  const Eigen::Vector3d normal(std::cos(elevation) * std::cos(azimuth),
+                               std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
+  const Eigen::Vector3d u = Eigen::Vector3d::UnitX() - normal.x() * normal;
+  const Eigen::Vector3d v = normal.cross(u);
+  return {u.cast<float>(), v.cast<float>()};
+}
+
+/// The sector of a direction, counted from -pi in steps of 22.5 degrees, without an arcus tangent:
+/// within its quadrant by comparing slopes. A point at the origin is in the sector of angle 0.
+int sector_of(float px, float py) {
+  constexpr float kSlope = 0.414213562F;  // tan(22.5 deg)
+  const float ax = std::abs(px), ay = std::abs(py);
+  const int within = int{ay > kSlope * ax} + int{ay > ax} + int{kSlope * ay > ax};
+  // Angles grow away from the x axis in the first and third quadrant, towards it in the others.
+  const int up = px >= 0 ? 8 + within : 15 - within;
+  const int down = px >= 0 ? 7 - within : within;
+  return py >= 0 ? up : down;
+}
+
+void count_points(const AlignedPoints& points, const PlaneAxes& axes,
+                  std::array<int, kM2dpBins>& counts) {
+  // Circle k ends at radius (k / l)^2 of the farthest point's.
+  std::array<float, kM2dpCircles - 1> squared_ends{};
+  for (int k = 1; k < kM2dpCircles; ++k)
+    squared_ends[static_cast<size_t>(k - 1)] = static_cast<float>(
+        std::pow(points.radius * std::pow(static_cast<double>(k) / kM2dpCircles, 2), 2));
+  // Bins first, by a loop without memory of its own, which the compiler vectorises; then the
+  // counts.
+  constexpr size_t kBlock = 1024;
+  std::array<int, kBlock> bins{};
+  for (size_t first = 0; first < points.x.size(); first += kBlock) {
+    const size_t count = std::min(kBlock, points.x.size() - first);
+    for (size_t at = 0; at < count; ++at) {
+      const size_t i = first + at;
+      const float px =
+          points.x[i] * axes.u.x() + points.y[i] * axes.u.y() + points.z[i] * axes.u.z();
+      const float py =
+          points.x[i] * axes.v.x() + points.y[i] * axes.v.y() + points.z[i] * axes.v.z();
+      const float squared = px * px + py * py;
+      int circle = 0;
+      for (const float end : squared_ends) circle += int{squared >= end};
+      bins[at] = circle * kM2dpSectors + sector_of(px, py);
+    }
+    for (size_t at = 0; at < count; ++at) ++counts[static_cast<size_t>(bins[at])];
+  }
+}
+
+}  // namespace
+
+std::vector<double> m2dp_signatures(const PointCloud& cloud) {
+  const AlignedPoints points = align_points(cloud);
+  constexpr double kRight = std::numbers::pi / 2;
+  std::vector<double> signatures;
+  for (int p = 0; p < kM2dpAzimuths; ++p)
+    for (int q = 0; q < kM2dpElevations; ++q) {
+      std::array<int, kM2dpBins> counts{};
+      count_points(points,
+                   plane_axes(angle(p, kM2dpAzimuths, -kRight, kRight),
+                              angle(q, kM2dpElevations, 0, kRight)),
+                   counts);
+      for (const int count : counts)
+        signatures.push_back(count / static_cast<double>(points.x.size()));
+    }
+  return signatures;
+}
+
+void m2dp(const PointCloud& cloud, std::span<float> descriptor) {
+  const std::vector<double> values = m2dp_signatures(cloud);
+  const Eigen::Map<const Signatures> signatures(values.data());
+  // A A^T has A's left singular vectors; 64 x 64 is the smaller side. Its entries are not negative,
+  // so neither are those of its first eigenvector, up to a common sign (Perron and Frobenius).
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(signatures * signatures.transpose());
+  const Eigen::VectorXd left = solver.eigenvectors().col(kM2dpPlanes - 1).cwiseAbs();
+  const Eigen::VectorXd right = (signatures.transpose() * left).normalized();
+  for (int i = 0; i < kM2dpPlanes; ++i)
+    descriptor[static_cast<size_t>(i)] = static_cast<float>(left[i]);
+  for (int i = 0; i < kM2dpBins; ++i)
+    descriptor[static_cast<size_t>(kM2dpPlanes + i)] = static_cast<float>(right[i]);
+}
+
+FeatureExtractor m2dp_features() {
+  FeatureExtractor extractor;
+  extractor.name = "m2dp";
+  extractor.dim = kM2dpDim;
+  extractor.key = "m2dp";
+  extractor.make = []() -> FeatureFunction<PointCloud> { return m2dp; };
+  return extractor;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "revisit/recognition/point_cloud.h"
+
+namespace revisit::pipeline {
+
+/// No LiDAR sees farther. Bounds what is computed from coordinates: voxel indices, moments.
+inline constexpr float kFarthest = 1000;  // [m]
+
+/// A return that can be one.
+inline bool is_near_return(const Point& point) {
+  return is_return(point) &&
+         std::max({std::abs(point.x), std::abs(point.y), std::abs(point.z)}) <= kFarthest;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,135 @@
+// PCL's ESF draws its triangles by rand(), seeded with the time: the descriptor would change from
+// second to second and with what other threads draw. Its template is instantiated here, for a point
+// type of ours so that PCL's own instantiation stays apart, with a generator in the place of
+// rand().
+#define PCL_NO_PRECOMPILE
+#include <pcl/common/distances.h>
+#include <pcl/common/transforms.h>
+#include <pcl/features/feature.h>
+
+#include <algorithm>
+#include <bit>
+#include <optional>
+#include <random>
+
+#include "pcl/clouds.h"
+#include "revisit/baselines/pcl_features.h"
+#include "revisit/proto/error.h"
+#include "revisit/proto/fnv1a.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// Draws for one scan. PCL draws again while three points are (nearly) in a line: points that all
+/// are would never end, so the draws do.
+class Draws {
+ public:
+  explicit Draws(uint64_t seed) : generator_(seed) {}
+  int next() {
+    constexpr int64_t kMost = 200 * int64_t{60'000};  // 60,000 when no draw is wasted
+    if (++drawn_ > kMost) throw InputError("ESF: the points span hardly any triangle");
+    return static_cast<int>(generator_() >> 33);
+  }
+
+ private:
+  std::mt19937_64 generator_;
+  int64_t drawn_ = 0;
+};
+
+thread_local std::optional<Draws> draws_of_this_scan;
+
+int seeded_rand() {
+  return draws_of_this_scan->next();
+}
+
+}  // namespace
+}  // namespace revisit::pipeline
+
+#define rand revisit::pipeline::seeded_rand
+#define srand(seed) static_cast<void>(seed)
+#include <pcl/features/esf.h>
+#undef rand
+#undef srand
+
+namespace revisit::pipeline {
+namespace {
+
+struct EsfPoint : pcl::PointXYZ {};
+
+}  // namespace
+}  // namespace revisit::pipeline
+
+/// Would make a search tree, and FLANN with it; what is called below needs none.
+template <>
+bool pcl::Feature<revisit::pipeline::EsfPoint, pcl::ESFSignature640>::initCompute() {
+  return false;
+}
+
+namespace revisit::pipeline {
+namespace {
+
+using Points = pcl::PointCloud<EsfPoint>;
+
+uint64_t seed_of(const Points& points) {
+  uint64_t hash = kFnv1aStart;
+  for (const EsfPoint& point : points)
+    for (const float value : {point.x, point.y, point.z})
+      hash = fnv1a(hash, std::bit_cast<uint32_t>(value));
+  return hash;
+}
+
+class SeededEsf : private pcl::ESFEstimation<EsfPoint> {
+ public:
+  void describe(Points& points, std::span<float> feature) {
+    scale_into_grid(points);
+    draws_of_this_scan.emplace(seed_of(points));
+    std::vector<float> histogram;
+    voxelize9(points);
+    try {
+      computeESF(points, histogram);
+    } catch (...) {
+      cleanup9(points);
+      throw;
+    }
+    cleanup9(points);
+    std::copy(histogram.begin(), histogram.end(), feature.begin());
+  }
+
+ private:
+  /// Centroid to the origin, farthest point just inside the sphere that fits the voxel grid:
+  /// exactly on it, as PCL's own scaling has it, rounding may put the point outside of the grid.
+  static void scale_into_grid(Points& points) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (const EsfPoint& point : points) sum += point.getVector3fMap().cast<double>();
+    const Eigen::Vector3f centroid = (sum / static_cast<double>(points.size())).cast<float>();
+    float farthest = 0;
+    for (EsfPoint& point : points) {
+      point.getVector3fMap() -= centroid;
+      farthest = std::max(farthest, point.getVector3fMap().norm());
+    }
+    if (!(farthest > 1e-6F)) throw InputError("ESF: the points are all the same");
+    constexpr float kHalfGrid = 32 * (1 - 1e-5F);
+    for (EsfPoint& point : points) point.getVector3fMap() *= kHalfGrid / farthest;
+  }
+};
+
+}  // namespace
+
+FeatureExtractor esf_features() {
+  FeatureExtractor extractor;
+  extractor.name = "esf";
+  extractor.dim = pcl::ESFSignature640::descriptorSize();
+  extractor.key = "esf";
+  extractor.make = []() -> FeatureFunction<PointCloud> {
+    return
+        [esf = std::make_shared<SeededEsf>()](const PointCloud& cloud, std::span<float> feature) {
+          const Points::Ptr points = to_pcl<EsfPoint>(cloud);
+          if (points->size() < 3)
+            throw InputError(str("ESF: expected at least 3 points, found ", points->size()));
+          esf->describe(*points, feature);
+        };
+  };
+  return extractor;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,176 @@
+#include "revisit/baselines/scan_context.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr float kEmpty = std::numeric_limits<float>::lowest();
+
+/// The columns of a context at unit length, empty ones zero.
+struct UnitColumns {
+  UnitColumns(std::span<const float> context, const ScanContextOptions& options, int repeats)
+      : width(options.sectors * repeats),
+        values(static_cast<size_t>(options.rings) * width),
+        occupied(static_cast<size_t>(width)) {
+    for (int column = 0; column < options.sectors; ++column) {
+      double squares = 0;
+      for (int ring = 0; ring < options.rings; ++ring) {
+        const double value = context[static_cast<size_t>(ring) * options.sectors + column];
+        squares += value * value;
+      }
+      const double scale = squares > 0 ? 1 / std::sqrt(squares) : 0;
+      for (int at = column; at < width; at += options.sectors) {
+        occupied[static_cast<size_t>(at)] = squares > 0 ? 1 : 0;
+        for (int ring = 0; ring < options.rings; ++ring)
+          values[static_cast<size_t>(ring) * width + at] = static_cast<float>(
+              scale * context[static_cast<size_t>(ring) * options.sectors + column]);
+      }
+    }
+  }
+
+  int width;
+  std::vector<float> values;    // [rings][width]
+  std::vector<float> occupied;  // [width], 0 or 1
+};
+
+/// For all shifts at once, so that the innermost loop runs over neighbours in memory:
+/// cosines[shift] = sum over columns j of a's column j + shift times b's column j. `a` is repeated
+/// twice side by side so that no column wraps.
+ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
+                           const ScanContextOptions& options) {
+  const int sectors = options.sectors;
+  std::vector<float> cosines(static_cast<size_t>(sectors)), pairs(static_cast<size_t>(sectors));
+  for (int column = 0; column < sectors; ++column) {
+    if (b.occupied[static_cast<size_t>(column)] == 0) continue;
+    for (int shift = 0; shift < sectors; ++shift)
+      pairs[static_cast<size_t>(shift)] += a.occupied[static_cast<size_t>(column + shift)];
+    for (int ring = 0; ring < options.rings; ++ring) {
+      const float value = b.values[static_cast<size_t>(ring) * b.width + column];
+      if (value == 0) continue;
+      const float* const row = a.values.data() + static_cast<size_t>(ring) * a.width + column;
+      for (int shift = 0; shift < sectors; ++shift)
+        cosines[static_cast<size_t>(shift)] += value * row[shift];
+    }
+  }
+  ContextDistance best{std::numeric_limits<double>::infinity(), 0};
+  for (int shift = 0; shift < sectors; ++shift) {
+    const auto at = static_cast<size_t>(shift);
+    const double distance = pairs[at] > 0 ? 1 - double{cosines[at]} / pairs[at] : 1;
+    if (distance < best.distance) best = {distance, shift};
+  }
+  return best;
+}
+
+void check(const ScanContextOptions& options) {
+  constexpr int kMost = 1000;
+  if (options.rings < 1 || options.rings > kMost || options.sectors < 1 || options.sectors > kMost)
+    throw UsageError(str("scan context: expected 1 to ", kMost, " rings and sectors, found ",
+                         options.rings, " and ", options.sectors));
+  if (!(options.max_range > 0) || !std::isfinite(options.max_range) ||
+      !std::isfinite(options.sensor_height))
+    throw UsageError(str("scan context: expected a positive range and a finite height, found ",
+                         options.max_range, " and ", options.sensor_height));
+  if (options.ring_key_candidates < 0)
+    throw UsageError(
+        str("scan context: expected at least 0 candidates, found ", options.ring_key_candidates));
+}
+
+/// Positions of the `count` candidates whose ring keys are nearest to the query's, equals by
+/// position.
+std::vector<size_t> nearest_ring_keys(std::span<const float> query, const FloatMatrix& stored,
+                                      std::span<const int64_t> candidates, int64_t count,
+                                      const ScanContextOptions& options) {
+  const std::vector<float> asked = ring_key(query, options);
+  std::vector<std::pair<double, size_t>> order;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const std::vector<float> key = ring_key(stored.row(candidates[i]), options);
+    double squares = 0;
+    for (size_t ring = 0; ring < key.size(); ++ring)
+      squares += (double{key[ring]} - asked[ring]) * (double{key[ring]} - asked[ring]);
+    order.emplace_back(squares, i);
+  }
+  const int64_t kept = std::min(count, static_cast<int64_t>(order.size()));
+  std::partial_sort(order.begin(), order.begin() + kept, order.end());
+  std::vector<size_t> positions;
+  for (int64_t i = 0; i < kept; ++i) positions.push_back(order[static_cast<size_t>(i)].second);
+  return positions;
+}
+
+}  // namespace
+
+void scan_context(const PointCloud& cloud, const ScanContextOptions& options,
+                  std::span<float> context) {
+  std::fill(context.begin(), context.end(), kEmpty);
+  const double turn = 2 * std::numbers::pi;
+  for (const Point& point : cloud.points) {
+    if (!is_return(point)) continue;
+    const double range = std::hypot(double{point.x}, double{point.y});
+    if (range > options.max_range) continue;
+    double azimuth = std::atan2(double{point.y}, double{point.x});
+    if (azimuth < 0) azimuth += turn;
+    const int ring =
+        std::min(static_cast<int>(range / options.max_range * options.rings), options.rings - 1);
+    const int sector =
+        std::min(static_cast<int>(azimuth / turn * options.sectors), options.sectors - 1);
+    float& bin = context[static_cast<size_t>(ring) * options.sectors + sector];
+    bin = std::max(bin, static_cast<float>(point.z + options.sensor_height));
+  }
+  std::replace(context.begin(), context.end(), kEmpty, 0.0F);
+}
+
+std::vector<float> ring_key(std::span<const float> context, const ScanContextOptions& options) {
+  std::vector<float> key;
+  for (int ring = 0; ring < options.rings; ++ring) {
+    const auto row = context.subspan(static_cast<size_t>(ring) * options.sectors,
+                                     static_cast<size_t>(options.sectors));
+    const auto occupied = std::count_if(row.begin(), row.end(), [](float h) { return h != 0; });
+    key.push_back(static_cast<float>(occupied) / static_cast<float>(options.sectors));
+  }
+  return key;
+}
+
+ContextDistance context_distance(std::span<const float> a, std::span<const float> b,
+                                 const ScanContextOptions& options) {
+  return best_shift(UnitColumns(a, options, 2), UnitColumns(b, options, 1), options);
+}
+
+FeatureExtractor scan_context_features(const ScanContextOptions& options) {
+  check(options);
+  FeatureExtractor extractor;
+  extractor.name = "scan-context";
+  extractor.dim = int64_t{options.rings} * options.sectors;
+  extractor.key = str("scan-context rings ", options.rings, " sectors ", options.sectors,
+                      " max_range ", options.max_range, " sensor_height ", options.sensor_height);
+  extractor.make = [options]() -> FeatureFunction<PointCloud> {
+    return [options](const PointCloud& cloud, std::span<float> context) {
+      scan_context(cloud, options, context);
+    };
+  };
+  extractor.similarity = [options](std::span<const float> query, const FloatMatrix& stored,
+                                   std::span<const int64_t> candidates,
+                                   std::span<double> similarities) {
+    const UnitColumns asked(query, options, 2);
+    std::vector<size_t> compared;
+    if (options.ring_key_candidates > 0) {
+      std::fill(similarities.begin(), similarities.end(), -1);
+      compared = nearest_ring_keys(query, stored, candidates, options.ring_key_candidates, options);
+    } else {
+      compared.resize(candidates.size());
+      std::iota(compared.begin(), compared.end(), size_t{0});
+    }
+    for (const size_t i : compared) {
+      const UnitColumns other(stored.row(candidates[i]), options, 1);
+      similarities[i] = 1 - best_shift(asked, other, options).distance;
+    }
+  };
+  return extractor;
+}
+
+}  // namespace revisit::pipeline

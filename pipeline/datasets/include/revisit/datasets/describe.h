@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "revisit/datasets/dataset.h"
+#include "revisit/recognition/feature.h"
+
+namespace revisit::pipeline {
+
+struct DescribeOptions {
+  ImageGeometry geometry;
+  AlignCase align = AlignCase::kOne;
+  /// Scans in flight, one thread each. The values do not depend on it.
+  int threads = 1;
+  /// A scan that cannot be described (its file is cut off, it holds too few points ...) ends the
+  /// work. Otherwise it is left out: its feature is all zero, AlignmentRecord::described says so.
+  bool strict = false;
+  std::function<void(const ScanRef& scan, const std::string& why)> left_out;  // of each, in order
+  std::function<void(const std::string& file)> damaged;       // a finished file that is made anew
+  std::function<void(int64_t done, int64_t total)> progress;  // in scans
+  std::function<bool()> stop;                                 // true: throw Interrupted
+};
+
+/// Milliseconds of one thread for each scan described in this process, by stage; empty for a stage
+/// that the feature does not have. (Scans kept from an earlier run are not in it.)
+struct DescribeTimes {
+  std::vector<double> read, align, project, close, feature, write;
+  double wall_ms = 0;  // of all of them, all threads together
+  /// Processor time of the describing thread from points (or camera image) in memory to the
+  /// feature: unlike the others it does not grow when the machine has other work to do.
+  std::vector<double> processor;
+
+  void append(const DescribeTimes& more);
+};
+
+/// What one scan's alignment was and how much of it the range image holds, as write_features()
+/// stores it: a row of 6 floats. Those of the alignment are NaN when there was no scan but only a
+/// camera image, when a scan that is taken as it is has no principal direction, and when the scan
+/// was left out.
+struct AlignmentRecord {
+  float yaw = 0;               // [rad], Alignment::yaw
+  float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio
+  float abs_t11 = 0;           // Alignment::abs_t11
+  float mirrored_choice = 0;   // 0 or 1
+  float outside = 0;           // Projected::outside_share(); NaN without a range image
+  float described = 1;         // 0: the scan could not be described, its feature is all zero
+};
+
+/// The version of the code that turns scans into features: alignment, projection, closing, the
+/// network's kernels, the descriptors of `baselines/`. To be raised with every change after which
+/// the features of some scan are others (beyond the last digits of a float), so that features kept
+/// by an earlier program are not taken for this one's. The tests FeatureVersion.* hold a checksum
+/// of a fixed scan's features and fail when that was forgotten.
+constexpr int kFeatureVersion = 1;
+
+/// Identifies the files of a data set by path, size, number and times of change of the content and
+/// of the entry (which a copied time stamp does not hide): reading them all would take as long as
+/// describing them.
+std::string dataset_key(const Dataset& dataset);
+
+/// Where the features of a data set are: `folder/NAME-HASH.npy`, the hash being of everything they
+/// depend on: the version of our code, scans (path, size, number and times of change of the file),
+/// extractor, geometry and alignment.
+struct FeaturePaths {
+  std::filesystem::path features;    // [n][dim]
+  std::filesystem::path alignments;  // [n][6], AlignmentRecord
+  std::string key;
+};
+FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& dataset,
+                           const FeatureExtractor& extractor, const DescribeOptions& options);
+
+/// Describes every scan into `paths` (for a feature that sees camera images, `dataset` is one of
+/// camera_images()), continuing what an earlier call left. Does nothing when the
+/// files are complete; one that is damaged is made anew. Throws Interrupted (what was done is
+/// kept), InputError naming a scan whose file cannot be read (with `strict`, one that cannot be
+/// described), Error when the disk is full.
+DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
+                             const FeatureExtractor& extractor, const DescribeOptions& options);
+
+/// The alignment rows that write_features() stored. Throws InputError.
+std::vector<AlignmentRecord> read_alignments(const std::filesystem::path& file);
+
+}  // namespace revisit::pipeline

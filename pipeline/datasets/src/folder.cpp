@@ -1,0 +1,133 @@
+#include "folder.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+#include <iterator>
+#include <optional>
+#include <string_view>
+
+#include "revisit/datasets/scan_file.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// "000123" -> 123; nothing for names that are no int, such as time stamps in nanoseconds.
+std::optional<int> number_of(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) return {};
+  int number = 0;
+  const auto [stop, error] = std::from_chars(stem.data(), stem.data() + stem.size(), number);
+  if (error != std::errc()) return {};
+  return number;
+}
+
+/// strverscmp orders by runs of digits; equal only for equal names, so the order is total.
+bool naturally_less(const std::string& a, const std::string& b) {
+  return ::strverscmp(a.c_str(), b.c_str()) < 0;
+}
+
+bool is_visible_file(const fs::path& file) {
+  std::error_code ignored;
+  return !file.filename().string().starts_with(".") && fs::is_regular_file(file, ignored);
+}
+
+bool is_scan(const fs::path& file) {
+  return is_scan_file_name(file) && is_visible_file(file);
+}
+
+bool is_image(const fs::path& file) {
+  return (file.extension() == ".png" || file.extension() == ".PNG") && is_visible_file(file);
+}
+
+/// Calls `take(path)` for what is in the folder until it returns true; nothing when there is no
+/// such folder.
+template <class Take>
+void each_entry(const fs::path& folder, const Take& take) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) return;
+  fs::directory_iterator entry(folder, error);
+  for (; !error && entry != fs::directory_iterator(); entry.increment(error))
+    if (take(entry->path())) return;
+  if (error) throw InputError(str(folder.string(), ": cannot list: ", error.message()));
+}
+
+/// "000123.bin.gz" and the like.
+bool is_compressed_scan(const fs::path& file) {
+  constexpr std::string_view kKinds[] = {".gz", ".zip", ".xz", ".zst", ".bz2"};
+  return std::ranges::find(kKinds, file.extension().string()) != std::end(kKinds) &&
+         is_scan_file_name(file.stem()) && is_visible_file(file);
+}
+
+/// The files that pass `keep` by frame; `kind` and `example` are for people.
+std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const fs::path&),
+                                     FrameNumbers numbers, const char* kind, const char* example) {
+  const std::vector<std::string> names = list_names(folder, keep);
+  if (names.empty())
+    throw InputError(
+        str(folder.string(), ": no ", kind, " in this folder", compressed_scans(folder)));
+
+  const auto unnumbered = std::find_if(names.begin(), names.end(),
+                                       [](const std::string& name) { return !number_of(name); });
+  if (unnumbered != names.end() && numbers == FrameNumbers::kFromNames)
+    throw InputError(str((folder / *unnumbered).string(),
+                         ": expected the frame's number as the file name, e.g. ", example));
+
+  std::vector<NumberedFile> files;
+  for (const std::string& name : names) {
+    const int frame = unnumbered == names.end() ? *number_of(name) : static_cast<int>(files.size());
+    files.push_back({frame, folder / name});
+  }
+  std::stable_sort(files.begin(), files.end(),
+                   [](const NumberedFile& a, const NumberedFile& b) { return a.frame < b.frame; });
+  const auto twice = std::adjacent_find(
+      files.begin(), files.end(),
+      [](const NumberedFile& a, const NumberedFile& b) { return a.frame == b.frame; });
+  if (twice != files.end())
+    throw InputError(str(folder.string(), ": frame ", twice->frame,
+                         " is there twice: ", twice->file.filename().string(), " and ",
+                         std::next(twice)->file.filename().string()));
+  return files;
+}
+
+}  // namespace
+
+std::vector<std::string> list_names(const fs::path& folder, bool (*keep)(const fs::path&)) {
+  std::vector<std::string> names;
+  each_entry(folder, [&](const fs::path& path) {
+    if (keep(path)) names.push_back(path.filename().string());
+    return false;
+  });
+  std::sort(names.begin(), names.end(), naturally_less);
+  return names;
+}
+
+bool holds(const fs::path& folder, bool (*wanted)(const fs::path&)) {
+  bool found = false;
+  each_entry(folder, [&](const fs::path& path) { return found = wanted(path); });
+  return found;
+}
+
+bool holds_scans(const fs::path& folder) {
+  return holds(folder, is_scan);
+}
+
+std::string compressed_scans(const fs::path& folder) {
+  const std::vector<std::string> names = list_names(folder, is_compressed_scan);
+  return names.empty() ? ""
+                       : str("; ", folder.string(), " has ", names.size(), " compressed ones (",
+                             names.front(), "): unpack them first");
+}
+
+std::vector<NumberedFile> list_scans(const fs::path& folder, FrameNumbers numbers) {
+  return list_files(folder, is_scan, numbers, "scans (.bin, .pcd or .ply)", "000123.bin");
+}
+
+std::vector<NumberedFile> list_images(const fs::path& folder) {
+  return list_files(folder, is_image, FrameNumbers::kFromNames, "images (.png)", "000123.png");
+}
+
+}  // namespace revisit::pipeline

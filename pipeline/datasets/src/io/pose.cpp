@@ -1,0 +1,108 @@
+#include "revisit/datasets/pose.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <string_view>
+
+#include "io/file_content.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string place(const fs::path& file, size_t line_index) {
+  return str(file.string(), ":", line_index + 1);
+}
+
+using Matrix34 = Eigen::Matrix<double, 3, 4>;
+
+Matrix34 parse_matrix(std::string_view text, const std::string& where) {
+  const std::vector<double> values = parse_numbers(text, where);
+  if (values.size() != 12)
+    throw InputError(
+        str(where, ": expected the 12 numbers of a row-major 3x4 matrix, found ", values.size()));
+  return Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(values.data());
+}
+
+/// A row-major 3x4 [R | t].
+Pose parse_pose(std::string_view text, const std::string& where) {
+  const Matrix34 matrix = parse_matrix(text, where);
+  const Eigen::Matrix3d R = matrix.leftCols<3>();
+  constexpr double kTolerance = 1e-2;  // files hold 6 or 7 digits; a wrong layout is off by O(1)
+  const double deviation = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(deviation <= kTolerance) || R.determinant() < 0)
+    throw InputError(str(where, ": the first three columns are not a rotation (deviation ",
+                         deviation, " from orthonormal, determinant ", R.determinant(),
+                         "); expected a row-major 3x4 [R | t]"));
+  Pose pose = Pose::Identity();
+  pose.affine() = matrix;
+  return pose;
+}
+
+/// One `key: values` line of a calib.txt.
+struct Entry {
+  std::string values, where;
+};
+
+/// The first line with one of the keys; `meaning` is for the message when there is none.
+Entry find_entry(const fs::path& file, const std::vector<std::string>& keys, const char* meaning) {
+  const std::vector<std::string> lines = read_lines(file);
+  std::string found;
+  for (size_t i = 0; i < lines.size(); ++i) {
+    const size_t colon = lines[i].find(':');
+    if (colon == std::string::npos) continue;
+    const std::string key = lines[i].substr(0, colon);
+    if (std::find(keys.begin(), keys.end(), key) != keys.end())
+      return {lines[i].substr(colon + 1), place(file, i)};
+    found += str(found.empty() ? "" : ", ", key.substr(0, 40));
+  }
+  throw InputError(str(file.string(), ": no line '", keys[0], ":' (", meaning, "); found ",
+                       found.empty() ? "no 'key:' lines" : found));
+}
+
+}  // namespace
+
+std::vector<Pose> read_kitti_poses(const fs::path& file) {
+  const std::vector<std::string> lines = read_lines(file);
+  if (lines.empty()) throw InputError(file.string() + ": empty file, it holds no poses");
+  std::vector<Pose> poses;
+  poses.reserve(lines.size());
+  for (size_t i = 0; i < lines.size(); ++i) poses.push_back(parse_pose(lines[i], place(file, i)));
+  return poses;
+}
+
+Pose read_kitti_calibration(const fs::path& file) {
+  // The names of the odometry and of the object data set.
+  const Entry entry = find_entry(file, {"Tr", "Tr_velo_to_cam"}, "velodyne to camera");
+  return parse_pose(entry.values, entry.where);
+}
+
+Matrix34 read_kitti_projection(const fs::path& file, const std::string& name) {
+  const Entry entry = find_entry(file, {name}, "projection of a camera");
+  const Matrix34 P = parse_matrix(entry.values, entry.where);
+  const bool is_camera = P.allFinite() && P(0, 0) > 0 && P(1, 1) > 0 && P(1, 0) == 0 &&
+                         P(2, 0) == 0 && P(2, 1) == 0 && P(2, 2) == 1;
+  if (!is_camera)
+    throw InputError(str(
+        entry.where, ": expected a projection [fx s cx a; 0 fy cy b; 0 0 1 c] with fx, fy > 0"));
+  return P;
+}
+
+std::vector<double> read_kitti_times(const fs::path& file) {
+  const std::vector<std::string> lines = read_lines(file);
+  if (lines.empty()) throw InputError(file.string() + ": empty file, it holds no times");
+  std::vector<double> times;
+  times.reserve(lines.size());
+  for (size_t i = 0; i < lines.size(); ++i) {
+    const std::vector<double> values = parse_numbers(lines[i], place(file, i));
+    if (values.size() != 1)
+      throw InputError(
+          str(place(file, i), ": expected one time in seconds, found ", values.size(), " numbers"));
+    times.push_back(values[0]);
+  }
+  return times;
+}
+
+}  // namespace revisit::pipeline

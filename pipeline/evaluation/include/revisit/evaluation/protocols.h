@@ -1,0 +1,74 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "revisit/evaluation/ground_truth.h"
+#include "revisit/recognition/retrieve.h"
+
+namespace revisit::pipeline {
+
+/// What is accepted or rejected, and so what precision and recall count.
+enum class Decision {
+  kQuery,  // the best match of each query (precision_recall.h)
+  kPair,   // each pair of a query and a candidate (pairs.h)
+};
+
+/// Which positives are false negatives.
+enum class Missed {
+  kNotFound,  // all but the true positives: recall is over all positives
+  kRejected,  // the rejected ones: a positive accepted with a wrong match is a false positive only
+};
+
+/// A place-recognition task: which scans of a data set are stored, which are asked, what is true.
+/// Scans are rows of the data set, so a subsampled drive (gaps in the frame numbers) works alike.
+struct Task : RetrievalTask {
+  std::string definition;   // of the protocol, for people and for the results
+  std::string population;   // for people: what is stored and what is asked
+  bool both_cases = false;  // describe the queries in both alignment cases
+  TrueMatchRule rule;       // the protocol's own; the command line may replace it
+  Exclusion exclusion{Exclusion::Kind::kNone, 0};
+  Decision decision = Decision::kQuery;
+  Missed missed = Missed::kNotFound;
+  bool margin_score = true;        // s = 2 c1 - ck says how sure; false: c1, the best alone
+  int negatives_per_positive = 0;  // pairs: so many random negatives a positive; 0: all of them
+};
+
+/// A named evaluation.
+struct Protocol {
+  std::string name;
+  std::string definition;  // one line
+  std::string source;      // where it was published
+};
+
+/// What `--protocol` takes, with definitions; docs/PROTOCOLS.md has the formulas.
+const std::vector<Protocol>& protocols();
+std::vector<std::string> protocol_names();
+
+/// The tasks of a protocol on one sequence.
+///
+/// `paper` gives all of the paper's tasks that exist for the sequence: easy and median for 00, 05,
+/// 06; easy, median and difficult for 08; easy alone for any other. Every other name gives one.
+/// Median, difficult and bevplace store frames that are listed for KITTI's drives: the trajectory
+/// must be of a drive with as many poses (Trajectory::n_poses) as the official one.
+///
+///   for (const Task& task : make_tasks("paper", "00", trajectory)) {
+///     auto matches = retrieve(descriptors, task);
+///     auto verdicts = judge(matches, task, trajectory, task.rule);
+///     auto curve = precision_recall(verdicts, task.missed);
+///   }
+///
+/// Tasks with Decision::kPair go to evaluate_pairs() instead. `exclusion` replaces the protocol's
+/// own; those that store fixed scans (the paper's, bevplace) have none and do not use it.
+/// Throws UsageError for an unknown name, a task the sequence does not have, another drive under
+/// the name of one of KITTI's, and when no scan of the data set is stored or none can be asked.
+std::vector<Task> make_tasks(const std::string& protocol, const std::string& sequence,
+                             const Trajectory& trajectory,
+                             const std::optional<Exclusion>& exclusion = {});
+
+/// Takes scans out of a task: they are neither stored nor asked. `rows` are of the data set. Throws
+/// UsageError when nothing is stored or asked any more.
+void leave_out(Task& task, const std::vector<int64_t>& rows);
+
+}  // namespace revisit::pipeline

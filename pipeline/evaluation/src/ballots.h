@@ -1,0 +1,199 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "revisit/evaluation/bootstrap.h"
+#include "revisit/evaluation/precision_recall.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+
+inline constexpr double kNotComputed = std::numeric_limits<double>::quiet_NaN();
+
+/// One decision as precision and recall count it, in few bytes.
+template <class Score>
+struct Ballot {
+  static constexpr uint32_t kCorrect = 1, kPositive = 2, kIgnored = 4;
+  static constexpr int kQueryShift = 3;
+
+  Score score = 0;
+  uint32_t mark = 0;  // (query << 3) | flags
+
+  uint32_t query() const { return mark >> kQueryShift; }
+  bool correct() const { return mark & kCorrect; }
+  bool positive() const { return mark & kPositive; }
+  bool ignored() const { return mark & kIgnored; }
+};
+
+/// All decisions of a task.
+template <class Score>
+struct Ballots {
+  std::vector<Ballot<Score>> by_score;  // highest first; equal ones in the order of their marks
+  std::vector<uint32_t> positives;      // of each query
+  Missed missed = Missed::kNotFound;
+
+  void sort() {
+    std::sort(by_score.begin(), by_score.end(), [](const auto& a, const auto& b) {
+      return a.score != b.score ? a.score > b.score : a.mark < b.mark;
+    });
+  }
+  /// No other ballot after `i` has its score: the threshold may lie here.
+  bool ends_tie(size_t i) const {
+    return i + 1 == by_score.size() || by_score[i + 1].score != by_score[i].score;
+  }
+};
+
+/// Weight of every query in kLanes resamples.
+template <int kLanes>
+using Weights = std::vector<std::array<uint32_t, kLanes>>;
+
+struct Metrics {
+  double f1_max = kNotComputed, average_precision = kNotComputed, recall_at_1 = kNotComputed,
+         max_recall_at_precision_1 = kNotComputed, extended_precision = kNotComputed;
+  int64_t f1_max_at = -1;  // index of the last ballot accepted at f1_max
+};
+
+/// Lets the threshold fall over the ballots once and gives the metrics of kLanes resamples: query
+/// q counts weights[q][lane] times. Counts stay below 2^32: evaluate_pairs() bounds the ballots.
+template <int kLanes, class Score>
+std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights<kLanes>& weights) {
+  using Counts = std::array<uint32_t, kLanes>;
+  Counts positives{}, tp{}, fp{}, accepted_positives{};
+  const auto add = [](Counts& to, const Counts& weight) {
+    for (int lane = 0; lane < kLanes; ++lane) to[lane] += weight[lane];
+  };
+  for (size_t q = 0; q < ballots.positives.size(); ++q)
+    for (int lane = 0; lane < kLanes; ++lane)
+      positives[lane] += weights[q][lane] * ballots.positives[q];
+
+  struct Lane {
+    double last_recall = 0, first_precision = 0, f1_max = -1, average_precision = 0,
+           max_recall_at_precision_1 = 0;
+    int64_t f1_max_at = -1;
+    bool started = false;  // something accepted that counts
+  };
+  std::array<Lane, kLanes> lanes;
+  int n_started = 0;
+  const auto look = [&](int i, size_t at) {
+    Lane& lane = lanes[i];
+    const double t = tp[i], f = fp[i], n = positives[i];
+    if (t + f == 0) return;
+    const double precision = t / (t + f);
+    if (!lane.started) {
+      lane.started = true;
+      lane.first_precision = precision;
+      ++n_started;
+    }
+    const double fn =
+        n - (ballots.missed == Missed::kNotFound ? t : static_cast<double>(accepted_positives[i]));
+    const double recall = t > 0 ? t / (t + fn) : 0;
+    const double f1 = t > 0 ? 2 * t / (2 * t + f + fn) : 0;
+    if (f1 > lane.f1_max) {
+      lane.f1_max = f1;
+      lane.f1_max_at = static_cast<int64_t>(at);
+    }
+    lane.average_precision += (recall - lane.last_recall) * precision;
+    lane.last_recall = recall;
+    if (f == 0) lane.max_recall_at_precision_1 = recall;
+  };
+
+  bool recall_changed = false;  // else precision and F1 can only have fallen
+  for (size_t at = 0; at < ballots.by_score.size(); ++at) {
+    const Ballot<Score>& ballot = ballots.by_score[at];
+    const Counts& weight = weights[ballot.query()];
+    if (ballot.correct())
+      add(tp, weight);
+    else if (!ballot.ignored())
+      add(fp, weight);
+    if (ballot.positive()) {
+      add(accepted_positives, weight);
+      recall_changed = true;
+    }
+    if (!ballots.ends_tie(at) || (!recall_changed && n_started == kLanes)) continue;
+    for (int i = 0; i < kLanes; ++i) look(i, at);
+    recall_changed = false;
+  }
+
+  std::array<Metrics, kLanes> metrics;
+  for (int i = 0; i < kLanes; ++i) {
+    if (positives[i] == 0) continue;
+    const Lane& lane = lanes[i];
+    metrics[i] = {std::max(lane.f1_max, 0.0),
+                  lane.average_precision,
+                  static_cast<double>(tp[i]) / positives[i],
+                  lane.max_recall_at_precision_1,
+                  (lane.first_precision + lane.max_recall_at_precision_1) / 2,
+                  lane.f1_max_at};
+  }
+  return metrics;
+}
+
+/// Precision and recall where the threshold falls; with `max_points` only about so many, spread
+/// evenly over the recall, of those where something true is added, and the last.
+template <class Score>
+std::vector<PrPoint> curve_of(const Ballots<Score>& ballots, int64_t max_points = 0) {
+  int64_t n_positives = 0, n_correct = 0;
+  for (const auto& ballot : ballots.by_score) {
+    n_positives += ballot.positive();
+    n_correct += ballot.correct();
+  }
+  const auto n_negatives = static_cast<int64_t>(ballots.by_score.size()) - n_positives;
+  std::vector<PrPoint> curve;
+  int64_t tp = 0, fp = 0, accepted_positives = 0, accepted_negatives = 0, next_tp = 1;
+  for (size_t at = 0; at < ballots.by_score.size(); ++at) {
+    const Ballot<Score>& ballot = ballots.by_score[at];
+    tp += ballot.correct();
+    fp += !ballot.correct() && !ballot.ignored();
+    accepted_positives += ballot.positive();
+    accepted_negatives += !ballot.positive();
+    if (!ballots.ends_tie(at)) continue;
+    const bool last = at + 1 == ballots.by_score.size();
+    if (max_points > 0 && tp < next_tp && !last) continue;
+    next_tp = tp + std::max<int64_t>(1, max_points > 0 ? n_correct / max_points : 0);
+
+    const int64_t found = ballots.missed == Missed::kNotFound ? tp : accepted_positives;
+    PrPoint point{static_cast<double>(ballot.score), tp, fp, n_positives - found,
+                  n_negatives - accepted_negatives};
+    const auto share = [](int64_t part, int64_t whole) {
+      return part ? static_cast<double>(part) / static_cast<double>(whole) : 0;
+    };
+    point.precision = tp + fp ? share(tp, tp + fp) : kNotComputed;
+    point.recall = n_positives ? share(tp, tp + point.fn) : kNotComputed;
+    point.f1 = n_positives ? share(2 * tp, 2 * tp + fp + point.fn) : kNotComputed;
+    curve.push_back(point);
+  }
+  return curve;
+}
+
+/// Summary of what was measured with every query once; the counts of queries are the caller's.
+template <class Score>
+PrSummary summary_of(const Ballots<Score>& ballots) {
+  const Weights<1> once(ballots.positives.size(), {1});
+  const Metrics metrics = measure<1>(ballots, once)[0];
+  PrSummary summary;
+  summary.f1_max = metrics.f1_max;
+  summary.f1_max_threshold = metrics.f1_max_at < 0
+                                 ? kNotComputed
+                                 : static_cast<double>(ballots.by_score[metrics.f1_max_at].score);
+  summary.average_precision = metrics.average_precision;
+  summary.recall_at_1 = metrics.recall_at_1;
+  summary.max_recall_at_precision_1 = metrics.max_recall_at_precision_1;
+  summary.extended_precision = metrics.extended_precision;
+  return summary;
+}
+
+/// One ballot a verdict, and each verdict a query of its own.
+Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed);
+
+/// Runs `measure` on resamples of the queries.
+template <class Score>
+PrIntervals resample(const Ballots<Score>& ballots, const BootstrapOptions& options);
+extern template PrIntervals resample(const Ballots<float>&, const BootstrapOptions&);
+extern template PrIntervals resample(const Ballots<double>&, const BootstrapOptions&);
+
+}  // namespace revisit::pipeline

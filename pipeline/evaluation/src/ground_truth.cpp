@@ -1,0 +1,216 @@
+#include "revisit/evaluation/ground_truth.h"
+
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "revisit/proto/error.h"
+#include "revisit/proto/text.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// What the exclusion counts in, for each scan: frame numbers, seconds or metres driven so far.
+std::vector<double> progress_along(const Trajectory& trajectory, const Exclusion& exclusion) {
+  std::vector<double> along(trajectory.frames.begin(), trajectory.frames.end());
+  if (exclusion.kind == Exclusion::Kind::kSeconds) {
+    if (trajectory.times.empty())
+      throw UsageError(
+          "exclusion in seconds: the data set has no time stamps (times.txt); use frames=N");
+    along = trajectory.times;
+    for (size_t i = 1; i < along.size(); ++i)
+      if (!(along[i] >= along[i - 1]))
+        throw InputError(str("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
+                             along[i - 1], " s, then ", along[i], " s"));
+  }
+  if (exclusion.kind == Exclusion::Kind::kMetres) {
+    if (trajectory.positions.empty())
+      throw UsageError("exclusion in metres: the data set has no poses; use frames=N");
+    for (size_t i = 0; i < along.size(); ++i)
+      along[i] =
+          i == 0 ? 0
+                 : along[i - 1] + (trajectory.positions[i] - trajectory.positions[i - 1]).norm();
+  }
+  return along;
+}
+
+}  // namespace
+
+Distance parse_distance(const std::string& text) {
+  if (text == "xz") return Distance::kXz;
+  if (text == "3d") return Distance::k3d;
+  if (text == "box") return Distance::kBox;
+  if (text == "place") return Distance::kPlace;
+  throw UsageError(str("distance: expected xz, 3d, box or place, found '", text, "'"));
+}
+
+const char* name_of(Distance distance) {
+  switch (distance) {
+    case Distance::kXz:
+      return "xz";
+    case Distance::k3d:
+      return "3d";
+    case Distance::kBox:
+      return "box";
+    case Distance::kPlace:
+      return "place";
+  }
+  return "";
+}
+
+Exclusion parse_exclusion(const std::string& text) {
+  if (text == "none") return {Exclusion::Kind::kNone, 0};
+  const size_t equals = text.find('=');
+  const std::string kind = text.substr(0, equals);
+  const std::string amount = equals == std::string::npos ? "" : text.substr(equals + 1);
+  Exclusion exclusion;
+  const char* const end = amount.data() + amount.size();
+  const auto [stop, error] = std::from_chars(amount.data(), end, exclusion.amount);
+  const bool is_number = error == std::errc() && stop == end && std::isfinite(exclusion.amount) &&
+                         exclusion.amount >= 0;
+  if (is_number && kind == "seconds") {
+    exclusion.kind = Exclusion::Kind::kSeconds;
+    return exclusion;
+  }
+  if (is_number && kind == "metres") {
+    exclusion.kind = Exclusion::Kind::kMetres;
+    return exclusion;
+  }
+  if (is_number && kind == "frames" && exclusion.amount == std::floor(exclusion.amount))
+    return exclusion;
+  const std::vector<std::string> kinds = {"frames", "seconds", "metres", "none"};
+  const bool is_kind = std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
+  throw UsageError(
+      str("exclusion: expected frames=N, seconds=T, metres=L (not negative) or none, found '", text,
+          "'", is_kind ? "" : did_you_mean(kind, kinds)));
+}
+
+std::string to_string(const Exclusion& exclusion) {
+  switch (exclusion.kind) {
+    case Exclusion::Kind::kNone:
+      return "none";
+    case Exclusion::Kind::kFrames:
+      return "frames=" + exact(exclusion.amount);
+    case Exclusion::Kind::kSeconds:
+      return "seconds=" + exact(exclusion.amount);
+    case Exclusion::Kind::kMetres:
+      return "metres=" + exact(exclusion.amount);
+  }
+  return "";
+}
+
+Trajectory make_trajectory(const Dataset& dataset) {
+  Trajectory trajectory;
+  trajectory.n_poses = dataset.n_poses;
+  const bool has_poses = dataset.has_poses();
+  bool has_times = !dataset.scans.empty();
+  for (const ScanRef& scan : dataset.scans) has_times &= scan.time.has_value();
+  for (const ScanRef& scan : dataset.scans) {
+    if (!trajectory.frames.empty() && scan.frame <= trajectory.frames.back())
+      throw InputError(str(scan.file.string(), ": frame ", scan.frame, " comes after frame ",
+                           trajectory.frames.back(), "; frames must increase"));
+    trajectory.frames.push_back(scan.frame);
+    if (has_times) trajectory.times.push_back(*scan.time);
+    if (dataset.has_places()) trajectory.places.push_back(scan.place);
+    if (!has_poses) continue;
+    trajectory.positions.emplace_back(scan.pose->translation());
+    if (!trajectory.positions.back().allFinite())
+      throw InputError(
+          str(scan.file.string(), ": the pose of frame ", scan.frame, " is not finite"));
+  }
+  return trajectory;
+}
+
+Trajectory make_trajectory(const std::vector<Pose>& T_world_cam, const std::vector<double>& times) {
+  if (!times.empty() && times.size() < T_world_cam.size())
+    throw InputError(
+        str("fewer time stamps (", times.size(), ") than poses (", T_world_cam.size(), ")"));
+  Trajectory trajectory;
+  trajectory.n_poses = static_cast<int64_t>(T_world_cam.size());
+  trajectory.frames.resize(T_world_cam.size());
+  std::iota(trajectory.frames.begin(), trajectory.frames.end(), 0);
+  for (size_t i = 0; i < T_world_cam.size(); ++i) {
+    trajectory.positions.emplace_back(T_world_cam[i].translation());
+    if (!trajectory.positions.back().allFinite())
+      throw InputError(str("the pose of frame ", i, " is not finite"));
+    if (!times.empty()) trajectory.times.push_back(times[i]);
+  }
+  return trajectory;
+}
+
+double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind) {
+  const Eigen::Vector3d difference = a - b;
+  switch (kind) {
+    case Distance::kXz:
+      return std::sqrt(difference.x() * difference.x() + difference.z() * difference.z());
+    case Distance::k3d:
+      return difference.norm();
+    case Distance::kBox:
+      return difference.cwiseAbs().maxCoeff();
+    case Distance::kPlace:
+      break;
+  }
+  throw Error("the distance of places is not one of positions");
+}
+
+double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind) {
+  if (kind == Distance::kPlace)
+    return trajectory.places.at(a) == trajectory.places.at(b)
+               ? 0
+               : std::numeric_limits<double>::infinity();
+  return distance_between(trajectory.positions.at(a), trajectory.positions.at(b), kind);
+}
+
+void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {
+  if (kind == Distance::kPlace && trajectory.places.empty())
+    throw UsageError(str(what, " needs named places; this data set has none"));
+  if (kind != Distance::kPlace && trajectory.positions.empty())
+    throw UsageError(str(what, " needs poses; this data set has none",
+                         trajectory.places.empty() ? "" : ", but places: use Distance::kPlace"));
+}
+
+std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
+  const std::vector<double> along = progress_along(trajectory, exclusion);
+  std::vector<int64_t> ends(along.size());
+  int64_t end = 0;
+  for (int64_t i = 0; i < trajectory.size(); ++i) {
+    if (exclusion.kind == Exclusion::Kind::kNone) end = i;
+    while (end < i && along[i] - along[end] > exclusion.amount) ++end;
+    ends[i] = end;
+  }
+  return ends;
+}
+
+std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {
+  const std::vector<double> along = progress_along(trajectory, exclusion);
+  std::vector<int64_t> begins(along.size());
+  int64_t begin = trajectory.size();
+  for (int64_t i = trajectory.size() - 1; i >= 0; --i) {
+    if (exclusion.kind == Exclusion::Kind::kNone) begin = i + 1;
+    while (begin > i + 1 && along[begin - 1] - along[i] > exclusion.amount) --begin;
+    begins[i] = begin;
+  }
+  return begins;
+}
+
+LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
+                     const Exclusion& exclusion) {
+  need_distances(trajectory, rule.distance, "ground truth");
+  if (!(rule.radius > 0) || !std::isfinite(rule.radius))
+    throw UsageError(str("radius: expected a positive number of metres, found ", rule.radius));
+  const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
+  LoopTruth truth;
+  for (int64_t i = 0; i < trajectory.size(); ++i) {
+    const size_t before = truth.pairs.size();
+    for (int64_t j = 0; j < ends[i]; ++j) {
+      const double distance = distance_between(trajectory, i, j, rule.distance);
+      if (rule.is_true(distance)) truth.pairs.push_back({i, j, distance});
+    }
+    truth.n_queries += ends[i] > 0;
+    truth.n_positives += truth.pairs.size() > before;
+  }
+  return truth;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,217 @@
+#include "revisit/evaluation/pairs.h"
+
+#include <numeric>
+#include <random>
+
+#include "ballots.h"
+#include "revisit/engine/parallel_for.h"
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr int64_t kMaxPairs = int64_t{1} << 27;  // 1 GB of ballots
+constexpr int64_t kMaxPoints = 1000;             // of the curve
+constexpr uint64_t kDrawSeed = 1;
+
+enum class Truth { kTrue, kFalse, kNotCounted };
+
+/// What the ground truth says of the pairs of a task.
+class PairTruth {
+ public:
+  PairTruth(const Task& task, const Trajectory& trajectory)
+      : task_(task),
+        trajectory_(trajectory),
+        earlier_(earlier_candidates(trajectory, task.exclusion)),
+        later_(later_candidates(trajectory, task.exclusion)) {}
+
+  Truth of(int64_t query, int64_t stored) const {
+    const double metres = distance_between(trajectory_, query, stored, task_.rule.distance);
+    if (task_.rule.is_true(metres)) {
+      const bool beyond = stored < earlier_[query] || stored >= later_[query];
+      return beyond ? Truth::kTrue : Truth::kNotCounted;
+    }
+    return task_.rule.is_false(metres) ? Truth::kFalse : Truth::kNotCounted;
+  }
+
+  /// Calls `take(stored scan, truth)` for each candidate of a query that counts.
+  template <class Take>
+  void for_each(const TaskQuery& query, Take take) const {
+    for (const CandidateRange& range : query.candidates)
+      for (int64_t c = range.begin; c < range.end; ++c) {
+        const int64_t stored = task_.stored[c];
+        const Truth truth = of(query.scan, stored);
+        if (truth != Truth::kNotCounted) take(stored, truth);
+      }
+  }
+
+ private:
+  const Task& task_;
+  const Trajectory& trajectory_;
+  std::vector<int64_t> earlier_, later_;
+};
+
+/// Runs `work(query)` for all queries on several threads, a block after the other: progress and
+/// stop are called between blocks, from this thread. An exception of one is thrown here.
+template <class Work>
+void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, Work work) {
+  for (int64_t first = 0; first < n_queries; first += block) {
+    if (options.stop && options.stop()) throw Interrupted("evaluation of pairs stopped");
+    const int64_t end = std::min(first + block, n_queries);
+    parallel_for(end - first, options.threads, [&](int64_t item) { work(first + item); });
+    if (options.progress) options.progress(end, n_queries);
+  }
+}
+
+/// `wanted` of the numbers 0 .. n - 1, each as likely as any other, ascending (Knuth, The Art of
+/// Computer Programming, volume 2, algorithm S).
+std::vector<int64_t> draw(int64_t wanted, int64_t n) {
+  std::mt19937_64 random(kDrawSeed);
+  std::vector<int64_t> drawn;
+  drawn.reserve(static_cast<size_t>(wanted));
+  for (int64_t i = 0; i < n && wanted > 0; ++i) {
+    const double uniform = static_cast<double>(random() >> 11) * 0x1p-53;  // [0, 1)
+    if (uniform * static_cast<double>(n - i) >= static_cast<double>(wanted)) continue;
+    drawn.push_back(i);
+    --wanted;
+  }
+  return drawn;
+}
+
+/// Which pairs are compared: all true ones, and the false ones with these numbers, counted over the
+/// queries in order.
+struct Selection {
+  std::vector<int64_t> first_false;  // [queries + 1] numbers of the false pairs of each query
+  std::vector<int64_t> first_pair;   // [queries + 1] places of the compared pairs of each query
+  std::optional<std::vector<int64_t>> drawn;  // absent: all false pairs
+  std::vector<uint32_t> n_true;               // of each query
+
+  auto drawn_of(size_t query) const {
+    return std::pair(std::lower_bound(drawn->begin(), drawn->end(), first_false[query]),
+                     std::lower_bound(drawn->begin(), drawn->end(), first_false[query + 1]));
+  }
+};
+
+Selection select(const Task& task, const PairTruth& truth, const PairOptions& options) {
+  const size_t n = task.queries.size();
+  Selection selection;
+  selection.n_true.resize(n);
+  selection.first_false.resize(n + 1);
+  const PairOptions silent{options.threads, {}, {}, options.stop};
+  in_parallel(static_cast<int64_t>(n), 1024, silent, [&](int64_t q) {
+    truth.for_each(task.queries[q], [&](int64_t, Truth is) {
+      is == Truth::kTrue ? ++selection.n_true[q] : ++selection.first_false[q + 1];
+    });
+  });
+  std::partial_sum(selection.first_false.begin(), selection.first_false.end(),
+                   selection.first_false.begin());
+
+  const int64_t n_false = selection.first_false.back();
+  const int64_t n_true =
+      std::accumulate(selection.n_true.begin(), selection.n_true.end(), int64_t{0});
+  const int64_t wanted = n_true * task.negatives_per_positive;
+  if (task.negatives_per_positive > 0 && wanted < n_false) selection.drawn = draw(wanted, n_false);
+
+  selection.first_pair.resize(n + 1);
+  for (size_t q = 0; q < n; ++q) {
+    int64_t compared = selection.first_false[q + 1] - selection.first_false[q];
+    if (selection.drawn) {
+      const auto [begin, end] = selection.drawn_of(q);
+      compared = end - begin;
+    }
+    selection.first_pair[q + 1] = selection.first_pair[q] + compared + selection.n_true[q];
+  }
+  if (selection.first_pair.back() > kMaxPairs)
+    throw UsageError(
+        str("task ", task.name, ": ", selection.first_pair.back(), " pairs to compare, more than ",
+            kMaxPairs, "; use fewer scans, e.g. every 2nd, or a protocol that decides on queries"));
+  return selection;
+}
+
+using FloatBallot = Ballot<float>;
+
+Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection& selection,
+                       const PairSimilarity& similarity, const PairOptions& options) {
+  Ballots<float> ballots;
+  ballots.positives = selection.n_true;
+  ballots.by_score.resize(static_cast<size_t>(selection.first_pair.back()));
+  in_parallel(static_cast<int64_t>(task.queries.size()), 64, options, [&](int64_t q) {
+    const TaskQuery& query = task.queries[q];
+    std::vector<int64_t> candidates;
+    std::vector<uint32_t> marks;
+    std::vector<int64_t>::const_iterator next, end;
+    if (selection.drawn) std::tie(next, end) = selection.drawn_of(q);
+    int64_t number = selection.first_false[q];
+    truth.for_each(query, [&](int64_t stored, Truth is) {
+      if (is == Truth::kFalse && selection.drawn) {
+        if (next == end || *next != number++) return;
+        ++next;
+      }
+      candidates.push_back(stored);
+      marks.push_back(static_cast<uint32_t>(q) << FloatBallot::kQueryShift |
+                      (is == Truth::kTrue ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
+    });
+    if (candidates.empty()) return;
+    std::vector<double> similarities(candidates.size());
+    similarity(query.scan, candidates, similarities);
+    for (size_t i = 0; i < candidates.size(); ++i) {
+      if (!std::isfinite(similarities[i]))
+        throw Error(str("the similarity of scan ", query.scan, " to scan ", candidates[i],
+                        " is not finite"));
+      ballots.by_score[selection.first_pair[q] + static_cast<int64_t>(i)] = {
+          static_cast<float>(similarities[i]), marks[i]};
+    }
+  });
+  ballots.sort();
+  return ballots;
+}
+
+ScoreHistogram histogram_of(const Ballots<float>& ballots) {
+  ScoreHistogram histogram;
+  if (ballots.by_score.empty()) return histogram;
+  const double low = ballots.by_score.back().score, high = ballots.by_score.front().score;
+  histogram.low = low;
+  histogram.width = (high > low ? high - low : 1e-3) / ScoreHistogram::kBins;
+  for (const FloatBallot& ballot : ballots.by_score) {
+    const auto bin = static_cast<int>((ballot.score - low) / histogram.width);
+    ++(ballot.correct() ? histogram.of_true
+                        : histogram.of_false)[std::clamp(bin, 0, ScoreHistogram::kBins - 1)];
+  }
+  return histogram;
+}
+
+void check(const Task& task, const Trajectory& trajectory, const PairOptions& options) {
+  if (task.decision != Decision::kPair)
+    throw Error(str("task ", task.name, " decides on queries, not on pairs"));
+  need_distances(trajectory, task.rule.distance, "task " + task.name);
+  if (options.threads < 1)
+    throw UsageError(str("threads: expected at least 1, found ", options.threads));
+}
+
+}  // namespace
+
+PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
+                          const PairSimilarity& similarity, const PairOptions& options) {
+  check(task, trajectory, options);
+  const PairTruth truth(task, trajectory);
+  const Selection selection = select(task, truth, options);
+  const Ballots<float> ballots = compare(task, truth, selection, similarity, options);
+
+  PairResult result;
+  result.summary = summary_of(ballots);
+  result.summary.recall_at_1 = kNotComputed;
+  result.summary.n_pairs = static_cast<int64_t>(ballots.by_score.size());
+  for (size_t q = 0; q < task.queries.size(); ++q) {
+    result.summary.n_queries += selection.first_pair[q + 1] > selection.first_pair[q];
+    result.summary.n_positives += selection.n_true[q] > 0;
+    result.summary.n_true_pairs += selection.n_true[q];
+  }
+  if (options.bootstrap) {
+    result.intervals = resample(ballots, *options.bootstrap);
+    result.intervals->recall_at_1 = {kNotComputed, kNotComputed};
+  }
+  result.curve = curve_of(ballots, kMaxPoints);
+  result.histogram = histogram_of(ballots);
+  return result;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,93 @@
+#include "revisit/evaluation/precision_recall.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+
+#include "ballots.h"
+#include "revisit/proto/atomic_file.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// Blank for NaN: not computed is never 0.
+struct Cell {
+  double value;
+  friend std::ostream& operator<<(std::ostream& out, const Cell& cell) {
+    return std::isnan(cell.value) ? out : out << cell.value;
+  }
+};
+
+}  // namespace
+
+std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
+                           const Trajectory& trajectory, const TrueMatchRule& rule) {
+  need_distances(trajectory, rule.distance, "judging matches");
+  if (matches.size() != task.queries.size())
+    throw Error(str("task ", task.name, " has ", task.queries.size(), " queries but ",
+                    matches.size(), " matches were given"));
+  const auto metres = [&](int64_t a, int64_t b) {
+    return distance_between(trajectory, a, b, rule.distance);
+  };
+  std::vector<Verdict> verdicts(matches.size());
+  for (size_t i = 0; i < matches.size(); ++i) {
+    const TaskQuery& query = task.queries[i];
+    if (matches[i].query != query.scan || matches[i].ranks.empty())
+      throw Error(str("match ", i, " does not answer query ", i, " of task ", task.name, " (scan ",
+                      query.scan, ")"));
+    verdicts[i].score = matches[i].score;
+    const double to_best = metres(query.scan, matches[i].ranks[0]);
+    verdicts[i].correct = rule.is_true(to_best);
+    verdicts[i].ignored = !rule.is_true(to_best) && !rule.is_false(to_best);
+    for (const CandidateRange& range : query.candidates)
+      for (int64_t c = range.begin; c < range.end && !verdicts[i].positive; ++c)
+        verdicts[i].positive = rule.is_true(metres(query.scan, task.stored.at(c)));
+  }
+  return verdicts;
+}
+
+Ballots<double> ballots_of(const std::vector<Verdict>& verdicts, Missed missed) {
+  using B = Ballot<double>;
+  Ballots<double> ballots;
+  ballots.missed = missed;
+  for (const Verdict& verdict : verdicts) {
+    if (std::isnan(verdict.score)) throw Error("precision and recall: a score is not a number");
+    if (verdict.correct && !verdict.positive)
+      throw Error("precision and recall: a match is correct where no candidate is");
+    if (verdict.correct && verdict.ignored)
+      throw Error("precision and recall: a match is both correct and ignored");
+    const auto query = static_cast<uint32_t>(ballots.positives.size());
+    ballots.by_score.push_back({verdict.score, query << B::kQueryShift |
+                                                   (verdict.correct ? B::kCorrect : 0) |
+                                                   (verdict.positive ? B::kPositive : 0) |
+                                                   (verdict.ignored ? B::kIgnored : 0)});
+    ballots.positives.push_back(verdict.positive);
+  }
+  ballots.sort();
+  return ballots;
+}
+
+std::vector<PrPoint> precision_recall(const std::vector<Verdict>& verdicts, Missed missed) {
+  return curve_of(ballots_of(verdicts, missed));
+}
+
+PrSummary summarize(const std::vector<Verdict>& verdicts, Missed missed) {
+  PrSummary summary = summary_of(ballots_of(verdicts, missed));
+  summary.n_queries = static_cast<int64_t>(verdicts.size());
+  summary.n_positives =
+      std::count_if(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.positive; });
+  return summary;
+}
+
+void write_precision_recall_csv(const std::filesystem::path& file,
+                                const std::vector<PrPoint>& curve) {
+  write_atomically(file, [&](std::ostream& out) {
+    out << "threshold,tp,fp,fn,tn,precision,recall,f1\n" << std::setprecision(17);
+    for (const PrPoint& p : curve)
+      out << p.threshold << ',' << p.tp << ',' << p.fp << ',' << p.fn << ',' << p.tn << ','
+          << Cell{p.precision} << ',' << Cell{p.recall} << ',' << Cell{p.f1} << '\n';
+  });
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "revisit/evaluation/protocols.h"
+
+namespace revisit::pipeline {
+
+// Name and definition are set by make_tasks(). Where a sequence has no such task, UsageError.
+
+Task paper_easy_task(const Trajectory& trajectory);
+/// Whether the paper's Table 1 stores scans of the sequence, and whether it is driven both ways.
+bool has_median_task(const std::string& sequence);
+bool has_difficult_task(const std::string& sequence);
+Task paper_median_task(const std::string& sequence, const Trajectory& trajectory);
+Task paper_difficult_task(const std::string& sequence, const Trajectory& trajectory);
+
+Task online_task(const Trajectory& trajectory, const Exclusion& exclusion);
+Task leave_one_out_task(const Trajectory& trajectory, const Exclusion& exclusion);
+
+Task lcdnet1_task(const Trajectory& trajectory, const Exclusion& exclusion);
+Task lcdnet2_task(const Trajectory& trajectory, const Exclusion& exclusion);
+Task ssc_task(const Trajectory& trajectory, const Exclusion& exclusion);
+Task logg3d_task(const Trajectory& trajectory, const Exclusion& exclusion);
+/// Every `step`-th scan is stored, the rest is asked, whatever place they are of.
+Task places_task(int step, const Trajectory& trajectory);
+Task bevplace_task(const std::string& sequence, const Trajectory& trajectory);
+
+/// The rows whose frame `wanted` accepts.
+std::vector<int64_t> rows_where(const Trajectory& trajectory,
+                                const std::function<bool(int frame)>& wanted);
+
+/// Stores `stored` and asks `asked`, each against all of them.
+Task map_task(std::vector<int64_t> stored, const std::vector<int64_t>& asked);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <variant>
+
+#include "revisit/engine/net.h"
+#include "revisit/recognition/align.h"
+#include "revisit/recognition/gray_image.h"
+#include "revisit/recognition/range_image.h"
+#include "revisit/recognition/similarity.h"
+
+namespace revisit::pipeline {
+
+/// Writes the feature of one input; the span has FeatureExtractor::dim floats.
+template <class Input>
+using FeatureFunction = std::function<void(const Input&, std::span<float>)>;
+/// Makes a function with its own working memory: one per thread.
+template <class Input>
+using FeatureMaker = std::function<FeatureFunction<Input>()>;
+
+/// A way to turn scans into feature vectors.
+struct FeatureExtractor {
+  std::string name;  // for people and plots: "conv3+pool5", "data"
+  std::string key;   // names everything the values depend on besides the input
+  int64_t dim = 0;
+  /// What the feature sees of a scan: the range image of its aligned points, the aligned points
+  /// themselves, or the camera image of the same moment.
+  std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
+  Similarity similarity;  // how two of them are compared; empty: cosine
+
+  template <class Input>
+  bool sees() const {
+    return std::holds_alternative<FeatureMaker<Input>>(make);
+  }
+};
+
+/// The output of a network, flattened. The gray image is given to every input channel, minus that
+/// channel's mean (`mean_bgr`, in pixel values; paper section III-C; a net of one channel gets the
+/// mean of the gray image, 0.114 B + 0.587 G + 0.299 R), times `input_scale`; where a convolution
+/// sees it first, it is given once and stands for all channels. `net_key` identifies the weights,
+/// `threads` are those of one forward pass. Throws InputError when the net has not one input of 1
+/// or 3 channels, or cannot take the image size, and UsageError when it has not exactly one output.
+FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
+                                  const std::array<double, 3>& mean_bgr,
+                                  const ImageGeometry& geometry, int threads = 1,
+                                  double input_scale = 1);
+
+/// The range image itself as a vector: the paper's `data`, for comparison.
+FeatureExtractor range_vector_features(const ImageGeometry& geometry);
+
+/// The range image the features see: aligned, projected, holes closed.
+RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeometry& geometry);
+
+}  // namespace revisit::pipeline

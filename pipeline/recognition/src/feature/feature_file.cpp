@@ -1,0 +1,370 @@
+#include "revisit/recognition/feature_file.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <limits>
+#include <regex>
+#include <sstream>
+#include <utility>
+#include <vector>
+
+#include "revisit/proto/atomic_file.h"
+#include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
+#include "revisit/proto/fnv1a.h"
+#include "revisit/proto/npy.h"
+#include "revisit/proto/part_lock.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+static_assert(std::endian::native == std::endian::little, "features are stored little-endian");
+
+std::string with_suffix(const fs::path& file, const char* suffix) {
+  return file.string() + suffix;
+}
+
+/// Of a file without rows. A changed word always changes the checksum.
+uint64_t checksum_of_shape(int64_t n_rows, int64_t dim) {
+  return fnv1a(fnv1a(kFnv1aStart, static_cast<uint32_t>(n_rows)), static_cast<uint32_t>(dim));
+}
+
+/// The checksum so far and one more row, bit by bit: -0 and the kinds of NaN differ.
+uint64_t with_row(uint64_t checksum, std::span<const float> row) {
+  for (const float value : row) checksum = fnv1a(checksum, std::bit_cast<uint32_t>(value));
+  return checksum;
+}
+
+/// What stands before the checksum in the key of a finished file.
+std::string before_checksum(const std::string& key) {
+  return key + "\nchecksum ";
+}
+
+std::string finished_key(const std::string& key, uint64_t checksum) {
+  std::ostringstream text;
+  text << before_checksum(key) << std::hex << checksum << "\n";
+  return std::move(text).str();
+}
+
+/// A pipe, a socket or a link under the name of one of our files is none of ours. (Devices and
+/// folders stay: they are refused.)
+void discard_strange(const fs::path& file) {
+  std::error_code ignored;
+  const fs::file_type type = fs::symlink_status(file, ignored).type();
+  if (type == fs::file_type::fifo || type == fs::file_type::socket ||
+      type == fs::file_type::symlink)
+    fs::remove(file, ignored);
+}
+
+/// Reads `size` bytes at `offset`, or fewer at the end of the file; -1 on error.
+int64_t read_at(int descriptor, void* out, int64_t size, int64_t offset) {
+  int64_t done = 0;
+  while (done < size) {
+    const ssize_t got =
+        ::pread(descriptor, static_cast<char*>(out) + done, size - done, offset + done);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) return -1;
+    if (got == 0) break;
+    done += got;
+  }
+  return done;
+}
+
+bool is_regular(int descriptor, int64_t* size) {
+  struct stat status {};
+  if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return false;
+  *size = status.st_size;
+  return true;
+}
+
+void sync_folder(const fs::path& folder) {
+  const int descriptor =
+      ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return;  // the data is safe; only the name could be lost with the power
+  ::fsync(descriptor);
+  ::close(descriptor);
+}
+
+struct Header {
+  int64_t n = 0, d = 0, bytes = 0;
+};
+
+/// The header of a float32 .npy with two axes (NumPy's format, versions 1 to 3).
+Header parse_header(const fs::path& file, int descriptor) {
+  const auto bad = [&](const std::string& why) -> InputError {
+    return InputError(
+        str(file.string(), ": not a feature file (a float32 .npy with two axes): ", why));
+  };
+  unsigned char start[12] = {};
+  const int64_t got = read_at(descriptor, start, sizeof start, 0);
+  if (got < 0) throw InputError(str(file.string(), ": cannot read: ", std::strerror(errno)));
+  if (got < 12 || std::memcmp(start, "\x93NUMPY", 6) != 0) throw bad("no NumPy header at byte 0");
+  if (start[6] < 1 || start[6] > 3)
+    throw bad(str("format version ", int{start[6]}, ", expected 1 to 3"));
+  int64_t length = start[8] | start[9] << 8;
+  const int64_t prefix = start[6] == 1 ? 10 : 12;
+  if (prefix == 12) length |= int64_t{start[10]} << 16 | int64_t{start[11]} << 24;
+  constexpr int64_t kLongestHeader = 1 << 16;
+  if (length > kLongestHeader) throw bad(str("a header of ", length, " bytes"));
+  std::string text(length, '\0');
+  if (read_at(descriptor, text.data(), length, prefix) != length)
+    throw bad("the header is cut off");
+
+  std::smatch found;
+  if (!std::regex_search(text, found, std::regex("'descr': *'([^']*)'")) || found[1] != "<f4")
+    throw bad(str("its type is '", found.size() > 1 ? found[1].str() : "?", "', expected '<f4'"));
+  if (!std::regex_search(text, std::regex("'fortran_order': *False")))
+    throw bad("it is not in C order");
+  if (!std::regex_search(text, found,
+                         std::regex("'shape': *\\(([0-9]{1,15}), *([0-9]{1,15}),? *\\)")))
+    throw bad(str("header '", text.substr(0, text.find_last_not_of(" \n") + 1), "'"));
+  return {std::stoll(found[1]), std::stoll(found[2]), prefix + length};
+}
+
+}  // namespace
+
+FeatureWriter::FeatureWriter(fs::path file, std::string key, int64_t n_rows, int64_t dim)
+    : file_(std::move(file)),
+      part_(with_suffix(file_, ".part")),
+      part_key_(with_suffix(file_, ".part.key")),
+      key_(std::move(key)),
+      n_rows_(n_rows),
+      dim_(dim) {
+  if (n_rows < 0 || dim < 1 || n_rows > std::numeric_limits<int64_t>::max() / 16 / dim)
+    throw Error(str(file_.string(), ": cannot hold ", n_rows, " x ", dim, " floats"));
+  header_ = proto::npy_header({n_rows, dim});
+  std::error_code ignored;
+  fs::create_directories(file_.parent_path(), ignored);  // open() below says what is wrong
+  discard_strange(part_);
+  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
+  if (descriptor_ < 0) throw Error(str(part_.string(), ": cannot create: ", std::strerror(errno)));
+  try {
+    continue_or_create();
+  } catch (...) {
+    ::close(descriptor_);
+    throw;
+  }
+}
+
+FeatureWriter::~FeatureWriter() {
+  if (descriptor_ >= 0) ::close(descriptor_);
+}
+
+/// A finished key in a part's place is of a run that was killed between two names.
+bool FeatureWriter::continues_part(int64_t size) const {
+  const std::string key = content_if_any(part_key_);
+  if (key != key_ && !key.starts_with(before_checksum(key_))) return false;
+  const auto header_bytes = static_cast<int64_t>(header_.size());
+  std::string found(header_.size(), '\0');
+  return size >= header_bytes &&
+         read_at(descriptor_, found.data(), header_bytes, 0) == header_bytes && found == header_;
+}
+
+int64_t FeatureWriter::written_bytes() const {
+  return static_cast<int64_t>(header_.size()) + rows_ * dim_ * static_cast<int64_t>(sizeof(float));
+}
+
+void FeatureWriter::continue_or_create() {
+  lock_part(descriptor_, part_);
+  int64_t size = 0;
+  if (!is_regular(descriptor_, &size)) throw Error(str(part_.string(), ": is not a regular file"));
+  checksum_ = checksum_of_shape(n_rows_, dim_);
+  if (continues_part(size)) {
+    const int64_t row_bytes = dim_ * static_cast<int64_t>(sizeof(float));
+    const int64_t there =
+        std::min(n_rows_, (size - static_cast<int64_t>(header_.size())) / row_bytes);
+    std::vector<float> row(static_cast<size_t>(dim_));
+    for (; rows_ < there; ++rows_) {
+      if (read_at(descriptor_, row.data(), row_bytes, written_bytes()) != row_bytes)
+        fail("read a row of an earlier run");
+      checksum_ = with_row(checksum_, row);
+    }
+    if (::ftruncate(descriptor_, written_bytes()) != 0) fail("cut off a torn row");
+    if (::lseek(descriptor_, 0, SEEK_END) < 0) fail("go to the end");
+    check_space();
+    return;
+  }
+  // The old rows go before the new key comes: a crash in between must not marry them.
+  if (::ftruncate(descriptor_, 0) != 0) fail("empty it");
+  std::error_code ignored;
+  fs::remove(part_key_, ignored);
+  check_space();
+  write_all(header_.data(), header_.size());
+  write_atomically(part_key_, [this](std::ostream& out) { out << key_; });
+}
+
+void FeatureWriter::check_space() const {
+  const int64_t needed = (n_rows_ - rows_) * dim_ * static_cast<int64_t>(sizeof(float));
+  std::error_code error;
+  const fs::space_info space = fs::space(part_, error);
+  if (error || static_cast<uintmax_t>(needed) <= space.available) return;
+  throw Error(str(part_.string(), ": the ", n_rows_ - rows_, " features to come need ", needed,
+                  " bytes, but only ", space.available,
+                  " are free on that disk; make room or write them to another disk"));
+}
+
+void FeatureWriter::append(std::span<const float> row) {
+  if (static_cast<int64_t>(row.size()) != dim_)
+    throw Error(
+        str(part_.string(), ": a row of ", row.size(), " floats where ", dim_, " were announced"));
+  if (rows_ == n_rows_)
+    throw Error(str(part_.string(), ": more than the announced ", n_rows_, " rows"));
+  check_untouched();
+  write_all(row.data(), row.size_bytes());
+  checksum_ = with_row(checksum_, row);
+  ++rows_;
+}
+
+void FeatureWriter::check_untouched() const {
+  struct stat opened {
+  }, named{};
+  if (::fstat(descriptor_, &opened) != 0) fail("examine");
+  if (opened.st_size != written_bytes())
+    throw Error(str(part_.string(), ": has ", opened.st_size, " bytes where ", written_bytes(),
+                    " were written: another process changed it; run again to continue"));
+  if (::lstat(part_.c_str(), &named) != 0 || named.st_ino != opened.st_ino)
+    throw Error(str(part_.string(), ": was removed or replaced by another process; run again"));
+}
+
+void FeatureWriter::write_all(const void* data, size_t size) {
+  const char* next = static_cast<const char*>(data);
+  while (size > 0) {
+    const ssize_t written = ::write(descriptor_, next, size);
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) {
+      const int reason = errno;
+      // A retry would append behind the torn row; without it, it continues where the file is whole.
+      if (::ftruncate(descriptor_, written_bytes()) == 0) ::lseek(descriptor_, 0, SEEK_END);
+      errno = reason;
+      fail("write");
+    }
+    next += written;
+    size -= static_cast<size_t>(written);
+  }
+}
+
+void FeatureWriter::fail(const std::string& doing) const {
+  const int reason = errno;
+  throw Error(str(part_.string(), ": cannot ", doing, ": ", std::strerror(reason), "; ", rows_,
+                  " of ", n_rows_, " features are written, the rest needs ",
+                  (n_rows_ - rows_) * dim_ * static_cast<int64_t>(sizeof(float)),
+                  " bytes; run again to continue"));
+}
+
+void FeatureWriter::finish() {
+  if (rows_ != n_rows_)
+    throw Error(str(part_.string(), ": only ", rows_, " of ", n_rows_, " features are written"));
+  check_untouched();
+  if (::fsync(descriptor_) != 0) fail("flush to disk");
+  write_atomically(part_key_, [this](std::ostream& out) { out << finished_key(key_, checksum_); });
+  // The old key goes before the new rows come, for the same reason as above.
+  const fs::path key_file = with_suffix(file_, ".key");
+  std::error_code ignored;
+  fs::remove(key_file, ignored);
+  discard_strange(file_);
+  rename_into_place(part_, file_);
+  rename_into_place(part_key_, key_file);
+  sync_folder(file_.parent_path());
+  ::close(std::exchange(descriptor_, -1));
+}
+
+bool features_complete(const fs::path& file, const std::string& key) {
+  std::string found = content_if_any(with_suffix(file, ".key"));
+  // A run that was killed between the two names of finish().
+  if (found.empty()) found = content_if_any(with_suffix(file, ".part.key"));
+  if (!found.starts_with(before_checksum(key))) return false;
+  try {
+    const FeatureFile features(file);
+    uint64_t checksum = checksum_of_shape(features.n(), features.d());
+    std::vector<float> row(static_cast<size_t>(features.d()));
+    for (int64_t i = 0; i < features.n(); ++i) {
+      features.read(i, 0, features.d(), row.data());
+      checksum = with_row(checksum, row);
+    }
+    return found == finished_key(key, checksum);
+  } catch (const InputError&) {
+    return false;
+  }
+}
+
+FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
+  descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe would block
+  if (descriptor_ < 0)
+    throw InputError(str(file_.string(), ": cannot open: ", std::strerror(errno)));
+  try {
+    if (!is_regular(descriptor_, &mapped_bytes_))
+      throw InputError(str(file_.string(), ": is not a regular file"));
+    const Header header = parse_header(file_, descriptor_);
+    n_ = header.n;
+    d_ = header.d;
+    header_bytes_ = header.bytes;
+    const bool fits = d_ == 0 || n_ <= std::numeric_limits<int64_t>::max() / 16 / d_;
+    if (!fits || mapped_bytes_ != header_bytes_ + n_ * d_ * static_cast<int64_t>(sizeof(float)))
+      throw InputError(str(file_.string(), ": the header says ", n_, " x ", d_, " floats after ",
+                           header_bytes_, " bytes, but the file has ", mapped_bytes_,
+                           " bytes; it was cut off or changed, make it anew"));
+    if (header_bytes_ % static_cast<int64_t>(alignof(float)) != 0)
+      throw InputError(str(file_.string(), ": the data starts at byte ", header_bytes_,
+                           ", not a multiple of 4"));
+    mapping_ =
+        ::mmap(nullptr, static_cast<size_t>(mapped_bytes_), PROT_READ, MAP_PRIVATE, descriptor_, 0);
+    if (mapping_ == MAP_FAILED) {
+      mapping_ = nullptr;
+      if (errno == ENOMEM) throw std::bad_alloc();  // the file is as it should be
+      throw InputError(str(file_.string(), ": cannot map into memory: ", std::strerror(errno)));
+    }
+    data_ = static_cast<const float*>(
+        static_cast<const void*>(static_cast<const char*>(mapping_) + header_bytes_));
+  } catch (...) {
+    close();
+    throw;
+  }
+}
+
+FeatureFile::~FeatureFile() {
+  close();
+}
+
+FeatureFile::FeatureFile(FeatureFile&& other) noexcept {
+  *this = std::move(other);
+}
+
+FeatureFile& FeatureFile::operator=(FeatureFile&& other) noexcept {
+  if (this == &other) return *this;
+  close();
+  file_ = std::move(other.file_);
+  n_ = std::exchange(other.n_, 0);
+  d_ = std::exchange(other.d_, 0);
+  header_bytes_ = other.header_bytes_;
+  mapped_bytes_ = other.mapped_bytes_;
+  descriptor_ = std::exchange(other.descriptor_, -1);
+  mapping_ = std::exchange(other.mapping_, nullptr);
+  data_ = std::exchange(other.data_, nullptr);
+  return *this;
+}
+
+void FeatureFile::close() noexcept {
+  if (mapping_) ::munmap(std::exchange(mapping_, nullptr), static_cast<size_t>(mapped_bytes_));
+  if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+}
+
+void FeatureFile::read(int64_t i, int64_t first, int64_t count, float* out) const {
+  const auto bytes = count * static_cast<int64_t>(sizeof(float));
+  const int64_t offset = header_bytes_ + (i * d_ + first) * static_cast<int64_t>(sizeof(float));
+  const int64_t got = read_at(descriptor_, out, bytes, offset);
+  if (got < 0)
+    throw InputError(
+        str(file_.string(), ": byte ", offset, ": cannot read: ", std::strerror(errno)));
+  if (got < bytes)
+    throw InputError(str(file_.string(), ": byte ", offset + got,
+                         ": the file became shorter while it was read"));
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,80 @@
+#include "basis_writer.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "revisit/proto/atomic_file.h"
+#include "revisit/proto/error.h"
+#include "revisit/proto/npy.h"
+#include "revisit/proto/part_lock.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// Returns 0 or the error number.
+int write_at(int descriptor, const void* data, int64_t size, int64_t offset) {
+  int64_t done = 0;
+  while (done < size) {
+    const ssize_t written =
+        ::pwrite(descriptor, static_cast<const char*>(data) + done, size - done, offset + done);
+    if (written < 0 && errno != EINTR) return errno;
+    if (written > 0) done += written;
+  }
+  return 0;
+}
+
+}  // namespace
+
+BasisWriter::BasisWriter(std::filesystem::path file, int64_t rows, int64_t columns)
+    : file_(std::move(file)), part_(file_.string() + ".part"), rows_(rows), columns_(columns) {
+  const std::string header = proto::npy_header({rows, columns});
+  header_bytes_ = static_cast<int64_t>(header.size());
+  descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
+  if (descriptor_ < 0) fail("create", errno);
+  try {
+    lock_part(descriptor_, part_);
+  } catch (...) {
+    ::close(descriptor_);
+    throw;
+  }
+  const int64_t size = header_bytes_ + rows * columns * static_cast<int64_t>(sizeof(float));
+  // What a killed run left goes first.
+  int error = ::ftruncate(descriptor_, 0) != 0 ? errno : ::posix_fallocate(descriptor_, 0, size);
+  if (error == 0) error = write_at(descriptor_, header.data(), header_bytes_, 0);
+  if (error == 0) return;
+  ::close(descriptor_);
+  ::unlink(part_.c_str());
+  fail("write", error);
+}
+
+BasisWriter::~BasisWriter() {
+  if (descriptor_ < 0) return;
+  ::close(descriptor_);
+  ::unlink(part_.c_str());
+}
+
+void BasisWriter::fail(const char* doing, int reason) const {
+  throw Error(str(file_.string(), ": cannot ", doing, ": ", std::strerror(reason), " (",
+                  rows_ * columns_ * static_cast<int64_t>(sizeof(float)), " bytes needed)"));
+}
+
+void BasisWriter::write(int64_t first, int64_t count, const float* values) {
+  constexpr int64_t kSize = sizeof(float);
+  for (int64_t r = 0; r < rows_; ++r) {
+    const int64_t offset = header_bytes_ + (r * columns_ + first) * kSize;
+    if (const int error = write_at(descriptor_, values + r * count, count * kSize, offset))
+      fail("write", error);
+  }
+}
+
+void BasisWriter::finish() {
+  if (::fsync(descriptor_) != 0) fail("flush", errno);
+  rename_into_place(part_, file_);
+  ::close(std::exchange(descriptor_, -1));
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "revisit/recognition/pca.h"
+
+namespace revisit::pipeline {
+
+/// Several feature files as one tall matrix.
+class StackedFeatures {
+ public:
+  /// Throws UsageError without files, InputError when their dimensions differ.
+  explicit StackedFeatures(const FeatureFiles& files);
+  int64_t n() const { return n_; }
+  int64_t d() const { return d_; }
+  /// Columns [first, first + count) of row i. Throws InputError, with the file and the place, when
+  /// a value is not finite.
+  void read(int64_t i, int64_t first, int64_t count, float* out) const;
+
+ private:
+  FeatureFiles files_;
+  int64_t n_ = 0, d_ = 0;
+};
+
+/// Throws Interrupted when the caller wants to stop.
+void check_stop(const PcaOptions& options);
+
+/// Columns of a panel: as many as a product in float may sum before the sums go on in double, and
+/// few enough that a panel of some thousand rows is used again from the cache.
+inline constexpr int64_t kPanelColumns = 8192;
+
+/// How wide panels are that take `bytes_per_column` beside `fixed` bytes: at most kPanelColumns and
+/// `d`. Throws UsageError when `memory` cannot hold even a few columns.
+int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, int64_t d);
+
+/// Columns [first, first + width) of the rows asked for, each column minus its mean.
+struct Panel {
+  int64_t first = 0, width = 0;
+  std::vector<float> mean;    // [width], over the first `m` rows
+  std::vector<float> values;  // [rows][width], centred
+
+  /// Reads rows `order`; the mean is that of the first `m` of them.
+  void load(const StackedFeatures& features, const std::vector<int64_t>& order, int64_t m,
+            int64_t first_column, int64_t columns, int threads);
+};
+
+}  // namespace revisit::pipeline

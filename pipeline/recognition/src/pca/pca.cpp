@@ -1,0 +1,140 @@
+#include "revisit/recognition/pca.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "cross_gram.h"
+#include "feature_panels.h"
+#include "linear_algebra/linear_algebra.h"
+#include "revisit/engine/parallel_for.h"
+#include "revisit/proto/error.h"
+#include "write_model.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// All rows, the fitted ones first: so a panel holds the fitted block without a copy.
+std::vector<int64_t> fitted_first(int64_t n, const std::vector<int64_t>& fit_rows) {
+  std::vector<int64_t> order = fit_rows;
+  std::vector<char> fitted(n, fit_rows.empty());
+  for (const int64_t row : fit_rows) {
+    if (row < 0 || row >= n) throw UsageError(str("PCA: fit row ", row, " of ", n, " rows"));
+    if (fitted[row]) throw UsageError(str("PCA: fit row ", row, " is given twice"));
+    fitted[row] = 1;
+  }
+  if (fit_rows.empty()) {
+    order.resize(n);
+    std::iota(order.begin(), order.end(), 0);
+    return order;
+  }
+  for (int64_t row = 0; row < n; ++row)
+    if (!fitted[row]) order.push_back(row);
+  return order;
+}
+
+CrossGram cross_gram(const StackedFeatures& features, const std::vector<int64_t>& order, int64_t m,
+                     const PcaOptions& options) {
+  const int64_t n = features.n(), d = features.d();
+  const int64_t eigen_bytes =
+      2 * std::min(options.components, m) * m * static_cast<int64_t>(sizeof(double));
+  const int64_t width =
+      panel_columns(options.memory, CrossGram::bytes(n, m, options.threads) + eigen_bytes,
+                    n * static_cast<int64_t>(sizeof(float)) + 16, d);
+  CrossGram gram(n, m);
+  Panel panel;
+  for (int64_t first = 0; first < d; first += width) {
+    check_stop(options);
+    panel.load(features, order, m, first, std::min(width, d - first), options.threads);
+    gram.add(panel, options.threads);
+    if (options.progress) options.progress(first + panel.width, d);
+  }
+  return gram;
+}
+
+/// Gives the memory back (assigning {} would keep it).
+void release(std::vector<double>& values) {
+  std::vector<double>().swap(values);
+}
+
+/// A sign does not matter to a cosine, but the same input should give the same file.
+void fix_signs(Eigenpairs& pairs, int64_t m) {
+  for (size_t i = 0; i < pairs.values.size(); ++i) {
+    const auto begin = pairs.vectors.begin() + static_cast<int64_t>(i) * m;
+    const auto largest = std::max_element(
+        begin, begin + m, [](double a, double b) { return std::abs(a) < std::abs(b); });
+    if (*largest < 0) std::transform(begin, begin + m, begin, std::negate<>());
+  }
+}
+
+int64_t numerical_rank(const Eigenpairs& pairs, int64_t m) {
+  int64_t rank = 0;
+  const int64_t most =
+      std::min(static_cast<int64_t>(pairs.values.size()), m - 1);  // centring costs one
+  while (rank < most && pairs.values[rank] > kRankTolerance * pairs.values[0]) ++rank;
+  return rank;
+}
+
+/// U L^(1/2) for the fitted rows, (X F^T) U L^(-1/2) for the others.
+FloatMatrix project_rows(const CrossGram& gram, const Eigenpairs& pairs, int64_t rank,
+                         const std::vector<int64_t>& order, int threads) {
+  const int64_t n = gram.n, m = gram.m;
+  FloatMatrix descriptors(n, rank);
+  for (int64_t r = 0; r < m; ++r)
+    for (int64_t i = 0; i < rank; ++i)
+      descriptors.row(order[r])[i] =
+          static_cast<float>(pairs.vectors[i * m + r] * std::sqrt(pairs.values[i]));
+  constexpr int64_t kRows = 512;  // of one product
+  parallel_ranges(n - m, kRows, threads, [&](int64_t begin, int64_t end) {
+    std::vector<double> products((end - begin) * rank);
+    multiply_transposed(end - begin, rank, m, gram.others.data() + begin * m, m,
+                        pairs.vectors.data(), m, products.data(), rank);
+    for (int64_t r = begin; r < end; ++r)
+      for (int64_t i = 0; i < rank; ++i)
+        descriptors.row(order[m + r])[i] =
+            static_cast<float>(products[(r - begin) * rank + i] / std::sqrt(pairs.values[i]));
+  });
+  return descriptors;
+}
+
+}  // namespace
+
+PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
+  const StackedFeatures features(files);
+  if (options.components < 1)
+    throw UsageError(str("PCA: expected at least 1 component, found ", options.components));
+  if (options.threads < 1)
+    throw UsageError(str("PCA: expected at least 1 thread, found ", options.threads));
+  const std::vector<int64_t> order = fitted_first(features.n(), options.fit_rows);
+  const int64_t m =
+      options.fit_rows.empty() ? features.n() : static_cast<int64_t>(options.fit_rows.size());
+  if (m < 2) throw UsageError(str("PCA: needs at least 2 features to learn from, found ", m));
+
+  PcaResult result;
+  CrossGram gram = cross_gram(features, order, m, options);
+  double scatter = 0;
+  for (int64_t i = 0; i < m; ++i) scatter += gram.fitted[i * m + i];
+  if (!(scatter > 0))
+    throw InputError(
+        str(files[0]->path().string(), ": the ", m,
+            " features to learn from are all the same; there is no direction to keep"));
+  Eigenpairs pairs = largest_eigenpairs(gram.fitted, m, std::min(options.components, m));
+  release(gram.fitted);
+  fix_signs(pairs, m);
+
+  const double degrees = static_cast<double>(m - 1);
+  result.rank = numerical_rank(pairs, m);
+  result.total_variance = scatter / degrees;
+  for (int64_t i = 0; i < result.rank; ++i) result.variances.push_back(pairs.values[i] / degrees);
+  result.descriptors = project_rows(gram, pairs, result.rank, order, options.threads);
+  if (result.rank < options.components)
+    result.note =
+        str("PCA keeps ", result.rank, " of the ", options.components, " components asked for: ", m,
+            " features of ", features.d(), " values have no more directions");
+  release(gram.others);
+  if (!options.model_folder.empty())
+    write_model(features, {order.begin(), order.begin() + m}, pairs, result.rank, options);
+  return result;
+}
+
+}  // namespace revisit::pipeline

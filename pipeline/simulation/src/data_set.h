@@ -1,0 +1,35 @@
+#pragma once
+
+#include <set>
+
+#include "drive.h"
+#include "output_folder.h"
+#include "revisit/simulation/simulation.h"
+
+namespace revisit::pipeline::simulation {
+
+/// To be raised with every change that changes scans: old ones must not be continued.
+constexpr int kWorldVersion = 1;
+
+/// The files of one simulated sequence in KITTI odometry layout.
+class DataSet {
+ public:
+  DataSet(const SimulationConfig& config, const Drive& drive);
+
+  /// Makes the folder ready for the frames `wanted` (OutputFolder::open). Returns the frames that
+  /// are complete already.
+  std::set<int> open(const std::set<int>& wanted, bool overwrite);
+  /// Writes poses, calibration and times.
+  void write_frame(const std::string& poses, const std::string& calibration,
+                   const std::string& times);
+
+  std::filesystem::path scan_file(int frame) const;
+  std::filesystem::path image_file(int frame) const;
+
+ private:
+  std::filesystem::path sequence_, poses_file_;
+  bool with_images_;
+  OutputFolder folder_;
+};
+
+}  // namespace revisit::pipeline::simulation

@@ -1,0 +1,105 @@
+#include "ground.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "random.h"
+
+namespace revisit::pipeline::simulation {
+namespace {
+
+using Vec2 = Eigen::Vector2d;
+
+constexpr double kKerbHeight = 0.12, kKerbWidth = 0.25;  // [m]
+constexpr double kPavementWidth = 1.9;                   // [m]
+constexpr double kFineLimit = 9;                         // from the road: room for every kerb [m]
+constexpr int kTile = 8;                                 // [m]
+
+}  // namespace
+
+Ground::Ground(uint64_t seed, const RoadMap& roads) : seed_(seed), roads_(roads) {
+  Random random(seed, 0x67726f756e64);
+  constexpr std::array<double, 6> kWavelengths = {420, 310, 170, 120, 65, 45};  // [m]
+  for (size_t i = 0; i < waves_.size(); ++i) {
+    const double k = 2 * std::numbers::pi / kWavelengths[i], angle = random.uniform(0, 6.283);
+    // A slope of at most 0.8 % each: 4.8 % where all of them add up.
+    waves_[i] = {k * Vec2(std::cos(angle), std::sin(angle)), 0.008 / k, random.uniform(0, 6.283)};
+  }
+}
+
+double Ground::height(const Vec2& point) const {
+  double h = 0;
+  for (const Wave& w : waves_) h += w.amplitude * std::sin(w.k.dot(point) + w.phase);
+  return h;
+}
+
+Eigen::Vector3d Ground::normal(const Vec2& point) const {
+  Vec2 gradient = Vec2::Zero();
+  for (const Wave& w : waves_) gradient += w.amplitude * std::cos(w.k.dot(point) + w.phase) * w.k;
+  return Eigen::Vector3d(-gradient.x(), -gradient.y(), 1).normalized();
+}
+
+bool Ground::has_parking(const Vec2& point) const {
+  return value_noise(seed_ ^ 0x7061726b, point.x(), point.y(), 55) > 0.42;
+}
+
+double Ground::kerb(const Vec2& point) const {
+  const double narrow = 3.5, wide = 5.6;
+  const double u = value_noise(seed_ ^ 0x7061726b, point.x(), point.y(), 55);
+  return narrow + (wide - narrow) * std::clamp((u - 0.38) / 0.04, 0.0, 1.0);
+}
+
+double Ground::surface_height(const Vec2& point) const {
+  const double beyond = roads_.distance(point, kFineLimit) - kerb(point);
+  return height(point) + kKerbHeight * std::clamp(beyond / kKerbWidth, 0.0, 1.0);
+}
+
+void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh) const {
+  std::set<std::pair<int, int>> tiles;  // ordered: the mesh must not depend on a hash
+  const int steps = static_cast<int>(std::ceil(reach / kTile));
+  Vec2 last = Vec2::Constant(1e12);
+  for (const PathPoint& point : path) {
+    if ((point.position - last).norm() < kTile) continue;
+    last = point.position;
+    const int ci = static_cast<int>(std::floor(last.x() / kTile));
+    const int cj = static_cast<int>(std::floor(last.y() / kTile));
+    for (int i = -steps; i <= steps; ++i)
+      for (int j = -steps; j <= steps; ++j)
+        if (i * i + j * j <= steps * steps) tiles.insert({ci + i, cj + j});
+  }
+
+  for (const auto& [ti, tj] : tiles) {
+    const Vec2 corner(ti * kTile, tj * kTile);
+    const Vec2 center = corner + Vec2::Constant(kTile / 2.0);
+    const double limit = kFineLimit + kTile;
+    const bool fine = roads_.distance(center, limit) < kFineLimit + kTile * 0.7072;
+    const int cells = fine ? 2 * kTile : 2;  // 0.5 m, or 4 m
+    const double size = static_cast<double>(kTile) / cells;
+    const auto first = static_cast<uint32_t>(mesh->vertices.size());
+    std::vector<double> beyond;  // from the kerb outwards [m]
+    for (int i = 0; i <= cells; ++i)
+      for (int j = 0; j <= cells; ++j) {
+        const Vec2 p = corner + size * Vec2(i, j);
+        const double d = fine ? roads_.distance(p, kFineLimit) - kerb(p) : kFineLimit;
+        const double z = height(p) + kKerbHeight * std::clamp(d / kKerbWidth, 0.0, 1.0);
+        mesh->vertices.push_back(Eigen::Vector3d(p.x(), p.y(), z).cast<float>());
+        beyond.push_back(d);
+        mesh->from_kerb.push_back(static_cast<float>(d));
+      }
+    for (int i = 0; i < cells; ++i)
+      for (int j = 0; j < cells; ++j) {
+        const auto a = static_cast<uint32_t>(i * (cells + 1) + j);
+        const auto b = a + static_cast<uint32_t>(cells) + 1;
+        const double d = beyond[a];
+        const Surface s = d < 0                ? surface(Material::kRoad, 0.3, Look::kGround)
+                          : d < kPavementWidth ? surface(Material::kRoad, 0.36, Look::kGround)
+                                               : surface(Material::kLawn, 0.42, Look::kGround);
+        mesh->add({first + a, first + b, first + b + 1}, s);
+        mesh->add({first + a, first + b + 1, first + a + 1}, s);
+      }
+  }
+}
+
+}  // namespace revisit::pipeline::simulation

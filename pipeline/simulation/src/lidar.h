@@ -1,0 +1,45 @@
+#pragma once
+
+#include <vector>
+
+#include "ray_caster.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/simulation/simulation.h"
+
+namespace revisit::pipeline::simulation {
+
+/// Geometry of a spinning LiDAR.
+struct BeamPattern {
+  std::vector<double> elevation;       // [beam], top first [rad]
+  std::vector<double> azimuth_offset;  // [beam] [rad]
+  int azimuths = 0;                    // firings a revolution
+  double max_range = 0;                // [m]
+  bool on_car_roof = false;            // the roof behind the sensor hides the ground
+};
+BeamPattern beam_pattern(LidarModel model);
+
+struct NoiseModel {
+  double range_sigma = 0.02;  // [m]
+  double dropout = 0.01;      // share of returns lost at random
+};
+/// Throws UsageError for a noise that cannot be.
+void check(const NoiseModel& noise);
+
+/// Takes scans: one per thread.
+class Lidar {
+ public:
+  Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed);
+
+  /// One instantaneous revolution from `T_world_velo`, beam by beam from the top, each from
+  /// forward to the left. Depends on seed, frame, pose and scene only.
+  PointCloud scan(int frame, const Pose& T_world_velo, RayCaster& scene);
+
+ private:
+  const BeamPattern& pattern_;
+  NoiseModel noise_;
+  uint64_t seed_;
+  std::vector<Eigen::Vector3f> directions_, world_directions_;  // [beam][azimuth]
+  std::vector<Hit> hits_;
+};
+
+}  // namespace revisit::pipeline::simulation

@@ -1,0 +1,89 @@
+#include "output_folder.h"
+
+#include <algorithm>
+#include <sstream>
+
+#include "revisit/proto/atomic_file.h"
+#include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
+#include "revisit/proto/folder.h"
+#include "revisit/proto/text.h"
+
+namespace revisit::pipeline::simulation {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kHeader = "# revisit simulate: the settings of the scans beside this file\n";
+
+}  // namespace
+
+OutputFolder::OutputFolder(fs::path settings_file, const std::string& settings)
+    : settings_file_(std::move(settings_file)),
+      settings_(str(kHeader, settings, "hash: ", short_name_of(settings), "\n")) {}
+
+/// The first line in which the settings there differ from ours.
+std::string OutputFolder::difference(const std::string& known) const {
+  std::istringstream there(known), ours(settings_);
+  std::string a, b;
+  while (std::getline(there, a) && std::getline(ours, b))
+    if (a != b) return str("there '", a, "', now '", b, "'");
+  return "they end differently";
+}
+
+OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
+                                       const std::vector<fs::path>& others, bool overwrite) const {
+  const std::string known = content_if_any(settings_file_);
+  const std::string folder = settings_file_.parent_path().string();
+  if (known.empty()) {
+    // Perhaps a real recording: never touched, whatever was asked for.
+    std::vector<fs::path> strange = others;
+    if (!there.empty()) strange.push_back(*there.begin());
+    for (const fs::path& file : strange)
+      if (fs::exists(file))
+        throw UsageError(str(file.string(),
+                             " is there already and was not made by a simulation (no ",
+                             settings_file_.string(),
+                             "): choose another "
+                             "SimulationConfig::output or SimulationConfig::sequence"));
+  } else if (!known.starts_with(kHeader)) {
+    throw UsageError(settings_file_.string() +
+                     " is there but is no settings file of a simulation: choose another "
+                     "SimulationConfig::output");
+  } else if (known != settings_ && !overwrite) {
+    throw UsageError(
+        str(folder, " holds ", there.size(), " files made with other settings (", difference(known),
+            "): choose another SimulationConfig::output or "
+            "SimulationConfig::sequence, or replace them (SimulationConfig::overwrite)"));
+  }
+  // What this run would not make: all of other settings, or what was not asked for.
+  Files stale = there;
+  if (known == settings_) {
+    stale.clear();
+    std::set_difference(there.begin(), there.end(), wanted.begin(), wanted.end(),
+                        std::inserter(stale, stale.end()));
+    if (!stale.empty() && !overwrite)
+      throw UsageError(
+          str(folder, " holds ", stale.size(), " more files than asked for (",
+              stale.begin()->filename().string(),
+              "): widen SimulationConfig::last_frame or SimulationConfig::every, choose "
+              "another SimulationConfig::output, or remove them "
+              "(SimulationConfig::overwrite)"));
+  }
+  for (const fs::path& file : stale) fs::remove(file);
+  Files complete;
+  for (const fs::path& file : wanted) {
+    make_folder(file.parent_path());
+    if (there.contains(file) && !stale.contains(file)) complete.insert(file);
+  }
+  write_text(settings_file_, settings_);
+  return complete;
+}
+
+void write_text(const fs::path& file, const std::string& text) {
+  if (content_if_any(file) == text) return;
+  make_folder(file.parent_path());
+  write_atomically(file, [&](std::ostream& out) { out << text; });
+}
+
+}  // namespace revisit::pipeline::simulation

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <span>
+
+#include "revisit/simulation/simulation.h"
+
+namespace revisit::pipeline::simulation {
+
+/// Takes the scans [0, missing) that are not there yet, each by take(item, thread), and counts them
+/// in `summary.scans`, to which those found complete already belong; notes the time they took.
+/// `folder` is what the message names. Throws Interrupted when stop() answered yes before the last
+/// one, and what take() throws.
+void take_scans(int64_t missing, int threads, const std::filesystem::path& folder,
+                const std::function<void(int64_t item, int thread)>& take,
+                const std::function<void(int64_t, int64_t)>& progress,
+                const std::function<bool()>& stop, SimulationSummary& summary);
+
+double seconds_since(std::chrono::steady_clock::time_point start);
+
+/// Points of a scan, from the sizes of `files`.
+double mean_points(std::span<const std::filesystem::path> files);
+
+}  // namespace revisit::pipeline::simulation

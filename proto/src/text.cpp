@@ -1,0 +1,22 @@
+#include "revisit/proto/text.h"
+
+#include <charconv>
+
+#include "revisit/proto/fnv1a.h"
+
+namespace revisit {
+
+std::string exact(double value) {
+  char text[32];
+  return {text, std::to_chars(text, text + sizeof text, value).ptr};
+}
+
+std::string short_name_of(const std::string& text) {
+  uint64_t hash = kFnv1aStart;
+  for (const unsigned char c : text) hash = fnv1a(hash, c);
+  std::string digits(16, '0');
+  for (size_t i = digits.size(); i-- > 0; hash >>= 4) digits[i] = "0123456789abcdef"[hash & 15];
+  return digits;
+}
+
+}  // namespace revisit
