@@ -276,6 +276,9 @@ int matches(const FloatMatrix& a, const FloatMatrix& b) {
 }
 
 TEST(Camera, APlaceIsRecognisedOnTheNextVisitInOtherLight) {
+#ifndef REVISIT_HAVE_OPENCV
+  GTEST_SKIP() << "built without OpenCV";
+#endif
   Seen seen(0.4);
   const std::vector<PlanarPose>& poses = seen.town.drive.poses;
   std::vector<FloatMatrix> first, second;

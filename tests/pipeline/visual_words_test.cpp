@@ -46,6 +46,11 @@ GrayImage scene(unsigned place, int shift = 0, double gain = 1, unsigned noise =
 
 class VisualWords : public testing::Test {
  protected:
+  void SetUp() override {
+#ifndef REVISIT_HAVE_OPENCV
+    GTEST_SKIP() << "built without OpenCV";
+#endif
+  }
   /// Twelve places, and the first six of them again: shifted, brighter, with noise.
   VisualWords() {
     for (unsigned i = 0; i < 18; ++i) {

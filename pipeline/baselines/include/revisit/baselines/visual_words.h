@@ -10,6 +10,8 @@
 
 namespace revisit::pipeline {
 
+/// A build without OpenCV has no visual words: what needs them throws UsageError saying so.
+
 /// SIFT descriptors of an image (Lowe 2004; OpenCV's, default parameters), [keypoints][128]: the
 /// kMostKeypoints strongest.
 FloatMatrix sift_descriptors(const GrayImage& image);
