@@ -35,8 +35,9 @@ proto::NetFile read(const fs::path& prototxt, const LoadOptions& options) {
 
 /// A copy of a layer has another input than the layer and a name that no weights file has.
 void check_graft(const Net::Impl& net, const Truncation& truncation) {
+  if (truncation.graft.empty()) return;  // then a net may be without layers, too
   const Node& last = net.graph.nodes.back();
-  if (truncation.graft.empty() || last.weights.empty()) return;
+  if (last.weights.empty()) return;
   throw UsageError(str(net.file, ": Truncation::graft: layer '", truncation.graft, "' (",
                        last.param.type(),
                        ") has weights, and there are none for a copy of it; graft a layer without "

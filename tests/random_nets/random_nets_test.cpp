@@ -51,7 +51,9 @@ TEST_P(RandomNetsAgree, InAllWays) {
   }
   RecordProperty("insensitive", std::to_string(statistics.insensitive));
   EXPECT_LE(statistics.insensitive, statistics.outputs / 10) << "tolerances that find nothing";
-  EXPECT_LE(statistics.too_large, statistics.nets / 10) << "nets that compare no numbers";
+  if (kNetsOfATest >= 60) {  // a share of a few nets is chance
+    EXPECT_LE(statistics.too_large, statistics.nets / 10) << "nets that compare no numbers";
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomNetsAgree,
