@@ -180,6 +180,17 @@ TEST_F(DescribeTest, OtherSettingsAreOtherFiles) {
   EXPECT_NE(paths("x").features, case1.features);
 }
 
+TEST_F(DescribeTest, TheAlignmentOfAScanTakenAsItIsIsRecordedAsCaseOne) {
+  const auto yaw_of_scan_3 = [&](AlignCase align, const char* folder) {
+    options_.align = align;
+    std::filesystem::create_directories(dir_ / folder);
+    const FeaturePaths written = feature_paths(dir_ / folder, dataset_, extractor(), options_);
+    write_features(written, dataset_, extractor(), options_);
+    return read_alignments(written.alignments).at(3).yaw;
+  };
+  EXPECT_EQ(yaw_of_scan_3(AlignCase::kNone, "as it is"), yaw_of_scan_3(AlignCase::kOne, "one"));
+}
+
 TEST_F(DescribeTest, APointFeatureSeesTheAlignedPoints) {
   FeatureExtractor first;
   first.name = first.key = "first point";

@@ -59,7 +59,7 @@ Alignment principal_alignment(const PointCloud& cloud, AlignCase which) {
   const Eigen::Vector3d y = z.cross(x);
 
   // Case 2 is case 1 turned by 180 degrees about z': exact, by signs alone.
-  const double sign = which == AlignCase::kOne ? 1 : -1;
+  const double sign = which == AlignCase::kTwo ? -1 : 1;
   Alignment alignment;
   alignment.R_aligned_sensor.row(0) = (sign * x).cast<float>();
   alignment.R_aligned_sensor.row(1) = (sign * y).cast<float>();

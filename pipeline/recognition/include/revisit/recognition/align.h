@@ -27,7 +27,7 @@ struct Alignment {
 };
 
 /// Principal directions of the covariance about the mean; the rotation is about the sensor origin.
-/// z' points up (t33 >= 0), x' has t11 >= 0 in case 1, y' = z' x x'.
+/// z' points up (t33 >= 0), x' has t11 >= 0 in case 1, y' = z' x x'. kNone gives case 1's.
 /// Throws InputError when fewer than 3 usable points are left or they are all the same.
 Alignment principal_alignment(const PointCloud& cloud, AlignCase which = AlignCase::kOne);
 
