@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <optional>
 #include <set>
+#include <span>
 
+#include "revisit/proto/joined.h"
 #include "revisit/proto/weights_file.h"
 
 namespace revisit::engine {
@@ -19,12 +21,12 @@ bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   return blob.shape == padded;
 }
 
-std::string joined(const std::vector<std::string>& names) {
-  std::string result;
+/// The first eight names, and how many more there are.
+std::string first_of(const std::vector<std::string>& names) {
   constexpr size_t kMost = 8;
-  for (size_t i = 0; i < std::min(names.size(), kMost); ++i) result += (i ? ", " : "") + names[i];
-  if (names.size() > kMost) result += str(", and ", names.size() - kMost, " more");
-  return result;
+  const std::span<const std::string> shown(names.data(), std::min(names.size(), kMost));
+  const size_t more = names.size() - shown.size();
+  return joined(shown, ", ") + (more > 0 ? str(", and ", more, " more") : "");
 }
 
 /// A blob of a kept layer.
@@ -83,13 +85,13 @@ class Loader {
     }
     if (!missing.empty() && !allow_missing)
       throw InputError(
-          str(path_, ": no weights for the layers ", joined(missing), " of ", net_.file,
-              unused_.empty() ? "" : str("; the file has weights for ", joined(unused_)),
+          str(path_, ": no weights for the layers ", first_of(missing), " of ", net_.file,
+              unused_.empty() ? "" : str("; the file has weights for ", first_of(unused_)),
               " (LoadOptions::allow_missing makes them zero)"));
     if (!missing.empty())
-      warnings.push_back(str("layers without weights, set to zero: ", joined(missing)));
+      warnings.push_back(str("layers without weights, set to zero: ", first_of(missing)));
     if (!unused_.empty())
-      warnings.push_back(str(path_, ": weights that no layer uses: ", joined(unused_)));
+      warnings.push_back(str(path_, ": weights that no layer uses: ", first_of(unused_)));
     return warnings;
   }
 

@@ -3,6 +3,8 @@
 #include <charconv>
 #include <ostream>
 
+#include "revisit/proto/joined.h"
+
 namespace revisit::engine {
 
 Shape::Shape(std::vector<int64_t> axes) : axes_(std::move(axes)) {
@@ -61,10 +63,7 @@ Shape Shape::with_rows(size_t axis, int64_t size) const {
 }
 
 std::string text_of(const std::vector<int64_t>& axes) {
-  if (axes.empty()) return "scalar";
-  std::string result;
-  for (const int64_t size : axes) result += (result.empty() ? "" : "x") + std::to_string(size);
-  return result;
+  return axes.empty() ? "scalar" : joined(axes, "x");
 }
 
 std::ostream& operator<<(std::ostream& out, const Shape& shape) {

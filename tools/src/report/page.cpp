@@ -1,9 +1,7 @@
 #include "report/page.h"
 
 #include <algorithm>
-#include <fstream>
 #include <set>
-#include <sstream>
 
 #include "cli/json.h"
 #include "cli/local_time.h"
@@ -13,6 +11,7 @@
 #include "report_assets.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
 
 namespace revisit::cli {
 namespace {
@@ -153,9 +152,7 @@ std::string html_page(const reports::Page& page) {
 void need_report(const fs::path& file, const std::string& mark, const std::string& advice) {
   std::error_code none;
   if (!fs::is_regular_file(file, none) || fs::is_empty(file, none)) return;
-  std::ostringstream content;
-  content << std::ifstream(file, std::ios::binary).rdbuf();
-  if (content.str().find(mark) == std::string::npos)
+  if (content_if_any(file).find(mark) == std::string::npos)
     throw UsageError(str(file.string(), ": is there, and is no report of revisit; ", advice));
 }
 
