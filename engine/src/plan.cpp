@@ -125,14 +125,14 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   const std::vector<Shape> shapes = shapes_for(*impl_, inputs);
   const std::vector<std::optional<DynamicRows>> rows = dynamic_rows(*impl_, shapes);
   check_weight_shapes(*impl_, shapes);
-  auto [operations, schedule] = make_draft_within_limit(*impl_, shapes, options);
+  Draft draft = make_draft_within_limit(*impl_, shapes, options);
 
   auto plan = std::make_shared<Plan::Impl>();
   plan->net = impl_;
   plan->flush_denormals = options.flush_denormals;
-  plan->costs = layer_costs(*impl_, shapes, operations, schedule);
+  plan->costs = layer_costs(*impl_, shapes, draft.operations, draft.schedule);
   for (const LayerCost& cost : plan->costs) plan->weight_floats += cost.parameters;
-  plan->schedule = std::move(schedule);
+  plan->schedule = std::move(draft.schedule);
   check_run_memory(*plan, options.max_run_bytes);
 
   std::vector<Step>& steps = plan->schedule.steps;
@@ -145,7 +145,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
 
   const Graph& graph = impl_->graph;
   const auto slot_of = [&](ValueId id) {
-    const size_t stored = plan->schedule.nchw[operations.held_by[id]].value();
+    const size_t stored = plan->schedule.nchw[draft.operations.held_by[id]].value();
     const Stored& place = plan->schedule.stored[stored];
     return Plan::Impl::Slot{place.offset, place.shape, rows[id]};
   };
