@@ -192,7 +192,7 @@ Paint roof(const Spot& spot) {
 }
 
 Paint window(const Spot& spot) {
-  const auto [at, size] = spot.on_quad();
+  const Vec2 at = spot.on_quad().at, size = spot.on_quad().size;
   const uint64_t pane = spot.quad();
   const float f = spot.f;
   float albedo = 0.04f;
@@ -221,7 +221,7 @@ Paint window(const Spot& spot) {
 }
 
 Paint door(const Spot& spot) {
-  const auto [at, size] = spot.on_quad();
+  const Vec2 at = spot.on_quad().at, size = spot.on_quad().size;
   const uint64_t leaf = spot.quad();
   const float f = spot.f;
   float albedo = 0.06f + 0.5f * lot(leaf, 1);
