@@ -251,8 +251,8 @@ void Parser::parse(std::vector<std::string> arguments) {
   }
   if (config_path_)
     for (const auto& [name, value] : config_reader_(*config_path_)) {
-      const auto has_name = [&](const Option& option) { return option.name == name; };
-      if (std::ranges::none_of(options_, has_name) && std::ranges::count(config_others_, name))
+      if (std::ranges::count(options_, name, &Option::name) == 0 &&
+          std::ranges::count(config_others_, name))
         continue;
       apply(find(config_path_->string(), name), Source::kConfigFile,
             config_path_->string() + ": " + name, value);
