@@ -17,8 +17,8 @@ TEST(MetricsReport, LeavesOutWhatWasNotComputed) {
   Task task;
   task.name = "online";
   task.exclusion = pipeline::parse_exclusion("frames=50");
-  const auto some = metrics_report(pipeline::summarize(kVerdicts), task,
-                                   {pipeline::Distance::kBox, 3}, "poses/00.txt");
+  task.rule = {pipeline::Distance::kBox, 3};
+  const auto some = metrics_report(pipeline::summarize(kVerdicts), task, "poses/00.txt");
   EXPECT_EQ(some.protocol(), "online");
   EXPECT_EQ(some.distance(), "box");
   EXPECT_EQ(some.exclusion(), "frames=50");
@@ -27,7 +27,7 @@ TEST(MetricsReport, LeavesOutWhatWasNotComputed) {
   EXPECT_EQ(some.decision(), "query");
   EXPECT_FALSE(some.has_n_pairs());
   EXPECT_FALSE(some.has_false_beyond_m());
-  const auto none = metrics_report(pipeline::summarize({}), task, task.rule, "");
+  const auto none = metrics_report(pipeline::summarize({}), task, "");
   EXPECT_EQ(none.n_queries(), 0);
   EXPECT_FALSE(none.has_f1_max());
   EXPECT_FALSE(none.has_average_precision());
@@ -52,11 +52,12 @@ TEST(MetricsReport, IntervalsAreLowAndHigh) {
 TEST(MetricsReport, PairsHaveTheirCounts) {
   Task task;
   task.decision = pipeline::Decision::kPair;
+  task.rule = {pipeline::Distance::kXz, 3, 20};
   pipeline::PrSummary summary;
   summary.n_pairs = 1010;
   summary.n_true_pairs = 10;
   summary.recall_at_1 = std::nan("");
-  const auto metrics = metrics_report(summary, task, {pipeline::Distance::kXz, 3, 20}, "");
+  const auto metrics = metrics_report(summary, task, "");
   EXPECT_EQ(metrics.decision(), "pair");
   EXPECT_EQ(metrics.n_pairs(), 1010);
   EXPECT_EQ(metrics.n_true_pairs(), 10);

@@ -1,4 +1,3 @@
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <memory>
@@ -11,6 +10,7 @@
 #include "passers.h"
 #include "random.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/datasets/stopwatch.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/text.h"
 #include "route.h"
@@ -89,7 +89,7 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
   const OutputFolder::Files there =
       folder.open(wanted, scans_there(config.output), {truth}, config.overwrite);
 
-  const auto start = std::chrono::steady_clock::now();
+  Stopwatch watch;
   World world = build_world(config.seed, path.points, roads, ground);
   std::vector<Passers> passers(shots.size());
   if (config.scans == PlaceScans::kObjects)
@@ -103,7 +103,7 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
   SimulationSummary summary;
   summary.kept = summary.scans = static_cast<int64_t>(there.size());
   summary.triangles = static_cast<int64_t>(scene.mesh().triangles.size());
-  summary.build_seconds = seconds_since(start);
+  summary.build_seconds = watch.lap() / 1000;
   const auto total = static_cast<int64_t>(shots.size());
   if (progress) progress(summary.scans, total);
 

@@ -1,7 +1,6 @@
 #include "revisit/simulation/simulation.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <memory>
 
@@ -11,6 +10,7 @@
 #include "lidar.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/datasets/stopwatch.h"
 #include "revisit/proto/error.h"
 #include "take_scans.h"
 #include "traffic.h"
@@ -83,7 +83,7 @@ SimulationSummary simulate(const SimulationConfig& config,
   DataSet data(config, drive);
   const std::set<int> there = data.open(wanted, config.overwrite);
 
-  const auto start = std::chrono::steady_clock::now();
+  Stopwatch watch;
   const Path path = resample(drive.poses);
   const RoadMap roads(drive.poses, path.points);
   const Ground ground(config.seed, roads);
@@ -113,7 +113,7 @@ SimulationSummary simulate(const SimulationConfig& config,
     std::optional<Textures> textures;
     if (config.camera) textures.emplace();
     summary.triangles = static_cast<int64_t>(scene.mesh().triangles.size());
-    summary.build_seconds = seconds_since(start);
+    summary.build_seconds = watch.lap() / 1000;
 
     const int threads = threads_for(config.threads, static_cast<int64_t>(missing.size()));
     std::vector<Vehicle> vehicles;  // [thread]

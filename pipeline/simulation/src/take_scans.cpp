@@ -1,6 +1,7 @@
 #include "take_scans.h"
 
 #include "each.h"
+#include "revisit/datasets/stopwatch.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline::simulation {
@@ -9,7 +10,7 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
                 const std::function<void(int64_t item, int thread)>& take,
                 const std::function<void(int64_t, int64_t)>& progress,
                 const std::function<bool()>& stop, SimulationSummary& summary) {
-  const auto start = std::chrono::steady_clock::now();
+  Stopwatch watch;
   const int64_t total = summary.scans + missing;
   bool stopped = false;
   const auto count = [&](int64_t) {
@@ -22,11 +23,7 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
   if (stopped)
     throw Interrupted(str("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
                           folder.string(), "; run the same command again to continue"));
-  summary.scan_seconds = seconds_since(start);
-}
-
-double seconds_since(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  summary.scan_seconds = watch.lap() / 1000;
 }
 
 double mean_points(std::span<const std::filesystem::path> files) {

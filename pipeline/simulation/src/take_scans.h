@@ -1,6 +1,5 @@
 #pragma once
 
-#include <chrono>
 #include <filesystem>
 #include <functional>
 #include <span>
@@ -17,8 +16,6 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
                 const std::function<void(int64_t item, int thread)>& take,
                 const std::function<void(int64_t, int64_t)>& progress,
                 const std::function<bool()>& stop, SimulationSummary& summary);
-
-double seconds_since(std::chrono::steady_clock::time_point start);
 
 /// Points of a scan, from the sizes of `files`.
 double mean_points(std::span<const std::filesystem::path> files);

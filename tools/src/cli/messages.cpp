@@ -7,7 +7,11 @@ namespace revisit::cli {
 namespace {
 
 constexpr Setting kSettings[] = {
+    {"DescribeOptions::align", "--align"},
+    {"DescribeOptions::strict", "--strict"},
     {"Distance::kPlace", "--distance place"},
+    {"EvaluationOptions::protocols", "--protocol"},
+    {"EvaluationOptions::query_case", "--query-case"},
     {"Limits::layers", "--max-layers"},
     {"Limits::text_bytes", "--max-text-mb"},
     {"Limits::weight_bytes", "--max-weights-mb"},
@@ -15,6 +19,7 @@ constexpr Setting kSettings[] = {
     {"LoadOptions::inputs", "--input-shape"},
     {"Net::layer_names", "'revisit net inspect'"},
     {"PlanOptions::max_run_bytes", "--max-run-mb"},
+    {"ReductionOptions::memory_gb", "--memory"},
     {"SimulationConfig::every", "--every"},
     {"SimulationConfig::last_frame", "--frames"},
     {"SimulationConfig::output", "--output"},
@@ -40,6 +45,10 @@ std::string in_our_words(std::string message) {
       message.replace(at, name.size(), ours);
   }
   return message;
+}
+
+void note(const std::string& message) {
+  std::cerr << "note: " << in_our_words(message) << "\n";
 }
 
 void warn(const std::string& message) {

@@ -17,7 +17,8 @@ std::span<const Setting> settings_in_messages();
 /// A message of a library in the words of the program: its flags for fields of option structs.
 std::string in_our_words(std::string message);
 
-/// "warning: ..." on standard error, in our words.
+/// "note: ..." and "warning: ..." on standard error, in our words.
+void note(const std::string& message);
 void warn(const std::string& message);
 
 }  // namespace revisit::cli

@@ -4,13 +4,14 @@
 
 #include "cli/command.h"
 #include "cli/json.h"
+#include "cli/messages.h"
 #include "cli/table.h"
 #include "eval/config_file.h"
-#include "eval/descriptors.h"
 #include "eval/eval_options.h"
 #include "eval/points_outside.h"
 #include "eval/run_info.h"
 #include "eval/summary_table.h"
+#include "revisit/datasets/stopwatch.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/folder.h"
 #include "revisit/proto/npy.h"
@@ -65,28 +66,29 @@ int describe_command(const Arguments& arguments) {
     throw UsageError("--pca-fit map needs a task with stored scans: use `revisit eval`");
 
   const pipeline::Dataset dataset = open_scans(options);
-  if (const std::string found = resolve_sensor(options, dataset); !found.empty() && !options.quiet)
-    std::cerr << "note: sensor: " << found << "\n";
+  const pipeline::Observer observer = options.observer();
+  if (const std::string found = resolve_sensor(options, dataset); !found.empty())
+    observer.note("sensor: " + found);
   make_folder(output);  // now, as describing may take hours
   const fs::path cache = options.cache_folder(output);
   const FeatureSource source = open_feature(options, dataset, cache);
-  LazyFeatures features(options, source, source.align, cache);
+  pipeline::DatasetFeatures features(source.inputs, source.extractor, options.describe(source),
+                                     cache, observer);
   std::vector<std::string> left_out;
   for (const int64_t row : features.left_out())
     left_out.push_back(dataset.scans[static_cast<size_t>(row)].file.filename().string());
   features.file();  // so that the time of the reduction is its own
   warn_of_points_outside(options, source.inputs, features.alignments());
-  RunTimes times;
+  pipeline::EvaluationTimes times;
   times.describe = features.times();
 
   const bool fits = options.pca_fit == "all";
-  Descriptors descriptors;
-  times.reduce.push_back(milliseconds_of([&] {
-    descriptors = reduce(options, source.components, {}, features, nullptr,
-                         fits ? output / "pca" : fs::path());
-  }));
-  if (!descriptors.note.empty() && !options.quiet)
-    std::cerr << "note: " << descriptors.note << "\n";
+  pipeline::Stopwatch watch;
+  const pipeline::Descriptors descriptors =
+      pipeline::reduce(options.reduction(source), {}, features, nullptr, observer,
+                       fits ? output / "pca" : fs::path());
+  times.reduce.push_back(watch.lap());
+  if (!descriptors.note.empty()) observer.note(descriptors.note);
   const pipeline::FloatMatrix& matrix = descriptors.case1;
   proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());
   write_frames(output / "frames.csv", dataset, features.alignments());

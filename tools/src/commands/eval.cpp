@@ -4,6 +4,8 @@
 #include "cli/shell.h"
 #include "cli/table.h"
 #include "eval/evaluation.h"
+#include "eval/run_folder.h"
+#include "eval/run_times.h"
 #include "eval/summary_table.h"
 #include "report/page.h"
 
@@ -20,7 +22,7 @@ bool has_option(const Arguments& arguments, const std::string& option, const std
 }
 
 /// For a handful of queries: what each of them found.
-void print_matches(const TaskResult& result, const pipeline::Trajectory& trajectory,
+void print_matches(const pipeline::TaskResult& result, const pipeline::Trajectory& trajectory,
                    const std::string& similarity) {
   constexpr size_t kHandful = 20;
   if (result.on_pairs() || result.matches.size() > kHandful) return;
@@ -32,16 +34,16 @@ void print_matches(const TaskResult& result, const pipeline::Trajectory& traject
   for (size_t q = 0; q < result.matches.size(); ++q) {
     const pipeline::Match& m = result.matches[q];
     const bool has_next = m.ranks.size() > 1;
-    table.row(
-        {frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
-         has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
-         number(m.score, 3),
-         number(pipeline::distance_between(trajectory, m.query, m.ranks[0], result.rule.distance),
-                1),
-         result.verdicts[q].correct    ? "yes"
-         : result.verdicts[q].ignored  ? "not counted"
-         : result.verdicts[q].positive ? "no, there was one"
-                                       : "none there"});
+    table.row({frame(m.query), frame(m.ranks[0]), number(m.similarities[0], 3),
+               has_next ? frame(m.ranks[1]) : "", has_next ? number(m.similarities[1], 3) : "",
+               number(m.score, 3),
+               number(pipeline::distance_between(trajectory, m.query, m.ranks[0],
+                                                 result.task.rule.distance),
+                      1),
+               result.verdicts[q].correct    ? "yes"
+               : result.verdicts[q].ignored  ? "not counted"
+               : result.verdicts[q].positive ? "no, there was one"
+                                             : "none there"});
   }
   std::cout << "\n" << result.task.name << ":\n";
   table.print(std::cout);
@@ -69,31 +71,31 @@ int eval_command(const Arguments& arguments) {
   }
   if (lists_sensors(arguments)) return kOk;
   const EvalOptions options = parse_eval_options(arguments);
-  const Evaluation evaluation = evaluate(options);
+  const FinishedEvaluation evaluation = evaluate(options);
   const int exit_code = evaluation.left_out.empty() ? kOk : kScansLeftOut;
   if (options.format == "json") {
     if (!options.no_report) write_page(evaluation.run);
-    reports::MetricsList metrics = metrics_list(evaluation.tasks, options.resamples);
+    reports::MetricsList metrics = metrics_list(evaluation.result.tasks, options.resamples);
     metrics.set_folder(evaluation.run.string());
     std::cout << to_json(metrics) << "\n";
     return exit_code;
   }
   std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
             << " numbers a scan), " << evaluation.trajectory.size() << " scans, "
-            << (evaluation.reduced ? "PCA fitted on " + evaluation.tasks.front().pca_fit
+            << (evaluation.reduced ? "PCA fitted on " + evaluation.result.tasks.front().pca_fit
                                    : "no PCA");
-  if (const auto speed = frames_per_second(evaluation.times.describe))
+  if (const auto speed = frames_per_second(evaluation.result.times.describe))
     std::cout << ", " << number(*speed, 1) << " scans/s a thread";
   std::cout << "\n\n";
-  print_summary(std::cout, evaluation.tasks, options.resamples);
+  print_summary(std::cout, evaluation.result.tasks, options.resamples);
   print_left_out(std::cout, evaluation.left_out, evaluation.trajectory.size());
-  for (const TaskResult& result : evaluation.tasks)
+  for (const pipeline::TaskResult& result : evaluation.result.tasks)
     print_matches(result, evaluation.trajectory, evaluation.similarity);
   if (!evaluation.trained)
     std::cout << "\nThe network is UNTRAINED (random weights): these figures say nothing about the "
                  "method.\n";
   std::cout << "\n";
-  print_times(evaluation.times, std::cout);
+  print_times(evaluation.result.times, std::cout);
   std::cout << "\nresults: " << evaluation.run.string() << "\n";
   if (!options.no_report) std::cout << "report: " << write_page(evaluation.run).string() << "\n";
   return exit_code;

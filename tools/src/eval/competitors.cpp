@@ -1,7 +1,5 @@
 #include "competitors.h"
 
-#include "cli/interrupt.h"
-#include "cli/progress.h"
 #include "revisit/baselines/m2dp.h"
 #include "revisit/baselines/pcl_features.h"
 #include "revisit/baselines/scan_context.h"
@@ -33,11 +31,11 @@ bool wants_samples(const FeatureOptions& options) {
 pipeline::FeatureExtractor fabmap(const FeatureOptions& options, const pipeline::Dataset& dataset,
                                   const fs::path& folder) {
   const bool sampled = wants_samples(options);
-  Progress progress("learning words", "images", !options.no_progress && !options.quiet);
+  const pipeline::Observer observer = options.observer();
   pipeline::TrainingOptions training;
   training.threads = options.thread_count();
-  training.progress = progress.callback();
-  training.stop = interrupted;
+  training.progress = observer.stage("learning words", "images");
+  training.stop = observer.stop;
   make_folder(folder);
   const pipeline::Dataset images = options.training_images.empty()
                                        ? pipeline::camera_images(dataset, options.images)

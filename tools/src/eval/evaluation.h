@@ -5,16 +5,15 @@
 #include <vector>
 
 #include "eval/eval_options.h"
-#include "eval/run_folder.h"
+#include "revisit/evaluation/evaluate.h"
 
 namespace revisit::cli {
 
-/// What an evaluation gave; the rest is in its folder.
-struct Evaluation {
+/// What `revisit eval` found; the rest is in the folder of the run.
+struct FinishedEvaluation {
   std::filesystem::path run;
-  std::vector<TaskResult> tasks;
+  pipeline::EvaluationResult result;
   pipeline::Trajectory trajectory;
-  RunTimes times;
   std::string feature, similarity;    // their names
   int64_t feature_dim = 0;            // before the reduction
   bool reduced = true;                // by PCA
@@ -34,8 +33,7 @@ struct EvaluationKey {
 /// what evaluate() would.
 EvaluationKey evaluation_key(const EvalOptions& options);
 
-/// Describes every scan, retrieves, judges, and writes the folder of the run. What an earlier call
-/// left in the cache is not computed again. Throws Interrupted: the cache keeps what was done.
-Evaluation evaluate(const EvalOptions& options);
+/// Evaluates, and writes the folder of the run. Throws what pipeline::Evaluation throws.
+FinishedEvaluation evaluate(const EvalOptions& options);
 
 }  // namespace revisit::cli

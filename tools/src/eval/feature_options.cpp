@@ -1,12 +1,13 @@
 #include "feature_options.h"
 
 #include <algorithm>
-#include <iostream>
 #include <map>
+#include <memory>
 #include <numeric>
 #include <sstream>
 #include <thread>
 
+#include "cli/interrupt.h"
 #include "cli/mean_file.h"
 #include "cli/messages.h"
 #include "cli/progress.h"
@@ -164,6 +165,32 @@ std::optional<int64_t> FeatureOptions::components() const {
   return number;
 }
 
+pipeline::DescribeOptions FeatureOptions::describe(const FeatureSource& source) const {
+  return {.geometry = image.geometry(),
+          .align = source.align,
+          .threads = std::max(1, thread_count() / threads_per_scan),
+          .strict = strict};
+}
+
+pipeline::ReductionOptions FeatureOptions::reduction(const FeatureSource& source) const {
+  return {source.components, pca_fit, memory_gb, thread_count()};
+}
+
+pipeline::Observer FeatureOptions::observer() const {
+  pipeline::Observer observer;
+  observer.stop = interrupted;
+  if (quiet) return observer;
+  observer.note = note;
+  observer.warn = warn;
+  if (!no_progress)
+    observer.stage = [](const char* verb, const char* unit) {
+      return [line = std::make_shared<Progress>(verb, unit)](int64_t done, int64_t total) {
+        line->update(done, total);
+      };
+    };
+  return observer;
+}
+
 fs::path FeatureOptions::cache_folder(const fs::path& output) const {
   return cache.empty() ? output / "features" : fs::path(cache);
 }
@@ -177,9 +204,9 @@ FeatureSource open_network(const FeatureOptions& options) {
       {options.model, options.weights, options.end, options.graft, parse_mean(options.mean_bgr)});
   for (const std::string& warning : model.warnings) warn(warning);
   if (!model.trained)
-    std::cerr << "note: the network '" << model.name
-              << "' is UNTRAINED (random weights): it shows that the machinery works and proves "
-                 "nothing about accuracy\n";
+    note(str("the network '", model.name,
+             "' is UNTRAINED (random weights): it shows that the machinery works and proves "
+             "nothing about accuracy"));
   const engine::Net net = engine::Net::load(model.prototxt, model.weights,
                                             {{model.cut.end, model.cut.graft}, {}, false, false});
   for (const std::string& warning : net.warnings()) warn(warning);

@@ -10,8 +10,12 @@
 #include "models/find_model.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/describe.h"
+#include "revisit/datasets/observer.h"
+#include "revisit/evaluation/descriptors.h"
 
 namespace revisit::cli {
+
+struct FeatureSource;
 
 /// What every command that describes scans takes: data, network, geometry.
 struct FeatureOptions {
@@ -45,6 +49,11 @@ struct FeatureOptions {
   int thread_count() const;
   /// Of the PCA; 0: all; -1: no PCA; absent: the feature's own way. Throws UsageError.
   std::optional<int64_t> components() const;
+  /// How `source` is described and reduced.
+  pipeline::DescribeOptions describe(const FeatureSource& source) const;
+  pipeline::ReductionOptions reduction(const FeatureSource& source) const;
+  /// Notes, warnings and progress on stderr, as far as they are wanted; Ctrl-C stops the work.
+  pipeline::Observer observer() const;
   /// The folder the features go to, of a command with this output folder.
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 };

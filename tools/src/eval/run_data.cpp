@@ -29,7 +29,7 @@ void add_scans(const RunContext& context, reports::Run& run) {
   }
 }
 
-void add_queries(const TaskResult& result, reports::RunTask& task) {
+void add_queries(const pipeline::TaskResult& result, reports::RunTask& task) {
   size_t matches = 1;  // of each query
   for (const pipeline::Match& match : result.matches)
     matches = std::clamp(match.ranks.size(), matches, size_t{kShownMatches});
@@ -49,7 +49,7 @@ void add_queries(const TaskResult& result, reports::RunTask& task) {
   }
 }
 
-reports::RunTask run_task(const TaskResult& result, const reports::Metrics& metrics) {
+reports::RunTask run_task(const pipeline::TaskResult& result, const reports::Metrics& metrics) {
   reports::RunTask task;
   *task.mutable_metrics() = metrics;
   *task.mutable_curve() = drawn_curve(result.curve);
@@ -69,7 +69,7 @@ reports::RunTask run_task(const TaskResult& result, const reports::Metrics& metr
 
 }  // namespace
 
-reports::Run run_data(const RunContext& context, const std::vector<TaskResult>& results,
+reports::Run run_data(const RunContext& context, const std::vector<pipeline::TaskResult>& results,
                       const reports::RunInfo& info, const reports::MetricsList& metrics) {
   reports::Run run;
   *run.mutable_info() = info;
@@ -86,13 +86,13 @@ reports::Run run_data(const RunContext& context, const std::vector<TaskResult>& 
 }
 
 reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeline::Task& task,
-                                const pipeline::TrueMatchRule& rule,
                                 const std::string& pose_source) {
   reports::Metrics metrics;
   metrics.set_protocol(task.name);
   metrics.set_definition(task.definition);
   metrics.set_population(task.population);
   metrics.set_decision(task.decision == pipeline::Decision::kPair ? "pair" : "query");
+  const pipeline::TrueMatchRule& rule = task.rule;
   metrics.set_radius_m(rule.radius);
   if (rule.false_beyond > rule.radius) metrics.set_false_beyond_m(rule.false_beyond);
   metrics.set_distance(pipeline::name_of(rule.distance));

@@ -10,13 +10,12 @@ inline constexpr int kShownMatches = 4;
 
 /// What report.json holds: all that the page of a run shows, but range images. `info` and `metrics`
 /// are those of run.json and metrics.json.
-reports::Run run_data(const RunContext& context, const std::vector<TaskResult>& results,
+reports::Run run_data(const RunContext& context, const std::vector<pipeline::TaskResult>& results,
                       const reports::RunInfo& info, const reports::MetricsList& metrics);
 
 /// The entry of metrics.json for one task. `pose_source` names where the ground truth comes from,
 /// e.g. the poses file. What `summary` has as NaN (not computed) is left out.
 reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeline::Task& task,
-                                const pipeline::TrueMatchRule& rule,
                                 const std::string& pose_source);
 
 /// Adds the intervals of `resamples` resamples; those not computed stay empty.

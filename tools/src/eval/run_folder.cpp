@@ -37,7 +37,8 @@ std::string config_yaml(const RunContext& context) {
 /// One line a retrieved scan; score, margin and yaw belong to the best. `accepted` is blank when no
 /// threshold has a best F1, `true` for a match that is not counted. Scores have all their digits:
 /// one of them is the threshold of the best F1, and rounding would put it on either side.
-void write_loops(const fs::path& file, const RunContext& context, const TaskResult& result) {
+void write_loops(const fs::path& file, const RunContext& context,
+                 const pipeline::TaskResult& result) {
   Table table({"query_index", "match_index", "rank", "query_time", "match_time", "cosine", "score",
                "margin", "yaw_deg", "accepted", "true", "positive", "case"});
   const auto time_of = [&](int64_t scan) {
@@ -61,7 +62,7 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
         row.insert(
             row.end(),
             {exact(match.score), number(match.similarities[0] - match.similarities.back(), 6),
-             number(relative_yaw_deg(match, context.alignments), 2),
+             number(pipeline::relative_yaw_deg(match, context.alignments), 2),
              has_threshold ? str(accepted[q] ? 1 : 0) : "",
              result.verdicts[q].ignored ? "" : str(result.verdicts[q].correct ? 1 : 0),
              str(result.verdicts[q].positive ? 1 : 0), str(match.which_case)});
@@ -73,9 +74,9 @@ void write_loops(const fs::path& file, const RunContext& context, const TaskResu
 
 /// One line a scan: all that the loops and the report say of it by its frame number.
 void write_scans(const fs::path& file, const RunContext& context,
-                 const std::vector<TaskResult>& results) {
+                 const std::vector<pipeline::TaskResult>& results) {
   std::vector<std::string> stored(context.dataset.scans.size());
-  for (const TaskResult& result : results)
+  for (const pipeline::TaskResult& result : results)
     for (const int64_t scan : result.task.stored) {
       std::string& tasks = stored[static_cast<size_t>(scan)];
       tasks += (tasks.empty() ? "" : " ") + result.task.name;
@@ -100,13 +101,6 @@ void write_scans(const fs::path& file, const RunContext& context,
 }
 
 }  // namespace
-
-std::vector<bool> TaskResult::accepted() const {
-  std::vector<bool> accepted;
-  for (const pipeline::Match& match : matches)
-    accepted.push_back(match.score >= summary.f1_max_threshold);  // never of NaN
-  return accepted;
-}
 
 fs::path make_run_folder(const fs::path& output, const pipeline::Dataset& dataset) {
   const std::string name =
@@ -136,22 +130,12 @@ void link_latest(const fs::path& run) {
   if (!error) fs::rename(fresh, link, error);
 }
 
-double relative_yaw_deg(const pipeline::Match& match,
-                        const std::vector<pipeline::AlignmentRecord>& alignments) {
-  // The place's direction is seen at yaw_q from the query and at yaw_m from the match: the heading
-  // differs by yaw_m - yaw_q. Case 2 looks along the opposite direction.
-  const double query = alignments[static_cast<size_t>(match.query)].yaw;
-  const double stored = alignments[static_cast<size_t>(match.ranks.at(0))].yaw;
-  const double turned = match.which_case == 2 ? 180.0 : 0.0;
-  return std::remainder((stored - query) * 180.0 / std::numbers::pi + turned, 360.0);
-}
-
-reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int resamples) {
+reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& results, int resamples) {
   reports::MetricsList list;
-  for (const TaskResult& result : results) {
+  for (const pipeline::TaskResult& result : results) {
     reports::Metrics& metrics = *list.add_tasks();
-    metrics = metrics_report(result.summary, result.task, result.rule,
-                             result.rule.distance == pipeline::Distance::kPlace
+    metrics = metrics_report(result.summary, result.task,
+                             result.task.rule.distance == pipeline::Distance::kPlace
                                  ? "names of the places"
                                  : "poses of the data set");
     metrics.set_score(pipeline::name_of(result.score));
@@ -163,7 +147,8 @@ reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int re
 }
 
 void write_run(const fs::path& run, const RunContext& context,
-               const std::vector<TaskResult>& results, const RunTimes& times) {
+               const std::vector<pipeline::TaskResult>& results,
+               const pipeline::EvaluationTimes& times) {
   write_text(run / "config.yaml", config_yaml(context));
   reports::RunInfo info = run_info(context.options, context.dataset, context.source,
                                    results.empty() ? "" : results.front().pca_fit, times);
@@ -171,7 +156,7 @@ void write_run(const fs::path& run, const RunContext& context,
   info.set_command(context.command);
   write_text(run / "run.json", to_json(info) + "\n");
   write_scans(run / "scans.csv", context, results);
-  for (const TaskResult& result : results) {
+  for (const pipeline::TaskResult& result : results) {
     pipeline::write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);
     if (!result.on_pairs())
       write_loops(run / ("loops_" + result.task.name + ".csv"), context, result);

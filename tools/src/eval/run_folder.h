@@ -6,33 +6,9 @@
 
 #include "feature_options.h"
 #include "reports.pb.h"
-#include "revisit/evaluation/bootstrap.h"
-#include "revisit/evaluation/pairs.h"
-#include "revisit/evaluation/precision_recall.h"
-#include "run_times.h"
+#include "revisit/evaluation/evaluate.h"
 
 namespace revisit::cli {
-
-/// Everything one task gave.
-struct TaskResult {
-  pipeline::Task task;
-  pipeline::TrueMatchRule rule;
-  pipeline::Score score = pipeline::Score::kMargin;
-  std::vector<pipeline::Match> matches;     // as task.queries; none when pairs are decided
-  std::vector<pipeline::Verdict> verdicts;  // as task.queries; none when pairs are decided
-  std::vector<pipeline::PrPoint> curve;
-  pipeline::PrSummary summary;
-  std::optional<pipeline::PrIntervals> intervals;     // absent: not asked for
-  std::optional<pipeline::ScoreHistogram> histogram;  // when pairs are decided
-  std::string query_case;                             // as in reports.proto
-  std::string pca_fit;
-  int64_t descriptor_dim = 0;  // after the reduction
-  int64_t n_left_out = 0;      // scans that could not be described: neither stored nor asked
-
-  bool on_pairs() const { return task.decision == pipeline::Decision::kPair; }
-  /// Of each query: its score reaches the threshold of the best F1. All false when there is none.
-  std::vector<bool> accepted() const;
-};
 
 /// What the files of a run are made from.
 struct RunContext {
@@ -59,14 +35,10 @@ void link_latest(const std::filesystem::path& run);
 /// store it), pr_<task>.csv, loops_<task>.csv (not when pairs are decided), report.json (all of it
 /// again, for the page) and metrics.json, which comes last: with it the run is complete.
 void write_run(const std::filesystem::path& run, const RunContext& context,
-               const std::vector<TaskResult>& results, const RunTimes& times);
+               const std::vector<pipeline::TaskResult>& results,
+               const pipeline::EvaluationTimes& times);
 
 /// What metrics.json holds.
-reports::MetricsList metrics_list(const std::vector<TaskResult>& results, int resamples);
-
-/// Heading of the query minus heading of its match, counter-clockwise [deg] in (-180, 180], as the
-/// alignments tell it: both clouds were turned to the principal directions of one place.
-double relative_yaw_deg(const pipeline::Match& match,
-                        const std::vector<pipeline::AlignmentRecord>& alignments);
+reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& results, int resamples);
 
 }  // namespace revisit::cli

@@ -10,7 +10,7 @@ namespace revisit::cli {
 
 reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset& dataset,
                           const FeatureSource& source, const std::string& pca_fit,
-                          const RunTimes& times) {
+                          const pipeline::EvaluationTimes& times) {
   reports::RunInfo info;
   info.set_version(REVISIT_VERSION);
   info.set_data(std::filesystem::absolute(options.data).string());

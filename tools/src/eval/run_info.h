@@ -11,7 +11,7 @@ namespace revisit::cli {
 /// What run.json holds: what was described, how, and how long it took.
 reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset& dataset,
                           const FeatureSource& source, const std::string& pca_fit,
-                          const RunTimes& times);
+                          const pipeline::EvaluationTimes& times);
 
 /// Adds the scans that could not be described.
 void add_left_out(reports::RunInfo& info, const pipeline::Dataset& dataset,

@@ -15,7 +15,7 @@ double sum_of(const std::vector<double>& values) {
 
 }  // namespace
 
-std::vector<StageTimes> stages_of(const RunTimes& times) {
+std::vector<StageTimes> stages_of(const pipeline::EvaluationTimes& times) {
   const pipeline::DescribeTimes& d = times.describe;
   std::vector<StageTimes> stages;
   for (const StageTimes& stage : {StageTimes{"read", d.read},
@@ -41,7 +41,7 @@ std::optional<double> scans_per_second(const pipeline::DescribeTimes& times) {
   return 1000 * static_cast<double>(times.feature.size()) / times.wall_ms;
 }
 
-void print_times(const RunTimes& times, std::ostream& out) {
+void print_times(const pipeline::EvaluationTimes& times, std::ostream& out) {
   Table table({"stage", "times", "median ms", "p95 ms", "total s"});
   for (const StageTimes& stage : stages_of(times)) {
     const engine::Timing timing = engine::summarize(stage.ms);

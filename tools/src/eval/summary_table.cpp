@@ -35,10 +35,11 @@ void print_wrapped(std::ostream& out, const std::string& text, size_t indent, si
 
 }  // namespace
 
-void print_summary(std::ostream& out, const std::vector<TaskResult>& results, int resamples) {
+void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& results,
+                   int resamples) {
   Table table({"task", "stored", "queries", "with a true match", "AP", "F1 max", "recall@100%P",
                "recall@1", "EP"});
-  for (const TaskResult& r : results) {
+  for (const pipeline::TaskResult& r : results) {
     const pipeline::PrSummary& s = r.summary;
     table.row({r.task.name, str(r.task.stored.size()), str(s.n_queries), str(s.n_positives),
                number(s.average_precision, 4), number(s.f1_max, 4),
@@ -50,7 +51,7 @@ void print_summary(std::ostream& out, const std::vector<TaskResult>& results, in
                  interval(r.intervals->recall_at_1), interval(r.intervals->extended_precision)});
   }
   table.print(out);
-  for (const TaskResult& r : results)
+  for (const pipeline::TaskResult& r : results)
     if (r.on_pairs())
       out << r.task.name << ": " << r.summary.n_pairs << " pairs, " << r.summary.n_true_pairs
           << " of them true\n";

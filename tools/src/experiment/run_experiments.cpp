@@ -9,6 +9,8 @@
 #include "cli/json.h"
 #include "cli/messages.h"
 #include "eval/evaluation.h"
+#include "eval/run_folder.h"
+#include "eval/run_times.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/folder.h"
 #include "revisit/proto/text.h"
@@ -51,17 +53,17 @@ class FinishedRuns {
   fs::path folder_;
 };
 
-reports::ExperimentRun result_of(const EvalOptions& options, const Evaluation& evaluation) {
+reports::ExperimentRun result_of(const EvalOptions& options, const FinishedEvaluation& evaluation) {
   reports::ExperimentRun run;
   run.set_state("done");
   run.set_folder(fs::absolute(evaluation.run).string());
   run.set_command(command_of(options));
   run.set_trained(evaluation.trained);
   run.set_feature_dimension(static_cast<double>(evaluation.feature_dim));
-  run.set_descriptor_dimension(static_cast<int>(evaluation.tasks.front().descriptor_dim));
-  if (const auto speed = frames_per_second(evaluation.times.describe))
+  run.set_descriptor_dimension(static_cast<int>(evaluation.result.tasks.front().descriptor_dim));
+  if (const auto speed = frames_per_second(evaluation.result.times.describe))
     run.set_frames_per_second(*speed);
-  const reports::MetricsList metrics = metrics_list(evaluation.tasks, options.resamples);
+  const reports::MetricsList metrics = metrics_list(evaluation.result.tasks, options.resamples);
   *run.mutable_metrics() = metrics.tasks(0);
   return run;
 }

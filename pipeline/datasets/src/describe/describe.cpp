@@ -1,7 +1,6 @@
 #include "revisit/datasets/describe.h"
 
 #include <algorithm>
-#include <chrono>
 #include <ctime>
 #include <limits>
 #include <optional>
@@ -12,6 +11,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/datasets/stopwatch.h"
 #include "revisit/proto/text.h"
 #include "revisit/recognition/feature_file.h"
 
@@ -19,21 +19,8 @@ namespace revisit::pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 constexpr int64_t kAlignmentColumns = 6;  // of an AlignmentRecord
-
-/// Gives the milliseconds since it was made, or since it was asked last.
-class Stopwatch {
- public:
-  double lap() {
-    const Clock::time_point now = Clock::now();
-    return std::chrono::duration<double, std::milli>(now - std::exchange(last_, now)).count();
-  }
-
- private:
-  Clock::time_point last_ = Clock::now();
-};
 
 /// Processor time of this thread.
 double processor_ms() {

@@ -1,38 +1,36 @@
-#include "descriptors.h"
+#include "revisit/evaluation/descriptors.h"
 
 #include <algorithm>
 #include <cmath>
-#include <iostream>
 #include <iterator>
 
-#include "cli/interrupt.h"
-#include "cli/progress.h"
 #include "revisit/proto/text.h"
+#include "revisit/recognition/pca.h"
 
-namespace revisit::cli {
+namespace revisit::pipeline {
 namespace {
 
 namespace fs = std::filesystem;
 
 /// Rows [first, first + count) of a matrix.
-pipeline::FloatMatrix rows_of(const pipeline::FloatMatrix& all, int64_t first, int64_t count) {
-  pipeline::FloatMatrix part(count, all.d);
+FloatMatrix rows_of(const FloatMatrix& all, int64_t first, int64_t count) {
+  FloatMatrix part(count, all.d);
   std::copy_n(all.values.begin() + first * all.d, count * all.d, part.values.begin());
   return part;
 }
 
-pipeline::FloatMatrix all_rows(const pipeline::FeatureFile& file, double memory_gb) {
+FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
   const double gigabytes = 4e-9 * static_cast<double>(file.n()) * static_cast<double>(file.d());
   if (gigabytes > memory_gb)
-    throw UsageError(str("--memory: ", file.path().string(), " takes ", gigabytes,
-                         " GB, more than the ", memory_gb, " allowed"));
-  pipeline::FloatMatrix matrix(file.n(), file.d());
+    throw UsageError(str("ReductionOptions::memory_gb: ", file.path().string(), " takes ",
+                         gigabytes, " GB, more than the ", memory_gb, " allowed"));
+  FloatMatrix matrix(file.n(), file.d());
   for (int64_t i = 0; i < file.n(); ++i) file.read(i, 0, file.d(), matrix.row(i).data());
   return matrix;
 }
 
 /// Rows of the scans that could not be described in one of the cases, ascending.
-std::vector<int64_t> left_out_of(LazyFeatures& case1, LazyFeatures* case2) {
+std::vector<int64_t> left_out_of(DatasetFeatures& case1, DatasetFeatures* case2) {
   std::vector<int64_t> rows = case1.left_out();
   if (!case2) return rows;
   std::vector<int64_t> all;
@@ -41,11 +39,11 @@ std::vector<int64_t> left_out_of(LazyFeatures& case1, LazyFeatures* case2) {
 }
 
 /// A scan that could not be described is like no other, also after a projection.
-void clear_rows(pipeline::FloatMatrix& matrix, const std::vector<int64_t>& rows) {
+void clear_rows(FloatMatrix& matrix, const std::vector<int64_t>& rows) {
   for (const int64_t row : rows) std::ranges::fill(matrix.row(row), 0.0F);
 }
 
-std::string fit_text(const FeatureOptions& options, int64_t scans, int64_t components) {
+std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t components) {
   return str(options.pca_fit, ": ", scans, " scans, ", components, " components");
 }
 
@@ -53,8 +51,8 @@ std::string fit_text(const FeatureOptions& options, int64_t scans, int64_t compo
 constexpr int kDescriptorVersion = 1;
 
 /// Names everything the descriptors of a task depend on, but the number of components.
-std::string descriptor_key(const FeatureOptions& options, const pipeline::Task& task,
-                           const LazyFeatures& case1, const LazyFeatures* case2) {
+std::string descriptor_key(const ReductionOptions& options, const RetrievalTask& task,
+                           const DatasetFeatures& case1, const DatasetFeatures* case2) {
   std::string key = str("descriptors ", kDescriptorVersion, "\n", case1.key(),
                         case2 ? case2->key() : "", "pca-fit ", options.pca_fit, "\n");
   if (options.pca_fit == "map")
@@ -68,19 +66,18 @@ fs::path descriptor_file(const fs::path& cache, const std::string& key, int64_t 
 }
 
 /// Rows [first, first + count) and the first `columns` columns of a file.
-pipeline::FloatMatrix read_rows(const pipeline::FeatureFile& file, int64_t first, int64_t count,
-                                int64_t columns) {
-  pipeline::FloatMatrix part(count, columns);
+FloatMatrix read_rows(const FeatureFile& file, int64_t first, int64_t count, int64_t columns) {
+  FloatMatrix part(count, columns);
   for (int64_t i = 0; i < count; ++i) file.read(first + i, 0, columns, part.row(i).data());
   return part;
 }
 
-void write_rows(pipeline::FeatureWriter& writer, const pipeline::FloatMatrix& rows, int64_t first) {
+void write_rows(FeatureWriter& writer, const FloatMatrix& rows, int64_t first) {
   for (int64_t i = std::max<int64_t>(0, writer.rows_written() - first); i < rows.n; ++i)
     writer.append(rows.row(i));
 }
 
-void check_finite(const pipeline::FloatMatrix& descriptors, int which_case) {
+void check_finite(const FloatMatrix& descriptors, int which_case) {
   const auto bad = std::find_if_not(descriptors.values.begin(), descriptors.values.end(),
                                     [](float value) { return std::isfinite(value); });
   if (bad == descriptors.values.end()) return;
@@ -98,18 +95,18 @@ Descriptors checked(Descriptors descriptors) {
 
 }  // namespace
 
-TaskDescriptors::TaskDescriptors(const FeatureOptions& options, int64_t components,
-                                 LazyFeatures& case1, LazyFeatures* case2, fs::path cache)
-    : options_(options), components_(components), case1_(case1), case2_(case2) {
-  const bool learns = options.pca_fit == "all" || options.pca_fit == "map";
-  if (learns && components >= 0) cache_ = std::move(cache);
+TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case1,
+                                 DatasetFeatures* case2, fs::path cache, const Observer& observer)
+    : options_(std::move(options)), case1_(case1), case2_(case2), observer_(observer) {
+  const bool learns = options_.pca_fit == "all" || options_.pca_fit == "map";
+  if (learns && options_.components >= 0) cache_ = std::move(cache);
 }
 
 std::vector<int64_t> TaskDescriptors::left_out() const {
   return left_out_of(case1_, case2_);
 }
 
-const Descriptors& TaskDescriptors::of(const pipeline::Task& task) {
+const Descriptors& TaskDescriptors::of(const RetrievalTask& task) {
   const std::string key = descriptor_key(options_, task, case1_, case2_);
   if (key == key_) return last_;
   std::optional<Descriptors> there;
@@ -119,16 +116,17 @@ const Descriptors& TaskDescriptors::of(const pipeline::Task& task) {
   return last_;
 }
 
-std::optional<Descriptors> TaskDescriptors::cached(const pipeline::Task& task) const {
-  for (const int64_t there : {components_, int64_t{0}}) {
+std::optional<Descriptors> TaskDescriptors::cached(const RetrievalTask& task) const {
+  const int64_t asked = options_.components;
+  for (const int64_t there : {asked, int64_t{0}}) {
     const fs::path path = descriptor_file(cache_, key_, there);
-    if (!pipeline::features_complete(path, str(key_, "\n", there))) {
-      if (fs::exists(fs::symlink_status(path)) && !options_.quiet)
-        std::cerr << "note: " << path.string() << " is not what was written; it is made anew\n";
+    if (!features_complete(path, str(key_, "\n", there))) {
+      if (fs::exists(fs::symlink_status(path)))
+        observer_.note(path.string() + " is not what was written; it is made anew");
       continue;
     }
-    const pipeline::FeatureFile file(path);
-    const int64_t columns = components_ ? std::min(components_, file.d()) : file.d();
+    const FeatureFile file(path);
+    const int64_t columns = asked ? std::min(asked, file.d()) : file.d();
     const int64_t n = case1_.n();
     const auto fitted = static_cast<int64_t>(
         options_.pca_fit == "map" ? task.stored.size()
@@ -137,29 +135,29 @@ std::optional<Descriptors> TaskDescriptors::cached(const pipeline::Task& task) c
     found.case1 = read_rows(file, 0, n, columns);
     if (case2_) found.case2 = read_rows(file, n, n, columns);
     found.pca_fit = fit_text(options_, fitted, columns);
-    if (columns < components_)
-      found.note = str("PCA keeps ", columns, " of the ", components_, " components asked for");
+    if (columns < asked)
+      found.note = str("PCA keeps ", columns, " of the ", asked, " components asked for");
     return found;
   }
   return {};
 }
 
-Descriptors TaskDescriptors::compute(const pipeline::Task& task) const {
-  Descriptors fresh = reduce(options_, components_, task, case1_, case2_);
+Descriptors TaskDescriptors::compute(const RetrievalTask& task) const {
+  Descriptors fresh = reduce(options_, task, case1_, case2_, observer_);
   if (cache_.empty()) return fresh;
   const int64_t n = case1_.n();
-  pipeline::FeatureWriter writer(descriptor_file(cache_, key_, components_),
-                                 str(key_, "\n", components_), case2_ ? 2 * n : n, fresh.case1.d);
+  FeatureWriter writer(descriptor_file(cache_, key_, options_.components),
+                       str(key_, "\n", options_.components), case2_ ? 2 * n : n, fresh.case1.d);
   write_rows(writer, fresh.case1, 0);
   if (case2_) write_rows(writer, *fresh.case2, n);
   writer.finish();
   return fresh;
 }
 
-Descriptors reduce(const FeatureOptions& options, int64_t components, const pipeline::Task& task,
-                   LazyFeatures& case1, LazyFeatures* case2,
-                   const std::filesystem::path& model_folder) {
-  if (components < 0) {
+Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
+                   DatasetFeatures& case1, DatasetFeatures* case2, const Observer& observer,
+                   const fs::path& model_folder) {
+  if (options.components < 0) {
     Descriptors whole;
     whole.pca_fit = "none";
     whole.case1 = all_rows(case1.file(), options.memory_gb);
@@ -168,20 +166,19 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
   }
   const int64_t n = case1.n();
   const std::vector<int64_t> left_out = left_out_of(case1, case2);
-  pipeline::FeatureFiles files{&case1.file()};
+  FeatureFiles files{&case1.file()};
   if (case2) files.push_back(&case2->file());
 
-  Progress progress("reducing", "columns", !options.no_progress && !options.quiet);
-  pipeline::PcaOptions pca;
-  pca.components = components ? components : n;
+  PcaOptions pca;
+  pca.components = options.components ? options.components : n;
   pca.memory = static_cast<int64_t>(options.memory_gb * 1e9);
-  pca.threads = options.thread_count();
-  pca.progress = progress.callback();
-  pca.stop = interrupted;
+  pca.threads = options.threads;
+  pca.progress = observer.stage("reducing", "columns");
+  pca.stop = observer.stop;
   pca.model_folder = model_folder;
 
   Descriptors result;
-  pipeline::FloatMatrix all;
+  FloatMatrix all;
   if (options.pca_fit == "all" || options.pca_fit == "map") {
     if (options.pca_fit == "map") {
       pca.fit_rows = task.stored;
@@ -190,12 +187,12 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
       for (int64_t row = 0; row < n; ++row)
         if (!std::ranges::binary_search(left_out, row)) pca.fit_rows.push_back(row);
     }
-    pipeline::PcaResult fitted = pipeline::fit_pca(files, pca);
+    PcaResult fitted = fit_pca(files, pca);
     result.pca_fit = fit_text(options, static_cast<int64_t>(pca.fit_rows.size()), fitted.rank);
     result.note = fitted.note;
     all = std::move(fitted.descriptors);
   } else {
-    all = pipeline::PcaModel(options.pca_fit).project(files, pca);
+    all = PcaModel(options.pca_fit).project(files, pca);
     result.pca_fit = str(options.pca_fit, ": ", all.d, " components");
   }
   result.case1 = rows_of(all, 0, n);
@@ -207,4 +204,4 @@ Descriptors reduce(const FeatureOptions& options, int64_t components, const pipe
   return checked(std::move(result));
 }
 
-}  // namespace revisit::cli
+}  // namespace revisit::pipeline

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "revisit/datasets/dataset_features.h"
+#include "revisit/recognition/matrix.h"
+#include "revisit/recognition/retrieve.h"
+
+namespace revisit::pipeline {
+
+/// How features become descriptors.
+struct ReductionOptions {
+  int64_t components = -1;      // of the PCA; 0: as many as the data gives; -1: no PCA
+  std::string pca_fit = "all";  // learnt from all scans, from the stored ones ("map"), or a folder
+  double memory_gb = 2;         // of the PCA; without one, bounds the descriptors
+  int threads = 1;              // the values do not depend on it
+};
+
+/// Descriptors of all scans, in alignment case 1 and, when asked for, in case 2.
+struct Descriptors {
+  FloatMatrix case1;
+  std::optional<FloatMatrix> case2;
+  std::string pca_fit;  // what the PCA learnt from, for people
+  std::string note;     // when fewer components were kept than asked
+};
+
+/// The descriptors for a task; without PCA they are the features. `case2` may be null.
+/// `model_folder`, when not empty, gets the PCA model. Throws what fit_pca() and PcaModel throw,
+/// UsageError when the memory cannot hold them, Error for a descriptor that is not finite.
+Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
+                   DatasetFeatures& case1, DatasetFeatures* case2, const Observer& observer,
+                   const std::filesystem::path& model_folder = {});
+
+/// The same for one task after another. Those of the last task serve the next when they are learnt
+/// from the same scans. With a `cache` folder they are kept there and, when they are there, the
+/// features are not needed: descriptors of all components serve any smaller number, as the first
+/// components do not depend on how many are asked for.
+class TaskDescriptors {
+ public:
+  /// `case2` may be null, `cache` empty. The features and the observer are referred to.
+  TaskDescriptors(ReductionOptions options, DatasetFeatures& case1, DatasetFeatures* case2,
+                  std::filesystem::path cache, const Observer& observer);
+
+  /// Rows of the scans that could not be described; they are described now if they were not yet.
+  std::vector<int64_t> left_out() const;
+
+  /// Valid until the next call. The task neither stores nor asks left_out().
+  const Descriptors& of(const RetrievalTask& task);
+
+ private:
+  std::optional<Descriptors> cached(const RetrievalTask& task) const;
+  Descriptors compute(const RetrievalTask& task) const;
+
+  ReductionOptions options_;
+  DatasetFeatures& case1_;
+  DatasetFeatures* case2_;
+  std::filesystem::path cache_;  // empty: nothing is kept
+  const Observer& observer_;
+  std::string key_;
+  Descriptors last_;
+};
+
+}  // namespace revisit::pipeline

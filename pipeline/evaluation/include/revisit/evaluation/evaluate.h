@@ -1,0 +1,122 @@
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "revisit/evaluation/bootstrap.h"
+#include "revisit/evaluation/descriptors.h"
+#include "revisit/evaluation/pairs.h"
+#include "revisit/evaluation/precision_recall.h"
+#include "revisit/evaluation/protocols.h"
+
+namespace revisit::pipeline {
+
+/// The alignment cases queries are described in; stored scans always use case 1.
+enum class QueryCase { kAsStored, kTwo, kBoth };
+
+/// What is stored, asked and called true, how it is described, and how matches are judged.
+struct EvaluationOptions {
+  std::vector<std::string> protocols = {"online"};
+  // These replace what the protocols say.
+  std::optional<Distance> distance;
+  std::optional<double> radius;  // [m]
+  std::optional<Exclusion> exclusion;
+  std::optional<QueryCase> query_case;
+  std::optional<Score> score;  // absent: as the feature and the protocol have it
+
+  int k = 4;             // retrieved scans a query
+  int resamples = 1000;  // of the bootstrap; 0: none
+  int threads = 1;       // of retrieval and bootstrap; the figures do not depend on it
+  DescribeOptions describe;
+  ReductionOptions reduction;
+  std::filesystem::path cache;    // folder of the features
+  bool keep_descriptors = false;  // in the cache, too
+};
+
+/// Everything one task gave.
+struct TaskResult {
+  Task task;
+  Score score = Score::kMargin;
+  std::vector<Match> matches;     // as task.queries; none when pairs are decided
+  std::vector<Verdict> verdicts;  // of the same
+  std::vector<PrPoint> curve;
+  PrSummary summary;
+  std::optional<PrIntervals> intervals;     // absent: not asked for
+  std::optional<ScoreHistogram> histogram;  // when pairs are decided
+  std::string query_case;                   // none, case1, case2 or both
+  std::string pca_fit;
+  int64_t descriptor_dim = 0;  // after the reduction
+  int64_t n_left_out = 0;      // scans that could not be described: neither stored nor asked
+
+  bool on_pairs() const { return task.decision == Decision::kPair; }
+  /// Of each query: its score reaches the threshold of the best F1. All false when there is none.
+  std::vector<bool> accepted() const;
+};
+
+/// Where the time went. Of scans that an earlier run described, what it took then.
+struct EvaluationTimes {
+  DescribeTimes describe;
+  std::vector<double> reduce, retrieve;  // [ms], all threads together, of each task
+};
+
+struct EvaluationResult {
+  std::vector<TaskResult> tasks;
+  std::vector<AlignmentRecord> alignments;  // of each scan, as stored
+  std::vector<int64_t> left_out;            // rows of the scans that could not be described
+  EvaluationTimes times;
+};
+
+/// The tasks of the protocols, with what `options` replace. Throws what make_tasks() throws, and
+/// UsageError for a task that is there twice or cannot be judged with what is known of the scans.
+std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::string& sequence,
+                                   const Trajectory& trajectory);
+
+/// Describes every scan of a data set, retrieves, and judges. What an earlier run left in the cache
+/// is not computed again.
+///
+///   auto trajectory = make_trajectory(dataset);
+///   Evaluation evaluation(dataset, extractor, trajectory,
+///                         evaluation_tasks(options, dataset.sequence, trajectory), options);
+///   evaluation.run().tasks.at(0).summary.average_precision;
+class Evaluation {
+ public:
+  /// `dataset` (for a feature that sees camera images, one of camera_images()), `extractor` and
+  /// `trajectory` are referred to. Describes nothing yet. Throws UsageError when the options ask
+  /// queries in a case that the alignment or a task does not have.
+  Evaluation(const Dataset& dataset, const FeatureExtractor& extractor,
+             const Trajectory& trajectory, std::vector<Task> tasks, EvaluationOptions options,
+             Observer observer = {});
+  Evaluation(const Evaluation&) = delete;
+  Evaluation& operator=(const Evaluation&) = delete;
+
+  /// Names what the figures depend on, but for the options.
+  std::string key() const;
+  /// Where the features are or will be, the stored scans' first; the second only when asked for.
+  std::vector<std::filesystem::path> feature_files() const;
+  /// Throws what describing and reducing throw; Interrupted keeps what was done in the cache.
+  EvaluationResult run();
+
+ private:
+  bool needs_case2() const;
+  TaskResult evaluate(const Task& task, TaskDescriptors& all, EvaluationTimes& times);
+  QueryCase query_case_of(const Task& task) const;
+  void note_once(const std::string& text);
+
+  const FeatureExtractor& extractor_;
+  const Trajectory& trajectory_;
+  std::vector<Task> tasks_;
+  EvaluationOptions options_;
+  Observer observer_;
+  DatasetFeatures case1_;  // as stored: in case 1, or not aligned at all
+  DatasetFeatures case2_;
+  std::set<std::string> said_;
+};
+
+/// Heading of the query minus heading of its match, counter-clockwise [deg] in (-180, 180], as the
+/// alignments tell it: both clouds were turned to the principal directions of one place.
+double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments);
+
+}  // namespace revisit::pipeline

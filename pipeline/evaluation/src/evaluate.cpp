@@ -1,0 +1,199 @@
+#include "revisit/evaluation/evaluate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <numbers>
+
+#include "revisit/datasets/stopwatch.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// To be raised with every change after which the same features give other figures: protocols,
+/// retrieval, precision and recall. (What changes the features is in their own key.)
+constexpr int kEvaluationVersion = 1;
+
+DescribeOptions in_case(DescribeOptions options, AlignCase align) {
+  options.align = align;
+  return options;
+}
+
+void check_query_case(const EvaluationOptions& options, const Task& task) {
+  if (!options.query_case || options.query_case == QueryCase::kAsStored) return;
+  const std::string asked =
+      str("EvaluationOptions::query_case ", options.query_case == QueryCase::kBoth ? "both" : "2");
+  if (options.describe.align != AlignCase::kOne)
+    throw UsageError(asked + " needs DescribeOptions::align case1");
+  if (task.decision == Decision::kPair)
+    throw UsageError(
+        str(asked, ": task ", task.name, " compares pairs of scans, each in one case"));
+  if (options.query_case == QueryCase::kBoth) return;
+  // A scan that is stored and asked has one row only: case 2 would change it on both sides.
+  std::vector<int64_t> queries, both;
+  for (const TaskQuery& query : task.queries) queries.push_back(query.scan);
+  std::ranges::set_intersection(task.stored, queries, std::back_inserter(both));
+  if (!both.empty())
+    throw UsageError(str(asked, ": task ", task.name,
+                         " asks scans that it also stores; use a task that keeps them apart"));
+}
+
+/// Queries in case 2 alone, stored scans in case 1.
+std::vector<Match> retrieve_case2(const Descriptors& descriptors, const Task& task,
+                                  const RetrieveOptions& options) {
+  FloatMatrix mixed = descriptors.case1;
+  for (const TaskQuery& query : task.queries)
+    std::ranges::copy(descriptors.case2->row(query.scan), mixed.row(query.scan).begin());
+  std::vector<Match> matches = retrieve(mixed, task, options);
+  for (Match& match : matches) match.which_case = 2;
+  return matches;
+}
+
+}  // namespace
+
+std::vector<bool> TaskResult::accepted() const {
+  std::vector<bool> accepted;
+  for (const Match& match : matches)
+    accepted.push_back(match.score >= summary.f1_max_threshold);  // never of NaN
+  return accepted;
+}
+
+double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments) {
+  // The place's direction is seen at yaw_q from the query and at yaw_m from the match: the heading
+  // differs by yaw_m - yaw_q. Case 2 looks along the opposite direction.
+  const double query = alignments[static_cast<size_t>(match.query)].yaw;
+  const double stored = alignments[static_cast<size_t>(match.ranks.at(0))].yaw;
+  const double turned = match.which_case == 2 ? 180.0 : 0.0;
+  return std::remainder((stored - query) * 180.0 / std::numbers::pi + turned, 360.0);
+}
+
+std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::string& sequence,
+                                   const Trajectory& trajectory) {
+  std::vector<Task> tasks;
+  for (const std::string& protocol : options.protocols)
+    for (Task& task : make_tasks(protocol, sequence, trajectory, options.exclusion)) {
+      if (options.distance) task.rule.distance = *options.distance;
+      if (options.radius) task.rule.radius = *options.radius;
+      if (options.query_case) task.both_cases = options.query_case == QueryCase::kBoth;
+      need_distances(trajectory, task.rule.distance, "task " + task.name);
+      if (std::ranges::find(tasks, task.name, &Task::name) != tasks.end())
+        throw UsageError(str("EvaluationOptions::protocols: ", task.name, " is in it twice"));
+      tasks.push_back(std::move(task));
+    }
+  if (tasks.empty()) throw UsageError("EvaluationOptions::protocols: give at least one name");
+  return tasks;
+}
+
+Evaluation::Evaluation(const Dataset& dataset, const FeatureExtractor& extractor,
+                       const Trajectory& trajectory, std::vector<Task> tasks,
+                       EvaluationOptions options, Observer observer)
+    : extractor_(extractor),
+      trajectory_(trajectory),
+      tasks_(std::move(tasks)),
+      options_(std::move(options)),
+      observer_(std::move(observer)),
+      case1_(dataset, extractor, options_.describe, options_.cache, observer_),
+      case2_(dataset, extractor, in_case(options_.describe, AlignCase::kTwo), options_.cache,
+             observer_) {
+  for (const Task& task : tasks_) check_query_case(options_, task);
+}
+
+std::string Evaluation::key() const {
+  std::string text = str("evaluation ", kEvaluationVersion, "\n", case1_.key(), "poses");
+  for (const Eigen::Vector3d& p : trajectory_.positions)
+    text += str(" ", p.x(), ",", p.y(), ",", p.z());
+  return text;
+}
+
+std::vector<std::filesystem::path> Evaluation::feature_files() const {
+  std::vector<std::filesystem::path> files{case1_.path()};
+  if (needs_case2()) files.push_back(case2_.path());
+  return files;
+}
+
+bool Evaluation::needs_case2() const {
+  return std::ranges::any_of(
+      tasks_, [&](const Task& task) { return query_case_of(task) != QueryCase::kAsStored; });
+}
+
+QueryCase Evaluation::query_case_of(const Task& task) const {
+  if (options_.describe.align != AlignCase::kOne) return QueryCase::kAsStored;
+  if (options_.query_case == QueryCase::kTwo) return QueryCase::kTwo;
+  return task.both_cases ? QueryCase::kBoth : QueryCase::kAsStored;
+}
+
+void Evaluation::note_once(const std::string& text) {
+  if (said_.insert(text).second) observer_.note(text);
+}
+
+EvaluationResult Evaluation::run() {
+  DatasetFeatures* case2 = needs_case2() ? &case2_ : nullptr;
+  TaskDescriptors descriptors(options_.reduction, case1_, case2,
+                              options_.keep_descriptors ? options_.cache : "", observer_);
+  EvaluationResult result;
+  result.left_out = descriptors.left_out();
+  for (Task& task : tasks_) {
+    if (!result.left_out.empty()) leave_out(task, result.left_out);
+    result.tasks.push_back(evaluate(task, descriptors, result.times));
+    result.tasks.back().n_left_out = static_cast<int64_t>(result.left_out.size());
+  }
+  result.alignments = case1_.alignments();
+  result.times.describe = case1_.times();
+  if (case2) result.times.describe.append(case2->times());
+  return result;
+}
+
+TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, EvaluationTimes& times) {
+  TaskResult result;
+  result.task = task;
+  const QueryCase query_case = query_case_of(task);
+  result.query_case = query_case == QueryCase::kBoth  ? "both"
+                      : query_case == QueryCase::kTwo ? "case2"
+                                                      : name_of(options_.describe.align);
+  if (task.both_cases && query_case != QueryCase::kBoth)
+    note_once(str(task.name, " asks each query in both alignment cases, which takes ",
+                  "DescribeOptions::align case1: here each is asked once"));
+  Stopwatch watch;
+  const Descriptors& descriptors = all.of(task);
+  times.reduce.push_back(watch.lap());
+  if (!descriptors.note.empty()) note_once(descriptors.note);
+  result.pca_fit = descriptors.pca_fit;
+  result.descriptor_dim = descriptors.case1.d;
+
+  std::optional<BootstrapOptions> resampling;
+  if (options_.resamples > 0)
+    resampling = {
+        .resamples = options_.resamples, .threads = options_.threads, .stop = observer_.stop};
+  const Progress progress =
+      observer_.stage(result.on_pairs() ? "comparing" : "retrieving", "queries");
+  watch.lap();
+  if (result.on_pairs()) {
+    result.score = Score::kBest;
+    PairResult pairs =
+        evaluate_pairs(task, trajectory_, pair_similarity(descriptors.case1, extractor_.similarity),
+                       {options_.threads, resampling, progress, observer_.stop});
+    times.retrieve.push_back(watch.lap());
+    result.curve = std::move(pairs.curve);
+    result.summary = pairs.summary;
+    result.intervals = pairs.intervals;
+    result.histogram = pairs.histogram;
+    return result;
+  }
+  // Features that are compared in their own way say themselves how sure a match is.
+  result.score = options_.score.value_or(
+      extractor_.similarity || !task.margin_score ? Score::kBest : Score::kMargin);
+  const RetrieveOptions retrieval{options_.k,     result.score,          progress,
+                                  observer_.stop, extractor_.similarity, options_.threads};
+  result.matches = query_case == QueryCase::kTwo
+                       ? retrieve_case2(descriptors, task, retrieval)
+                       : retrieve(descriptors.case1, task, retrieval,
+                                  query_case == QueryCase::kBoth ? &*descriptors.case2 : nullptr);
+  times.retrieve.push_back(watch.lap());
+  result.verdicts = judge(result.matches, task, trajectory_, task.rule);
+  result.curve = precision_recall(result.verdicts, task.missed);
+  result.summary = summarize(result.verdicts, task.missed);
+  if (resampling) result.intervals = bootstrap(result.verdicts, task.missed, *resampling);
+  return result;
+}
+
+}  // namespace revisit::pipeline

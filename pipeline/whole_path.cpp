@@ -1,0 +1,50 @@
+// The method from scans to a recognised place, one stage after the other (paper, section III), as a
+// program of its own: `tests/consumer` builds it against the installed libraries. Which of the
+// scans before the last one saw the same place?
+//   whole_path NET.prototxt NET.caffemodel SCAN SCAN [SCAN...]
+#include <revisit/datasets/scan_file.h>
+#include <revisit/recognition/feature.h>
+#include <revisit/recognition/pca.h>
+#include <revisit/recognition/retrieve.h>
+#include <revisit/recognition/sensor.h>
+
+#include <iostream>
+#include <numeric>
+#include <ranges>
+
+int main(int argc, char** argv) try {
+  using namespace revisit::pipeline;
+  if (argc < 5) return 2;
+  const std::vector<std::string> scans(argv + 3, argv + argc);
+  const auto n = static_cast<int64_t>(scans.size());
+  const ImageGeometry geometry = sensor_geometry("hdl64");  // 4000 x 112
+  const auto net = revisit::engine::Net::load(argv[1], argv[2]);
+  const FeatureExtractor network = network_features(net, argv[2], {104, 117, 123}, geometry);
+  const auto feature_of = std::get<FeatureMaker<RangeImage>>(network.make)();
+
+  const std::string key = std::accumulate(scans.begin(), scans.end(), std::string(argv[2]));
+  FeatureWriter writer("features.npy", key, n, network.dim);  // goes on where it was stopped
+  std::vector<float> feature(static_cast<size_t>(network.dim));
+  for (const std::string& file : scans | std::views::drop(writer.rows_written())) {
+    const PointCloud scan = read_scan(file);
+    const Alignment alignment = principal_alignment(scan);  // to the principal directions
+    const PointCloud aligned = rotated(scan, alignment.R_aligned_sensor);
+    const RangeImage image = project(aligned, geometry);  // ranges seen from the sensor
+    feature_of(close_holes(image, geometry), feature);    // the network's first layers
+    writer.append(feature);
+  }
+  writer.finish();
+
+  const FeatureFile features("features.npy");
+  const FloatMatrix descriptors = fit_pca({&features}, {.components = 400}).descriptors;
+  RetrievalTask task;  // the last scan is asked, all others are stored
+  for (int64_t i = 0; i + 1 < n; ++i) task.stored.push_back(i);
+  task.queries = {{n - 1, {{{0, n - 1}}}}};
+  const Match match = retrieve(descriptors, task).front();  // by cosine
+  // The score s = 2 c1 - ck is high when the best is similar and stands out: accept from there on.
+  std::cout << scans.back() << " is where " << scans[static_cast<size_t>(match.ranks[0])]
+            << " was taken, score " << match.score << "\n";
+} catch (const std::exception& error) {
+  std::cerr << error.what() << "\n";
+  return 1;
+}
