@@ -60,10 +60,11 @@ make_dictionary() {
   esac
 }
 
-# Processor seconds that the children of this shell have used.
-used_seconds() {
-  times | awk 'END { split($1, user, /[ms]/); split($2, system, /[ms]/)
-                     print int(60 * (user[1] + system[1]) + user[2] + system[2]) }'
+# Processor seconds in what `times` wrote, of this shell's children. (It must run in the shell itself: a pipe or $( )
+# is another one, with none.)
+seconds_in() {
+  awk 'END { split($1, user, /[ms]/); split($2, kernel, /[ms]/)
+             print int(60 * (user[1] + kernel[1]) + user[2] + kernel[2]) }' "$1"
 }
 
 fuzz_for() {  # fuzz_for SECONDS TARGET: one run of the program
@@ -90,7 +91,8 @@ fuzz_one() {  # fuzz_one TARGET: runs until the processor time is used or someth
   while [ "$code" = 0 ] && [ "$used" -lt "$wanted" ]; do
     left=$((wanted - used))
     fuzz_for $((left > 20 ? left : 20)) "$1" || code=$?
-    used=$(used_seconds)
+    times >"$build/$1.times"
+    used=$(seconds_in "$build/$1.times")
   done
   echo "processor seconds: $used"
   return "$code"
