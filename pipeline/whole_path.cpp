@@ -10,7 +10,6 @@
 
 #include <iostream>
 #include <numeric>
-#include <ranges>
 
 int main(int argc, char** argv) try {
   using namespace revisit::pipeline;
@@ -25,8 +24,8 @@ int main(int argc, char** argv) try {
   const std::string key = std::accumulate(scans.begin(), scans.end(), std::string(argv[2]));
   FeatureWriter writer("features.npy", key, n, network.dim);  // goes on where it was stopped
   std::vector<float> feature(static_cast<size_t>(network.dim));
-  for (const std::string& file : scans | std::views::drop(writer.rows_written())) {
-    const PointCloud scan = read_scan(file);
+  for (int64_t i = writer.rows_written(); i < n; ++i) {
+    const PointCloud scan = read_scan(scans[static_cast<size_t>(i)]);
     const Alignment alignment = principal_alignment(scan);  // to the principal directions
     const PointCloud aligned = rotated(scan, alignment.R_aligned_sensor);
     const RangeImage image = project(aligned, geometry);  // ranges seen from the sensor

@@ -28,9 +28,8 @@ void check_param_count(const Node& node) {
                          " weight blobs, found ", n_params));
 }
 
-proto::NetFile read(const fs::path& prototxt, const LoadOptions& options) {
-  return proto::read_net(prototxt,
-                         {.allow_unknown_fields = options.allow_unknown, .limits = options.limits});
+proto::NetReadOptions reading(const LoadOptions& options) {
+  return {.allow_unknown_fields = options.allow_unknown, .limits = options.limits};
 }
 
 /// A copy of a layer has another input than the layer and a name that no weights file has.
@@ -45,10 +44,10 @@ void check_graft(const Net::Impl& net, const Truncation& truncation) {
 }
 
 /// Everything but the weights' values; their shapes are set.
-std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOptions& options) {
-  proto::NetFile file = read(prototxt, options);
+std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string& name,
+                                          const LoadOptions& options) {
   auto net = std::make_shared<Net::Impl>();
-  net->file = prototxt.string();
+  net->file = name;
   net->warnings = std::move(file.warnings);
   try {
     const Graph whole = parse(file.net);
@@ -89,6 +88,10 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
   return net;
 }
 
+std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOptions& options) {
+  return load_structure(proto::read_net(prototxt, reading(options)), prototxt.string(), options);
+}
+
 /// Hands the weights of convolutions, which have kernels that pack them, to Net::Impl::releasable.
 void make_releasable(Net::Impl& net) {
   std::map<std::string, Shape> inputs;
@@ -109,13 +112,25 @@ Net Net::load(const fs::path& prototxt, const fs::path& weights, const LoadOptio
   check_weight_bytes(*net, options.limits.weight_bytes);
   const fs::path file = fs::absolute(weights);
   const FileState state = state_of(file);
-  load_weights(*net, weights, options);
+  load_weights(*net, proto::WeightsFile::open(weights, options.limits), options);
   if (options.release_weights) {
     make_releasable(*net);
     net->releasable.read_with([&impl = *net, file, state, options](size_t layer) {
       return read_weights_again(impl, layer, file, state, options);
     });
   }
+  return Net(std::move(net));
+}
+
+Net Net::load_from_memory(std::string_view prototxt, std::string_view weights,
+                          const LoadOptions& options) {
+  const std::string name = "<prototxt>";
+  auto net = load_structure(proto::parse_net(std::string(prototxt), name, reading(options)), name,
+                            options);
+  check_weight_bytes(*net, options.limits.weight_bytes);
+  load_weights(*net,
+               proto::WeightsFile::open(proto::FileCursor(weights, "<weights>"), options.limits),
+               options);
   return Net(std::move(net));
 }
 
@@ -135,7 +150,7 @@ Net Net::load_without_weights(const fs::path& prototxt, const LoadOptions& optio
 }
 
 std::vector<std::string> input_blobs(const fs::path& prototxt, const LoadOptions& options) {
-  const proto::NetFile file = read(prototxt, options);
+  const proto::NetFile file = proto::read_net(prototxt, reading(options));
   std::vector<std::string> blobs;
   for (const caffe::LayerParameter& layer : file.net.layer())
     if (layer.type() == kInputType)

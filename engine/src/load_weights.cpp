@@ -32,18 +32,19 @@ std::string first_of(const std::vector<std::string>& names) {
 /// A blob of a kept layer.
 struct Place {
   size_t node, blob;
+  // NOLINTNEXTLINE(modernize-use-nullptr): clang-tidy 14 takes the comparison with 0 for a pointer
   friend auto operator<=>(const Place&, const Place&) = default;
 };
 
 /// Reads the weights of all kept layers, or of only one.
 class Loader {
  public:
-  Loader(const Net::Impl& net, const std::filesystem::path& path, const proto::Limits& limits,
+  Loader(const Net::Impl& net, std::unique_ptr<proto::WeightsFile> file,
          std::optional<size_t> only = {})
       : net_(net),
-        path_(path.string()),
+        path_(file->file().string()),
         only_(only),
-        file_(proto::WeightsFile::open(path, limits)),
+        file_(std::move(file)),
         weights_(net.graph.nodes.size()) {
     for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
       const Node& node = net.graph.nodes[i];
@@ -203,9 +204,9 @@ void check_sharing(const Net::Impl& net) {
   }
 }
 
-void load_weights(Net::Impl& net, const std::filesystem::path& weights,
+void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options) {
-  Loader loader(net, weights, options.limits);
+  Loader loader(net, std::move(weights));
   loader.read_all();
   const std::vector<std::string> warnings = loader.finish(options.allow_missing);
   net.warnings.insert(net.warnings.end(), warnings.begin(), warnings.end());
@@ -232,7 +233,7 @@ std::vector<Tensor> read_weights_again(const Net::Impl& net, size_t node,
                            "without release_weights"));
   };
   check();
-  Loader loader(net, file, options.limits, node);
+  Loader loader(net, proto::WeightsFile::open(file, options.limits), node);
   loader.read_all();
   loader.finish(options.allow_missing);
   check();  // not while it was read either

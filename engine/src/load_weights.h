@@ -2,8 +2,10 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 
 #include "net_impl.h"
+#include "revisit/proto/weights_file.h"
 
 namespace revisit::engine {
 
@@ -19,7 +21,8 @@ void check_sharing(const Net::Impl& net);
 /// section 9). Blobs that are shared take what any layer of the group has in the file. Throws
 /// InputError naming layer, blob, expected and found; layers without weights are an error unless
 /// allowed to be missing.
-void load_weights(Net::Impl& net, const std::filesystem::path& weights, const LoadOptions& options);
+void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
+                  const LoadOptions& options);
 
 /// How a file is known again.
 struct FileState {

@@ -18,15 +18,18 @@ constexpr uint64_t kLargestRefill = 64 * 1024;
 
 }  // namespace
 
-FileCursor::FileCursor(const std::filesystem::path& file) : file_(file) {
-  // Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
-  descriptor_ = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (descriptor_ < 0) {
+FileCursor::Descriptor::~Descriptor() {
+  if (number >= 0) ::close(number);
+}
+
+FileCursor::FileCursor(const std::filesystem::path& file)
+    // Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
+    : file_(file), descriptor_(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
+  if (descriptor_.number < 0) {
     throw InputError(str(file.string(), ": cannot open: ", std::strerror(errno)));
   }
   struct stat status {};
-  if (::fstat(descriptor_, &status) != 0 || !S_ISREG(status.st_mode)) {
-    ::close(descriptor_);
+  if (::fstat(descriptor_.number, &status) != 0 || !S_ISREG(status.st_mode)) {
     throw InputError(str(file.string(), ": is ",
                          S_ISDIR(status.st_mode) ? "a folder" : "not a regular file",
                          ", expected a file"));
@@ -34,9 +37,8 @@ FileCursor::FileCursor(const std::filesystem::path& file) : file_(file) {
   size_ = static_cast<uint64_t>(status.st_size);
 }
 
-FileCursor::~FileCursor() {
-  ::close(descriptor_);
-}
+FileCursor::FileCursor(std::string_view content, std::filesystem::path name)
+    : file_(std::move(name)), content_(content), size_(content.size()) {}
 
 bool FileCursor::buffered() const {
   return position_ >= buffer_begin_ && position_ - buffer_begin_ < buffer_.size();
@@ -82,9 +84,16 @@ void FileCursor::read(void* destination, uint64_t n) {
 }
 
 void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
+  if (descriptor_.number < 0) {
+    if (position > size_ || n > size_ - position)
+      throw InputError(str(file_.string(), ": byte ", size_, ": ends here"));
+    std::memcpy(destination, content_.data() + position, n);
+    bytes_read_ += n;
+    return;
+  }
   auto* out = static_cast<uint8_t*>(destination);
   while (n > 0) {
-    const ssize_t got = ::pread(descriptor_, out, n, static_cast<off_t>(position));
+    const ssize_t got = ::pread(descriptor_.number, out, n, static_cast<off_t>(position));
     if (got < 0 && errno == EINTR) continue;
     if (got <= 0) {
       throw InputError(str(file_.string(), ": byte ", position, ": cannot read: ",

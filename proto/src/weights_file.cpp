@@ -71,7 +71,9 @@ bool is_text(std::string_view head) {
 
 class Caffemodel final : public WeightsFile {
  public:
-  Caffemodel(const fs::path& file, const Limits& limits) : WeightsFile(file, limits) { index(); }
+  Caffemodel(FileCursor cursor, const Limits& limits) : WeightsFile(std::move(cursor), limits) {
+    index();
+  }
 
   std::vector<Blob> read(size_t index) override {
     const std::vector<Range>& ranges = blobs_.at(index);
@@ -182,10 +184,13 @@ class Caffemodel final : public WeightsFile {
 }  // namespace
 
 std::unique_ptr<WeightsFile> WeightsFile::open(const fs::path& file, const Limits& limits) {
-  FileCursor cursor(file);
+  return open(FileCursor(file), limits);
+}
+
+std::unique_ptr<WeightsFile> WeightsFile::open(FileCursor cursor, const Limits& limits) {
   check_size(cursor, limits);
-  if (is_hdf5(read_head(cursor))) return open_hdf5(file, limits);
-  return std::make_unique<Caffemodel>(file, limits);
+  if (is_hdf5(read_head(cursor))) return open_hdf5(std::move(cursor), limits);
+  return std::make_unique<Caffemodel>(std::move(cursor), limits);
 }
 
 Blob read_binaryproto(const fs::path& file, const Limits& limits) {

@@ -30,7 +30,7 @@ int64_t index_of(const std::string& name) {
 
 class Hdf5Weights final : public WeightsFile {
  public:
-  Hdf5Weights(const fs::path& path, const Limits& limits) : WeightsFile(path, limits) {
+  Hdf5Weights(FileCursor cursor, const Limits& limits) : WeightsFile(std::move(cursor), limits) {
     explain("", [&] {
       file_.emplace(cursor_, limits.layers * kStepsPerLayer);
       const Hdf5Links& top = file_->links(file_->root());
@@ -175,8 +175,8 @@ bool is_hdf5(std::string_view head) {
   return head.starts_with("\x89HDF\r\n\x1a\n");
 }
 
-std::unique_ptr<WeightsFile> open_hdf5(const fs::path& file, const Limits& limits) {
-  return std::make_unique<Hdf5Weights>(file, limits);
+std::unique_ptr<WeightsFile> open_hdf5(FileCursor cursor, const Limits& limits) {
+  return std::make_unique<Hdf5Weights>(std::move(cursor), limits);
 }
 
 }  // namespace revisit::proto

@@ -8,6 +8,6 @@ namespace revisit::proto {
 bool is_hdf5(std::string_view head);
 
 /// Opens weights as Caffe keeps them in HDF5: an array `/data/LAYER/INDEX` for each blob.
-std::unique_ptr<WeightsFile> open_hdf5(const std::filesystem::path& file, const Limits& limits);
+std::unique_ptr<WeightsFile> open_hdf5(FileCursor cursor, const Limits& limits);
 
 }  // namespace revisit::proto

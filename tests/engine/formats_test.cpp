@@ -47,9 +47,30 @@ TEST(Formats, EveryPairOfFilesGivesTheSame) {
       EXPECT_LE(test::relative_error(run.layer_output(layer).values(), wanted.data), kTolerance)
           << blob;
     }
+    engine::Run from_memory(
+        Net::load_from_memory(test::read_file(folder / prototxt), test::read_file(folder / weights))
+            .plan({}, {.keep_all = true}));
+    std::copy(in.data.begin(), in.data.end(), from_memory.input("data").data);
+    from_memory.forward();
+    EXPECT_TRUE(
+        std::ranges::equal(from_memory.output("prob").values(), run.output("prob").values()))
+        << "files in memory";
     ++pairs;
   }
   EXPECT_EQ(pairs, 22);
+}
+
+TEST(Formats, FilesInMemoryAreCalledByWhatTheyAre) {
+  const std::filesystem::path folder = test::golden("formats");
+  const std::string prototxt = test::read_file(folder / "mini_v2.prototxt");
+  const std::string weights = test::read_file(folder / "mini_v2.caffemodel");
+  for (const std::string& half :
+       {weights.substr(0, weights.size() / 2),
+        test::read_file(folder / "mini.caffemodel.h5").substr(0, 5000), std::string()})
+    expect_error<InputError>([&] { Net::load_from_memory(prototxt, half); }, {"<weights>: "});
+  expect_error<InputError>([&] { Net::load_from_memory(prototxt + "}", weights); },
+                           {"<prototxt>:", ": "});
+  expect_error<InputError>([&] { Net::load_from_memory("", weights); }, {"<prototxt>: is empty"});
 }
 
 class TrainingNet : public testing::Test {

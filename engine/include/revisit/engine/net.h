@@ -187,6 +187,11 @@ class Net {
   static Net load(const std::filesystem::path& prototxt, const std::filesystem::path& weights,
                   const LoadOptions& options = {});
 
+  /// The same of what the two files hold, which is needed during the call only. The prototxt is no
+  /// solver's, as that names another file; messages call the two <prototxt> and <weights>.
+  static Net load_from_memory(std::string_view prototxt, std::string_view weights,
+                              const LoadOptions& options = {});
+
   /// The same with seeded random weights (He-scaled uniform): for timing and tests.
   static Net load_with_random_weights(const std::filesystem::path& prototxt, uint64_t seed,
                                       const LoadOptions& options = {});

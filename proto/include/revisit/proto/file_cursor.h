@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <stdexcept>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 namespace revisit::proto {
@@ -15,17 +17,16 @@ struct FormatError : std::runtime_error {
   uint64_t offset;  // [bytes] from the beginning of the file
 };
 
-/// Reads a regular file at any position and counts what it really read. Small steps are buffered;
-/// the buffer starts small after a jump and doubles while reading goes on, so that hopping from
-/// field to field of a large file reads little of it.
-/// Throws InputError, `path: ...`, when the file cannot be opened, is not a regular file, or
-/// becomes shorter while it is read.
+/// Reads a regular file, or one in memory, at any position and counts what it really read. Small
+/// steps are buffered; the buffer starts small after a jump and doubles while reading goes on, so
+/// that hopping from field to field of a large file reads little of it. Throws InputError, `path:
+/// ...`, when the file cannot be opened, is not a regular file, or becomes shorter while it is
+/// read.
 class FileCursor {
  public:
   explicit FileCursor(const std::filesystem::path& file);
-  ~FileCursor();
-  FileCursor(const FileCursor&) = delete;
-  FileCursor& operator=(const FileCursor&) = delete;
+  /// Of `content`, which has to stay; `name` stands for the path.
+  FileCursor(std::string_view content, std::filesystem::path name);
 
   const std::filesystem::path& file() const { return file_; }
   uint64_t size() const { return size_; }
@@ -43,8 +44,20 @@ class FileCursor {
   void refill();
   void read_at(uint64_t position, void* destination, uint64_t n);
 
+  struct Descriptor {
+    int number = -1;  // -1: none
+    explicit Descriptor(int opened = -1) : number(opened) {}
+    Descriptor(Descriptor&& other) noexcept : number(std::exchange(other.number, -1)) {}
+    Descriptor& operator=(Descriptor&& other) noexcept {
+      std::swap(number, other.number);
+      return *this;
+    }
+    ~Descriptor();
+  };
+
   std::filesystem::path file_;
-  int descriptor_ = -1;
+  Descriptor descriptor_;     // none: what is read is in memory,
+  std::string_view content_;  // here
   uint64_t size_ = 0;
   uint64_t position_ = 0;
   uint64_t bytes_read_ = 0;

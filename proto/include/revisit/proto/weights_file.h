@@ -41,6 +41,11 @@ class WeightsFile {
   /// write.
   static std::unique_ptr<WeightsFile> open(const std::filesystem::path& file,
                                            const Limits& limits = {});
+  /// The same of what a cursor reads.
+  static std::unique_ptr<WeightsFile> open(FileCursor cursor, const Limits& limits = {});
+
+  /// Its path, or what stands for it.
+  const std::filesystem::path& file() const { return cursor_.file(); }
 
   /// The layers in file order. Names can repeat.
   const std::vector<Layer>& layers() const { return layers_; }
@@ -54,8 +59,8 @@ class WeightsFile {
   uint64_t bytes_read() const { return cursor_.bytes_read(); }
 
  protected:
-  WeightsFile(const std::filesystem::path& file, const Limits& limits)
-      : cursor_(file), limits_(limits) {}
+  WeightsFile(FileCursor cursor, const Limits& limits)
+      : cursor_(std::move(cursor)), limits_(limits) {}
 
   FileCursor cursor_;
   Limits limits_;
