@@ -21,10 +21,17 @@ endif()
 
 find_program(REVISIT_CCACHE ccache)
 if(REVISIT_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # The tests have precompiled headers, which ccache takes only so.
+  # ccache takes precompiled headers only so.
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${REVISIT_CCACHE})
   add_compile_options($<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-fpch-preprocess>)
 endif()
+
+# revisit_precompile(TARGET HEADERS...): reads these and the standard's once for all files of a target, which is half of the
+# time to compile them. The files include what they use all the same: -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON builds.
+function(revisit_precompile target)
+  target_precompile_headers(${target} PRIVATE <algorithm> <cmath> <filesystem> <functional> <map> <memory> <optional> <string>
+                                              <vector> ${ARGN})
+endfunction()
 
 # revisit_library(NAME DEPENDS...): a static library from src/**.cpp with public headers in include/, installed as
 # the component NAME of the package (cmake/revisitConfig.cmake).

@@ -3,8 +3,10 @@
 set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
-[ -f build/dev/compile_commands.json ] || cmake --preset dev >/dev/null
-cmake --build --preset dev --target revisit_caffe_schema revisit_reports >/dev/null  # generated headers
+build=build/tidy  # configured only: clang cannot read the precompiled headers of g++
+[ -f $build/compile_commands.json ] || cmake --preset dev -B $build -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
+cmake --build $build --target revisit_caffe_schema revisit_reports >/dev/null  # generated headers
 files=("$@")
 [ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' ':!tests/**')
-printf '%s\n' "${files[@]}" | xargs -P "$(nproc)" -n 4 clang-tidy -p build/dev --quiet --extra-arg=-Wno-unknown-warning-option 2>/dev/null
+printf '%s\n' "${files[@]}" |
+  xargs -P "$(nproc)" -n 4 clang-tidy -p $build --quiet --extra-arg=-Wno-unknown-warning-option 2>/dev/null
