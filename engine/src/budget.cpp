@@ -10,7 +10,7 @@ constexpr int64_t kMegabyte = 1 << 20;
 constexpr int kMostThreads = 1024;
 
 int64_t bytes_of(const Shape& shape) {
-  return shape.elements() * static_cast<int64_t>(sizeof(float));
+  return floats(shape.elements()).count;
 }
 
 }  // namespace
@@ -38,17 +38,15 @@ void check_outputs(const std::vector<Shape>& outputs, int64_t limit) {
 }
 
 void check_run_memory(const Plan::Impl& plan, int64_t limit) {
-  constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
   const Schedule& schedule = plan.schedule;
-  if (schedule.arena_floats + schedule.packed_floats <= limit / kFloat) return;
-  const auto megabytes = [](int64_t floats) { return floats / (kMegabyte / kFloat); };
+  if (schedule.arena_bytes + schedule.packed_bytes <= limit) return;
   const auto largest =
       std::max_element(schedule.buffers.begin(), schedule.buffers.end(),
                        [](const BufferUse& a, const BufferUse& b) { return a.bytes < b.bytes; });
   throw InputError(str(
-      plan.net->file, ": running the net takes ", megabytes(schedule.arena_floats),
-      " MB for values and ", megabytes(schedule.packed_floats), " MB for packed weights, beside ",
-      megabytes(plan.weight_floats), " MB of weights, more than the limit of ", limit / kMegabyte,
+      plan.net->file, ": running the net takes ", schedule.arena_bytes / kMegabyte,
+      " MB for values and ", schedule.packed_bytes / kMegabyte, " MB for packed weights, beside ",
+      plan.weight_bytes / kMegabyte, " MB of weights, more than the limit of ", limit / kMegabyte,
       " MB (PlanOptions::max_run_bytes); most is for '", largest->what,
       "': ", largest->bytes / kMegabyte, " MB; choose smaller input shapes or fewer threads"));
 }

@@ -7,13 +7,13 @@
 namespace revisit::engine {
 namespace {
 
-constexpr int64_t kAlignment = 16;  // floats: one cache line, one AVX-512 register
+constexpr int64_t kAlignment = 64;  // [bytes]: one cache line, one AVX-512 register
 constexpr int kBefore = -1;         // all steps
 
 /// Memory of its own or, with a parent, a part of another buffer's.
 struct Buffer {
   std::string what;
-  int64_t floats = 0;
+  int64_t bytes = 0;
   int first = 0, last = 0;  // steps
   int parent = -1;
   int64_t offset = 0;  // in the parent
@@ -56,21 +56,21 @@ class Placer {
         add_buffer(output, index, name);
     }
     if (joined) join(step);
-    int64_t floats = 0;
-    for (size_t b = n_before; b < buffers_.size(); ++b) floats += buffers_[b].floats;
-    step.new_floats = joined ? 0 : floats;
+    int64_t bytes = 0;
+    for (size_t b = n_before; b < buffers_.size(); ++b) bytes += buffers_[b].bytes;
+    step.new_bytes = joined ? 0 : bytes;
     step.runs = step.memory != OutputMemory::kViewOfInput && !joined;
-    scratch_.push_back(add(name + " (scratch)", step.kernel.scratch_floats, index, index));
-    state_.push_back(add(name + " (state)", step.kernel.state_floats, kBefore, end_));
+    scratch_.push_back(add(name + " (scratch)", step.kernel.scratch.count, index, index));
+    state_.push_back(add(name + " (state)", step.kernel.state.count, kBefore, end_));
   }
 
-  int add(std::string what, int64_t floats, int first, int last) {
-    buffers_.push_back({std::move(what), floats, first, last});
+  int add(std::string what, int64_t bytes, int first, int last) {
+    buffers_.push_back({std::move(what), bytes, first, last});
     return static_cast<int>(buffers_.size()) - 1;
   }
 
   void add_buffer(size_t id, int step, const std::string& what) {
-    buffer_of_[id] = add(what, schedule_.stored[id].floats, step, std::max(step, last_use_[id]));
+    buffer_of_[id] = add(what, schedule_.stored[id].bytes, step, std::max(step, last_use_[id]));
   }
 
   void share(size_t id, size_t with) {
@@ -87,7 +87,7 @@ class Placer {
     const size_t first = step.inputs[0];
     const Stored &input = schedule_.stored[first], &output = schedule_.stored[step.outputs[0]];
     const int whole = root(buffer_of_[first]);
-    return input.layout == output.layout && input.floats == output.floats &&
+    return input.layout == output.layout && input.bytes == output.bytes &&
            buffers_[whole].last <= index &&
            std::all_of(step.inputs.begin(), step.inputs.end(),
                        [&](size_t id) { return id == first || root(buffer_of_[id]) != whole; });
@@ -105,7 +105,7 @@ class Placer {
       const int b = buffer_of_[step.inputs[i]];
       const bool is_input = static_cast<size_t>(b) < n_inputs_;
       if (is_input || buffers_[b].parent >= 0 || std::count(seen.begin(), seen.end(), b) > 0 ||
-          (i + 1 < step.inputs.size() && buffers_[b].floats % kAlignment != 0))
+          (i + 1 < step.inputs.size() && buffers_[b].bytes % kAlignment != 0))
         return false;
       seen.push_back(b);
     }
@@ -119,7 +119,7 @@ class Placer {
       Buffer& part = buffers_[buffer_of_[input]];
       part.parent = whole;
       part.offset = offset;
-      offset += part.floats;
+      offset += part.bytes;
       buffers_[whole].first = std::min(buffers_[whole].first, part.first);
       buffers_[whole].last = std::max(buffers_[whole].last, part.last);
     }
@@ -128,7 +128,7 @@ class Placer {
   void lay_out() {
     std::vector<Lifetime> lifetimes;
     for (const Buffer& buffer : buffers_)
-      lifetimes.push_back({buffer.parent < 0 ? buffer.floats : 0, buffer.first, buffer.last});
+      lifetimes.push_back({buffer.parent < 0 ? buffer.bytes : 0, buffer.first, buffer.last});
     const MemoryPlan memory = plan_memory(lifetimes, kAlignment);
     const auto offset_of = [&](int b) {
       int64_t offset = 0;
@@ -141,20 +141,19 @@ class Placer {
       schedule_.steps[step].scratch = offset_of(scratch_[step]);
       schedule_.steps[step].state = offset_of(state_[step]);
     }
-    schedule_.arena_floats = memory.total;
+    schedule_.arena_bytes = memory.total;
     for (size_t b = 0; b < buffers_.size(); ++b) describe(buffers_[b], memory.offsets[b]);
   }
 
   void describe(const Buffer& buffer, int64_t offset) {
-    if (buffer.parent >= 0 || buffer.floats == 0) return;
-    constexpr auto kFloat = static_cast<int64_t>(sizeof(float));
+    if (buffer.parent >= 0 || buffer.bytes == 0) return;
     const auto layer_of = [&](int step) {
       return step == kBefore ? 0
              : step == end_  ? net_.graph.nodes.size()
                              : schedule_.steps[step].layer;
     };
-    schedule_.buffers.push_back({buffer.what, offset * kFloat, buffer.floats * kFloat,
-                                 layer_of(buffer.first), layer_of(buffer.last)});
+    schedule_.buffers.push_back(
+        {buffer.what, offset, buffer.bytes, layer_of(buffer.first), layer_of(buffer.last)});
   }
 
   const Net::Impl& net_;

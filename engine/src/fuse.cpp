@@ -11,9 +11,9 @@ namespace {
 /// that gives the same.
 class Fuser {
  public:
-  Fuser(Operations operations, int64_t most_packed_floats)
+  Fuser(Operations operations, int64_t most_packed_bytes)
       : operations_(std::move(operations)),
-        packed_left_(most_packed_floats),
+        packed_left_(most_packed_bytes),
         readers_(operations_.held_by.size(), 0),
         maker_(operations_.held_by.size(), kNone) {
     for (const Operation& operation : operations_.list)
@@ -147,7 +147,7 @@ class Fuser {
     const BlockedConvolutionKernel* const kernel = choose_convolution(
         convolving->problem, fusion, Layout::kNchw, {first->most_winograd_points, packed_left_});
     if (!kernel) return false;
-    packed_left_ -= packed_floats(convolving->problem, fusion, *kernel);
+    packed_left_ -= packed_bytes(convolving->problem, fusion, *kernel);
     first->convolution = kernel;
     first->fusion = std::move(fusion);
     absorb(first, operation);
@@ -155,15 +155,15 @@ class Fuser {
   }
 
   Operations operations_;
-  int64_t packed_left_;        // floats
+  int64_t packed_left_;        // [bytes]
   std::vector<int> readers_;   // of each value
   std::vector<size_t> maker_;  // of each value: index into operations_.list; kNone: a net input
 };
 
 }  // namespace
 
-Operations fuse(Operations operations, int64_t most_packed_floats) {
-  return Fuser(std::move(operations), most_packed_floats).run();
+Operations fuse(Operations operations, int64_t most_packed_bytes) {
+  return Fuser(std::move(operations), most_packed_bytes).run();
 }
 
 }  // namespace revisit::engine

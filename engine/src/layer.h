@@ -29,7 +29,7 @@ struct Call {
   const std::vector<const float*>& inputs;
   const std::vector<float*>& outputs;
   float* scratch;
-  float* state = nullptr;   // see Kernel::state_floats
+  float* state = nullptr;   // see Kernel::state
   int64_t* rows = nullptr;  // where a layer with Layer::dynamic_axis() says how many it wrote
   const HeldWeights* weights = nullptr;  // what Kernel::hold gave
 };
@@ -38,17 +38,17 @@ struct Call {
 struct Kernel {
   std::string name;
   std::function<void(const Call&)> run;
-  int64_t scratch_floats = 0;
+  Bytes scratch = {};
   int64_t macs = 0;
   /// Memory that starts as zeros and keeps its values from one forward pass to the next, for layers
   /// that remember (LSTM).
-  int64_t state_floats = 0;
+  Bytes state = {};
   /// The layout it wants each input in; empty: all plain. The planner reorders where needed.
   std::vector<Layout> reads = {};
   Layout writes = Layout::kNchw;
   /// The output is the inputs one after another: where they already lie so, nothing has to run.
   bool joins_inputs = false;
-  int64_t packed_floats = 0;  // weights in its own order, beside those of the net
+  Bytes packed = {};  // weights in its own order, beside those of the net
   /// Of kernels with packed weights, or weights that a net may release: makes them, or takes those
   /// that are there. To be called once, when it is known that there is memory for them.
   std::function<HeldWeights()> hold = {};
@@ -56,8 +56,8 @@ struct Kernel {
 
 /// One whose inputs and outputs are all blocked.
 inline Kernel blocked_kernel(std::string name, size_t n_inputs,
-                             std::function<void(const Call&)> run, int64_t scratch_floats = 0) {
-  Kernel kernel{std::move(name), std::move(run), scratch_floats};
+                             std::function<void(const Call&)> run, Bytes scratch = {}) {
+  Kernel kernel{std::move(name), std::move(run), scratch};
   kernel.reads.assign(n_inputs, Layout::kNChw16c);
   kernel.writes = Layout::kNChw16c;
   return kernel;

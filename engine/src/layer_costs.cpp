@@ -5,8 +5,6 @@
 namespace revisit::engine {
 namespace {
 
-constexpr auto kFloatBytes = static_cast<int64_t>(sizeof(float));
-
 /// What each layer is, as the file has it; costs are still to be counted.
 std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Shape>& shapes) {
   std::vector<FieldHw> fields(graph.values.size());
@@ -32,8 +30,8 @@ std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Sha
 }
 
 void count_step(const Step& step, LayerCost* cost) {
-  cost->activation_bytes += step.new_floats * kFloatBytes;
-  cost->packed_weight_bytes += step.kernel.packed_floats * kFloatBytes;
+  cost->activation_bytes += step.new_bytes;
+  cost->packed_weight_bytes += step.kernel.packed.count;
   cost->macs += step.kernel.macs;
   const std::string name = step.kernel.joins_inputs && !step.runs ? "in place" : step.kernel.name;
   // A reorder only shows where its layer runs nothing else; a view runs nothing.
@@ -54,7 +52,7 @@ std::vector<LayerCost> layer_costs(const Net::Impl& net, const std::vector<Shape
   size_t input = 0;  // of the net
   for (size_t i = 0; i < net.graph.nodes.size(); ++i)
     for (size_t port = 0; !net.graph.nodes[i].layer && port < costs[i].outputs.size(); ++port)
-      costs[i].activation_bytes += schedule.stored[schedule.inputs[input++]].floats * kFloatBytes;
+      costs[i].activation_bytes += schedule.stored[schedule.inputs[input++]].bytes;
   return costs;
 }
 

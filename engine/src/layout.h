@@ -4,6 +4,16 @@
 
 namespace revisit::engine {
 
+/// Memory. Planning counts in bytes: only who makes the numbers knows their type.
+struct Bytes {
+  int64_t count = 0;
+  constexpr Bytes() = default;
+  explicit constexpr Bytes(int64_t n) : count(n) {}
+};
+constexpr Bytes floats(int64_t n) {
+  return Bytes(n * static_cast<int64_t>(sizeof(float)));
+}
+
 /// How the numbers of a value `[n][c][h][w]` lie in memory.
 enum class Layout {
   kNchw,     // [n][c][h][w]: "plain"

@@ -175,14 +175,15 @@ uint64_t Net::weight_bytes_read() const {
 }
 
 int64_t Net::weight_bytes_in_memory() const {
-  int64_t floats = impl_->releasable.floats_in_memory();
+  int64_t bytes = impl_->releasable.bytes_in_memory();
   for (const Node& node : impl_->graph.nodes)
-    for (const Tensor& weight : node.weights) floats += static_cast<int64_t>(weight.values.size());
-  return floats * static_cast<int64_t>(sizeof(float));
+    for (const Tensor& weight : node.weights)
+      bytes += floats(static_cast<int64_t>(weight.values.size())).count;
+  return bytes;
 }
 
 int64_t Net::packed_weight_bytes() const {
-  return impl_->packed_weights.floats_in_use() * static_cast<int64_t>(sizeof(float));
+  return impl_->packed_weights.bytes_in_use();
 }
 
 std::vector<std::string> Net::outputs() const {

@@ -11,7 +11,6 @@
 namespace revisit::engine {
 namespace {
 
-constexpr auto kFloatBytes = static_cast<int64_t>(sizeof(float));
 constexpr int64_t kMegabyte = 1 << 20;
 
 std::vector<Shape> shapes_for(const Net::Impl& net, const std::map<std::string, Shape>& inputs) {
@@ -57,14 +56,14 @@ std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptio
 }
 
 Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
-                   const PlanOptions& options, int64_t most_packed_floats) {
+                   const PlanOptions& options, int64_t most_packed_bytes) {
   const bool merge = !options.keep_all && !options.reference_kernels;
   std::vector<ValueId> kept;
   for (const auto& [name, id] : kept_values(net, options)) kept.push_back(id);
   Operations operations = operations_of(net, shapes, kept);
   if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
   limit_rounding(options.accuracy, &operations);
-  return merge ? fuse(std::move(operations), most_packed_floats) : operations;
+  return merge ? fuse(std::move(operations), most_packed_bytes) : operations;
 }
 
 /// A plan that has taken no memory yet.
@@ -72,14 +71,14 @@ struct Draft {
   Operations operations;
   Schedule schedule;
 
-  int64_t floats() const { return schedule.arena_floats + schedule.packed_floats; }
+  int64_t bytes() const { return schedule.arena_bytes + schedule.packed_bytes; }
 };
 
 Draft make_draft(const Net::Impl& net, const std::vector<Shape>& shapes, const PlanOptions& options,
-                 int64_t most_packed_floats) {
+                 int64_t most_packed_bytes) {
   Draft draft;
-  draft.operations = rewrite(net, shapes, options, most_packed_floats);
-  draft.schedule = schedule(net, shapes, draft.operations, options, most_packed_floats);
+  draft.operations = rewrite(net, shapes, options, most_packed_bytes);
+  draft.schedule = schedule(net, shapes, draft.operations, options, most_packed_bytes);
   place(net, &draft.schedule);
   return draft;
 }
@@ -90,17 +89,17 @@ Draft make_draft(const Net::Impl& net, const std::vector<Shape>& shapes, const P
 Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& shapes,
                               const PlanOptions& options) {
   constexpr int kMostAttempts = 8;
-  const int64_t limit = options.max_run_bytes / kFloatBytes;
+  const int64_t limit = options.max_run_bytes;
   PlanOptions one_thread = options;
   one_thread.threads = 1;
   int64_t most_packed = std::numeric_limits<int64_t>::max() / 2;  // first as if without a limit
   for (int attempt = 1;; ++attempt) {
     Draft draft = make_draft(net, shapes, one_thread, most_packed);
-    if (draft.floats() <= limit || most_packed == 0)
+    if (draft.bytes() <= limit || most_packed == 0)
       return options.threads == 1 ? draft : make_draft(net, shapes, options, most_packed);
     // Less than it packs now. Other kernels may need more scratch: then once more.
     most_packed =
-        attempt < kMostAttempts ? std::max(limit - draft.schedule.arena_floats, int64_t{0}) : 0;
+        attempt < kMostAttempts ? std::max(limit - draft.schedule.arena_bytes, int64_t{0}) : 0;
   }
 }
 
@@ -112,8 +111,7 @@ HeldWeights hold(const Net::Impl& net, const Step& step) {
     return weights;
   } catch (const std::bad_alloc&) {
     throw MemoryError(str(net.file, ": layer '", net.graph.nodes[step.layer].name,
-                          "': out of memory for ",
-                          step.kernel.packed_floats * kFloatBytes / kMegabyte,
+                          "': out of memory for ", step.kernel.packed.count / kMegabyte,
                           " MB of packed weights; lower PlanOptions::max_run_bytes"));
   }
 }
@@ -131,7 +129,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   plan->net = impl_;
   plan->flush_denormals = options.flush_denormals;
   plan->costs = layer_costs(*impl_, shapes, draft.operations, draft.schedule);
-  for (const LayerCost& cost : plan->costs) plan->weight_floats += cost.parameters;
+  for (const LayerCost& cost : plan->costs) plan->weight_bytes += floats(cost.parameters).count;
   plan->schedule = std::move(draft.schedule);
   check_run_memory(*plan, options.max_run_bytes);
 
@@ -179,13 +177,13 @@ const std::vector<Port>& Plan::outputs() const {
   return impl_->outputs;
 }
 int64_t Plan::arena_bytes() const {
-  return impl_->schedule.arena_floats * kFloatBytes;
+  return impl_->schedule.arena_bytes;
 }
 int64_t Plan::weight_bytes() const {
-  return impl_->weight_floats * kFloatBytes;
+  return impl_->weight_bytes;
 }
 int64_t Plan::packed_weight_bytes() const {
-  return impl_->schedule.packed_floats * kFloatBytes;
+  return impl_->schedule.packed_bytes;
 }
 
 }  // namespace revisit::engine

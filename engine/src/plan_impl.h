@@ -13,7 +13,7 @@ namespace revisit::engine {
 struct Plan::Impl {
   /// A value that is readable from outside.
   struct Slot {
-    int64_t offset;  // floats
+    int64_t offset;  // [bytes]
     Shape shape;     // with dynamic rows: the largest
     std::optional<DynamicRows> rows;
   };
@@ -25,7 +25,7 @@ struct Plan::Impl {
   std::map<std::string, Slot, std::less<>> layer_slots;  // by port_name(): what is kept
   bool flush_denormals = true;
   int blas_threads = 0;  // that multiply by OpenBLAS at the same time
-  int64_t weight_floats = 0;
+  int64_t weight_bytes = 0;
 };
 
 }  // namespace revisit::engine

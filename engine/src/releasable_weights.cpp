@@ -23,13 +23,13 @@ void ReleasableWeights::release(size_t layer) {
   entries_.at(layer).kept.reset();
 }
 
-int64_t ReleasableWeights::floats_in_memory() const {
+int64_t ReleasableWeights::bytes_in_memory() const {
   const std::lock_guard lock(mutex_);
-  int64_t floats = 0;
+  int64_t bytes = 0;
   for (const auto& [layer, entry] : entries_)
     if (const auto weights = entry.weights.lock())
-      for (const Tensor& weight : *weights) floats += weight.shape.elements();
-  return floats;
+      for (const Tensor& weight : *weights) bytes += floats(weight.shape.elements()).count;
+  return bytes;
 }
 
 }  // namespace revisit::engine

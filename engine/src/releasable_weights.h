@@ -28,7 +28,7 @@ class ReleasableWeights {
   /// From now on they stay in memory as long as somebody holds them.
   void release(size_t layer);
   /// Of all that is in memory [floats].
-  int64_t floats_in_memory() const;
+  int64_t bytes_in_memory() const;
 
  private:
   struct Entry {

@@ -18,10 +18,14 @@ constexpr bool kPoison = true;
 constexpr bool kPoison = false;
 #endif
 
+float* floats_at(std::byte* memory) {
+  return reinterpret_cast<float*>(memory);
+}
+
 /// A read of memory that nothing wrote shows. Elsewhere pages stay untouched until a kernel's
 /// threads write them: then they are near those threads, and only as many as are needed.
-void poison(float* arena, int64_t floats) {
-  if (kPoison) std::fill_n(arena, floats, kNan);
+void poison(std::byte* arena, int64_t bytes) {
+  if (kPoison) std::fill_n(floats_at(arena), bytes / static_cast<int64_t>(sizeof(float)), kNan);
 }
 
 template <class Slots>
@@ -43,7 +47,7 @@ FloatMode mode_of(const Plan::Impl& plan) {
 struct Run::Memory {
   std::unique_ptr<BlasRoom> blas_room;  // null: not needed
   AlignedFloats own;                    // empty where the arena is the caller's
-  float* arena = nullptr;
+  std::byte* arena = nullptr;
   struct Operands {
     std::vector<const float*> inputs;
     std::vector<float*> outputs;
@@ -57,7 +61,7 @@ struct Run::Memory {
     Shape shape = slot.shape;
     if (slot.rows)
       shape = shape.with_rows(slot.rows->axis, slot.rows->multiple * rows[slot.rows->layer]);
-    return {arena + slot.offset, std::move(shape)};
+    return {floats_at(arena + slot.offset), std::move(shape)};
   }
 
   void run(const Step& step, size_t i) {
@@ -70,7 +74,7 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {
   prepare(nullptr);
 }
 
-Run::Run(Plan plan, std::span<float> arena) : plan_(std::move(plan)) {
+Run::Run(Plan plan, std::span<std::byte> arena) : plan_(std::move(plan)) {
   constexpr uintptr_t kAlignment = 64;
   if (static_cast<int64_t>(arena.size_bytes()) < plan_.arena_bytes() ||
       reinterpret_cast<uintptr_t>(arena.data()) % kAlignment != 0)
@@ -81,14 +85,15 @@ Run::Run(Plan plan, std::span<float> arena) : plan_(std::move(plan)) {
 }
 
 /// Without an arena of the caller's it makes one.
-void Run::prepare(float* arena) {
+void Run::prepare(std::byte* arena) {
   const Plan::Impl& impl = *plan_.impl_;
   if (!impl.net->has_weights)
     throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
   try {
     memory_ = std::make_unique<Memory>();
     memory_->rows.assign(impl.costs.size(), 0);
-    if (!arena) memory_->own = AlignedFloats(impl.schedule.arena_floats);
+    if (!arena)
+      memory_->own = AlignedFloats(impl.schedule.arena_bytes / static_cast<int64_t>(sizeof(float)));
     if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
   } catch (const std::bad_alloc&) {
     throw MemoryError(str(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
@@ -96,17 +101,20 @@ void Run::prepare(float* arena) {
                           " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
                           "or fewer runs at a time"));
   }
-  if (!arena) arena = memory_->own.data();
+  if (!arena) arena = reinterpret_cast<std::byte*>(memory_->own.data());
   memory_->arena = arena;
-  poison(arena, impl.schedule.arena_floats);
+  poison(arena, impl.schedule.arena_bytes);
   for (const auto& [blob, slot] : impl.input_slots)  // one that is not filled shows
-    std::fill_n(arena + slot.offset, slot.shape.elements(), kNan);
+    std::fill_n(floats_at(arena + slot.offset), slot.shape.elements(), kNan);
   const std::vector<Stored>& stored = impl.schedule.stored;
   for (const Step& step : impl.schedule.steps) {
-    Memory::Operands operands{{}, {}, arena + step.scratch, arena + step.state};
-    std::fill_n(operands.state, step.kernel.state_floats, 0.0F);
-    for (const size_t id : step.inputs) operands.inputs.push_back(arena + stored[id].offset);
-    for (const size_t id : step.outputs) operands.outputs.push_back(arena + stored[id].offset);
+    std::fill_n(arena + step.state, step.kernel.state.count, std::byte{});
+    Memory::Operands operands{
+        {}, {}, floats_at(arena + step.scratch), floats_at(arena + step.state)};
+    for (const size_t id : step.inputs)
+      operands.inputs.push_back(floats_at(arena + stored[id].offset));
+    for (const size_t id : step.outputs)
+      operands.outputs.push_back(floats_at(arena + stored[id].offset));
     memory_->operands.push_back(std::move(operands));
   }
 }
@@ -123,7 +131,7 @@ Run::Memory& Run::memory() const {
 View<float> Run::input(std::string_view blob) {
   Memory& memory = this->memory();
   const Plan::Impl::Slot& slot = find_slot(plan_.impl_->input_slots, blob, "input");
-  return {memory.arena + slot.offset, slot.shape};
+  return {floats_at(memory.arena + slot.offset), slot.shape};
 }
 
 View<const float> Run::output(std::string_view name) const {

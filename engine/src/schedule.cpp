@@ -22,18 +22,18 @@ Kernel reorder_kernel(const Shape& shape, Layout to, int threads) {
 class Scheduler {
  public:
   Scheduler(const Net::Impl& net, const std::vector<Shape>& shapes, const Operations& operations,
-            const PlanOptions& options, int64_t most_packed_floats)
+            const PlanOptions& options, int64_t most_packed_bytes)
       : net_(net),
         shapes_(shapes),
         operations_(operations),
         options_(options),
-        packed_left_(most_packed_floats) {
+        packed_left_(most_packed_bytes) {
     result_.nchw.resize(shapes.size());
     blocked_.resize(shapes.size());
     for (const Operation& operation : operations.list)
       if (operation.convolution)
-        packed_left_ -= packed_floats(std::get<Convolving>(operation.form).problem,
-                                      operation.fusion, *operation.convolution);
+        packed_left_ -= packed_bytes(std::get<Convolving>(operation.form).problem, operation.fusion,
+                                     *operation.convolution);
       else if (chooses(operation))
         weights_left_ += weights_of(operation);
   }
@@ -60,9 +60,9 @@ class Scheduler {
 
   size_t store(ValueId id, Layout layout) {
     const Shape shape = operations_.gray_input == id ? shapes_[id].with(1, 1) : shapes_[id];
-    int64_t floats = shape.elements();
-    if (layout == Layout::kNChw16c) floats = floats / shape[1] * padded_channels(shape[1]);
-    result_.stored.push_back({id, layout, shape, floats});
+    int64_t elements = shape.elements();
+    if (layout == Layout::kNChw16c) elements = elements / shape[1] * padded_channels(shape[1]);
+    result_.stored.push_back({id, layout, shape, floats(elements).count});
     place(id, layout) = result_.stored.size() - 1;
     return result_.stored.size() - 1;
   }
@@ -96,9 +96,9 @@ class Scheduler {
       const BlockedConvolutionKernel* const convolution = convolution_kernel(operation);
       step.kernel = bind(operation, convolution, inputs, outputs);
       step.why = why(operation, convolution);
-      result_.packed_floats += step.kernel.packed_floats;
+      result_.packed_bytes += step.kernel.packed.count;
       if (chooses(operation)) {
-        packed_left_ -= step.kernel.packed_floats;
+        packed_left_ -= step.kernel.packed.count;
         weights_left_ -= weights_of(operation);
       }
     }
@@ -180,8 +180,8 @@ class Scheduler {
   const Operations& operations_;
   const PlanOptions& options_;
   Schedule result_;
-  int64_t packed_left_;                         // floats, of kernels still to be chosen
-  double weights_left_ = 0;                     // floats, of layers whose kernels are
+  int64_t packed_left_;                         // [bytes], of kernels still to be chosen
+  double weights_left_ = 0;                     // numbers, of layers whose kernels are
   std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::nchw
 };
 
@@ -189,8 +189,8 @@ class Scheduler {
 
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
                   const Operations& operations, const PlanOptions& options,
-                  int64_t most_packed_floats) {
-  return Scheduler(net, shapes, operations, options, most_packed_floats).run();
+                  int64_t most_packed_bytes) {
+  return Scheduler(net, shapes, operations, options, most_packed_bytes).run();
 }
 
 }  // namespace revisit::engine

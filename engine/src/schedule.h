@@ -9,9 +9,9 @@ struct Stored {
   ValueId value;
   Layout layout;
   Shape shape;  // of the value; one channel for a gray input
-  int64_t floats;
+  int64_t bytes;
   bool pinned = false;  // read or written from outside: keeps its numbers to the end
-  int64_t offset = 0;   // floats from the start of the arena; place() sets it
+  int64_t offset = 0;   // [bytes] from the start of the arena; place() sets it
 };
 
 /// A kernel with its operands: indices into Schedule::stored.
@@ -24,8 +24,8 @@ struct Step {
   std::string why = {};  // LayerCost::why
   // place() sets these:
   bool runs = true;                // false where nothing has to be done
-  int64_t scratch = 0, state = 0;  // floats from the start of the arena
-  int64_t new_floats = 0;          // memory that its outputs take anew
+  int64_t scratch = 0, state = 0;  // [bytes] from the start of the arena
+  int64_t new_bytes = 0;           // memory that its outputs take anew
   HeldWeights weights = {};        // what Kernel::hold gave
 };
 
@@ -35,19 +35,19 @@ struct Schedule {
   std::vector<Step> steps;
   std::vector<size_t> inputs;               // of the net, in the order of its Input layers
   std::vector<std::optional<size_t>> nchw;  // of each value: where it lies in plain layout
-  int64_t packed_floats = 0;                // of all kernels
+  int64_t packed_bytes = 0;                 // of all kernels
   // place() sets these:
   std::vector<BufferUse> buffers;  // for people
-  int64_t arena_floats = 0;
+  int64_t arena_bytes = 0;
 };
 
 /// Binds every operation: blocked kernels where a layer has one that takes what is there, with
 /// reorders only where a layer needs what is not there yet. Values that are read from outside (the
 /// outputs of the net; all, with keep_all) are plain in the end. Nothing is packed yet; where the
 /// kernels of convolutions are chosen here, each packs at most its share of what is left of
-/// `most_packed_floats`. Throws InputError naming the layer that cannot take the shapes.
+/// `most_packed_bytes`. Throws InputError naming the layer that cannot take the shapes.
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
                   const Operations& operations, const PlanOptions& options,
-                  int64_t most_packed_floats);
+                  int64_t most_packed_bytes);
 
 }  // namespace revisit::engine

@@ -14,12 +14,12 @@ std::shared_ptr<const PackedWeights> WeightCache::get(const PackedWeightsKey& ke
   return weights;
 }
 
-int64_t WeightCache::floats_in_use() const {
+int64_t WeightCache::bytes_in_use() const {
   const std::lock_guard lock(mutex_);
-  int64_t floats = 0;
+  int64_t bytes = 0;
   for (const auto& [key, entry] : entries_)
-    if (const auto weights = entry.lock()) floats += weights->floats();
-  return floats;
+    if (const auto weights = entry.lock()) bytes += weights->bytes();
+  return bytes;
 }
 
 }  // namespace revisit::engine

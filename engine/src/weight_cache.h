@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "aligned.h"
+#include "layout.h"
 
 namespace revisit::engine {
 
@@ -17,7 +18,7 @@ namespace revisit::engine {
 struct PackedWeights {
   AlignedFloats weights, bias;
   AlignedFloats outside_taps = {};  // BlockedConvolutionArguments::outside_taps
-  int64_t floats() const { return weights.size() + bias.size() + outside_taps.size(); }
+  int64_t bytes() const { return floats(weights.size() + bias.size() + outside_taps.size()).count; }
 };
 
 /// All that decides what is packed; the weights of a net's layers never change.
@@ -40,8 +41,8 @@ class WeightCache {
   /// What is stored under `key`, or what `pack` makes.
   std::shared_ptr<const PackedWeights> get(const PackedWeightsKey& key, const Pack& pack);
 
-  /// Of all that is in use [floats].
-  int64_t floats_in_use() const;
+  /// Of all that is in use.
+  int64_t bytes_in_use() const;
 
  private:
   mutable std::mutex mutex_;

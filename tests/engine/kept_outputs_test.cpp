@@ -63,7 +63,8 @@ TEST(RunInAnArena, GivesTheSameBits) {
   const AlignedFloats arena(plan.arena_bytes() / static_cast<int64_t>(sizeof(float)));
   std::vector<std::vector<float>> outputs;
   for (const bool own : {true, false, false}) {
-    engine::Run run = own ? engine::Run(plan) : engine::Run(plan, arena.values());
+    engine::Run run =
+        own ? engine::Run(plan) : engine::Run(plan, std::as_writable_bytes(arena.values()));
     test::fill_randomly(run);
     run.forward();
     const auto values = run.output("p").values();
@@ -76,8 +77,8 @@ TEST(RunInAnArena, GivesTheSameBits) {
 TEST(RunInAnArena, RefusesOneThatIsTooSmallOrNotAligned) {
   const Plan plan = two_convolutions().plan();
   const AlignedFloats arena(plan.arena_bytes() / static_cast<int64_t>(sizeof(float)) + 1);
-  const std::span<float> all = arena.values();
-  for (const std::span<float> wrong : {all.first(all.size() - 2), all.subspan(1)})
+  const std::span<std::byte> all = std::as_writable_bytes(arena.values());
+  for (const std::span<std::byte> wrong : {all.first(all.size() - 5), all.subspan(4)})
     expect_error<UsageError>([&] { engine::Run(plan, wrong); }, {"arena", "multiple of 64"});
 }
 

@@ -62,9 +62,9 @@ inline std::vector<engine::Tensor> run_layer(const SingleLayer& l) {
     outputs[0].values = l.inputs[0].values;
     in[0] = out[0] = outputs[0].values.data();
   }
-  std::vector<float> scratch(static_cast<size_t>(kernel.scratch_floats));
+  std::vector<float> scratch(static_cast<size_t>(kernel.scratch.count) / sizeof(float));
   if (!scratch.empty()) std::memset(scratch.data(), 0xA5, scratch.size() * sizeof(float));
-  std::vector<float> state(static_cast<size_t>(kernel.state_floats), 0.0F);
+  std::vector<float> state(static_cast<size_t>(kernel.state.count) / sizeof(float), 0.0F);
   const HeldWeights held = kernel.hold ? kernel.hold() : HeldWeights{};
   int64_t rows = -1;
   for (int pass = 0; pass < l.passes; ++pass)

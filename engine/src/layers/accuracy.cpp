@@ -27,7 +27,7 @@ class Accuracy : public Layer {
             [s, by_class, top_k = int64_t{param_.top_k()}](const Call& call) {
               count(s, top_k, call, by_class ? call.outputs[1] : nullptr);
             },
-            by_class ? s.lines.classes : 0};
+            floats(by_class ? s.lines.classes : 0)};
   }
 
  private:

@@ -55,7 +55,7 @@ class ArgMax : public OneToOneLayer {
                       *place = line[best[k] * l.inner];
                 }
             },
-            l.candidates};
+            floats(l.candidates)};
   }
 
  private:

@@ -35,7 +35,8 @@ class Deconvolution : public Layer {
               for (size_t i = 0; i < call.inputs.size(); ++i)
                 chosen.run(p, call.inputs[i], weights, bias, call.outputs[i], call.scratch);
             },
-            chosen.scratch_floats(p), static_cast<int64_t>(binding.inputs.size()) * p.macs()};
+            floats(chosen.scratch_floats(p)),
+            static_cast<int64_t>(binding.inputs.size()) * p.macs()};
   }
 
  private:

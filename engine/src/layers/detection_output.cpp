@@ -31,7 +31,7 @@ class DetectionOutput : public Layer {
               *call.rows = detect(p, call.inputs[0], call.inputs[1], call.inputs[2],
                                   call.outputs[0], call.scratch);
             },
-            p.scratch_floats()};
+            floats(p.scratch_floats())};
   }
 
  private:

@@ -65,13 +65,13 @@ FusedConvolution::FusedConvolution(const ConvolutionProblem& problem, const Fusi
   if (fusion.gray_offsets) problem_.c_in = 1;
 }
 
-int64_t FusedConvolution::packed_floats(const BlockedConvolutionKernel& kernel) const {
-  return (has_constants_ ? 2 : 1) * kernel.packed_floats(problem_) +
-         padded_channels(problem_.c_out);
+Bytes FusedConvolution::packed_size(const BlockedConvolutionKernel& kernel) const {
+  return floats((has_constants_ ? 2 : 1) * kernel.packed_floats(problem_) +
+                padded_channels(problem_.c_out));
 }
 
-int64_t FusedConvolution::most_packed_floats(int64_t limit) const {
-  return (limit - padded_channels(problem_.c_out)) / (has_constants_ ? 2 : 1);
+int64_t FusedConvolution::most_packed_bytes(int64_t limit) const {
+  return (limit - floats(padded_channels(problem_.c_out)).count) / (has_constants_ ? 2 : 1);
 }
 
 PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {

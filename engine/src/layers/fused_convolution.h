@@ -27,9 +27,9 @@ class FusedConvolution {
   const Fusion& fusion() const { return fusion_; }
 
   /// Of packed(): the kernel's own for weights and constants, and the bias.
-  int64_t packed_floats(const BlockedConvolutionKernel& kernel) const;
-  /// The kernel's own where packed_floats() is at most `limit`.
-  int64_t most_packed_floats(int64_t limit) const;
+  Bytes packed_size(const BlockedConvolutionKernel& kernel) const;
+  /// The kernel's own where packed_size() is at most `limit`.
+  int64_t most_packed_bytes(int64_t limit) const;
   HeldWeights packed(const BlockedConvolutionKernel& kernel, const WeightSource& source) const;
 
  private:

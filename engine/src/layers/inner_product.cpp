@@ -43,7 +43,8 @@ class InnerProduct : public OneToOneLayer {
             [problem, run = kernel.run, weights, bias](const Call& call) {
               run(problem, call.inputs[0], weights, bias, call.outputs[0]);
             },
-            0, problem.m * problem.n * problem.k};
+            {},
+            problem.m * problem.n * problem.k};
   }
 
  private:

@@ -44,7 +44,7 @@ class Lrn : public OneToOneLayer {
           [problem](const Call& call) {
             blocked_lrn(problem, call.inputs[0], call.outputs[0], call.scratch);
           },
-          blocked_lrn_scratch_floats(problem));
+          floats(blocked_lrn_scratch_floats(problem)));
     auto* const run =
         binding.reference_kernels ? lrn_across_channels_reference : lrn_across_channels;
     return {binding.reference_kernels ? "reference" : "lrn-across",
@@ -59,7 +59,7 @@ class Lrn : public OneToOneLayer {
         [lrn, pooling](const Call& call) {
           blocked_lrn_max_pool(lrn, pooling, call.inputs[0], call.outputs[0], call.scratch);
         },
-        blocked_lrn_max_pool_scratch_floats(lrn, pooling));
+        floats(blocked_lrn_max_pool_scratch_floats(lrn, pooling)));
   }
 
   bool across() const { return param_.norm_region() == caffe::LRNParameter::ACROSS_CHANNELS; }

@@ -84,7 +84,7 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
   const FusedConvolution convolution(problem, fusion);
   const ConvolutionProblem& p = convolution.problem();
   const ConvolutionLimits of_kernel{limits.transform_points,
-                                    convolution.most_packed_floats(limits.packed_floats)};
+                                    convolution.most_packed_bytes(limits.packed_bytes)};
   // Both are made for the plain input, also where another layer has it in blocks.
   if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, of_kernel);
   if (input == Layout::kNchw)
@@ -92,9 +92,9 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
   return choose_for(p, Layout::kNChw16c, of_kernel);
 }
 
-int64_t packed_floats(const ConvolutionProblem& problem, const Fusion& fusion,
-                      const BlockedConvolutionKernel& kernel) {
-  return FusedConvolution(problem, fusion).packed_floats(kernel);
+int64_t packed_bytes(const ConvolutionProblem& problem, const Fusion& fusion,
+                     const BlockedConvolutionKernel& kernel) {
+  return FusedConvolution(problem, fusion).packed_size(kernel).count;
 }
 
 Kernel bind_blocked_convolution(const ConvolutionProblem& problem, const Binding& binding) {
@@ -107,8 +107,8 @@ Kernel bind_blocked_convolution(const ConvolutionProblem& problem, const Binding
   kernel.reads.assign(binding.inputs.size(), chosen.input);
   if (fusion.adds_last_input) kernel.reads.back() = Layout::kNChw16c;
   kernel.writes = Layout::kNChw16c;
-  kernel.packed_floats = convolution.packed_floats(chosen);
-  kernel.scratch_floats = run.scratch_floats();
+  kernel.packed = convolution.packed_size(chosen);
+  kernel.scratch = floats(run.scratch_floats());
   kernel.hold = [convolution, &chosen, source = source_of(binding)] {
     return convolution.packed(chosen, source);
   };
@@ -129,7 +129,7 @@ Kernel bind_plain_convolution(const ConvolutionNdProblem& p, const Binding& bind
   const int64_t input_scratch = fusion.gray_offsets ? p.n * p.c_image * p.image_pixels() : 0;
   Kernel kernel;
   kernel.name = chosen.name;
-  kernel.scratch_floats = input_scratch + chosen.scratch_floats(p);
+  kernel.scratch = floats(input_scratch + chosen.scratch_floats(p));
   kernel.hold = [originals = source_of(binding).originals] {
     auto weights = originals();
     const float *filters = (*weights)[0].values.data(), *bias = bias_of(*weights);

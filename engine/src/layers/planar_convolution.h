@@ -14,9 +14,9 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
                                                    const Fusion& fusion, Layout input,
                                                    const ConvolutionLimits& limits);
 
-/// What that kernel packs [floats].
-int64_t packed_floats(const ConvolutionProblem& problem, const Fusion& fusion,
-                      const BlockedConvolutionKernel& kernel);
+/// What that kernel packs.
+int64_t packed_bytes(const ConvolutionProblem& problem, const Fusion& fusion,
+                     const BlockedConvolutionKernel& kernel);
 
 /// Binding::convolution for the inputs, with all that is fused. Its weights are held, not bound.
 Kernel bind_blocked_convolution(const ConvolutionProblem& problem, const Binding& binding);

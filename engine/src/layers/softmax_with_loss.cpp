@@ -39,7 +39,7 @@ class SoftmaxWithLoss : public Layer {
               softmax(call.inputs[0], s.lines, probabilities);
               *call.outputs[0] = loss(s, normalization, probabilities, call.inputs[1]);
             },
-            keeps ? 0 : binding.inputs[0].elements()};
+            floats(keeps ? 0 : binding.inputs[0].elements())};
   }
 
  private:

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -266,7 +267,7 @@ class Run {
   /// the same time may share it, but each then finds its inputs and outputs overwritten by the
   /// other. Throws UsageError unless `arena` has Plan::arena_bytes() and begins on a multiple of 64
   /// bytes.
-  Run(Plan plan, std::span<float> arena);
+  Run(Plan plan, std::span<std::byte> arena);
   Run(Run&&) noexcept;
   Run& operator=(Run&&) noexcept;
   ~Run();
@@ -288,7 +289,7 @@ class Run {
 
  private:
   struct Memory;
-  void prepare(float* arena);
+  void prepare(std::byte* arena);
   Memory& memory() const;  // throws UsageError when moved from
   Plan plan_;
   std::unique_ptr<Memory> memory_;

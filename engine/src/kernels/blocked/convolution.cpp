@@ -24,7 +24,7 @@ const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProb
   double best_ms = 0;
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
     if (kernel.input != input || kernel.transform_points > limits.transform_points ||
-        !kernel.supports(p) || kernel.packed_floats(p) > limits.packed_floats)
+        !kernel.supports(p) || floats(kernel.packed_floats(p)).count > limits.packed_bytes)
       continue;
     const double ms = kernel.predicted_ms(p);
     if (best && best_ms <= ms) continue;

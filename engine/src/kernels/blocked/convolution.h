@@ -48,7 +48,7 @@ std::span<const BlockedConvolutionKernel> blocked_convolution_kernels();
 /// What a kernel may not exceed.
 struct ConvolutionLimits {
   int transform_points = kAnyPoints;
-  int64_t packed_floats = std::numeric_limits<int64_t>::max();
+  int64_t packed_bytes = std::numeric_limits<int64_t>::max();
 };
 
 /// The kernel with the smallest predicted time among those that support the problem, take this
