@@ -4,7 +4,6 @@
 
 #include "cli/command.h"
 #include "cli/json.h"
-#include "cli/messages.h"
 #include "cli/table.h"
 #include "eval/config_file.h"
 #include "eval/eval_options.h"

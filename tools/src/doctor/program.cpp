@@ -1,43 +1,16 @@
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
 
 #include "cli/messages.h"
 #include "doctor/checks.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/net_file.h"
+#include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"
 
 namespace revisit::doctor {
 namespace {
-
-namespace fs = std::filesystem;
-
-/// A file of its own in the temporary folder, removed at the end.
-class TemporaryPrototxt {
- public:
-  TemporaryPrototxt() {
-    std::string name = (fs::temp_directory_path() / "revisit_doctor_XXXXXX").string();
-    const int descriptor = ::mkstemp(name.data());
-    if (descriptor < 0) throw Error(str(name, ": cannot create a temporary file"));
-    ::close(descriptor);
-    path_ = name;
-  }
-  ~TemporaryPrototxt() {
-    std::error_code ignored;
-    fs::remove(path_, ignored);
-  }
-  TemporaryPrototxt(const TemporaryPrototxt&) = delete;
-  TemporaryPrototxt& operator=(const TemporaryPrototxt&) = delete;
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 std::vector<float> forward(const engine::Net& net, bool reference_kernels) {
   const engine::Shape input{1, 3, 67, 131};  // small, and no multiple of any block size
@@ -53,11 +26,9 @@ std::vector<float> forward(const engine::Net& net, bool reference_kernels) {
 /// Largest difference between the fast kernels chosen on this CPU and the readable ones, relative
 /// to the largest value.
 double deviation_from_reference() {
-  const TemporaryPrototxt prototxt;
-  proto::write_net_text(prototxt.path(), models::trunk("alexnet"));
-  engine::LoadOptions options;
-  options.truncation = {"conv3", "pool5"};
-  const auto net = engine::Net::load_with_random_weights(prototxt.path(), 1, options);
+  const auto net = engine::Net::load_from_memory(
+      proto::net_text(models::trunk("alexnet")),
+      models::random_model("alexnet", 1).SerializeAsString(), {.truncation = {"conv3", "pool5"}});
   const std::vector<float> fast = forward(net, false), truth = forward(net, true);
   double difference = 0, largest = 0;
   for (size_t i = 0; i < truth.size(); ++i) {
