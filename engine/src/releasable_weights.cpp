@@ -1,5 +1,7 @@
 #include "releasable_weights.h"
 
+#include "layout.h"
+
 namespace revisit::engine {
 
 void ReleasableWeights::add(size_t layer, std::vector<Tensor> weights) {
