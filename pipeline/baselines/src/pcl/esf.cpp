@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <optional>
 #include <random>
 
@@ -42,14 +43,22 @@ int seeded_rand() {
   return draws_of_this_scan->next();
 }
 
+/// Rounding may take the cosine of two sides beyond 1, and so their angle to NaN, which PCL casts
+/// to int: undefined. What is negative it draws again.
+float rounded(float value) {
+  return std::isnan(value) ? -1.0F : pcl_round(value);
+}
+
 }  // namespace
 }  // namespace revisit::pipeline
 
 #define rand revisit::pipeline::seeded_rand
 #define srand(seed) static_cast<void>(seed)
+#define pcl_round(value) revisit::pipeline::rounded(value)
 #include <pcl/features/esf.h>
 #undef rand
 #undef srand
+#undef pcl_round
 
 namespace revisit::pipeline {
 namespace {
