@@ -1,6 +1,7 @@
 #include "reference.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "revisit/proto/error.h"
@@ -36,12 +37,16 @@ std::vector<double> magnitudes(std::span<const float> values, const Shape& shape
         std::max(result[channels.of(i)], std::abs(static_cast<double>(values[i])));
   if (shape.elements() < kFew * channels.count)
     std::fill(result.begin(), result.end(), std::max(usual, *std::ranges::max_element(result)));
+  // Of constant inputs all values of a channel may be near zero by chance.
+  for (double& size : result) size = std::max(size, usual / 100);
   return result;
 }
 
+/// Of those that are numbers.
 double largest_of(std::span<const float> values) {
   double largest = 0;
-  for (const float value : values) largest = std::max(largest, std::abs(double{value}));
+  for (const float value : values)
+    if (std::isfinite(value)) largest = std::max(largest, std::abs(double{value}));
   return largest;
 }
 
