@@ -25,10 +25,10 @@ struct Channels {
   }
 };
 
-/// The size of each channel's values. Of a channel of a few values this is chance: then that of
-/// all, at least `usual`.
+/// The size of each channel's values, at least `least`. Of a channel of a few values this is
+/// chance: then that of all.
 std::vector<double> magnitudes(std::span<const float> values, const Shape& shape,
-                               double usual = 0) {
+                               double least = 0) {
   constexpr int64_t kFew = 16;
   const Channels channels(shape);
   std::vector<double> result(static_cast<size_t>(channels.count), 0);
@@ -36,9 +36,8 @@ std::vector<double> magnitudes(std::span<const float> values, const Shape& shape
     result[channels.of(i)] =
         std::max(result[channels.of(i)], std::abs(static_cast<double>(values[i])));
   if (shape.elements() < kFew * channels.count)
-    std::fill(result.begin(), result.end(), std::max(usual, *std::ranges::max_element(result)));
-  // Of constant inputs all values of a channel may be near zero by chance.
-  for (double& size : result) size = std::max(size, usual / 100);
+    std::fill(result.begin(), result.end(), *std::ranges::max_element(result));
+  for (double& size : result) size = std::max(size, least);
   return result;
 }
 
@@ -61,17 +60,19 @@ class Disturb : public engine::StepObserver {
     const engine::LayerCost& cost = run_.plan().layers()[layer];
     const auto noise = noise_.find(cost.name);
     if (noise == noise_.end()) return;
-    // A sum of few may be near zero by chance. What its terms round is of the size of the inputs.
-    double usual = 0;
+    // A sum of few, or of a constant, may be near zero by chance. What its terms round, a hundredth
+    // of the noise, is of the size of the inputs.
+    double of_inputs = 0;
     for (const size_t from : cost.input_layers) {
       const engine::LayerCost& source = run_.plan().layers()[from];
       for (size_t port = 0; port < source.outputs.size(); ++port)
-        usual = std::max(
-            usual, largest_of(run_.layer_output(engine::port_name(source.name, port)).values()));
+        of_inputs =
+            std::max(of_inputs,
+                     largest_of(run_.layer_output(engine::port_name(source.name, port)).values()));
     }
     for (size_t port = 0; port < cost.outputs.size(); ++port) {
       const auto view = run_.layer_output(engine::port_name(cost.name, port));
-      const std::vector<double> sizes = magnitudes(view.values(), view.shape, usual);
+      const std::vector<double> sizes = magnitudes(view.values(), view.shape, of_inputs / 100);
       const Channels channels(view.shape);
       auto* values = const_cast<float*>(view.data);  // in the arena of a run of our own
       for (size_t i = 0; i < view.values().size(); ++i)
