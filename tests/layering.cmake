@@ -20,12 +20,13 @@ set(owned_libraries
   "liblzf/|pipeline/datasets/src/io/pcd"
   "pcl/|pipeline/baselines/src/pcl/"
   "embree3/|pipeline/simulation/src/ray_caster"
-  "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/"
+  "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/ring/"
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra/"
   "lapacke|pipeline/recognition/src/linear_algebra/"
   "yaml-cpp/|tools/src/"
   "curl/|tools/src/models/"
   "openssl/|tools/src/models/|tools/src/report/range_images"
+  "ring_model.pb.h|pipeline/recognition/src/ring/model.cpp"
   "argp.h|tools/src/cli/parser")
 
 function(complain text)

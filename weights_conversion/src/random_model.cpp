@@ -54,14 +54,16 @@ class Stream {
 void fill_convolution(caffe::LayerParameter& layer, int64_t in_channels, const Stream& weights,
                       const Stream& biases) {
   const auto& parameters = layer.convolution_param();
-  const int64_t kernel = parameters.kernel_size(0);
+  const bool square = parameters.kernel_size_size() > 0;
+  const int64_t kernel_h = square ? parameters.kernel_size(0) : parameters.kernel_h();
+  const int64_t kernel_w = square ? parameters.kernel_size(0) : parameters.kernel_w();
   const int64_t group_channels = in_channels / parameters.group();
-  const int64_t fan_in = group_channels * kernel * kernel;
+  const int64_t fan_in = group_channels * kernel_h * kernel_w;
   const int64_t outputs = parameters.num_output();
   layer.clear_blobs();
 
-  auto* weight = layer.add_blobs();  // [outputs][group_channels][kernel][kernel]
-  for (const int64_t dim : {outputs, group_channels, kernel, kernel})
+  auto* weight = layer.add_blobs();  // [outputs][group_channels][kernel_h][kernel_w]
+  for (const int64_t dim : {outputs, group_channels, kernel_h, kernel_w})
     weight->mutable_shape()->add_dim(dim);
   const double sigma = std::sqrt(2.0 / static_cast<double>(fan_in));
   const int64_t count = outputs * fan_in;

@@ -1,6 +1,7 @@
 #include "revisit/weights_conversion/trunks.h"
 
 #include <functional>
+#include <initializer_list>
 #include <utility>
 
 #include "caffe_schema.pb.h"
@@ -14,17 +15,22 @@ struct Convolution {
   uint32_t stride = 1, pad = 0, groups = 1;
 };
 
+struct Rectangle {
+  uint32_t h, w;
+};
+
 /// Appends layers one behind the other. `last_` is the blob that the next one reads.
 class Chain {
  public:
-  Chain(const std::string& name, int64_t size) {
+  Chain(const std::string& name, int64_t size) : Chain(name, {1, 3, size, size}) {}
+  Chain(const std::string& name, std::initializer_list<int64_t> input) {
     net_.set_name(name);
     auto* layer = net_.add_layer();
     layer->set_name("data");
     layer->set_type("Input");
     layer->add_top("data");
     auto* shape = layer->mutable_input_param()->add_shape();
-    for (const int64_t dim : {int64_t{1}, int64_t{3}, size, size}) shape->add_dim(dim);
+    for (const int64_t dim : input) shape->add_dim(dim);
   }
 
   /// A convolution "conv<suffix>" and its in-place "relu<suffix>".
@@ -57,6 +63,22 @@ class Chain {
     parameters->set_pool(caffe::PoolingParameter::MAX);
     parameters->set_kernel_size(kernel);
     parameters->set_stride(stride);
+    return *this;
+  }
+
+  /// A convolution of kernel_h x kernel_w, its ReLU, and a max pooling without overlap.
+  Chain& conv_and_pool(uint32_t outputs, const Rectangle& kernel, const Rectangle& pooled) {
+    conv("1", {.outputs = outputs, .kernel = 0});
+    auto* parameters = net_.mutable_layer(net_.layer_size() - 2)->mutable_convolution_param();
+    parameters->clear_kernel_size();
+    parameters->set_kernel_h(kernel.h);
+    parameters->set_kernel_w(kernel.w);
+    auto* pooling = append("pool1", "Pooling")->mutable_pooling_param();
+    pooling->set_pool(caffe::PoolingParameter::MAX);
+    pooling->set_kernel_h(pooled.h);
+    pooling->set_kernel_w(pooled.w);
+    pooling->set_stride_h(pooled.h);
+    pooling->set_stride_w(pooled.w);
     return *this;
   }
 
@@ -140,16 +162,27 @@ caffe::NetParameter places_cnds8() {
       .net();
 }
 
+/// For range images of 64 beams, continued by an eighth of a turn on both sides: the shape of
+/// SqueezeNet's first layers.
+caffe::NetParameter ring64() {
+  Chain chain("ring64", {1, 1, 64, 1280});
+  return chain.conv("1", {.outputs = 96, .kernel = 7, .stride = 2}).max_pool("pool1", 3, 2).net();
+}
+
+/// For range images of 16 beams.
+caffe::NetParameter ring16() {
+  Chain chain("ring16", {1, 1, 16, 1280});
+  return chain.conv_and_pool(48, {3, 7}, {2, 8}).net();
+}
+
 struct Trunk {
   const char* name;
   caffe::NetParameter (*build)();
 };
 
 constexpr Trunk kTrunks[] = {
-    {"alexnet", alexnet},
-    {"caffenet", caffenet},
-    {"vgg_cnn_s", vgg_cnn_s},
-    {"places_cnds8", places_cnds8},
+    {"alexnet", alexnet},           {"caffenet", caffenet}, {"vgg_cnn_s", vgg_cnn_s},
+    {"places_cnds8", places_cnds8}, {"ring64", ring64},     {"ring16", ring16},
 };
 
 }  // namespace

@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <numeric>
 
 #include "revisit/proto/error.h"
+#include "revisit/recognition/polar_heights.h"
 
 namespace revisit::pipeline {
 namespace {
-
-constexpr float kEmpty = std::numeric_limits<float>::lowest();
 
 /// The columns of a context at unit length, empty ones zero.
 struct UnitColumns {
@@ -107,22 +105,8 @@ std::vector<size_t> nearest_ring_keys(std::span<const float> query, const FloatM
 
 void scan_context(const PointCloud& cloud, const ScanContextOptions& options,
                   std::span<float> context) {
-  std::fill(context.begin(), context.end(), kEmpty);
-  const double turn = 2 * std::numbers::pi;
-  for (const Point& point : cloud.points) {
-    if (!is_return(point)) continue;
-    const double range = std::hypot(double{point.x}, double{point.y});
-    if (range > options.max_range) continue;
-    double azimuth = std::atan2(double{point.y}, double{point.x});
-    if (azimuth < 0) azimuth += turn;
-    const int ring =
-        std::min(static_cast<int>(range / options.max_range * options.rings), options.rings - 1);
-    const int sector =
-        std::min(static_cast<int>(azimuth / turn * options.sectors), options.sectors - 1);
-    float& bin = context[static_cast<size_t>(ring) * options.sectors + sector];
-    bin = std::max(bin, static_cast<float>(point.z + options.sensor_height));
-  }
-  std::replace(context.begin(), context.end(), kEmpty, 0.0F);
+  polar_heights(cloud, {options.rings, options.sectors, options.max_range, options.sensor_height},
+                context);
 }
 
 std::vector<float> ring_key(std::span<const float> context, const ScanContextOptions& options) {

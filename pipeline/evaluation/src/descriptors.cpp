@@ -47,6 +47,16 @@ std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t com
   return str(options.pca_fit, ": ", scans, " scans, ", components, " components");
 }
 
+/// Of case 1 only, also when case 2 is there.
+std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const RetrievalTask& task,
+                                        int64_t n, const std::vector<int64_t>& left_out) {
+  if (options.pca_fit == "map") return task.stored;
+  std::vector<int64_t> rows;
+  for (int64_t row = 0; row < n; ++row)
+    if (!std::ranges::binary_search(left_out, row)) rows.push_back(row);
+  return rows;
+}
+
 /// To be raised with every change of this file or of the PCA after which descriptors are others.
 constexpr int kDescriptorVersion = 1;
 
@@ -99,7 +109,7 @@ TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case
                                  DatasetFeatures* case2, fs::path cache, const Observer& observer)
     : options_(std::move(options)), case1_(case1), case2_(case2), observer_(observer) {
   const bool learns = options_.pca_fit == "all" || options_.pca_fit == "map";
-  if (learns && options_.components >= 0) cache_ = std::move(cache);
+  if (learns && options_.components >= 0 && !case1.extractor().reduce) cache_ = std::move(cache);
 }
 
 std::vector<int64_t> TaskDescriptors::left_out() const {
@@ -157,8 +167,22 @@ Descriptors TaskDescriptors::compute(const RetrievalTask& task) const {
 Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
                    DatasetFeatures& case1, DatasetFeatures* case2, const Observer& observer,
                    const fs::path& model_folder) {
+  const FeatureExtractor& extractor = case1.extractor();
+  if (extractor.reduce) {
+    const std::vector<int64_t> rows =
+        rows_to_learn_from(options, task, case1.n(), left_out_of(case1, case2));
+    Reduced reduced = extractor.reduce(case1.file(), rows);
+    Descriptors result;
+    result.case1 = std::move(reduced.descriptors);
+    clear_rows(result.case1, case1.left_out());
+    result.similarity = std::move(reduced.similarity);
+    result.turn = std::move(reduced.turn);
+    result.pca_fit = fit_text(options, static_cast<int64_t>(rows.size()), result.case1.d);
+    return checked(std::move(result));
+  }
   if (options.components < 0) {
     Descriptors whole;
+    whole.similarity = extractor.similarity;
     whole.pca_fit = "none";
     whole.case1 = all_rows(case1.file(), options.memory_gb);
     if (case2) whole.case2 = all_rows(case2->file(), options.memory_gb);
@@ -178,15 +202,10 @@ Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
   pca.model_folder = model_folder;
 
   Descriptors result;
+  result.similarity = extractor.similarity;
   FloatMatrix all;
   if (options.pca_fit == "all" || options.pca_fit == "map") {
-    if (options.pca_fit == "map") {
-      pca.fit_rows = task.stored;
-    } else {
-      // Of case 1 only, also when case 2 is there.
-      for (int64_t row = 0; row < n; ++row)
-        if (!std::ranges::binary_search(left_out, row)) pca.fit_rows.push_back(row);
-    }
+    pca.fit_rows = rows_to_learn_from(options, task, n, left_out);
     PcaResult fitted = fit_pca(files, pca);
     result.pca_fit = fit_text(options, static_cast<int64_t>(pca.fit_rows.size()), fitted.rank);
     result.note = fitted.note;

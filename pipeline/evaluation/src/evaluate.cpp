@@ -59,6 +59,7 @@ std::vector<bool> TaskResult::accepted() const {
 }
 
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments) {
+  if (match.turn) return *match.turn * 180.0 / std::numbers::pi;
   // The place's direction is seen at yaw_q from the query and at yaw_m from the match: the heading
   // differs by yaw_m - yaw_q. Case 2 looks along the opposite direction.
   const double query = alignments[static_cast<size_t>(match.query)].yaw;
@@ -87,8 +88,7 @@ std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::
 Evaluation::Evaluation(const Dataset& dataset, const FeatureExtractor& extractor,
                        const Trajectory& trajectory, std::vector<Task> tasks,
                        EvaluationOptions options, Observer observer)
-    : extractor_(extractor),
-      trajectory_(trajectory),
+    : trajectory_(trajectory),
       tasks_(std::move(tasks)),
       options_(std::move(options)),
       observer_(std::move(observer)),
@@ -169,9 +169,9 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   watch.lap();
   if (result.on_pairs()) {
     result.score = Score::kBest;
-    PairResult pairs =
-        evaluate_pairs(task, trajectory_, pair_similarity(descriptors.case1, extractor_.similarity),
-                       {options_.threads, resampling, progress, observer_.stop});
+    PairResult pairs = evaluate_pairs(task, trajectory_,
+                                      pair_similarity(descriptors.case1, descriptors.similarity),
+                                      {options_.threads, resampling, progress, observer_.stop});
     times.retrieve.push_back(watch.lap());
     result.curve = std::move(pairs.curve);
     result.summary = pairs.summary;
@@ -181,14 +181,18 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   }
   // Features that are compared in their own way say themselves how sure a match is.
   result.score = options_.score.value_or(
-      extractor_.similarity || !task.margin_score ? Score::kBest : Score::kMargin);
-  const RetrieveOptions retrieval{options_.k,     result.score,          progress,
-                                  observer_.stop, extractor_.similarity, options_.threads};
+      descriptors.similarity || !task.margin_score ? Score::kBest : Score::kMargin);
+  const RetrieveOptions retrieval{options_.k,     result.score,           progress,
+                                  observer_.stop, descriptors.similarity, options_.threads};
   result.matches = query_case == QueryCase::kTwo
                        ? retrieve_case2(descriptors, task, retrieval)
                        : retrieve(descriptors.case1, task, retrieval,
                                   query_case == QueryCase::kBoth ? &*descriptors.case2 : nullptr);
   times.retrieve.push_back(watch.lap());
+  if (descriptors.turn)
+    for (Match& match : result.matches)
+      match.turn = descriptors.turn(descriptors.case1.row(match.ranks[0]),
+                                    descriptors.case1.row(match.query));
   result.verdicts = judge(result.matches, task, trajectory_, task.rule);
   result.curve = precision_recall(result.verdicts, task.missed);
   result.summary = summarize(result.verdicts, task.missed);

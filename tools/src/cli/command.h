@@ -36,6 +36,7 @@ int dispatch(const std::string& program, const char* introduction,
 int net_command(const Arguments&);
 int image_command(const Arguments&);
 int describe_command(const Arguments&);
+int learn_command(const Arguments&);
 int eval_command(const Arguments&);
 int summarize_command(const Arguments&);
 int experiment_command(const Arguments&);

@@ -1,6 +1,7 @@
 #include "feature_options.h"
 
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <numeric>
@@ -14,6 +15,7 @@
 #include "eval/competitors.h"
 #include "models/checksum.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/ring/features.h"
 
 namespace revisit::cli {
 namespace {
@@ -54,26 +56,31 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
   return mean;
 }
 
-/// Options that one feature alone uses.
-const std::map<std::string, std::string> kFeatureOf = {
-    {"model", "cnn"},       {"weights", "cnn"},
-    {"end", "cnn"},         {"graft", "cnn"},
-    {"mean-bgr", "cnn"},    {"ring-key-candidates", "scan-context"},
-    {"images", "fabmap"},   {"training-images", "fabmap"},
-    {"new-place", "fabmap"}};
+/// Options that some features alone use, and which.
+const std::map<std::string, std::string> kFeaturesOf = {
+    {"model", "cnn"},     {"weights", "cnn ring"},       {"end", "cnn"},
+    {"graft", "cnn"},     {"mean-bgr", "cnn"},           {"ring-key-candidates", "scan-context"},
+    {"images", "fabmap"}, {"training-images", "fabmap"}, {"new-place", "fabmap"},
+    {"ring", "ring"},     {"ring-numbers", "ring"},      {"ring-adapt", "ring"}};
+
+bool is_word_of(const std::string& text, const std::string& word) {
+  std::istringstream words(text);
+  return std::find(std::istream_iterator<std::string>(words), {}, word) !=
+         std::istream_iterator<std::string>();
+}
 
 }  // namespace
 
 bool FeatureOptions::uses(const std::string& option) const {
-  const auto found = kFeatureOf.find(option);
-  return found == kFeatureOf.end() || found->second == feature;
+  const auto found = kFeaturesOf.find(option);
+  return found == kFeaturesOf.end() || is_word_of(found->second, feature);
 }
 
 void FeatureOptions::check_given(const Parser& parser) const {
-  for (const auto& [option, owner] : kFeatureOf)
+  for (const auto& [option, owners] : kFeaturesOf)
     if (!uses(option) && parser.given(option))
-      throw UsageError(
-          str("--", option, " belongs to --feature ", owner, ", not to --feature ", feature));
+      throw UsageError(str("--", option, " belongs to --feature ",
+                           owners.substr(0, owners.find(' ')), ", not to --feature ", feature));
 }
 
 void FeatureOptions::declare(Parser& parser) {
@@ -86,7 +93,8 @@ void FeatureOptions::declare(Parser& parser) {
   image.declare(parser);
   parser.group("Feature:");
   parser.option("feature", "NAME",
-                "cnn (output of a network), data (the range image itself), vfh, esf, grsd, "
+                "cnn (output of a network), data (the range image itself), ring (columns of a "
+                "network and of heights, compared at every heading), vfh, esf, grsd, "
                 "scan-context, m2dp, or fabmap on camera images (default cnn)",
                 &feature);
   parser.option("model", "P",
@@ -106,6 +114,14 @@ void FeatureOptions::declare(Parser& parser) {
                 "align scans with their principal directions (default case1 for cnn and data; the "
                 "others see the scan as it is)",
                 &align);
+  parser.group("Rings:");
+  parser.option("ring", "FILE", "ring: a model that `revisit learn` wrote", &ring);
+  parser.option("ring-numbers", "N", "ring: numbers of a descriptor (default 1024)",
+                &ring_options.numbers);
+  parser.option("ring-adapt", "SHARE",
+                "ring: share of the model's spread that the map's own takes the place of, 0 to 1 "
+                "(default 0)",
+                &ring_options.adapt);
   parser.group("Competitors:");
   parser.option("ring-key-candidates", "N",
                 "scan-context: candidates chosen by ring keys, 10 or 50 in its paper (default 0: "
@@ -218,6 +234,24 @@ FeatureSource open_network(const FeatureOptions& options) {
   return source;
 }
 
+FeatureSource open_ring(const FeatureOptions& options) {
+  if (options.ring.empty())
+    throw UsageError("--feature ring: give the model that `revisit learn` wrote: --ring FILE");
+  const pipeline::RingModel model = pipeline::read_ring_model(options.ring);
+  fs::path weights;
+  if (model.weights.empty()) {
+    weights = options.weights.empty() ? models::find_model({}).weights : options.weights;
+    if (models::file_sha1(weights) != model.weights_sha1)
+      throw InputError(str(weights.string(), ": not the weights that ", options.ring.string(),
+                           " was learnt with (SHA-1 ", model.weights_sha1,
+                           "); give them with --weights"));
+  }
+  FeatureSource source;
+  source.extractor = pipeline::ring_recogniser(model, pipeline::ring_net(model, weights),
+                                               options.ring_options, options.threads_per_scan);
+  return source;
+}
+
 bool is_range_image_feature(const FeatureSource& source) {
   return source.extractor.sees<pipeline::RangeImage>();
 }
@@ -251,7 +285,7 @@ pipeline::AlignCase align_for(const FeatureOptions& options, const FeatureSource
 }  // namespace
 
 std::vector<std::string> feature_names() {
-  std::vector<std::string> names{"cnn", "data"};
+  std::vector<std::string> names{"cnn", "data", "ring"};
   const std::vector<std::string> others = competitor_names();
   names.insert(names.end(), others.begin(), others.end());
   return names;
@@ -271,6 +305,8 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
     source = open_network(options);
   else if (options.feature == "data")
     source.extractor = pipeline::range_vector_features(options.image.geometry());
+  else if (options.feature == "ring")
+    source = open_ring(options);
   else
     source.extractor = competitor(options, dataset, folder);
   source.inputs = source.extractor.sees<pipeline::GrayImage>()

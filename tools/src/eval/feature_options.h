@@ -12,6 +12,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/observer.h"
 #include "revisit/evaluation/descriptors.h"
+#include "revisit/recognition/ring/describe.h"
 
 namespace revisit::cli {
 
@@ -26,7 +27,9 @@ struct FeatureOptions {
   std::string feature = "cnn";
   std::filesystem::path model, weights;
   std::string end, graft, mean_bgr;
-  double input_scale = 1;  // of the pixels less their mean, as caffe's transform_param has it
+  double input_scale = 1;      // of the pixels less their mean, as caffe's transform_param has it
+  std::filesystem::path ring;  // the model of rings
+  pipeline::RingOptions ring_options;
   std::filesystem::path images, training_images;  // of FAB-MAP
   std::string new_place = "mean-field";
   int64_t ring_key_candidates = 0;   // of Scan Context; 0: all
@@ -58,7 +61,7 @@ struct FeatureOptions {
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 };
 
-/// The names --feature takes: cnn, data and the competitors.
+/// The names --feature takes: cnn, data, ring and the competitors.
 std::vector<std::string> feature_names();
 
 /// The feature, where it comes from and what becomes of it, for people and for run.json.

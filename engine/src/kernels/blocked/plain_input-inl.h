@@ -60,10 +60,12 @@ class PlainInput {
   template <int kStride>
   void run_blocks(const Row& row) const {
     for (int64_t block = 0; block < channel_blocks(p_.c_out); block += kTileBlocks) {
-      if (kTileBlocks > 1 && block + 1 < channel_blocks(p_.c_out))
-        run_tiles<kTileBlocks, kStride>(row, block);
-      else
-        run_tiles<1, kStride>(row, block);
+      if constexpr (kTileBlocks > 1)
+        if (block + 1 < channel_blocks(p_.c_out)) {
+          run_tiles<kTileBlocks, kStride>(row, block);
+          continue;
+        }
+      run_tiles<1, kStride>(row, block);
     }
   }
 

@@ -10,7 +10,8 @@ class NetParameter;
 namespace revisit::models {
 
 /// The names `trunk()` knows: the convolutional part (input to pool5) of the paper's three networks
-/// and of CaffeNet. The originals name their layers the same, so their .caffemodel files fit.
+/// and of CaffeNet, whose originals name their layers the same, so that their .caffemodel files
+/// fit; and the single convolutions that rings are taken from where no trained network is at hand.
 const std::vector<std::string>& trunk_names();
 
 /// Our own description, in Caffe's current form and without weights, of the layers from `data`
@@ -20,6 +21,9 @@ const std::vector<std::string>& trunk_names();
 /// - "caffenet": the same, pooling before normalising
 /// - "vgg_cnn_s": Chatfield et al. 2014, the slow network
 /// - "places_cnds8": Wang et al. 2015, eight convolutions
+/// - "ring64", "ring16": a convolution and a max pooling, for range images [1][1][64 or 16][1280]
+/// of
+///   as many beams; their output is "pool1"
 ///
 /// Throws UsageError for another name.
 caffe::NetParameter trunk(const std::string& name);

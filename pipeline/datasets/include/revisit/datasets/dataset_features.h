@@ -26,6 +26,7 @@ class DatasetFeatures {
 
   /// Names everything the features depend on.
   const std::string& key() const { return paths_.key; }
+  const FeatureExtractor& extractor() const { return extractor_; }
   /// Where they are or will be.
   const std::filesystem::path& path() const { return paths_.features; }
   int64_t n() const { return static_cast<int64_t>(dataset_.scans.size()); }

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,6 +25,8 @@ struct ReductionOptions {
 struct Descriptors {
   FloatMatrix case1;
   std::optional<FloatMatrix> case2;
+  Similarity similarity;  // how they are compared; empty: cosine
+  std::function<double(std::span<const float> a, std::span<const float> b)> turn;  // Reduced::turn
   std::string pca_fit;  // what the PCA learnt from, for people
   std::string note;     // when fewer components were kept than asked
 };

@@ -105,7 +105,6 @@ class Evaluation {
   QueryCase query_case_of(const Task& task) const;
   void note_once(const std::string& text);
 
-  const FeatureExtractor& extractor_;
   const Trajectory& trajectory_;
   std::vector<Task> tasks_;
   EvaluationOptions options_;
@@ -115,8 +114,9 @@ class Evaluation {
   std::set<std::string> said_;
 };
 
-/// Heading of the query minus heading of its match, counter-clockwise [deg] in (-180, 180], as the
-/// alignments tell it: both clouds were turned to the principal directions of one place.
+/// Heading of the query minus heading of its match, counter-clockwise [deg] in (-180, 180]: as the
+/// descriptors tell it (Match::turn), else as the alignments do, by which both clouds were turned
+/// to the principal directions of one place.
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments);
 
 }  // namespace revisit::pipeline

@@ -9,6 +9,7 @@
 
 #include "revisit/engine/net.h"
 #include "revisit/recognition/align.h"
+#include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/gray_image.h"
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/similarity.h"
@@ -22,6 +23,17 @@ using FeatureFunction = std::function<void(const Input&, std::span<float>)>;
 template <class Input>
 using FeatureMaker = std::function<FeatureFunction<Input>()>;
 
+/// Descriptors of scans and how two of them are compared.
+struct Reduced {
+  FloatMatrix descriptors;  // [n][.], a row a scan
+  Similarity similarity;
+  /// Heading of b less heading of a, counter-clockwise [rad], of two descriptors.
+  std::function<double(std::span<const float> a, std::span<const float> b)> turn;
+};
+/// Turns all features of a file into descriptors, learning from the rows `learn_from`.
+using Reduction =
+    std::function<Reduced(const FeatureFile& features, std::span<const int64_t> learn_from)>;
+
 /// A way to turn scans into feature vectors.
 struct FeatureExtractor {
   std::string name;  // for people and plots: "conv3+pool5", "data"
@@ -31,6 +43,7 @@ struct FeatureExtractor {
   /// themselves, or the camera image of the same moment.
   std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
   Similarity similarity;  // how two of them are compared; empty: cosine
+  Reduction reduce;       // into descriptors; empty: by PCA, or not at all
 
   template <class Input>
   bool sees() const {

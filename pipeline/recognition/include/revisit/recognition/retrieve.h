@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -57,6 +58,9 @@ struct Match {
   std::vector<double> similarities;  // of the same scans, not increasing; cosines by default
   double score = 0;
   int which_case = 1;  // the alignment case (1 or 2) of the query's descriptor that won
+  /// Heading of the query less heading of the best, counter-clockwise [rad], where the descriptors
+  /// tell it.
+  std::optional<double> turn = {};
 };
 
 /// The k most similar stored scans of every query of `task`, by cosine or as `options` say.

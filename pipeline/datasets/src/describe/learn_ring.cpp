@@ -1,0 +1,134 @@
+#include "revisit/datasets/learn_ring.h"
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <limits>
+
+#include "revisit/datasets/dataset_features.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/ring/describe.h"
+#include "revisit/recognition/ring/features.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// Counter-clockwise seen from above [rad]. World and camera: x right, y down, z forward.
+double heading_of(const Pose& T_world_cam) {
+  const Eigen::Vector3d forward = T_world_cam.linear().col(2);
+  return std::atan2(-forward.x(), forward.z());
+}
+
+/// Evenly over the drives, so many as are asked for and can be read.
+void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                      const std::vector<Dataset>& drives, int wanted, const Observer& observer) {
+  std::vector<const ScanRef*> all;
+  for (const Dataset& drive : drives)
+    for (const ScanRef& scan : drive.scans) all.push_back(&scan);
+  const size_t count = std::min(all.size(), static_cast<size_t>(wanted));
+  const Progress progress = observer.stage("learning columns", "scans");
+  size_t asked = 0;
+  learn_columns(model, net, recipe, [&](PointCloud& cloud) {
+    while (asked < count) {
+      if (observer.stop()) throw Interrupted("learning stopped");
+      const ScanRef& scan = *all[asked++ * all.size() / count];
+      progress(static_cast<int64_t>(asked), static_cast<int64_t>(count));
+      try {
+        read_scan_into(scan.file, cloud);
+        return true;
+      } catch (const InputError&) {  // said when it is described
+      }
+    }
+    return false;
+  });
+}
+
+std::vector<RingPair> neighbours(const RingModel& alone, const FeatureFile& rings,
+                                 const std::vector<int64_t>& scans) {
+  const RingDescriber describer(alone, ring_mean(rings, scans));
+  const auto size = static_cast<size_t>(describer.layout().numbers());
+  std::vector<float> last(size), next(size);
+  std::vector<RingPair> pairs;
+  for (size_t i = 0; i < scans.size(); ++i) {
+    describer.describe(rings.row(scans[i]), next);
+    if (i > 0)
+      pairs.push_back({scans[i - 1], scans[i], match_rings(last, next, describer.layout()).turn});
+    std::swap(last, next);
+  }
+  return pairs;
+}
+
+std::vector<RingPair> pairs_for(const LearnRingOptions& options, const Dataset& dataset,
+                                const RingModel& alone, const FeatureFile& rings,
+                                const std::vector<int64_t>& scans) {
+  switch (options.lesson) {
+    case RingLesson::kLoops:
+      return pairs_nearby(dataset, scans, options.radius, std::numeric_limits<int>::max());
+    case RingLesson::kOdometry:
+      return pairs_nearby(dataset, scans, options.radius, options.frames_apart);
+    case RingLesson::kSequence:
+      return neighbours(alone, rings, scans);
+    case RingLesson::kScans:
+      break;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<RingPair> pairs_nearby(const Dataset& dataset, const std::vector<int64_t>& scans,
+                                   double radius, int frames_apart) {
+  std::vector<RingPair> pairs;
+  const auto scan_of = [&](int64_t row) -> const ScanRef& {
+    return dataset.scans[static_cast<size_t>(row)];
+  };
+  for (size_t i = 0; i < scans.size(); ++i)
+    for (size_t j = i + 1; j < scans.size(); ++j) {
+      const ScanRef &a = scan_of(scans[i]), &b = scan_of(scans[j]);
+      if (b.frame - a.frame > frames_apart) break;
+      const Eigen::Vector3d apart = b.pose->translation() - a.pose->translation();
+      if (std::hypot(apart.x(), apart.z()) >= radius) continue;
+      pairs.push_back({scans[i], scans[j], heading_of(*b.pose) - heading_of(*a.pose)});
+    }
+  return pairs;
+}
+
+void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                      const std::vector<Dataset>& drives, const LearnRingOptions& options,
+                      const Observer& observer) {
+  const bool by_poses =
+      options.lesson == RingLesson::kLoops || options.lesson == RingLesson::kOdometry;
+  for (const Dataset& drive : drives)
+    if (by_poses && !drive.has_poses())
+      throw UsageError(str("LearnRingOptions::lesson loops and odometry need poses, which ",
+                           drive.name, " has not: use sequence or scans"));
+  learn_columns_of(model, net, recipe, drives, options.column_scans, observer);
+  const FeatureExtractor extractor = ring_features(model, net);
+  std::deque<DatasetFeatures> features;
+  std::vector<RingDrive> lessons;
+  for (const Dataset& drive : drives) {
+    DatasetFeatures& of_drive = features.emplace_back(
+        drive, extractor, DescribeOptions{.align = AlignCase::kNone, .threads = options.threads},
+        options.cache, observer);
+    RingDrive& lesson = lessons.emplace_back();
+    lesson.rings = &of_drive.file();
+    const std::vector<int64_t> left_out = of_drive.left_out();
+    for (int64_t row = 0; row < of_drive.n(); ++row)
+      if (!std::ranges::binary_search(left_out, row)) lesson.scans.push_back(row);
+  }
+  learn_rings(model, lessons);  // from the scans alone
+  if (options.lesson == RingLesson::kScans) return;
+  size_t pairs = 0;
+  for (size_t i = 0; i < drives.size(); ++i) {
+    lessons[i].pairs = pairs_for(options, drives[i], model, *lessons[i].rings, lessons[i].scans);
+    pairs += lessons[i].pairs.size();
+  }
+  // Fewer could not tell directions apart.
+  if (pairs < 2)
+    throw UsageError(str("learning rings: ", pairs, " pairs of scans are nearer than ",
+                         options.radius, " m; more are needed"));
+  observer.note(str("learnt from ", pairs, " pairs of scans"));
+  learn_rings(model, lessons);
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "revisit/engine/net.h"
+#include "revisit/recognition/feature_file.h"
+#include "revisit/recognition/ring/model.h"
+
+namespace revisit::pipeline {
+
+/// What is chosen, before anything is learnt.
+struct RingRecipe {
+  std::vector<std::pair<std::string, int>> layers;  // of the net, and the numbers kept of each
+  int sectors = 128;                                // of the network's ring
+};
+
+/// Gives the next scan to learn from; false when there is none left.
+using NextScan = std::function<bool(PointCloud&)>;
+
+/// Learns the principal directions of the columns of feature maps: fills `model.layers`, and the
+/// sizes of its rings. Of `model` uses the image, net and heights. Throws what ring_features()
+/// throws, UsageError for a recipe of no layers or more numbers than columns have.
+void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
+                   const NextScan& next);
+
+/// Two scans of one place.
+struct RingPair {
+  int64_t a = 0, b = 0;
+  double turn = 0;  // heading of b less heading of a, counter-clockwise [rad]
+};
+
+/// The mean of the rings of some scans (rows of `rings`), [RingModel::dim()]. Throws UsageError
+/// when there are none.
+std::vector<float> ring_mean(const FeatureFile& rings, std::span<const int64_t> scans);
+
+/// What one drive has to teach.
+struct RingDrive {
+  const FeatureFile* rings = nullptr;  // [n][RingModel::dim()], features of ring_features()
+  std::vector<int64_t> scans;          // rows to learn from, ascending
+  std::vector<RingPair> pairs;         // of them
+};
+
+/// Learns what rings of one place share: fills mean, total and shared of both rings. Each drive's
+/// rings are taken less their own mean. Without pairs `shared` stays empty. Throws UsageError
+/// without drives and for one of fewer than 2 scans, InputError for rings of another size.
+void learn_rings(RingModel& model, std::span<const RingDrive> drives);
+
+}  // namespace revisit::pipeline

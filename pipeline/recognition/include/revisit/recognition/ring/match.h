@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "revisit/recognition/similarity.h"
+
+namespace revisit::pipeline {
+
+/// How the numbers of a ring descriptor are arranged: frequency after frequency, of each first the
+/// real parts, then, but for frequency 0, the imaginary parts.
+struct RingLayout {
+  std::vector<int> counts;  // of each frequency: complex numbers
+  int64_t numbers() const;
+};
+
+/// How alike two descriptors are, at the heading where they are most alike.
+struct RingMatch {
+  double similarity = 0;  // -1 .. 1
+  double turn = 0;        // heading of b less heading of a, counter-clockwise [rad], (-pi, pi]
+};
+/// The largest circular correlation over all turns (360 of them; `turn` is then refined).
+RingMatch match_rings(std::span<const float> a, std::span<const float> b, const RingLayout& layout);
+
+/// The same similarity of a query with many. 0 for a descriptor that is all zero.
+Similarity ring_similarity(const RingLayout& layout);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,104 @@
+#include "ring/columns.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "linear_algebra/linear_algebra.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// An eighth of a turn: more than half of what a column of the layers in question sees.
+constexpr int kMarginShare = 8;
+
+const engine::LayerCost& layer_of(const engine::Plan& plan, const std::string& name) {
+  const auto found = std::ranges::find(plan.layers(), name, &engine::LayerCost::name);
+  if (found == plan.layers().end())
+    throw InputError(str("the net of the ring model has no layer '", name, "'"));
+  return *found;
+}
+
+ColumnMap map_of(const engine::LayerCost& layer, int width, int margin, int sectors) {
+  const engine::Shape& shape = layer.outputs.at(0);
+  if (shape.rank() != 4 || !layer.field_w)
+    throw InputError(str("layer '", layer.name, "' has an output of ", shape,
+                         ", expected a feature map 1 x c x h x w whose columns see a part of the "
+                         "image"));
+  const engine::ReceptiveField& field = *layer.field_w;
+  if (width % field.stride != 0 || (width / field.stride) % sectors != 0)
+    throw InputError(str("layer '", layer.name, "' has a column every ", field.stride,
+                         " pixels; an image of ", width, " columns does not give ", sectors,
+                         " sectors"));
+  ColumnMap map;
+  map.rows = shape[1] * shape[2];
+  map.width = shape[3];
+  // The column whose field's middle is nearest to the image's first pixel.
+  map.first = std::lround(
+      (static_cast<double>(margin - field.start) - 0.5 * static_cast<double>(field.size - 1)) /
+      static_cast<double>(field.stride));
+  map.merged = width / field.stride / sectors;
+  if (map.first < 0 || map.first + map.merged * sectors > map.width)
+    throw InputError(str("layer '", layer.name, "' sees ", field.size,
+                         " pixels at once, too many for an image of ", width, " columns"));
+  return map;
+}
+
+}  // namespace
+
+ColumnPlan::ColumnPlan(const RingModel& model, const std::vector<std::string>& layers, int sectors,
+                       const engine::Net& net, int threads)
+    : geometry_(model.image),
+      layers_(layers),
+      margin_(model.image.width / kMarginShare),
+      images_(plan_for_images(net, model.image.height, model.image.width + 2 * margin_,
+                              model.mean_bgr, 1, {.threads = threads, .keep = layers})) {
+  check_geometry(geometry_);
+  for (const std::string& layer : layers_)
+    maps_.push_back(map_of(layer_of(images_.plan, layer), geometry_.width, margin_, sectors));
+}
+
+ColumnPlan::Runner::Runner(const ColumnPlan& plan) : plan_(plan), run_(plan.images_.plan) {}
+
+void ColumnPlan::Runner::forward(const PointCloud& cloud) {
+  const ImageGeometry& geometry = plan_.geometry_;
+  project_turned(cloud, Eigen::Matrix3f::Identity(), geometry, image_);
+  close_holes_in_place(image_, geometry);
+  const int margin = plan_.margin_;
+  const auto width = static_cast<size_t>(geometry.width);
+  continued_.resize((width + 2 * margin) * geometry.height);
+  float* to = continued_.data();
+  for (int r = 0; r < geometry.height; ++r) {
+    const float* const row = image_.pixels.data() + r * width;
+    to = std::copy(row + width - margin, row + width, to);
+    to = std::copy(row, row + width, to);
+    to = std::copy(row, row + margin, to);
+  }
+  plan_.images_.fill(run_, continued_);
+  run_.forward();
+}
+
+const float* ColumnPlan::Runner::map(size_t layer) const {
+  return run_.layer_output(plan_.layers_[layer]).data;
+}
+
+void reduce_columns(const LayerColumns& layer, const ColumnMap& map, const float* values,
+                    int sectors, float* ring) {
+  const int64_t numbers = layer.directions.n, columns = map.merged * sectors;
+  std::vector<float> reduced(static_cast<size_t>(numbers * columns));
+  multiply(numbers, columns, map.rows, layer.directions.values.data(), map.rows, values + map.first,
+           map.width, reduced.data(), columns);
+  for (int64_t i = 0; i < numbers; ++i) {
+    const auto direction = layer.directions.row(i);
+    double mean = 0;
+    for (size_t j = 0; j < direction.size(); ++j)
+      mean += static_cast<double>(direction[j]) * static_cast<double>(layer.mean[j]);
+    for (int sector = 0; sector < sectors; ++sector) {
+      float sum = 0;
+      for (int64_t k = 0; k < map.merged; ++k)
+        sum += reduced[static_cast<size_t>(i * columns + sector * map.merged + k)];
+      *ring++ = sum / static_cast<float>(map.merged) - static_cast<float>(mean);
+    }
+  }
+}
+
+}  // namespace revisit::pipeline

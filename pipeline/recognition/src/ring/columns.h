@@ -1,0 +1,55 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "feature/image_plan.h"
+#include "revisit/recognition/ring/model.h"
+
+namespace revisit::pipeline {
+
+/// The columns of a layer's feature map that lie over the range image: `[rows][width]` floats of
+/// which column k of the ring's is the mean of columns first + k * merged ... + merged - 1.
+struct ColumnMap {
+  int64_t rows = 0;    // D: channels * rows of the map, channel by channel
+  int64_t width = 0;   // floats from one row to the next
+  int64_t first = 0;   // column
+  int64_t merged = 1;  // columns of the map a sector
+};
+
+/// A network's plan for range images continued around the edge.
+class ColumnPlan {
+ public:
+  /// Throws what ring_features() throws.
+  ColumnPlan(const RingModel& model, const std::vector<std::string>& layers, int sectors,
+             const engine::Net& net, int threads);
+  const std::vector<ColumnMap>& maps() const { return maps_; }
+
+  /// Takes one scan after another through the network. Refers to the plan.
+  class Runner {
+   public:
+    explicit Runner(const ColumnPlan& plan);
+    void forward(const PointCloud& cloud);
+    /// The output of the i-th of the layers for the last scan.
+    const float* map(size_t layer) const;
+
+   private:
+    const ColumnPlan& plan_;
+    engine::Run run_;
+    RangeImage image_;
+    std::vector<float> continued_;
+  };
+
+ private:
+  ImageGeometry geometry_;
+  std::vector<std::string> layers_;
+  int margin_;  // columns continued on each side
+  ImagePlan images_;
+  std::vector<ColumnMap> maps_;
+};
+
+/// x [numbers][sectors] of a layer: its columns less their mean, along the directions.
+void reduce_columns(const LayerColumns& layer, const ColumnMap& map, const float* values,
+                    int sectors, float* ring);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,89 @@
+#include "revisit/recognition/ring/describe.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "revisit/proto/error.h"
+#include "ring/projection.h"
+#include "ring/spectrum.h"
+
+namespace revisit::pipeline {
+namespace {
+
+void check(const RingModel& model, const std::vector<float>& mean, const RingOptions& options) {
+  if (options.numbers < 2 || options.numbers > 1 << 16)
+    throw UsageError(str("RingOptions::numbers: expected 2 to 65536, found ", options.numbers));
+  if (!(options.adapt >= 0 && options.adapt <= 1))
+    throw UsageError(str("RingOptions::adapt: expected 0 to 1, found ", options.adapt));
+  if (!(options.regularisation > 0) || !std::isfinite(options.regularisation))
+    throw UsageError(
+        str("ring descriptors: expected a regularisation above 0, found ", options.regularisation));
+  if (static_cast<int64_t>(mean.size()) != model.dim())
+    throw UsageError(str("ring mean: expected ", model.dim(), " numbers, found ", mean.size()));
+}
+
+}  // namespace
+
+struct RingDescriber::Impl {
+  std::vector<float> mean;
+  std::array<RingPlace, 2> places;
+  std::array<Spectrum, 2> spectra;
+  std::array<RingProjection, 2> projections;
+  RingLayout layout;
+};
+
+RingDescriber::RingDescriber(const RingModel& model, std::vector<float> mean,
+                             const RingOptions& options, const RingModel* spread) {
+  check(model, mean, options);
+  const int half = options.numbers / 2;
+  Impl impl{std::move(mean),
+            rings_of(model),
+            {Spectrum(model.columns.sectors), Spectrum(model.polar.sectors)},
+            {project_rings(model.columns, spread ? &spread->columns : nullptr, options, half),
+             project_rings(model.polar, spread ? &spread->polar : nullptr, options, half)},
+            {}};
+  for (size_t f = 0; f < kRingFrequencies; ++f)
+    impl.layout.counts.push_back(
+        static_cast<int>(impl.projections[0][f].rows() + impl.projections[1][f].rows()));
+  impl_ = std::make_shared<const Impl>(std::move(impl));
+}
+
+const RingLayout& RingDescriber::layout() const {
+  return impl_->layout;
+}
+
+void RingDescriber::describe(std::span<const float> rings, std::span<float> descriptor) const {
+  // Both rings count alike: each is brought to length sqrt(1/2).
+  const float twice = std::numbers::sqrt2_v<float>;
+  std::array<std::vector<Eigen::VectorXcf>, 2> z;  // [frequency] [kept]
+  for (size_t part = 0; part < 2; ++part) {
+    const RingPlace& place = impl_->places[part];
+    const Eigen::MatrixXcf x = impl_->spectra[part].of(
+        rings.data() + place.first, impl_->mean.data() + place.first, place.numbers);
+    double square = 0;
+    for (Eigen::Index f = 0; f < x.rows(); ++f) {
+      Eigen::VectorXcf& of_frequency = z[part].emplace_back(
+          impl_->projections[part][static_cast<size_t>(f)] * x.row(f).transpose());
+      // Frequencies other than 0 stand for their negative ones, too.
+      if (f == 0)
+        of_frequency.imag().setZero();
+      else
+        of_frequency *= twice;
+      square += static_cast<double>(of_frequency.squaredNorm());
+    }
+    const auto scale = square > 0 ? static_cast<float>(std::sqrt(0.5 / square)) : 0.0F;
+    for (Eigen::VectorXcf& of_frequency : z[part]) of_frequency *= scale;
+  }
+  float* to = descriptor.data();
+  for (size_t f = 0; f < impl_->layout.counts.size(); ++f) {
+    for (const auto& part : z)
+      for (const std::complex<float> value : part[f]) *to++ = value.real();
+    if (f == 0) continue;
+    for (const auto& part : z)
+      for (const std::complex<float> value : part[f]) *to++ = value.imag();
+  }
+}
+
+}  // namespace revisit::pipeline

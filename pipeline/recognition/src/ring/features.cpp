@@ -1,0 +1,113 @@
+#include "revisit/recognition/ring/features.h"
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include "revisit/proto/file_content.h"
+#include "revisit/proto/text.h"
+#include "revisit/recognition/ring/learn.h"
+#include "revisit/recognition/sensor.h"
+#include "ring/columns.h"
+#include "ring/model_content.h"
+
+namespace revisit::pipeline {
+namespace {
+
+std::vector<std::string> layer_names(const RingModel& model) {
+  std::vector<std::string> names;
+  for (const LayerColumns& layer : model.layers) names.push_back(layer.layer);
+  return names;
+}
+
+/// The heights as a ring.
+void height_ring(const PointCloud& cloud, const PolarGrid& grid, std::span<float> ring) {
+  polar_heights(cloud, grid, ring);
+  // Azimuth grows with the sector of the grid, and falls with a ring's.
+  for (int r = 0; r < grid.rings; ++r) {
+    const auto row =
+        ring.subspan(static_cast<size_t>(r) * grid.sectors, static_cast<size_t>(grid.sectors));
+    std::reverse(row.begin(), row.end());
+  }
+}
+
+}  // namespace
+
+ImageGeometry ring_geometry(const std::string& sensor) {
+  constexpr int kWidth = 1024, kMostRows = 64;
+  ImageGeometry image = sensor_geometry(sensor);
+  const int beams = std::ranges::find(sensors(), sensor, &Sensor::name)->beams;
+  image.width = kWidth;
+  image.height = beams > 0 ? std::min(beams, kMostRows) : kMostRows;
+  // 5 columns and 3 rows; where beams are far apart holes between them are no holes.
+  image.closing_width = 5 * 360.0 / kWidth;
+  const double row = (image.elevation_top - image.elevation_bottom) / image.height;
+  image.closing_height = (image.height < kMostRows ? 1 : 3) * row;
+  return image;
+}
+
+engine::Net ring_net(const RingModel& model, const std::filesystem::path& weights) {
+  if (model.weights.empty() && weights.empty())
+    throw InputError(str("the ring model for ", model.sensor,
+                         " needs the caffemodel it was learnt with (SHA-1 ", model.weights_sha1,
+                         "): give the file"));
+  return engine::Net::load_from_memory(
+      model.prototxt, weights.empty() ? model.weights : read_content(weights),
+      {.truncation = {.end = model.layers.empty() ? "" : model.layers.back().layer}});
+}
+
+FeatureExtractor ring_features(const RingModel& model, const engine::Net& net, int threads) {
+  const auto plan = std::make_shared<const ColumnPlan>(model, layer_names(model),
+                                                       model.columns.sectors, net, threads);
+  for (size_t i = 0; i < model.layers.size(); ++i)
+    if (model.layers[i].directions.d != plan->maps()[i].rows)
+      throw InputError(str("layer '", model.layers[i].layer, "' has columns of ",
+                           plan->maps()[i].rows, " numbers, the ring model was learnt on ",
+                           model.layers[i].directions.d));
+  FeatureExtractor extractor;
+  extractor.name = "ring";
+  extractor.dim = model.dim();
+  extractor.key = "ring " + short_name_of(extraction_content(model));
+  extractor.make = [plan, layers = model.layers, grid = model.heights,
+                    sectors = model.columns.sectors]() -> FeatureFunction<PointCloud> {
+    const auto runner = std::make_shared<ColumnPlan::Runner>(*plan);
+    return [plan, runner, layers, grid, sectors](const PointCloud& cloud, std::span<float> rings) {
+      runner->forward(cloud);
+      for (size_t i = 0; i < layers.size(); ++i) {
+        reduce_columns(layers[i], plan->maps()[i], runner->map(i), sectors, rings.data());
+        rings = rings.subspan(static_cast<size_t>(layers[i].directions.n * sectors));
+      }
+      height_ring(cloud, grid, rings);
+    };
+  };
+  return extractor;
+}
+
+FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
+                                 const RingOptions& options, int threads) {
+  FeatureExtractor extractor = ring_features(model, net, threads);
+  extractor.reduce = [model, options](const FeatureFile& features,
+                                      std::span<const int64_t> learn_from) {
+    std::vector<float> mean = ring_mean(features, learn_from);
+    std::optional<RingModel> map;
+    if (options.adapt > 0) {
+      const RingDrive all{&features, {learn_from.begin(), learn_from.end()}, {}};
+      learn_rings(map.emplace(model), {&all, 1});
+    }
+    const RingDescriber describer(model, std::move(mean), options, map ? &*map : nullptr);
+    Reduced reduced;
+    reduced.descriptors = FloatMatrix(features.n(), describer.layout().numbers());
+    for (int64_t i = 0; i < features.n(); ++i)
+      describer.describe(features.row(i), reduced.descriptors.row(i));
+    reduced.similarity = ring_similarity(describer.layout());
+    reduced.turn = [layout = describer.layout()](std::span<const float> a,
+                                                 std::span<const float> b) {
+      return match_rings(a, b, layout).turn;
+    };
+    return reduced;
+  };
+  extractor.similarity = ring_similarity({});  // that of its descriptors: no cosine
+  return extractor;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,82 @@
+#include "revisit/recognition/ring/match.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+#include "ring/correlation.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// The correlation of two descriptors as a function of the turn: sum over f of
+/// Re(g[f] exp(i f angle)).
+struct Correlation {
+  std::vector<std::complex<double>> g;
+
+  Correlation(std::span<const float> a, std::span<const float> b, const RingLayout& layout) {
+    size_t first = 0;
+    for (size_t f = 0; f < layout.counts.size(); ++f) {
+      const auto count = static_cast<size_t>(layout.counts[f]);
+      const auto at = [&](std::span<const float> x, size_t i) {
+        return std::complex<double>(x[first + i], f > 0 ? x[first + count + i] : 0);
+      };
+      std::complex<double> sum = 0;
+      for (size_t i = 0; i < count; ++i) sum += at(a, i) * std::conj(at(b, i));
+      g.push_back(sum);
+      first += f > 0 ? 2 * count : count;
+    }
+  }
+  /// The n-th derivative.
+  double at(double angle, int n = 0) const {
+    double sum = 0;
+    for (size_t f = 0; f < g.size(); ++f) {
+      const auto frequency = static_cast<double>(f);
+      sum += (g[f] * std::pow(std::complex<double>(0, frequency), n) *
+              std::polar(1.0, frequency * angle))
+                 .real();
+    }
+    return sum;
+  }
+};
+
+}  // namespace
+
+int64_t RingLayout::numbers() const {
+  int64_t sum = 0;
+  for (size_t f = 0; f < counts.size(); ++f) sum += (f == 0 ? 1 : 2) * int64_t{counts[f]};
+  return sum;
+}
+
+RingMatch match_rings(std::span<const float> a, std::span<const float> b,
+                      const RingLayout& layout) {
+  const Correlation correlation(a, b, layout);
+  constexpr double kStep = 2 * std::numbers::pi / kRingTurns;
+  double best = 0, value = correlation.at(0);
+  for (int s = 1; s < kRingTurns; ++s)
+    if (const double other = correlation.at(s * kStep); other > value) {
+      best = s * kStep;
+      value = other;
+    }
+  // Newton's steps to the maximum beside it.
+  for (int i = 0; i < 5; ++i) {
+    const double slope = correlation.at(best, 1), curvature = correlation.at(best, 2);
+    if (!(curvature < 0)) break;
+    best -= std::clamp(slope / curvature, -kStep, kStep);
+  }
+  // a's sector k + s is b's sector k where b is turned by -s: azimuth falls with the sector.
+  return {std::clamp(correlation.at(best), -1.0, 1.0), -std::remainder(best, 2 * std::numbers::pi)};
+}
+
+Similarity ring_similarity(const RingLayout& layout) {
+  return [layout](std::span<const float> query, const FloatMatrix& stored,
+                  std::span<const int64_t> candidates, std::span<double> similarities) {
+    std::vector<const float*> rows;
+    rows.reserve(candidates.size());
+    for (const int64_t row : candidates) rows.push_back(stored.row(row).data());
+    largest_correlations(query.data(), rows, layout, similarities);
+  };
+}
+
+}  // namespace revisit::pipeline

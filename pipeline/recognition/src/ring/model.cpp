@@ -1,0 +1,209 @@
+#include "revisit/recognition/ring/model.h"
+
+#include <ring_model.pb.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "revisit/proto/atomic_file.h"
+#include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
+#include "revisit/proto/fnv1a.h"
+#include "ring/model_content.h"
+#include "ring/spectrum.h"
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr uint32_t kVersion = 1;
+
+uint64_t checksum_of(std::string_view bytes) {
+  uint64_t hash = kFnv1aStart;
+  for (const char byte : bytes) hash = fnv1a(hash, static_cast<unsigned char>(byte));
+  return hash;
+}
+
+// --- writing
+
+using Floats = google::protobuf::RepeatedField<float>;
+
+Floats floats_of(const std::vector<float>& values) {
+  return {values.begin(), values.end()};
+}
+
+Floats floats_of(const std::vector<Eigen::MatrixXcd>& matrices) {
+  Floats values;
+  for (const Eigen::MatrixXcd& m : matrices)
+    for (Eigen::Index i = 0; i < m.rows(); ++i)
+      for (Eigen::Index j = 0; j < m.cols(); ++j)
+        values.Add(static_cast<float>(j <= i ? m(i, j).real() : m(j, i).imag()));
+  return values;
+}
+
+void fill(const RingStatistics& from, ring::Ring& to) {
+  to.set_sectors(from.sectors);
+  to.set_numbers(from.numbers);
+  *to.mutable_mean() = floats_of(from.mean);
+  *to.mutable_total() = floats_of(from.total);
+  *to.mutable_shared() = floats_of(from.shared);
+}
+
+void fill_extraction(const RingModel& from, ring::Model& to) {
+  ring::Image& image = *to.mutable_image();
+  image.set_width(from.image.width);
+  image.set_height(from.image.height);
+  image.set_elevation_top(from.image.elevation_top);
+  image.set_elevation_bottom(from.image.elevation_bottom);
+  image.set_max_range(from.image.max_range);
+  image.set_closing_width(from.image.closing_width);
+  image.set_closing_height(from.image.closing_height);
+  to.set_prototxt(from.prototxt);
+  to.set_weights(from.weights);
+  to.set_weights_sha1(from.weights_sha1);
+  for (const double mean : from.mean_bgr) to.add_mean_bgr(mean);
+  for (const LayerColumns& layer : from.layers) {
+    ring::Layer& written = *to.add_layers();
+    written.set_name(layer.layer);
+    *written.mutable_mean() = floats_of(layer.mean);
+    *written.mutable_directions() = floats_of(layer.directions.values);
+  }
+  ring::Grid& grid = *to.mutable_heights();
+  grid.set_rings(from.heights.rings);
+  grid.set_sectors(from.heights.sectors);
+  grid.set_max_range(from.heights.max_range);
+  grid.set_sensor_height(from.heights.sensor_height);
+}
+
+// --- reading
+
+/// Says what is wrong with a file.
+struct Reader {
+  const std::string& name;
+
+  void expect(bool ok, const std::string& what) const {
+    if (!ok) throw InputError(name + ": no ring model that can be used: " + what);
+  }
+  std::vector<float> numbers(const Floats& values, int64_t expected,
+                             const std::string& what) const {
+    expect(values.size() == expected,
+           str(what, " has ", values.size(), " numbers, expected ", expected));
+    expect(std::ranges::all_of(values, [](float v) { return std::isfinite(v); }),
+           what + " holds a number that is not finite");
+    return {values.begin(), values.end()};
+  }
+  std::vector<Eigen::MatrixXcd> matrices(const Floats& values, int64_t d,
+                                         const std::string& what) const {
+    const std::vector<float> all = numbers(values, kRingFrequencies * d * d, what);
+    std::vector<Eigen::MatrixXcd> result;
+    for (int f = 0; f < kRingFrequencies; ++f) {
+      const auto at = [&](int64_t i, int64_t j) {
+        return static_cast<double>(all[static_cast<size_t>((f * d + i) * d + j)]);
+      };
+      Eigen::MatrixXcd& m = result.emplace_back(d, d);
+      for (int64_t i = 0; i < d; ++i)
+        for (int64_t j = 0; j <= i; ++j) {
+          m(i, j) = {at(i, j), i == j ? 0 : at(j, i)};
+          m(j, i) = std::conj(m(i, j));
+        }
+    }
+    return result;
+  }
+  RingStatistics ring(const ring::Ring& from, const std::string& what) const {
+    constexpr int kMost = 4096;
+    expect(from.sectors() >= 1 && from.sectors() <= kMost && from.numbers() >= 1 &&
+               from.numbers() <= kMost,
+           str(what, " of ", from.sectors(), " sectors of ", from.numbers(), " numbers"));
+    RingStatistics to;
+    to.sectors = from.sectors();
+    to.numbers = from.numbers();
+    to.mean = numbers(from.mean(), to.size(), what + " mean");
+    to.total = matrices(from.total(), to.numbers, what + " total spread");
+    if (!from.shared().empty())
+      to.shared = matrices(from.shared(), to.numbers, what + " shared spread");
+    return to;
+  }
+};
+
+}  // namespace
+
+std::string extraction_content(const RingModel& model) {
+  ring::Model message;
+  fill_extraction(model, message);
+  return message.SerializeAsString();
+}
+
+void write_ring_model(const std::filesystem::path& file, const RingModel& model) {
+  ring::Model message;
+  fill_extraction(model, message);
+  message.set_sensor(model.sensor);
+  message.set_learnt_from(model.learnt_from);
+  fill(model.columns, *message.mutable_columns());
+  fill(model.polar, *message.mutable_polar());
+  ring::File whole;
+  whole.set_version(kVersion);
+  whole.set_model(message.SerializeAsString());
+  whole.set_checksum(checksum_of(whole.model()));
+  write_atomically(file, [&](std::ostream& out) { whole.SerializeToOstream(&out); });
+}
+
+RingModel parse_ring_model(std::string_view content, const std::string& name) {
+  const Reader reader{name};
+  ring::File whole;
+  reader.expect(
+      whole.ParseFromArray(content.data(), static_cast<int>(content.size())) && whole.version() > 0,
+      "it is another kind of file, or cut off");
+  reader.expect(whole.version() <= kVersion,
+                str("it is of format ", whole.version(), ", this program reads up to ", kVersion));
+  ring::Model from;
+  reader.expect(
+      checksum_of(whole.model()) == whole.checksum() && from.ParseFromString(whole.model()),
+      "it is damaged (its checksum is another)");
+  RingModel to;
+  to.sensor = from.sensor();
+  const ring::Image& image = from.image();
+  to.image = {
+      image.width(),     image.height(),        image.elevation_top(), image.elevation_bottom(),
+      image.max_range(), image.closing_width(), image.closing_height()};
+  try {
+    check_geometry(to.image);
+  } catch (const UsageError& error) {
+    reader.expect(false, error.what());
+  }
+  to.prototxt = from.prototxt();
+  to.weights = from.weights();
+  to.weights_sha1 = from.weights_sha1();
+  reader.expect(from.mean_bgr_size() == 3, str(from.mean_bgr_size(), " means, expected 3"));
+  std::ranges::copy(from.mean_bgr(), to.mean_bgr.begin());
+  int64_t numbers = 0;
+  for (const ring::Layer& layer : from.layers()) {
+    const int64_t d = layer.mean_size();
+    reader.expect(d > 0 && layer.directions_size() % d == 0 && layer.directions_size() > 0,
+                  str("layer '", layer.name(), "' has ", layer.directions_size(),
+                      " numbers of directions for columns of ", d));
+    LayerColumns& read = to.layers.emplace_back();
+    read.layer = layer.name();
+    read.mean = reader.numbers(layer.mean(), d, layer.name() + " mean");
+    read.directions = FloatMatrix(layer.directions_size() / d, d);
+    read.directions.values =
+        reader.numbers(layer.directions(), layer.directions_size(), layer.name() + " directions");
+    numbers += read.directions.n;
+  }
+  const ring::Grid& grid = from.heights();
+  to.heights = {grid.rings(), grid.sectors(), grid.max_range(), grid.sensor_height()};
+  to.columns = reader.ring(from.columns(), "the columns' ring");
+  to.polar = reader.ring(from.polar(), "the heights' ring");
+  reader.expect(to.columns.numbers == numbers && to.polar.numbers == to.heights.rings &&
+                    to.polar.sectors == to.heights.sectors && to.heights.max_range > 0 &&
+                    std::isfinite(to.heights.sensor_height),
+                "its rings are not those of its layers and heights");
+  reader.expect(to.columns.shared.empty() == to.polar.shared.empty(),
+                "one of its rings was learnt from pairs, the other was not");
+  to.learnt_from = from.learnt_from();
+  return to;
+}
+
+RingModel read_ring_model(const std::filesystem::path& file) {
+  return parse_ring_model(read_content(file), file.string());
+}
+
+}  // namespace revisit::pipeline

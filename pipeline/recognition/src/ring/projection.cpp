@@ -1,0 +1,93 @@
+#include "ring/projection.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "ring/spectrum.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using Eigen::MatrixXcd;
+
+/// A direction of one frequency and what it is worth.
+struct Direction {
+  int frequency = 0;
+  double worth = 0;
+  Eigen::VectorXcd v;  // times its weight
+};
+
+double trace(const std::vector<MatrixXcd>& spreads) {
+  double sum = 0;
+  for (const MatrixXcd& spread : spreads) sum += spread.trace().real();
+  return sum;
+}
+
+/// Only what agrees between scans of a place counts; what agrees fully by chance not more.
+void add_discriminants(int f, const MatrixXcd& shared, const MatrixXcd& total,
+                       std::vector<Direction>& directions) {
+  constexpr double kMost = 0.98;
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXcd> solver(shared, total);
+  if (solver.info() != Eigen::Success)
+    throw Error(str("ring model: the eigenvalues of frequency ", f, " did not converge"));
+  for (Eigen::Index i = 0; i < total.rows(); ++i) {
+    const double l = std::clamp(solver.eigenvalues()[i], 0.0, kMost);
+    directions.push_back({f, l, std::sqrt(l) * solver.eigenvectors().col(i)});
+  }
+}
+
+/// Part of the way to equal variances: all the way would raise noise.
+void add_whitening(int f, const MatrixXcd& total, std::vector<Direction>& directions) {
+  constexpr double kPower = -0.3;
+  const Eigen::SelfAdjointEigenSolver<MatrixXcd> solver(total);
+  if (solver.info() != Eigen::Success)
+    throw Error(str("ring model: the eigenvalues of frequency ", f, " did not converge"));
+  for (Eigen::Index i = 0; i < total.rows(); ++i) {
+    const double t = solver.eigenvalues()[i];
+    directions.push_back({f, t, std::pow(t, kPower) * solver.eigenvectors().col(i)});
+  }
+}
+
+}  // namespace
+
+RingProjection project_rings(const RingStatistics& ring, const RingStatistics* spread,
+                             const RingOptions& options, int numbers) {
+  const auto d = static_cast<Eigen::Index>(ring.numbers);
+  const double own = trace(ring.total), map = spread ? trace(spread->total) : 0;
+  std::vector<Direction> directions;
+  for (size_t f = 0; f < ring.total.size(); ++f) {
+    MatrixXcd total = own > 0 ? MatrixXcd(ring.total[f] / own) : ring.total[f];
+    if (map > 0 && options.adapt > 0)
+      total = (1 - options.adapt) * total + options.adapt / map * spread->total[f];
+    // The least that any spread has, so that a ring that never changes can be inverted.
+    const double least = options.regularisation * total.trace().real() / static_cast<double>(d);
+    total.diagonal().array() += std::max(least, 1e-12);
+    if (ring.shared.empty())
+      add_whitening(static_cast<int>(f), total, directions);
+    else
+      add_discriminants(static_cast<int>(f), ring.shared[f] / std::max(own, 1e-300), total,
+                        directions);
+  }
+  std::ranges::stable_sort(directions, std::greater(), &Direction::worth);
+  std::vector<std::vector<const Direction*>> kept(ring.total.size());
+  int used = 0;
+  for (const Direction& direction : directions) {
+    used += direction.frequency == 0 ? 1 : 2;
+    if (used > numbers || direction.worth <= 0) break;
+    kept[static_cast<size_t>(direction.frequency)].push_back(&direction);
+  }
+  RingProjection projection;
+  for (const auto& of_frequency : kept) {
+    Eigen::MatrixXcf& rows =
+        projection.emplace_back(static_cast<Eigen::Index>(of_frequency.size()), d);
+    for (size_t i = 0; i < of_frequency.size(); ++i)
+      rows.row(static_cast<Eigen::Index>(i)) =
+          of_frequency[i]->v.adjoint().cast<std::complex<float>>();
+  }
+  return projection;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "revisit/recognition/ring/describe.h"
+
+namespace revisit::pipeline {
+
+/// What a ring's coefficients are multiplied by: [frequency] of [kept][numbers].
+using RingProjection = std::vector<Eigen::MatrixXcf>;
+
+/// The directions of all frequencies that tell places apart best, so many that a descriptor has
+/// `numbers` real ones (frequency 0 takes one each, the others two). `spread` may be null.
+///
+/// Learnt from pairs: B_f v = l (T_f + eps tr(T_f)/d 1) v, V^H T V = 1, weighted by sqrt(l),
+/// largest l first. From scans alone: T_f^-0.3, largest variance first.
+RingProjection project_rings(const RingStatistics& ring, const RingStatistics* spread,
+                             const RingOptions& options, int numbers);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,25 @@
+// What a ring model's file holds, its checksum set right: a case that is damaged tells nothing
+// else.
+#include <ring_model.pb.h>
+
+#include "fuzz.h"
+#include "revisit/proto/fnv1a.h"
+#include "revisit/recognition/ring/describe.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace revisit;
+  ring::File file;
+  file.set_version(1);
+  file.set_model(fuzz::text(data, size));
+  uint64_t checksum = kFnv1aStart;
+  for (size_t i = 0; i < size; ++i) checksum = fnv1a(checksum, data[i]);
+  file.set_checksum(checksum);
+  fuzz::works_or_refuses([&] {
+    const pipeline::RingModel model =
+        pipeline::parse_ring_model(file.SerializeAsString(), "<case>");
+    const pipeline::RingDescriber describer(
+        model, std::vector<float>(static_cast<size_t>(model.dim())), {.numbers = 64});
+    fuzz::require(describer.layout().numbers() <= 64, "at most the numbers asked for");
+  });
+  return 0;
+}

@@ -1,0 +1,311 @@
+// Rings: what was learnt, descriptors and their comparison.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <numbers>
+#include <random>
+
+#include "expect_error.h"
+#include "revisit/proto/npy.h"
+#include "revisit/recognition/ring/describe.h"
+#include "revisit/recognition/ring/learn.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using test::expect_error;
+
+constexpr double kTurn = 2 * std::numbers::pi;
+
+/// Rings of the sizes that tests/fixtures/ring has, nothing learnt.
+RingModel small_model() {
+  RingModel model;
+  model.sensor = "none";
+  model.prototxt = "name: \"none\"";
+  model.weights = std::string("\0weights", 8);
+  model.image.width = 1024;
+  model.image.height = 16;
+  LayerColumns& layer = model.layers.emplace_back();
+  layer.layer = "pool";
+  layer.mean = {1, 2, 3, 4};
+  layer.directions = FloatMatrix(3, 4);
+  for (int i = 0; i < 3; ++i) layer.directions.row(i)[static_cast<size_t>(i)] = 1;
+  model.heights = {.rings = 2, .sectors = 36};
+  model.columns = {.sectors = 40, .numbers = 3};
+  model.polar = {.sectors = 36, .numbers = 2};
+  return model;
+}
+
+/// The model that the fixture's scans teach.
+struct Learnt {
+  FeatureFile rings{test::fixture("ring/rings.npy")};
+  RingModel model = small_model();
+  std::vector<int64_t> scans;
+  std::vector<RingPair> pairs;
+
+  Learnt() {
+    for (int64_t i = 0; i < rings.n(); ++i) scans.push_back(i);
+    const proto::NpyArray rows = proto::read_npy(test::fixture("ring/pairs.npy"));
+    for (size_t i = 0; i < rows.data.size(); i += 3)
+      pairs.push_back({static_cast<int64_t>(rows.data[i]), static_cast<int64_t>(rows.data[i + 1]),
+                       static_cast<double>(rows.data[i + 2])});
+    const RingDrive drive{&rings, scans, pairs};
+    learn_rings(model, {&drive, 1});
+  }
+  RingDescriber describer(const RingOptions& options = {.numbers = 60}) const {
+    return RingDescriber(model, ring_mean(rings, scans), options);
+  }
+  FloatMatrix descriptors(const RingDescriber& describer) const {
+    FloatMatrix all(rings.n(), describer.layout().numbers());
+    for (int64_t i = 0; i < rings.n(); ++i) describer.describe(rings.row(i), all.row(i));
+    return all;
+  }
+};
+
+/// Columns one of the rings' first `shift` sectors on, around.
+std::vector<float> rotated(std::span<const float> rings, int shift40, int shift36) {
+  std::vector<float> result(rings.size());
+  for (size_t r = 0; r < 3; ++r)
+    for (size_t k = 0; k < 40; ++k) result[r * 40 + k] = rings[r * 40 + (k + shift40) % 40];
+  for (size_t r = 0; r < 2; ++r)
+    for (size_t k = 0; k < 36; ++k)
+      result[120 + r * 36 + k] = rings[120 + r * 36 + (k + shift36) % 36];
+  return result;
+}
+
+/// Term by term, for all turns.
+double slow_similarity(std::span<const float> a, std::span<const float> b,
+                       const RingLayout& layout) {
+  double best = -2;
+  for (int s = 0; s < 360; ++s) {
+    double sum = 0;
+    size_t at = 0;
+    for (size_t f = 0; f < layout.counts.size(); ++f) {
+      const auto n = static_cast<size_t>(layout.counts[f]);
+      for (size_t i = at; i < at + n; ++i) {
+        const std::complex<double> x(a[i], f ? a[i + n] : 0), y(b[i], f ? b[i + n] : 0);
+        sum +=
+            (x * std::conj(y) * std::polar(1.0, kTurn * static_cast<double>(f) * s / 360)).real();
+      }
+      at += f ? 2 * n : n;
+    }
+    best = std::max(best, sum);
+  }
+  return best;
+}
+
+TEST(RingReference, SimilaritiesAndTurnsOfNumpy) {
+  const Learnt learnt;
+  const RingDescriber describer = learnt.describer();
+  const FloatMatrix descriptors = learnt.descriptors(describer);
+  const proto::NpyArray similarity = proto::read_npy(test::fixture("ring/similarity.npy"));
+  const proto::NpyArray turn = proto::read_npy(test::fixture("ring/turn.npy"));
+  const Similarity ours = ring_similarity(describer.layout());
+  std::vector<double> row(60);
+  for (int64_t a = 0; a < 60; ++a) {
+    ours(descriptors.row(a), descriptors, learnt.scans, row);
+    for (int64_t b = 0; b < 60; ++b) {
+      const auto at = static_cast<size_t>(a * 60 + b);
+      EXPECT_NEAR(row[static_cast<size_t>(b)], similarity.data[at], 2e-5) << a << " " << b;
+      if (similarity.data[at] < 0.5F) continue;  // the turn of another place is chance
+      const RingMatch match =
+          match_rings(descriptors.row(a), descriptors.row(b), describer.layout());
+      // numpy's turn is a whole degree.
+      EXPECT_LT(std::abs(std::remainder(match.turn - turn.data[at], kTurn)), 0.51 * kTurn / 360)
+          << a << " " << b;
+      // The maximum between two whole degrees is at most 1 - cos(16 * 0.5 deg) higher.
+      EXPECT_GE(match.similarity, similarity.data[at] - 2e-5);
+      EXPECT_LE(match.similarity, similarity.data[at] + 0.0098);
+    }
+  }
+}
+
+TEST(RingReference, ScansOfOnePlaceAreFoundAndTheirTurnToo) {
+  const Learnt learnt;
+  const RingDescriber describer = learnt.describer();
+  const FloatMatrix descriptors = learnt.descriptors(describer);
+  double error = 0;
+  for (const RingPair& pair : learnt.pairs) {
+    const RingMatch match =
+        match_rings(descriptors.row(pair.a), descriptors.row(pair.b), describer.layout());
+    error += std::abs(std::remainder(match.turn - pair.turn, kTurn));
+  }
+  EXPECT_LT(error / static_cast<double>(learnt.pairs.size()), 0.05);
+}
+
+TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
+  const Learnt learnt;
+  const RingDescriber describer(learnt.model, std::vector<float>(192), {.numbers = 60});
+  std::vector<float> a(static_cast<size_t>(describer.layout().numbers())), b = a;
+  describer.describe(learnt.rings.row(3), a);
+  for (const int quarter : {0, 1, 2, 3}) {
+    // What is `shift` sectors on is seen after a turn to the right: azimuth falls with the sector.
+    describer.describe(rotated(learnt.rings.row(3), 10 * quarter, 9 * quarter), b);
+    const RingMatch match = match_rings(a, b, describer.layout());
+    EXPECT_NEAR(match.similarity, 1, 1e-5);
+    EXPECT_NEAR(std::remainder(match.turn + kTurn * quarter / 4, kTurn), 0, 1e-5) << quarter;
+    // Phases only: each frequency keeps its length.
+    size_t at = 0;
+    for (size_t f = 0; f < describer.layout().counts.size(); ++f) {
+      const auto n = static_cast<size_t>(describer.layout().counts[f]) * (f ? 2 : 1);
+      double lengths[2] = {};
+      for (size_t i = at; i < at + n; ++i) {
+        lengths[0] += static_cast<double>(a[i]) * a[i];
+        lengths[1] += static_cast<double>(b[i]) * b[i];
+      }
+      EXPECT_NEAR(lengths[0], lengths[1], 1e-6);
+      at += n;
+    }
+  }
+}
+
+TEST(RingSimilarity, IsTheLargestOverAllTurnsAndSymmetric) {
+  const Learnt learnt;
+  for (const int numbers : {2, 12, 60, 170, 1024}) {
+    const RingDescriber describer = learnt.describer({.numbers = numbers});
+    EXPECT_LE(describer.layout().numbers(), numbers);
+    const FloatMatrix descriptors = learnt.descriptors(describer);
+    const Similarity similarity = ring_similarity(describer.layout());
+    for (const int64_t a : {0, 7, 33}) {
+      std::vector<double> row(learnt.scans.size()), back(1);
+      similarity(descriptors.row(a), descriptors, learnt.scans, row);
+      for (size_t b = 0; b < row.size(); b += 5) {
+        const auto other = static_cast<int64_t>(b);
+        EXPECT_NEAR(row[b],
+                    slow_similarity(descriptors.row(a), descriptors.row(other), describer.layout()),
+                    3e-6);
+        similarity(descriptors.row(other), descriptors, std::vector<int64_t>{a}, back);
+        EXPECT_NEAR(row[b], back[0], 3e-6);
+      }
+    }
+  }
+}
+
+TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
+  const Learnt learnt;
+  const RingDescriber describer = learnt.describer();
+  FloatMatrix descriptors = learnt.descriptors(describer);
+  describer.describe(ring_mean(learnt.rings, learnt.scans), descriptors.row(5));
+  std::vector<double> row(learnt.scans.size());
+  ring_similarity(describer.layout())(descriptors.row(5), descriptors, learnt.scans, row);
+  for (const double similarity : row) EXPECT_EQ(similarity, 0);
+}
+
+/// Rings whose numbers are gaussian and independent: place and scan have known variances.
+TEST(RingLearning, ClosedFormOfGaussians) {
+  constexpr int kPlaces = 1500;
+  const double place_deviation[] = {3, 1, 0.5}, scan_deviation = 1;
+  std::mt19937 random(5);
+  std::normal_distribution<double> gaussian;
+  const test::TempDir folder;
+  RingModel model = small_model();
+  std::vector<float> rings;
+  std::vector<RingPair> pairs;
+  for (int place = 0; place < kPlaces; ++place) {
+    std::vector<float> seen(192);
+    for (size_t i = 0; i < 192; ++i)
+      seen[i] = static_cast<float>(place_deviation[i < 120 ? i / 40 : (i - 120) / 36 * 2] *
+                                   gaussian(random));
+    for (int scan = 0; scan < 2; ++scan)
+      for (const float value : seen)
+        rings.push_back(value + static_cast<float>(scan_deviation * gaussian(random)));
+    pairs.push_back({2 * place, 2 * place + 1, 0});
+  }
+  proto::write_npy(folder / "rings.npy", {2 * kPlaces, 192}, rings.data());
+  const FeatureFile file(folder / "rings.npy");
+  RingDrive drive{&file, {}, pairs};
+  for (int64_t i = 0; i < file.n(); ++i) drive.scans.push_back(i);
+  learn_rings(model, {&drive, 1});
+  for (int f = 1; f < 17; ++f)
+    for (int i = 0; i < 3; ++i) {
+      const double place = std::pow(place_deviation[i], 2);
+      const auto at = static_cast<size_t>(f);
+      EXPECT_NEAR(model.columns.total[at](i, i).real(), place + 1, 0.15 * (place + 1));
+      EXPECT_NEAR(model.columns.shared[at](i, i).real(), place, 0.15 * (place + 1));
+    }
+  // The first number is worth 9/10, the second 1/2, the third 1/5: with 16 frequencies of two
+  // numbers and one of one, the first number alone fills 33.
+  const RingDescriber describer(model, std::vector<float>(192), {.numbers = 66});
+  std::vector<float> descriptor(static_cast<size_t>(describer.layout().numbers()));
+  std::vector<float> first(192), third(192);
+  for (size_t k = 0; k < 40; ++k) first[k] = third[80 + k] = static_cast<float>(gaussian(random));
+  const auto length_of = [&](const std::vector<float>& x) {
+    describer.describe(x, descriptor);
+    double square = 0;
+    for (const float value : descriptor) square += static_cast<double>(value) * value;
+    return std::sqrt(square);
+  };
+  EXPECT_NEAR(length_of(first), std::sqrt(0.5), 1e-5);  // all there is of this ring
+  for (size_t f = 0; f < 17; ++f) EXPECT_EQ(describer.layout().counts[f], 2) << f;
+}
+
+TEST(RingLearning, FromScansAloneEqualsVariances) {
+  Learnt learnt;
+  const RingDrive drive{&learnt.rings, learnt.scans, {}};
+  learn_rings(learnt.model, {&drive, 1});
+  EXPECT_TRUE(learnt.model.columns.shared.empty());
+  const RingDescriber describer = learnt.describer({.numbers = 170});
+  const FloatMatrix descriptors = learnt.descriptors(describer);
+  int found = 0;
+  std::vector<double> row(60);
+  for (int64_t a = 0; a < 60; ++a) {
+    ring_similarity(describer.layout())(descriptors.row(a), descriptors, learnt.scans, row);
+    row[static_cast<size_t>(a)] = -2;
+    found += (std::max_element(row.begin(), row.end()) - row.begin() - a) % 20 == 0;
+  }
+  EXPECT_GE(found, 58);
+}
+
+TEST(RingLearning, RefusesWhatCannotTeach) {
+  Learnt learnt;
+  expect_error<UsageError>([&] { learn_rings(learnt.model, {}); }, {"at least one drive"});
+  const RingDrive one{&learnt.rings, {3}, {}};
+  expect_error<UsageError>([&] { learn_rings(learnt.model, {&one, 1}); }, {"at least 2 scans"});
+  RingModel other = small_model();
+  other.columns.numbers = 4;
+  const RingDrive all{&learnt.rings, learnt.scans, {}};
+  expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"rings.npy", "192", "232"});
+  expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"numbers", "found 1"});
+  expect_error<UsageError>([&] { learnt.describer({.adapt = 2}); }, {"adapt", "found 2"});
+  expect_error<UsageError>([&] { RingDescriber(learnt.model, {1, 2}); }, {"ring mean", "192"});
+}
+
+TEST(RingModelFile, GivesBackWhatWasWritten) {
+  const Learnt learnt;
+  const test::TempDir folder;
+  write_ring_model(folder / "a.ring", learnt.model);
+  const RingModel read = read_ring_model(folder / "a.ring");
+  EXPECT_EQ(read.weights, learnt.model.weights);
+  EXPECT_EQ(read.image.height, 16);
+  EXPECT_EQ(read.layers[0].directions.values, learnt.model.layers[0].directions.values);
+  EXPECT_EQ(read.columns.mean, learnt.model.columns.mean);
+  for (size_t f = 0; f < 17; ++f) {
+    EXPECT_LT((read.columns.total[f] - learnt.model.columns.total[f]).norm(), 1e-5);
+    EXPECT_LT((read.polar.shared[f] - learnt.model.polar.shared[f]).norm(), 1e-5);
+  }
+  write_ring_model(folder / "b.ring", read);
+  EXPECT_EQ(test::read_file(folder / "a.ring"), test::read_file(folder / "b.ring"));
+}
+
+TEST(RingModelFile, RefusesADamagedOne) {
+  const Learnt learnt;
+  const test::TempDir folder;
+  write_ring_model(folder / "a.ring", learnt.model);
+  const std::string whole = test::read_file(folder / "a.ring");
+  for (size_t at = 0; at < whole.size(); at += 1 + whole.size() / 97) {
+    std::string damaged = whole;
+    damaged[at] = static_cast<char>(damaged[at] ^ 0x10);
+    expect_error<InputError>([&] { parse_ring_model(damaged, "x.ring"); }, {"x.ring"});
+    expect_error<InputError>([&] { parse_ring_model(whole.substr(0, at), "x.ring"); }, {"x.ring"});
+  }
+  RingModel unfit = learnt.model;
+  unfit.polar.mean.pop_back();
+  write_ring_model(folder / "b.ring", unfit);
+  expect_error<InputError>([&] { read_ring_model(folder / "b.ring"); },
+                           {"b.ring", "71 numbers", "expected 72"});
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

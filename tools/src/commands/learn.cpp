@@ -1,0 +1,150 @@
+#include <iostream>
+#include <sstream>
+
+#include "cli/command.h"
+#include "cli/interrupt.h"
+#include "cli/messages.h"
+#include "eval/feature_options.h"
+#include "models/checksum.h"
+#include "revisit/datasets/learn_ring.h"
+#include "revisit/proto/file_content.h"
+#include "revisit/recognition/ring/features.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using pipeline::RingLesson;
+
+struct LearnOptions {
+  std::vector<fs::path> data;
+  std::string sequence, sensor = "hdl64";
+  int every = 1;
+  fs::path model, weights, output, cache;
+  std::string layers = "pool1=64";
+  pipeline::LearnRingOptions learn;
+  int threads = 0;
+  bool no_progress = false, quiet = false;
+
+  FeatureOptions running() const {
+    FeatureOptions options;
+    options.threads = threads;
+    options.no_progress = no_progress;
+    options.quiet = quiet;
+    return options;
+  }
+};
+
+LearnOptions parse_options(const Arguments& arguments) {
+  LearnOptions o;
+  Parser parser(
+      "revisit learn", "DATA... -o FILE",
+      "Learns a ring model from drives of one sensor: what scans of one place share. DATA is a "
+      "KITTI sequence, a folder of scans, or what `revisit simulate` wrote. The model is one file, "
+      "for --feature ring --ring FILE.",
+      "  revisit learn town -o town.ring --model squeezenet.prototxt --layers "
+      "pool1=32,pool4=32\n"
+      "  revisit learn scans/ -o scans.ring --model net/ --from sequence   # no poses needed\n");
+  parser.optional_positional("DATA", &o.data)
+      .option("output", "FILE", "where the model goes", &o.output, 'o')
+      .group("Data:")
+      .option("sequence", "NN", "sequence of a KITTI root (not needed when there is one)",
+              &o.sequence)
+      .option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
+              &o.every)
+      .option("sensor", "NAME", "which sensor took the scans (default hdl64)", &o.sensor)
+      .group("Network:")
+      .option("model", "P", "prototxt, or the name of a known model", &o.model)
+      .option("weights", "W", "caffemodel", &o.weights)
+      .option("layers", "LAYER=N[,...]",
+              "the layers whose columns are taken, in the net's order, and the numbers kept of "
+              "each (default pool1=64)",
+              &o.layers)
+      .group("Learning:")
+      .choice<RingLesson>("from",
+                          {{"loops", RingLesson::kLoops},
+                           {"odometry", RingLesson::kOdometry},
+                           {"sequence", RingLesson::kSequence},
+                           {"scans", RingLesson::kScans}},
+                          "what tells scans of one place: loops (poses of a drive that returns, "
+                          "the default), odometry (poses, scans near in space and time), sequence "
+                          "(each scan and the next, without poses), scans (nothing)",
+                          &o.learn.lesson)
+      .option("radius", "METRES", "nearer scans are of one place (default 5)", &o.learn.radius)
+      .option("column-scans", "N",
+              "the columns' directions are learnt from so many scans "
+              "(default 200)",
+              &o.learn.column_scans)
+      .group("Running:")
+      .option("threads", "N", "threads (default: all cores)", &o.threads)
+      .option("cache", "DIR", "where the rings are kept (default: FILE.rings)", &o.cache)
+      .flag("no-progress", "no progress line", &o.no_progress)
+      .flag("quiet", "only errors", &o.quiet, 'q');
+  parser.parse(arguments);
+  if (o.data.empty()) throw UsageError("give at least one drive to learn from: DATA");
+  if (o.output.empty()) throw UsageError("give the file for the model: -o FILE");
+  if (o.learn.column_scans < 1)
+    throw UsageError(str("--column-scans: expected at least 1, found ", o.learn.column_scans));
+  if (!(o.learn.radius > 0))
+    throw UsageError(str("--radius: expected a positive number, found ", o.learn.radius));
+  return o;
+}
+
+std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
+  std::vector<std::pair<std::string, int>> layers;
+  std::istringstream list(text);
+  for (std::string entry; std::getline(list, entry, ',');) {
+    const size_t equals = entry.rfind('=');
+    if (equals == std::string::npos || equals == 0)
+      throw UsageError("--layers: expected LAYER=N[,...], e.g. pool1=32,pool4=32, found '" + text +
+                       "'");
+    layers.emplace_back(entry.substr(0, equals),
+                        parse_value<int>("--layers", entry.substr(equals + 1)));
+  }
+  if (layers.empty()) throw UsageError("--layers: expected LAYER=N[,...], found nothing");
+  return layers;
+}
+
+/// Weights that fit are carried by the model, so that it needs no other file.
+constexpr size_t kCarriedWeights = 256 << 10;  // [bytes]
+
+}  // namespace
+
+int learn_command(const Arguments& arguments) {
+  LearnOptions o = parse_options(arguments);
+  const FeatureOptions running = o.running();
+  const pipeline::Observer observer = running.observer();
+  std::vector<pipeline::Dataset> drives;
+  for (const fs::path& data : o.data) {
+    FeatureOptions options = running;
+    options.data = data;
+    options.sequence = o.sequence;
+    options.every = o.every;
+    drives.push_back(open_scans(options));
+  }
+  const pipeline::RingRecipe recipe{parse_layers(o.layers)};
+  const models::FoundModel found =
+      models::find_model({o.model, o.weights, recipe.layers.back().first, "", {}});
+  pipeline::RingModel model;
+  model.sensor = o.sensor;
+  model.image = pipeline::ring_geometry(o.sensor);
+  model.prototxt = read_content(found.prototxt);
+  model.weights_sha1 = found.weights_sha1;
+  model.mean_bgr = found.mean_bgr;
+  if (fs::file_size(found.weights) <= kCarriedWeights) model.weights = read_content(found.weights);
+  const engine::Net net = engine::Net::load(found.prototxt, found.weights,
+                                            {{recipe.layers.back().first, ""}, {}, false, false});
+  o.learn.threads = running.thread_count();
+  o.learn.cache = o.cache.empty() ? fs::path(o.output.string() + ".rings") : o.cache;
+  for (const pipeline::Dataset& drive : drives)
+    model.learnt_from +=
+        str(model.learnt_from.empty() ? "" : ", ", drive.scans.size(), " scans of ", drive.name,
+            drive.sequence.empty() ? "" : "/" + drive.sequence);
+  learn_ring_model(model, net, recipe, drives, o.learn, observer);
+  write_ring_model(o.output, model);
+  std::cout << "ring model for " << model.sensor << ", learnt from " << model.learnt_from << ": "
+            << o.output.string() << " (" << fs::file_size(o.output) / 1024 << " kB)\n";
+  return kOk;
+}
+
+}  // namespace revisit::cli
