@@ -67,7 +67,6 @@ class Builder {
 
 std::vector<std::string> names(const std::vector<Node>& nodes) {
   std::vector<std::string> result;
-  result.reserve(nodes.size());
   for (const Node& node : nodes) result.push_back(node.name);
   return result;
 }
@@ -119,7 +118,6 @@ Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId v
 
 std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<Shape>& shapes) {
   std::vector<Shape> result;
-  result.reserve(ids.size());
   for (const ValueId id : ids) result.push_back(shapes[id]);
   return result;
 }

@@ -70,11 +70,12 @@ struct Run::Memory {
   }
 };
 
-Run::Run(Plan plan) : plan_(std::move(plan)) {
+// A plan is copied when it is moved, which is cheap.
+Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
   prepare(nullptr);
 }
 
-Run::Run(Plan plan, std::span<std::byte> arena) : plan_(std::move(plan)) {
+Run::Run(Plan plan, std::span<std::byte> arena) : plan_(std::move(plan)) {  // NOLINT(performance-*)
   constexpr uintptr_t kAlignment = 64;
   if (static_cast<int64_t>(arena.size_bytes()) < plan_.arena_bytes() ||
       reinterpret_cast<uintptr_t>(arena.data()) % kAlignment != 0)

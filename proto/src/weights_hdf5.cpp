@@ -12,8 +12,6 @@
 namespace revisit::proto {
 namespace {
 
-namespace fs = std::filesystem;
-
 constexpr size_t kDeepestName = 16;     // parts of a layer's name: "fire2/squeeze1x1" has two
 constexpr int64_t kMostBlobs = 64;      // of one layer
 constexpr int64_t kStepsPerLayer = 16;  // on average: links to it and its blobs, nodes of trees

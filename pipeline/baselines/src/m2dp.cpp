@@ -27,7 +27,7 @@ Eigen::Matrix3d principal_axes(const std::vector<Eigen::Vector3d>& centred) {
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& p : centred) scatter += p * p.transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(scatter);  // ascending
-  const auto towards_the_tail = [&](Eigen::Vector3d axis) -> Eigen::Vector3d {
+  const auto towards_the_tail = [&](const Eigen::Vector3d& axis) -> Eigen::Vector3d {
     double third_moment = 0;
     for (const Eigen::Vector3d& p : centred) {
       const double along = axis.dot(p);
@@ -157,7 +157,7 @@ void m2dp(const PointCloud& cloud, std::span<float> descriptor) {
   for (int i = 0; i < kM2dpPlanes; ++i)
     descriptor[static_cast<size_t>(i)] = static_cast<float>(left[i]);
   for (int i = 0; i < kM2dpBins; ++i)
-    descriptor[static_cast<size_t>(kM2dpPlanes + i)] = static_cast<float>(right[i]);
+    descriptor[kM2dpPlanes + static_cast<size_t>(i)] = static_cast<float>(right[i]);
 }
 
 FeatureExtractor m2dp_features() {

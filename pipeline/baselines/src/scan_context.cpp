@@ -48,7 +48,8 @@ ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
   for (int column = 0; column < sectors; ++column) {
     if (b.occupied[static_cast<size_t>(column)] == 0) continue;
     for (int shift = 0; shift < sectors; ++shift)
-      pairs[static_cast<size_t>(shift)] += a.occupied[static_cast<size_t>(column + shift)];
+      pairs[static_cast<size_t>(shift)] +=
+          a.occupied[static_cast<size_t>(column) + static_cast<size_t>(shift)];
     for (int ring = 0; ring < options.rings; ++ring) {
       const float value = b.values[static_cast<size_t>(ring) * b.width + column];
       if (value == 0) continue;

@@ -126,10 +126,11 @@ void Camera::smooth_edges(const Vec3& origin, const Eigen::Matrix3f& R_world_cam
   for (size_t first = 0; first < pixels_.size(); first += kBatch / 4) {
     const size_t last = std::min(first + kBatch / 4, pixels_.size());
     directions_.clear();
-    for (size_t k = first; k < last; ++k)
+    for (size_t k = first; k < last; ++k) {
+      const auto column = pixels_[k] % width, row = pixels_[k] / width;
       for (const auto& [right, down] : kSamples)
-        add_ray(static_cast<double>(pixels_[k] % width) + right,
-                static_cast<double>(pixels_[k] / width) + down, R_world_cam);
+        add_ray(static_cast<double>(column) + right, static_cast<double>(row) + down, R_world_cam);
+    }
     look(origin, light, scene);
     for (size_t k = first; k < last; ++k) {
       const float* const four = &radiance_[4 * (k - first)];

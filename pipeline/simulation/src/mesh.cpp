@@ -7,7 +7,8 @@
 namespace revisit::pipeline::simulation {
 
 Surface surface(Material material, double reflectance, Look look) {
-  return {material, static_cast<uint8_t>(std::clamp(reflectance, 0.0, 1.0) * 255 + 0.5), look};
+  return {material, static_cast<uint8_t>(std::lround(std::clamp(reflectance, 0.0, 1.0) * 255)),
+          look};
 }
 
 void Mesh::add(const std::array<uint32_t, 3>& corners, Surface s) {

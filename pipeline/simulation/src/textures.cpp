@@ -27,7 +27,8 @@ class TiledNoise {
     const int i = x / width_, j = y / height_, rows = kSize / height_;
     const int right = (i + 1) % columns_, above = (j + 1) % rows;
     const auto at = [&](int column, int row) {
-      return static_cast<double>(lattice_[static_cast<size_t>(row * columns_ + column)]);
+      return static_cast<double>(lattice_[static_cast<size_t>(row) * static_cast<size_t>(columns_) +
+                                          static_cast<size_t>(column)]);
     };
     const auto smooth = [](int part, int whole) {
       const double t = static_cast<double>(part) / whole;

@@ -138,7 +138,7 @@ size_t Parser::index_of_word(const std::string& what, const std::string& text,
                        ", found '", text, "'", did_you_mean(text, words)));
 }
 
-Parser& Parser::choice(std::string name, std::vector<std::string> words, std::string help,
+Parser& Parser::choice(std::string name, const std::vector<std::string>& words, std::string help,
                        std::string* target) {
   std::vector<std::pair<std::string, std::string>> values;
   for (const std::string& word : words) values.emplace_back(word, word);

@@ -55,7 +55,7 @@ class Parser {
                 }});
   }
   /// The same where the word itself is the value.
-  Parser& choice(std::string name, std::vector<std::string> words, std::string help,
+  Parser& choice(std::string name, const std::vector<std::string>& words, std::string help,
                  std::string* target);
 
   /// A switch: present means true.

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <string_view>
@@ -51,7 +52,7 @@ void Progress::update(int64_t done, int64_t total) {
   std::string line =
       str(verb_, " ", done, "/", total, " [", total ? 100 * done / total : 100, "%]");
   if (rate > 0) {
-    const auto left = static_cast<long long>(static_cast<double>(total - done) / rate + 0.5);
+    const auto left = std::llround(static_cast<double>(total - done) / rate);
     char text[64];
     std::snprintf(text, sizeof text, " ETA %02lld:%02lld", left / 60, left % 60);
     line += str(" ", number(rate, rate < 10 ? 1 : 0), " ", unit_, "/s", text);

@@ -14,8 +14,9 @@ namespace {
 
 /// For `--protocol list`, which needs no data: the parser would ask for it.
 bool has_option(const Arguments& arguments, const std::string& option, const std::string& value) {
+  const std::string joined = option + "=" + value;
   for (size_t i = 0; i < arguments.size(); ++i)
-    if (arguments[i] == option + "=" + value ||
+    if (arguments[i] == joined ||
         (arguments[i] == option && i + 1 < arguments.size() && arguments[i + 1] == value))
       return true;
   return false;

@@ -11,7 +11,7 @@ namespace {
 
 /// A deterministic input of the size of pixel values about their mean: zeros would flatter kernels
 /// that skip them, denormals would punish others.
-void fill_input(engine::View<float> input) {
+void fill_input(const engine::View<float>& input) {
   int64_t i = 0;
   for (float& value : input.values())
     value = 100 * std::sin(0.37F * static_cast<float>(i++ % 9973));

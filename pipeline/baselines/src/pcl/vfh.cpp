@@ -72,10 +72,11 @@ void viewpoint_feature_histogram(const Surface& surface, std::span<float> featur
     if (const auto angles = pair_angles(centroid, mean_normal, point, normal)) {
       const float values[] = {angles->theta, angles->alpha, angles->phi};
       for (int a = 0; a < 3; ++a)
-        feature[static_cast<size_t>(a * kAngleBins + angle_bin(values[a]))] += pair_share;
+        feature[static_cast<size_t>(a) * kAngleBins + static_cast<size_t>(angle_bin(values[a]))] +=
+            pair_share;
     }
     const auto bin = static_cast<int>(std::floor((normal.dot(to_sensor) + 1) / 2 * kViewpointBins));
-    feature[static_cast<size_t>(kViewpointStart + std::clamp(bin, 0, kViewpointBins - 1))] += share;
+    feature[kViewpointStart + static_cast<size_t>(std::clamp(bin, 0, kViewpointBins - 1))] += share;
   }
 }
 

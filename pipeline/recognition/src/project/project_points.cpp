@@ -111,16 +111,17 @@ HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits
       hn::AndNot(hn::And(hn::Gt(row, hn::Zero(kD)), hn::Lt(row, all(p.height))), row_decided);
 
   const double half_width = 0.5 * p.width;
+  const int left_columns = p.width / 2;  // of the left half of the image
   const Mask right_half =
       hn::Or(hn::Lt(y, hn::Zero(kD)), hn::And(hn::Eq(y, hn::Zero(kD)), hn::Gt(x, hn::Zero(kD))));
   const F clockwise = angle_of(hn::Abs(y), hn::IfThenElse(right_half, x, hn::Neg(x)), half_width);
   const F column =
-      hn::Add(clockwise, hn::IfThenElseZero(right_half, all(half_width - p.width / 2)));
+      hn::Add(clockwise, hn::IfThenElseZero(right_half, all(half_width - left_columns)));
   const Mask column_decided = decided(column, kAngleError * half_width);
 
   const auto whole_column = hn::Add(
       hn::ConvertTo(integers, column),
-      hn::IfThenElseZero(hn::RebindMask(integers, right_half), hn::Set(integers, p.width / 2)));
+      hn::IfThenElseZero(hn::RebindMask(integers, right_half), hn::Set(integers, left_columns)));
   const auto pixel =
       hn::Add(hn::Mul(hn::ConvertTo(integers, row), hn::Set(integers, p.width)), whole_column);
   const Mask is_return = hn::Gt(value, hn::Zero(kD));
