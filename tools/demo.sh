@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # From a fresh checkout to place recognition, with nothing but Debian packages: builds `revisit`,
 # drives a simulated LiDAR twice through the streets of a small town, and looks for the places seen
-# before. Arguments are given to `revisit eval`, e.g. --model P --weights W; without them the first
-# trained network found is used (`revisit models which`), else an untrained one.
+# before, by rings. Arguments are given to `revisit eval` in the place of --feature ring, e.g.
+# --model P --weights W for the paper's way with that network.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -10,33 +10,20 @@ output="$root/results/demo"
 revisit="$root/build/release/tools/revisit"
 step() { printf '\n== %s\n' "$*"; }
 
-step "1/4  build"
+step "1/3  build"
 "$root/tools/install_packages.sh" demo
 mkdir -p "$output"
 (cd "$root" && cmake --preset release -DREVISIT_TESTS=OFF) >"$output/build.log" 2>&1 || { cat "$output/build.log" >&2; exit 1; }
 cmake --build "$root/build/release" --target revisit
 
-step "2/4  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
+step "2/3  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
 "$revisit" simulate --output "$output/town" --length 600 --every 5 | sed -n 1p
 
-step "3/4  network"
-network=("$@")
-if [ $# -eq 0 ]; then
-  if "$revisit" models which >"$output/network.txt" 2>"$output/network.log"; then
-    cat "$output/network.txt"
-  elif [ $? -eq 2 ]; then  # none here
-    "$revisit" models make-random --output "$output/network"
-    network=(--model "$output/network/alexnet_random.prototxt")
-    echo "For a trained one: 'revisit models fetch bvlc_alexnet', then run the demo again."
-  else
-    cat "$output/network.log" >&2
-    exit 1
-  fi
-fi
-
-step "4/4  recognise places: every scan against all scans from more than 50 m before"
+step "3/3  recognise places: every scan against all scans from more than 50 m before"
+feature=(--feature ring)
+[ $# -eq 0 ] || feature=("$@")
 "$revisit" eval "$output/town" --output "$output" --protocol online --exclusion metres=50 \
-  --radius 5 --distance xz "${network[@]}"
+  --radius 5 --distance xz "${feature[@]}"
 
 run=$(cd "$output/town_00/latest" && pwd -P)
 metric() { sed -n "s/^ *\"$1\": \([0-9.e-]*\),*$/\1/p" "$run/metrics.json"; }
@@ -46,5 +33,5 @@ awk -v positives="$(metric n_positives)" -v top="$(metric recall_at_1)" \
     printf "For %.0f %% of them the most similar earlier scan was of that place;\n", 100 * top
     printf "%.0f %% can be accepted without a single false alarm.\n", 100 * safe
   }'
-echo "Look at $run/report.html: curves, the drive with right, wrong and missed places, and what the network sees,"
+echo "Look at $run/report.html: curves, and the drive with right, wrong and missed places,"
 echo "all of it in one file for the browser. Tables: $run"

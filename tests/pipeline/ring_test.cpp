@@ -279,6 +279,7 @@ TEST(RingModelFile, GivesBackWhatWasWritten) {
   const RingModel read = read_ring_model(folder / "a.ring");
   EXPECT_EQ(read.weights, learnt.model.weights);
   EXPECT_EQ(read.image.height, 16);
+  EXPECT_EQ(read.scans, 60);
   EXPECT_EQ(read.layers[0].directions.values, learnt.model.layers[0].directions.values);
   EXPECT_EQ(read.columns.mean, learnt.model.columns.mean);
   for (size_t f = 0; f < 17; ++f) {

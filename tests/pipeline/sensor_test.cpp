@@ -200,7 +200,9 @@ TEST(FindSensor, RealScans) {
 TEST(FindSensor, SimulatedSensors) {
   using simulation::beam_pattern;
   for (const auto& [model, name] :
-       {std::pair(LidarModel::kHdl64, "hdl64"), std::pair(LidarModel::kVlp16, "vlp16")}) {
+       {std::pair(LidarModel::kHdl64, "hdl64"), std::pair(LidarModel::kVlp16, "vlp16"),
+        std::pair(LidarModel::kOs1, "ouster-os1-64")}) {
+    EXPECT_STREQ(name_of(model), name);
     PointCloud cloud;
     for (const double elevation : beam_pattern(model).elevation)
       for (int k = 0; k < 360; ++k)

@@ -58,6 +58,15 @@ TEST_F(Learn, EveryLessonGivesAModelThatRecognisesThePlaces) {
   }
 }
 
+TEST_F(Learn, AModelForTheSensorComesWithTheProgram) {
+  const std::string out = run("eval " + path("town") +
+                              " --feature ring --exclusion frames=200 --bootstrap 0 --no-report "
+                              "--format json --no-progress -o " +
+                              path("results"));
+  expect_in(out, "vlp16");
+  expect_in(out, "average_precision");
+}
+
 TEST_F(Learn, EqualDrivesGiveEqualModels) {
   run(learn("one.ring", "--threads 1"));
   run(learn("two.ring", "--threads 3 --cache " + path("elsewhere")));
@@ -76,7 +85,8 @@ TEST_F(Learn, MistakesAreSaid) {
   expect_in(
       run("learn " + path("scans") + " -o x.ring --model " + path("net/ring16_random.prototxt"), 2),
       "--from loops and odometry need poses");
-  expect_in(run("eval " + path("town") + " --feature ring", 2), "--ring FILE");
+  expect_in(run("eval " + path("town") + " --feature ring --sensor hdl32", 2),
+            "no ring model for the sensor 'hdl32' is there, but for hdl64, vlp16");
   expect_in(run("eval " + path("town") + " --feature data --ring x", 2), "--feature ring");
   test::write_file(path("no.ring"), "no model");
   expect_in(run("eval " + path("town") + " --feature ring --ring " + path("no.ring"), 3),

@@ -115,6 +115,7 @@ FeatureExtractor fabmap_features(const WordModel& model, const FabMapOptions& op
   extractor.name = "fabmap";
   extractor.dim = map->words();
   extractor.key = "fabmap " + model.key;  // the words alone; the rest is the similarity's
+  extractor.best_is_sure = true;
   extractor.make = [shared]() -> FeatureFunction<GrayImage> {
     return [shared](const GrayImage& image, std::span<float> seen) {
       find_words(sift_descriptors(image), shared->vocabulary, seen);

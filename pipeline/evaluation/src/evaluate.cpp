@@ -179,9 +179,8 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
     result.histogram = pairs.histogram;
     return result;
   }
-  // Features that are compared in their own way say themselves how sure a match is.
   result.score = options_.score.value_or(
-      descriptors.similarity || !task.margin_score ? Score::kBest : Score::kMargin);
+      case1_.extractor().best_is_sure || !task.margin_score ? Score::kBest : Score::kMargin);
   const RetrieveOptions retrieval{options_.k,     result.score,           progress,
                                   observer_.stop, descriptors.similarity, options_.threads};
   result.matches = query_case == QueryCase::kTwo

@@ -33,7 +33,7 @@ void add_frames(const fs::path& folder, const char* extension, OutputFolder::Fil
 /// What decides the bytes of a scan besides its frame number.
 std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   std::string text = str("version: ", kWorldVersion, "\n");
-  text += str("sensor: ", config.sensor == LidarModel::kHdl64 ? "hdl64" : "vlp16", "\n");
+  text += str("sensor: ", name_of(config.sensor), "\n");
   if (drive.given_poses.empty()) {
     const char* names[] = {"loop", "opposite", "both"};
     text += str("route: ", names[static_cast<int>(config.route)],

@@ -7,7 +7,8 @@
 #include "random.h"
 #include "revisit/proto/error.h"
 
-namespace revisit::pipeline::simulation {
+namespace revisit::pipeline {
+namespace simulation {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
@@ -69,6 +70,13 @@ BeamPattern beam_pattern(LidarModel model) {
     pattern.max_range = 100;
     return pattern;
   }
+  if (model == LidarModel::kOs1) {
+    for (int i = 0; i < 64; ++i) pattern.elevation.push_back((22.5 - 45.0 * i / 63) * kDegree);
+    pattern.azimuth_offset.assign(64, 0);
+    pattern.azimuths = 2048;
+    pattern.max_range = 120;
+    return pattern;
+  }
   // Two blocks of 32 lasers: 1/3 deg apart from +2 deg, then about 1/2 deg apart to -24.8 deg.
   for (int i = 0; i < 32; ++i) pattern.elevation.push_back((2 - i / 3.0) * kDegree);
   const double first = 2 - 31 / 3.0 - 0.5;
@@ -81,6 +89,22 @@ BeamPattern beam_pattern(LidarModel model) {
   pattern.on_car_roof = true;
   return pattern;
 }
+
+}  // namespace simulation
+
+const char* name_of(LidarModel model) {
+  switch (model) {
+    case LidarModel::kHdl64:
+      return "hdl64";
+    case LidarModel::kVlp16:
+      return "vlp16";
+    case LidarModel::kOs1:
+      return "ouster-os1-64";
+  }
+  return "";
+}
+
+namespace simulation {
 
 void check(const NoiseModel& noise) {
   if (!(noise.range_sigma >= 0 && noise.range_sigma <= 1))
@@ -146,4 +170,5 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene) {
   return cloud;
 }
 
-}  // namespace revisit::pipeline::simulation
+}  // namespace simulation
+}  // namespace revisit::pipeline

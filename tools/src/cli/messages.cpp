@@ -33,6 +33,7 @@ constexpr Setting kSettings[] = {
     {"Truncation::graft", "--graft"},
     {"engine::layer_types", "'revisit net layers'"},
     {"models::known_models", "'revisit models list'"},
+    {"pipeline::learn_ring_model", "'revisit learn'"},
 };
 
 }  // namespace

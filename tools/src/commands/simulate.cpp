@@ -12,8 +12,6 @@
 namespace revisit::cli {
 namespace {
 
-namespace fs = std::filesystem;
-
 // argp fills paragraphs: no line breaks inside them.
 constexpr const char* kSummary =
     "Writes a data set in KITTI odometry layout: a drive through a synthetic town. The route is "
@@ -65,8 +63,8 @@ void print_speed(const pipeline::SimulationSummary& summary) {
 /// Of an evaluation that works as it stands, with a network when there is one.
 Arguments next_arguments(const pipeline::SimulationConfig& config) {
   Arguments arguments = {config.output.string(), "--sequence", config.sequence};
-  if (config.sensor == pipeline::LidarModel::kVlp16)
-    arguments.insert(arguments.end(), {"--sensor", "vlp16"});
+  if (config.sensor != pipeline::LidarModel::kHdl64)
+    arguments.insert(arguments.end(), {"--sensor", name_of(config.sensor)});
   try {
     models::find_model({});
   } catch (const Error&) {
@@ -126,7 +124,10 @@ SimulateOptions parse_options(const Arguments& arguments) {
       .option("frames", "N|A-B", "the first N, or A to B inclusive (default: all)", &frames)
       .option("every", "N", "every Nth frame only", &o.drive.every)
       .group("Sensor:")
-      .choice<LidarModel>("sensor", {{"hdl64", LidarModel::kHdl64}, {"vlp16", LidarModel::kVlp16}},
+      .choice<LidarModel>("sensor",
+                          {{"hdl64", LidarModel::kHdl64},
+                           {"vlp16", LidarModel::kVlp16},
+                           {"ouster-os1-64", LidarModel::kOs1}},
                           "(default: hdl64)", &o.drive.sensor)
       .option("noise", "M", "standard deviation of a range in metres (default 0.02)",
               &o.drive.range_noise)

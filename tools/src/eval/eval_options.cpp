@@ -101,8 +101,8 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
                 "(default protocol: both in paper-difficult, else 1)",
                 &o.query_case);
   parser.option("score", "margin|cosine",
-                "s = 2 c1 - ck, or c1 alone (default: the protocol's; cosine, which then is their "
-                "own similarity, for scan-context and fabmap)",
+                "s = 2 c1 - ck, or c1 alone, the similarity of the best (default: the protocol's; "
+                "cosine for fabmap, whose similarity is a probability)",
                 &o.score);
   parser.option("k", "K", "retrieved scans a query (default 4)", &o.k);
   parser.option("distance", "xz|3d|box|place",

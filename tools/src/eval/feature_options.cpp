@@ -115,7 +115,11 @@ void FeatureOptions::declare(Parser& parser) {
                 "others see the scan as it is)",
                 &align);
   parser.group("Rings:");
-  parser.option("ring", "FILE", "ring: a model that `revisit learn` wrote", &ring);
+  parser.option(
+      "ring", "FILE",
+      "ring: a model that `revisit learn` wrote (default: the one that comes with the program "
+      "for the sensor)",
+      &ring);
   parser.option("ring-numbers", "N", "ring: numbers of a descriptor (default 1024)",
                 &ring_options.numbers);
   parser.option("ring-adapt", "SHARE",
@@ -235,9 +239,9 @@ FeatureSource open_network(const FeatureOptions& options) {
 }
 
 FeatureSource open_ring(const FeatureOptions& options) {
-  if (options.ring.empty())
-    throw UsageError("--feature ring: give the model that `revisit learn` wrote: --ring FILE");
-  const pipeline::RingModel model = pipeline::read_ring_model(options.ring);
+  const pipeline::RingModel model = options.ring.empty()
+                                        ? pipeline::shipped_ring_model(options.image.sensor)
+                                        : pipeline::read_ring_model(options.ring);
   fs::path weights;
   if (model.weights.empty()) {
     weights = options.weights.empty() ? models::find_model({}).weights : options.weights;
@@ -323,7 +327,8 @@ std::string similarity_name(const FeatureSource& source) {
 
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset) {
   constexpr size_t kEnough = 3, kTried = 20;
-  const bool sees_image = options.feature == "cnn" || options.feature == "data";
+  const bool sees_image = options.feature == "cnn" || options.feature == "data" ||
+                          (options.feature == "ring" && options.ring.empty());
   if (!sees_image || !options.image.is_auto()) return "";
   std::vector<pipeline::PointCloud> scans;
   for (size_t i = 0; i < std::min(dataset.scans.size(), kTried) && scans.size() < kEnough; ++i) {

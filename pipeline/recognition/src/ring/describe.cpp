@@ -37,12 +37,18 @@ struct RingDescriber::Impl {
 RingDescriber::RingDescriber(const RingModel& model, std::vector<float> mean,
                              const RingOptions& options, const RingModel* spread) {
   check(model, mean, options);
+  constexpr double kFewScans = 128;
   const int half = options.numbers / 2;
+  const auto n = static_cast<double>(spread ? spread->scans : 0);
+  const double adapt = options.adapt * n / (n + kFewScans);
+  const auto projection = [&](RingStatistics RingModel::*ring) {
+    return project_rings(model.*ring, spread ? &(spread->*ring) : nullptr, adapt,
+                         options.regularisation, half);
+  };
   Impl impl{std::move(mean),
             rings_of(model),
             {Spectrum(model.columns.sectors), Spectrum(model.polar.sectors)},
-            {project_rings(model.columns, spread ? &spread->columns : nullptr, options, half),
-             project_rings(model.polar, spread ? &spread->polar : nullptr, options, half)},
+            {projection(&RingModel::columns), projection(&RingModel::polar)},
             {}};
   for (size_t f = 0; f < kRingFrequencies; ++f)
     impl.layout.counts.push_back(

@@ -150,6 +150,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
     pairs += static_cast<int64_t>(drive.pairs.size());
   }
   if (scans == 0) throw UsageError("learning rings: expected at least one drive");
+  model.scans = scans;
   const auto places = rings_of(model);
   for (RingStatistics* ring : {&model.columns, &model.polar}) {
     const Eigen::MatrixXcd zero = Eigen::MatrixXcd::Zero(ring->numbers, ring->numbers);

@@ -137,6 +137,7 @@ void write_ring_model(const std::filesystem::path& file, const RingModel& model)
   fill_extraction(model, message);
   message.set_sensor(model.sensor);
   message.set_learnt_from(model.learnt_from);
+  message.set_scans(model.scans);
   fill(model.columns, *message.mutable_columns());
   fill(model.polar, *message.mutable_polar());
   ring::File whole;
@@ -199,6 +200,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
   reader.expect(to.columns.shared.empty() == to.polar.shared.empty(),
                 "one of its rings was learnt from pairs, the other was not");
   to.learnt_from = from.learnt_from();
+  to.scans = from.scans();
   return to;
 }
 

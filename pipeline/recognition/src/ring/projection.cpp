@@ -53,17 +53,16 @@ void add_whitening(int f, const MatrixXcd& total, std::vector<Direction>& direct
 
 }  // namespace
 
-RingProjection project_rings(const RingStatistics& ring, const RingStatistics* spread,
-                             const RingOptions& options, int numbers) {
+RingProjection project_rings(const RingStatistics& ring, const RingStatistics* spread, double adapt,
+                             double regularisation, int numbers) {
   const auto d = static_cast<Eigen::Index>(ring.numbers);
   const double own = trace(ring.total), map = spread ? trace(spread->total) : 0;
   std::vector<Direction> directions;
   for (size_t f = 0; f < ring.total.size(); ++f) {
     MatrixXcd total = own > 0 ? MatrixXcd(ring.total[f] / own) : ring.total[f];
-    if (map > 0 && options.adapt > 0)
-      total = (1 - options.adapt) * total + options.adapt / map * spread->total[f];
+    if (map > 0) total = (1 - adapt) * total + adapt / map * spread->total[f];
     // The least that any spread has, so that a ring that never changes can be inverted.
-    const double least = options.regularisation * total.trace().real() / static_cast<double>(d);
+    const double least = regularisation * total.trace().real() / static_cast<double>(d);
     total.diagonal().array() += std::max(least, 1e-12);
     if (ring.shared.empty())
       add_whitening(static_cast<int>(f), total, directions);

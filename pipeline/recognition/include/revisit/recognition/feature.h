@@ -44,6 +44,9 @@ struct FeatureExtractor {
   std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
   Similarity similarity;  // how two of them are compared; empty: cosine
   Reduction reduce;       // into descriptors; empty: by PCA, or not at all
+  /// The similarity of the best alone says how sure a match is, as a probability does; by default
+  /// it also has to stand out (Score::kMargin).
+  bool best_is_sure = false;
 
   template <class Input>
   bool sees() const {

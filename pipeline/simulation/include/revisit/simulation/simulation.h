@@ -13,8 +13,11 @@ namespace revisit::pipeline {
 /// Spinning LiDARs that can be simulated.
 enum class LidarModel {
   kHdl64,  ///< Velodyne HDL-64E S2: 64 beams, +2 to -24.8 deg, 0.1728 deg in azimuth, 120 m
-  kVlp16   ///< Velodyne VLP-16: 16 beams, +15 to -15 deg, 0.2 deg in azimuth, 100 m
+  kVlp16,  ///< Velodyne VLP-16: 16 beams, +15 to -15 deg, 0.2 deg in azimuth, 100 m
+  kOs1     ///< Ouster OS1-64: 64 beams, +22.5 to -22.5 deg, 0.176 deg in azimuth, 120 m
 };
+/// What find_sensor() and `--sensor` call it.
+const char* name_of(LidarModel model);
 
 /// Generated routes, by how they come back to places seen before.
 enum class RouteKind {

@@ -12,7 +12,8 @@ namespace revisit::pipeline {
 struct RingOptions {
   int numbers = 1024;  // of a descriptor: half of them of each ring
   /// Share of the model's total spread that the map's own takes the place of (learn_rings() on the
-  /// map's scans gives it); 0: the model's alone.
+  /// map's scans gives it); 0: the model's alone. A map of n scans has n / (n + 128) of it, as few
+  /// scans do not know their spread.
   double adapt = 0;
   /// Added to the total spread, in units of its mean eigenvalue: how much small variances count.
   double regularisation = 1e-2;

@@ -51,6 +51,7 @@ struct RingModel {
   PolarGrid heights;
   RingStatistics columns, polar;
   std::string learnt_from;  // for people
+  int64_t scans = 0;        // that the rings were learnt from
   /// Floats of a scan's feature: both rings.
   int64_t dim() const { return columns.size() + polar.size(); }
 };
@@ -62,5 +63,11 @@ void write_ring_model(const std::filesystem::path& file, const RingModel& model)
 RingModel read_ring_model(const std::filesystem::path& file);
 /// The same of a file's content; `name` is for messages.
 RingModel parse_ring_model(std::string_view content, const std::string& name);
+
+/// The models that come with the library, learnt from simulated towns by
+/// tools/learn_ring_models.sh: the sensors' names as sensor_geometry() takes them. Their network is
+/// one convolution with random weights. Throws UsageError for another sensor.
+std::vector<std::string> shipped_ring_models();
+RingModel shipped_ring_model(const std::string& sensor);
 
 }  // namespace revisit::pipeline

@@ -1,0 +1,50 @@
+// The files of ring_models/, which the assembler puts into the library as they are.
+#include <algorithm>
+#include <cstddef>
+
+#include "revisit/proto/error.h"
+#include "revisit/proto/joined.h"
+#include "revisit/recognition/ring/model.h"
+
+// RING_MODEL(NAME, FILE): the bytes from NAME to NAME_end.
+#define RING_MODEL(name, file)                                                                     \
+  __asm__(".pushsection .rodata\n.balign 8\n.hidden " #name "\n.global " #name "\n" #name          \
+          ":\n.incbin \"" REVISIT_RING_MODELS "/" file "\"\n.hidden " #name "_end\n.global " #name \
+          "_end\n" #name "_end:\n.popsection\n");                                                  \
+  extern "C" const char name[], name##_end[]
+
+RING_MODEL(revisit_ring_hdl64, "hdl64.ring");
+RING_MODEL(revisit_ring_vlp16, "vlp16.ring");
+RING_MODEL(revisit_ring_ouster_os1_64, "ouster-os1-64.ring");
+
+namespace revisit::pipeline {
+namespace {
+
+struct Shipped {
+  const char *sensor, *begin, *end;
+};
+const Shipped kShipped[] = {
+    {"hdl64", revisit_ring_hdl64, revisit_ring_hdl64_end},
+    {"vlp16", revisit_ring_vlp16, revisit_ring_vlp16_end},
+    {"ouster-os1-64", revisit_ring_ouster_os1_64, revisit_ring_ouster_os1_64_end},
+};
+
+}  // namespace
+
+std::vector<std::string> shipped_ring_models() {
+  std::vector<std::string> names;
+  for (const Shipped& model : kShipped) names.emplace_back(model.sensor);
+  return names;
+}
+
+RingModel shipped_ring_model(const std::string& sensor) {
+  const auto* const found = std::ranges::find(kShipped, sensor, &Shipped::sensor);
+  if (found == std::end(kShipped))
+    throw UsageError(str("no ring model for the sensor '", sensor, "' is there, but for ",
+                         joined(shipped_ring_models(), ", "),
+                         ": learn one by pipeline::learn_ring_model"));
+  return parse_ring_model({found->begin, static_cast<size_t>(found->end - found->begin)},
+                          "the ring model of " + sensor);
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,123 @@
+// The ring models that come with the library, on simulated and on real scans.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "revisit/datasets/dataset_features.h"
+#include "revisit/datasets/learn_ring.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/sensor.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi;
+
+TEST(ShippedRingModel, IsForItsSensorAndSmall) {
+  for (const std::string& sensor : shipped_ring_models()) {
+    const RingModel model = shipped_ring_model(sensor);
+    EXPECT_EQ(model.sensor, sensor);
+    const ImageGeometry image = ring_geometry(sensor);
+    EXPECT_EQ(model.image.height, image.height);
+    EXPECT_EQ(model.image.elevation_top, image.elevation_top);
+    const test::TempDir folder;
+    write_ring_model(folder / "model", model);
+    EXPECT_LT(std::filesystem::file_size(folder / "model"), 2U << 20);
+  }
+}
+
+/// A scan whose every return lies in the middle of a pixel, so that a turn by whole columns moves
+/// it to the middle of another.
+PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& image,
+                                   int columns_on) {
+  PointCloud moved;
+  for (const Point& p : scan.points) {
+    const double range = std::hypot(p.x, p.y, p.z);
+    const double column =
+        std::floor((std::numbers::pi - std::atan2(p.y, p.x)) / kTurn * image.width);
+    const double azimuth = std::numbers::pi - (column + 0.5 + columns_on) / image.width * kTurn;
+    const double elevation = std::asin(p.z / range);
+    moved.points.push_back({static_cast<float>(range * std::cos(elevation) * std::cos(azimuth)),
+                            static_cast<float>(range * std::cos(elevation) * std::sin(azimuth)),
+                            p.z, 0});
+  }
+  return moved;
+}
+
+/// A quarter of a turn is whole columns, whole sectors of both rings and whole strides of the net.
+TEST(RingFeatures, TurnWithTheScan) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  const RingModel model = shipped_ring_model("hdl64");
+  const auto rings_of =
+      std::get<FeatureMaker<PointCloud>>(ring_features(model, ring_net(model)).make)();
+  const PointCloud scan = read_scan(kitti / "sequences/00/velodyne/000052.bin");
+  std::vector<float> still(static_cast<size_t>(model.dim())), turned = still;
+  rings_of(in_the_middle_of_pixels(scan, model.image, 0), still);
+  rings_of(in_the_middle_of_pixels(scan, model.image, model.image.width / 4), turned);
+  double difference = 0, size = 0;
+  size_t first = 0;
+  for (const RingStatistics* ring : {&model.columns, &model.polar})
+    for (int i = 0; i < ring->numbers; ++i, first += static_cast<size_t>(ring->sectors))
+      for (int k = 0; k < ring->sectors; ++k) {
+        const int from = (k + ring->sectors - ring->sectors / 4) % ring->sectors;
+        const double a = still[first + static_cast<size_t>(from)],
+                     b = turned[first + static_cast<size_t>(k)];
+        difference += (a - b) * (a - b);
+        size += a * a;
+      }
+  EXPECT_LT(std::sqrt(difference / size), 0.02);
+}
+
+/// As `revisit eval --feature ring --protocol leave-one-out --exclusion none` on the 12 real scans.
+TEST(RingFeatures, OnRealScansEveryPlaceIsFound) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  const Dataset dataset = open_dataset(kitti, "00", {.poses = true});
+  const RingModel model = shipped_ring_model("hdl64");
+  const FeatureExtractor extractor = ring_recogniser(model, ring_net(model), {});
+  const test::TempDir folder;
+  const Observer nobody;
+  DatasetFeatures features(dataset, extractor, {.align = AlignCase::kNone, .threads = 2},
+                           folder.path(), nobody);
+  std::vector<int64_t> all;
+  for (int64_t row = 0; row < features.n(); ++row) all.push_back(row);
+  const Reduced reduced = extractor.reduce(features.file(), all);
+  const auto near = pairs_nearby(dataset, all, 5, 1 << 20);
+  const auto pair_of = [&](int64_t a, int64_t b) {
+    return std::ranges::find_if(near, [&](const RingPair& pair) {
+      return (pair.a == a && pair.b == b) || (pair.a == b && pair.b == a);
+    });
+  };
+  int found = 0;
+  std::vector<double> errors;
+  std::vector<double> similarities(all.size());
+  for (const int64_t query : all) {
+    reduced.similarity(reduced.descriptors.row(query), reduced.descriptors, all, similarities);
+    double best_right = -1, best_wrong = -1;
+    int64_t best = -1;
+    for (const int64_t other : all) {
+      if (other == query) continue;
+      double& of_kind = pair_of(query, other) != near.end() ? best_right : best_wrong;
+      of_kind = std::max(of_kind, similarities[static_cast<size_t>(other)]);
+      if (best < 0 ||
+          similarities[static_cast<size_t>(other)] > similarities[static_cast<size_t>(best)])
+        best = other;
+    }
+    if (best_right < 0) continue;  // 850 was seen once
+    EXPECT_GE(best_right, 1.7 * best_wrong) << dataset.scans[static_cast<size_t>(query)].frame;
+    const auto pair = pair_of(query, best);
+    found += pair != near.end();
+    if (pair == near.end()) continue;
+    const double turn =
+        reduced.turn(reduced.descriptors.row(pair->a), reduced.descriptors.row(pair->b));
+    errors.push_back(std::abs(std::remainder(turn - pair->turn, kTurn)));
+  }
+  EXPECT_EQ(found, 11);
+  std::ranges::sort(errors);
+  EXPECT_LT(errors[errors.size() / 2], kTurn / 360);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Makes the ring models that the program carries, pipeline/recognition/ring_models/SENSOR.ring, anew:
+# for each sensor a drive through a simulated town, and what scans of one place share in it. The
+# drives take 4 GB in FOLDER (default results/ring_models) and some minutes.
+#   tools/learn_ring_models.sh [FOLDER]
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+revisit=${REVISIT:-$root/build/release/tools/revisit}
+work=${1:-$root/results/ring_models}
+mkdir -p "$work"
+for sensor in hdl64 vlp16 ouster-os1-64; do
+  net=ring64
+  [ $sensor != vlp16 ] || net=ring16
+  "$revisit" models make-random --net $net --seed 1 -o "$work/$net" >"$work/$net.log" 2>&1
+  "$revisit" simulate -o "$work/$sensor" --sensor $sensor --route both --length 2400 --every 4 --seed 3 --quiet
+  "$revisit" learn "$work/$sensor" --sensor $sensor --model "$work/$net/${net}_random.prototxt" --layers pool1=64 \
+    --cache "$work/$sensor/rings" -o "$root/pipeline/recognition/ring_models/$sensor.ring"
+done
