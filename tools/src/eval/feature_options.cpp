@@ -239,6 +239,10 @@ FeatureSource open_network(const FeatureOptions& options) {
 }
 
 FeatureSource open_ring(const FeatureOptions& options) {
+  if (options.ring.empty() && options.image.is_auto())
+    throw UsageError("--feature ring: the scans are of no sensor that a model comes with (" +
+                     joined(pipeline::shipped_ring_models(), ", ") +
+                     "): learn one with `revisit learn`, and give it with --ring");
   const pipeline::RingModel model = options.ring.empty()
                                         ? pipeline::shipped_ring_model(options.image.sensor)
                                         : pipeline::read_ring_model(options.ring);
