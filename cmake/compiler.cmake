@@ -33,6 +33,16 @@ function(revisit_precompile target)
                                               <vector> ${ARGN})
 endfunction()
 
+# revisit_schema(TARGET FILE.proto): protobuf's code for it, compiled apart from ours, as it does not meet our warnings.
+function(revisit_schema target file)
+  add_library(${target} OBJECT ${file})
+  target_link_libraries(${target} PUBLIC protobuf::libprotobuf)
+  target_include_directories(${target} SYSTEM PUBLIC ${CMAKE_CURRENT_BINARY_DIR})
+  target_compile_options(${target} PRIVATE -O1 -w ${REVISIT_NO_SANITIZER})
+  protobuf_generate(TARGET ${target} LANGUAGE cpp
+                    IMPORT_DIRS ${CMAKE_CURRENT_SOURCE_DIR} PROTOC_OUT_DIR ${CMAKE_CURRENT_BINARY_DIR})
+endfunction()
+
 # revisit_library(NAME DEPENDS...): a static library from src/**.cpp with public headers in include/, installed as
 # the component NAME of the package (cmake/revisitConfig.cmake).
 function(revisit_library name)

@@ -5,7 +5,7 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 build=build/tidy  # configured only: clang cannot read the precompiled headers of g++
 [ -f $build/compile_commands.json ] || cmake --preset dev -B $build -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
-cmake --build $build --target revisit_caffe_schema revisit_reports >/dev/null  # generated headers
+cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
 files=("$@")
 [ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' ':!tests/**')
 printf '%s\n' "${files[@]}" |
