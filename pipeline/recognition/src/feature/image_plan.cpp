@@ -40,9 +40,9 @@ ImagePlan plan_for_images(const engine::Net& net, int height, int width,
   const engine::Port all = image_input(net, height, width);
   const std::vector<double> means = means_of(mean_bgr, all.shape[1]);
   if (net.takes_gray_input()) options.gray_offsets = offsets_to_first(means, scale);
-  engine::Plan plan = net.plan({{all.name, all.shape}}, options);
+  const engine::Plan plan = net.plan({{all.name, all.shape}}, options);
   const engine::Port input = plan.inputs()[0];
-  return {std::move(plan), input, {means.begin(), means.end()}, static_cast<float>(scale)};
+  return {plan, input, {means.begin(), means.end()}, static_cast<float>(scale)};
 }
 
 void ImagePlan::fill(engine::Run& run, std::span<const float> pixels) const {

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "revisit/proto/error.h"
 #include "ring/spectrum.h"
 
 namespace revisit::pipeline {

@@ -6,12 +6,15 @@
 #include "revisit/proto/joined.h"
 #include "revisit/recognition/ring/model.h"
 
+// NOLINTBEGIN(bugprone-macro-parentheses): a name that is declared has none.
+
 // RING_MODEL(NAME, FILE): the bytes from NAME to NAME_end.
 #define RING_MODEL(name, file)                                                                     \
   __asm__(".pushsection .rodata\n.balign 8\n.hidden " #name "\n.global " #name "\n" #name          \
           ":\n.incbin \"" REVISIT_RING_MODELS "/" file "\"\n.hidden " #name "_end\n.global " #name \
           "_end\n" #name "_end:\n.popsection\n");                                                  \
   extern "C" const char name[], name##_end[]
+// NOLINTEND(bugprone-macro-parentheses)
 
 RING_MODEL(revisit_ring_hdl64, "hdl64.ring");
 RING_MODEL(revisit_ring_vlp16, "vlp16.ring");
