@@ -20,7 +20,7 @@ set(owned_libraries
   "liblzf/|pipeline/datasets/src/io/pcd"
   "pcl/|pipeline/baselines/src/pcl/"
   "embree3/|pipeline/simulation/src/ray_caster"
-  "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/ring/"
+  "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra/"
   "lapacke|pipeline/recognition/src/linear_algebra/"
   "yaml-cpp/|tools/src/"

@@ -83,7 +83,9 @@ TEST(RingFeatures, OnRealScansEveryPlaceIsFound) {
                            folder.path(), nobody);
   std::vector<int64_t> all;
   for (int64_t row = 0; row < features.n(); ++row) all.push_back(row);
-  const Reduced reduced = extractor.reduce(features.file(), all);
+  const Basis basis = extractor.reduce(features.file(), all);
+  FloatMatrix descriptors(features.n(), basis.dim);
+  for (const int64_t row : all) basis.describe(features.file().row(row), descriptors.row(row));
   const auto near = pairs_nearby(dataset, all, 5, 1 << 20);
   const auto pair_of = [&](int64_t a, int64_t b) {
     return std::ranges::find_if(near, [&](const RingPair& pair) {
@@ -94,7 +96,7 @@ TEST(RingFeatures, OnRealScansEveryPlaceIsFound) {
   std::vector<double> errors;
   std::vector<double> similarities(all.size());
   for (const int64_t query : all) {
-    reduced.similarity(reduced.descriptors.row(query), reduced.descriptors, all, similarities);
+    basis.similarity(descriptors.row(query), descriptors, all, similarities);
     double best_right = -1, best_wrong = -1;
     int64_t best = -1;
     for (const int64_t other : all) {
@@ -110,8 +112,7 @@ TEST(RingFeatures, OnRealScansEveryPlaceIsFound) {
     const auto pair = pair_of(query, best);
     found += pair != near.end();
     if (pair == near.end()) continue;
-    const double turn =
-        reduced.turn(reduced.descriptors.row(pair->a), reduced.descriptors.row(pair->b));
+    const double turn = basis.turn(descriptors.row(pair->a), descriptors.row(pair->b));
     errors.push_back(std::abs(std::remainder(turn - pair->turn, kTurn)));
   }
   EXPECT_EQ(found, 11);

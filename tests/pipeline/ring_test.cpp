@@ -193,6 +193,63 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
   for (const double similarity : row) EXPECT_EQ(similarity, 0);
 }
 
+TEST(RingKeys, BoundTheSimilarityAndDoNotChangeWithTheTurn) {
+  const Learnt learnt;
+  const RingDescriber describer(learnt.model, std::vector<float>(192), {.numbers = 60});
+  const FloatMatrix descriptors = learnt.descriptors(describer);
+  const KeyOf key_of = ring_key(describer.layout());
+  const FloatMatrix keys = keys_of(descriptors, key_of);
+  std::vector<double> row(60);
+  for (int64_t a = 0; a < 60; ++a) {
+    ring_similarity(describer.layout())(descriptors.row(a), descriptors, learnt.scans, row);
+    for (int64_t b = 0; b < 60; ++b) {
+      double product = 0;
+      for (int64_t i = 0; i < key_of.numbers; ++i)
+        product += static_cast<double>(keys.row(a)[i]) * static_cast<double>(keys.row(b)[i]);
+      EXPECT_GE(product, row[static_cast<size_t>(b)] - 1e-6) << a << " " << b;
+    }
+  }
+  std::vector<float> turned(static_cast<size_t>(describer.layout().numbers())),
+      key(static_cast<size_t>(key_of.numbers));
+  describer.describe(rotated(learnt.rings.row(3), 10, 9), turned);
+  key_of.make(turned, key);
+  for (size_t i = 0; i < key.size(); ++i) EXPECT_NEAR(key[i], keys.row(3)[i], 1e-5) << i;
+}
+
+TEST(RingKeys, ChooseThoseWithTheLargestProducts) {
+  const Learnt learnt;
+  const RingDescriber describer = learnt.describer();
+  const FloatMatrix descriptors = learnt.descriptors(describer);
+  const KeyOf key_of = ring_key(describer.layout());
+  const FloatMatrix keys = keys_of(descriptors, key_of);
+  const Similarity all = ring_similarity(describer.layout());
+  std::vector<int64_t> candidates;  // not all rows, to see that positions are not rows
+  for (int64_t row = 1; row < 60; row += 2) candidates.push_back(row);
+  std::vector<double> exact(candidates.size()), chosen(candidates.size());
+  all(descriptors.row(0), descriptors, candidates, exact);
+  for (const int64_t count : {1, 5, 29, 30, 100}) {
+    similarity_by_keys(all, key_of, keys, count)(descriptors.row(0), descriptors, candidates,
+                                                 chosen);
+    int64_t compared = 0;
+    double least_chosen = 2, largest_other = -2;
+    for (size_t i = 0; i < candidates.size(); ++i) {
+      double product = 0;
+      for (int64_t j = 0; j < key_of.numbers; ++j)
+        product +=
+            static_cast<double>(keys.row(0)[j]) * static_cast<double>(keys.row(candidates[i])[j]);
+      if (chosen[i] == -1) {
+        largest_other = std::max(largest_other, product);
+        continue;
+      }
+      ++compared;
+      least_chosen = std::min(least_chosen, product);
+      EXPECT_EQ(chosen[i], exact[i]);
+    }
+    EXPECT_EQ(compared, std::min<int64_t>(count, 30));
+    EXPECT_GE(least_chosen, largest_other - 1e-6);
+  }
+}
+
 /// Rings whose numbers are gaussian and independent: place and scan have known variances.
 TEST(RingLearning, ClosedFormOfGaussians) {
   constexpr int kPlaces = 1500;
@@ -269,6 +326,8 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
   expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"rings.npy", "192", "232"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"numbers", "found 1"});
   expect_error<UsageError>([&] { learnt.describer({.adapt = 2}); }, {"adapt", "found 2"});
+  expect_error<UsageError>([&] { learnt.describer({.key_candidates = -1}); },
+                           {"key_candidates", "found -1"});
   expect_error<UsageError>([&] { RingDescriber(learnt.model, {1, 2}); }, {"ring mean", "192"});
 }
 

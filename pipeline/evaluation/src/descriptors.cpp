@@ -171,12 +171,18 @@ Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
   if (extractor.reduce) {
     const std::vector<int64_t> rows =
         rows_to_learn_from(options, task, case1.n(), left_out_of(case1, case2));
-    Reduced reduced = extractor.reduce(case1.file(), rows);
+    const FeatureFile& features = case1.file();
+    const Basis basis = extractor.reduce(features, rows);
     Descriptors result;
-    result.case1 = std::move(reduced.descriptors);
+    result.case1 = FloatMatrix(features.n(), basis.dim);
+    for (int64_t i = 0; i < features.n(); ++i) basis.describe(features.row(i), result.case1.row(i));
     clear_rows(result.case1, case1.left_out());
-    result.similarity = std::move(reduced.similarity);
-    result.turn = std::move(reduced.turn);
+    result.similarity = basis.similarity;
+    if (basis.key_candidates > 0)
+      result.similarity =
+          similarity_by_keys(basis.similarity, basis.key_of, keys_of(result.case1, basis.key_of),
+                             basis.key_candidates);
+    result.turn = basis.turn;
     result.pca_fit = fit_text(options, static_cast<int64_t>(rows.size()), result.case1.d);
     return checked(std::move(result));
   }

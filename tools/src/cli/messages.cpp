@@ -22,6 +22,7 @@ constexpr Setting kSettings[] = {
     {"PlanOptions::max_run_bytes", "--max-run-mb"},
     {"ReductionOptions::memory_gb", "--memory"},
     {"RingOptions::adapt", "--ring-adapt"},
+    {"RingOptions::key_candidates", "--ring-key-candidates"},
     {"RingOptions::numbers", "--ring-numbers"},
     {"RingRecipe::layers", "--layers"},
     {"SimulationConfig::every", "--every"},

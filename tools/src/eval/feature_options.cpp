@@ -58,10 +58,12 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
 
 /// Options that some features alone use, and which.
 const std::map<std::string, std::string> kFeaturesOf = {
-    {"model", "cnn"},     {"weights", "cnn ring"},       {"end", "cnn"},
-    {"graft", "cnn"},     {"mean-bgr", "cnn"},           {"ring-key-candidates", "scan-context"},
-    {"images", "fabmap"}, {"training-images", "fabmap"}, {"new-place", "fabmap"},
-    {"ring", "ring"},     {"ring-numbers", "ring"},      {"ring-adapt", "ring"}};
+    {"model", "cnn"},         {"weights", "cnn ring"},
+    {"end", "cnn"},           {"graft", "cnn"},
+    {"mean-bgr", "cnn"},      {"ring-key-candidates", "scan-context ring"},
+    {"images", "fabmap"},     {"training-images", "fabmap"},
+    {"new-place", "fabmap"},  {"ring", "ring"},
+    {"ring-numbers", "ring"}, {"ring-adapt", "ring"}};
 
 bool is_word_of(const std::string& text, const std::string& word) {
   std::istringstream words(text);
@@ -128,8 +130,8 @@ void FeatureOptions::declare(Parser& parser) {
                 &ring_options.adapt);
   parser.group("Competitors:");
   parser.option("ring-key-candidates", "N",
-                "scan-context: candidates chosen by ring keys, 10 or 50 in its paper (default 0: "
-                "all are compared)",
+                "scan-context (10 or 50 in its paper) and ring (100): only so many candidates are "
+                "compared, chosen by keys that a turn does not change (default 0: all)",
                 &ring_key_candidates);
   parser.option("images", "DIR",
                 "fabmap: PNG images with frame numbers as names (default: the sequence's image_0)",
@@ -254,9 +256,11 @@ FeatureSource open_ring(const FeatureOptions& options) {
                            " was learnt with (SHA-1 ", model.weights_sha1,
                            "); give them with --weights"));
   }
+  pipeline::RingOptions ring_options = options.ring_options;
+  ring_options.key_candidates = options.ring_key_candidates;
   FeatureSource source;
   source.extractor = pipeline::ring_recogniser(model, pipeline::ring_net(model, weights),
-                                               options.ring_options, options.threads_per_scan);
+                                               ring_options, options.threads_per_scan);
   return source;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "linear_algebra/linear_algebra.h"
 
@@ -81,24 +82,25 @@ const float* ColumnPlan::Runner::map(size_t layer) const {
   return run_.layer_output(plan_.layers_[layer]).data;
 }
 
-void reduce_columns(const LayerColumns& layer, const ColumnMap& map, const float* values,
-                    int sectors, float* ring) {
-  const int64_t numbers = layer.directions.n, columns = map.merged * sectors;
-  std::vector<float> reduced(static_cast<size_t>(numbers * columns));
-  multiply(numbers, columns, map.rows, layer.directions.values.data(), map.rows, values + map.first,
-           map.width, reduced.data(), columns);
-  for (int64_t i = 0; i < numbers; ++i) {
-    const auto direction = layer.directions.row(i);
-    double mean = 0;
-    for (size_t j = 0; j < direction.size(); ++j)
-      mean += static_cast<double>(direction[j]) * static_cast<double>(layer.mean[j]);
-    for (int sector = 0; sector < sectors; ++sector) {
-      float sum = 0;
-      for (int64_t k = 0; k < map.merged; ++k)
-        sum += reduced[static_cast<size_t>(i * columns + sector * map.merged + k)];
-      *ring++ = sum / static_cast<float>(map.merged) - static_cast<float>(mean);
-    }
+ColumnReduction::ColumnReduction(const LayerColumns& layer) : directions_(layer.directions) {
+  for (int64_t i = 0; i < numbers(); ++i) {
+    const auto direction = directions_.row(i);
+    mean_.push_back(static_cast<float>(
+        std::inner_product(direction.begin(), direction.end(), layer.mean.begin(), 0.0)));
   }
+}
+
+void ColumnReduction::operator()(const ColumnMap& map, const float* values, int sectors,
+                                 float* ring) const {
+  const int64_t columns = map.merged * sectors;
+  std::vector<float> reduced(static_cast<size_t>(numbers() * columns));
+  multiply(numbers(), columns, map.rows, directions_.values.data(), map.rows, values + map.first,
+           map.width, reduced.data(), columns);
+  const float* from = reduced.data();
+  for (const float mean : mean_)
+    for (int sector = 0; sector < sectors; ++sector, from += map.merged)
+      *ring++ =
+          std::accumulate(from, from + map.merged, 0.0F) / static_cast<float>(map.merged) - mean;
 }
 
 }  // namespace revisit::pipeline

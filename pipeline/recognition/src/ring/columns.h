@@ -48,8 +48,17 @@ class ColumnPlan {
   std::vector<ColumnMap> maps_;
 };
 
-/// x [numbers][sectors] of a layer: its columns less their mean, along the directions.
-void reduce_columns(const LayerColumns& layer, const ColumnMap& map, const float* values,
-                    int sectors, float* ring);
+/// Takes the columns of one layer to their part of a ring.
+class ColumnReduction {
+ public:
+  explicit ColumnReduction(const LayerColumns& layer);
+  int64_t numbers() const { return directions_.n; }
+  /// x [numbers][sectors]: the columns less their mean, along the directions.
+  void operator()(const ColumnMap& map, const float* values, int sectors, float* ring) const;
+
+ private:
+  FloatMatrix directions_;
+  std::vector<float> mean_;  // along the directions
+};
 
 }  // namespace revisit::pipeline

@@ -20,6 +20,9 @@ void check(const RingModel& model, const std::vector<float>& mean, const RingOpt
   if (!(options.regularisation > 0) || !std::isfinite(options.regularisation))
     throw UsageError(
         str("ring descriptors: expected a regularisation above 0, found ", options.regularisation));
+  if (options.key_candidates < 0)
+    throw UsageError(
+        str("RingOptions::key_candidates: expected at least 0, found ", options.key_candidates));
   if (static_cast<int64_t>(mean.size()) != model.dim())
     throw UsageError(str("ring mean: expected ", model.dim(), " numbers, found ", mean.size()));
 }

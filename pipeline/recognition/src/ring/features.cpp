@@ -68,17 +68,21 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net, i
   extractor.name = "ring";
   extractor.dim = model.dim();
   extractor.key = "ring " + short_name_of(extraction_content(model));
-  extractor.make = [plan, layers = model.layers, grid = model.heights,
+  const auto reductions = std::make_shared<const std::vector<ColumnReduction>>(model.layers.begin(),
+                                                                               model.layers.end());
+  extractor.make = [plan, reductions, grid = model.heights,
                     sectors = model.columns.sectors]() -> FeatureFunction<PointCloud> {
     const auto runner = std::make_shared<ColumnPlan::Runner>(*plan);
-    return [plan, runner, layers, grid, sectors](const PointCloud& cloud, std::span<float> rings) {
-      runner->forward(cloud);
-      for (size_t i = 0; i < layers.size(); ++i) {
-        reduce_columns(layers[i], plan->maps()[i], runner->map(i), sectors, rings.data());
-        rings = rings.subspan(static_cast<size_t>(layers[i].directions.n * sectors));
-      }
-      height_ring(cloud, grid, rings);
-    };
+    return
+        [plan, runner, reductions, grid, sectors](const PointCloud& cloud, std::span<float> rings) {
+          runner->forward(cloud);
+          for (size_t i = 0; i < reductions->size(); ++i) {
+            const ColumnReduction& reduce = (*reductions)[i];
+            reduce(plan->maps()[i], runner->map(i), sectors, rings.data());
+            rings = rings.subspan(static_cast<size_t>(reduce.numbers() * sectors));
+          }
+          height_ring(cloud, grid, rings);
+        };
   };
   return extractor;
 }
@@ -95,16 +99,19 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
       learn_rings(map.emplace(model), {&all, 1});
     }
     const RingDescriber describer(model, std::move(mean), options, map ? &*map : nullptr);
-    Reduced reduced;
-    reduced.descriptors = FloatMatrix(features.n(), describer.layout().numbers());
-    for (int64_t i = 0; i < features.n(); ++i)
-      describer.describe(features.row(i), reduced.descriptors.row(i));
-    reduced.similarity = ring_similarity(describer.layout());
-    reduced.turn = [layout = describer.layout()](std::span<const float> a,
-                                                 std::span<const float> b) {
+    const RingLayout& layout = describer.layout();
+    Basis basis;
+    basis.dim = layout.numbers();
+    basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
+      describer.describe(rings, descriptor);
+    };
+    basis.similarity = ring_similarity(layout);
+    basis.turn = [layout](std::span<const float> a, std::span<const float> b) {
       return match_rings(a, b, layout).turn;
     };
-    return reduced;
+    basis.key_of = ring_key(layout);
+    basis.key_candidates = options.key_candidates;
+    return basis;
   };
   extractor.similarity = ring_similarity({});  // that of its descriptors: no cosine
   return extractor;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
+#include <numeric>
 
 #include "ring/correlation.h"
 
@@ -77,6 +78,19 @@ Similarity ring_similarity(const RingLayout& layout) {
     for (const int64_t row : candidates) rows.push_back(stored.row(row).data());
     largest_correlations(query.data(), rows, layout, similarities);
   };
+}
+
+KeyOf ring_key(const RingLayout& layout) {
+  const int64_t numbers = std::accumulate(layout.counts.begin(), layout.counts.end(), int64_t{0});
+  return {numbers, [counts = layout.counts](std::span<const float> x, std::span<float> key) {
+            size_t first = 0, to = 0;
+            for (size_t f = 0; f < counts.size(); ++f) {
+              const auto n = static_cast<size_t>(counts[f]);
+              for (size_t i = first; i < first + n; ++i)
+                key[to++] = f > 0 ? std::sqrt(x[i] * x[i] + x[n + i] * x[n + i]) : std::abs(x[i]);
+              first += f > 0 ? 2 * n : n;
+            }
+          }};
 }
 
 }  // namespace revisit::pipeline

@@ -26,9 +26,9 @@ struct Descriptors {
   FloatMatrix case1;
   std::optional<FloatMatrix> case2;
   Similarity similarity;  // how they are compared; empty: cosine
-  std::function<double(std::span<const float> a, std::span<const float> b)> turn;  // Reduced::turn
-  std::string pca_fit;  // what the PCA learnt from, for people
-  std::string note;     // when fewer components were kept than asked
+  TurnBetween turn;       // empty: they do not tell it
+  std::string pca_fit;    // what the PCA learnt from, for people
+  std::string note;       // when fewer components were kept than asked
 };
 
 /// The descriptors for a task; without PCA they are the features. `case2` may be null.

@@ -11,6 +11,7 @@
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/gray_image.h"
+#include "revisit/recognition/keys.h"
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/similarity.h"
 
@@ -23,16 +24,21 @@ using FeatureFunction = std::function<void(const Input&, std::span<float>)>;
 template <class Input>
 using FeatureMaker = std::function<FeatureFunction<Input>()>;
 
-/// Descriptors of scans and how two of them are compared.
-struct Reduced {
-  FloatMatrix descriptors;  // [n][.], a row a scan
+/// Heading of b less heading of a, counter-clockwise [rad], of two descriptors.
+using TurnBetween = std::function<double(std::span<const float> a, std::span<const float> b)>;
+
+/// What was learnt from features: how one becomes a descriptor, and how two of these are compared.
+struct Basis {
+  int64_t dim = 0;  // numbers of a descriptor
+  std::function<void(std::span<const float> feature, std::span<float> descriptor)> describe;
   Similarity similarity;
-  /// Heading of b less heading of a, counter-clockwise [rad], of two descriptors.
-  std::function<double(std::span<const float> a, std::span<const float> b)> turn;
+  TurnBetween turn;
+  KeyOf key_of;                // how candidates are chosen, when they are
+  int64_t key_candidates = 0;  // so many are compared; 0: all
 };
-/// Turns all features of a file into descriptors, learning from the rows `learn_from`.
+/// Learns from the rows `learn_from` of a file of features.
 using Reduction =
-    std::function<Reduced(const FeatureFile& features, std::span<const int64_t> learn_from)>;
+    std::function<Basis(const FeatureFile& features, std::span<const int64_t> learn_from)>;
 
 /// A way to turn scans into feature vectors.
 struct FeatureExtractor {

@@ -17,6 +17,8 @@ struct RingOptions {
   double adapt = 0;
   /// Added to the total spread, in units of its mean eigenvalue: how much small variances count.
   double regularisation = 1e-2;
+  /// Compared are so many candidates, those with the most similar keys (ring_key()); 0: all.
+  int64_t key_candidates = 0;
 };
 
 /// Turns rings into descriptors: less the ring mean, along frequencies, onto the directions in

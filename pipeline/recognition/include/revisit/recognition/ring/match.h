@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "revisit/recognition/keys.h"
 #include "revisit/recognition/similarity.h"
 
 namespace revisit::pipeline {
@@ -25,5 +26,9 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b, const 
 
 /// The same similarity of a query with many. 0 for a descriptor that is all zero.
 Similarity ring_similarity(const RingLayout& layout);
+
+/// What a turn of the sensor does not change: the moduli of a descriptor's complex numbers. The
+/// product of two keys is never less than the similarity of their descriptors.
+KeyOf ring_key(const RingLayout& layout);
 
 }  // namespace revisit::pipeline
