@@ -10,8 +10,9 @@ set(sees_pipeline/datasets datasets recognition engine proto)
 set(sees_pipeline/evaluation evaluation datasets recognition engine proto)
 set(sees_pipeline/baselines baselines datasets recognition engine proto)
 set(sees_pipeline/simulation simulation datasets engine proto)  # knows no recognition
+set(sees_pipeline/maps maps recognition engine proto)
 set(sees_weights_conversion weights_conversion proto)
-set(sees_tools tools simulation baselines evaluation datasets recognition engine proto weights_conversion)
+set(sees_tools tools maps simulation baselines evaluation datasets recognition engine proto weights_conversion)
 
 # library header pattern -> files that may include it
 set(owned_libraries
@@ -21,6 +22,7 @@ set(owned_libraries
   "pcl/|pipeline/baselines/src/pcl/"
   "embree3/|pipeline/simulation/src/ray_caster"
   "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
+  "sqlite3.h|pipeline/maps/src/"
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra/"
   "lapacke|pipeline/recognition/src/linear_algebra/"
   "yaml-cpp/|tools/src/"
@@ -34,7 +36,7 @@ function(complain text)
 endfunction()
 
 foreach(layer proto engine pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
-        pipeline/simulation weights_conversion tools)
+        pipeline/simulation pipeline/maps weights_conversion tools)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
   foreach(source IN LISTS sources)
     file(RELATIVE_PATH name ${ROOT} ${source})

@@ -1,0 +1,91 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace revisit::pipeline {
+
+/// A place as a map keeps it.
+struct StoredPlace {
+  int64_t id = 0;     // 1, 2, ... in the order of adding; the map gives it
+  std::string drive;  // "" when there is one only
+  int64_t frame = 0;
+  std::optional<double> time;             // [s]
+  std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
+  std::vector<float> descriptor;
+  std::vector<float> feature;  // what the descriptor is made from; empty once the basis is fixed
+};
+
+/// What defines a descriptor, name -> value: {"feature", "ring"}, {"weights", "sha256 ..."}, ...
+using MapIdentity = std::map<std::string, std::string>;
+
+/// How a map keeps the numbers of descriptors; features are always float32. float16 rounds by at
+/// most 2^-11 of a number, or by 2^-25 when that is more, and holds numbers below 65520.
+enum class NumberFormat { kFloat32, kFloat16 };
+
+/// Where a reader stands.
+struct MapPosition {
+  int64_t last = 0;      // the last place there is: `after` of the next read()
+  int64_t revision = 0;  // how often descriptors were replaced: when it grows, read again from 0
+};
+
+/// The places of one map. One thread at a time; other threads and processes open the map again.
+///
+/// What changes the map is on the disk when the call returns, and is all done or not at all. It
+/// throws UsageError for what cannot be kept and in a map opened for reading, Error when the disk
+/// is full or another process holds the map, InputError where the map is damaged.
+class MapStore {
+ public:
+  using Take = std::function<void(StoredPlace&&)>;
+  using Damaged = std::function<void(const std::string&)>;
+
+  virtual ~MapStore() = default;
+  virtual const MapIdentity& identity() const = 0;
+  virtual NumberFormat number_format() const = 0;
+  /// How many places were added.
+  virtual int64_t size() const = 0;
+
+  /// Bytes kept beside the places: the basis, a threshold. Throws InputError when they are damaged.
+  virtual std::optional<std::string> value(const std::string& name) const = 0;
+  virtual void set_value(const std::string& name, const std::string& bytes) = 0;
+
+  /// Adds places, whatever their `id`, and returns the ids they have now. All numbers are finite.
+  virtual std::vector<int64_t> add(std::span<const StoredPlace> places) = 0;
+
+  /// Hands over the places with ids above `after`, ascending, as they are at one moment. Damaged
+  /// ones are left out; `damaged` gets a message that names them. So it does, once, for what else
+  /// was lost. The callbacks must not call this object.
+  virtual MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
+
+  /// Gives every place the descriptor that `descriptor_of` makes of it, drops the features and sets
+  /// `values`, in one step. Damaged places stay so. `descriptor_of` must not call this object.
+  virtual void replace_descriptors(
+      const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
+      const std::map<std::string, std::string>& values) = 0;
+};
+
+enum class MapAccess { kRead, kWrite };
+
+/// Opens a map. With kWrite and an `identity` it is made when there is none, with `format`, which
+/// says nothing about a map that is there. One process writes, any number read meanwhile.
+///
+/// Throws InputError for a file that is missing, no map, damaged at its head or of a later version,
+/// and when `identity` is not the map's: the message has every entry that differs. Throws Error
+/// when the file cannot be opened or written, and when another process is writing to it.
+std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
+                                   const MapIdentity* identity = nullptr,
+                                   NumberFormat format = NumberFormat::kFloat32);
+
+/// What is wrong with a map, a message each: none when it is sound. Reads all of it. Throws
+/// InputError for a file that is missing and Error when it cannot be opened.
+std::vector<std::string> check_map(const std::filesystem::path& file);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,164 @@
+#include "place_row.h"
+
+#include <Eigen/Core>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "checksum.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "maps hold the machine's own bytes");
+
+using PoseNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+
+template <class Number>
+std::string bytes_of(const Number* numbers, size_t n) {
+  std::string bytes(n * sizeof(Number), '\0');
+  if (n > 0) std::memcpy(bytes.data(), numbers, bytes.size());
+  return bytes;
+}
+
+template <class Number>
+std::vector<Number> numbers_of(std::string_view bytes) {
+  std::vector<Number> numbers(bytes.size() / sizeof(Number));
+  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), numbers.size() * sizeof(Number));
+  return numbers;
+}
+
+std::string float32_bytes(const std::vector<float>& numbers, const std::string& of) {
+  for (const float number : numbers)
+    if (!std::isfinite(number))
+      throw UsageError(str(of, " has numbers that are not finite: ", number));
+  return bytes_of(numbers.data(), numbers.size());
+}
+
+int64_t checksum_of(int64_t id, std::string_view drive, int64_t frame,
+                    const std::optional<double>& time, std::string_view pose,
+                    std::string_view descriptor, std::string_view feature, int64_t revision) {
+  return Checksum()
+      .number(id)
+      .bytes(drive)
+      .number(frame)
+      .number(time ? 1 : 0)
+      .number(std::bit_cast<int64_t>(time.value_or(0)))
+      .bytes(pose)
+      .bytes(descriptor)
+      .bytes(feature)
+      .number(revision)
+      .value();
+}
+
+}  // namespace
+
+std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat format,
+                             const std::string& of) {
+  std::string bytes = float32_bytes(descriptor, of);
+  if (format == NumberFormat::kFloat32) return bytes;
+  std::vector<Eigen::half> halves(descriptor.size());
+  for (size_t i = 0; i < halves.size(); ++i) {
+    halves[i] = Eigen::half(descriptor[i]);
+    if (!(Eigen::numext::isfinite)(halves[i]))
+      throw UsageError(
+          str(of, " has ", descriptor[i], ", too large for float16 (at most 65504); keep float32"));
+  }
+  return bytes_of(halves.data(), halves.size());
+}
+
+PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number) {
+  const std::string of = str("place ", number, " of those to add");
+  if (place.time && !std::isfinite(*place.time))
+    throw UsageError(str(of, ": its time is not finite: ", *place.time));
+  PlaceRow row;
+  if (place.pose) {
+    const PoseNumbers numbers = place.pose->matrix().topRows<3>();
+    if (!numbers.allFinite())
+      throw UsageError(str(of, ": its pose has numbers that are not finite"));
+    row.pose = bytes_of(numbers.data(), 12);
+  }
+  row.descriptor = descriptor_bytes(place.descriptor, format, of + ": its descriptor");
+  row.feature = float32_bytes(place.feature, of + ": its feature");
+  const size_t bytes = row.descriptor.size() + row.feature.size() + place.drive.size();
+  if (bytes > sqlite::kMostBytes - 1000)
+    throw UsageError(str(of, " has ", bytes, " bytes, more than the limit of 256 MB"));
+  return row;
+}
+
+void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& place,
+                  const PlaceRow& row, int64_t revision) {
+  insert.reset().bind(1, std::string_view(place.drive)).bind(2, place.frame);
+  std::optional<double> time = place.time;
+  if (time) {
+    *time += 0.0;  // SQLite has no -0
+    insert.bind(3, *time);
+  } else {
+    insert.bind_null(3);
+  }
+  const auto bind_or_null = [&](int parameter, const std::string& bytes) {
+    if (bytes.empty())
+      insert.bind_null(parameter);
+    else
+      insert.bind_blob(parameter, bytes);
+  };
+  bind_or_null(4, row.pose);
+  insert.bind_blob(5, row.descriptor);
+  bind_or_null(6, row.feature);
+  insert.bind(7, revision)
+      .bind(8, checksum_of(id, place.drive, place.frame, time, row.pose, row.descriptor,
+                           row.feature, revision))
+      .bind(9, id)
+      .step();
+}
+
+std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
+                         NumberFormat format, int64_t revision, StoredPlace& place) {
+  const int code = select.reset().bind(1, id).try_step();
+  if (code == SQLITE_DONE) return "not found";
+  if (code != SQLITE_ROW) {
+    if (!sqlite::is_damage(code)) connection.fail(code);
+    return sqlite3_errstr(code);
+  }
+  const auto has_type = [&](int column, int type, bool may_be_absent) {
+    const int found = select.type(column);
+    return found == type || (may_be_absent && found == SQLITE_NULL);
+  };
+  const char* const wrong = "its checksum is wrong";
+  if (!has_type(0, SQLITE_TEXT, false) || !has_type(1, SQLITE_INTEGER, false) ||
+      !has_type(2, SQLITE_FLOAT, true) || !has_type(3, SQLITE_BLOB, true) ||
+      !has_type(4, SQLITE_BLOB, false) || !has_type(5, SQLITE_BLOB, true) ||
+      !has_type(6, SQLITE_INTEGER, false) || !has_type(7, SQLITE_INTEGER, false))
+    return wrong;
+
+  place = {.id = id, .drive = std::string(select.bytes(0)), .frame = select.integer(1)};
+  if (select.type(2) == SQLITE_FLOAT) place.time = select.real(2);
+  const std::string_view pose = select.bytes(3), descriptor = select.bytes(4),
+                         feature = select.bytes(5);
+  if (checksum_of(id, place.drive, place.frame, place.time, pose, descriptor, feature,
+                  select.integer(6)) != select.integer(7))
+    return wrong;
+  if (select.integer(6) != revision) return "it is older than the map's other descriptors";
+
+  // What the checksum cannot know: the file may be a stranger's.
+  const size_t number = format == NumberFormat::kFloat16 ? 2 : 4;
+  if (descriptor.size() % number != 0 || feature.size() % 4 != 0 ||
+      (pose.size() != 12 * sizeof(double) && !pose.empty()))
+    return "its columns have lengths that cannot be";
+  if (!pose.empty()) {
+    const std::vector<double> numbers = numbers_of<double>(pose);
+    place.pose = Eigen::Isometry3d::Identity();
+    place.pose->matrix().topRows<3>() = Eigen::Map<const PoseNumbers>(numbers.data());
+  }
+  if (format == NumberFormat::kFloat16) {
+    const std::vector<Eigen::half> halves = numbers_of<Eigen::half>(descriptor);
+    place.descriptor.assign(halves.begin(), halves.end());
+  } else {
+    place.descriptor = numbers_of<float>(descriptor);
+  }
+  place.feature = numbers_of<float>(feature);
+  return "";
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <string>
+
+#include "revisit/maps/map_store.h"
+#include "sqlite.h"
+
+namespace revisit::pipeline {
+
+/// The columns of a place in the file. The machine's own byte order, which is little-endian.
+struct PlaceRow {
+  std::string pose;        // "", or 12 float64 [3][4]
+  std::string descriptor;  // float32 or float16
+  std::string feature;     // float32
+};
+
+/// Throws UsageError, naming place `number` of the call, for what cannot be kept.
+PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number);
+
+/// Throws UsageError.
+std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat format,
+                             const std::string& of);
+
+void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& place,
+                  const PlaceRow& row, int64_t revision);
+inline constexpr const char* kInsertPlace =
+    "INSERT INTO place (drive, frame, time, pose, descriptor, feature, revision, checksum, id) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)";
+/// With the same parameters, for a place that is there.
+inline constexpr const char* kReplacePlace =
+    "UPDATE place SET drive = ?, frame = ?, time = ?, pose = ?, descriptor = ?, feature = ?, "
+    "revision = ?, checksum = ? WHERE id = ?";
+
+/// Reads place `id`; returns "", or what is wrong with it. Throws for what is no damage.
+std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
+                         NumberFormat format, int64_t revision, StoredPlace& place);
+inline constexpr const char* kSelectPlace =
+    "SELECT drive, frame, time, pose, descriptor, feature, revision, checksum FROM place "
+    "WHERE id = ?";
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "revisit/maps/map_store.h"
+#include "sqlite.h"
+
+namespace revisit::pipeline {
+
+constexpr int kApplicationId = 0x52565354;  // "RVST"
+constexpr int kMapVersion = 1;
+/// The smallest unit of disks and file systems: damage costs one page, and a step writes few bytes.
+constexpr int kPageSize = 4096;
+
+/// What is said once about a map. It is kept twice, so that one damaged byte does not cost the map.
+struct MapHead {
+  MapIdentity identity;
+  NumberFormat format = NumberFormat::kFloat32;
+  int64_t revision = 0;  // how often descriptors were replaced
+};
+
+/// How many rows there are: ids are 1 to these. So no row can be missing unnoticed.
+struct Counts {
+  int64_t places = 0, values = 0;
+  std::string damage;  // when they had to be taken from the tables, why
+};
+
+/// Makes the tables in an empty file, in one step. Throws UsageError for an identity with "=" in a
+/// name or a line break.
+void make_map(sqlite::Connection& connection, const MapHead& head);
+
+/// Holds the file against what make_map() makes. Throws InputError.
+void check_schema(sqlite::Connection& connection);
+
+/// Throws InputError when both copies are damaged. `damage`: what is wrong with either.
+MapHead read_head(sqlite::Connection& connection, std::string* damage = nullptr);
+void write_head(sqlite::Connection& connection, const MapHead& head);
+
+Counts read_counts(sqlite::Connection& connection);
+void write_counts(sqlite::Connection& connection, const Counts& counts);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,554 @@
+#include "revisit/maps/map_store.h"
+
+#include <gtest/gtest.h>
+#include <sqlite3.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <limits>
+#include <random>
+#include <thread>
+
+#include "expect_error.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+using test::expect_error;
+using test::TempDir;
+
+const MapIdentity kIdentity{{"feature", "ring"}, {"weights", "sha256 0123"}, {"image", "1024x64"}};
+
+/// What a test adds as place `id`. Its numbers are in float16, too.
+StoredPlace made(int64_t id) {
+  StoredPlace place;
+  place.id = id;
+  if (id % 3 != 0) place.drive = "drive " + std::to_string(id % 3);
+  place.frame = id * 10;
+  if (id % 2 == 0) place.time = 1.6e9 + 0.1 * static_cast<double>(id);
+  if (id % 4 != 0) {
+    place.pose = Eigen::Isometry3d(
+        Eigen::AngleAxisd(0.1 * static_cast<double>(id), Eigen::Vector3d(1, 2, 3).normalized()));
+    place.pose->translation() = Eigen::Vector3d(static_cast<double>(id), -1.0 / 3, 1e-300);
+  }
+  for (int i = 0; i < 100; ++i)
+    place.descriptor.push_back(static_cast<float>((id * 37 + i) % 512 - 256) / 64);
+  if (id % 5 == 0) place.feature = {1.0F / 3, static_cast<float>(id), 1e30F};
+  return place;
+}
+
+bool same(const StoredPlace& a, const StoredPlace& b) {
+  return a.id == b.id && a.drive == b.drive && a.frame == b.frame && a.time == b.time &&
+         a.pose.has_value() == b.pose.has_value() &&
+         (!a.pose || a.pose->matrix() == b.pose->matrix()) && a.descriptor == b.descriptor &&
+         a.feature == b.feature;
+}
+
+std::vector<StoredPlace> made_places(int64_t first, int64_t last) {
+  std::vector<StoredPlace> places;
+  for (int64_t id = first; id <= last; ++id) places.push_back(made(id));
+  return places;
+}
+
+struct WhatWasRead {
+  std::vector<StoredPlace> places;
+  std::vector<std::string> damages;
+  MapPosition position;
+};
+
+WhatWasRead read_all(const MapStore& map, int64_t after = 0) {
+  WhatWasRead read;
+  read.position = map.read(
+      after, [&](StoredPlace&& place) { read.places.push_back(std::move(place)); },
+      [&](const std::string& damage) { read.damages.push_back(damage); });
+  return read;
+}
+
+/// Expects places 1 to `n` as made().
+void expect_places(const MapStore& map, int64_t n) {
+  const WhatWasRead read = read_all(map);
+  EXPECT_EQ(read.damages, std::vector<std::string>());
+  ASSERT_EQ(static_cast<int64_t>(read.places.size()), n);
+  EXPECT_EQ(map.size(), n);
+  for (int64_t id = 1; id <= n; ++id) EXPECT_TRUE(same(read.places[id - 1], made(id))) << id;
+}
+
+std::unique_ptr<MapStore> writer_of(const fs::path& file) {
+  return open_map(file, MapAccess::kWrite, &kIdentity);
+}
+
+void execute(const fs::path& file, const std::string& sql) {
+  sqlite3* database = nullptr;
+  ASSERT_EQ(sqlite3_open(file.c_str(), &database), SQLITE_OK);
+  char* message = nullptr;
+  EXPECT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, &message), SQLITE_OK)
+      << (message == nullptr ? "" : message);
+  sqlite3_free(message);
+  sqlite3_close(database);
+}
+
+/// Runs `work` in a process of its own; whether it returned true.
+bool in_another_process(const std::function<bool()>& work) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    bool done = false;
+    try {
+      done = work();
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "%s\n", error.what());
+    }
+    std::_Exit(done ? 0 : 1);
+  }
+  int status = 0;
+  ::waitpid(child, &status, 0);
+  return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+TEST(MapStore, RoundTrip) {
+  for (const NumberFormat format : {NumberFormat::kFloat32, NumberFormat::kFloat16}) {
+    const TempDir dir;
+    const fs::path file = dir / "map";
+    {
+      const auto map = open_map(file, MapAccess::kWrite, &kIdentity, format);
+      EXPECT_EQ(map->size(), 0);
+      EXPECT_EQ(map->add(made_places(1, 20)), [] {
+        std::vector<int64_t> ids(20);
+        for (int64_t i = 0; i < 20; ++i) ids[i] = i + 1;
+        return ids;
+      }());
+      EXPECT_EQ(map->add({}), std::vector<int64_t>());
+      EXPECT_EQ(map->add(made_places(21, 21)), std::vector<int64_t>{21});
+      map->set_value("basis", std::string(20'000, '\1'));
+      map->set_value("threshold", "0.5");
+      map->set_value("threshold", std::string("0.\0", 3));
+      expect_places(*map, 21);
+    }
+    EXPECT_FALSE(fs::exists(file.string() + "-wal"));
+    EXPECT_FALSE(fs::exists(file.string() + "-writer"));
+    EXPECT_EQ(check_map(file), std::vector<std::string>());
+    for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite}) {
+      const auto map = open_map(file, access);
+      expect_places(*map, 21);
+      EXPECT_EQ(map->identity(), kIdentity);
+      EXPECT_EQ(map->number_format(), format);
+      EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
+      EXPECT_EQ(map->value("threshold"), std::string("0.\0", 3));
+      EXPECT_EQ(map->value("none"), std::nullopt);
+      EXPECT_EQ(read_all(*map, 18).places.size(), 3);
+      EXPECT_EQ(read_all(*map, 21).position.last, 21);
+    }
+  }
+}
+
+TEST(MapStore, Float16RoundsByAsMuchAsItSays) {
+  const TempDir dir;
+  const auto map = open_map(dir / "map", MapAccess::kWrite, &kIdentity, NumberFormat::kFloat16);
+  StoredPlace place;
+  std::mt19937 random(1);
+  std::uniform_real_distribution<float> exponent(-30, 15.9F);
+  for (int i = 0; i < 10'000; ++i) place.descriptor.push_back(std::exp2(exponent(random)));
+  map->add({&place, 1});
+  const std::vector<float> kept = read_all(*map).places[0].descriptor;
+  for (size_t i = 0; i < kept.size(); ++i)
+    ASSERT_LE(std::abs(kept[i] - place.descriptor[i]),
+              std::max(std::ldexp(place.descriptor[i], -11), std::ldexp(1.0F, -25)));
+  place.descriptor = {65'600.0F};
+  expect_error<UsageError>([&] { map->add({&place, 1}); }, {"65600", "float16"});
+}
+
+TEST(MapStore, RefusesWhatCannotBeKept) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  const auto refused = [&](const std::function<void(StoredPlace&)>& spoil, const char* what) {
+    std::vector<StoredPlace> places = made_places(1, 3);
+    spoil(places[1]);
+    expect_error<UsageError>([&] { map->add(places); }, {"place 2", what});
+  };
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  refused([&](StoredPlace& p) { p.descriptor[7] = static_cast<float>(none); }, "its descriptor");
+  refused([&](StoredPlace& p) { p.feature = {INFINITY}; }, "its feature");
+  refused([&](StoredPlace& p) { p.time = none; }, "its time");
+  refused(
+      [&](StoredPlace& p) {
+        p.pose.emplace(Eigen::Isometry3d::Identity()).translation().x() = none;
+      },
+      "its pose");
+  EXPECT_EQ(map->size(), 0);
+  const MapIdentity odd{{"a=b", "c"}};
+  expect_error<UsageError>([&] { open_map(dir / "other", MapAccess::kWrite, &odd); }, {"a=b"});
+  const auto reader = open_map(dir / "map", MapAccess::kRead);
+  expect_error<UsageError>([&] { reader->add(made_places(1, 1)); }, {"for reading"});
+  expect_error<UsageError>([&] { reader->set_value("a", ""); }, {"for reading"});
+}
+
+TEST(MapStore, AnotherIdentityIsRefusedNamingEveryDifference) {
+  const TempDir dir;
+  writer_of(dir / "map");
+  MapIdentity other = kIdentity;
+  other["weights"] = "sha256 4567";
+  other.erase("image");
+  other["code"] = "7";
+  for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
+    expect_error<InputError>(
+        [&] { open_map(dir / "map", access, &other); },
+        {"map: its descriptors", "weights: the map has 'sha256 0123', this program 'sha256 4567'",
+         "image: the map has '1024x64', this program none",
+         "code: the map has none, this program '7'"});
+  EXPECT_EQ(test::message_of<InputError>([&] {
+              open_map(dir / "map", MapAccess::kRead, &other);
+            }).find("feature"),
+            std::string::npos);
+  expect_places(*open_map(dir / "map", MapAccess::kWrite, &kIdentity), 0);
+}
+
+TEST(MapStore, OneWriterAndAnyNumberOfReaders) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  expect_error<Error>([&] { writer_of(dir / "map"); }, {"map: another process is writing"});
+  EXPECT_TRUE(in_another_process([&] {
+    try {
+      writer_of(dir / "map");
+    } catch (const Error& error) {
+      return std::string(error.what()).find("another process is writing") != std::string::npos;
+    }
+    return false;
+  }));
+  const auto early = open_map(dir / "map", MapAccess::kRead, &kIdentity);
+  map->add(made_places(1, 5));
+  EXPECT_EQ(read_all(*early).places.size(), 5);
+  map->add(made_places(6, 7));
+  const WhatWasRead more = read_all(*early, 5);
+  ASSERT_EQ(more.places.size(), 2);
+  EXPECT_TRUE(same(more.places[0], made(6)));
+  EXPECT_EQ(more.position.last, 7);
+  expect_places(*open_map(dir / "map", MapAccess::kRead), 7);
+}
+
+TEST(MapStore, ReadersReadWhileAWriterWrites) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  std::atomic<bool> done = false;
+  std::thread reader([&] {
+    const auto other = open_map(dir / "map", MapAccess::kRead);
+    int64_t last = 0;
+    while (!done || last < 400) {
+      const WhatWasRead read = read_all(*other, last);
+      EXPECT_TRUE(read.damages.empty());
+      for (const StoredPlace& place : read.places) EXPECT_TRUE(same(place, made(++last)));
+    }
+  });
+  for (int64_t id = 1; id <= 400; id += 2) map->add(made_places(id, id + 1));
+  done = true;
+  reader.join();
+}
+
+TEST(MapStore, DescriptorsAreReplacedInOneStep) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  map->add(made_places(1, 30));
+  const auto reader = open_map(dir / "map", MapAccess::kRead);
+  EXPECT_EQ(read_all(*reader).position.revision, 0);
+  const auto shorter = [](const StoredPlace& place) {
+    EXPECT_TRUE(same(place, made(place.id)));
+    return std::vector<float>{static_cast<float>(place.id), 0.5F};
+  };
+  EXPECT_THROW(map->replace_descriptors(
+                   [](const StoredPlace& place) {
+                     if (place.id == 20) throw std::runtime_error("no");
+                     return std::vector<float>{};
+                   },
+                   {{"basis", "b"}}),
+               std::runtime_error);
+  expect_places(*map, 30);
+  EXPECT_EQ(map->value("basis"), std::nullopt);
+  map->replace_descriptors(shorter, {{"basis", "b"}, {"threshold", "t"}});
+  const WhatWasRead read = read_all(*reader);
+  EXPECT_EQ(read.position.revision, 1);
+  ASSERT_EQ(read.places.size(), 30);
+  for (const StoredPlace& place : read.places) {
+    StoredPlace wanted = made(place.id);
+    wanted.descriptor = {static_cast<float>(place.id), 0.5F};
+    wanted.feature.clear();
+    EXPECT_TRUE(same(place, wanted));
+  }
+  EXPECT_EQ(reader->value("basis"), "b");
+  EXPECT_EQ(reader->value("threshold"), "t");
+  map->add(made_places(31, 31));
+  EXPECT_TRUE(same(read_all(*reader, 30).places.at(0), made(31)));
+  EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
+}
+
+TEST(MapStore, WhatIsNoMapIsRefused) {
+  const TempDir dir;
+  const auto refused = [&](const fs::path& file, std::initializer_list<std::string> parts) {
+    expect_error<InputError>([&] { open_map(file, MapAccess::kRead); }, parts);
+    expect_error<InputError>([&] { open_map(file, MapAccess::kWrite); }, parts);
+  };
+  refused(dir / "missing", {"missing: there is no such map"});
+  EXPECT_FALSE(fs::exists(dir / "missing"));
+  EXPECT_FALSE(fs::exists(dir / "missing-writer"));
+  refused(dir.path(), {"not a file"});
+  test::write_file(dir / "empty", "");
+  refused(dir / "empty", {"empty: no map: the file is empty"});
+  test::write_file(dir / "text", std::string(10'000, 'x'));
+  refused(dir / "text", {"text: no map"});
+  expect_error<InputError>([&] { writer_of(dir / "text"); }, {"text: no map"});
+  EXPECT_EQ(test::read_file(dir / "text"), std::string(10'000, 'x'));
+  execute(dir / "other", "CREATE TABLE place (id INTEGER PRIMARY KEY)");
+  refused(dir / "other", {"other: a SQLite database, but no map"});
+  EXPECT_EQ(check_map(dir / "other").size(), 1);
+
+  writer_of(dir / "later");
+  execute(dir / "later", "PRAGMA user_version = 2");
+  refused(dir / "later", {"later: a map of version 2, this program knows version 1"});
+  writer_of(dir / "odd");
+  execute(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
+  refused(dir / "odd", {"odd: the head of this map is damaged", "'v'"});
+  writer_of(dir / "counts");
+  execute(dir / "counts", "DELETE FROM counts; INSERT INTO place (id) VALUES (1000000000000)");
+  expect_error<InputError>([&] { read_all(*open_map(dir / "counts", MapAccess::kRead)); },
+                           {"counts: this map is damaged", "1000000000000 places"});
+}
+
+TEST(MapStore, ACutFileIsRefusedOrNamed) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_places(1, 100));
+  const std::string whole = test::read_file(dir / "map");
+  for (size_t size = 1; size < whole.size(); size += 3001) {
+    test::write_file(dir / "cut", whole.substr(0, size));
+    EXPECT_FALSE(check_map(dir / "cut").empty()) << size;
+    try {
+      EXPECT_FALSE(read_all(*open_map(dir / "cut", MapAccess::kRead)).damages.empty()) << size;
+    } catch (const InputError&) {
+    }
+  }
+}
+
+/// Adds places one by one and says each id that was acknowledged, until it is killed.
+[[noreturn]] void add_for_ever(const fs::path& file, int pipe) {
+  try {
+    const auto map = writer_of(file);
+    int64_t id = map->size();
+    while (true) {
+      ++id;
+      if (id % 7 == 0) map->set_value("threshold", std::to_string(id));
+      const StoredPlace place = made(id);
+      const int64_t given = map->add({&place, 1}).at(0);
+      if (given != id || ::write(pipe, &given, sizeof(given)) != sizeof(given)) break;
+    }
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+  }
+  std::_Exit(1);
+}
+
+TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
+  const TempDir dir;
+  fs::path file;
+  std::mt19937 random(3);
+  int64_t acknowledged = 0;
+  for (int kill = 0; kill < 250; ++kill) {
+    if (kill % 25 == 0) {  // a kill may meet the making of a map, too
+      file = dir / ("map" + std::to_string(kill));
+      acknowledged = 0;
+    }
+    int ends[2];
+    ASSERT_EQ(::pipe(ends), 0);
+    const pid_t child = ::fork();
+    if (child == 0) add_for_ever(file, ends[1]);
+    ::close(ends[1]);
+    // Three times of four soon after an answer, else at any time.
+    int64_t id = 0;
+    for (int wanted = static_cast<int>(random() % 4); wanted > 0; --wanted)
+      if (::read(ends[0], &id, sizeof(id)) == sizeof(id)) acknowledged = id;
+    ::usleep(random() % 4000);
+    ::kill(child, SIGKILL);
+    while (::read(ends[0], &id, sizeof(id)) == sizeof(id)) acknowledged = id;
+    ::close(ends[0]);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status)) << "the writer ended by itself";
+
+    if (acknowledged > 0 && kill % 2 == 0) {
+      ASSERT_EQ(check_map(file), std::vector<std::string>()) << kill;
+    }
+    const auto map = kill % 3 == 0 && acknowledged > 0
+                         ? open_map(file, MapAccess::kRead, &kIdentity)
+                         : writer_of(file);
+    ASSERT_GE(map->size(), acknowledged) << kill;
+    ASSERT_LE(map->size(), acknowledged + 1) << kill;
+    expect_places(*map, map->size());
+    acknowledged = map->size();
+  }
+  EXPECT_GT(acknowledged, 0);
+}
+
+/// Changes bytes of `victim`, a file of the map, and expects that what is read is what was
+/// written, and that what is not was named.
+void expect_damage_is_named(const fs::path& folder, const std::string& victim, int64_t n, int flips,
+                            int most_refusals) {
+  const std::string map = test::read_file(folder / "map");
+  const std::string log = fs::exists(folder / "map-wal") ? test::read_file(folder / "map-wal") : "";
+  const fs::path copy = folder / "copy";
+  std::mt19937 random(5);
+  int refusals = 0, damaged = 0;
+  for (int flip = 0; flip < flips; ++flip) {
+    fs::remove_all(copy);
+    std::string files[2] = {map, log};
+    std::string& bytes = files[victim == "map" ? 0 : 1];
+    // Every second one near the beginning of a page, where the trees are.
+    size_t at = random() % bytes.size();
+    if (flip % 2 == 0) at = std::min(bytes.size() - 1, at / 4096 * 4096 + random() % 120);
+    const char old = bytes[at];
+    while (bytes[at] == old) bytes[at] = static_cast<char>(random());
+    test::write_file(copy / "map", files[0]);
+    if (!log.empty()) test::write_file(copy / "map-wal", files[1]);
+    SCOPED_TRACE(victim + " byte " + std::to_string(at) + " from " +
+                 std::to_string(static_cast<unsigned char>(old)) + " to " +
+                 std::to_string(static_cast<unsigned char>(bytes[at])));
+    try {
+      const auto store = open_map(copy / "map", MapAccess::kRead, &kIdentity);
+      const WhatWasRead read = read_all(*store);
+      int64_t last = 0;
+      for (const StoredPlace& place : read.places) {
+        EXPECT_GT(place.id, last);
+        EXPECT_TRUE(same(place, made(place.id)));
+        last = place.id;
+      }
+      const int64_t missing = n - static_cast<int64_t>(read.places.size());
+      EXPECT_TRUE(missing == 0 || !read.damages.empty()) << missing << " places are missing";
+      if (missing > 0) ++damaged;
+      try {
+        EXPECT_TRUE(store->value("threshold") == "0.5" || !read.damages.empty());
+      } catch (const InputError&) {
+      }
+    } catch (const InputError& error) {
+      ++refusals;
+      EXPECT_FALSE(check_map(copy / "map").empty()) << error.what();
+    }
+  }
+  EXPECT_LE(refusals, most_refusals);
+  EXPECT_GT(damaged, flips / 20);
+}
+
+TEST(MapStore, ADamagedByteIsNamedAndTheRestIsRead) {
+  const TempDir dir;
+  {
+    const auto map = writer_of(dir / "map");
+    map->set_value("threshold", "0.5");
+    map->add(made_places(1, 60));
+  }
+  expect_damage_is_named(dir.path(), "map", 60, 500, 40);
+}
+
+TEST(MapStore, ADamagedByteOfTheLogIsNamed) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  map->set_value("threshold", "0.5");
+  for (int64_t id = 1; id <= 20; ++id) map->add(made_places(id, id));
+  expect_damage_is_named(dir.path(), "map-wal", 20, 300, 0);
+
+  // A writer does not write over what remains of acknowledged steps.
+  const fs::path copy = dir / "copy";
+  fs::remove_all(copy);
+  fs::create_directory(copy);
+  fs::copy_file(dir / "map", copy / "map");
+  std::string log = test::read_file(dir / "map-wal");
+  ++log[log.size() / 2];
+  test::write_file(copy / "map-wal", log);
+  expect_error<InputError>([&] { writer_of(copy / "map"); }, {"map-wal: damaged at byte", "lost"});
+  EXPECT_EQ(check_map(copy / "map").size(), 1);
+}
+
+TEST(MapStore, DamagedValuesAreErrors) {
+  const TempDir dir;
+  {
+    const auto map = writer_of(dir / "map");
+    map->add(made_places(1, 2));
+    map->set_value("basis", "b");
+    map->set_value("threshold", "0.5");
+  }
+  execute(dir / "map", "UPDATE value SET name = 'bases' WHERE id = 1");
+  const auto map = writer_of(dir / "map");
+  EXPECT_EQ(map->value("threshold"), "0.5");
+  expect_error<InputError>([&] { map->value("basis"); }, {"'basis'", "value 1"});
+  expect_error<InputError>([&] { map->set_value("basis", ""); }, {"'basis'", "value 1"});
+  EXPECT_EQ(check_map(dir / "map").size(), 1);
+}
+
+TEST(MapStore, ReadInAFolderThatCannotBeWritten) {
+  const TempDir dir;
+  fs::create_directory(dir / "media");
+  const fs::path file = dir / "media/map";
+  writer_of(file)->add(made_places(1, 9));
+  fs::permissions(dir.path(), fs::perms(0755));
+  fs::permissions(file, fs::perms(0444));
+  fs::permissions(dir / "media", fs::perms(0555));
+  const auto as_nobody = [&](const std::function<bool()>& work) {
+    return in_another_process([&] {
+      if (::geteuid() == 0 && ::setuid(65534) != 0) return false;
+      return work();
+    });
+  };
+  EXPECT_TRUE(as_nobody([&] {
+    return read_all(*open_map(file, MapAccess::kRead)).places.size() == 9 &&
+           check_map(file).empty();
+  }));
+  EXPECT_TRUE(as_nobody([&] {
+    try {
+      writer_of(file);
+    } catch (const InputError&) {
+      return false;
+    } catch (const Error& error) {
+      return std::string(error.what()).find("map: cannot be written") != std::string::npos;
+    }
+    return false;
+  }));
+  // A copy with its log, on media that cannot be written: what is not seen is said.
+  fs::permissions(dir / "media", fs::perms(0755));
+  fs::permissions(file, fs::perms(0644));
+  test::write_file(file.string() + "-wal", "something");
+  fs::permissions(dir / "media", fs::perms(0555));
+  EXPECT_TRUE(as_nobody([&] {
+    const WhatWasRead read = read_all(*open_map(file, MapAccess::kRead));
+    return read.places.size() == 9 && read.damages.size() == 1 &&
+           read.damages[0].find("-wal") != std::string::npos;
+  }));
+  fs::permissions(dir / "media", fs::perms(0755));
+}
+
+TEST(MapStore, AFullDiskIsAnErrorAndTheMapStaysSound) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_places(1, 10));
+  EXPECT_TRUE(in_another_process([&] {
+    ::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{200'000, RLIM_INFINITY};
+    if (::setrlimit(RLIMIT_FSIZE, &limit) != 0) return false;
+    const auto map = writer_of(dir / "map");
+    try {
+      for (int64_t id = 11; id < 10'000; ++id) map->add(made_places(id, id));
+    } catch (const InputError&) {
+      return false;
+    } catch (const Error& error) {
+      const bool named = std::string(error.what()).find("map: cannot be") != std::string::npos;
+      const int64_t size = map->size();
+      return named && size >= 11 && read_all(*map).places.size() == static_cast<size_t>(size);
+    }
+    return false;
+  }));
+  EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
+  const auto map = writer_of(dir / "map");
+  const int64_t size = map->size();
+  EXPECT_GE(size, 11);
+  map->add(made_places(size + 1, size + 5));
+  expect_places(*map, size + 5);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline
