@@ -367,7 +367,7 @@ TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
     int64_t id = 0;
     for (int wanted = static_cast<int>(random() % 4); wanted > 0; --wanted)
       if (::read(ends[0], &id, sizeof(id)) == sizeof(id)) acknowledged = id;
-    ::usleep(random() % 4000);
+    ::usleep(static_cast<useconds_t>(random() % 4000));
     ::kill(child, SIGKILL);
     while (::read(ends[0], &id, sizeof(id)) == sizeof(id)) acknowledged = id;
     ::close(ends[0]);

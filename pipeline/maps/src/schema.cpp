@@ -115,8 +115,7 @@ void check_schema(Connection& connection) {
     throw InputError(str(name, ": a map of version ", version, ", this program knows version ",
                          kMapVersion, "; use a later revisit"));
   const std::string damaged = str(name, ": the head of this map is damaged: ");
-  const std::string remedy =
-      str("; what can be saved, `sqlite3 ", name, " .recover | sqlite3 NEW` saves");
+  const std::string remedy = "; go back to a copy of it, or make it again";
   const auto must_be = [&](const std::string& what, const std::string& expected,
                            const std::string& found) {
     if (expected != found)
@@ -133,7 +132,8 @@ void check_schema(Connection& connection) {
     must_be(str("the table '", table.name, "'"), table.sql, std::string(select.bytes(1)));
   }
   if (select.step())
-    throw InputError(str(damaged, "it has '", select.bytes(0), "', which is no part of a map"));
+    throw InputError(
+        str(damaged, "it has '", select.bytes(0), "', which is no part of a map", remedy));
 }
 
 MapHead read_head(Connection& connection, std::string* damage) {

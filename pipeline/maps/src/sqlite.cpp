@@ -87,8 +87,7 @@ void Connection::fail(int code) const {
       throw std::bad_alloc();
     default:
       throw InputError(str(name_, ": this map is damaged: ", reason,
-                           "; what can be saved, `sqlite3 ", name_,
-                           " .recover | sqlite3 NEW` saves"));
+                           "; go back to a copy of it, or make it again"));
   }
 }
 

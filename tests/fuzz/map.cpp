@@ -1,0 +1,41 @@
+// Any file as a map. (A log beside it is what tests/pipeline/map_store_test.cpp damages.)
+#include <unistd.h>
+
+#include <fstream>
+
+#include "fuzz.h"
+#include "revisit/maps/map_store.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace revisit;
+  namespace fs = std::filesystem;
+  // SQLite names its other files after this one, so that it cannot be in memory only.
+  const fs::path file =
+      fs::temp_directory_path() / ("revisit_fuzz_map_" + std::to_string(::getpid()));
+  for (const char* ending : {"-wal", "-shm", "-journal"}) fs::remove(file.string() + ending);
+  std::ofstream(file, std::ios::binary) << fuzz::text(data, size);
+  fuzz::works_or_refuses([&] {
+    const auto map = pipeline::open_map(file, pipeline::MapAccess::kRead);
+    int64_t last = 0;
+    map->read(
+        0,
+        [&](pipeline::StoredPlace&& place) {
+          fuzz::require(place.id > last, "ids ascend");
+          last = place.id;
+        },
+        [](const std::string&) {});
+    map->value("threshold");
+  });
+  fuzz::works_or_refuses([&] { pipeline::check_map(file); });
+  fuzz::works_or_refuses([&] {
+    const auto map = pipeline::open_map(file, pipeline::MapAccess::kWrite);
+    pipeline::StoredPlace place;
+    place.descriptor = {1, 2};
+    map->add({&place, 1});
+    map->set_value("threshold", "1");
+    map->replace_descriptors([](const pipeline::StoredPlace& found) { return found.descriptor; },
+                             {});
+  });
+  for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(file.string() + ending);
+  return 0;
+}
