@@ -40,7 +40,7 @@ std::string text_of(const MapIdentity& identity) {
   for (const auto& [name, value] : identity) {
     if (name.find('=') != std::string::npos || (name + value).find('\n') != std::string::npos)
       throw UsageError(str("identity: '", name, "' has a '=' in its name or a line break"));
-    text += name + "=" + value + "\n";
+    text += str(name, "=", value, "\n");
   }
   return text;
 }
