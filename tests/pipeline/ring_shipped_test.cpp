@@ -83,7 +83,7 @@ TEST(RingFeatures, OnRealScansEveryPlaceIsFound) {
                            folder.path(), nobody);
   std::vector<int64_t> all;
   for (int64_t row = 0; row < features.n(); ++row) all.push_back(row);
-  const Basis basis = extractor.reduce(features.file(), all);
+  const Basis basis = extractor.reduce(features.file().rows(), all);
   FloatMatrix descriptors(features.n(), basis.dim);
   for (const int64_t row : all) basis.describe(features.file().row(row), descriptors.row(row));
   const auto near = pairs_nearby(dataset, all, 5, 1 << 20);

@@ -51,11 +51,11 @@ struct Learnt {
     for (size_t i = 0; i < rows.data.size(); i += 3)
       pairs.push_back({static_cast<int64_t>(rows.data[i]), static_cast<int64_t>(rows.data[i + 1]),
                        static_cast<double>(rows.data[i + 2])});
-    const RingDrive drive{&rings, scans, pairs};
+    const RingDrive drive{rings.rows(), scans, pairs};
     learn_rings(model, {&drive, 1});
   }
   RingDescriber describer(const RingOptions& options = {.numbers = 60}) const {
-    return RingDescriber(model, ring_mean(rings, scans), options);
+    return RingDescriber(model, options);
   }
   FloatMatrix descriptors(const RingDescriber& describer) const {
     FloatMatrix all(rings.n(), describer.layout().numbers());
@@ -63,6 +63,12 @@ struct Learnt {
     return all;
   }
 };
+
+RingModel without_mean(RingModel model) {
+  for (RingStatistics* ring : {&model.columns, &model.polar})
+    ring->mean.assign(static_cast<size_t>(ring->size()), 0.0F);
+  return model;
+}
 
 /// Columns one of the rings' first `shift` sectors on, around.
 std::vector<float> rotated(std::span<const float> rings, int shift40, int shift36) {
@@ -137,7 +143,7 @@ TEST(RingReference, ScansOfOnePlaceAreFoundAndTheirTurnToo) {
 
 TEST(RingDescriber, ATurnByWholeSectorsIsReturnedExactly) {
   const Learnt learnt;
-  const RingDescriber describer(learnt.model, std::vector<float>(192), {.numbers = 60});
+  const RingDescriber describer(without_mean(learnt.model), {.numbers = 60});
   std::vector<float> a(static_cast<size_t>(describer.layout().numbers())), b = a;
   describer.describe(learnt.rings.row(3), a);
   for (const int quarter : {0, 1, 2, 3}) {
@@ -187,7 +193,9 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
   const Learnt learnt;
   const RingDescriber describer = learnt.describer();
   FloatMatrix descriptors = learnt.descriptors(describer);
-  describer.describe(ring_mean(learnt.rings, learnt.scans), descriptors.row(5));
+  std::vector<float> mean = learnt.model.columns.mean;
+  mean.insert(mean.end(), learnt.model.polar.mean.begin(), learnt.model.polar.mean.end());
+  describer.describe(mean, descriptors.row(5));
   std::vector<double> row(learnt.scans.size());
   ring_similarity(describer.layout())(descriptors.row(5), descriptors, learnt.scans, row);
   for (const double similarity : row) EXPECT_EQ(similarity, 0);
@@ -195,7 +203,7 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
 
 TEST(RingKeys, BoundTheSimilarityAndDoNotChangeWithTheTurn) {
   const Learnt learnt;
-  const RingDescriber describer(learnt.model, std::vector<float>(192), {.numbers = 60});
+  const RingDescriber describer(without_mean(learnt.model), {.numbers = 60});
   const FloatMatrix descriptors = learnt.descriptors(describer);
   const KeyOf key_of = ring_key(describer.layout());
   const FloatMatrix keys = keys_of(descriptors, key_of);
@@ -272,7 +280,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
   }
   proto::write_npy(folder / "rings.npy", {2 * kPlaces, 192}, rings.data());
   const FeatureFile file(folder / "rings.npy");
-  RingDrive drive{&file, {}, pairs};
+  RingDrive drive{file.rows(), {}, pairs};
   for (int64_t i = 0; i < file.n(); ++i) drive.scans.push_back(i);
   learn_rings(model, {&drive, 1});
   for (int f = 1; f < 17; ++f)
@@ -284,7 +292,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     }
   // The first number is worth 9/10, the second 1/2, the third 1/5: with 16 frequencies of two
   // numbers and one of one, the first number alone fills 33.
-  const RingDescriber describer(model, std::vector<float>(192), {.numbers = 66});
+  const RingDescriber describer(without_mean(model), {.numbers = 66});
   std::vector<float> descriptor(static_cast<size_t>(describer.layout().numbers()));
   std::vector<float> first(192), third(192);
   for (size_t k = 0; k < 40; ++k) first[k] = third[80 + k] = static_cast<float>(gaussian(random));
@@ -300,7 +308,7 @@ TEST(RingLearning, ClosedFormOfGaussians) {
 
 TEST(RingLearning, FromScansAloneEqualsVariances) {
   Learnt learnt;
-  const RingDrive drive{&learnt.rings, learnt.scans, {}};
+  const RingDrive drive{learnt.rings.rows(), learnt.scans, {}};
   learn_rings(learnt.model, {&drive, 1});
   EXPECT_TRUE(learnt.model.columns.shared.empty());
   const RingDescriber describer = learnt.describer({.numbers = 170});
@@ -318,17 +326,19 @@ TEST(RingLearning, FromScansAloneEqualsVariances) {
 TEST(RingLearning, RefusesWhatCannotTeach) {
   Learnt learnt;
   expect_error<UsageError>([&] { learn_rings(learnt.model, {}); }, {"at least one drive"});
-  const RingDrive one{&learnt.rings, {3}, {}};
+  const RingDrive one{learnt.rings.rows(), {3}, {}};
   expect_error<UsageError>([&] { learn_rings(learnt.model, {&one, 1}); }, {"at least 2 scans"});
   RingModel other = small_model();
   other.columns.numbers = 4;
-  const RingDrive all{&learnt.rings, learnt.scans, {}};
-  expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"rings.npy", "192", "232"});
+  const RingDrive all{learnt.rings.rows(), learnt.scans, {}};
+  expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"192", "232"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"numbers", "found 1"});
-  expect_error<UsageError>([&] { learnt.describer({.adapt = 2}); }, {"adapt", "found 2"});
+  const Rows rings = learnt.rings.rows();
+  expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, learnt.scans, 2); },
+                           {"adapt", "found 2"});
+  expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, {}, 0); }, {"at least 1 scan"});
   expect_error<UsageError>([&] { learnt.describer({.key_candidates = -1}); },
                            {"key_candidates", "found -1"});
-  expect_error<UsageError>([&] { RingDescriber(learnt.model, {1, 2}); }, {"ring mean", "192"});
 }
 
 TEST(RingModelFile, GivesBackWhatWasWritten) {

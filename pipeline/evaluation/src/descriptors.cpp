@@ -172,7 +172,7 @@ Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
     const std::vector<int64_t> rows =
         rows_to_learn_from(options, task, case1.n(), left_out_of(case1, case2));
     const FeatureFile& features = case1.file();
-    const Basis basis = extractor.reduce(features, rows);
+    const Basis basis = extractor.reduce(features.rows(), rows);
     Descriptors result;
     result.case1 = FloatMatrix(features.n(), basis.dim);
     for (int64_t i = 0; i < features.n(); ++i) basis.describe(features.row(i), result.case1.row(i));

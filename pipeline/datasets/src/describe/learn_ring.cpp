@@ -43,9 +43,10 @@ void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe
   });
 }
 
-std::vector<RingPair> neighbours(const RingModel& alone, const FeatureFile& rings,
+std::vector<RingPair> neighbours(RingModel alone, const Rows& rings,
                                  const std::vector<int64_t>& scans) {
-  const RingDescriber describer(alone, ring_mean(rings, scans));
+  fit_to_map(alone, rings, scans, 0);
+  const RingDescriber describer(alone);
   const auto size = static_cast<size_t>(describer.layout().numbers());
   std::vector<float> last(size), next(size);
   std::vector<RingPair> pairs;
@@ -59,7 +60,7 @@ std::vector<RingPair> neighbours(const RingModel& alone, const FeatureFile& ring
 }
 
 std::vector<RingPair> pairs_for(const LearnRingOptions& options, const Dataset& dataset,
-                                const RingModel& alone, const FeatureFile& rings,
+                                const RingModel& alone, const Rows& rings,
                                 const std::vector<int64_t>& scans) {
   switch (options.lesson) {
     case RingLesson::kLoops:
@@ -111,7 +112,7 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
         drive, extractor, DescribeOptions{.align = AlignCase::kNone, .threads = options.threads},
         options.cache, observer);
     RingDrive& lesson = lessons.emplace_back();
-    lesson.rings = &of_drive.file();
+    lesson.rings = of_drive.file().rows();
     const std::vector<int64_t> left_out = of_drive.left_out();
     for (int64_t row = 0; row < of_drive.n(); ++row)
       if (!std::ranges::binary_search(left_out, row)) lesson.scans.push_back(row);
@@ -120,7 +121,7 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
   if (options.lesson == RingLesson::kScans) return;
   size_t pairs = 0;
   for (size_t i = 0; i < drives.size(); ++i) {
-    lessons[i].pairs = pairs_for(options, drives[i], model, *lessons[i].rings, lessons[i].scans);
+    lessons[i].pairs = pairs_for(options, drives[i], model, lessons[i].rings, lessons[i].scans);
     pairs += lessons[i].pairs.size();
   }
   // Fewer could not tell directions apart.

@@ -58,6 +58,22 @@ FeatureExtractor range_vector_features(const ImageGeometry& geometry) {
   return extractor;
 }
 
+FeatureFunction<PointCloud> from_scan(const FeatureExtractor& extractor, AlignCase align,
+                                      const ImageGeometry& geometry) {
+  if (const auto* make = std::get_if<FeatureMaker<RangeImage>>(&extractor.make))
+    return
+        [of_image = (*make)(), align, geometry](const PointCloud& cloud, std::span<float> feature) {
+          of_image(scan_to_image(cloud, align, geometry), feature);
+        };
+  if (const auto* make = std::get_if<FeatureMaker<PointCloud>>(&extractor.make)) {
+    if (align == AlignCase::kNone) return (*make)();
+    return [of_cloud = (*make)(), align](const PointCloud& cloud, std::span<float> feature) {
+      of_cloud(rotated(cloud, principal_alignment(cloud, align).R_aligned_sensor), feature);
+    };
+  }
+  throw UsageError(str("the feature ", extractor.name, " is of camera images, not of scans"));
+}
+
 RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeometry& geometry) {
   Eigen::Matrix3f R_image_sensor = Eigen::Matrix3f::Identity();
   if (mode != AlignCase::kNone) R_image_sensor = principal_alignment(cloud, mode).R_aligned_sensor;

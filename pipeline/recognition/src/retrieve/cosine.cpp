@@ -24,10 +24,14 @@ double dot(std::span<const float> a, std::span<const float> b) {
 
 }  // namespace
 
+double length_of(std::span<const float> x) {
+  return std::sqrt(dot(x, x));
+}
+
 std::vector<double> row_lengths(const FloatMatrix& matrix, int which_case) {
   std::vector<double> lengths(matrix.n);
   for (int64_t i = 0; i < matrix.n; ++i) {
-    lengths[i] = std::sqrt(dot(matrix.row(i), matrix.row(i)));
+    lengths[i] = length_of(matrix.row(i));
     if (!std::isfinite(lengths[i]))
       throw Error(str("the descriptor of scan ", i, " (alignment case ", which_case,
                       ") holds a value that is not finite"));

@@ -38,6 +38,12 @@ void products_simd(std::span<const float> key, const FloatMatrix& keys,
     products[i] = product(key.data(), keys.row(candidates[i]).data(), key.size());
 }
 
+void products_of_rows_simd(std::span<const float> key, const FloatMatrix& keys, int64_t first,
+                           std::span<float> products) {
+  for (size_t i = 0; i < products.size(); ++i)
+    products[i] = product(key.data(), keys.row(first + static_cast<int64_t>(i)).data(), key.size());
+}
+
 }  // namespace
 }  // namespace revisit::pipeline::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -46,6 +52,7 @@ HWY_AFTER_NAMESPACE();
 namespace revisit::pipeline {
 
 HWY_EXPORT(products_simd);
+HWY_EXPORT(products_of_rows_simd);
 
 FloatMatrix keys_of(const FloatMatrix& descriptors, const KeyOf& key_of) {
   FloatMatrix keys(descriptors.n, key_of.numbers);
@@ -53,20 +60,29 @@ FloatMatrix keys_of(const FloatMatrix& descriptors, const KeyOf& key_of) {
   return keys;
 }
 
-std::vector<size_t> largest_products(std::span<const float> key, const FloatMatrix& keys,
-                                     std::span<const int64_t> candidates, int64_t count) {
-  std::vector<size_t> positions(candidates.size());
+void products_of_rows(std::span<const float> key, const FloatMatrix& keys, int64_t first,
+                      std::span<float> products) {
+  HWY_DYNAMIC_DISPATCH(products_of_rows_simd)(key, keys, first, products);
+}
+
+std::vector<size_t> positions_of_largest(std::span<const float> numbers, int64_t count) {
+  std::vector<size_t> positions(numbers.size());
   std::iota(positions.begin(), positions.end(), size_t{0});
   if (count >= static_cast<int64_t>(positions.size())) return positions;
-  std::vector<float> products(candidates.size());
-  HWY_DYNAMIC_DISPATCH(products_simd)(key, keys, candidates, products.data());
   std::nth_element(positions.begin(), positions.begin() + count, positions.end(),
                    [&](size_t a, size_t b) {
-                     return products[a] != products[b] ? products[a] > products[b] : a < b;
+                     return numbers[a] != numbers[b] ? numbers[a] > numbers[b] : a < b;
                    });
   positions.resize(static_cast<size_t>(count));
   std::ranges::sort(positions);
   return positions;
+}
+
+std::vector<size_t> largest_products(std::span<const float> key, const FloatMatrix& keys,
+                                     std::span<const int64_t> candidates, int64_t count) {
+  std::vector<float> products(candidates.size());
+  HWY_DYNAMIC_DISPATCH(products_simd)(key, keys, candidates, products.data());
+  return positions_of_largest(products, count);
 }
 
 Similarity similarity_by_keys(Similarity similarity, const KeyOf& key_of, FloatMatrix keys,

@@ -12,19 +12,15 @@
 namespace revisit::pipeline {
 namespace {
 
-void check(const RingModel& model, const std::vector<float>& mean, const RingOptions& options) {
+void check(const RingOptions& options) {
   if (options.numbers < 2 || options.numbers > 1 << 16)
     throw UsageError(str("RingOptions::numbers: expected 2 to 65536, found ", options.numbers));
-  if (!(options.adapt >= 0 && options.adapt <= 1))
-    throw UsageError(str("RingOptions::adapt: expected 0 to 1, found ", options.adapt));
   if (!(options.regularisation > 0) || !std::isfinite(options.regularisation))
     throw UsageError(
         str("ring descriptors: expected a regularisation above 0, found ", options.regularisation));
   if (options.key_candidates < 0)
     throw UsageError(
         str("RingOptions::key_candidates: expected at least 0, found ", options.key_candidates));
-  if (static_cast<int64_t>(mean.size()) != model.dim())
-    throw UsageError(str("ring mean: expected ", model.dim(), " numbers, found ", mean.size()));
 }
 
 }  // namespace
@@ -37,21 +33,17 @@ struct RingDescriber::Impl {
   RingLayout layout;
 };
 
-RingDescriber::RingDescriber(const RingModel& model, std::vector<float> mean,
-                             const RingOptions& options, const RingModel* spread) {
-  check(model, mean, options);
-  constexpr double kFewScans = 128;
-  const int half = options.numbers / 2;
-  const auto n = static_cast<double>(spread ? spread->scans : 0);
-  const double adapt = options.adapt * n / (n + kFewScans);
-  const auto projection = [&](RingStatistics RingModel::*ring) {
-    return project_rings(model.*ring, spread ? &(spread->*ring) : nullptr, adapt,
-                         options.regularisation, half);
+RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options) {
+  check(options);
+  const auto projection = [&](const RingStatistics& ring) {
+    return project_rings(ring, options.regularisation, options.numbers / 2);
   };
+  std::vector<float> mean = model.columns.mean;
+  mean.insert(mean.end(), model.polar.mean.begin(), model.polar.mean.end());
   Impl impl{std::move(mean),
             rings_of(model),
             {Spectrum(model.columns.sectors), Spectrum(model.polar.sectors)},
-            {projection(&RingModel::columns), projection(&RingModel::polar)},
+            {projection(model.columns), projection(model.polar)},
             {}};
   for (size_t f = 0; f < kRingFrequencies; ++f)
     impl.layout.counts.push_back(

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <optional>
 
 #include "revisit/proto/file_content.h"
 #include "revisit/proto/text.h"
@@ -87,31 +86,38 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net, i
   return extractor;
 }
 
+namespace {
+
+Basis basis_of(const RingModel& fitted, const RingOptions& options) {
+  const RingDescriber describer(fitted, options);
+  const RingLayout& layout = describer.layout();
+  Basis basis;
+  basis.dim = layout.numbers();
+  basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
+    describer.describe(rings, descriptor);
+  };
+  basis.similarity = ring_similarity(layout);
+  basis.turn = [layout](std::span<const float> a, std::span<const float> b) {
+    return match_rings(a, b, layout).turn;
+  };
+  basis.key_of = ring_key(layout);
+  basis.key_candidates = options.key_candidates;
+  basis.content = ring_model_content(fitted);
+  return basis;
+}
+
+}  // namespace
+
 FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, int threads) {
   FeatureExtractor extractor = ring_features(model, net, threads);
-  extractor.reduce = [model, options](const FeatureFile& features,
-                                      std::span<const int64_t> learn_from) {
-    std::vector<float> mean = ring_mean(features, learn_from);
-    std::optional<RingModel> map;
-    if (options.adapt > 0) {
-      const RingDrive all{&features, {learn_from.begin(), learn_from.end()}, {}};
-      learn_rings(map.emplace(model), {&all, 1});
-    }
-    const RingDescriber describer(model, std::move(mean), options, map ? &*map : nullptr);
-    const RingLayout& layout = describer.layout();
-    Basis basis;
-    basis.dim = layout.numbers();
-    basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
-      describer.describe(rings, descriptor);
-    };
-    basis.similarity = ring_similarity(layout);
-    basis.turn = [layout](std::span<const float> a, std::span<const float> b) {
-      return match_rings(a, b, layout).turn;
-    };
-    basis.key_of = ring_key(layout);
-    basis.key_candidates = options.key_candidates;
-    return basis;
+  extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> learn_from) {
+    RingModel fitted = model;
+    fit_to_map(fitted, rings, learn_from, options.adapt);
+    return basis_of(fitted, options);
+  };
+  extractor.open_basis = [options](const std::string& content) {
+    return basis_of(parse_ring_model(content, "the basis"), options);
   };
   extractor.similarity = ring_similarity({});  // that of its descriptors: no cosine
   return extractor;

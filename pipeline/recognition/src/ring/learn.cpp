@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "linear_algebra/linear_algebra.h"
-#include "revisit/recognition/ring/describe.h"
 #include "ring/columns.h"
+#include "ring/projection.h"
 #include "ring/spectrum.h"
 
 namespace revisit::pipeline {
@@ -62,11 +63,10 @@ void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& p
   const int64_t d = ring.numbers;
   const Spectrum spectrum(ring.sectors);
   // [f] [numbers][row of the file]: 17 x 64 x 8 bytes a scan.
-  std::vector<Eigen::MatrixXcf> spectra(kRingFrequencies,
-                                        Eigen::MatrixXcf::Zero(d, drive.rings->n()));
+  std::vector<Eigen::MatrixXcf> spectra(kRingFrequencies, Eigen::MatrixXcf::Zero(d, drive.rings.n));
   for (const int64_t scan : drive.scans) {
     const Eigen::MatrixXcf x =
-        spectrum.of(drive.rings->row(scan).data() + place.first, mean, ring.numbers);
+        spectrum.of(drive.rings.row(scan).data() + place.first, mean, ring.numbers);
     for (int f = 0; f < kRingFrequencies; ++f)
       spectra[static_cast<size_t>(f)].col(scan) = x.row(f).transpose();
   }
@@ -86,8 +86,8 @@ void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& p
   }
 }
 
-std::vector<float> mean_of(const FeatureFile& rings, std::span<const int64_t> scans) {
-  std::vector<double> sums(static_cast<size_t>(rings.d()));
+std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans) {
+  std::vector<double> sums(static_cast<size_t>(rings.d));
   for (const int64_t scan : scans) {
     const auto row = rings.row(scan);
     for (size_t i = 0; i < sums.size(); ++i) sums[i] += static_cast<double>(row[i]);
@@ -99,11 +99,6 @@ std::vector<float> mean_of(const FeatureFile& rings, std::span<const int64_t> sc
 }
 
 }  // namespace
-
-std::vector<float> ring_mean(const FeatureFile& rings, std::span<const int64_t> scans) {
-  if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
-  return mean_of(rings, scans);
-}
 
 void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                    const NextScan& next) {
@@ -140,8 +135,8 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
 void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
   int64_t scans = 0, pairs = 0;
   for (const RingDrive& drive : drives) {
-    if (drive.rings->d() != model.dim())
-      throw InputError(str(drive.rings->path().string(), ": rings of ", drive.rings->d(),
+    if (drive.rings.d != model.dim())
+      throw InputError(str("learning rings: rings of ", drive.rings.d,
                            " numbers are not those of the model, ", model.dim()));
     if (drive.scans.size() < 2)
       throw UsageError(
@@ -159,7 +154,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
     ring->mean.assign(static_cast<size_t>(ring->size()), 0.0F);
   }
   for (const RingDrive& drive : drives) {
-    const std::vector<float> mean = mean_of(*drive.rings, drive.scans);
+    const std::vector<float> mean = mean_of(drive.rings, drive.scans);
     const float share = static_cast<float>(drive.scans.size()) / static_cast<float>(scans);
     for (RingStatistics* ring : {&model.columns, &model.polar}) {
       const RingPlace& place = places[ring == &model.columns ? 0 : 1];
@@ -171,6 +166,32 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
   for (RingStatistics* ring : {&model.columns, &model.polar}) {
     for (Eigen::MatrixXcd& total : ring->total) total /= static_cast<double>(scans);
     for (Eigen::MatrixXcd& shared : ring->shared) shared /= static_cast<double>(pairs);
+  }
+}
+
+void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt) {
+  constexpr double kFewScans = 128;
+  if (!(adapt >= 0 && adapt <= 1))
+    throw UsageError(str("RingOptions::adapt: expected 0 to 1, found ", adapt));
+  if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
+  const std::vector<float> mean = mean_of(rings, scans);
+  const auto places = rings_of(model);
+  std::optional<RingModel> map;
+  if (adapt > 0) {
+    const RingDrive drive{rings, {scans.begin(), scans.end()}, {}};
+    learn_rings(map.emplace(model), {&drive, 1});
+  }
+  const auto n = static_cast<double>(scans.size());
+  const double share = adapt * n / (n + kFewScans);
+  for (RingStatistics RingModel::*ring : {&RingModel::columns, &RingModel::polar}) {
+    RingStatistics& own = model.*ring;
+    const auto first = mean.begin() + places[ring == &RingModel::columns ? 0 : 1].first;
+    own.mean.assign(first, first + own.size());
+    if (!map) continue;
+    const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
+    const double scale = trace(own.total) / std::max(trace(theirs), 1e-300);
+    for (size_t f = 0; f < own.total.size(); ++f)
+      own.total[f] = (1 - share) * own.total[f] + share * scale * theirs[f];
   }
 }
 

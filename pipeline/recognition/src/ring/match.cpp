@@ -6,7 +6,9 @@
 #include <numbers>
 #include <numeric>
 
+#include "revisit/proto/error.h"
 #include "ring/correlation.h"
+#include "ring/spectrum.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -71,12 +73,17 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
 }
 
 Similarity ring_similarity(const RingLayout& layout) {
-  return [layout](std::span<const float> query, const FloatMatrix& stored,
+  if (layout.counts.size() > kRingFrequencies)
+    throw UsageError(str("RingLayout::counts: expected at most ", kRingFrequencies,
+                         " frequencies, found ", layout.counts.size()));
+  RingLayout whole = layout;
+  whole.counts.resize(kRingFrequencies);
+  return [whole](std::span<const float> query, const FloatMatrix& stored,
                   std::span<const int64_t> candidates, std::span<double> similarities) {
     std::vector<const float*> rows;
     rows.reserve(candidates.size());
     for (const int64_t row : candidates) rows.push_back(stored.row(row).data());
-    largest_correlations(query.data(), rows, layout, similarities);
+    largest_correlations(query.data(), rows, whole, similarities);
   };
 }
 

@@ -132,7 +132,7 @@ std::string extraction_content(const RingModel& model) {
   return message.SerializeAsString();
 }
 
-void write_ring_model(const std::filesystem::path& file, const RingModel& model) {
+std::string ring_model_content(const RingModel& model) {
   ring::Model message;
   fill_extraction(model, message);
   message.set_sensor(model.sensor);
@@ -144,7 +144,12 @@ void write_ring_model(const std::filesystem::path& file, const RingModel& model)
   whole.set_version(kVersion);
   whole.set_model(message.SerializeAsString());
   whole.set_checksum(checksum_of(whole.model()));
-  write_atomically(file, [&](std::ostream& out) { whole.SerializeToOstream(&out); });
+  return whole.SerializeAsString();
+}
+
+void write_ring_model(const std::filesystem::path& file, const RingModel& model) {
+  const std::string content = ring_model_content(model);
+  write_atomically(file, [&](std::ostream& out) { out << content; });
 }
 
 RingModel parse_ring_model(std::string_view content, const std::string& name) {

@@ -21,12 +21,6 @@ struct Direction {
   Eigen::VectorXcd v;  // times its weight
 };
 
-double trace(const std::vector<MatrixXcd>& spreads) {
-  double sum = 0;
-  for (const MatrixXcd& spread : spreads) sum += spread.trace().real();
-  return sum;
-}
-
 /// Only what agrees between scans of a place counts; what agrees fully by chance not more.
 void add_discriminants(int f, const MatrixXcd& shared, const MatrixXcd& total,
                        std::vector<Direction>& directions) {
@@ -54,14 +48,18 @@ void add_whitening(int f, const MatrixXcd& total, std::vector<Direction>& direct
 
 }  // namespace
 
-RingProjection project_rings(const RingStatistics& ring, const RingStatistics* spread, double adapt,
-                             double regularisation, int numbers) {
+double trace(const std::vector<MatrixXcd>& spreads) {
+  double sum = 0;
+  for (const MatrixXcd& spread : spreads) sum += spread.trace().real();
+  return sum;
+}
+
+RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers) {
   const auto d = static_cast<Eigen::Index>(ring.numbers);
-  const double own = trace(ring.total), map = spread ? trace(spread->total) : 0;
+  const double own = trace(ring.total);
   std::vector<Direction> directions;
   for (size_t f = 0; f < ring.total.size(); ++f) {
     MatrixXcd total = own > 0 ? MatrixXcd(ring.total[f] / own) : ring.total[f];
-    if (map > 0) total = (1 - adapt) * total + adapt / map * spread->total[f];
     // The least that any spread has, so that a ring that never changes can be inverted.
     const double least = regularisation * total.trace().real() / static_cast<double>(d);
     total.diagonal().array() += std::max(least, 1e-12);

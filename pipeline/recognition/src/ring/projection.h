@@ -11,12 +11,13 @@ namespace revisit::pipeline {
 using RingProjection = std::vector<Eigen::MatrixXcf>;
 
 /// The directions of all frequencies that tell places apart best, so many that a descriptor has
-/// `numbers` real ones (frequency 0 takes one each, the others two). Of the total spread the share
-/// `adapt` is that of `spread`, which may be null.
+/// `numbers` real ones (frequency 0 takes one each, the others two).
 ///
 /// Learnt from pairs: B_f v = l (T_f + eps tr(T_f)/d 1) v, V^H T V = 1, weighted by sqrt(l),
 /// largest l first. From scans alone: T_f^-0.3, largest variance first.
-RingProjection project_rings(const RingStatistics& ring, const RingStatistics* spread, double adapt,
-                             double regularisation, int numbers);
+RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers);
+
+/// The sum of the traces of all frequencies.
+double trace(const std::vector<Eigen::MatrixXcd>& spreads);
 
 }  // namespace revisit::pipeline

@@ -19,8 +19,8 @@ Spectrum::Spectrum(int sectors) : waves_(kRingFrequencies, sectors) {
 }
 
 Eigen::MatrixXcf Spectrum::of(const float* ring, const float* mean, int numbers) const {
-  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const Eigen::Map<const Rows> x(ring, numbers, waves_.cols()), m(mean, numbers, waves_.cols());
+  using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::Map<const RowMajor> x(ring, numbers, waves_.cols()), m(mean, numbers, waves_.cols());
   const Eigen::MatrixXf centred = (x - m).transpose();  // [sectors][numbers]
   Eigen::MatrixXcf spectrum(waves_.rows(), numbers);
   spectrum.real() = waves_.real() * centred;

@@ -7,6 +7,9 @@
 
 namespace revisit::pipeline {
 
+/// In double precision; the same numbers give the same bits.
+double length_of(std::span<const float> x);
+
 /// Lengths of all rows. Throws Error naming the scan (the row) and the alignment case when a value
 /// is not finite.
 std::vector<double> row_lengths(const FloatMatrix& matrix, int which_case);

@@ -35,10 +35,10 @@ struct Basis {
   TurnBetween turn;
   KeyOf key_of;                // how candidates are chosen, when they are
   int64_t key_candidates = 0;  // so many are compared; 0: all
+  std::string content;         // FeatureExtractor::open_basis() makes the same of it
 };
-/// Learns from the rows `learn_from` of a file of features.
-using Reduction =
-    std::function<Basis(const FeatureFile& features, std::span<const int64_t> learn_from)>;
+/// Learns from the rows `learn_from` of some features.
+using Reduction = std::function<Basis(const Rows& features, std::span<const int64_t> learn_from)>;
 
 /// A way to turn scans into feature vectors.
 struct FeatureExtractor {
@@ -50,6 +50,7 @@ struct FeatureExtractor {
   std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
   Similarity similarity;  // how two of them are compared; empty: cosine
   Reduction reduce;       // into descriptors; empty: by PCA, or not at all
+  std::function<Basis(const std::string& content)> open_basis;  // one that `reduce` made
   /// The similarity of the best alone says how sure a match is, as a probability does; by default
   /// it also has to stand out (Score::kMargin).
   bool best_is_sure = false;
@@ -73,6 +74,12 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
 
 /// The range image itself as a vector: the paper's `data`, for comparison.
 FeatureExtractor range_vector_features(const ImageGeometry& geometry);
+
+/// The whole way from a scan to its feature, for features of one moment: aligned, for one that sees
+/// the range image projected and holes closed. Throws InputError for a scan that cannot be aligned,
+/// UsageError for a feature of camera images.
+FeatureFunction<PointCloud> from_scan(const FeatureExtractor& extractor, AlignCase align,
+                                      const ImageGeometry& geometry);
 
 /// The range image the features see: aligned, projected, holes closed.
 RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeometry& geometry);

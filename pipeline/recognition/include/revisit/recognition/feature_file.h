@@ -5,6 +5,8 @@
 #include <span>
 #include <string>
 
+#include "revisit/recognition/matrix.h"
+
 namespace revisit::pipeline {
 
 /// Streams features to a float32 .npy of `[n][d]`, and goes on where an earlier run was stopped.
@@ -74,6 +76,10 @@ class FeatureFile {
   const std::filesystem::path& path() const { return file_; }
   /// Row i, memory-mapped: valid while this object lives and the file is not changed.
   std::span<const float> row(int64_t i) const { return {data_ + i * d_, static_cast<size_t>(d_)}; }
+  /// The same of all rows; refers to this object.
+  Rows rows() const {
+    return {n_, d_, [this](int64_t i) { return row(i); }};
+  }
   /// Copies `count` floats of row `i` from column `first` on, by reading the file: unlike row() the
   /// pages do not count as memory of this process. Throws InputError when the file became shorter.
   void read(int64_t i, int64_t first, int64_t count, float* out) const;

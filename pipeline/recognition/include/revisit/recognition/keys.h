@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <vector>
 
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/similarity.h"
@@ -18,6 +19,13 @@ struct KeyOf {
 
 /// The keys of all rows of `descriptors`.
 FloatMatrix keys_of(const FloatMatrix& descriptors, const KeyOf& key_of);
+
+/// The products of `key` with the rows of `keys` from `first` on, as many as `products` takes.
+void products_of_rows(std::span<const float> key, const FloatMatrix& keys, int64_t first,
+                      std::span<float> products);
+
+/// Positions of the `count` largest numbers, ascending; of equal ones the earlier.
+std::vector<size_t> positions_of_largest(std::span<const float> numbers, int64_t count);
 
 /// Positions in `candidates`, which are rows of `keys`, of those `count` whose product with `key`
 /// is the largest, ascending; all of them when there are not more. Of equal ones the earlier.

@@ -1,10 +1,17 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
 namespace revisit::pipeline {
+
+/// Rows of floats `[n][d]`, wherever they are.
+struct Rows {
+  int64_t n = 0, d = 0;
+  std::function<std::span<const float>(int64_t)> row;
+};
 
 /// Rows of floats in C order, `[n][d]`: one descriptor a row, row i being scan i of the data set.
 struct FloatMatrix {
@@ -18,6 +25,10 @@ struct FloatMatrix {
     return {values.data() + i * d, static_cast<size_t>(d)};
   }
   std::span<float> row(int64_t i) { return {values.data() + i * d, static_cast<size_t>(d)}; }
+  /// Refers to this matrix.
+  Rows rows() const {
+    return {n, d, [this](int64_t i) { return row(i); }};
+  }
 };
 
 }  // namespace revisit::pipeline

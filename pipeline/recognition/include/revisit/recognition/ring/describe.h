@@ -11,12 +11,10 @@ namespace revisit::pipeline {
 
 struct RingOptions {
   int numbers = 1024;  // of a descriptor: half of them of each ring
-  /// Share of the model's total spread that the map's own takes the place of (learn_rings() on the
-  /// map's scans gives it); 0: the model's alone. A map of n scans has n / (n + 128) of it, as few
-  /// scans do not know their spread.
-  double adapt = 0;
   /// Added to the total spread, in units of its mean eigenvalue: how much small variances count.
   double regularisation = 1e-2;
+  /// See fit_to_map().
+  double adapt = 0;
   /// Compared are so many candidates, those with the most similar keys (ring_key()); 0: all.
   int64_t key_candidates = 0;
 };
@@ -26,12 +24,8 @@ struct RingOptions {
 /// analysis of each frequency, docs/RINGS.md), to unit length. Copies share what was computed.
 class RingDescriber {
  public:
-  /// `mean` [model.dim()]: the ring mean of the map's scans; that of another sensor or of simulated
-  /// scans hides what real places share. With `spread` (of the map, by learn_rings()) and
-  /// options.adapt the model's total spread is adapted. Throws UsageError for options that are
-  /// none.
-  RingDescriber(const RingModel& model, std::vector<float> mean, const RingOptions& options = {},
-                const RingModel* spread = nullptr);
+  /// `model`: of the map, by fit_to_map(). Throws UsageError for options that are none.
+  explicit RingDescriber(const RingModel& model, const RingOptions& options = {});
 
   const RingLayout& layout() const;
   /// `rings` [model.dim()] -> `descriptor` [layout().numbers()], of length 1; all zero for rings

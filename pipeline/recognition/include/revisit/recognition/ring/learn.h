@@ -8,7 +8,8 @@
 #include <vector>
 
 #include "revisit/engine/net.h"
-#include "revisit/recognition/feature_file.h"
+#include "revisit/recognition/matrix.h"
+#include "revisit/recognition/point_cloud.h"
 #include "revisit/recognition/ring/model.h"
 
 namespace revisit::pipeline {
@@ -34,20 +35,23 @@ struct RingPair {
   double turn = 0;  // heading of b less heading of a, counter-clockwise [rad]
 };
 
-/// The mean of the rings of some scans (rows of `rings`), [RingModel::dim()]. Throws UsageError
-/// when there are none.
-std::vector<float> ring_mean(const FeatureFile& rings, std::span<const int64_t> scans);
-
 /// What one drive has to teach.
 struct RingDrive {
-  const FeatureFile* rings = nullptr;  // [n][RingModel::dim()], features of ring_features()
-  std::vector<int64_t> scans;          // rows to learn from, ascending
-  std::vector<RingPair> pairs;         // of them
+  Rows rings;                   // [n][RingModel::dim()], features of ring_features()
+  std::vector<int64_t> scans;   // rows to learn from, ascending
+  std::vector<RingPair> pairs;  // of them
 };
 
 /// Learns what rings of one place share: fills mean, total and shared of both rings. Each drive's
 /// rings are taken less their own mean. Without pairs `shared` stays empty. Throws UsageError
 /// without drives and for one of fewer than 2 scans, InputError for rings of another size.
 void learn_rings(RingModel& model, std::span<const RingDrive> drives);
+
+/// Makes `model` one for the map that these scans (rows of `rings`) are of: their mean becomes the
+/// model's, as that of another sensor or of simulated scans hides what real places share; and their
+/// spread takes the place of the share `adapt` of the model's total spread. Of n scans it takes
+/// n / (n + 128) of that, as few scans do not know their spread. Throws UsageError without scans,
+/// for fewer than 2 that are to tell a spread, and for a share outside of 0 to 1.
+void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt);
 
 }  // namespace revisit::pipeline

@@ -24,7 +24,8 @@ struct RingMatch {
 /// The largest circular correlation over all turns (360 of them; `turn` is then refined).
 RingMatch match_rings(std::span<const float> a, std::span<const float> b, const RingLayout& layout);
 
-/// The same similarity of a query with many. 0 for a descriptor that is all zero.
+/// The same similarity of a query with many. 0 for a descriptor that is all zero. Throws UsageError
+/// for more frequencies than rings have.
 Similarity ring_similarity(const RingLayout& layout);
 
 /// What a turn of the sensor does not change: the moduli of a descriptor's complex numbers. The

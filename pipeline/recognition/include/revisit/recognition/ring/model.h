@@ -62,6 +62,7 @@ struct RingModel {
 void write_ring_model(const std::filesystem::path& file, const RingModel& model);
 RingModel read_ring_model(const std::filesystem::path& file);
 /// The same of a file's content; `name` is for messages.
+std::string ring_model_content(const RingModel& model);
 RingModel parse_ring_model(std::string_view content, const std::string& name);
 
 /// The models that come with the library, learnt from simulated towns by

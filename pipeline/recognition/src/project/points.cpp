@@ -1,0 +1,28 @@
+#include "revisit/recognition/points.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+
+void copy_points(const PointsView& points, PointCloud& cloud) {
+  const size_t last = std::max({points.x, points.y, points.z}) + sizeof(float);
+  if (points.stride < last)
+    throw UsageError(str("PointsView::stride: expected at least ", last,
+                         " bytes for the coordinates, found ", points.stride));
+  if (!points.data && points.count > 0)
+    throw UsageError(str("PointsView::data: ", points.count, " points without data"));
+  cloud.points.resize(points.count);
+  const auto* from = static_cast<const std::byte*>(points.data);
+  for (Point& point : cloud.points) {
+    std::memcpy(&point.x, from + points.x, sizeof(float));  // which need not be aligned
+    std::memcpy(&point.y, from + points.y, sizeof(float));
+    std::memcpy(&point.z, from + points.z, sizeof(float));
+    point.intensity = 0;
+    from += points.stride;
+  }
+}
+
+}  // namespace revisit::pipeline
