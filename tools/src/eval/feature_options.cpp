@@ -126,7 +126,7 @@ void FeatureOptions::declare(Parser& parser) {
                 &ring_options.numbers);
   parser.option("ring-adapt", "SHARE",
                 "ring: share of the model's spread that the map's own takes the place of, 0 to 1 "
-                "(default 0)",
+                "(default 0.3)",
                 &ring_options.adapt);
   parser.group("Competitors:");
   parser.option("ring-key-candidates", "N",

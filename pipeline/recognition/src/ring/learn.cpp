@@ -181,14 +181,14 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
     const RingDrive drive{rings, {scans.begin(), scans.end()}, {}};
     learn_rings(map.emplace(model), {&drive, 1});
   }
-  const auto n = static_cast<double>(scans.size());
-  const double share = adapt * n / (n + kFewScans);
   for (RingStatistics RingModel::*ring : {&RingModel::columns, &RingModel::polar}) {
     RingStatistics& own = model.*ring;
     const auto first = mean.begin() + places[ring == &RingModel::columns ? 0 : 1].first;
     own.mean.assign(first, first + own.size());
     if (!map) continue;
     const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
+    const double n = std::max(0.0, static_cast<double>(scans.size()) - own.numbers);
+    const double share = adapt * n / (n + kFewScans);
     const double scale = trace(own.total) / std::max(trace(theirs), 1e-300);
     for (size_t f = 0; f < own.total.size(); ++f)
       own.total[f] = (1 - share) * own.total[f] + share * scale * theirs[f];

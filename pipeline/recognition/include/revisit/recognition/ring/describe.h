@@ -13,8 +13,7 @@ struct RingOptions {
   int numbers = 1024;  // of a descriptor: half of them of each ring
   /// Added to the total spread, in units of its mean eigenvalue: how much small variances count.
   double regularisation = 1e-2;
-  /// See fit_to_map().
-  double adapt = 0;
+  double adapt = 0.3;  // see fit_to_map()
   /// Compared are so many candidates, those with the most similar keys (ring_key()); 0: all.
   int64_t key_candidates = 0;
 };
