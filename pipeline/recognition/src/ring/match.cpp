@@ -79,7 +79,7 @@ Similarity ring_similarity(const RingLayout& layout) {
   RingLayout whole = layout;
   whole.counts.resize(kRingFrequencies);
   return [whole](std::span<const float> query, const FloatMatrix& stored,
-                  std::span<const int64_t> candidates, std::span<double> similarities) {
+                 std::span<const int64_t> candidates, std::span<double> similarities) {
     std::vector<const float*> rows;
     rows.reserve(candidates.size());
     for (const int64_t row : candidates) rows.push_back(stored.row(row).data());
