@@ -8,6 +8,7 @@ set(revisit_recognition_needs engine)
 set(revisit_datasets_needs recognition)
 set(revisit_evaluation_needs datasets)
 set(revisit_baselines_needs datasets)
+set(revisit_registration_needs recognition)
 set(revisit_simulation_needs datasets)
 set(revisit_maps_needs recognition)
 

@@ -9,17 +9,19 @@ set(sees_pipeline/recognition recognition engine proto)
 set(sees_pipeline/datasets datasets recognition engine proto)
 set(sees_pipeline/evaluation evaluation datasets recognition engine proto)
 set(sees_pipeline/baselines baselines datasets recognition engine proto)
+set(sees_pipeline/registration registration recognition engine proto)
 set(sees_pipeline/simulation simulation datasets engine proto)  # knows no recognition
 set(sees_pipeline/maps maps recognition engine proto)
 set(sees_weights_conversion weights_conversion proto)
 set(sees_tools tools maps simulation baselines evaluation datasets recognition engine proto weights_conversion)
+set(sees_tools tools simulation registration baselines evaluation datasets recognition engine proto weights_conversion)
 
 # library header pattern -> files that may include it
 set(owned_libraries
   "opencv2/|pipeline/baselines/src/visual_words"
   "png.h|pipeline/datasets/src/io/gray_png|tools/src/report/range_images"
   "liblzf/|pipeline/datasets/src/io/pcd"
-  "pcl/|pipeline/baselines/src/pcl/"
+  "pcl/|pipeline/baselines/src/pcl/|pipeline/registration/src/pcl/"
   "embree3/|pipeline/simulation/src/ray_caster"
   "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"
@@ -37,6 +39,7 @@ endfunction()
 
 foreach(layer proto engine pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
         pipeline/simulation pipeline/maps weights_conversion tools)
+        pipeline/registration pipeline/simulation weights_conversion tools)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
   foreach(source IN LISTS sources)
     file(RELATIVE_PATH name ${ROOT} ${source})

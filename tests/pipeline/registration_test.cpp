@@ -1,0 +1,293 @@
+#include "revisit/registration/registration.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <numbers>
+#include <thread>
+#include <vector>
+
+#include "coarse_pose.h"
+#include "expect_error.h"
+#include "lidar.h"
+#include "ray_caster.h"
+#include "revisit/datasets/pose.h"
+#include "revisit/datasets/scan_file.h"
+#include "revisit/proto/error.h"
+#include "test_data.h"
+#include "town.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using namespace simulation;
+using test::expect_error;
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+}
+
+double yaw_of(const Eigen::Isometry3d& T) {
+  return std::atan2(T(1, 0), T(0, 0));
+}
+
+TEST(CoarsePose, FindsShiftAndTurn) {
+  std::vector<Eigen::Vector3f> place, query;
+  const Eigen::Isometry3d truth = Eigen::Translation3d(-3.5, 2, 0) *
+                                  Eigen::AngleAxisd(91.5 * kDegree, Eigen::Vector3d::UnitZ());
+  for (int i = 0; i < 400; ++i) {
+    place.emplace_back(25 * std::sin(static_cast<float>(i)),
+                       18 * std::sin(1.7F * static_cast<float>(i * i)), 0.F);
+    query.emplace_back((truth.inverse() * place.back().cast<double>()).cast<float>());
+  }
+  const Eigen::Isometry3d found = coarse_pose(query, place, 90 * kDegree, 6, 60);
+  EXPECT_LT((found.translation() - truth.translation()).norm(), 0.51);
+  EXPECT_NEAR(yaw_of(found) / kDegree, 91.5, 1e-6);
+}
+
+TEST(Registration, RefusesOptionsThatCannotBe) {
+#ifdef REVISIT_HAVE_PCL
+  expect_error<UsageError>([] { PreparedScan(PointCloud{}, {.voxel = 0}); }, {"voxel"});
+  const PreparedScan scan{PointCloud{}};
+  expect_error<UsageError>([&] { register_scans(scan, scan, 0, {.max_distance = -1}); },
+                           {"max_distance"});
+  expect_error<UsageError>([&] { register_scans(scan, scan, std::nan("")); }, {"finite turn"});
+#else
+  expect_error<UsageError>([] { PreparedScan(PointCloud{}, {}); }, {"without PCL"});
+#endif
+}
+
+#ifdef REVISIT_HAVE_PCL
+
+/// Scans of a street by an HDL-64E.
+class Street {
+ public:
+  Street()
+      : town_(config()),
+        scene_(Mesh(town_.world.mesh)),
+        rays_(scene_),
+        pattern_(beam_pattern(LidarModel::kHdl64)),
+        lidar_(pattern_, {}, 1) {}
+
+  /// Where the vehicle was after `metres`, shifted to the left and turned counter-clockwise.
+  Eigen::Isometry3d pose(double metres, double left = 0, double turn = 0) const {
+    const PathPoint& on_path =
+        town_.streets.path.points.at(static_cast<size_t>(metres / kPathStep));
+    const Eigen::Vector2d p = on_path.position + left * on_path.left();
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    const double heading = std::atan2(on_path.forward.y(), on_path.forward.x()) + turn;
+    const Eigen::Vector3d up = town_.streets.ground.normal(p);
+    T.linear() = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), up) *
+                 Eigen::AngleAxisd(heading, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    T.translation() << p.x(), p.y(), town_.streets.ground.height(p);
+    T.translation() += kSensorHeight * up;
+    return T;
+  }
+
+  PointCloud scan(const Eigen::Isometry3d& T_world_velo) {
+    return lidar_.scan(++frame_, T_world_velo, rays_);
+  }
+
+ private:
+  static SimulationConfig config() {
+    SimulationConfig config = quick("unused");
+    config.seed = 5;
+    return config;
+  }
+
+  Town town_;
+  Scene scene_;
+  RayCaster rays_;
+  BeamPattern pattern_;
+  Lidar lidar_;
+  int frame_ = 0;
+};
+
+Street& street() {
+  static Street street;
+  return street;
+}
+
+TEST(Registration, FindsHowScansOfAStreetLie) {
+  std::vector<double> metres, degrees;
+  int i = 0;
+  for (const double at : {60, 150, 240}) {
+    const Eigen::Isometry3d T_world_place = street().pose(at);
+    const PreparedScan place(street().scan(T_world_place));
+    for (const double turn : {0, 90, 180})
+      for (const double ahead : {0, 2, 4}) {
+        const double error = (++i % 5 - 2) * kDegree;
+        const Eigen::Isometry3d T_world_query =
+            street().pose(at + ahead, i % 3 - 1, turn * kDegree);
+        const Eigen::Isometry3d truth = T_world_place.inverse() * T_world_query;
+        const PreparedScan query(street().scan(T_world_query));
+        const Registration found = register_scans(query, place, yaw_of(truth) + error);
+        EXPECT_TRUE(found.accepted) << at << " " << turn << " " << ahead << ": " << found.inliers
+                                    << " " << found.constraint;
+        metres.push_back((found.T_place_query.translation() - truth.translation()).norm());
+        degrees.push_back(angle_between(found.T_place_query, truth) / kDegree);
+        EXPECT_LT(metres.back(), 0.3);
+        EXPECT_LT(degrees.back(), 1);
+      }
+  }
+  std::sort(metres.begin(), metres.end());
+  std::sort(degrees.begin(), degrees.end());
+  EXPECT_LT(metres[metres.size() / 2], 0.03);
+  EXPECT_LT(degrees[degrees.size() / 2], 0.1);
+}
+
+TEST(Registration, TheWayBackIsTheInverse) {
+  const Eigen::Isometry3d a = street().pose(100), b = street().pose(103, 1, 2);
+  const PreparedScan scan_a(street().scan(a)), scan_b(street().scan(b));
+  const double turn = yaw_of(a.inverse() * b);
+  const Registration there = register_scans(scan_b, scan_a, turn);
+  const Registration back = register_scans(scan_a, scan_b, -turn);
+  const Eigen::Isometry3d both = there.T_place_query * back.T_place_query;
+  EXPECT_LT(both.translation().norm(), 0.05);
+  EXPECT_LT(angle_between(both, Eigen::Isometry3d::Identity()), 0.2 * kDegree);
+}
+
+TEST(Registration, AWrongPlaceIsNotAccepted) {
+  const PreparedScan here(street().scan(street().pose(60)));
+  for (const double elsewhere : {90, 130, 200, 280})
+    for (const double turn : {0, 180}) {
+      const PreparedScan there(street().scan(street().pose(elsewhere)));
+      const Registration found = register_scans(here, there, turn * kDegree);
+      EXPECT_FALSE(found.accepted) << elsewhere << " " << turn << ": " << found.inliers;
+    }
+}
+
+TEST(Registration, InformationSaysHowMuchNoiseMovesThePose) {
+  const Eigen::Isometry3d a = street().pose(60), b = street().pose(61, 0.5, 0.1);
+  const Eigen::Isometry3d truth = a.inverse() * b;
+  const PreparedScan place(street().scan(a));
+  Eigen::Matrix<double, 6, 1> squares = Eigen::Matrix<double, 6, 1>::Zero(), promised = squares;
+  constexpr int kRuns = 8;  // frames differ in noise
+  for (int run = 0; run < kRuns; ++run) {
+    const Registration found = register_scans(PreparedScan(street().scan(b)), place, yaw_of(truth));
+    const Eigen::Isometry3d error = found.T_place_query.inverse() * truth;
+    const Eigen::AngleAxisd turn(error.linear());
+    Eigen::Matrix<double, 6, 1> delta;
+    delta << error.translation(), turn.angle() * turn.axis();
+    squares += delta.cwiseAbs2() / kRuns;
+    promised += found.information.inverse().diagonal() / kRuns;
+    EXPECT_TRUE(found.information.isApprox(found.information.transpose()));
+  }
+  for (int i = 0; i < 6; ++i) {
+    const double ratio = std::sqrt(squares[i] / promised[i]);
+    EXPECT_GT(ratio, 0.05) << i;
+    EXPECT_LT(ratio, 20) << i;
+  }
+}
+
+/// A room around the sensor that is `length` x 8 x 4 m, seen by the HDL-64E.
+PointCloud room(double length, int frame) {
+  Mesh mesh;
+  const auto x = static_cast<float>(length / 2);
+  mesh.box({-x, -4, -2}, {x, 4, 2}, surface(Material::kSolid, 0.9));
+  mesh.quad({-x, -4, -2}, {x, -4, -2}, {x, 4, -2}, {-x, 4, -2}, surface(Material::kSolid, 0.9));
+  const Scene scene(std::move(mesh));
+  RayCaster rays(scene);
+  const BeamPattern pattern = beam_pattern(LidarModel::kHdl64);
+  return Lidar(pattern, {}, 1).scan(frame, Eigen::Isometry3d::Identity(), rays);
+}
+
+TEST(Registration, ACorridorIsNotHeldAlongItsAxis) {
+  const auto along_by_across = [](double length) {
+    const Registration found =
+        register_scans(PreparedScan(room(length, 1)), PreparedScan(room(length, 2)), 0);
+    EXPECT_GT(found.inliers, 0.9);
+    EXPECT_EQ(found.accepted, length < 100) << found.constraint;
+    return found.information(0, 0) / found.information(1, 1);
+  };
+  EXPECT_GT(along_by_across(20), 0.05);
+  EXPECT_LT(along_by_across(300), 0.02);
+}
+
+TEST(Registration, AScanOfHardlyAnythingIsNotAccepted) {
+  const PreparedScan good(room(20, 1));
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  PointCloud none, nans, three, ground, wall, line, same;
+  nans.points.assign(5000, {nan, 1, 2, 0});
+  three.points = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
+  for (int i = 0; i < 100; ++i)
+    for (int k = 0; k < 100; ++k) {
+      const float u = 0.5F * static_cast<float>(i - 50), v = 0.5F * static_cast<float>(k - 50);
+      ground.points.push_back({u, v, -1.7F, 0});
+      wall.points.push_back({u, 5, v, 0});
+      line.points.push_back({0.01F * (u + 100 * v), 1, 0, 0});
+      same.points.push_back({1, 2, 3, 0});
+    }
+  for (const PointCloud* cloud : {&none, &nans, &three, &ground, &wall, &line, &same}) {
+    const PreparedScan scan(*cloud);
+    for (const PreparedScan* other : {&good, &scan}) {
+      for (const bool swap : {false, true}) {
+        const Registration found = register_scans(swap ? *other : scan, swap ? scan : *other, 1);
+        EXPECT_FALSE(found.accepted)
+            << cloud->points.size() << " " << found.inliers << " " << found.constraint;
+        EXPECT_TRUE(found.T_place_query.matrix().allFinite());
+        EXPECT_TRUE(found.information.allFinite());
+      }
+    }
+  }
+}
+
+TEST(Registration, PointsThatAreNoReturnsChangeNothing) {
+  PointCloud cloud = room(20, 1);
+  const PreparedScan plain(cloud);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (size_t i = 0; i < cloud.points.size(); i += 50)
+    cloud.points.insert(cloud.points.begin() + static_cast<std::ptrdiff_t>(i),
+                        i % 100 == 0 ? Point{nan, 0, 0, 0} : Point{});
+  EXPECT_EQ(PreparedScan(cloud).size(), plain.size());
+}
+
+TEST(Registration, ThreadsShareScansAndAgreeBitForBit) {
+  const PreparedScan query(room(20, 1)), place(room(20, 2));
+  std::vector<Registration> found(4);
+  std::vector<std::thread> threads;
+  for (Registration& result : found)
+    threads.emplace_back([&] { result = register_scans(query, place, 0.02); });
+  for (std::thread& thread : threads) thread.join();
+  for (const Registration& result : found) {
+    EXPECT_EQ(result.T_place_query.matrix(), found[0].T_place_query.matrix());
+    EXPECT_EQ(result.information, found[0].information);
+  }
+}
+
+TEST(Registration, RealRevisitsAreAcceptedAndOtherPlacesAreNot) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  const std::vector<Eigen::Isometry3d> T_world_cam = read_kitti_poses(kitti / "poses/00.txt");
+  const Eigen::Isometry3d T_cam_velo = read_kitti_calibration(kitti / "sequences/00/calib.txt");
+  const auto scan = [&](int frame) {
+    char name[24];
+    std::snprintf(name, sizeof name, "%06d.bin", frame);
+    return PreparedScan(read_scan(kitti / "sequences/00/velodyne" / name));
+  };
+  const auto truth = [&](int query, int place) {
+    const auto T_world_velo = [&](int frame) {
+      return T_world_cam[static_cast<size_t>(frame)] * T_cam_velo;
+    };
+    return T_world_velo(place).inverse() * T_world_velo(query);
+  };
+  for (const auto& [query, place] : {std::pair{4501, 52}, {52, 4501}, {88, 94}, {88, 95}}) {
+    const Eigen::Isometry3d expected = truth(query, place);
+    const Registration found =
+        register_scans(scan(query), scan(place), yaw_of(expected) + 2 * kDegree);
+    EXPECT_TRUE(found.accepted) << query << " " << place << ": " << found.inliers;
+    const Eigen::Vector3d error = found.T_place_query.translation() - expected.translation();
+    EXPECT_LT(error.head<2>().norm(), 0.3) << query << " " << place;
+    EXPECT_LT(std::abs(yaw_of(expected.inverse() * found.T_place_query)), kDegree);
+    EXPECT_FALSE(register_scans(scan(query), scan(850), 0).accepted) << query;
+  }
+}
+
+#endif
+
+}  // namespace
+}  // namespace revisit::pipeline
