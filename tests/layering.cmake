@@ -13,8 +13,7 @@ set(sees_pipeline/registration registration recognition engine proto)
 set(sees_pipeline/simulation simulation datasets engine proto)  # knows no recognition
 set(sees_pipeline/maps maps recognition engine proto)
 set(sees_weights_conversion weights_conversion proto)
-set(sees_tools tools maps simulation baselines evaluation datasets recognition engine proto weights_conversion)
-set(sees_tools tools simulation registration baselines evaluation datasets recognition engine proto weights_conversion)
+set(sees_tools tools maps registration simulation baselines evaluation datasets recognition engine proto weights_conversion)
 
 # library header pattern -> files that may include it
 set(owned_libraries
@@ -38,8 +37,7 @@ function(complain text)
 endfunction()
 
 foreach(layer proto engine pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
-        pipeline/simulation pipeline/maps weights_conversion tools)
-        pipeline/registration pipeline/simulation weights_conversion tools)
+        pipeline/registration pipeline/simulation pipeline/maps weights_conversion tools)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
   foreach(source IN LISTS sources)
     file(RELATIVE_PATH name ${ROOT} ${source})

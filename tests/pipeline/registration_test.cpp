@@ -28,10 +28,6 @@ using test::expect_error;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
-  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
-}
-
 double yaw_of(const Eigen::Isometry3d& T) {
   return std::atan2(T(1, 0), T(0, 0));
 }
@@ -63,6 +59,10 @@ TEST(Registration, RefusesOptionsThatCannotBe) {
 }
 
 #ifdef REVISIT_HAVE_PCL
+
+double angle_between(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) {
+  return Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+}
 
 /// Scans of a street by an HDL-64E.
 class Street {
@@ -180,8 +180,8 @@ TEST(Registration, InformationSaysHowMuchNoiseMovesThePose) {
   }
   for (int i = 0; i < 6; ++i) {
     const double ratio = std::sqrt(squares[i] / promised[i]);
-    EXPECT_GT(ratio, 0.05) << i;
-    EXPECT_LT(ratio, 20) << i;
+    EXPECT_GT(ratio, 0.2) << i;
+    EXPECT_LT(ratio, 5) << i;
   }
 }
 
@@ -201,7 +201,7 @@ TEST(Registration, ACorridorIsNotHeldAlongItsAxis) {
   const auto along_by_across = [](double length) {
     const Registration found =
         register_scans(PreparedScan(room(length, 1)), PreparedScan(room(length, 2)), 0);
-    EXPECT_GT(found.inliers, 0.9);
+    EXPECT_GT(found.inliers, 0.8);
     EXPECT_EQ(found.accepted, length < 100) << found.constraint;
     return found.information(0, 0) / found.information(1, 1);
   };

@@ -21,7 +21,8 @@ class Cells {
       const int at = index(point.x(), point.y());
       for (int dy = -1; dy <= 1; ++dy)
         for (int dx = -1; dx <= 1; ++dx) {
-          uint8_t& value = values_[static_cast<size_t>(at + step(dx, dy))];
+          const int cell = at + step(dx, dy);
+          uint8_t& value = values_[static_cast<size_t>(cell)];
           value = std::max(value, static_cast<uint8_t>(3 - std::abs(dx) - std::abs(dy)));
         }
     }
