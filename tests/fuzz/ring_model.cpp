@@ -17,8 +17,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   fuzz::works_or_refuses([&] {
     const pipeline::RingModel model =
         pipeline::parse_ring_model(file.SerializeAsString(), "<case>");
-    const pipeline::RingDescriber describer(
-        model, std::vector<float>(static_cast<size_t>(model.dim())), {.numbers = 64});
+    const pipeline::RingDescriber describer(model, {.numbers = 64});
     fuzz::require(describer.layout().numbers() <= 64, "at most the numbers asked for");
   });
   return 0;

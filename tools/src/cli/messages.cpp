@@ -20,6 +20,8 @@ constexpr Setting kSettings[] = {
     {"LoadOptions::inputs", "--input-shape"},
     {"Net::layer_names", "'revisit net inspect'"},
     {"PlanOptions::max_run_bytes", "--max-run-mb"},
+    {"RecognizerOptions::first_stretch", "--first-stretch"},
+    {"RecognizerOptions::k", "--k"},
     {"ReductionOptions::memory_gb", "--memory"},
     {"RingOptions::adapt", "--ring-adapt"},
     {"RingOptions::key_candidates", "--ring-key-candidates"},

@@ -94,11 +94,13 @@ void FeatureOptions::declare(Parser& parser) {
                 &every);
   image.declare(parser);
   parser.group("Feature:");
-  parser.option("feature", "NAME",
-                "cnn (output of a network), data (the range image itself), ring (columns of a "
-                "network and of heights, compared at every heading), vfh, esf, grsd, "
-                "scan-context, m2dp, or fabmap on camera images (default cnn)",
-                &feature);
+  parser.option(
+      "feature", "NAME",
+      std::string("cnn (output of a network), data (the range image itself), ring (columns of a "
+                  "network and of heights, compared at every heading), vfh, esf, grsd, "
+                  "scan-context, m2dp, or fabmap on camera images (default ") +
+          feature + ")",
+      &feature);
   parser.option("model", "P",
                 "prototxt, or the name of a known model (default: the best one found)", &model);
   parser.option("weights", "W", "caffemodel", &weights);

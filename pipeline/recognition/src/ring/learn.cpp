@@ -177,7 +177,8 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
   const std::vector<float> mean = mean_of(rings, scans);
   const auto places = rings_of(model);
   std::optional<RingModel> map;
-  if (adapt > 0) {
+  const auto n = static_cast<double>(scans.size());
+  if (adapt > 0 && n > std::min(model.columns.numbers, model.polar.numbers)) {
     const RingDrive drive{rings, {scans.begin(), scans.end()}, {}};
     learn_rings(map.emplace(model), {&drive, 1});
   }
@@ -187,8 +188,8 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
     own.mean.assign(first, first + own.size());
     if (!map) continue;
     const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
-    const double n = std::max(0.0, static_cast<double>(scans.size()) - own.numbers);
-    const double share = adapt * n / (n + kFewScans);
+    const double more = std::max(0.0, n - own.numbers);
+    const double share = adapt * more / (more + kFewScans);
     const double scale = trace(own.total) / std::max(trace(theirs), 1e-300);
     for (size_t f = 0; f < own.total.size(); ++f)
       own.total[f] = (1 - share) * own.total[f] + share * scale * theirs[f];

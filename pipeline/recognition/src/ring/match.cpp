@@ -74,7 +74,7 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
 
 Similarity ring_similarity(const RingLayout& layout) {
   if (layout.counts.size() > kRingFrequencies)
-    throw UsageError(str("RingLayout::counts: expected at most ", kRingFrequencies,
+    throw UsageError(str("ring layout: expected at most ", kRingFrequencies,
                          " frequencies, found ", layout.counts.size()));
   RingLayout whole = layout;
   whole.counts.resize(kRingFrequencies);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -77,6 +78,8 @@ class PcaModel {
   ///
   /// Throws InputError when the features have another dimension or are not finite; Interrupted.
   FloatMatrix project(const FeatureFiles& files, const PcaOptions& options = {}) const;
+  /// The same of one feature [dim()]: as many components as `descriptor` takes.
+  void project(std::span<const float> feature, std::span<float> descriptor) const;
 
  private:
   std::filesystem::path folder_;

@@ -51,8 +51,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives);
 /// model's, as that of another sensor or of simulated scans hides what real places share; and their
 /// spread takes the place of the share `adapt` of the model's total spread. Of n scans more than a
 /// ring has numbers it takes n / (n + 128) of that: fewer do not know their spread. Throws
-/// UsageError without scans, for fewer than 2 that are to tell a spread, and for a share outside of
-/// 0 to 1.
+/// UsageError without scans and for a share outside of 0 to 1.
 void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt);
 
 }  // namespace revisit::pipeline

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "revisit/maps/map_store.h"
+#include "revisit/recognition/feature.h"
+#include "revisit/recognition/points.h"
+#include "revisit/recognition/retrieve.h"
+
+namespace revisit::pipeline {
+
+struct RecognizerOptions {
+  AlignCase align = AlignCase::kNone;
+  ImageGeometry geometry;  // of a feature that sees the range image
+  /// A feature that learns from the map's scans (rings their mean) does so from the first places,
+  /// so many, and describes them again; what comes later is described as these are.
+  int64_t first_stretch = 200;
+  /// Of the score: at least so much is accepted. Absent: what the map was calibrated to.
+  std::optional<double> threshold;
+  int k = 4;
+  Score score = Score::kMargin;
+};
+
+/// What a scan looks like.
+struct Description {
+  std::vector<float> feature;  // empty for a scan that could not be described ...
+  std::string why_not;         // ... for this reason
+  bool described() const { return !feature.empty(); }
+};
+
+/// A place that looks like the scan asked.
+struct Loop {
+  int64_t position = 0;  // of the place in this recogniser, counted from 0 as places were added
+  int64_t id = 0;        // of the place in the map, as below: StoredPlace
+  std::string drive;
+  int64_t frame = 0;
+  std::optional<double> time;
+  std::optional<Eigen::Isometry3d> pose;
+  double similarity = 0;       // of the descriptors
+  double runner_up = 0;        // the similarity of the k-th best
+  double score = 0;            // as RecognizerOptions::score says
+  std::optional<double> turn;  // heading of the scan less heading of the place, ccw [rad]
+  bool accepted = false;       // the score reaches the threshold; false without one
+};
+
+/// Knows places and recognises them, one scan at a time. With a map every place is on the disk when
+/// add() returns. Any number of threads may call.
+///
+///   PlaceRecognizer recognizer(ring_recogniser(model, ring_net(model), {}), {.threshold = 0.3});
+///   const Description scan = recognizer.describe({points.data(), points.size(), sizeof(MyPoint)});
+///   if (const auto loop = recognizer.query(scan, recent)) close_loop(*loop);
+///   recognizer.add(scan, {.frame = 17, .pose = T_world_sensor});
+class PlaceRecognizer {
+ public:
+  /// The places of `map` are known at once; null: nothing is kept. Throws UsageError for a feature
+  /// of camera images or options that are none, InputError when the map was made with another
+  /// feature (identity_of()). `damaged` gets a message for each place that cannot be read.
+  PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
+                  std::unique_ptr<MapStore> map = nullptr, const MapStore::Damaged& damaged = {});
+  ~PlaceRecognizer();
+
+  /// What a map that this feature and these options fill must have been made with.
+  static MapIdentity identity_of(const FeatureExtractor& extractor,
+                                 const RecognizerOptions& options);
+
+  Description describe(const PointsView& points) const;
+  /// `about`: drive, frame, time and pose; returns the position. Throws UsageError for a scan that
+  /// was not described, and what MapStore::add() throws: the place is then not known either.
+  int64_t add(const Description& scan, StoredPlace about);
+  /// The best place but those at the positions `without` (ascending), which are of the same moment;
+  /// nothing when there is none or the scan was not described.
+  std::optional<Loop> query(const Description& scan, std::span<const int64_t> without = {}) const;
+
+  /// Places known.
+  int64_t size() const;
+  std::optional<double> threshold() const;
+  /// Takes in what others have added to the map.
+  void refresh();
+  /// Keeps the threshold in the map.
+  void calibrate(double threshold);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,290 @@
+#include "revisit/maps/place_recognizer.h"
+
+#include <algorithm>
+#include <bit>
+#include <charconv>
+#include <mutex>
+#include <numeric>
+#include <shared_mutex>
+
+#include "revisit/proto/error.h"
+#include "revisit/proto/text.h"
+#include "revisit/recognition/place_index.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// To be raised with every change after which the same scan has another descriptor.
+constexpr int kRecognizerVersion = 1;
+
+constexpr const char* kBasis = "basis";
+constexpr const char* kThreshold = "threshold";
+
+/// Of a feature that learns nothing: it is the descriptor.
+Basis as_it_is(const FeatureExtractor& extractor) {
+  Basis basis;
+  basis.dim = extractor.dim;
+  basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
+    std::ranges::copy(feature, descriptor.begin());
+  };
+  basis.similarity = extractor.similarity;
+  return basis;
+}
+
+/// Working memory of one thread.
+struct Worker {
+  FeatureFunction<PointCloud> describe;
+  PointCloud cloud;
+};
+
+/// Workers that no thread is using.
+class Workers {
+ public:
+  explicit Workers(std::function<FeatureFunction<PointCloud>()> make) : make_(std::move(make)) {}
+  std::unique_ptr<Worker> take() {
+    const std::scoped_lock lock(mutex_);
+    if (idle_.empty()) return std::make_unique<Worker>(Worker{make_(), {}});
+    std::unique_ptr<Worker> worker = std::move(idle_.back());
+    idle_.pop_back();
+    return worker;
+  }
+  void give_back(std::unique_ptr<Worker> worker) {
+    const std::scoped_lock lock(mutex_);
+    idle_.push_back(std::move(worker));
+  }
+
+ private:
+  std::function<FeatureFunction<PointCloud>()> make_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Worker>> idle_;
+};
+
+}  // namespace
+
+struct PlaceRecognizer::Impl {
+  FeatureExtractor extractor;
+  RecognizerOptions options;
+  std::unique_ptr<MapStore> map;
+  MapStore::Damaged damaged;
+  Workers workers;
+
+  // What queries read: under `mutex`.
+  mutable std::shared_mutex mutex;
+  std::optional<Basis> basis;       // nothing before the first place
+  bool settled = false;             // the basis will not change any more
+  std::vector<StoredPlace> places;  // without descriptor and feature
+  std::optional<PlaceIndex> index;
+  FloatMatrix features;  // of the places, while the basis is not settled
+  MapPosition read_to;
+  std::optional<double> threshold;
+
+  Impl(FeatureExtractor feature, const RecognizerOptions& chosen, std::unique_ptr<MapStore> store,
+       MapStore::Damaged say)
+      : extractor(std::move(feature)),
+        options(chosen),
+        map(std::move(store)),
+        damaged(say ? std::move(say) : [](const std::string&) {}),
+        workers([this] { return from_scan(extractor, options.align, options.geometry); }) {
+    workers.give_back(workers.take());  // what cannot be described at all is said at once
+    features.d = extractor.dim;
+    threshold = options.threshold;
+    if (!extractor.reduce) settle(as_it_is(extractor));
+    if (map) take_in_new_places();
+  }
+
+  void settle(Basis fixed) {
+    basis = std::move(fixed);
+    settled = true;
+    index.emplace(*basis);
+    features = {};
+  }
+
+  std::vector<float> descriptor_of(std::span<const float> feature) const {
+    std::vector<float> descriptor(static_cast<size_t>(basis->dim));
+    basis->describe(feature, descriptor);
+    return descriptor;
+  }
+
+  /// The basis of all features there are, and their descriptors.
+  void learn_again() {
+    std::vector<int64_t> all(static_cast<size_t>(features.n));
+    std::iota(all.begin(), all.end(), 0);
+    basis = extractor.reduce(features.rows(), all);
+    index.emplace(*basis);
+    for (const int64_t i : all) index->add(descriptor_of(features.row(i)));
+  }
+
+  /// One place more while the basis is not settled. It is learnt again whenever the places have
+  /// doubled.
+  void grow(std::span<const float> feature) {
+    features.values.insert(features.values.end(), feature.begin(), feature.end());
+    ++features.n;
+    if (std::has_single_bit(static_cast<uint64_t>(features.n)) || ends_the_stretch())
+      learn_again();
+    else
+      index->add(descriptor_of(feature));
+  }
+  bool ends_the_stretch() const { return features.n >= options.first_stretch; }
+
+  void know(StoredPlace place) {
+    place.descriptor.clear();
+    place.feature.clear();
+    places.push_back(std::move(place));
+  }
+
+  void take_in_new_places() {
+    if (!settled)
+      if (const auto content = map->value(kBasis)) {
+        settle(extractor.open_basis(*content));
+        places.clear();  // their descriptors are others now
+        read_to = {};
+      }
+    if (!options.threshold)
+      if (const auto text = map->value(kThreshold)) {
+        double value = 0;
+        std::from_chars(text->data(), text->data() + text->size(), value);
+        threshold = value;
+      }
+    read_to = map->read(
+        read_to.last,
+        [&](StoredPlace&& place) {
+          if (settled)
+            index->add(place.descriptor);
+          else
+            grow(place.feature);
+          know(std::move(place));
+        },
+        damaged);
+  }
+
+  /// The places of the stretch are described with its basis, in the map, too.
+  void end_the_stretch() {
+    if (map)
+      map->replace_descriptors(
+          [&](const StoredPlace& place) { return descriptor_of(place.feature); },
+          {{kBasis, basis->content}});
+    settled = true;
+    features = {};
+  }
+};
+
+PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
+                                 std::unique_ptr<MapStore> map, const MapStore::Damaged& damaged) {
+  if (options.first_stretch < 2)
+    throw UsageError(str("RecognizerOptions::first_stretch: expected at least 2, found ",
+                         options.first_stretch));
+  if (options.k < 1)
+    throw UsageError(str("RecognizerOptions::k: expected at least 1, found ", options.k));
+  impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), damaged);
+}
+
+PlaceRecognizer::~PlaceRecognizer() = default;
+
+MapIdentity PlaceRecognizer::identity_of(const FeatureExtractor& extractor,
+                                         const RecognizerOptions& options) {
+  const ImageGeometry& g = options.geometry;
+  return {{"recogniser", str(kRecognizerVersion)},
+          {"feature", extractor.name},
+          {"made by", extractor.key},
+          {"numbers", str(extractor.dim)},
+          {"alignment", name_of(options.align)},
+          {"image", extractor.sees<RangeImage>()
+                        ? str(g.width, " x ", g.height, ", ", g.elevation_bottom, " to ",
+                              g.elevation_top, " deg, ", g.max_range, " m, closed ",
+                              g.closing_width, " x ", g.closing_height, " deg")
+                        : "none"}};
+}
+
+Description PlaceRecognizer::describe(const PointsView& points) const {
+  std::unique_ptr<Worker> worker = impl_->workers.take();
+  Description scan;
+  copy_points(points, worker->cloud);
+  scan.feature.resize(static_cast<size_t>(impl_->extractor.dim));
+  try {
+    if (std::ranges::none_of(worker->cloud.points, is_return))
+      throw InputError("the scan has no points");
+    worker->describe(worker->cloud, scan.feature);
+    if (!std::ranges::all_of(scan.feature, [](float v) { return std::isfinite(v); }))
+      throw InputError("its feature has numbers that are not finite");
+  } catch (const InputError& error) {
+    scan = {{}, error.what()};
+  }
+  impl_->workers.give_back(std::move(worker));
+  return scan;
+}
+
+int64_t PlaceRecognizer::add(const Description& scan, StoredPlace about) {
+  if (!scan.described())
+    throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
+  const std::unique_lock lock(impl_->mutex);
+  Impl& impl = *impl_;
+  std::vector<float> descriptor;
+  if (impl.map) {
+    about.descriptor = impl.settled ? impl.descriptor_of(scan.feature) : scan.feature;
+    if (!impl.settled) about.feature = scan.feature;
+    about.id = impl.map->add({&about, 1}).front();
+    impl.read_to.last = about.id;
+  }
+  if (impl.settled)
+    impl.index->add(about.descriptor.empty() ? impl.descriptor_of(scan.feature) : about.descriptor);
+  else
+    impl.grow(scan.feature);
+  impl.know(std::move(about));
+  if (!impl.settled && impl.ends_the_stretch()) impl.end_the_stretch();
+  return static_cast<int64_t>(impl.places.size()) - 1;
+}
+
+std::optional<Loop> PlaceRecognizer::query(const Description& scan,
+                                           std::span<const int64_t> without) const {
+  const std::shared_lock lock(impl_->mutex);
+  const Impl& impl = *impl_;
+  if (!scan.described() || impl.places.empty()) return std::nullopt;
+  std::vector<CandidateRange> candidates;
+  int64_t begin = 0;
+  for (const int64_t left_out : without) {
+    if (left_out > begin) candidates.push_back({begin, left_out});
+    begin = left_out + 1;
+  }
+  candidates.push_back({begin, impl.index->size()});
+  const std::vector<float> descriptor = impl.descriptor_of(scan.feature);
+  const Match match =
+      impl.index->best(descriptor, candidates, {.k = impl.options.k, .score = impl.options.score});
+  if (match.ranks.empty()) return std::nullopt;
+  const int64_t position = match.ranks.front();
+  const StoredPlace& place = impl.places[static_cast<size_t>(position)];
+  Loop loop{position,
+            place.id,
+            place.drive,
+            place.frame,
+            place.time,
+            place.pose,
+            match.similarities.front(),
+            match.similarities.back(),
+            match.score};
+  if (impl.basis->turn) loop.turn = impl.basis->turn(impl.index->descriptor(position), descriptor);
+  loop.accepted = impl.threshold && loop.score >= *impl.threshold;
+  return loop;
+}
+
+int64_t PlaceRecognizer::size() const {
+  const std::shared_lock lock(impl_->mutex);
+  return static_cast<int64_t>(impl_->places.size());
+}
+
+std::optional<double> PlaceRecognizer::threshold() const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->threshold;
+}
+
+void PlaceRecognizer::refresh() {
+  const std::unique_lock lock(impl_->mutex);
+  if (impl_->map) impl_->take_in_new_places();
+}
+
+void PlaceRecognizer::calibrate(double threshold) {
+  const std::unique_lock lock(impl_->mutex);
+  if (impl_->map) impl_->map->set_value(kThreshold, str(threshold));
+  impl_->threshold = threshold;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,241 @@
+#include "revisit/maps/place_recognizer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <numeric>
+#include <random>
+#include <thread>
+
+#include "expect_error.h"
+#include "revisit/recognition/ring/match.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using test::expect_error;
+
+constexpr int64_t kNumbers = 6;
+
+/// A scan's feature is its first six coordinates; the basis takes away their mean, and says with
+/// what it was learnt.
+FeatureExtractor coordinates() {
+  const auto basis_with = [](std::vector<float> mean) {
+    Basis basis;
+    basis.dim = kNumbers;
+    basis.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
+      std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
+    };
+    basis.turn = [](std::span<const float> a, std::span<const float> b) {
+      return static_cast<double>(b[0] - a[0]);
+    };
+    basis.content.assign(reinterpret_cast<const char*>(mean.data()), mean.size() * sizeof(float));
+    return basis;
+  };
+  FeatureExtractor extractor;
+  extractor.name = "coordinates";
+  extractor.key = "coordinates 1";
+  extractor.dim = kNumbers;
+  extractor.make = []() -> FeatureFunction<PointCloud> {
+    return [](const PointCloud& cloud, std::span<float> feature) {
+      if (cloud.points.size() < 2) throw InputError("fewer than two points");
+      for (size_t i = 0; i < 2; ++i) {
+        feature[3 * i] = cloud.points[i].x;
+        feature[3 * i + 1] = cloud.points[i].y;
+        feature[3 * i + 2] = cloud.points[i].z;
+      }
+    };
+  };
+  extractor.reduce = [basis_with](const Rows& features, std::span<const int64_t> rows) {
+    std::vector<float> mean(kNumbers);
+    for (const int64_t row : rows)
+      for (size_t i = 0; i < mean.size(); ++i)
+        mean[i] += features.row(row)[i] / static_cast<float>(rows.size());
+    return basis_with(mean);
+  };
+  extractor.open_basis = [basis_with](const std::string& content) {
+    std::vector<float> mean(kNumbers);
+    std::memcpy(mean.data(), content.data(), content.size());
+    return basis_with(mean);
+  };
+  return extractor;
+}
+
+/// Place i of a walk that comes back: scan i and scan i + 100 are nearly the same.
+PointCloud scan_of(int i) {
+  std::mt19937 of_place(static_cast<unsigned>(i % 100)), of_scan(static_cast<unsigned>(1000 + i));
+  std::normal_distribution<float> gaussian;
+  PointCloud cloud;
+  for (int p = 0; p < 2; ++p) {
+    Point point{5 + gaussian(of_place), gaussian(of_place), gaussian(of_place), 0};
+    point.x += 0.01F * gaussian(of_scan);
+    cloud.points.push_back(point);
+  }
+  return cloud;
+}
+
+std::unique_ptr<MapStore> map_in(const std::filesystem::path& file,
+                                 const RecognizerOptions& options = {}) {
+  const MapIdentity identity = PlaceRecognizer::identity_of(coordinates(), options);
+  return open_map(file, MapAccess::kWrite, &identity);
+}
+
+/// Scans `first` to `last`, each asked and added; the positions of what they look like.
+std::vector<int64_t> drive(PlaceRecognizer& recognizer, int first, int last) {
+  std::vector<int64_t> found;
+  for (int i = first; i < last; ++i) {
+    const PointCloud cloud = scan_of(i);
+    const Description scan = recognizer.describe(view_of(cloud));
+    const auto loop = recognizer.query(scan);
+    found.push_back(loop ? loop->position : -1);
+    StoredPlace about;
+    about.frame = 10 * i;
+    EXPECT_EQ(recognizer.add(scan, about), i);
+  }
+  return found;
+}
+
+TEST(PlaceRecognizer, FindsThePlacesAgainAndSaysWhatItKnowsOfThem) {
+  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 30, .threshold = 0.5});
+  drive(recognizer, 0, 100);
+  for (int i = 100; i < 130; ++i) {
+    const PointCloud cloud = scan_of(i);
+    const Description scan = recognizer.describe(view_of(cloud));
+    const auto loop = recognizer.query(scan);
+    ASSERT_TRUE(loop);
+    EXPECT_EQ(loop->position, i - 100);
+    EXPECT_EQ(loop->frame, 10 * (i - 100));
+    EXPECT_GT(loop->similarity, 0.99);
+    EXPECT_LE(loop->runner_up, loop->similarity);
+    EXPECT_EQ(loop->score, 2 * loop->similarity - loop->runner_up);
+    EXPECT_EQ(loop->accepted, loop->score >= 0.5);
+    EXPECT_NEAR(*loop->turn, cloud.points[0].x - scan_of(i - 100).points[0].x, 1e-5);
+    // Without that place another is the best.
+    const int64_t without[] = {i - 100};
+    EXPECT_NE(recognizer.query(scan, without)->position, i - 100);
+  }
+}
+
+TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
+  const FeatureExtractor extractor = coordinates();
+  PlaceRecognizer recognizer(extractor, {.first_stretch = 30});
+  drive(recognizer, 0, 60);
+  // The same by hand: the mean of the first 30.
+  FloatMatrix features(60, kNumbers);
+  const FeatureFunction<PointCloud> describe = from_scan(extractor, AlignCase::kNone, {});
+  for (int i = 0; i < 60; ++i) describe(scan_of(i), features.row(i));
+  std::vector<int64_t> stretch(30);
+  std::iota(stretch.begin(), stretch.end(), 0);
+  const Basis basis = extractor.reduce(features.rows(), stretch);
+  FloatMatrix descriptors(61, kNumbers);
+  for (int i = 0; i < 60; ++i) basis.describe(features.row(i), descriptors.row(i));
+  const PointCloud query = scan_of(107);
+  std::vector<float> feature(kNumbers);
+  describe(query, feature);
+  basis.describe(feature, descriptors.row(60));
+  RetrievalTask task;
+  for (int64_t i = 0; i < 60; ++i) task.stored.push_back(i);
+  task.queries.push_back({60, {{{0, 60}, {}}}});
+  const Match expected = retrieve(descriptors, task).front();
+  const auto loop = recognizer.query(recognizer.describe(view_of(query)));
+  EXPECT_EQ(loop->position, expected.ranks[0]);
+  EXPECT_EQ(loop->similarity, expected.similarities[0]);
+  EXPECT_EQ(loop->runner_up, expected.similarities[3]);
+}
+
+/// Stopped at any place, within the first stretch or behind it, and opened again.
+TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
+  PlaceRecognizer whole(coordinates(), {.first_stretch = 30});
+  const std::vector<int64_t> expected = drive(whole, 0, 130);
+  for (const int stop : {1, 2, 17, 29, 30, 31, 100}) {
+    SCOPED_TRACE(stop);
+    const test::TempDir folder;
+    std::vector<int64_t> found;
+    {
+      PlaceRecognizer before(coordinates(), {.first_stretch = 30}, map_in(folder / "a.map"));
+      found = drive(before, 0, stop);
+    }
+    PlaceRecognizer after(coordinates(), {.first_stretch = 30}, map_in(folder / "a.map"));
+    EXPECT_EQ(after.size(), stop);
+    const std::vector<int64_t> rest = drive(after, stop, 130);
+    found.insert(found.end(), rest.begin(), rest.end());
+    EXPECT_EQ(found, expected);
+  }
+}
+
+TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {
+  const test::TempDir folder;
+  PlaceRecognizer writer(coordinates(), {.first_stretch = 10}, map_in(folder / "a.map"));
+  drive(writer, 0, 5);
+  PlaceRecognizer reader(coordinates(), {.first_stretch = 10},
+                         open_map(folder / "a.map", MapAccess::kRead));
+  EXPECT_EQ(reader.size(), 5);
+  drive(writer, 5, 50);
+  writer.calibrate(0.25);
+  EXPECT_EQ(reader.size(), 5);
+  reader.refresh();
+  EXPECT_EQ(reader.size(), 50);
+  EXPECT_EQ(reader.threshold(), 0.25);
+  const PointCloud query = scan_of(107);
+  const auto there = writer.query(writer.describe(view_of(query)));
+  const auto here = reader.query(reader.describe(view_of(query)));
+  EXPECT_EQ(here->position, 7);
+  EXPECT_EQ(here->similarity, there->similarity);
+  EXPECT_TRUE(here->accepted);
+}
+
+TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {
+  PlaceRecognizer recognizer(coordinates(), {});
+  const Description none = recognizer.describe({});
+  EXPECT_FALSE(none.described());
+  EXPECT_EQ(none.why_not, "the scan has no points");
+  PointCloud one;
+  one.points.push_back({1, 2, 3, 0});
+  EXPECT_EQ(recognizer.describe(view_of(one)).why_not, "fewer than two points");
+  EXPECT_FALSE(recognizer.query(none));
+  expect_error<UsageError>([&] { recognizer.add(none, {}); }, {"not described", "no points"});
+  EXPECT_EQ(recognizer.size(), 0);
+}
+
+TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
+  const test::TempDir folder;
+  { PlaceRecognizer recognizer(coordinates(), {}, map_in(folder / "a.map")); }
+  expect_error<InputError>([&] { map_in(folder / "a.map", {.align = AlignCase::kOne}); },
+                           {"alignment", "case1", "none"});
+  FeatureExtractor other = coordinates();
+  other.key = "coordinates 2";
+  const MapIdentity identity = PlaceRecognizer::identity_of(other, {});
+  expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &identity); },
+                           {"coordinates 1", "coordinates 2"});
+  FeatureExtractor camera = coordinates();
+  camera.make = FeatureMaker<GrayImage>();
+  expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});
+  expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.first_stretch = 1}); },
+                           {"first_stretch", "found 1"});
+}
+
+TEST(PlaceRecognizer, ManyThreadsDescribeAskAndAdd) {
+  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 30});
+  drive(recognizer, 0, 100);
+  std::vector<std::thread> threads;
+  std::atomic<int> right = 0;
+  for (int t = 0; t < 4; ++t)
+    threads.emplace_back([&, t] {
+      for (int i = t; i < 100; i += 4) {
+        const PointCloud cloud = scan_of(100 + i);
+        const Description scan = recognizer.describe(view_of(cloud));
+        const auto loop = recognizer.query(scan);
+        right += loop->frame % 1000 == 10 * i;
+        recognizer.add(scan, {.frame = 1000 + 10 * i});
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(right, 100);
+  EXPECT_EQ(recognizer.size(), 200);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline

@@ -1,0 +1,133 @@
+// `revisit loops` and `revisit map`.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+
+#include "test_data.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Two towns' streets, driven down and back up.
+class Loops : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new test::TempDir;
+    for (const char* seed : {"1", "2"})
+      run("simulate -o " + path(std::string("town") + seed) + " --seed " + seed +
+          " --sensor vlp16 --route opposite --length 400 --every 6 -q");
+  }
+  static void TearDownTestSuite() {
+    delete folder_;
+    folder_ = nullptr;
+  }
+  static std::string path(const std::string& name) { return (*folder_ / name).string(); }
+  static std::string run(const std::string& command, int expected = 0) {
+    const auto result = test::run_revisit(command);
+    EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
+    return result.out;
+  }
+  static std::string loops(const std::string& more) {
+    return "loops " + path("town1") + " --exclusion frames=150 --no-progress -q " + more;
+  }
+  static std::vector<std::string> lines(const std::string& text) {
+    std::vector<std::string> result;
+    std::istringstream in(text);
+    for (std::string line; std::getline(in, line);) result.push_back(line);
+    return result;
+  }
+  static test::TempDir* folder_;
+};
+test::TempDir* Loops::folder_ = nullptr;
+
+TEST_F(Loops, AreFoundAtTheThresholdOfAnotherTownAndNoneIsWrong) {
+  const std::vector<std::string> found = lines(run(loops("--calibrate " + path("town2"))));
+  ASSERT_GT(found.size(), 5) << "no loops";
+  EXPECT_TRUE(found[0].starts_with("frame,time,match_drive,match_frame"));
+  // Poses of the generated route: x, z of line `frame`.
+  std::ifstream poses(*folder_ / "town1/poses/00.txt");
+  std::vector<std::pair<double, double>> at;
+  for (std::string line; std::getline(poses, line);) {
+    std::istringstream numbers(line);
+    std::vector<double> p{std::istream_iterator<double>(numbers), {}};
+    at.emplace_back(p[3], p[11]);
+  }
+  for (size_t i = 1; i < found.size(); ++i) {
+    std::istringstream cells(found[i]);
+    std::string frame, time, drive, match;
+    std::getline(cells, frame, ',');
+    std::getline(cells, time, ',');
+    std::getline(cells, drive, ',');
+    std::getline(cells, match, ',');
+    const auto a = at.at(std::stoul(frame)), b = at.at(std::stoul(match));
+    EXPECT_LT(std::hypot(a.first - b.first, a.second - b.second), 5) << found[i];
+  }
+}
+
+TEST_F(Loops, AMapIsContinuedAndKeepsItsThreshold) {
+  const std::string whole = run(loops("--calibrate " + path("town2") + " --map " + path("a.map")));
+  EXPECT_NE(run("map info " + path("a.map")).find("threshold"), std::string::npos);
+  EXPECT_NE(run("map check " + path("a.map")).find("sound"), std::string::npos);
+  const size_t places = lines(run("map places " + path("a.map"))).size() - 1;
+  // A second drive knows the first, whose scans all look like their own places.
+  const std::vector<std::string> again =
+      lines(run(loops("--drive second --format jsonl --map " + path("a.map"))));
+  EXPECT_GT(again.size(), places * 9 / 10);
+  EXPECT_NE(again[0].find("\"match_drive\":\"00\""), std::string::npos) << again[0];
+  EXPECT_EQ(lines(run("map places " + path("a.map"))).size() - 1, 2 * places);
+  // Another sensor's rings are refused, naming what differs.
+  const auto other = test::run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
+  EXPECT_EQ(other.exit_code, 3);
+  EXPECT_NE(other.err.find("made by"), std::string::npos) << other.err;
+}
+
+TEST_F(Loops, ScansAreListedOrComeToAFolder) {
+  const std::string town = path("town1/sequences/00/velodyne");
+  std::vector<fs::path> scans;
+  for (const auto& entry : fs::directory_iterator(town)) scans.push_back(entry.path());
+  std::ranges::sort(scans);
+  {
+    std::ofstream list(*folder_ / "list.txt");
+    for (const fs::path& scan : scans) list << scan.string() << "\n";
+  }
+  const std::string options = " --exclusion frames=25 --threshold 0.5 --no-progress -q";
+  const std::string listed = path("listed.csv");
+  const std::string command = std::string("'") + REVISIT_PROGRAM + "' loops - " + options +
+                              " -o '" + listed + "' < '" + path("list.txt") + "'";
+  ASSERT_EQ(std::system(command.c_str()), 0);
+  fs::create_directory(*folder_ / "growing");
+  int i = 0;
+  for (const fs::path& scan : scans)
+    fs::copy_file(scan, *folder_ / "growing" / (std::to_string(i++) + ".bin"));
+  const std::string grown = run("loops " + path("growing") + " --follow 0.5" + options);
+  EXPECT_EQ(lines(grown).size(), lines(test::read_file(listed)).size());
+  EXPECT_GT(lines(grown).size(), 5);
+}
+
+TEST_F(Loops, SayWhatCannotBe) {
+  const auto fails = [](const std::string& command, int code, const std::string& part) {
+    const auto result = test::run_revisit(command);
+    EXPECT_EQ(result.exit_code, code) << command;
+    EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
+  };
+  fails(loops("--threshold 1 --calibrate " + path("town2")), 2, "one of the two");
+  fails(loops("--precision 2"), 2, "--precision");
+  fails(loops("--exclusion years=2"), 2, "exclusion");
+  fails(loops("--cache x"), 2, "--cache");
+  fails(loops("--first-stretch 1"), 2, "--first-stretch");
+  fails(loops("--feature fabmap"), 2, "camera images");
+  fails(loops("--g2o x.g2o"), 2, "--verify");
+  fails(loops("-o /nowhere/x.csv"), 1, "/nowhere/x.csv");
+  fails("loops /nowhere", 3, "/nowhere");
+  fails("map info /nowhere.map", 3, "/nowhere.map");
+}
+
+}  // namespace
+}  // namespace revisit::cli

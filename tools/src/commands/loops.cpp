@@ -1,0 +1,282 @@
+#include <algorithm>
+#include <fstream>
+#include <iostream>
+#include <numbers>
+
+#include "cli/command.h"
+#include "cli/interrupt.h"
+#include "cli/messages.h"
+#include "cli/progress.h"
+#include "cli/table.h"
+#include "loops/loop_writer.h"
+#include "loops/open_recognizer.h"
+#include "loops/recognise.h"
+#include "revisit/evaluation/precision_recall.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using pipeline::NumberFormat;
+
+struct LoopsOptions {
+  FeatureOptions feature;
+  fs::path map, output, g2o;
+  std::string drive, format = "csv", exclusion = "frames=50";
+  std::optional<double> threshold;
+  fs::path calibrate;
+  std::string calibrate_sequence;
+  double precision = 1, radius = 5;
+  int k = pipeline::RecognizerOptions().k;
+  int64_t first_stretch = pipeline::RecognizerOptions().first_stretch;
+  std::optional<double> follow;
+  bool verify = false, all = false;
+  NumberFormat numbers = NumberFormat::kFloat32;
+};
+
+LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
+  LoopsOptions o;
+  o.feature.feature = "ring";
+  o.feature.declare(parser);
+  parser.group("Loops:")
+      .option("exclusion", "KIND=N",
+              "what of the drive itself is of the same moment: frames=50 (default), seconds=30, "
+              "metres=50 or none",
+              &o.exclusion)
+      .option("threshold", "S",
+              "a loop is accepted from this score on (default: the map's, which --calibrate gave)",
+              &o.threshold)
+      .option("calibrate", "DRIVE",
+              "learn the threshold on this drive with poses, and keep it in the map", &o.calibrate)
+      .option("calibrate-sequence", "NN", "sequence of DRIVE when it is a KITTI root",
+              &o.calibrate_sequence)
+      .option("precision", "P", "that --calibrate is to reach there, 0 to 1 (default 1)",
+              &o.precision)
+      .option("radius", "METRES", "for --calibrate: nearer is the same place (default 5)",
+              &o.radius)
+      .flag("verify",
+            "register accepted loops with GICP: where the scan was, and how sure that is; loops "
+            "that do not fit are not accepted",
+            &o.verify)
+      .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
+      .flag("all", "a line for every scan, not for accepted loops alone", &o.all)
+      .option("first-stretch", "N", "ring: its mean is learnt from so many places (default 200)",
+              &o.first_stretch)
+      .option("follow", "SECONDS",
+              "DATA is a folder that grows: go on until nothing comes for so long", &o.follow)
+      .group("Map:")
+      .option("map", "FILE", "where places are kept; made when missing (default: nowhere)", &o.map)
+      .option("drive", "NAME", "what this drive is called in the map (default: its sequence)",
+              &o.drive)
+      .choice<NumberFormat>(
+          "numbers", {{"float32", NumberFormat::kFloat32}, {"float16", NumberFormat::kFloat16}},
+          "of a new map (default float32)", &o.numbers)
+      .group("Output:")
+      .choice("format", {"csv", "jsonl"}, "a line a loop (default csv)", &o.format)
+      .option("output", "FILE", "for the loops (default: standard output)", &o.output, 'o')
+      .option("g2o", "FILE", "a pose graph: poses, and registered loops (with --verify)", &o.g2o);
+  parser.parse(arguments);
+  o.feature.check_given(parser);
+  if (!(o.precision > 0 && o.precision <= 1))
+    throw UsageError(str("--precision: expected more than 0, at most 1, found ", o.precision));
+  if (o.threshold && !o.calibrate.empty())
+    throw UsageError("--threshold and --calibrate: one of the two");
+  if (o.follow && !(*o.follow > 0))
+    throw UsageError(str("--follow: expected a positive number, found ", *o.follow));
+  if (!o.g2o.empty() && !o.verify) throw UsageError("--g2o: add --verify, which gives its edges");
+  return o;
+}
+
+pipeline::Dataset one_scan(const pipeline::ScanRef& scan) {
+  pipeline::Dataset dataset;
+  dataset.scans.push_back(scan);
+  return dataset;
+}
+
+/// The stream with `first` in front.
+ScanStream with(pipeline::ScanRef first, ScanStream rest) {
+  return [first = std::optional(std::move(first)),
+          rest = std::move(rest)]() mutable -> std::optional<pipeline::ScanRef> {
+    if (first) return std::exchange(first, std::nullopt);
+    return rest();
+  };
+}
+
+/// The scans asked for, and some of them that show the sensor.
+struct Source {
+  ScanStream stream;
+  pipeline::Dataset some;
+};
+
+Source open_source(const LoopsOptions& o) {
+  if (o.feature.data != "-" && !o.follow) {
+    pipeline::Dataset dataset = open_scans(o.feature);
+    return {scans_of(dataset), dataset};
+  }
+  ScanStream stream = o.follow ? scans_coming_to(o.feature.data, *o.follow, interrupted)
+                               : scans_listed_in(std::cin);
+  const std::optional<pipeline::ScanRef> first = stream();
+  if (!first) throw InputError(o.feature.data.string() + ": there are no scans");
+  return {with(*first, stream), one_scan(*first)};
+}
+
+/// The lowest score with the precision asked for, on a drive whose poses are known.
+double calibrated(const LoopsOptions& o, const RecognizerSource& source) {
+  FeatureOptions there = o.feature;
+  there.data = o.calibrate;
+  there.sequence = o.calibrate_sequence;
+  const pipeline::Dataset dataset = open_scans(there, {.poses = true});
+  pipeline::PlaceRecognizer recognizer(source.extractor, source.options);
+  std::vector<Eigen::Vector3d> positions;
+  std::vector<pipeline::Verdict> verdicts;
+  cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
+  int64_t done = 0;
+  recognise(
+      scans_of(dataset), recognizer,
+      {.exclusion = pipeline::parse_exclusion(o.exclusion), .stop = interrupted},
+      [&](const Visit& visit) {
+        progress.update(++done, static_cast<int64_t>(dataset.scans.size()));
+        if (!visit.position) return;
+        positions.push_back(visit.scan.pose->translation());
+        if (!visit.loop) return;
+        const Eigen::Vector3d apart =
+            positions.back() - positions[static_cast<size_t>(visit.loop->position)];
+        const bool correct = std::hypot(apart.x(), apart.z()) < o.radius;
+        verdicts.push_back({.score = visit.loop->score, .correct = correct, .positive = correct});
+      });
+  std::optional<double> threshold;
+  for (const pipeline::PrPoint& point : precision_recall(verdicts))
+    if (point.tp > 0 && point.precision >= o.precision) threshold = point.threshold;
+  if (!threshold)
+    throw InputError(str(o.calibrate.string(), ": no score reaches the precision ", o.precision,
+                         " on it; it needs places that are seen again"));
+  return *threshold;
+}
+
+reports::LoopLine line_of(const Visit& visit) {
+  reports::LoopLine line;
+  line.set_frame(visit.scan.frame);
+  if (visit.scan.time) line.set_time(*visit.scan.time);
+  if (!visit.loop) return line;
+  const pipeline::Loop& loop = *visit.loop;
+  line.set_match_drive(loop.drive);
+  line.set_match_frame(loop.frame);
+  if (loop.time) line.set_match_time(*loop.time);
+  line.set_similarity(loop.similarity);
+  line.set_runner_up(loop.runner_up);
+  line.set_score(loop.score);
+  if (loop.turn) line.set_yaw_deg(*loop.turn * 180 / std::numbers::pi);
+  line.set_accepted(loop.accepted);
+  if (!visit.registered) return line;
+  const pipeline::Registration& r = *visit.registered;
+  const Eigen::Vector3d t = r.T_place_query.translation();
+  const Eigen::Quaterniond q(r.T_place_query.rotation());
+  reports::Registered& out = *line.mutable_registered();
+  out.set_accepted(r.accepted);
+  out.set_x(t.x());
+  out.set_y(t.y());
+  out.set_z(t.z());
+  out.set_qx(q.x());
+  out.set_qy(q.y());
+  out.set_qz(q.z());
+  out.set_qw(q.w());
+  out.set_inliers(r.inliers);
+  out.set_fitness(r.fitness);
+  return line;
+}
+
+/// What a scan took, for people.
+void print_latencies(std::vector<double> milliseconds, int64_t places) {
+  if (milliseconds.empty()) return;
+  const std::vector<double> last(
+      milliseconds.end() - static_cast<int64_t>(milliseconds.size() / 10), milliseconds.end());
+  Table table({"ms a scan", "p50", "p95", "p99", "max"});
+  const auto row = [&](const std::string& name, std::vector<double> values) {
+    if (values.empty()) return;
+    std::ranges::sort(values);
+    const auto at = [&](double share) {
+      return number(values[static_cast<size_t>(share * static_cast<double>(values.size() - 1))], 1);
+    };
+    table.row({name, at(0.5), at(0.95), at(0.99), at(1)});
+  };
+  row("all", std::move(milliseconds));
+  row(str("the last tenth, of ", places, " places"), last);
+  table.print(std::cerr);
+}
+
+}  // namespace
+
+int loops_command(const Arguments& arguments) {
+  if (lists_sensors(arguments)) return kOk;
+  Parser parser(
+      "revisit loops", "DATA|-",
+      "Places seen before, found online: every scan is described, compared with what was there "
+      "before it, printed as a line when it is recognised, and added. DATA is a KITTI sequence or "
+      "a folder of scans; - takes names of scan files from standard input, a line each.",
+      "  revisit loops town --calibrate other_town > loops.csv\n"
+      "  revisit loops town --map town.map --calibrate other_town --verify --g2o town.g2o\n"
+      "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n");
+  LoopsOptions o = parse_options(arguments, parser);
+  const Source source = open_source(o);
+  RecognizerSource described = recognizer_source(o.feature, parser, source.some);
+  described.options.threshold = o.threshold;
+  described.options.first_stretch = o.first_stretch;
+  described.options.k = o.k;
+  std::optional<double> threshold = o.threshold;
+  auto map = map_for(o.map, described, o.numbers);  // before the work of calibrating
+  if (!o.calibrate.empty()) {
+    threshold = calibrated(o, described);
+    if (!o.feature.quiet) note(str("threshold ", *threshold, ", from ", o.calibrate.string()));
+  }
+  pipeline::PlaceRecognizer recognizer(described.extractor, described.options, std::move(map),
+                                       warn);
+  if (!o.calibrate.empty()) recognizer.calibrate(*threshold);
+  if (!recognizer.threshold() && !o.all && !o.feature.quiet)
+    note("no threshold: every scan is printed; --calibrate DRIVE learns one");
+  const bool all = o.all || !recognizer.threshold();
+
+  std::ofstream file;
+  if (!o.output.empty()) {
+    file.open(o.output);
+    if (!file) throw Error(o.output.string() + ": cannot be written");
+  }
+  LoopWriter writer(o.output.empty() ? std::cout : file, o.format);
+  std::optional<PoseGraphWriter> graph;
+  if (!o.g2o.empty()) graph.emplace(o.g2o);
+  Recognise how;
+  how.drive = !o.drive.empty() ? o.drive : source.some.sequence;
+  how.exclusion = pipeline::parse_exclusion(o.exclusion);
+  how.verify = o.verify;
+  how.stop = interrupted;
+  std::vector<double> milliseconds;
+  int64_t scans = 0, left_out = 0, accepted = 0;
+  cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
+  const auto total = static_cast<int64_t>(source.some.scans.size());
+  recognise(source.stream, recognizer, how, [&](const Visit& visit) {
+    progress.update(++scans, std::max(scans, total));
+    if (!visit.position) {
+      ++left_out;
+      warn(visit.why_not + "; this scan is left out");
+      return;
+    }
+    milliseconds.push_back(visit.milliseconds);
+    if (graph) {
+      graph->vertex(*visit.position, visit.scan.pose);
+      if (visit.registered && visit.registered->accepted)
+        graph->edge(visit.loop->position, *visit.position, visit.registered->T_place_query,
+                    visit.registered->information);
+    }
+    const bool is_loop = visit.loop && visit.loop->accepted;
+    accepted += is_loop ? 1 : 0;
+    if (visit.loop && (is_loop || all)) writer.write(line_of(visit));
+  });
+  if (!o.feature.quiet) {
+    std::cerr << scans << " scans, " << accepted << " loops accepted"
+              << (left_out > 0 ? str(", ", left_out, " scans left out") : "") << ", "
+              << recognizer.size() << " places known\n";
+    print_latencies(std::move(milliseconds), recognizer.size());
+  }
+  return left_out > 0 ? kScansLeftOut : kOk;
+}
+
+}  // namespace revisit::cli

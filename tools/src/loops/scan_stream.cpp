@@ -1,0 +1,101 @@
+#include "scan_stream.h"
+
+#include <chrono>
+#include <deque>
+#include <istream>
+#include <memory>
+#include <set>
+#include <thread>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using pipeline::Pose;
+using pipeline::ScanRef;
+
+/// KITTI's camera sees x to the right, y down, z forward.
+Pose axes_of_camera() {
+  Pose T_cam_sensor = Pose::Identity();
+  T_cam_sensor.linear() << 0, -1, 0,  //
+      0, 0, -1,                       //
+      1, 0, 0;
+  return T_cam_sensor;
+}
+
+Pose calibration_of(const fs::path& scan) {
+  const fs::path file = scan.parent_path().parent_path() / "calib.txt";
+  return fs::exists(file) ? pipeline::read_kitti_calibration(file) : axes_of_camera();
+}
+
+}  // namespace
+
+ScanStream scans_of(pipeline::Dataset dataset) {
+  const Pose T_cam_sensor =
+      dataset.has_poses() ? calibration_of(dataset.scans.front().file) : Pose::Identity();
+  return [dataset = std::move(dataset), T_cam_sensor,
+          next = size_t{0}]() mutable -> std::optional<ScanRef> {
+    if (next == dataset.scans.size()) return std::nullopt;
+    ScanRef scan = dataset.scans[next++];
+    if (scan.pose) scan.pose = *scan.pose * T_cam_sensor;
+    return scan;
+  };
+}
+
+ScanStream scans_listed_in(std::istream& list) {
+  return [&list, frame = 0]() mutable -> std::optional<ScanRef> {
+    for (std::string line; std::getline(list, line);)
+      if (!line.empty()) {
+        ScanRef scan;
+        scan.file = line;
+        scan.frame = frame++;
+        return scan;
+      }
+    return std::nullopt;
+  };
+}
+
+ScanStream scans_coming_to(fs::path folder, double patience, std::function<bool()> stop) {
+  using Clock = std::chrono::steady_clock;
+  struct Watch {
+    std::set<fs::path> handed_over;
+    std::deque<ScanRef> ready;
+    uintmax_t size = 0;  // of the newest file when it was looked at last
+  };
+  const auto look = [folder](Watch& watch) {
+    std::vector<ScanRef> scans;
+    try {
+      scans = pipeline::open_dataset(folder, "").scans;
+    } catch (const InputError&) {  // nothing there yet
+    }
+    std::erase_if(scans,
+                  [&](const ScanRef& scan) { return watch.handed_over.contains(scan.file); });
+    if (scans.empty()) return;
+    std::error_code gone;
+    const uintmax_t size = fs::file_size(scans.back().file, gone);
+    if (gone || size == 0 || size != watch.size) scans.pop_back();  // still being written
+    watch.size = size;
+    for (ScanRef& scan : scans) {
+      watch.handed_over.insert(scan.file);
+      watch.ready.push_back(std::move(scan));
+    }
+  };
+  return [=, watch = std::make_shared<Watch>()]() -> std::optional<ScanRef> {
+    constexpr auto kMoment = std::chrono::milliseconds(100);
+    const Clock::time_point start = Clock::now();
+    while (watch->ready.empty()) {
+      look(*watch);
+      if (!watch->ready.empty()) break;
+      if (stop() || std::chrono::duration<double>(Clock::now() - start).count() > patience)
+        return std::nullopt;
+      std::this_thread::sleep_for(kMoment);
+    }
+    ScanRef scan = std::move(watch->ready.front());
+    watch->ready.pop_front();
+    return scan;
+  };
+}
+
+}  // namespace revisit::cli
