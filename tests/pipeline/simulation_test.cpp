@@ -8,7 +8,9 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <set>
 
+#include "data_set.h"
 #include "drive.h"
 #include "lidar.h"
 #include "random.h"
@@ -284,6 +286,31 @@ TEST(World, NothingStandsOnAGeneratedRoad) {
     }
 }
 
+constexpr Surroundings kAllSurroundings[] = {Surroundings::kTown,    Surroundings::kVillage,
+                                             Surroundings::kCountry, Surroundings::kMotorway,
+                                             Surroundings::kCarPark, Surroundings::kOldTown};
+
+TEST(World, NothingStandsOnTheRoadOfAnySurroundings) {
+  for (const Surroundings surroundings : kAllSurroundings) {
+    SCOPED_TRACE(name_of(surroundings));
+    SimulationConfig config;
+    config.surroundings = surroundings;
+    config.route = RouteKind::kBoth;
+    expect_clear_road(Town(config));
+    REVISIT_NEED_SHARED(poses, "data/kitti/poses/06.txt");
+    config.poses = poses;
+    expect_clear_road(Town(config));
+  }
+}
+
+TEST(World, TheTownIsTheOneOfItsVersion) {
+  // Who changes these numbers changes scans: raise kWorldVersion.
+  const Town town{SimulationConfig{}};
+  EXPECT_EQ(kWorldVersion, 1);
+  EXPECT_EQ(town.world.mesh.triangles.size(), 726551u);
+  EXPECT_EQ(town.world.objects.size(), 2156u);
+}
+
 TEST(World, NothingStandsOnARealRoadThatCrossesItself) {
   for (const char* sequence : {"00", "05", "06", "08"}) {
     REVISIT_NEED_SHARED(poses, str("data/kitti/poses/", sequence, ".txt"));
@@ -321,8 +348,8 @@ TEST(World, SlopesAreThoseOfATown) {
 
 TEST(Traffic, DependsOnTheTimeAloneAndKeepsOffTheVehicle) {
   const Town town{SimulationConfig{}};
-  const Traffic traffic(1, town.streets.path.points, town.streets.ground),
-      again(1, town.streets.path.points, town.streets.ground);
+  const Traffic traffic(1, town.streets.path.points, town.streets.ground, town.streets.scenery, 1),
+      again(1, town.streets.path.points, town.streets.ground, town.streets.scenery, 1);
   EXPECT_EQ(traffic.at(12.3, 100, 120).vertices, again.at(12.3, 100, 120).vertices);
   int moved = 0, there = 0;
   for (size_t frame = 0; frame < town.drive.poses.size(); frame += 7) {
@@ -338,6 +365,26 @@ TEST(Traffic, DependsOnTheTimeAloneAndKeepsOffTheVehicle) {
   EXPECT_GE(moved, there * 9 / 10);
 }
 
+TEST(Traffic, IsAsDenseAsAskedFor) {
+  const Town town{SimulationConfig{}};
+  const auto vehicles = [&](double share) {
+    const Traffic traffic(1, town.streets.path.points, town.streets.ground, town.streets.scenery,
+                          share);
+    size_t count = 0;
+    for (size_t frame = 0; frame < town.drive.poses.size(); frame += 20)
+      count +=
+          traffic.at(0.1 * static_cast<double>(frame), town.streets.path.point_of_pose[frame], 60)
+              .objects.size() -
+          1;
+    return count;
+  };
+  const size_t usual = vehicles(1), twice = vehicles(2);
+  EXPECT_EQ(vehicles(0), 0u);
+  EXPECT_GT(usual, 50u);
+  EXPECT_GT(2 * twice, 3 * usual);
+  EXPECT_LT(2 * twice, 5 * usual);
+}
+
 /// The cars within 40 m of the vehicle at a frame.
 std::vector<Object> cars_at(const Town& town, const Traffic& traffic, size_t frame) {
   const Mesh mesh =
@@ -347,7 +394,8 @@ std::vector<Object> cars_at(const Town& town, const Traffic& traffic, size_t fra
 
 void expect_other_cars_on_the_next_visit(const SimulationConfig& config) {
   const Town town(config);
-  const Traffic traffic(config.seed, town.streets.path.points, town.streets.ground);
+  const Traffic traffic(config.seed, town.streets.path.points, town.streets.ground,
+                        town.streets.scenery, config.traffic);
   const std::vector<PlanarPose>& poses = town.drive.poses;
   int visits = 0, cars = 0, still_there = 0;
   for (size_t i = 0; i < poses.size(); i += 5)
@@ -454,6 +502,62 @@ TEST(Simulate, GivesTheSameBytesForAnyNumberOfThreadsAndOthersForAnotherSeed) {
   config.seed = 2;
   simulate(config);
   EXPECT_FALSE(scan_bytes(one.path(), 3) == scan_bytes(other.path(), 3));
+}
+
+TEST(Simulate, EverySurroundingsGiveTheSameBytesAgainAndOthersThanTheTown) {
+  const TempDir dir;
+  std::set<std::string> scans;
+  for (const Surroundings surroundings : kAllSurroundings) {
+    SCOPED_TRACE(name_of(surroundings));
+    SimulationConfig config = quick(dir / name_of(surroundings));
+    config.surroundings = surroundings;
+    config.last_frame = 2;
+    simulate(config);
+    config.output = dir / (std::string(name_of(surroundings)) + "_again");
+    config.threads = 2;
+    simulate(config);
+    EXPECT_TRUE(scan_bytes(dir / name_of(surroundings), 2) == scan_bytes(config.output, 2));
+    EXPECT_TRUE(scans.insert(scan_bytes(config.output, 2)).second);
+  }
+}
+
+struct Shares {
+  double high = 0, far = 0;
+};
+/// Of the returns: the share higher than 3 m, and the share farther than 25 m.
+Shares shares_of(Surroundings surroundings) {
+  Shares shares;
+  double all = 0;
+  for (const uint64_t seed : {1, 2, 3, 4}) {
+    const TempDir dir;
+    SimulationConfig config = quick(dir.path());
+    config.sensor = LidarModel::kOs1;  // looks up
+    config.surroundings = surroundings;
+    config.seed = seed;
+    config.last_frame.reset();
+    config.every = 100;
+    const auto scans = static_cast<int>(simulate(config).scans);
+    for (int i = 0; i < scans; ++i)
+      for (const Point& p : read_scan(scan_path(dir.path(), 100 * i)).points) {
+        ++all;
+        shares.high += p.z > 3 - 1.73f;
+        shares.far += std::hypot(p.x, p.y) > 25;
+      }
+  }
+  return {shares.high / all, shares.far / all};
+}
+
+TEST(Simulate, SurroundingsAreAsHighAndAsOpenAsTheirNamesSay) {
+  std::map<Surroundings, Shares> of;
+  for (const Surroundings surroundings : {Surroundings::kOldTown, Surroundings::kVillage,
+                                          Surroundings::kCountry, Surroundings::kCarPark})
+    of[surroundings] = shares_of(surroundings);
+  EXPECT_GT(of[Surroundings::kOldTown].high, of[Surroundings::kVillage].high + 0.05);
+  EXPECT_GT(of[Surroundings::kVillage].high, of[Surroundings::kCountry].high + 0.01);
+  EXPECT_GT(of[Surroundings::kCountry].high, of[Surroundings::kCarPark].high + 0.05);
+  for (const Surroundings open :
+       {Surroundings::kVillage, Surroundings::kCountry, Surroundings::kCarPark})
+    EXPECT_GT(of[open].far, of[Surroundings::kOldTown].far + 0.03) << name_of(open);
 }
 
 TEST(Simulate, AFrameDoesNotDependOnTheFramesAskedFor) {
@@ -633,6 +737,70 @@ TEST(Simulate, CopiesACalibrationThatIsGiven) {
   EXPECT_EQ(test::read_file(dir / "out/sequences/00/calib.txt"), calibration);
 }
 
+// ---- another mount ----
+
+/// Pitch, then roll in the pitched frame [deg].
+Eigen::Matrix3d turned(double pitch, double roll) {
+  const double degree = std::numbers::pi / 180;
+  return (Eigen::AngleAxisd(pitch * degree, Eigen::Vector3d::UnitY()) *
+          Eigen::AngleAxisd(roll * degree, Eigen::Vector3d::UnitX()))
+      .toRotationMatrix();
+}
+
+TEST(Simulate, TheRoadIsSeenFromTheHeightAndTiltOfTheMount) {
+  const TempDir dir;
+  SimulationConfig config = quick(dir.path());
+  config.sensor = LidarModel::kHdl64;
+  config.mount = {2.4, 4, -3};
+  simulate(config);
+  // What the sensor sees of a flat road: up . p = -height.
+  const Eigen::Vector3d up = turned(4, -3).transpose() * Eigen::Vector3d::UnitZ();
+  EXPECT_LT(up.x(), 0) << "looking down ahead, the road ahead is nearer";
+  EXPECT_LT(up.y(), 0) << "leaning to the left";
+  Eigen::Matrix3d products = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Point& point : read_scan(scan_path(dir.path(), 0)).points) {
+    const Eigen::Vector3d p(point.x, point.y, point.z);
+    if (std::abs(p.x()) > 12 || std::abs(p.y()) > 3 || std::abs(up.dot(p) + 2.4) > 0.5) continue;
+    products += p * p.transpose();
+    sum += p;
+  }
+  // The plane n . p = -1 of least squares.
+  const Eigen::Vector3d n = -products.ldlt().solve(sum);
+  EXPECT_NEAR(1 / n.norm(), 2.4, 0.03);
+  EXPECT_LT(std::acos(n.normalized().dot(up)) * 180 / std::numbers::pi, 0.4);
+}
+
+TEST(Simulate, TheTiltIsInTheCalibrationNotInThePoses) {
+  const TempDir dir;
+  test::write_file(dir / "given.txt", drifting_poses());
+  test::write_file(dir / "calib.txt",
+                   "P0: 700 0 600 0 0 700 180 0 0 0 1 0\nTr: 0 -1 0 0.1 0 0 -1 -0.2 1 0 0 -0.3\n");
+  for (const bool given : {false, true}) {
+    SCOPED_TRACE(given);
+    SimulationConfig config = quick(dir / (given ? "given" : "generated"));
+    if (given) config.poses = dir / "given.txt", config.calibration = dir / "calib.txt";
+    config.sequence = "level";
+    simulate(config);
+    config.sequence = "tilted";
+    config.mount.pitch = 4, config.mount.roll = -3;
+    simulate(config);
+    const auto calibration = [&](const char* sequence) {
+      return read_kitti_calibration(config.output / "sequences" / sequence / "calib.txt");
+    };
+    Pose expected = calibration("level");
+    expected.linear() *= turned(4, -3);
+    EXPECT_TRUE(calibration("tilted").isApprox(expected, 1e-9));
+    const std::vector<Pose> level = read_kitti_poses(config.output / "poses/level.txt"),
+                            tilted = read_kitti_poses(config.output / "poses/tilted.txt");
+    ASSERT_EQ(level.size(), tilted.size());
+    for (size_t i = 0; i < level.size(); ++i) ASSERT_TRUE(level[i].isApprox(tilted[i], 1e-6)) << i;
+  }
+  EXPECT_NE(test::read_file(dir / "given/sequences/tilted/calib.txt").find("P0: 700 0 600"),
+            std::string::npos)
+      << "the rest is copied";
+}
+
 // ---- running it again ----
 
 TEST(Simulate, KeepsWhatIsCompleteAndMakesWhatIsMissing) {
@@ -689,6 +857,16 @@ TEST(Simulate, OtherSettingsInTheSameFolderNeedOverwrite) {
         << error.what();
   }
   EXPECT_TRUE(scan_bytes(dir.path(), 0) == before);
+  for (const auto& change : std::initializer_list<void (*)(SimulationConfig&)>{
+           [](SimulationConfig& c) { c.surroundings = Surroundings::kCountry; },
+           [](SimulationConfig& c) { c.traffic = 0.5; },
+           [](SimulationConfig& c) { c.mount.height = 2; },
+           [](SimulationConfig& c) { c.mount.pitch = 1; },
+           [](SimulationConfig& c) { c.mount.roll = 1; }}) {
+    SimulationConfig other = quick(dir.path());
+    change(other);
+    EXPECT_THROW(simulate(other), UsageError);
+  }
   config.overwrite = true;
   config.last_frame = 1;
   EXPECT_EQ(simulate(config).kept, 0);
@@ -737,6 +915,10 @@ TEST(Simulate, SettingsThatCannotBeAreRefused) {
   refused([](SimulationConfig& c) { c.range_noise = -0.1; });
   refused([](SimulationConfig& c) { c.range_noise = std::nan(""); });
   refused([](SimulationConfig& c) { c.dropout = 1; });
+  refused([](SimulationConfig& c) { c.traffic = -1; });
+  refused([](SimulationConfig& c) { c.mount.height = 0; });
+  refused([](SimulationConfig& c) { c.mount.pitch = 90; });
+  refused([](SimulationConfig& c) { c.mount.roll = std::nan(""); });
   refused([](SimulationConfig& c) { c.first_frame = 6; });
   refused([](SimulationConfig& c) { c.first_frame = -1; });
   refused([](SimulationConfig& c) { c.last_frame = 1000000; });

@@ -8,26 +8,32 @@
 #include "ground.h"
 #include "revisit/simulation/simulation.h"
 #include "road_map.h"
+#include "scenery.h"
 #include "world.h"
 
 namespace revisit::pipeline::simulation {
 
 /// The streets along a route. Neither copied nor moved: its parts refer to each other.
 struct Streets {
+  const Scenery& scenery;
   std::vector<PlanarPose> poses;
   Path path;
   RoadMap roads;
   Ground ground;
 
-  Streets(std::vector<PlanarPose> route, uint64_t seed)
-      : poses(std::move(route)),
+  Streets(std::vector<PlanarPose> route, uint64_t seed,
+          Surroundings surroundings = Surroundings::kTown)
+      : scenery(scenery_of(surroundings)),
+        poses(std::move(route)),
         path(resample(poses)),
-        roads(poses, path.points),
-        ground(seed, roads) {}
+        roads(poses, path.points, scenery.oncoming),
+        ground(seed, roads, scenery) {}
   Streets(const Streets&) = delete;
   Streets& operator=(const Streets&) = delete;
 
-  World built(uint64_t seed) const { return build_world(seed, path.points, roads, ground); }
+  World built(uint64_t seed) const {
+    return build_world(seed, path.points, roads, ground, scenery);
+  }
 };
 
 /// What a simulated drive drives through.
@@ -38,7 +44,7 @@ struct Town {
 
   explicit Town(const SimulationConfig& config)
       : drive(make_drive(config)),
-        streets(drive.poses, config.seed),
+        streets(drive.poses, config.seed, config.surroundings),
         world(streets.built(config.seed)) {}
 };
 

@@ -116,6 +116,27 @@ TEST(SimulateCommand, ACameraWritesPicturesBesideTheScans) {
   EXPECT_EQ(run_revisit(quick(dir / "other") + "--camera --image-scale 2").exit_code, 2);
 }
 
+TEST(SimulateCommand, SurroundingsAndMountAreSettings) {
+  const TempDir dir;
+  const std::string options =
+      "--surroundings old-town --traffic 0.5 --sensor-height 2.1 --sensor-pitch 2 --sensor-roll -1";
+  const ProgramResult run = run_revisit(quick(dir.path()) + options);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::string settings = read_file(dir / "sequences/00/simulation.txt");
+  EXPECT_TRUE(has(settings,
+                  "surroundings: old-town\ntraffic: 0.5\n"
+                  "mount: height 2.1, pitch 2, roll -1\n"))
+      << settings;
+  const ProgramResult name = run_revisit(quick(dir / "other") + "--surroundings contry");
+  EXPECT_EQ(name.exit_code, 2);
+  EXPECT_TRUE(has(name.err, "did you mean 'country'")) << name.err;
+  for (const char* option : {"--traffic", "--sensor-height", "--sensor-pitch", "--sensor-roll"}) {
+    const ProgramResult far = run_revisit(quick(dir / "other") + option + " 99");
+    EXPECT_EQ(far.exit_code, 2);
+    EXPECT_TRUE(has(far.err, std::string(option) + " is 99: expected")) << far.err;
+  }
+}
+
 TEST(SimulateCommand, PresetsAreSetsOfPlaces) {
   const TempDir dir;
   const std::string output = "simulate -o '" + (dir / "set").string() + "' ";
@@ -126,7 +147,8 @@ TEST(SimulateCommand, PresetsAreSetsOfPlaces) {
   const ProgramResult name = run_revisit(output + "--preset hkust");
   EXPECT_EQ(name.exit_code, 2);
   EXPECT_TRUE(has(name.err, "hkust-objects")) << name.err;
-  for (const char* option : {"--camera", "--frames 3", "--sequence 01", "--sensor vlp16"}) {
+  for (const char* option : {"--camera", "--frames 3", "--sequence 01", "--sensor vlp16",
+                             "--surroundings country", "--sensor-height 2"}) {
     const ProgramResult both = run_revisit(output + "--preset hkust-objects " + option);
     EXPECT_EQ(both.exit_code, 2);
     EXPECT_TRUE(has(both.err, "is about drives")) << both.err;

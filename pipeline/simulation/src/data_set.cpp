@@ -34,6 +34,12 @@ void add_frames(const fs::path& folder, const char* extension, OutputFolder::Fil
 std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   std::string text = str("version: ", kWorldVersion, "\n");
   text += str("sensor: ", name_of(config.sensor), "\n");
+  if (config.surroundings != Surroundings::kTown)
+    text += str("surroundings: ", name_of(config.surroundings), "\n");
+  if (config.traffic != 1) text += str("traffic: ", exact(config.traffic), "\n");
+  if (const SensorMount& m = config.mount; m.height != kSensorHeight || m.pitch != 0 || m.roll != 0)
+    text += str("mount: height ", exact(m.height), ", pitch ", exact(m.pitch), ", roll ",
+                exact(m.roll), "\n");
   if (drive.given_poses.empty()) {
     const char* names[] = {"loop", "opposite", "both"};
     text += str("route: ", names[static_cast<int>(config.route)],

@@ -31,6 +31,12 @@ Pose typical_calibration() {
   return T_cam_velo;
 }
 
+Eigen::Quaterniond tilt(const SensorMount& mount) {
+  constexpr double kDegree = 3.14159265358979323846 / 180;
+  return Eigen::AngleAxisd(mount.pitch * kDegree, Eigen::Vector3d::UnitY()) *
+         Eigen::AngleAxisd(mount.roll * kDegree, Eigen::Vector3d::UnitX());
+}
+
 void append_matrix(const Eigen::Matrix<double, 3, 4>& m, const char* format, std::string* text) {
   char number[40];
   for (int row = 0; row < 3; ++row)
@@ -61,15 +67,19 @@ Projection scaled(const Projection& P, double scale) {
   return S * P;
 }
 
-/// The text of a calib.txt with all projections P0, P1... for pictures of another size.
-std::string scaled_calibration(const std::filesystem::path& file, const std::string& text,
-                               double scale) {
-  std::istringstream lines(text);
+/// The text of a calib.txt with all projections P0, P1... for pictures of another size, and with
+/// another Tr when `T_cam_velo` is given.
+std::string changed_calibration(const std::filesystem::path& file, double scale,
+                                const Pose* T_cam_velo) {
+  std::istringstream lines(read_content(file));
   std::string line, result;
   while (std::getline(lines, line)) {
     const size_t colon = line.find(':');
-    if (line.starts_with('P') && colon != std::string::npos) {
-      const std::string name = line.substr(0, colon);
+    const std::string name = line.substr(0, colon);
+    if (T_cam_velo && (name == "Tr" || name == "Tr_velo_to_cam")) {
+      result += name + ": ";
+      append_matrix(T_cam_velo->matrix().topRows<3>(), "%.12e", &result);
+    } else if (scale != 1 && line.starts_with('P') && colon != std::string::npos) {
       result += name + ": ";
       append_matrix(scaled(read_kitti_projection(file, name), scale), "%.12e", &result);
     } else {
@@ -95,15 +105,18 @@ std::string calibration_text(const Pose& T_cam_velo, double scale) {
 Drive make_drive(const SimulationConfig& config) {
   Drive drive;
   const double scale = config.camera ? config.camera->scale : 1;
-  if (config.calibration) {
-    drive.T_cam_velo = read_kitti_calibration(*config.calibration);
-    drive.calibration = read_content(*config.calibration);
-    if (scale != 1)
-      drive.calibration = scaled_calibration(*config.calibration, drive.calibration, scale);
-  } else {
-    drive.T_cam_velo = typical_calibration();
+  const bool tilted = config.mount.pitch != 0 || config.mount.roll != 0;
+  const Pose T_cam_level =
+      config.calibration ? read_kitti_calibration(*config.calibration) : typical_calibration();
+  drive.R_level_velo = tilt(config.mount);
+  drive.T_cam_velo = tilted ? T_cam_level * drive.R_level_velo : T_cam_level;
+  if (!config.calibration)
     drive.calibration = calibration_text(drive.T_cam_velo, scale);
-  }
+  else if (tilted || scale != 1)
+    drive.calibration =
+        changed_calibration(*config.calibration, scale, tilted ? &drive.T_cam_velo : nullptr);
+  else
+    drive.calibration = read_content(*config.calibration);
   if (config.camera) {
     const Projection P0 = config.calibration ? read_kitti_projection(*config.calibration, "P0")
                                              : typical_projection(0);
@@ -112,7 +125,7 @@ Drive make_drive(const SimulationConfig& config) {
                     scaled(P0, scale).leftCols<3>(), drive.T_cam_velo.inverse()};
   }
   if (config.poses) {
-    drive.poses = flatten(read_kitti_poses(*config.poses), drive.T_cam_velo, *config.poses);
+    drive.poses = flatten(read_kitti_poses(*config.poses), T_cam_level, *config.poses);
     drive.given_poses = read_content(*config.poses);
   } else {
     drive.poses = generate_route(config.route, config.length, config.seed);

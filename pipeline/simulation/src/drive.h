@@ -12,8 +12,9 @@ namespace revisit::pipeline::simulation {
 
 /// Where the vehicle goes, and the text of the KITTI files that say so.
 struct Drive {
-  std::vector<PlanarPose> poses;  // [frame], of the LiDAR
-  Pose T_cam_velo;
+  std::vector<PlanarPose> poses;    // [frame], of the LiDAR
+  Eigen::Quaterniond R_level_velo;  // tilt of the LiDAR
+  Pose T_cam_velo;                  // of the tilted LiDAR
   std::string given_poses;  // content of the poses file driven along; "" for a generated route
   std::string calibration;  // content of calib.txt
   CameraModel camera;       // when pictures are asked for

@@ -12,14 +12,19 @@ namespace {
 
 using Vec2 = Eigen::Vector2d;
 
-constexpr double kKerbHeight = 0.12, kKerbWidth = 0.25;  // [m]
-constexpr double kPavementWidth = 1.9;                   // [m]
-constexpr double kFineLimit = 9;                         // from the road: room for every kerb [m]
-constexpr int kTile = 8;                                 // [m]
+constexpr double kKerbWidth = 0.25;     // [m]
+constexpr double kPaintedPaving = 1.9;  // by the camera [m]
+constexpr double kFineLimit = 9;        // from the road: room for every kerb [m]
+constexpr int kTile = 8;                // [m]
 
 }  // namespace
 
-Ground::Ground(uint64_t seed, const RoadMap& roads) : seed_(seed), roads_(roads) {
+Ground::Ground(uint64_t seed, const RoadMap& roads, const Scenery& scenery)
+    : seed_(seed),
+      roads_(roads),
+      scenery_(scenery),
+      reach_(scenery.bank_height > 0 ? std::max(kFineLimit, scenery.kerb.high + scenery.bank.high)
+                                     : kFineLimit) {
   Random random(seed, 0x67726f756e64);
   constexpr std::array<double, 6> kWavelengths = {420, 310, 170, 120, 65, 45};  // [m]
   for (size_t i = 0; i < waves_.size(); ++i) {
@@ -46,14 +51,21 @@ bool Ground::has_parking(const Vec2& point) const {
 }
 
 double Ground::kerb(const Vec2& point) const {
-  const double narrow = 3.5, wide = 5.6;
+  const auto [narrow, wide] = scenery_.kerb;
   const double u = value_noise(seed_ ^ 0x7061726b, point.x(), point.y(), 55);
   return narrow + (wide - narrow) * std::clamp((u - 0.38) / 0.04, 0.0, 1.0);
 }
 
 double Ground::surface_height(const Vec2& point) const {
-  const double beyond = roads_.distance(point, kFineLimit) - kerb(point);
-  return height(point) + kKerbHeight * std::clamp(beyond / kKerbWidth, 0.0, 1.0);
+  return height(point) + relief(point, roads_.distance(point, reach_) - kerb(point));
+}
+
+double Ground::relief(const Vec2& point, double beyond) const {
+  const double kerb = scenery_.kerb_height * std::clamp(beyond / kKerbWidth, 0.0, 1.0);
+  if (scenery_.bank_height == 0) return kerb;
+  const auto [foot, top] = scenery_.bank;
+  const double up = 2 * value_noise(seed_ ^ 0x62616e6b, point.x(), point.y(), 160) - 1;
+  return kerb + scenery_.bank_height * up * std::clamp((beyond - foot) / (top - foot), 0.0, 1.0);
 }
 
 void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh) const {
@@ -70,6 +82,9 @@ void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh)
         if (i * i + j * j <= steps * steps) tiles.insert({ci + i, cj + j});
   }
 
+  const bool banks = scenery_.bank_height > 0;
+  // The painter lays slabs as wide as in a town, then lawn.
+  const double no_slabs = kPaintedPaving - scenery_.paving;
   for (const auto& [ti, tj] : tiles) {
     const Vec2 corner(ti * kTile, tj * kTile);
     const Vec2 center = corner + Vec2::Constant(kTile / 2.0);
@@ -82,20 +97,22 @@ void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh)
     for (int i = 0; i <= cells; ++i)
       for (int j = 0; j <= cells; ++j) {
         const Vec2 p = corner + size * Vec2(i, j);
-        const double d = fine ? roads_.distance(p, kFineLimit) - kerb(p) : kFineLimit;
-        const double z = height(p) + kKerbHeight * std::clamp(d / kKerbWidth, 0.0, 1.0);
+        const double d = fine || banks ? roads_.distance(p, reach_) - kerb(p) : kFineLimit;
+        const double z = height(p) + relief(p, d);
         mesh->vertices.push_back(Eigen::Vector3d(p.x(), p.y(), z).cast<float>());
         beyond.push_back(d);
-        mesh->from_kerb.push_back(static_cast<float>(d));
+        mesh->from_kerb.push_back(static_cast<float>(scenery_.asphalt ? -1
+                                                     : d > 0          ? d + no_slabs
+                                                                      : d));
       }
     for (int i = 0; i < cells; ++i)
       for (int j = 0; j < cells; ++j) {
         const auto a = static_cast<uint32_t>(i * (cells + 1) + j);
         const auto b = a + static_cast<uint32_t>(cells) + 1;
         const double d = beyond[a];
-        const Surface s = d < 0                ? surface(Material::kRoad, 0.3, Look::kGround)
-                          : d < kPavementWidth ? surface(Material::kRoad, 0.36, Look::kGround)
-                                               : surface(Material::kLawn, 0.42, Look::kGround);
+        const Surface s = d < 0 || scenery_.asphalt ? surface(Material::kRoad, 0.3, Look::kGround)
+                          : d < scenery_.paving     ? surface(Material::kRoad, 0.36, Look::kGround)
+                                                    : surface(Material::kLawn, 0.42, Look::kGround);
         mesh->add({first + a, first + b, first + b + 1}, s);
         mesh->add({first + a, first + b + 1, first + a + 1}, s);
       }

@@ -7,6 +7,8 @@ namespace revisit::pipeline::simulation {
 
 // Objects of the town, each in a frame of its own: origin on the ground, z up [m].
 
+/// A lorry centred on the origin, forward = x.
+Mesh make_truck(Random& random);
 /// A car centred on the origin, forward = x. `half` is filled with half its length and width.
 Mesh make_car(Random& random, Eigen::Vector2d* half);
 
@@ -19,11 +21,25 @@ Mesh make_bush(Random& random, double radius, double height);
 /// From (0, 0) along x, half a thickness to each side of it.
 Mesh make_hedge(Random& random, double length, double height, double thickness);
 
-enum class FenceKind { kSlats, kBoards, kWall, kRailing };
+enum class FenceKind {
+  kSlats,
+  kBoards,
+  kWall,
+  kRailing,
+  kHedge,  // is make_hedge()'s
+  kPasture,
+  kGuardRail,
+  kConcrete,
+  kScreen  // against noise
+};
 /// From (0, 0) along x.
 Mesh make_fence(Random& random, FenceKind kind, double length, double height);
 
 Mesh make_lamp(Random& random);
+/// A knee-high post with a reflector.
+Mesh make_post(Random& random);
+/// A board of some metres on two legs that faces x.
+Mesh make_board(Random& random);
 Mesh make_sign(Random& random);
 /// Bins, cabinets, bollards, benches: something small on the pavement, within 0.7 m.
 Mesh make_street_furniture(Random& random);

@@ -78,8 +78,9 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
 
   const std::vector<PlanarPose> route = generate_route(RouteKind::kLoop, kPlaceRoute, config.seed);
   const Path path = resample(route);
-  const RoadMap roads(route, path.points);
-  const Ground ground(config.seed, roads);
+  const Scenery& scenery = scenery_of(Surroundings::kTown);
+  const RoadMap roads(route, path.points, scenery.oncoming);
+  const Ground ground(config.seed, roads, scenery);
   const std::vector<Shot> shots = plan_shots(config.scans, config.seed, path.points, ground);
 
   OutputFolder::Files wanted;
@@ -90,7 +91,7 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
       folder.open(wanted, scans_there(config.output), {truth}, config.overwrite);
 
   Stopwatch watch;
-  World world = build_world(config.seed, path.points, roads, ground);
+  World world = build_world(config.seed, path.points, roads, ground, scenery);
   std::vector<Passers> passers(shots.size());
   if (config.scans == PlaceScans::kObjects)
     for (size_t i = 0; i < shots.size(); ++i)

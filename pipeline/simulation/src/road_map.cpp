@@ -79,11 +79,12 @@ Path resample(const std::vector<PlanarPose>& poses) {
   return result;
 }
 
-RoadMap::RoadMap(const std::vector<PlanarPose>& poses, const std::vector<PathPoint>& path) {
+RoadMap::RoadMap(const std::vector<PlanarPose>& poses, const std::vector<PathPoint>& path,
+                 double oncoming) {
   for (const PlanarPose& pose : poses) add({pose.x, pose.y}, 0);
   for (const PathPoint& point : path) {
     add(point.position, 0);
-    add(point.position + kOncomingOffset * point.left(), 1);
+    add(point.position + oncoming * point.left(), 1);
   }
 }
 

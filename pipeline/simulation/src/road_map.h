@@ -23,7 +23,7 @@ struct PathPoint {
 constexpr double kRoadHalfWidth = 3.0;
 /// Distance between neighbouring path points [m].
 constexpr double kPathStep = 0.5;
-/// The lane of oncoming cars, to the left of the driven path [m].
+/// The lane of oncoming cars in a town, to the left of the driven path [m].
 constexpr double kOncomingOffset = 3.2;
 
 /// An oriented rectangle on the ground.
@@ -48,7 +48,9 @@ constexpr double kLargestGap = 40;  // [m]
 /// Answers how far the road is. The road is the driven path and the lane for oncoming traffic.
 class RoadMap {
  public:
-  RoadMap(const std::vector<PlanarPose>& poses, const std::vector<PathPoint>& path);
+  /// The oncoming lane is `oncoming` metres to the left of the path.
+  RoadMap(const std::vector<PlanarPose>& poses, const std::vector<PathPoint>& path,
+          double oncoming);
 
   /// Distance from a point to the road, as metres from the driven lane's centre; the oncoming
   /// lane counts 1 m further, because nothing is measured from there. `limit` when further.

@@ -34,6 +34,14 @@ void check(const SimulationConfig& config) {
   if (config.every < 1) refuse("every ", config.every, "th frame: expected 1 or more");
   if (config.threads < 0) refuse(config.threads, " threads: expected 0 (all) or more");
   simulation::check(noise_of(config));
+  const auto within = [&](const char* what, double value, double low, double high) {
+    if (!(value >= low && value <= high))
+      refuse(what, " is ", value, ": expected ", low, " to ", high);
+  };
+  within("SimulationConfig::traffic", config.traffic, 0, 10);
+  within("SensorMount::height", config.mount.height, 0.5, 5);
+  within("SensorMount::pitch", config.mount.pitch, -45, 45);
+  within("SensorMount::roll", config.mount.roll, -45, 45);
   if (config.camera && !(config.camera->scale >= 0.1 && config.camera->scale <= 1))
     refuse("pictures of ", config.camera->scale, " times KITTI's size: expected 0.1 to 1");
   if (config.calibration && !config.poses)
@@ -51,8 +59,8 @@ std::set<int> wanted_frames(const SimulationConfig& config, int frames) {
   return wanted;
 }
 
-/// The sensor on the ground: kSensorHeight above it, upright on it, heading as the vehicle.
-Pose stand(const PlanarPose& pose, const Ground& ground) {
+/// A level sensor on the ground: `height` above it, upright on it, heading as the vehicle.
+Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   const Eigen::Vector2d p(pose.x, pose.y);
   const Eigen::Vector3d up = ground.normal(p);
   const Eigen::Vector3d left =
@@ -61,7 +69,7 @@ Pose stand(const PlanarPose& pose, const Ground& ground) {
   T.linear().col(0) = left.cross(up);
   T.linear().col(1) = left;
   T.linear().col(2) = up;
-  T.translation() = Eigen::Vector3d(p.x(), p.y(), ground.height(p)) + kSensorHeight * up;
+  T.translation() = Eigen::Vector3d(p.x(), p.y(), ground.height(p)) + height * up;
   return T;
 }
 
@@ -85,10 +93,14 @@ SimulationSummary simulate(const SimulationConfig& config,
 
   Stopwatch watch;
   const Path path = resample(drive.poses);
-  const RoadMap roads(drive.poses, path.points);
-  const Ground ground(config.seed, roads);
+  const Scenery& scenery = scenery_of(config.surroundings);
+  const RoadMap roads(drive.poses, path.points, scenery.oncoming);
+  const Ground ground(config.seed, roads, scenery);
   std::vector<Pose> T_town_velo;
-  for (const PlanarPose& pose : drive.poses) T_town_velo.push_back(stand(pose, ground));
+  for (const PlanarPose& pose : drive.poses) {
+    T_town_velo.push_back(stand(pose, ground, config.mount.height));
+    T_town_velo.back().linear() *= drive.R_level_velo.toRotationMatrix();
+  }
   data.write_frame(
       drive.given_poses.empty() ? poses_text(T_town_velo, drive.T_cam_velo) : drive.given_poses,
       drive.calibration, times_text(drive.poses.size()));
@@ -107,8 +119,8 @@ SimulationSummary simulate(const SimulationConfig& config,
   if (progress) progress(summary.scans, total);
 
   if (!missing.empty()) {
-    const Scene scene(build_world(config.seed, path.points, roads, ground).mesh);
-    const Traffic traffic(config.seed, path.points, ground);
+    const Scene scene(build_world(config.seed, path.points, roads, ground, scenery).mesh);
+    const Traffic traffic(config.seed, path.points, ground, scenery, config.traffic);
     const BeamPattern pattern = beam_pattern(config.sensor);
     std::optional<Textures> textures;
     if (config.camera) textures.emplace();

@@ -45,6 +45,31 @@ Mesh make_fence(Random& random, FenceKind kind, double length, double height) {
         mesh.quad({f(x), 0, top * 0.4f}, {f(x) + 0.04f, 0, top * 0.4f}, {f(x) + 0.04f, 0, top},
                   {f(x), 0, top}, metal);
       break;
+    case FenceKind::kHedge:
+      break;
+    case FenceKind::kPasture:
+      mesh.cylinder({0.1f, 0, -0.3f}, 0.06f, 0.06f, top + 0.3f, 6, wood);
+      for (const float z : {0.45f, 0.95f})
+        mesh.quad({0, 0, z * top}, {end, 0, z * top}, {end, 0, z * top + 0.04f},
+                  {0, 0, z * top + 0.04f}, wood);
+      break;
+    case FenceKind::kGuardRail:
+      mesh.box({0, 0, -0.5f}, {0.1f, 0.12f, top - 0.05f}, metal);
+      mesh.box({0, -0.06f, top - 0.32f}, {end, 0.06f, top}, metal);
+      break;
+    case FenceKind::kConcrete: {  // wide at its foot
+      const auto side = [&](float y) {
+        mesh.quad({0, y * 0.3f, -0.3f}, {end, y * 0.3f, -0.3f}, {end, y * 0.1f, top},
+                  {0, y * 0.1f, top}, stone);
+      };
+      side(-1), side(1);
+      mesh.quad({0, -0.1f, top}, {end, -0.1f, top}, {end, 0.1f, top}, {0, 0.1f, top}, stone);
+      break;
+    }
+    case FenceKind::kScreen:
+      mesh.box({0, -0.08f, -1}, {end, 0.08f, top}, wood);
+      mesh.box({0, -0.14f, -1}, {0.2f, 0.14f, top + 0.1f}, metal);
+      break;
   }
   return mesh;
 }
@@ -57,6 +82,24 @@ Mesh make_lamp(Random& random) {
   mesh.cylinder({0, 0, -0.3f}, 0.14f, 0.14f, 1.2f, 8, metal);
   const float reach = f(random.uniform(0.3, 0.6));
   mesh.box({-0.1f, -0.04f, f(height)}, {reach, 0.04f, f(height) + 0.1f}, metal);
+  return mesh;
+}
+
+Mesh make_post(Random& random) {
+  Mesh mesh;
+  const float top = f(random.uniform(0.9, 1.1));
+  mesh.box({-0.06f, -0.06f, -0.2f}, {0.06f, 0.06f, top}, surface(Material::kSolid, 0.7));
+  return mesh;
+}
+
+Mesh make_board(Random& random) {
+  Mesh mesh;
+  const float half = f(random.uniform(0.9, 1.8)), high = f(random.uniform(1.2, 2.6)),
+              low = f(random.uniform(1.2, 2.2));
+  const Surface metal = surface(Material::kSolid, 0.45);
+  for (const float y : {-0.7f * half, 0.7f * half})
+    mesh.cylinder({0, y, -0.5f}, 0.07f, 0.07f, low + high + 0.4f, 6, metal);
+  mesh.box({0.08f, -half, low}, {0.12f, half, low + high}, surface(Material::kSolid, 0.9));
   return mesh;
 }
 

@@ -8,24 +8,30 @@
 namespace revisit::pipeline::simulation {
 namespace {
 
-constexpr double kSpacing = 90;     // between oncoming cars, on average [m]
 constexpr double kOwnSpace = 7;     // no car comes nearer to the vehicle [m]
 constexpr double kLeaderTerm = 25;  // a car drives ahead, or none does, for so long [s]
 constexpr size_t kModels = 12;
 
 }  // namespace
 
-Traffic::Traffic(uint64_t seed, const std::vector<PathPoint>& path, const Ground& ground)
-    : seed_(seed), path_(path), ground_(ground) {
+Traffic::Traffic(uint64_t seed, const std::vector<PathPoint>& path, const Ground& ground,
+                 const Scenery& scenery, double share)
+    : seed_(seed),
+      path_(path),
+      ground_(ground),
+      scenery_(scenery),
+      leader_(static_cast<float>(scenery.leader * share)) {
   Random random(seed, 0x74726166);
   for (size_t i = 0; i < kModels; ++i) {
     Eigen::Vector2d half;
-    models_.push_back(make_car(random, &half));
+    models_.push_back(i < scenery.trucks ? make_truck(random) : make_car(random, &half));
   }
+  if (scenery.oncoming_spacing == 0) return;
   const double length = static_cast<double>(path.size()) * kPathStep;
-  const int count = static_cast<int>(length / kSpacing);
+  const int count = static_cast<int>(length / scenery.oncoming_spacing * share);
   for (int i = 0; i < count; ++i) {
-    const double start = random.uniform(0, length), speed = random.uniform(6, 11);
+    const double start = random.uniform(0, length),
+                 speed = random.uniform(scenery.oncoming_speed.low, scenery.oncoming_speed.high);
     oncoming_.push_back({start, speed, static_cast<size_t>(random.integer(0, kModels - 1))});
   }
 }
@@ -37,11 +43,11 @@ Mesh Traffic::at(double time, size_t ego, double reach) const {
   for (const Oncoming& car : oncoming_) {
     double s = std::fmod(car.start - car.speed * time, length);
     if (s < 0) s += length;
-    place(car.model, s, kOncomingOffset, true, here, reach, &mesh);
+    place(car.model, s, scenery_.oncoming, true, here, reach, &mesh);
   }
   const auto term = static_cast<uint64_t>(time / kLeaderTerm);
   const uint64_t bits = random_bits(seed_, 0x6c656164, term);
-  if (unit_float(bits) < 0.4f) {
+  if (unit_float(bits) < leader_) {
     const double gap = 12 + 14 * value_noise(seed_ ^ 0x676170, time, 0, 12);
     place(bits % kModels, static_cast<double>(ego) * kPathStep + gap, 0, false, here, reach, &mesh);
   }
@@ -59,7 +65,7 @@ void Traffic::place(size_t model, double s, double to_left, bool against,
   const Eigen::Vector2d position = p.position + t * step + to_left * p.left();
   const double distance = (position - ego).norm();
   // A car in the vehicle's own place would be a crash; oncoming cars pass at the lane's distance.
-  if (distance > reach || distance < (against ? kOncomingOffset * 0.8 : kOwnSpace)) return;
+  if (distance > reach || distance < (against ? scenery_.oncoming * 0.8 : kOwnSpace)) return;
   const Eigen::Vector2d forward = against ? Eigen::Vector2d(-p.forward) : p.forward;
   mesh->append(models_[model],
                {Eigen::Vector3d(position.x(), position.y(), ground_.height(position)).cast<float>(),

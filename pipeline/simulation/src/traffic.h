@@ -5,15 +5,18 @@
 #include "ground.h"
 #include "mesh.h"
 #include "road_map.h"
+#include "scenery.h"
 
 namespace revisit::pipeline::simulation {
 
-/// Cars that move: where they are is a function of the time alone.
+/// Vehicles that move: where they are is a function of the time alone.
 class Traffic {
  public:
-  Traffic(uint64_t seed, const std::vector<PathPoint>& path, const Ground& ground);
+  /// `share` of the vehicles that usually drive there.
+  Traffic(uint64_t seed, const std::vector<PathPoint>& path, const Ground& ground,
+          const Scenery& scenery, double share);
 
-  /// The cars within `reach` metres of the vehicle, which is at path point `ego` at `time` [s].
+  /// The vehicles within `reach` metres of the vehicle, which is at path point `ego` at `time` [s].
   Mesh at(double time, size_t ego, double reach) const;
 
  private:
@@ -27,6 +30,8 @@ class Traffic {
   uint64_t seed_;
   const std::vector<PathPoint>& path_;
   const Ground& ground_;
+  const Scenery& scenery_;
+  float leader_;  // chance
   std::vector<Mesh> models_;
   std::vector<Oncoming> oncoming_;
 };

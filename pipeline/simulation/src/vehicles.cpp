@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 
 #include "objects.h"
@@ -74,6 +75,26 @@ Mesh make_car(Random& random, Eigen::Vector2d* half) {
       mesh.box({cx - r, std::min(inner, outer), 0}, {cx + r, std::max(inner, outer), 2 * r}, tyre);
     }
   }
+  return mesh;
+}
+
+Mesh make_truck(Random& random) {
+  const float half = static_cast<float>(random.uniform(4, 7)), y = 1.25f;
+  const float top = static_cast<float>(random.uniform(3, 4));
+  const Surface cover = surface(Material::kSolid, random.uniform(0.2, 0.7));
+  const Surface paint = surface(Material::kPaint, random.uniform(0.1, 0.7));
+  const Surface glass = surface(Material::kGlass, 0.08, Look::kCarGlass);
+  const Surface tyre = surface(Material::kSolid, 0.05);
+  Mesh mesh;
+  const float cab = half - 2.2f;
+  mesh.box({-half, -y, 1.1f}, {cab - 0.4f, y, top}, cover);
+  mesh.quad({-half, -y, 1.1f}, {cab, -y, 1.1f}, {cab, y, 1.1f}, {-half, y, 1.1f}, tyre);
+  mesh.box({cab, -y, 0.4f}, {half, y, 1.8f}, paint);
+  mesh.box({cab, -y, 1.8f}, {half - 0.1f, y, 2.7f}, glass);
+  mesh.box({cab, -y, 2.7f}, {half - 0.2f, y, top - 0.2f}, paint);
+  for (const float x : {-half + 1, -half + 2.3f, cab + 0.9f})
+    for (const float side : {-y, y - 0.35f})
+      mesh.box({x - 0.5f, side, 0}, {x + 0.5f, side + 0.35f, 1}, tyre);
   return mesh;
 }
 

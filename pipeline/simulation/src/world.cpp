@@ -6,6 +6,7 @@
 
 #include "objects.h"
 #include "random.h"
+#include "scenery.h"
 
 namespace revisit::pipeline::simulation {
 namespace {
@@ -13,11 +14,12 @@ namespace {
 using Vec2 = Eigen::Vector2d;
 
 constexpr double kClearance = kRoadHalfWidth + 0.25;  // of everything, from any pose [m]
-constexpr double kPavement = 1.4;                     // from the kerb to the front of a lot [m]
 constexpr size_t kFrontPiece = 2;                     // of a closed front [path points]
 
-/// Kinds of fence_line() that nobody looks through: boards, walls, hedges.
-constexpr std::array<int, 6> kOpaque = {1, 2, 4, 5, 6, 7};
+/// Half of all fences are hedges.
+constexpr std::array<FenceKind, 8> kAnyFence = {
+    FenceKind::kSlats, FenceKind::kBoards, FenceKind::kWall,  FenceKind::kRailing,
+    FenceKind::kHedge, FenceKind::kHedge,  FenceKind::kHedge, FenceKind::kHedge};
 
 /// A piece of land beside the road: x along the road, y away from it, the origin in the
 /// middle of its front.
@@ -32,18 +34,25 @@ struct Lot {
 class Builder {
  public:
   Builder(uint64_t seed, const std::vector<PathPoint>& path, const RoadMap& roads,
-          const Ground& ground)
-      : seed_(seed), random_(seed, 0x746f776e), path_(path), roads_(roads), ground_(ground) {}
+          const Ground& ground, const Scenery& scenery)
+      : seed_(seed),
+        random_(seed, 0x746f776e),
+        path_(path),
+        roads_(roads),
+        ground_(ground),
+        scenery_(scenery) {}
 
   World build() {
     ground_.build(path_, kWorldReach, &world_.mesh);
     world_.ground_triangles = world_.mesh.triangles.size();
     side_streets();
     lots();
-    closed_fronts();
+    for (const RoadsideLine& line : scenery_.lines) roadside_line(line);
     close_side_streets();
     parked_cars();
-    pavements();
+    rows_of_cars();
+    things();
+    woods();
     background();
     return std::move(world_);
   }
@@ -52,8 +61,14 @@ class Builder {
   double field(uint64_t which, const Vec2& p, double wavelength) const {
     return value_noise(seed_ ^ which, p.x(), p.y(), wavelength);
   }
+  double density(const Vec2& p) const { return field(0x64656e73, p, 130); }
+  static double by(const Range& chances, double field) {
+    return chances.low + (chances.high - chances.low) * field;
+  }
+  double draw(const Range& range) { return random_.uniform(range.low, range.high); }
+  int draw(const Count& count) { return random_.integer(count.low, count.high); }
   /// Side +1 is left of the path, -1 right. The lane for oncoming traffic is on the left.
-  double lane_edge(int side) const { return side > 0 ? kOncomingOffset - 1 : 0; }
+  double lane_edge(int side) const { return side > 0 ? scenery_.oncoming - 1 : 0; }
   Vec2 along(const PathPoint& p, int side) const { return side > 0 ? p.forward : Vec2(-p.forward); }
 
   /// Puts an object with its origin at `origin` if that keeps the road clear.
@@ -73,14 +88,15 @@ class Builder {
 
   // ---- streets nobody drives: gaps between the houses ----
   void side_streets() {
+    if (scenery_.side_streets.high == 0) return;
     size_t next = 60;
     for (size_t i = next; i < path_.size(); ++i) {
       if (i < next) continue;
-      next = i + static_cast<size_t>(random_.uniform(120, 280) / kPathStep);
+      next = i + static_cast<size_t>(draw(scenery_.side_streets) / kPathStep);
       const int side = random_.chance(0.5) ? 1 : -1;
       const PathPoint& p = path_[i];
       const Lot street{p.position + side * (lane_edge(side) + 3.4) * p.left(), along(p, side),
-                       random_.uniform(5, 8), random_.uniform(35, 80)};
+                       draw(scenery_.side_street_width), random_.uniform(35, 80)};
       if (!taken_.free(street.footprint())) continue;
       taken_.take(street.footprint());
       streets_.push_back(street);
@@ -92,7 +108,7 @@ class Builder {
     for (const Lot& street : streets_)
       for (const double x : {-street.width / 2, street.width / 2})
         fence_line(street.at(x, 4), street.away(), street.depth - 4, random_.uniform(1.6, 2.8),
-                   opaque_kind());
+                   tall_fence());
   }
 
   // ---- houses and gardens along the road ----
@@ -113,15 +129,16 @@ class Builder {
   double lot_at(size_t i, int side) {
     const PathPoint& start = path_[i];
     const double kerb = ground_.kerb(start.position);
-    const double front = lane_edge(side) + kerb + kPavement;
+    const double front = lane_edge(side) + kerb + scenery_.front;
     if (!taken_.free(Vec2(start.position + side * (front + 3) * start.left()))) return 0;
 
-    const double density = field(0x64656e73, start.position, 130) + random_.uniform(-0.12, 0.12);
-    const bool urban = density > 0.6, green = density < 0.2;
-    const double width = urban   ? random_.uniform(8, 19)
-                         : green ? random_.uniform(14, 28)
-                                 : random_.uniform(13, 22);
-    const double depth = urban ? random_.uniform(12, 16) : random_.uniform(15, 23);
+    const double built = density(start.position) + random_.uniform(-0.12, 0.12);
+    if (built < scenery_.open_below) return 0;
+    const bool urban = built > scenery_.urban_above, green = built < scenery_.green_below;
+    const double width = draw(urban   ? scenery_.urban_width
+                              : green ? scenery_.green_width
+                                      : scenery_.villa_width);
+    const double depth = draw(urban ? scenery_.urban_depth : scenery_.other_depth);
     for (const double shrink : {1.0, 0.7, 0.4}) {
       const double w = std::max(6.0, width * shrink);
       const size_t middle = i + static_cast<size_t>(w / 2 / kPathStep);
@@ -132,36 +149,56 @@ class Builder {
         const Lot lot{p.position + side * (front + 0.7 * back) * p.left(), along(p, side), w,
                       std::max(6.0, depth * shrink)};
         const Footprint land = lot.footprint();
-        if (!roads_.clear(land, kerb + kPavement - 0.3) || !taken_.free(land)) continue;
+        if (!roads_.clear(land, kerb + scenery_.front - 0.3) || !taken_.free(land)) continue;
         taken_.take(land);
         fill(lot, urban, green);
-        return w + (urban && random_.chance(0.8) ? 0.0 : random_.uniform(0, 1.5));
+        return w + (urban && random_.chance(scenery_.gapless) ? 0.0 : random_.uniform(0, 1.5));
       }
     }
     return 0;
   }
 
-  /// Where no lot found room, a hedge, fence or wall stands beside the pavement: streets are closed
-  /// on both sides, but for the side streets and crossings.
-  void closed_fronts() {
-    for (const int side : {1, -1})
+  /// In a town a hedge, fence or wall stands beside the pavement where no lot found room: streets
+  /// are closed on both sides, but for the side streets and crossings.
+  void roadside_line(const RoadsideLine& line) {
+    if (line.below == 0) return;
+    for (const int side : {1, -1}) {
+      if (side < 0 && line.left_only) continue;
       for (size_t i = 0; i + kFrontPiece < path_.size(); i += kFrontPiece) {
-        const PathPoint& p = path_[i + kFrontPiece / 2];
-        const double lateral = lane_edge(side) + ground_.kerb(p.position) + kPavement + 0.5;
-        const Vec2 middle = p.position + side * lateral * p.left();
-        const double length = static_cast<double>(kFrontPiece) * kPathStep;
-        const Footprint front{middle, p.forward, {length / 2, 0.4}};
-        if (!taken_.free(front) || !roads_.clear(front, kClearance)) continue;
+        const auto at = [&](size_t point) {
+          const PathPoint& p = path_[point];
+          const double lateral = lane_edge(side) + ground_.kerb(p.position) + line.beyond_kerb;
+          return Vec2(p.position + side * lateral * p.left());
+        };
+        const Vec2 middle = at(i + kFrontPiece / 2);
+        Vec2 direction = path_[i + kFrontPiece / 2].forward;
+        double length = static_cast<double>(kFrontPiece) * kPathStep;
+        Footprint front{middle, direction, {length / 2, 0.4}};
+        if (line.joined) {
+          const Vec2 piece = at(i + kFrontPiece) - at(i);
+          length = piece.norm();
+          if (length < 0.1 || length > 5) continue;  // the path turns on the spot, or jumps
+          direction = piece / length;
+          // Wide enough to meet the line of another pass, short enough not to meet its own.
+          front = {middle, direction, {0.3 * length, 0.9}};
+        }
+        if (field(0x73686172, middle, line.owner) >= line.below) continue;
+        if (!taken_.free(front) ||
+            !roads_.clear({middle, direction, {length / 2, 0.4}}, kClearance))
+          continue;
         taken_.take(front);
         // One owner has one kind of fence.
-        const double owner = field(0x66656e63, middle, 25);
-        const int kind = kOpaque[static_cast<size_t>(owner * 997) % kOpaque.size()];
-        fence_line(middle - length / 2 * p.forward, p.forward, length, 1.5 + owner, kind);
+        const double owner = field(0x66656e63, middle, line.owner);
+        const auto kind = static_cast<size_t>(owner * line.kinds_an_owner) % line.kinds.size();
+        fence_line(middle - length / 2 * direction, direction, length, by(line.height, owner),
+                   line.kinds[kind]);
       }
+    }
   }
 
   void fill(const Lot& lot, bool urban, bool green) {
-    if (lot.width < 7.5 || lot.depth < 11 || green) return garden(lot);
+    if (lot.width < scenery_.smallest_width || lot.depth < scenery_.smallest_depth || green)
+      return garden(lot);
     if (urban) return town_house(lot);
     villa(lot);
   }
@@ -175,22 +212,23 @@ class Builder {
   }
 
   void town_house(const Lot& lot) {
-    const double y = kFacadeRelief + 0.5 + (random_.chance(0.3) ? random_.uniform(0, 2.5) : 0);
+    const double y =
+        kFacadeRelief + 0.5 + (random_.chance(scenery_.recessed) ? random_.uniform(0, 2.5) : 0);
     BuildingStyle style;
     style.width = lot.width;
     style.depth = lot.depth - y - 0.5;
-    style.floors = random_.integer(2, 5);
+    style.floors = draw(scenery_.urban_floors);
     style.floor_height = random_.uniform(2.8, 3.5);
-    style.shop = random_.chance(0.3);
+    style.shop = random_.chance(scenery_.shops);
     house(lot, -lot.width / 2, y, style);
   }
 
   void villa(const Lot& lot) {
-    const double y = random_.uniform(2.2, 5.5);
+    const double y = draw(scenery_.setback);
     BuildingStyle style;
-    style.width = std::clamp(lot.width - random_.uniform(2, 7), 7.0, 16.0);
+    style.width = std::clamp(lot.width - draw(scenery_.beside), 7.0, 16.0);
     style.depth = std::min(random_.uniform(8, 12), lot.depth - y - 1);
-    style.floors = random_.integer(1, 3);
+    style.floors = draw(scenery_.villa_floors);
     const double free = lot.width - style.width;
     const double x = -lot.width / 2 + free * random_.uniform(0.15, 0.85);
     if (style.depth > 5) house(lot, x, y, style);
@@ -201,11 +239,11 @@ class Builder {
     const bool has_garage = open > 3.4 && random_.chance(0.5);
     if (!has_garage && open > 0.8 && random_.chance(0.9))
       fence_line(lot.at(-lot.width / 2, y + 0.5), lot.along, open - 0.4, random_.uniform(1.6, 2.4),
-                 opaque_kind());
+                 tall_fence());
     const double right_end = x + style.width, open_right = lot.width / 2 - right_end;
     if (open_right > 0.8 && random_.chance(0.9))
       fence_line(lot.at(right_end + 0.2, y + 0.5), lot.along, open_right - 0.4,
-                 random_.uniform(1.6, 2.4), opaque_kind());
+                 random_.uniform(1.6, 2.4), tall_fence());
     if (has_garage) {
       BuildingStyle garage;
       garage.width = std::min(open - 0.6, 3.6), garage.depth = 6, garage.floors = 1;
@@ -215,7 +253,7 @@ class Builder {
     if (random_.chance(0.6)) {
       const double right = lot.width / 2 - 0.3;
       const double length = random_.uniform(6, lot.depth - 2), height = random_.uniform(1.0, 1.9);
-      fence_line(lot.at(right, 0.8), lot.away(), length, height, random_.integer(0, 6));
+      fence_line(lot.at(right, 0.8), lot.away(), length, height, any_fence(6));
     }
     if (random_.chance(0.4)) car_at(lot.at(gate, 2.9), lot.away());
     plants(lot, 0.9, y - 0.6, random_.integer(2, 8), 0.2);
@@ -240,8 +278,8 @@ class Builder {
 
   /// The line between lot and pavement, with a gate.
   void boundary(const Lot& lot, double gate) {
-    const bool tall = random_.chance(0.6);
-    const int kind = tall ? opaque_kind() : random_.integer(0, 7);
+    const bool tall = random_.chance(scenery_.tall_fences);
+    const FenceKind kind = tall ? tall_fence() : any_fence(7);
     const double height = tall ? random_.uniform(1.4, 2.4) : random_.uniform(0.7, 1.3);
     const double opening = random_.uniform(0.9, 3.0), y = 0.45, half = lot.width / 2 - 0.2;
     const double first = gate - opening / 2 + half, second = half - gate - opening / 2;
@@ -249,17 +287,19 @@ class Builder {
     if (second > 0.5) fence_line(lot.at(half, y), -lot.along, second, height, kind);
   }
 
-  int opaque_kind() { return kOpaque[static_cast<size_t>(random_.integer(0, 5))]; }
+  FenceKind tall_fence() { return scenery_.fences[static_cast<size_t>(random_.integer(0, 5))]; }
+  FenceKind any_fence(int last) { return kAnyFence[static_cast<size_t>(random_.integer(0, last))]; }
 
   /// A hedge or fence from `from`, in pieces that follow the ground.
-  void fence_line(const Vec2& from, const Vec2& direction, double length, double height, int kind) {
+  void fence_line(const Vec2& from, const Vec2& direction, double length, double height,
+                  FenceKind kind) {
     const int pieces = std::max(1, static_cast<int>(std::ceil(length / 4)));
     const double piece = length / pieces, thick = random_.uniform(0.5, 0.9);
     for (int i = 0; i < pieces; ++i) {
       const Vec2 origin = from + i * piece * direction;
-      const bool hedge = kind >= 4;
+      const bool hedge = kind == FenceKind::kHedge;
       const Mesh mesh = hedge ? make_hedge(random_, piece, height, thick)
-                              : make_fence(random_, static_cast<FenceKind>(kind), piece, height);
+                              : make_fence(random_, kind, piece, height);
       put(mesh, origin, direction,
           {origin + piece / 2 * direction,
            direction,
@@ -303,7 +343,7 @@ class Builder {
         if (s < next_s || !ground_.has_parking(p.position)) continue;
         const double lateral = lane_edge(side) + kClearance + 1.1 + random_.uniform(0, 0.12);
         const Vec2 center = p.position + side * lateral * p.left();
-        const bool wanted = random_.chance(0.2 + 0.6 * field(0x63617273, center, 60));
+        const bool wanted = random_.chance(by(scenery_.parked, field(0x63617273, center, 60)));
         if (wanted && taken_.free(center)) {
           const double angle = random_.normal(0.02) + (random_.chance(0.15) ? 3.1416 : 0);
           car_at(center, Eigen::Rotation2Dd(angle) * along(p, -side));
@@ -313,7 +353,28 @@ class Builder {
     }
   }
 
-  void pavements() {
+  /// Cars side by side in rows along the road, as in a car park. A slot that stays empty stays so
+  /// when the road comes by again.
+  void rows_of_cars() {
+    constexpr double kSlot = 2.6, kDepth = 5.2;  // [m]
+    for (const double row : scenery_.rows) {
+      if (row == 0) continue;
+      for (double s = 0; s < static_cast<double>(path_.size()) * kPathStep; s += kSlot) {
+        const PathPoint& p = path_[static_cast<size_t>(s / kPathStep)];
+        for (const int side : {1, -1}) {
+          const double lateral = lane_edge(side) + ground_.kerb(p.position) + row;
+          const Vec2 center = p.position + side * lateral * p.left();
+          const Footprint slot{center, p.left(), {kDepth / 2, kSlot / 2 - 0.1}};
+          if (!taken_.free(slot) || !roads_.clear(slot, kClearance)) continue;
+          taken_.take(slot);
+          if (random_.chance(by(scenery_.row_cars, field(0x63617273, center, 40))))
+            car_at(center, random_.chance(0.5) ? p.left() : Vec2(-p.left()));
+        }
+      }
+    }
+  }
+
+  void things() {
     std::array<double, 2> next = {5, 17};
     for (size_t i = 0; i < path_.size(); ++i) {
       const double s = static_cast<double>(i) * kPathStep;
@@ -321,29 +382,53 @@ class Builder {
       for (const int side : {1, -1}) {
         double& next_s = next[side > 0 ? 0 : 1];
         if (s < next_s) continue;
-        next_s = s + random_.uniform(6, 15);
-        const double kerb = ground_.kerb(p.position), lateral = lane_edge(side) + kerb + 0.75;
+        next_s = s + draw(scenery_.things);
+        const double kerb = ground_.kerb(p.position),
+                     lateral = lane_edge(side) + kerb + scenery_.verge;
         const Vec2 at = p.position + side * lateral * p.left();
         // One thing every few metres, also on a second visit.
         const Footprint around{at, p.forward, {2.6, 1.0}};
         if (!taken_.free(at) || !furniture_.free(around)) continue;
         const double kind = random_.uniform(),
-                     crown = std::min(kerb + 0.75 - kClearance - 0.3, 2.4);
+                     crown = std::min(kerb + scenery_.verge - kClearance - 0.3, 2.4);
         const Vec2 to_road = -side * p.left();
         const Footprint small{at, p.forward, {0.75, 0.6}};
         bool done;
-        if (kind < 0.28)
+        double until = scenery_.boards;
+        if (kind < until)
+          done = put(make_board(random_), at, along(p, side), {at, p.forward, {0.75, 1.9}});
+        else if (kind < (until += scenery_.posts))
+          done = put(make_post(random_), at, to_road, small);
+        else if (kind < (until += scenery_.lamps))
           done = put(make_lamp(random_), at, to_road, small);
-        else if (kind < 0.48)
+        else if (kind < (until += scenery_.signs))
           done = put(make_sign(random_), at, random_.chance(0.5) ? p.forward : Vec2(-p.forward),
                      small);
-        else if (kind < 0.75 && crown > 1.2)
+        else if (kind < until + scenery_.trees && crown > 1.2)
           done = put_round(make_tree(random_, crown), at, crown + 0.3);
         else
           done = put(make_street_furniture(random_), at, p.forward, small);
         if (done) furniture_.take(around);
       }
     }
+  }
+
+  /// Trees about 5 m apart.
+  void woods() {
+    if (scenery_.wood.high == 0) return;
+    for (size_t i = 0; i < path_.size(); i += 9)
+      for (const int side : {1, -1})
+        for (double beyond = scenery_.wood.low; beyond < scenery_.wood.high; beyond += 4.5) {
+          const PathPoint& p = path_[i];
+          const double lateral = lane_edge(side) + ground_.kerb(p.position) + beyond;
+          const Vec2 middle = p.position + side * lateral * p.left();
+          if (field(0x776f6f64, middle, 110) < scenery_.wood_above) continue;
+          const Vec2 at = middle + Vec2(random_.uniform(-1.6, 1.6), random_.uniform(-1.6, 1.6));
+          const Footprint trunk{at, {1, 0}, {1.7, 1.7}};
+          if (!taken_.free(trunk)) continue;
+          const double crown = random_.uniform(1.8, 3.4);
+          if (put_round(make_tree(random_, crown), at, crown + 0.3)) taken_.take(trunk);
+        }
   }
 
   // ---- what is seen between and above the first row ----
@@ -358,13 +443,13 @@ class Builder {
           const Footprint land = lot.footprint();
           if (!taken_.free(land) || !roads_.clear(land, 9)) continue;
           taken_.take(land);
-          if (random_.chance(0.25 + 0.6 * field(0x64656e73, at, 130))) {
+          if (random_.chance(by(scenery_.far_houses, density(at)))) {
             BuildingStyle style;
             style.width = lot.width - 1, style.depth = lot.depth - 1;
-            style.floors = random_.integer(1, 4), style.detailed = false;
+            style.floors = draw(scenery_.far_floors), style.detailed = false;
             house(lot, -lot.width / 2 + 0.5, 0.5, style);
           } else {
-            plants(lot, 0, lot.depth, random_.integer(2, 8), 0.6);
+            plants(lot, 0, lot.depth, draw(scenery_.far_plants), scenery_.far_trees);
           }
         }
   }
@@ -374,6 +459,7 @@ class Builder {
   const std::vector<PathPoint>& path_;
   const RoadMap& roads_;
   const Ground& ground_;
+  const Scenery& scenery_;
   Occupancy taken_, cars_, furniture_;
   std::vector<Lot> streets_;  // nobody drives them
   World world_;
@@ -382,8 +468,8 @@ class Builder {
 }  // namespace
 
 World build_world(uint64_t seed, const std::vector<PathPoint>& path, const RoadMap& roads,
-                  const Ground& ground) {
-  return Builder(seed, path, roads, ground).build();
+                  const Ground& ground, const Scenery& scenery) {
+  return Builder(seed, path, roads, ground, scenery).build();
 }
 
 }  // namespace revisit::pipeline::simulation

@@ -5,6 +5,7 @@
 #include "ground.h"
 #include "mesh.h"
 #include "road_map.h"
+#include "scenery.h"
 
 namespace revisit::pipeline::simulation {
 
@@ -18,9 +19,9 @@ struct World {
 /// Farther than any sensor sees: the ground reaches this far from the path [m].
 constexpr double kWorldReach = 125;
 
-/// Lays out a town along the path. It is made in one walk along the path; ground that is taken
-/// stays taken, so a street driven twice gets its houses once.
+/// Lays out surroundings along the path. It is made in one walk along the path; ground that is
+/// taken stays taken, so a street driven twice gets its houses once.
 World build_world(uint64_t seed, const std::vector<PathPoint>& path, const RoadMap& roads,
-                  const Ground& ground);
+                  const Ground& ground, const Scenery& scenery);
 
 }  // namespace revisit::pipeline::simulation

@@ -14,8 +14,9 @@ namespace {
 
 // argp fills paragraphs: no line breaks inside them.
 constexpr const char* kSummary =
-    "Writes a data set in KITTI odometry layout: a drive through a synthetic town. The route is "
-    "generated, or given by a KITTI poses file; then the town is laid out along it. Equal settings "
+    "Writes a data set in KITTI odometry layout: a drive through a synthetic town or other "
+    "surroundings. The route is generated, or given by a KITTI poses file; then the town is laid "
+    "out along it. Equal settings "
     "give equal bytes for any number of threads. An interrupted run continues when it is started "
     "again.";
 
@@ -24,11 +25,12 @@ constexpr const char* kExamples =
     "  revisit simulate -o town --sequence 01 --route opposite --seed 7\n"
     "  revisit simulate -o look --sensor vlp16 --frames 0-99\n"
     "  revisit simulate -o seen --camera --image-scale 0.5\n"
+    "  revisit simulate -o road --surroundings country --sensor-height 2.1 --sensor-pitch 2\n"
     "  revisit simulate -o sim --sequence 05 --poses poses/05.txt --every 2\n"
     "  revisit simulate -o places/rotation --preset hkust-rotation\n\n"
-    "Given poses are used as seen from above (x, z, heading). The sensor always stands 1.73 m "
-    "above "
-    "a smooth ground, because the height in ground-truth files drifts by metres between visits of "
+    "Given poses are used as seen from above (x, z, heading). The sensor always stands at its "
+    "height above a smooth ground, because the height in ground-truth files drifts by metres "
+    "between visits of "
     "one place. The poses file is copied as it is, with all its lines: line i is frame i, counted "
     "from 0, and scan 000042.bin is frame 42. With --every or --frames there are lines without a "
     "scan.\n";
@@ -94,6 +96,7 @@ SimulateOptions parse_options(const Arguments& arguments) {
   using pipeline::LidarModel;
   using pipeline::PlaceScans;
   using pipeline::RouteKind;
+  using pipeline::Surroundings;
   SimulateOptions o;
   std::optional<std::string> frames;
   bool camera = false;
@@ -120,6 +123,16 @@ SimulateOptions parse_options(const Arguments& arguments) {
       .option("poses", "FILE", "drive along these KITTI poses instead", &o.drive.poses)
       .option("calib", "FILE", "calib.txt of these poses (default: a typical one)",
               &o.drive.calibration)
+      .choice<Surroundings>("surroundings",
+                            {{"town", Surroundings::kTown},
+                             {"village", Surroundings::kVillage},
+                             {"country", Surroundings::kCountry},
+                             {"motorway", Surroundings::kMotorway},
+                             {"car-park", Surroundings::kCarPark},
+                             {"old-town", Surroundings::kOldTown}},
+                            "(default: town)", &o.drive.surroundings)
+      .option("traffic", "SHARE", "of the moving vehicles usual there, 0 to 10 (default 1)",
+              &o.drive.traffic)
       .group("Which frames (10 a second, 0.8 m apart on a generated route):")
       .option("frames", "N|A-B", "the first N, or A to B inclusive (default: all)", &frames)
       .option("every", "N", "every Nth frame only", &o.drive.every)
@@ -129,6 +142,12 @@ SimulateOptions parse_options(const Arguments& arguments) {
                            {"vlp16", LidarModel::kVlp16},
                            {"ouster-os1-64", LidarModel::kOs1}},
                           "(default: hdl64)", &o.drive.sensor)
+      .option("sensor-height", "M", "above the road, in metres (default 1.73)",
+              &o.drive.mount.height)
+      .option("sensor-pitch", "DEG", "tilt of the mount: above 0 it looks down ahead (default 0)",
+              &o.drive.mount.pitch)
+      .option("sensor-roll", "DEG", "tilt of the mount: above 0 it leans to the right (default 0)",
+              &o.drive.mount.roll)
       .option("noise", "M", "standard deviation of a range in metres (default 0.02)",
               &o.drive.range_noise)
       .option("dropout", "SHARE", "of returns lost at random (default 0.01)", &o.drive.dropout)
@@ -152,8 +171,9 @@ SimulateOptions parse_options(const Arguments& arguments) {
   const auto given = [&](const char* option) {
     return parser.given(option, Parser::Source::kEnvironment);
   };
-  for (const char* option : {"sequence", "route", "length", "poses", "calib", "frames", "every",
-                             "sensor", "camera", "image-scale", "light"})
+  for (const char* option : {"sequence", "route", "length", "poses", "calib", "surroundings",
+                             "traffic", "frames", "every", "sensor", "sensor-height",
+                             "sensor-pitch", "sensor-roll", "camera", "image-scale", "light"})
     if (o.preset && given(option))
       throw UsageError(str("--", option, " is about drives: leave it out with --preset"));
   if (given("poses") && (given("route") || given("length")))

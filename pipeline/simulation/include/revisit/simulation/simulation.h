@@ -19,6 +19,18 @@ enum class LidarModel {
 /// What find_sensor() and `--sensor` call it.
 const char* name_of(LidarModel model);
 
+/// What lies beside the road. The numbers of each are in scenery.cpp.
+enum class Surroundings {
+  kTown,      ///< houses, gardens, fences and parked cars close to the street
+  kVillage,   ///< houses far back in gardens with hedges and trees
+  kCountry,   ///< fields, hedgerows, woods and few farms
+  kMotorway,  ///< a wide carriageway, guard rails, banks, noise screens, woods, lorries
+  kCarPark,   ///< asphalt with rows of parked cars and lamps; buildings at the rim
+  kOldTown    ///< high fronts without gaps at both sides of a narrow lane
+};
+/// What `--surroundings` calls them.
+const char* name_of(Surroundings surroundings);
+
 /// Generated routes, by how they come back to places seen before.
 enum class RouteKind {
   kLoop,      ///< round a block and on: revisits in the same direction
@@ -34,10 +46,23 @@ struct SimulatedCamera {
   bool changing_light = true;
 };
 
+/// The sensor's height above the road, as on KITTI's car [m].
+constexpr double kSensorHeight = 1.73;
+
+/// How the LiDAR is mounted on the car. The camera rises with it, but keeps level.
+struct SensorMount {
+  double height = kSensorHeight;  ///< above the road, 0.5 to 5 [m]
+  double pitch = 0;               ///< about its y axis (left), > 0: it looks down ahead [deg]
+  double roll = 0;  ///< about its x axis (forward), applied first, > 0: it leans to the right [deg]
+};
+
 /// What to simulate. Equal settings give equal bytes, for any number of threads.
 struct SimulationConfig {
   std::filesystem::path output;  ///< root of the data set in KITTI odometry layout
   std::string sequence = "00";   ///< name of the sequence: `sequences/<sequence>`
+
+  Surroundings surroundings = Surroundings::kTown;
+  double traffic = 1;  ///< of the moving vehicles that usually drive there, 0 to 10
 
   RouteKind route = RouteKind::kLoop;  ///< used when `poses` is not given
   double length = 1200;                ///< of the generated route, 300 to 30000 [m]
@@ -45,9 +70,10 @@ struct SimulationConfig {
   /// A KITTI poses file to drive along instead. The town is laid out along the path seen from
   /// above: x, z and the heading of each pose are used; its height, roll and pitch are not, because
   /// ground-truth height drifts by metres between visits of one place. The sensor always stands
-  /// kSensorHeight above a smooth ground, upright on it. The file is copied as it is.
+  /// `mount.height` above a smooth ground. The file is copied as it is.
   std::optional<std::filesystem::path> poses;
-  /// calib.txt whose `Tr` (T_cam_velo) belongs to `poses`; it is copied. Absent: a typical one.
+  /// calib.txt whose `Tr` (T_cam_velo) belongs to `poses`; it is copied, but for `Tr` when
+  /// `mount` tilts the LiDAR. Absent: a typical one.
   std::optional<std::filesystem::path> calibration;
 
   int first_frame = 0;            ///< simulate frames first_frame to last_frame ...
@@ -55,6 +81,7 @@ struct SimulationConfig {
   int every = 1;                  ///< ... whose number less first_frame is a multiple of this
 
   LidarModel sensor = LidarModel::kHdl64;
+  SensorMount mount;                      ///< of the LiDAR
   double range_noise = 0.02;              ///< standard deviation of a range [m]
   double dropout = 0.01;                  ///< share of returns lost at random, [0, 1)
   std::optional<SimulatedCamera> camera;  ///< absent: scans only
@@ -63,9 +90,6 @@ struct SimulationConfig {
 
   bool overwrite = false;  ///< replace scans made with other settings
 };
-
-/// The sensor's height above the road, as on KITTI's car [m].
-constexpr double kSensorHeight = 1.73;
 
 struct SimulationSummary {
   int64_t scans = 0;         ///< asked for and complete
@@ -77,7 +101,7 @@ struct SimulationSummary {
   int64_t triangles = 0;     ///< of the town
 };
 
-/// Writes a data set in KITTI odometry layout of a drive through a synthetic town:
+/// Writes a data set in KITTI odometry layout of a drive through a synthetic world:
 ///
 ///     output/sequences/NN/velodyne/000000.bin ...   frames asked for, named by frame number
 ///     output/sequences/NN/image_0/000000.png ...    with a camera: what it sees at that moment
@@ -85,10 +109,11 @@ struct SimulationSummary {
 ///     output/sequences/NN/simulation.txt            the settings, written first
 ///     output/poses/NN.txt                           T_world_cam, line i = frame i, all frames
 ///
-/// T_world_velo = T_world_cam * Tr, with the Tr of calib.txt. With generated routes the poses are
-/// exact; with `poses` they are the given ones (see there). A scan depends on the settings and its
-/// frame number only, not on the frames asked for. Scans are instantaneous (as KITTI's are,
-/// being corrected for the motion of the vehicle).
+/// T_world_velo = T_world_cam * Tr, with the Tr of calib.txt. A tilt of the LiDAR is in this Tr,
+/// not in the poses: Tr = (Tr of the level LiDAR) * R_y(pitch) * R_x(roll). With generated routes
+/// the poses are exact; with `poses` they are the given ones (see there). A scan depends on the
+/// settings and its frame number only, not on the frames asked for. Scans are instantaneous (as
+/// KITTI's are, being corrected for the motion of the vehicle).
 ///
 /// A scan that is there already, made with the same settings, is kept: an interrupted run
 /// continues.

@@ -1,0 +1,286 @@
+#include "scenery.h"
+
+#include "revisit/proto/error.h"
+#include "road_map.h"
+
+namespace revisit::pipeline {
+namespace simulation {
+namespace {
+
+using enum FenceKind;
+
+constexpr double kNever = 9, kAlways = -9;  // fields are within [-0.2, 1.2]
+
+constexpr Fences kOpaque = {kBoards, kWall, kHedge, kHedge, kHedge, kHedge};
+constexpr Fences kGardens = {kSlats, kBoards, kHedge, kHedge, kHedge, kRailing};
+
+constexpr Fences all(FenceKind kind) {
+  return {kind, kind, kind, kind, kind, kind};
+}
+
+constexpr Scenery kTown = {
+    .name = "town",
+    .oncoming = kOncomingOffset,
+    .kerb = {3.5, 5.6},
+    .kerb_height = 0.12,
+    .paving = 1.9,
+    .asphalt = false,
+    .bank_height = 0,
+    .bank = {0, 1},
+    .side_streets = {120, 280},
+    .side_street_width = {5, 8},
+    .front = 1.4,
+    .open_below = kAlways,
+    .green_below = 0.2,
+    .urban_above = 0.6,
+    .smallest_width = 7.5,
+    .smallest_depth = 11,
+    .urban_width = {8, 19},
+    .green_width = {14, 28},
+    .villa_width = {13, 22},
+    .urban_depth = {12, 16},
+    .other_depth = {15, 23},
+    .gapless = 0.8,
+    .urban_floors = {2, 5},
+    .villa_floors = {1, 3},
+    .recessed = 0.3,
+    .shops = 0.3,
+    .setback = {2.2, 5.5},
+    .beside = {2, 7},
+    .fences = kOpaque,
+    .tall_fences = 0.6,
+    .lines = {{{.beyond_kerb = 1.9,
+                .below = 1,
+                .owner = 25,
+                .kinds_an_owner = 997,
+                .kinds = kOpaque,
+                .height = {1.5, 2.5},
+                .joined = false}}},
+    .verge = 0.75,
+    .things = {6, 15},
+    .boards = 0,
+    .posts = 0,
+    .lamps = 0.28,
+    .signs = 0.20,
+    .trees = 0.27,
+    .parked = {0.2, 0.8},
+    .rows = {},
+    .row_cars = {},
+    .wood_above = kNever,
+    .wood = {},
+    .far_houses = {0.25, 0.85},
+    .far_floors = {1, 4},
+    .far_plants = {2, 8},
+    .far_trees = 0.6,
+    .oncoming_spacing = 90,
+    .oncoming_speed = {6, 11},
+    .leader = 0.4,
+    .trucks = 0,
+};
+
+/// Houses far back in large gardens, behind low fences and hedges.
+constexpr Scenery village() {
+  Scenery s = kTown;
+  s.name = "village";
+  s.kerb = {3.4, 4.6};
+  s.kerb_height = 0.06, s.paving = 1.2;
+  s.bank_height = 0.8, s.bank = {2, 14};
+  s.side_streets = {90, 200};
+  s.side_street_width = {4, 6};
+  s.front = 1.0;
+  s.open_below = 0.3, s.green_below = 0.42, s.urban_above = kNever;
+  s.green_width = {16, 34}, s.villa_width = {22, 38};
+  s.other_depth = {26, 40};
+  s.villa_floors = {1, 2};
+  s.setback = {8, 17}, s.beside = {9, 20};
+  s.fences = kGardens;
+  s.tall_fences = 0.2;
+  s.lines = {{{.beyond_kerb = 1.6,
+               .below = 0.5,
+               .owner = 40,
+               .kinds_an_owner = 6,
+               .kinds = kGardens,
+               .height = {0.8, 1.7}}}};
+  s.verge = 1.7;
+  s.things = {10, 28};
+  s.posts = 0.05, s.lamps = 0.25, s.signs = 0.1, s.trees = 0.45;
+  s.parked = {0.05, 0.3};
+  s.wood_above = 0.78, s.wood = {9, 30};
+  s.far_houses = {0.02, 0.3};
+  s.far_floors = {1, 2}, s.far_plants = {3, 9};
+  s.far_trees = 0.8;
+  s.oncoming_spacing = 220;
+  s.leader = 0.25;
+  return s;
+}
+
+/// Fields, with hedgerows, woods and an avenue here and there, and few farms.
+constexpr Scenery country() {
+  Scenery s = kTown;
+  s.name = "country";
+  s.kerb = {3.4, 3.4};
+  s.kerb_height = 0, s.paving = 0;
+  s.bank_height = 1.6, s.bank = {1.5, 7};
+  s.side_streets = {300, 600};
+  s.side_street_width = {3, 4};
+  s.front = 6;
+  s.open_below = 0.7, s.green_below = kAlways, s.urban_above = kNever;
+  s.villa_width = {26, 44}, s.other_depth = {26, 40};
+  s.villa_floors = {1, 2};
+  s.setback = {6, 14}, s.beside = {12, 24};
+  s.fences = kGardens;
+  s.tall_fences = 0.2;
+  s.lines = {{{.beyond_kerb = 3.2,
+               .below = 0.4,
+               .owner = 55,
+               .kinds_an_owner = 6,
+               .kinds = all(kHedge),
+               .height = {0.8, 2.4}},
+              {.beyond_kerb = 5.5,
+               .below = 0.45,
+               .owner = 90,
+               .kinds_an_owner = 6,
+               .kinds = all(kPasture),
+               .height = {1.1, 1.3}}}};
+  s.verge = 2.2;
+  s.things = {12, 40};
+  s.posts = 0.4, s.lamps = 0, s.signs = 0.08, s.trees = 0.5;
+  s.parked = {};
+  s.wood_above = 0.62, s.wood = {7, 36};
+  s.far_houses = {0, 0.06};
+  s.far_floors = {1, 2}, s.far_plants = {0, 3};
+  s.far_trees = 0.7;
+  s.oncoming_spacing = 250;
+  s.oncoming_speed = {14, 24};
+  s.leader = 0.2, s.trucks = 2;
+  return s;
+}
+
+/// A wide carriageway between guard rails on dams and in cuttings, with screens against the noise.
+constexpr Scenery motorway() {
+  Scenery s = kTown;
+  s.name = "motorway";
+  s.oncoming = 8.4;
+  s.kerb = {6.2, 6.2};
+  s.kerb_height = 0, s.paving = 0;
+  s.bank_height = 5, s.bank = {3, 15};
+  s.side_streets = {};
+  s.open_below = kNever;
+  s.lines = {{{.beyond_kerb = 0.5,
+               .below = 1,
+               .owner = 160,
+               .kinds_an_owner = 8,
+               .kinds = {kGuardRail, kGuardRail, kGuardRail, kGuardRail, kConcrete, kGuardRail},
+               .height = {0.75, 0.85}},
+              {.beyond_kerb = -8.9,  // 4.7 m to the left of the lane
+               .below = 1,
+               .owner = 200,
+               .kinds_an_owner = 6,
+               .kinds = {kGuardRail, kConcrete, kGuardRail, kConcrete, kConcrete, kGuardRail},
+               .height = {0.8, 0.9},
+               .left_only = true},
+              {.beyond_kerb = 3.4,
+               .below = 0.42,
+               .owner = 90,
+               .kinds_an_owner = 2,
+               .kinds = all(kScreen),
+               .height = {2.5, 5.5}}}};
+  s.verge = 2.6;
+  s.things = {22, 60};
+  s.boards = 0.25, s.posts = 0.3, s.lamps = 0.15, s.signs = 0.15, s.trees = 0;
+  s.parked = {};
+  s.wood_above = 0.5, s.wood = {11, 34};
+  s.far_houses = {0, 0.15};
+  s.far_floors = {1, 3}, s.far_plants = {1, 6};
+  s.far_trees = 0.6;
+  s.oncoming_spacing = 45;
+  s.oncoming_speed = {22, 34};
+  s.leader = 0.6, s.trucks = 4;
+  return s;
+}
+
+/// Asphalt with rows of cars and lamps; a hall or a house at the rim.
+constexpr Scenery car_park() {
+  Scenery s = kTown;
+  s.name = "car-park";
+  s.kerb = {3.4, 3.4};
+  s.kerb_height = 0;
+  s.asphalt = true;
+  s.side_streets = {};
+  s.front = 37;
+  s.open_below = 0.35, s.green_below = kAlways, s.urban_above = kAlways;
+  s.urban_width = {18, 45}, s.urban_depth = {16, 30};
+  s.gapless = 0.1;
+  s.urban_floors = {1, 2};
+  s.recessed = 0, s.shops = 0.8;
+  s.lines = {{{.beyond_kerb = 36,
+               .below = 0.6,
+               .owner = 60,
+               .kinds_an_owner = 6,
+               .kinds = {kHedge, kRailing, kSlats, kHedge, kWall, kHedge},
+               .height = {1, 2.2}}}};
+  s.verge = 0.6;
+  s.things = {14, 34};
+  s.lamps = 0.4, s.signs = 0.2, s.trees = 0;
+  s.parked = {};
+  s.rows = {3.9, 15, 20.2, 31.3};
+  s.row_cars = {0, 1};
+  s.far_houses = {0.1, 0.5};
+  s.far_trees = 0.9;
+  s.oncoming_spacing = 120;
+  s.oncoming_speed = {2, 5};
+  s.leader = 0.3;
+  return s;
+}
+
+/// High fronts from end to end, at the lane itself.
+constexpr Scenery old_town() {
+  Scenery s = kTown;
+  s.name = "old-town";
+  s.oncoming = 1;  // one way
+  s.kerb = {3.3, 3.3};
+  s.kerb_height = 0.04, s.paving = 0.6;
+  s.side_streets = {50, 130};
+  s.side_street_width = {3, 4.5};
+  s.front = 0;
+  s.green_below = kAlways, s.urban_above = kAlways;
+  s.smallest_width = 4, s.smallest_depth = 5;
+  s.urban_width = {6, 13}, s.urban_depth = {9, 14};
+  s.gapless = 1;
+  s.urban_floors = {3, 5};
+  s.recessed = 0.1, s.shops = 0.6;
+  s.fences = all(kWall);
+  s.lines = {{{.beyond_kerb = 1.2,
+               .below = 1,
+               .owner = 25,
+               .kinds_an_owner = 6,
+               .kinds = all(kWall),
+               .height = {2.5, 5}}}};
+  s.verge = 0.5;
+  s.things = {15, 40};
+  s.lamps = 0.2, s.signs = 0.3, s.trees = 0;
+  s.parked = {};
+  s.far_houses = {0.8, 1};
+  s.far_floors = {2, 5};
+  s.oncoming_spacing = 0;
+  s.leader = 0.15;
+  return s;
+}
+
+// In the order of the enumeration.
+constexpr std::array<Scenery, 6> kSceneries = {kTown,      village(),  country(),
+                                               motorway(), car_park(), old_town()};
+
+}  // namespace
+
+const Scenery& scenery_of(Surroundings surroundings) {
+  return kSceneries[static_cast<size_t>(surroundings)];
+}
+
+}  // namespace simulation
+
+const char* name_of(Surroundings surroundings) {
+  return simulation::scenery_of(surroundings).name;
+}
+
+}  // namespace revisit::pipeline
