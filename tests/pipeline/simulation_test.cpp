@@ -511,12 +511,18 @@ TEST(Simulate, EverySurroundingsGiveTheSameBytesAgainAndOthersThanTheTown) {
     SCOPED_TRACE(name_of(surroundings));
     SimulationConfig config = quick(dir / name_of(surroundings));
     config.surroundings = surroundings;
-    config.last_frame = 2;
+    config.camera = SimulatedCamera{0.1, true};
+    config.length = 300;
+    config.first_frame = config.every = 2;
+    config.last_frame = 4;
     simulate(config);
     config.output = dir / (std::string(name_of(surroundings)) + "_again");
     config.threads = 2;
     simulate(config);
     EXPECT_TRUE(scan_bytes(dir / name_of(surroundings), 2) == scan_bytes(config.output, 2));
+    const char* picture = "sequences/00/image_0/000002.png";
+    EXPECT_TRUE(test::read_file(dir / name_of(surroundings) / picture) ==
+                test::read_file(config.output / picture));
     EXPECT_TRUE(scans.insert(scan_bytes(config.output, 2)).second);
   }
 }
