@@ -1,4 +1,5 @@
-# Installs the build tree into a scratch folder, builds pipeline/whole_path.cpp against it and asks it for a place.
+# Installs the build tree into a scratch folder, builds pipeline/whole_path.cpp and loop_closure.cpp against it and
+# asks them for places.
 #   cmake -DBUILD=<build tree> -DSOURCE=<tests/consumer> -DGENERATOR=... -P run.cmake
 cmake_policy(VERSION 3.25)
 set(work ${BUILD}/tests/consumer_work)
@@ -13,7 +14,8 @@ function(must)
 endfunction()
 must(${CMAKE_COMMAND} --install ${BUILD} --prefix ${work}/prefix)
 must(${CMAKE_COMMAND} -S ${SOURCE} -B ${work}/build -G ${GENERATOR} -DCMAKE_PREFIX_PATH=${work}/prefix
-     -DWHOLE_PATH=${SOURCE}/../../pipeline/whole_path.cpp -DCMAKE_CXX_FLAGS=${FLAGS} -DCMAKE_BUILD_TYPE=Debug)
+     -DWHOLE_PATH=${SOURCE}/../../pipeline/whole_path.cpp -DLOOP_CLOSURE=${SOURCE}/../../pipeline/loop_closure.cpp
+     -DCMAKE_CXX_FLAGS=${FLAGS} -DCMAKE_BUILD_TYPE=Debug)
 must(${CMAKE_COMMAND} --build ${work}/build)
 
 # The first place again, seen by a vehicle that has turned by a quarter.
@@ -29,9 +31,15 @@ must(${work}/build/whole_path alexnet_random.prototxt alexnet_random.caffemodel 
 if(NOT out MATCHES "first_again.pcd is where first.pcd was taken, score ")
   message(FATAL_ERROR "found: ${out}")
 endif()
+foreach(known 3 6)  # the second time it knows the places of the first
+  must(${work}/build/loop_closure places.map first.pcd second.pcd first_again.pcd)
+  if(NOT out MATCHES "${known} places known")
+    message(FATAL_ERROR "expected ${known} places, found: ${out}")
+  endif()
+endforeach()
 file(GLOB_RECURSE headers ${work}/prefix/include/*.h)
 foreach(header IN LISTS headers)
-  file(STRINGS ${header} bad REGEX "#include.*(google/protobuf|pb\\.h|pcl/|opencv|embree)")
+  file(STRINGS ${header} bad REGEX "#include.*(google/protobuf|pb\\.h|pcl/|opencv|embree|sqlite)")
   if(bad)
     message(FATAL_ERROR "${header}: ${bad}")
   endif()
