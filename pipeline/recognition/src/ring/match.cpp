@@ -74,8 +74,8 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
 
 Similarity ring_similarity(const RingLayout& layout) {
   if (layout.counts.size() > kRingFrequencies)
-    throw UsageError(str("ring layout: expected at most ", kRingFrequencies,
-                         " frequencies, found ", layout.counts.size()));
+    throw UsageError(str("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
+                         layout.counts.size()));
   RingLayout whole = layout;
   whole.counts.resize(kRingFrequencies);
   return [whole](std::span<const float> query, const FloatMatrix& stored,
