@@ -88,6 +88,30 @@ TEST_F(Loops, AMapIsContinuedAndKeepsItsThreshold) {
   EXPECT_NE(other.err.find("made by"), std::string::npos) << other.err;
 }
 
+TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
+  const std::string town2 = "loops " + path("town2") + " --threshold 0.5 --no-progress -q ";
+  run(loops("--threshold 0.5 --first-stretch 30 --map " + path("one.map")));
+  run(town2 + "--map " + path("two.map") + " --basis " + path("one.map") + " --drive 2");
+  run(town2 + "--map " + path("other.map") + " --first-stretch 30");
+  run("map merge " + path("one.map") + " " + path("two.map") + " -o " + path("both.map"));
+  const auto places = [](const std::string& map) {
+    return lines(run("map places " + path(map))).size() - 1;
+  };
+  EXPECT_EQ(places("both.map"), places("one.map") + places("two.map"));
+  const std::string scan = "/sequences/00/velodyne/000024.bin";
+  const std::vector<std::string> found =
+      lines(run("map query " + path("both.map") + " --sensor vlp16 --threshold 0.5 -q " +
+                path("town2") + scan + " " + path("town1") + scan));
+  ASSERT_EQ(found.size(), 3);
+  EXPECT_TRUE(found[1].starts_with("0,,2,24,")) << found[1];
+  EXPECT_TRUE(found[2].starts_with("1,,00,24,")) << found[2];
+  const auto other = test::run_revisit("map merge " + path("one.map") + " " + path("other.map") +
+                                       " -o " + path("none.map"));
+  EXPECT_EQ(other.exit_code, 3);
+  EXPECT_NE(other.err.find("another basis"), std::string::npos) << other.err;
+  EXPECT_FALSE(fs::exists(path("none.map")));
+}
+
 TEST_F(Loops, ScansAreListedOrComeToAFolder) {
   const std::string town = path("town1/sequences/00/velodyne");
   std::vector<fs::path> scans;

@@ -37,7 +37,7 @@ int run(const cli::Arguments& arguments) {
        cli::report_command},
       {"describe", "scans -> descriptors", cli::describe_command},
       {"loops", "scans as they come -> places seen before", cli::loops_command},
-      {"map", "places that are kept: info, check", cli::map_command},
+      {"map", "places that are kept: info, places, query, merge, check", cli::map_command},
       {"learn", "drives -> a ring model, for --feature ring", cli::learn_command},
       {"image", "the range image the network sees, as PNG", cli::image_command},
       {"gt", "the ground truth itself: number and list of true pairs", cli::gt_command},

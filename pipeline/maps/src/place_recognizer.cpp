@@ -17,7 +17,6 @@ namespace {
 /// To be raised with every change after which the same scan has another descriptor.
 constexpr int kRecognizerVersion = 1;
 
-constexpr const char* kBasis = "basis";
 constexpr const char* kThreshold = "threshold";
 
 /// Of a feature that learns nothing: it is the descriptor.
@@ -134,7 +133,7 @@ struct PlaceRecognizer::Impl {
 
   void take_in_new_places() {
     if (!settled)
-      if (const auto content = map->value(kBasis)) {
+      if (const auto content = map->value(kBasisValue)) {
         settle(extractor.open_basis(*content));
         places.clear();  // their descriptors are others now
         read_to = {};
@@ -162,7 +161,7 @@ struct PlaceRecognizer::Impl {
     if (map)
       map->replace_descriptors(
           [&](const StoredPlace& place) { return descriptor_of(place.feature); },
-          {{kBasis, basis->content}});
+          {{kBasisValue, basis->content}});
     settled = true;
     features = {};
   }

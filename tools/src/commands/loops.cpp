@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <fstream>
 #include <iostream>
-#include <numbers>
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
@@ -21,7 +20,7 @@ using pipeline::NumberFormat;
 
 struct LoopsOptions {
   FeatureOptions feature;
-  fs::path map, output, g2o;
+  fs::path map, basis, output, g2o;
   std::string drive, format = "csv", exclusion = "frames=50";
   std::optional<double> threshold;
   fs::path calibrate;
@@ -66,6 +65,10 @@ LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
               "DATA is a folder that grows: go on until nothing comes for so long", &o.follow)
       .group("Map:")
       .option("map", "FILE", "where places are kept; made when missing (default: nowhere)", &o.map)
+      .option("basis", "MAP",
+              "a new map takes over what that one learnt from its first stretch, so that both can "
+              "be merged",
+              &o.basis)
       .option("drive", "NAME", "what this drive is called in the map (default: its sequence)",
               &o.drive)
       .choice<NumberFormat>(
@@ -83,6 +86,7 @@ LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
     throw UsageError("--threshold and --calibrate: one of the two");
   if (o.follow && !(*o.follow > 0))
     throw UsageError(str("--follow: expected a positive number, found ", *o.follow));
+  if (!o.basis.empty() && o.map.empty()) throw UsageError("--basis: add --map, which takes it");
   if (!o.g2o.empty() && !o.verify) throw UsageError("--g2o: add --verify, which gives its edges");
   return o;
 }
@@ -153,38 +157,6 @@ double calibrated(const LoopsOptions& o, const RecognizerSource& source) {
   return *threshold;
 }
 
-reports::LoopLine line_of(const Visit& visit) {
-  reports::LoopLine line;
-  line.set_frame(visit.scan.frame);
-  if (visit.scan.time) line.set_time(*visit.scan.time);
-  if (!visit.loop) return line;
-  const pipeline::Loop& loop = *visit.loop;
-  line.set_match_drive(loop.drive);
-  line.set_match_frame(loop.frame);
-  if (loop.time) line.set_match_time(*loop.time);
-  line.set_similarity(loop.similarity);
-  line.set_runner_up(loop.runner_up);
-  line.set_score(loop.score);
-  if (loop.turn) line.set_yaw_deg(*loop.turn * 180 / std::numbers::pi);
-  line.set_accepted(loop.accepted);
-  if (!visit.registered) return line;
-  const pipeline::Registration& r = *visit.registered;
-  const Eigen::Vector3d t = r.T_place_query.translation();
-  const Eigen::Quaterniond q(r.T_place_query.rotation());
-  reports::Registered& out = *line.mutable_registered();
-  out.set_accepted(r.accepted);
-  out.set_x(t.x());
-  out.set_y(t.y());
-  out.set_z(t.z());
-  out.set_qx(q.x());
-  out.set_qy(q.y());
-  out.set_qz(q.z());
-  out.set_qw(q.w());
-  out.set_inliers(r.inliers);
-  out.set_fitness(r.fitness);
-  return line;
-}
-
 /// What a scan took, for people.
 void print_latencies(std::vector<double> milliseconds, int64_t places) {
   if (milliseconds.empty()) return;
@@ -224,6 +196,7 @@ int loops_command(const Arguments& arguments) {
   described.options.k = o.k;
   std::optional<double> threshold = o.threshold;
   auto map = map_for(o.map, described, o.numbers);  // before the work of calibrating
+  if (!o.basis.empty()) pipeline::take_over_basis(*map, o.basis);
   if (!o.calibrate.empty()) {
     threshold = calibrated(o, described);
     if (!o.feature.quiet) note(str("threshold ", *threshold, ", from ", o.calibrate.string()));

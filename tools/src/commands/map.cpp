@@ -1,8 +1,11 @@
 #include <iostream>
 
 #include "cli/command.h"
-#include "cli/parser.h"
+#include "cli/messages.h"
 #include "cli/table.h"
+#include "loops/loop_writer.h"
+#include "loops/open_recognizer.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/proto/text.h"
 
@@ -73,12 +76,80 @@ int places(const Arguments& arguments) {
   return damaged ? kCheckFailed : kOk;
 }
 
+int merge(const Arguments& arguments) {
+  std::vector<fs::path> maps;
+  fs::path output;
+  Parser parser("revisit map merge", "MAP... -o FILE",
+                "One map of the places of several. They must be described with one basis: a new "
+                "map takes it over with `revisit loops --basis`.",
+                "  revisit map merge monday.map tuesday.map -o week.map\n");
+  parser.optional_positional("MAP", &maps).option("output", "FILE", "the new map", &output, 'o');
+  parser.parse(arguments);
+  if (maps.size() < 2) throw UsageError("give at least two maps");
+  if (output.empty()) throw UsageError("give the file for the map: -o FILE");
+  const int64_t places = pipeline::merge_maps(maps, output, warn);
+  std::cout << output.string() << ": " << places << " places\n";
+  return kOk;
+}
+
+/// What each of some scans looks like; the map stays as it is.
+int query(const Arguments& arguments) {
+  FeatureOptions options;
+  options.feature = "ring";
+  fs::path map;
+  std::vector<fs::path> scans;
+  std::optional<double> threshold;
+  std::string format = "csv";
+  Parser parser("revisit map query", "MAP SCAN...",
+                "The place of a map that each scan looks like most.",
+                "  revisit map query town.map scan.bin\n");
+  options.declare_describing(parser);
+  parser.positional("MAP", &map)
+      .optional_positional("SCAN", &scans)
+      .group("Query:")
+      .option("threshold", "S", "a place is accepted from this score on (default: the map's)",
+              &threshold)
+      .choice("format", {"csv", "jsonl"}, "a line a scan (default csv)", &format);
+  parser.parse(arguments);
+  if (scans.empty()) throw UsageError("give the scans to ask: SCAN...");
+  pipeline::Dataset dataset;
+  for (const fs::path& scan : scans) {
+    dataset.scans.emplace_back().file = scan;
+    dataset.scans.back().frame = static_cast<int>(dataset.scans.size()) - 1;
+  }
+  RecognizerSource source = recognizer_source(options, parser, dataset);
+  source.options.threshold = threshold;
+  const pipeline::MapIdentity identity =
+      pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
+  const pipeline::PlaceRecognizer recognizer(
+      source.extractor, source.options, pipeline::open_map(map, MapAccess::kRead, &identity), warn);
+  LoopWriter writer(std::cout, format);
+  bool left_out = false;
+  for (const pipeline::ScanRef& scan : dataset.scans) {
+    Visit visit;
+    visit.scan = scan;
+    const pipeline::PointCloud cloud = pipeline::read_scan(scan.file);
+    const pipeline::Description description = recognizer.describe(view_of(cloud));
+    visit.loop = recognizer.query(description);
+    if (visit.loop) {
+      writer.write(line_of(visit));
+      continue;
+    }
+    left_out = true;
+    warn(scan.file.string() + ": " +
+         (description.described() ? "the map has no places" : description.why_not));
+  }
+  return left_out ? kScansLeftOut : kOk;
+}
+
 }  // namespace
 
 int map_command(const Arguments& arguments) {
   return dispatch("revisit map", "The places that `revisit loops --map` keeps.\n",
                   {{"info", "what a map was made with", info},
                    {"places", "its places, as CSV", places},
+                   {"query", "what scans look like", query},
+                   {"merge", "one map of several", merge},
                    {"check", "what is wrong with it", check}},
                   arguments);
 }

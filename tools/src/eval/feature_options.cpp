@@ -92,6 +92,10 @@ void FeatureOptions::declare(Parser& parser) {
                 "sequence of a KITTI root, e.g. 00 (not needed when there is one)", &sequence);
   parser.option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
                 &every);
+  declare_describing(parser);
+}
+
+void FeatureOptions::declare_describing(Parser& parser) {
   image.declare(parser);
   parser.group("Feature:");
   parser.option(

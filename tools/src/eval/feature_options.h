@@ -44,6 +44,8 @@ struct FeatureOptions {
   bool no_progress = false, quiet = false;
 
   void declare(Parser& parser);
+  /// The same without the data.
+  void declare_describing(Parser& parser);
   /// Throws UsageError for an option on the command line that `feature` does not use, like --end
   /// with --feature data: one of the two is a mistake. (Files and the environment may hold more.)
   void check_given(const Parser& parser) const;

@@ -2,6 +2,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <numbers>
 #include <ostream>
 
 #include "cli/json.h"
@@ -47,6 +48,38 @@ Table csv_table() {
 }
 
 }  // namespace
+
+reports::LoopLine line_of(const Visit& visit) {
+  reports::LoopLine line;
+  line.set_frame(visit.scan.frame);
+  if (visit.scan.time) line.set_time(*visit.scan.time);
+  if (!visit.loop) return line;
+  const pipeline::Loop& loop = *visit.loop;
+  line.set_match_drive(loop.drive);
+  line.set_match_frame(loop.frame);
+  if (loop.time) line.set_match_time(*loop.time);
+  line.set_similarity(loop.similarity);
+  line.set_runner_up(loop.runner_up);
+  line.set_score(loop.score);
+  if (loop.turn) line.set_yaw_deg(*loop.turn * 180 / std::numbers::pi);
+  line.set_accepted(loop.accepted);
+  if (!visit.registered) return line;
+  const pipeline::Registration& r = *visit.registered;
+  const Eigen::Vector3d t = r.T_place_query.translation();
+  const Eigen::Quaterniond q(r.T_place_query.rotation());
+  reports::Registered& out = *line.mutable_registered();
+  out.set_accepted(r.accepted);
+  out.set_x(t.x());
+  out.set_y(t.y());
+  out.set_z(t.z());
+  out.set_qx(q.x());
+  out.set_qy(q.y());
+  out.set_qz(q.z());
+  out.set_qw(q.w());
+  out.set_inliers(r.inliers);
+  out.set_fitness(r.fitness);
+  return line;
+}
 
 LoopWriter::LoopWriter(std::ostream& out, std::string format)
     : out_(out), json_(format == "jsonl") {

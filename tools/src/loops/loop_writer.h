@@ -7,7 +7,12 @@
 #include <optional>
 #include <string>
 
+#include "loops/recognise.h"
+
 namespace revisit::cli {
+
+/// What is printed of a scan.
+reports::LoopLine line_of(const Visit& visit);
 
 /// Prints loops as they are found, a line each, at once: "csv" with a header, or "jsonl".
 class LoopWriter {

@@ -72,6 +72,9 @@ class MapStore {
       const std::map<std::string, std::string>& values) = 0;
 };
 
+/// The name of the value that holds what the descriptors of a map were made with.
+inline constexpr const char* kBasisValue = "basis";
+
 enum class MapAccess { kRead, kWrite };
 
 /// Opens a map. With kWrite and an `identity` it is made when there is none, with `format`, which
@@ -83,6 +86,17 @@ enum class MapAccess { kRead, kWrite };
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapIdentity* identity = nullptr,
                                    NumberFormat format = NumberFormat::kFloat32);
+
+/// Gives a map without places what another of the same identity learnt from its first stretch: its
+/// basis. Throws InputError when that one has none yet or is of another identity, or when the map
+/// has places that were described otherwise.
+void take_over_basis(MapStore& map, const std::filesystem::path& other);
+
+/// Puts the places of all `maps` into a new map in `file`, one map after the other, and returns how
+/// many there are. All must be of one identity and basis. Damaged places are left out and named.
+/// Throws UsageError without maps, InputError for what does not fit and a file that is there.
+int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::filesystem::path& file,
+                   const MapStore::Damaged& damaged);
 
 /// What is wrong with a map, a message each: none when it is sound. Reads all of it. Throws
 /// InputError for a file that is missing and Error when it cannot be opened.

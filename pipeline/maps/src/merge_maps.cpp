@@ -1,0 +1,75 @@
+#include "revisit/maps/map_store.h"
+#include "revisit/proto/error.h"
+#include "revisit/proto/text.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kAtOnce = 1000;  // places a step
+
+/// Places by and by, a step for many.
+class Adder {
+ public:
+  explicit Adder(MapStore& map) : map_(map) {}
+  void add(StoredPlace&& place) {
+    places_.push_back(std::move(place));
+    if (places_.size() == kAtOnce) flush();
+  }
+  void flush() {
+    map_.add(places_);
+    places_.clear();
+  }
+
+ private:
+  MapStore& map_;
+  std::vector<StoredPlace> places_;
+};
+
+}  // namespace
+
+void take_over_basis(MapStore& map, const fs::path& other) {
+  const auto theirs = open_map(other, MapAccess::kRead, &map.identity());
+  const auto basis = theirs->value(kBasisValue);
+  if (!basis)
+    throw InputError(str(other.string(), ": its basis is not learnt yet: it has ", theirs->size(),
+                         " places, too few"));
+  const auto own = map.value(kBasisValue);
+  if (own == basis) return;
+  if (own || map.size() > 0)
+    throw InputError(str("the map has ", map.size(), " places, which are not described with the ",
+                         "basis of ", other.string()));
+  map.set_value(kBasisValue, *basis);
+}
+
+int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
+                   const MapStore::Damaged& damaged) {
+  if (maps.empty()) throw UsageError("merging maps: expected at least one, found none");
+  if (fs::exists(file)) throw InputError(file.string() + ": is there already");
+  std::vector<std::unique_ptr<MapStore>> sources;
+  for (const fs::path& map : maps) {
+    sources.push_back(
+        open_map(map, MapAccess::kRead, sources.empty() ? nullptr : &sources.front()->identity()));
+    if (sources.back()->value(kBasisValue) != sources.front()->value(kBasisValue))
+      throw InputError(str(map.string(),
+                           ": its places are described with another basis than those "
+                           "of ",
+                           maps[0].string(),
+                           "; a map must take over the basis of the other "
+                           "when it is new"));
+  }
+  const auto merged = open_map(file, MapAccess::kWrite, &sources.front()->identity(),
+                               sources.front()->number_format());
+  if (const auto basis = sources.front()->value(kBasisValue))
+    merged->set_value(kBasisValue, *basis);
+  for (const auto& source : sources) {
+    Adder adder(*merged);
+    source->read(
+        0, [&](StoredPlace&& place) { adder.add(std::move(place)); }, damaged);
+    adder.flush();
+  }
+  return merged->size();
+}
+
+}  // namespace revisit::pipeline
