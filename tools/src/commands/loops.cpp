@@ -18,6 +18,9 @@ namespace {
 namespace fs = std::filesystem;
 using pipeline::NumberFormat;
 
+/// The place looked for was always among the 100 with the most similar keys, of up to 1136.
+constexpr int64_t kCandidates = 300;
+
 struct LoopsOptions {
   FeatureOptions feature;
   fs::path map, basis, output, g2o;
@@ -36,6 +39,7 @@ struct LoopsOptions {
 LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
   LoopsOptions o;
   o.feature.feature = "ring";
+  o.feature.ring_key_candidates = kCandidates;
   o.feature.declare(parser);
   parser.group("Loops:")
       .option("exclusion", "KIND=N",

@@ -135,10 +135,12 @@ void FeatureOptions::declare_describing(Parser& parser) {
                 "(default 0.3)",
                 &ring_options.adapt);
   parser.group("Competitors:");
-  parser.option("ring-key-candidates", "N",
-                "scan-context (10 or 50 in its paper) and ring (100): only so many candidates are "
-                "compared, chosen by keys that a turn does not change (default 0: all)",
-                &ring_key_candidates);
+  parser.option(
+      "ring-key-candidates", "N",
+      std::string("scan-context (10 or 50 in its paper) and ring: only so many candidates are "
+                  "compared, chosen by keys that a turn does not change; 0: all (default ") +
+          std::to_string(ring_key_candidates) + ")",
+      &ring_key_candidates);
   parser.option("images", "DIR",
                 "fabmap: PNG images with frame numbers as names (default: the sequence's image_0)",
                 &images);
