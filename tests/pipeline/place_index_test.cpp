@@ -7,6 +7,7 @@
 #include <random>
 
 #include "expect_error.h"
+#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/points.h"
 #include "revisit/recognition/ring/match.h"
 
@@ -51,6 +52,59 @@ void expect_what_retrieve_finds(const FloatMatrix& all, const Basis& basis,
   }
 }
 
+void expect_same(const Match& a, const Match& b) {
+  EXPECT_EQ(a.ranks, b.ranks);
+  EXPECT_EQ(a.similarities, b.similarities);
+  EXPECT_EQ(a.score, b.score);
+}
+
+Basis rings_of(const RingLayout& layout, int64_t key_candidates) {
+  Basis basis;
+  basis.dim = layout.numbers();
+  basis.similarity = ring_similarity(layout);
+  basis.key_of = ring_key(layout);
+  basis.key_candidates = key_candidates;
+  return basis;
+}
+
+PlaceIndex index_of(const Basis& basis, const FloatMatrix& all) {
+  PlaceIndex index(basis);
+  for (int64_t i = 0; i < all.n; ++i) index.add(all.row(i));
+  return index;
+}
+
+/// A source that looks at all keys, and remembers what it was asked.
+struct AllKeys : CandidateSource {
+  FloatMatrix keys;
+  mutable int64_t asked = 0;
+  int64_t size() const override { return keys.n; }
+  void add(std::span<const float> key) override {
+    keys.d = static_cast<int64_t>(key.size());
+    keys.values.insert(keys.values.end(), key.begin(), key.end());
+    ++keys.n;
+  }
+  void find(std::span<const float> key, int64_t count,
+            std::vector<int64_t>& places) const override {
+    asked = count;
+    std::vector<float> products(static_cast<size_t>(keys.n));
+    products_of_rows(key, keys, 0, products);
+    places.clear();
+    for (const size_t i : positions_of_largest(products, count))
+      places.push_back(static_cast<int64_t>(i));
+    std::ranges::reverse(places);
+  }
+};
+
+std::unique_ptr<AllKeys> source_of(const PlaceIndex& index) {
+  auto source = std::make_unique<AllKeys>();
+  std::vector<float> key(static_cast<size_t>(index.key_numbers()));
+  for (int64_t i = 0; i < index.size(); ++i) {
+    index.make_key(index.descriptor(i), key);
+    source->add(key);
+  }
+  return source;
+}
+
 TEST(PlaceIndex, FindsWhatRetrieveFindsByCosine) {
   Basis basis;
   basis.dim = 37;
@@ -84,6 +138,135 @@ TEST(PlaceIndex, FindsWhatRetrieveFindsByRings) {
         expected[q].ranks);
 }
 
+TEST(PlaceIndex, RangesMayBeginAndEndAnywhere) {
+  const FloatMatrix all = random_descriptors(4100, 19);
+  Basis basis;
+  basis.dim = 19;
+  const PlaceIndex index = index_of(basis, all);
+  const std::vector<CandidateRange> candidates = {{-5, 3},      {3, 4},       {9, 9},
+                                                  {1000, 2049}, {3071, 3073}, {4099, 9999}};
+  std::vector<std::pair<double, int64_t>> expected;
+  for (int64_t i = 0; i < all.n; ++i)
+    if (std::ranges::any_of(candidates, [i](auto r) { return i >= r.begin && i < r.end; }))
+      expected.emplace_back(
+          -cosine(all.row(3), length_of(all.row(3)), all.row(i), length_of(all.row(i))), i);
+  std::ranges::sort(expected);
+  const int k = static_cast<int>(expected.size()) + 1;
+  for (const int threads : {1, 2, 7}) {
+    const Match found = index.best(all.row(3), candidates, {.k = k, .threads = threads});
+    ASSERT_EQ(found.ranks.size(), expected.size());
+    for (size_t i = 0; i < expected.size(); ++i) {
+      EXPECT_EQ(found.ranks[i], expected[i].second);
+      EXPECT_EQ(found.similarities[i], -expected[i].first);
+    }
+  }
+}
+
+TEST(PlaceIndex, ThreadsAndManyAtOnceGiveTheSame) {
+  const RingLayout layout{{3, 2, 5, 1}};
+  Basis cosines;
+  cosines.dim = layout.numbers();
+  const FloatMatrix all = random_descriptors(5000, cosines.dim);
+  FloatMatrix queries(130, all.d);
+  std::copy_n(all.values.begin(), queries.values.size(), queries.values.begin());
+  const std::vector<CandidateRange> candidates = {{0, 2500}, {2600, 4990}};
+  for (const Basis& basis : {cosines, rings_of(layout, 0), rings_of(layout, 40)}) {
+    const PlaceIndex index = index_of(basis, all);
+    const std::vector<Match> many = index.best_of_many(queries, candidates, {.threads = 3});
+    ASSERT_EQ(many.size(), 130);
+    for (int64_t q = 0; q < queries.n; ++q) {
+      const Match one = index.best(queries.row(q), candidates);
+      expect_same(index.best(queries.row(q), candidates, {.threads = 4}), one);
+      // The product of many rounds in another way, which chooses others among equal keys only.
+      EXPECT_EQ(many[static_cast<size_t>(q)].similarities, one.similarities);
+      if (!basis.similarity) expect_same(many[static_cast<size_t>(q)], one);
+    }
+  }
+}
+
+TEST(PlaceIndex, LosesNothingToTheSizeOfNumbers) {
+  FloatMatrix all = random_descriptors(1500, 16);
+  for (int64_t i = 0; i < all.n; ++i)
+    for (float& v : all.row(i)) v *= i % 3 == 0 ? 1e-30F : i % 3 == 1 ? 1e30F : 1;
+  std::ranges::fill(all.row(5), 0.0F);
+  Basis basis;
+  basis.dim = 16;
+  expect_what_retrieve_finds(all, basis, {.k = 6});
+}
+
+TEST(PlaceIndex, ComparesWhatASourceProposes) {
+  const RingLayout layout{{3, 2, 5, 1}};
+  Basis cosines;
+  cosines.dim = layout.numbers();
+  const FloatMatrix all = random_descriptors(1500, cosines.dim);
+  const std::vector<CandidateRange> candidates = {{0, 700}, {710, 1500}};
+  for (const Basis& basis : {cosines, rings_of(layout, 60)}) {
+    const PlaceIndex exact = index_of(basis, all);
+    PlaceIndex index = index_of(basis, all);
+    auto source = source_of(index);
+    const AllKeys& asked = *source;
+    index.choose_by(std::move(source), 60);
+    for (int64_t q = 700; q < 800; ++q) {
+      const Match found = index.best(all.row(q), candidates),
+                  expected = exact.best(all.row(q), candidates);
+      EXPECT_EQ(asked.asked, 70);  // and so many as may be left out
+      if (!basis.similarity) expect_same(found, expected);
+      // Where the keys choose 60, it compares these and up to ten more.
+      for (size_t i = 0; i < expected.ranks.size(); ++i)
+        EXPECT_GE(found.similarities[i], expected.similarities[i]);
+    }
+    index.add(all.row(0));
+    EXPECT_EQ(asked.size(), 1501);
+    EXPECT_EQ(index.best_of_many(all, candidates).size(), 1500);
+  }
+}
+
+/// It never finds anything.
+struct NoKeys : CandidateSource {
+  int64_t size() const override { return 1500; }
+  void add(std::span<const float>) override {}
+  void find(std::span<const float>, int64_t, std::vector<int64_t>& places) const override {
+    places.assign({3, 9999, -1});
+  }
+};
+
+TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
+  const RingLayout layout{{3, 2, 5, 1}};
+  Basis cosines;
+  cosines.dim = layout.numbers();
+  const FloatMatrix all = random_descriptors(1500, cosines.dim);
+  const CandidateRange candidates{0, 1500}, third{3, 4};
+  for (const Basis& basis : {cosines, rings_of(layout, 0), rings_of(layout, 60)}) {
+    PlaceIndex index = index_of(basis, all);
+    const Match expected = index.best(all.row(8), {&candidates, 1});
+    index.choose_by(std::make_unique<NoKeys>(), 10);
+    expect_same(index.best(all.row(8), {&candidates, 1}), expected);
+    EXPECT_EQ(index.best(all.row(8), {&third, 1}).ranks, std::vector<int64_t>{3});
+  }
+}
+
+TEST(PlaceIndex, RefusesASourceOfOtherPlaces) {
+  Basis basis;
+  basis.dim = 2;
+  PlaceIndex index(basis);
+  expect_error<UsageError>([&] { index.choose_by(std::make_unique<NoKeys>(), 5); },
+                           {"source of 0 places", "1500"});
+  expect_error<UsageError>([&] { index.choose_by(std::make_unique<AllKeys>(), 0); },
+                           {"at least 1 candidate"});
+  basis.similarity = ring_similarity({{1, 1}});
+  PlaceIndex without_keys(basis);
+  expect_error<UsageError>([&] { without_keys.choose_by(std::make_unique<AllKeys>(), 5); },
+                           {"needs keys"});
+}
+
+TEST(PlaceIndex, RecallIsTheShareOfExactRanks) {
+  const std::vector<Match> exact = {{.ranks = {1, 2, 3, 4}}, {.ranks = {5}}},
+                           found = {{.ranks = {4, 9, 1, 8}}, {.ranks = {}}}, none(2);
+  EXPECT_DOUBLE_EQ(recall_of(exact, found), 0.4);
+  EXPECT_EQ(recall_of(none, found), 1);
+  expect_error<UsageError>([&] { recall_of(exact, {}); }, {"2 queries", "found 0"});
+}
+
 TEST(PlaceIndex, OfNothingFindsNothing) {
   Basis basis;
   basis.dim = 2;
@@ -109,6 +292,16 @@ TEST(PlaceIndex, RefusesWhatIsNoDescriptor) {
       },
       {"not finite"});
   EXPECT_EQ(index.size(), 0);
+  const std::vector<float> x{1, 2, 3};
+  const CandidateRange all{0, 1};
+  expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 numbers", "3"});
+  const std::span<const float> two = std::span(x).first(2);
+  expect_error<UsageError>([&] { index.best(two, {&all, 1}, {.k = 0}); }, {"k:", "found 0"});
+  expect_error<UsageError>(
+      [&] {
+        index.best(two, {&all, 1}, {.threads = 0});
+      },
+      {"threads:", "found 0"});
 }
 
 TEST(Points, AreTakenWhereTheyLie) {

@@ -12,6 +12,8 @@ Match best_match(int64_t query, std::vector<RankedScan>& candidates, int which_c
   Match match;
   match.query = query;
   match.which_case = which_case;
+  match.ranks.reserve(kept);
+  match.similarities.reserve(kept);
   for (size_t i = 0; i < kept; ++i) {
     match.ranks.push_back(candidates[i].second);
     match.similarities.push_back(-candidates[i].first);

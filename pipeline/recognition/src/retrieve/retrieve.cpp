@@ -6,6 +6,7 @@
 #include "linear_algebra/linear_algebra.h"
 #include "retrieve/by_similarity.h"
 #include "retrieve/ranking.h"
+#include "retrieve/shortlist.h"
 #include "revisit/proto/error.h"
 #include "revisit/recognition/cosine.h"
 
@@ -20,46 +21,6 @@ void copy_unit(std::span<const float> row, double length, float* out) {
   const double scale = length > 0 ? 1 / length : 0;
   for (size_t i = 0; i < row.size(); ++i) out[i] = static_cast<float>(row[i] * scale);
 }
-
-struct Candidate {
-  float rough;       // cosine as the float matrix product gives it
-  int64_t position;  // in Task::stored
-};
-
-/// Finds the k best of a query among candidates that arrive in blocks of rough cosines. Everything
-/// within `slack` of the k-th best is kept, so that no true top-k scan is lost to rounding.
-class Shortlist {
- public:
-  Shortlist(int k, float slack) : k_(k), slack_(slack) {}
-
-  void offer(float rough, int64_t position) {
-    if (rough < floor_) return;
-    candidates_.push_back({rough, position});
-    if (candidates_.size() >= next_prune_) prune();
-  }
-  const std::vector<Candidate>& finish() {
-    prune();
-    return candidates_;
-  }
-
- private:
-  void prune() {
-    if (candidates_.size() > static_cast<size_t>(k_)) {
-      const auto kth = candidates_.begin() + (k_ - 1);
-      std::nth_element(candidates_.begin(), kth, candidates_.end(),
-                       [](const Candidate& a, const Candidate& b) { return a.rough > b.rough; });
-      floor_ = kth->rough - slack_;
-      std::erase_if(candidates_, [this](const Candidate& c) { return c.rough < floor_; });
-    }
-    next_prune_ = std::max<size_t>(64, 2 * std::max<size_t>(candidates_.size(), k_));
-  }
-
-  int k_;
-  float slack_;
-  float floor_ = -2;  // below every cosine
-  size_t next_prune_ = 64;
-  std::vector<Candidate> candidates_;
-};
 
 bool is_candidate(const TaskQuery& query, int64_t position) {
   return (position >= query.candidates[0].begin && position < query.candidates[0].end) ||
@@ -77,9 +38,7 @@ class Retrieval {
         options_(options),
         block_rows_(
             std::clamp<int64_t>(kBlockFloats / std::max<int64_t>(1, stored.d), 8, kBlockRows)),
-        // Error of a float sum of d products of unit vectors: about sqrt(d) roundings, four times
-        // over.
-        slack_(1e-6F + 4 * 6e-8F * std::sqrt(static_cast<float>(stored.d))) {}
+        slack_(rounding_of_cosines(stored.d)) {}
 
   /// Calls `done(query index, match)` for each query, in order.
   template <class Done>
@@ -131,8 +90,8 @@ class Retrieval {
               const std::vector<double>& asked_lengths, int which_case) const {
     const int64_t query = task_.queries[index].scan;
     std::vector<RankedScan> best;
-    for (const Candidate& candidate : shortlist.finish()) {
-      const int64_t scan = task_.stored[candidate.position];
+    for (const Shortlist::Entry& entry : shortlist.finish()) {
+      const int64_t scan = task_.stored[entry.position];
       best.emplace_back(
           -cosine(asked.row(query), asked_lengths[query], stored_.row(scan), stored_lengths_[scan]),
           scan);

@@ -80,8 +80,8 @@ Similarity ring_similarity(const RingLayout& layout) {
   whole.counts.resize(kRingFrequencies);
   return [whole](std::span<const float> query, const FloatMatrix& stored,
                  std::span<const int64_t> candidates, std::span<double> similarities) {
-    std::vector<const float*> rows;
-    rows.reserve(candidates.size());
+    thread_local std::vector<const float*> rows;  // a query allocates nothing
+    rows.clear();
     for (const int64_t row : candidates) rows.push_back(stored.row(row).data());
     largest_correlations(query.data(), rows, whole, similarities);
   };

@@ -48,7 +48,7 @@ struct RetrieveOptions {
   std::function<void(int64_t done, int64_t total)> progress;  // in queries
   std::function<bool()> stop;                                 // true: throw Interrupted
   Similarity similarity;                                      // the feature's own; empty: cosine
-  int threads = 1;  // for a similarity of the feature's own
+  int threads = 1;  // for a similarity of the feature's own, and for PlaceIndex
 };
 
 /// What the map answers to one query.

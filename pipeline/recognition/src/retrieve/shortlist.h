@@ -1,0 +1,80 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+namespace revisit::pipeline {
+
+/// Error of a cosine of `d` numbers as floats give it: about sqrt(d) roundings, four times over.
+inline float rounding_of_cosines(int64_t d) {
+  return 1e-6F + 4 * 6e-8F * std::sqrt(static_cast<float>(d));
+}
+
+/// The `count` best among rough numbers that arrive in any order; of equal ones those at the lower
+/// positions. With a `slack` everything within it of the last of them is kept, too, so that
+/// rounding loses nothing. What is kept depends neither on the order nor on how a Shortlist was put
+/// together of others.
+class Shortlist {
+ public:
+  struct Entry {
+    float rough;
+    int64_t position;
+  };
+
+  Shortlist() = default;
+  Shortlist(int64_t count, float slack) { begin(count, slack); }
+
+  /// Empties it; the memory stays.
+  void begin(int64_t count, float slack) {
+    count_ = static_cast<size_t>(count);
+    slack_ = slack;
+    floor_ = -std::numeric_limits<float>::infinity();
+    entries_.clear();
+    plan_next_prune();
+  }
+  void offer(float rough, int64_t position) {
+    if (rough < floor_) return;
+    entries_.push_back({rough, position});
+    if (entries_.size() >= next_prune_) prune();
+  }
+  void offer(const Shortlist& other) {
+    for (const Entry& entry : other.entries_) offer(entry.rough, entry.position);
+  }
+  /// Ascending by position.
+  std::span<const Entry> finish() {
+    prune();
+    std::ranges::sort(entries_, {}, &Entry::position);
+    return entries_;
+  }
+
+ private:
+  void prune() {
+    if (entries_.size() > count_) {
+      const auto last = entries_.begin() + static_cast<int64_t>(count_) - 1;
+      std::nth_element(entries_.begin(), last, entries_.end(), [](const Entry& a, const Entry& b) {
+        return a.rough != b.rough ? a.rough > b.rough : a.position < b.position;
+      });
+      floor_ = last->rough - slack_;
+      if (slack_ > 0)
+        std::erase_if(entries_, [this](const Entry& e) { return e.rough < floor_; });
+      else
+        entries_.resize(count_);
+    }
+    plan_next_prune();
+  }
+  void plan_next_prune() {
+    next_prune_ = std::max<size_t>(64, 2 * std::max(entries_.size(), count_));
+    entries_.reserve(next_prune_);
+  }
+
+  size_t count_ = 0;
+  float slack_ = 0, floor_ = 0;
+  size_t next_prune_ = 0;
+  std::vector<Entry> entries_;
+};
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,65 @@
+// PlaceIndex::best() allocates its result only: every operator new of a thread is counted.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <new>
+#include <random>
+
+#include "revisit/recognition/place_index.h"
+#include "revisit/recognition/ring/match.h"
+
+namespace {
+thread_local int64_t allocations = 0;
+}  // namespace
+
+#if !defined(__SANITIZE_ADDRESS__) && \
+    !defined(__SANITIZE_THREAD__)  // there operator new is the sanitizer's own and stays so
+// Not inlined: else g++ sees free() meet memory of new.
+[[gnu::noinline]] void* operator new(size_t bytes) {
+  ++allocations;
+  if (void* memory = std::malloc(bytes > 0 ? bytes : 1)) return memory;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+[[gnu::noinline]] void operator delete(void* memory, size_t) noexcept {
+  std::free(memory);
+}
+#endif
+
+namespace revisit::pipeline {
+namespace {
+
+void expect_only_the_result(const Basis& basis) {
+  PlaceIndex index(basis);
+  std::mt19937 random(5);
+  std::normal_distribution<float> gaussian;
+  std::vector<float> x(static_cast<size_t>(basis.dim));
+  for (int64_t i = 0; i < 3000; ++i) {
+    for (float& value : x) value = gaussian(random);
+    index.add(x);
+  }
+  const std::vector<CandidateRange> candidates = {{0, 1500}, {1600, 2990}};
+  for (int64_t q = 0; q < 20; ++q) index.best(index.descriptor(q), candidates);
+  const int64_t before = allocations;
+  const Match match = index.best(index.descriptor(9), candidates);
+  EXPECT_LE(allocations - before, 2);  // its ranks and similarities
+  EXPECT_EQ(match.ranks.size(), 4);
+}
+
+TEST(PlaceIndexMemory, AQueryAllocatesItsResultOnly) {
+  Basis basis;
+  basis.dim = 21;
+  expect_only_the_result(basis);
+  const RingLayout layout{{3, 2, 5, 2}};
+  basis.dim = layout.numbers();
+  basis.similarity = ring_similarity(layout);
+  expect_only_the_result(basis);
+  basis.key_of = ring_key(layout);
+  basis.key_candidates = 100;
+  expect_only_the_result(basis);
+}
+
+}  // namespace
+}  // namespace revisit::pipeline
