@@ -24,6 +24,7 @@ set(owned_libraries
   "embree3/|pipeline/simulation/src/ray_caster"
   "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"
+  "faiss/|pipeline/maps/src/faiss/"
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra/"
   "lapacke|pipeline/recognition/src/linear_algebra/"
   "yaml-cpp/|tools/src/"

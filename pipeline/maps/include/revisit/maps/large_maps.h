@@ -1,0 +1,33 @@
+#pragma once
+
+#include <memory>
+
+#include "revisit/recognition/place_index.h"
+
+/// Candidates for PlaceIndex::choose_by() in maps too large to compare every place, by FAISS. Both
+/// sources know the keys of the places in `index` and take new ones. They throw UsageError for an
+/// index without keys or places, for options that are none, and in a program built without FAISS.
+namespace revisit::pipeline {
+
+/// A graph from place to similar place (HNSW), keys in half precision.
+struct GraphOptions {
+  int links = 16;           // of a place; twice as many in the lowest layer
+  int build_effort = 80;    // places that adding one looks for
+  int search_effort = 160;  // places that a query keeps in view; at least those asked for
+  int threads = 1;          // to build it; the graph depends on them
+};
+std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index,
+                                               const GraphOptions& options = {});
+
+/// Lists of neighbours, keys by product quantisation (IVF-PQ): the smallest. The lists and codes
+/// are learnt from the places in `index`; 256 of them are the least.
+struct ListOptions {
+  int lists = 0;             // 0: the root of the number of places
+  int probes = 32;           // lists that a query looks at
+  int numbers_per_byte = 8;  // of a key, in its code
+  int threads = 1;           // to build it
+};
+std::unique_ptr<CandidateSource> lists_of_keys(const PlaceIndex& index,
+                                               const ListOptions& options = {});
+
+}  // namespace revisit::pipeline

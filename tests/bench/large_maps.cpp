@@ -1,0 +1,265 @@
+// Search in large maps of synthetic places, as rows of the tables in docs/SCALE.md.
+//   revisit_large_maps PLACES cosines|rings WAY...
+// Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
+// once), all (rings at every heading), graph, lists. The time of a query is the least of several
+// rounds, in which all ways take turns.
+#include "revisit/maps/large_maps.h"
+
+#include <cblas.h>
+
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+#include <map>
+#include <numbers>
+#include <random>
+#include <string>
+
+#include "revisit/proto/error.h"
+#include "revisit/recognition/ring/match.h"
+
+namespace {
+
+using namespace revisit::pipeline;
+
+constexpr int64_t kQueries = 32, kRounds = 3, kCandidates = 300;
+
+double seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+double resident_bytes() {
+  double pages = 0;
+  std::ifstream("/proc/self/statm") >> pages >> pages;
+  return pages * 4096;
+}
+
+/// Gaussian numbers from a table: making 4 * 10^9 in another way takes minutes.
+class Gaussian {
+ public:
+  explicit Gaussian(uint64_t seed) : random_(seed), table_(1 << 16) {
+    std::mt19937 of_table(1);
+    std::normal_distribution<float> gaussian;
+    for (float& value : table_) value = gaussian(of_table);
+  }
+  float operator()() {
+    if (left_ == 0) {
+      bits_ = random_();
+      left_ = 4;
+    }
+    --left_;
+    const float value = table_[bits_ & 0xffff];
+    bits_ >>= 16;
+    return value;
+  }
+
+ private:
+  std::mt19937_64 random_;
+  uint64_t bits_ = 0;
+  int left_ = 0;
+  std::vector<float> table_;
+};
+
+/// Places and queries. The i-th of the numbers spreads as i^-0.75, as variances of a PCA fall. A
+/// query is a place with half as much noise, at another heading for rings.
+struct World {
+  RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
+  bool rings;
+  Basis basis;
+  std::vector<float> spread;
+  Gaussian random{7};
+
+  explicit World(bool of_rings) : rings(of_rings) {
+    basis.dim = rings ? layout.numbers() : 400;
+    if (rings) {
+      basis.similarity = ring_similarity(layout);
+      basis.key_of = ring_key(layout);
+      basis.key_candidates = kCandidates;
+      for (size_t f = 0; f < layout.counts.size(); ++f)
+        for (int part = 0; part < (f > 0 ? 2 : 1); ++part) add_spread(layout.counts[f], 0.4F);
+    } else {
+      add_spread(400, 0.75F);
+    }
+  }
+  void add_spread(int count, float power) {
+    for (int i = 1; i <= count; ++i) spread.push_back(std::pow(static_cast<float>(i), -power));
+  }
+  void place(std::span<float> x) {
+    for (size_t i = 0; i < x.size(); ++i) x[i] = spread[i] * random();
+    normalise(x);
+  }
+  void query(std::span<const float> place, std::span<float> x) {
+    std::vector<float> noise(x.size());
+    this->place(noise);
+    for (size_t i = 0; i < x.size(); ++i) x[i] = place[i] + 0.5F * noise[i];
+    if (rings) turn(x, random());
+    normalise(x);
+  }
+  void turn(std::span<float> x, float angle) const {
+    size_t at = static_cast<size_t>(layout.counts[0]);
+    for (size_t f = 1; f < layout.counts.size(); ++f) {
+      const auto n = static_cast<size_t>(layout.counts[f]);
+      const float c = std::cos(angle * static_cast<float>(f)),
+                  s = std::sin(angle * static_cast<float>(f));
+      for (size_t i = at; i < at + n; ++i) {
+        const float real = x[i], imaginary = x[n + i];
+        x[i] = c * real - s * imaginary;
+        x[n + i] = s * real + c * imaginary;
+      }
+      at += 2 * n;
+    }
+  }
+  static void normalise(std::span<float> x) {
+    double sum = 0;
+    for (const float v : x) sum += v * v;
+    for (float& v : x) v = static_cast<float>(v / std::sqrt(sum));
+  }
+};
+
+struct Way {
+  std::string name;
+  std::function<void(int64_t query, Match& match)> ask;
+  int64_t together = 1;  // queries that one call answers
+  double build = 0, bytes = 0;
+  std::vector<Match> matches = std::vector<Match>(kQueries);
+  std::vector<double> times = std::vector<double>(kQueries, 1e9);
+};
+
+/// The first ranks alone.
+std::vector<Match> best_of(std::vector<Match> matches) {
+  for (Match& match : matches) match.ranks.resize(1);
+  return matches;
+}
+
+void print(const std::string& places, const std::string& feature, Way& way,
+           const std::vector<Match>* exact) {
+  double sum = 0;
+  std::vector<double> times;
+  for (int64_t q = 0; q < kQueries; q += way.together) times.push_back(way.times[size_t(q)]);
+  for (const double t : times) sum += t;
+  std::ranges::sort(times);
+  const auto at = [&](double share) {
+    return 1e3 * times[std::min(times.size() - 1, size_t(share * double(times.size())))];
+  };
+  std::printf("| %s | %s | %s | %.1f | %.0f | %.4g | %.3g | %.3g | ", places.c_str(),
+              feature.c_str(), way.name.c_str(), way.build, way.bytes, kQueries / sum, at(0.5),
+              at(0.99));
+  if (exact)
+    std::printf("%.3f | %.3f |\n", recall_of(best_of(*exact), best_of(way.matches)),
+                recall_of(*exact, way.matches));
+  else
+    std::printf("| |\n");
+  std::fflush(stdout);
+}
+
+void measure(int64_t n, bool rings, const std::vector<std::string>& names) {
+  World world(rings);
+  const auto wants = [&](const char* name) {
+    return std::ranges::find(names, name) != names.end();
+  };
+  const double before = resident_bytes();
+  PlaceIndex index(world.basis);
+  double build = 0;
+  std::vector<float> x(size_t(world.basis.dim));
+  for (int64_t i = 0; i < n; ++i) {
+    world.place(x);
+    const double start = seconds();
+    index.add(x);
+    build += seconds() - start;
+  }
+  const double bytes = (resident_bytes() - before) / double(n);
+  FloatMatrix queries(kQueries, world.basis.dim);
+  for (int64_t q = 0; q < kQueries; ++q)
+    world.query(index.descriptor((q * 7919 + 13) % n), queries.row(q));
+
+  const CandidateRange all{0, n};
+  std::vector<Way> ways;
+  const auto exact_way = [&](const char* name, const PlaceIndex& in, int threads) {
+    ways.push_back({name, [&in, &queries, all, threads](int64_t q, Match& match) {
+                      match = in.best(queries.row(q), {&all, 1}, {.threads = threads});
+                    }});
+    ways.back().build = build;
+    ways.back().bytes = bytes;
+  };
+  FloatMatrix keys;
+  std::vector<float> products(size_t(n), 0);
+  if (wants("sgemv")) {
+    keys = FloatMatrix(n, index.key_numbers());
+    for (int64_t i = 0; i < n; ++i) index.make_key(index.descriptor(i), keys.row(i));
+    ways.push_back({"sgemv", [&](int64_t q, Match&) {
+                      cblas_sgemv(CblasRowMajor, CblasNoTrans, int(n), int(keys.d), 1,
+                                  keys.values.data(), int(keys.d), keys.row(q).data(), 1, 0,
+                                  products.data(), 1);
+                    }});
+  }
+  if (wants("exact")) exact_way("exact", index, 1);
+  if (wants("threads")) exact_way("exact, 2 threads", index, 2);
+  if (wants("many")) {
+    ways.push_back({"exact, 32 at once", [&](int64_t, Match& match) {
+                      auto matches = index.best_of_many(queries, {&all, 1});
+                      std::ranges::move(matches, &match);
+                    }});
+    ways.back().together = kQueries;
+  }
+  Basis at_all_headings = world.basis;
+  at_all_headings.key_candidates = 0;
+  PlaceIndex whole(at_all_headings);
+  if (wants("all")) {
+    for (int64_t i = 0; i < n; ++i) whole.add(index.descriptor(i));
+    exact_way("every heading", whole, 1);
+  }
+  // Sources choose among the places of an index of their own, which shares nothing with the exact
+  // one: they are measured after it.
+  for (int64_t round = 0; round < kRounds; ++round)
+    for (int64_t q = 0; q < kQueries; ++q)
+      for (Way& way : ways) {
+        if (q % way.together != 0) continue;
+        const double start = seconds();
+        way.ask(q, way.matches[size_t(q)]);
+        way.times[size_t(q)] = std::min(way.times[size_t(q)], seconds() - start);
+      }
+  const std::vector<Match>* exact = nullptr;
+  for (const Way& way : ways)
+    if (way.name == "exact" || way.name == "every heading") exact = &way.matches;
+  const std::string places = std::to_string(n), feature = rings ? "rings" : "cosines";
+  for (Way& way : ways) print(places, feature, way, way.name == "sgemv" ? nullptr : exact);
+  keys = {};
+
+  const auto by_source = [&](const char* name, auto make) {
+    const double memory = resident_bytes(), start = seconds();
+    std::unique_ptr<CandidateSource> source = make();
+    Way way{name, [&](int64_t q, Match& match) { match = index.best(queries.row(q), {&all, 1}); }};
+    way.build = seconds() - start;
+    way.bytes = (resident_bytes() - memory) / double(n);
+    index.choose_by(std::move(source), kCandidates);
+    for (int64_t round = 0; round < 3 * kRounds; ++round)
+      for (int64_t q = 0; q < kQueries; ++q) {
+        const double begin = seconds();
+        way.ask(q, way.matches[size_t(q)]);
+        way.times[size_t(q)] = std::min(way.times[size_t(q)], seconds() - begin);
+      }
+    print(places, feature, way, exact);
+  };
+  if (wants("graph")) by_source("graph", [&] { return graph_of_keys(index, {.threads = 2}); });
+  if (wants("lists")) by_source("lists", [&] { return lists_of_keys(index, {.threads = 2}); });
+}
+
+}  // namespace
+
+int main(int count, char** arguments) try {
+  if (count < 4) {
+    std::cerr << "usage: revisit_large_maps PLACES cosines|rings WAY...\n";
+    return 2;
+  }
+  openblas_set_num_threads(1);
+  std::cout << "| places | compared | search | build [s] | bytes a place | queries/s | p50 [ms] | "
+               "p99 [ms] | recall of the best | of the best four "
+               "|\n|---|---|---|---|---|---|---|---|---|---|\n";
+  measure(std::atoll(arguments[1]), std::string(arguments[2]) == "rings",
+          {arguments + 3, arguments + count});
+} catch (const std::exception& error) {
+  std::cerr << error.what() << '\n';
+  return 1;
+}
