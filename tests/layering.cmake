@@ -25,6 +25,7 @@ set(owned_libraries
   "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"
   "faiss/|pipeline/maps/src/faiss/"
+  "pqxx/|pipeline/maps/src/postgres/"
   "cblas|engine/src/|pipeline/recognition/src/linear_algebra/"
   "lapacke|pipeline/recognition/src/linear_algebra/"
   "yaml-cpp/|tools/src/"

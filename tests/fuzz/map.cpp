@@ -33,8 +33,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     place.descriptor = {1, 2};
     map->add({&place, 1});
     map->set_value("threshold", "1");
+    const int64_t revision = map->read(
+                                    0, [](pipeline::StoredPlace&&) {}, [](const std::string&) {})
+                                 .revision;
     map->replace_descriptors([](const pipeline::StoredPlace& found) { return found.descriptor; },
-                             {});
+                             {}, revision);
   });
   for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(file.string() + ending);
   return 0;

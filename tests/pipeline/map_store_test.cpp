@@ -263,11 +263,13 @@ TEST(MapStore, DescriptorsAreReplacedInOneStep) {
                      if (place.id == 20) throw std::runtime_error("no");
                      return std::vector<float>{};
                    },
-                   {{"basis", "b"}}),
+                   {{"basis", "b"}}, 0),
                std::runtime_error);
   expect_places(*map, 30);
   EXPECT_EQ(map->value("basis"), std::nullopt);
-  map->replace_descriptors(shorter, {{"basis", "b"}, {"threshold", "t"}});
+  EXPECT_TRUE(map->replace_descriptors(shorter, {{"basis", "b"}, {"threshold", "t"}}, 0));
+  EXPECT_FALSE(map->replace_descriptors(shorter, {{"basis", "c"}}, 0));
+  EXPECT_TRUE(map->add(made_places(31, 31), 0).empty());
   const WhatWasRead read = read_all(*reader);
   EXPECT_EQ(read.position.revision, 1);
   ASSERT_EQ(read.places.size(), 30);

@@ -1,6 +1,8 @@
 #include <unistd.h>
 
+#include "identity.h"
 #include "journal.h"
+#include "postgres_map.h"
 #include "revisit/proto/error.h"
 #include "sqlite_map.h"
 
@@ -113,27 +115,16 @@ std::unique_ptr<SqliteMap> open_existing(const File& file) {
   return std::make_unique<SqliteMap>(nullptr, std::move(connection), std::move(losses));
 }
 
-void must_match(const std::string& name, const MapIdentity& map, const MapIdentity& program) {
-  std::string differences;
-  MapIdentity names = map;
-  names.insert(program.begin(), program.end());
-  const auto entry = [](const MapIdentity& identity, const std::string& key) {
-    const auto found = identity.find(key);
-    return found == identity.end() ? std::string("none") : "'" + found->second + "'";
-  };
-  for (const auto& [key, value] : names)
-    if (entry(map, key) != entry(program, key))
-      differences += str("\n  ", key, ": the map has ", entry(map, key), ", this program ",
-                         entry(program, key));
-  if (!differences.empty())
-    throw InputError(str(name, ": its descriptors are others than this program makes:", differences,
-                         "\nuse what the map was made with, or make another map"));
-}
-
 }  // namespace
+
+bool is_on_a_server(std::string_view where) {
+  return where.starts_with("postgresql://") || where.starts_with("postgres://");
+}
 
 std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
                                    const MapIdentity* identity, NumberFormat format) {
+  if (is_on_a_server(file.string()))
+    return open_postgres_map(file.string(), access, identity, format);
   std::unique_ptr<SqliteMap> map;
   if (access == MapAccess::kRead) {
     map = open_existing(look_at_existing(file));
@@ -149,6 +140,7 @@ std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
 }
 
 std::vector<std::string> check_map(const fs::path& file) {
+  if (is_on_a_server(file.string())) return check_postgres_map(file.string());
   const File found = look_at_existing(file);
   try {
     return open_existing(found)->check();

@@ -131,37 +131,88 @@ struct PlaceRecognizer::Impl {
     places.push_back(std::move(place));
   }
 
-  void take_in_new_places() {
+  /// Takes the basis that the map has; the places known keep their positions.
+  void look_for_a_basis() {
+    const auto content = map->value(kBasisValue);
+    if (!content) return;
+    const FloatMatrix known = std::move(features);
+    settle(extractor.open_basis(*content));
+    for (int64_t i = 0; i < known.n; ++i) index->add(descriptor_of(known.row(i)));
+  }
+
+  void take_in(StoredPlace place) {
     if (!settled)
-      if (const auto content = map->value(kBasisValue)) {
-        settle(extractor.open_basis(*content));
-        places.clear();  // their descriptors are others now
-        read_to = {};
-      }
+      grow(place.feature);
+    else if (place.feature.empty())
+      index->add(place.descriptor);
+    else  // it was read before there was a basis
+      index->add(descriptor_of(place.feature));
+    know(std::move(place));
+  }
+
+  void take_in_new_places() {
+    if (!settled) look_for_a_basis();
     if (!options.threshold)
       if (const auto text = map->value(kThreshold)) {
         double value = 0;
         std::from_chars(text->data(), text->data() + text->size(), value);
         threshold = value;
       }
+    if (settled) {
+      read_to = map->read(
+          read_to.last, [&](StoredPlace&& place) { take_in(std::move(place)); }, damaged);
+      return;
+    }
+    std::vector<StoredPlace> places_read;
     read_to = map->read(
-        read_to.last,
-        [&](StoredPlace&& place) {
-          if (settled)
-            index->add(place.descriptor);
-          else
-            grow(place.feature);
-          know(std::move(place));
-        },
+        read_to.last, [&](StoredPlace&& place) { places_read.push_back(std::move(place)); },
         damaged);
+    look_for_a_basis();  // another may have settled it meanwhile: then these have no features
+    for (StoredPlace& place : places_read) take_in(std::move(place));
   }
 
-  /// The places of the stretch are described with its basis, in the map, too.
+  /// Keeps the place in the map and takes it in, behind those that others added before it.
+  int64_t add_to_map(std::span<const float> feature, StoredPlace about) {
+    std::vector<int64_t> ids;
+    while (true) {
+      about.descriptor =
+          settled ? descriptor_of(feature) : std::vector<float>(feature.begin(), feature.end());
+      about.feature.clear();
+      if (!settled) about.feature = about.descriptor;
+      ids = map->add({&about, 1}, read_to.revision);
+      if (!ids.empty()) break;
+      take_in_new_places();  // another has settled the basis
+    }
+    about.id = ids.front();
+    if (ids.front() == read_to.last + 1) {
+      read_to.last = ids.front();
+      take_in(std::move(about));
+    } else {
+      take_in_new_places();
+    }
+    return ids.front();
+  }
+
+  int64_t position_of(int64_t id) const {
+    const auto found = std::ranges::lower_bound(places, id, {}, &StoredPlace::id);
+    if (found == places.end() || found->id != id)
+      throw InputError(str("place ", id, " was added to the map, but cannot be read from it"));
+    return found - places.begin();
+  }
+
+  /// The places of the stretch are described with its basis, in the map, too: by the one of those
+  /// who add places that comes first. The others take its basis.
   void end_the_stretch() {
-    if (map)
-      map->replace_descriptors(
+    if (map) {
+      const bool first = map->replace_descriptors(
           [&](const StoredPlace& place) { return descriptor_of(place.feature); },
-          {{kBasisValue, basis->content}});
+          {{kBasisValue, basis->content}}, read_to.revision);
+      if (!first) {
+        take_in_new_places();
+        return;
+      }
+      ++read_to.revision;
+    }
     settled = true;
     features = {};
   }
@@ -217,20 +268,15 @@ int64_t PlaceRecognizer::add(const Description& scan, StoredPlace about) {
     throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
   const std::unique_lock lock(impl_->mutex);
   Impl& impl = *impl_;
-  std::vector<float> descriptor;
+  int64_t id = 0;
   if (impl.map) {
-    about.descriptor = impl.settled ? impl.descriptor_of(scan.feature) : scan.feature;
-    if (!impl.settled) about.feature = scan.feature;
-    about.id = impl.map->add({&about, 1}).front();
-    impl.read_to.last = about.id;
+    id = impl.add_to_map(scan.feature, std::move(about));
+  } else {
+    about.feature = scan.feature;
+    impl.take_in(std::move(about));
   }
-  if (impl.settled)
-    impl.index->add(about.descriptor.empty() ? impl.descriptor_of(scan.feature) : about.descriptor);
-  else
-    impl.grow(scan.feature);
-  impl.know(std::move(about));
   if (!impl.settled && impl.ends_the_stretch()) impl.end_the_stretch();
-  return static_cast<int64_t>(impl.places.size()) - 1;
+  return impl.map ? impl.position_of(id) : static_cast<int64_t>(impl.places.size()) - 1;
 }
 
 std::optional<Loop> PlaceRecognizer::query(const Description& scan,
@@ -278,6 +324,11 @@ std::optional<double> PlaceRecognizer::threshold() const {
 void PlaceRecognizer::refresh() {
   const std::unique_lock lock(impl_->mutex);
   if (impl_->map) impl_->take_in_new_places();
+}
+
+void PlaceRecognizer::refresh_on_news() {
+  const std::unique_lock lock(impl_->mutex);
+  if (impl_->map && impl_->map->has_news()) impl_->take_in_new_places();
 }
 
 void PlaceRecognizer::calibrate(double threshold) {

@@ -15,6 +15,8 @@ static_assert(std::endian::native == std::endian::little, "maps hold the machine
 
 using PoseNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 
+constexpr const char* kWrongChecksum = "its checksum is wrong";
+
 template <class Number>
 std::string bytes_of(const Number* numbers, size_t n) {
   std::string bytes(n * sizeof(Number), '\0');
@@ -34,22 +36,6 @@ std::string float32_bytes(const std::vector<float>& numbers, const std::string& 
     if (!std::isfinite(number))
       throw UsageError(str(of, " has numbers that are not finite: ", number));
   return bytes_of(numbers.data(), numbers.size());
-}
-
-int64_t checksum_of(int64_t id, std::string_view drive, int64_t frame,
-                    const std::optional<double>& time, std::string_view pose,
-                    std::string_view descriptor, std::string_view feature, int64_t revision) {
-  return Checksum()
-      .number(id)
-      .bytes(drive)
-      .number(frame)
-      .number(time ? 1 : 0)
-      .number(std::bit_cast<int64_t>(time.value_or(0)))
-      .bytes(pose)
-      .bytes(descriptor)
-      .bytes(feature)
-      .number(revision)
-      .value();
 }
 
 }  // namespace
@@ -87,16 +73,61 @@ PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number)
   return row;
 }
 
+int64_t checksum_of(int64_t id, const RowView& row) {
+  return Checksum()
+      .number(id)
+      .bytes(row.drive)
+      .number(row.frame)
+      .number(row.time ? 1 : 0)
+      .number(std::bit_cast<int64_t>(row.time.value_or(0)))
+      .bytes(row.pose)
+      .bytes(row.descriptor)
+      .bytes(row.feature)
+      .number(row.revision)
+      .value();
+}
+
+RowView view_of(const StoredPlace& place, const PlaceRow& row, int64_t revision) {
+  RowView view{place.drive,    place.frame, place.time, row.pose,
+               row.descriptor, row.feature, revision,   0};
+  if (view.time) *view.time += 0.0;  // databases have no -0
+  return view;
+}
+
+std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_t revision,
+                     StoredPlace& place) {
+  if (checksum_of(id, row) != row.checksum) return kWrongChecksum;
+  if (row.revision != revision) return "it is older than the map's other descriptors";
+
+  // What the checksum cannot know: the file may be a stranger's.
+  const size_t number = format == NumberFormat::kFloat16 ? 2 : 4;
+  if (row.descriptor.size() % number != 0 || row.feature.size() % 4 != 0 ||
+      (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))
+    return "its columns have lengths that cannot be";
+  place = {.id = id, .drive = std::string(row.drive), .frame = row.frame, .time = row.time};
+  if (!row.pose.empty()) {
+    const std::vector<double> numbers = numbers_of<double>(row.pose);
+    place.pose = Eigen::Isometry3d::Identity();
+    place.pose->matrix().topRows<3>() = Eigen::Map<const PoseNumbers>(numbers.data());
+  }
+  if (format == NumberFormat::kFloat16) {
+    const std::vector<Eigen::half> halves = numbers_of<Eigen::half>(row.descriptor);
+    place.descriptor.assign(halves.begin(), halves.end());
+  } else {
+    place.descriptor = numbers_of<float>(row.descriptor);
+  }
+  place.feature = numbers_of<float>(row.feature);
+  return "";
+}
+
 void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& place,
                   const PlaceRow& row, int64_t revision) {
-  insert.reset().bind(1, std::string_view(place.drive)).bind(2, place.frame);
-  std::optional<double> time = place.time;
-  if (time) {
-    *time += 0.0;  // SQLite has no -0
-    insert.bind(3, *time);
-  } else {
+  const RowView view = view_of(place, row, revision);
+  insert.reset().bind(1, view.drive).bind(2, view.frame);
+  if (view.time)
+    insert.bind(3, *view.time);
+  else
     insert.bind_null(3);
-  }
   const auto bind_or_null = [&](int parameter, const std::string& bytes) {
     if (bytes.empty())
       insert.bind_null(parameter);
@@ -106,11 +137,7 @@ void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& plac
   bind_or_null(4, row.pose);
   insert.bind_blob(5, row.descriptor);
   bind_or_null(6, row.feature);
-  insert.bind(7, revision)
-      .bind(8, checksum_of(id, place.drive, place.frame, time, row.pose, row.descriptor,
-                           row.feature, revision))
-      .bind(9, id)
-      .step();
+  insert.bind(7, revision).bind(8, checksum_of(id, view)).bind(9, id).step();
 }
 
 std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
@@ -125,40 +152,21 @@ std::string select_place(sqlite::Connection& connection, sqlite::Statement& sele
     const int found = select.type(column);
     return found == type || (may_be_absent && found == SQLITE_NULL);
   };
-  const char* const wrong = "its checksum is wrong";
   if (!has_type(0, SQLITE_TEXT, false) || !has_type(1, SQLITE_INTEGER, false) ||
       !has_type(2, SQLITE_FLOAT, true) || !has_type(3, SQLITE_BLOB, true) ||
       !has_type(4, SQLITE_BLOB, false) || !has_type(5, SQLITE_BLOB, true) ||
       !has_type(6, SQLITE_INTEGER, false) || !has_type(7, SQLITE_INTEGER, false))
-    return wrong;
+    return kWrongChecksum;
 
-  place = {.id = id, .drive = std::string(select.bytes(0)), .frame = select.integer(1)};
-  if (select.type(2) == SQLITE_FLOAT) place.time = select.real(2);
-  const std::string_view pose = select.bytes(3), descriptor = select.bytes(4),
-                         feature = select.bytes(5);
-  if (checksum_of(id, place.drive, place.frame, place.time, pose, descriptor, feature,
-                  select.integer(6)) != select.integer(7))
-    return wrong;
-  if (select.integer(6) != revision) return "it is older than the map's other descriptors";
-
-  // What the checksum cannot know: the file may be a stranger's.
-  const size_t number = format == NumberFormat::kFloat16 ? 2 : 4;
-  if (descriptor.size() % number != 0 || feature.size() % 4 != 0 ||
-      (pose.size() != 12 * sizeof(double) && !pose.empty()))
-    return "its columns have lengths that cannot be";
-  if (!pose.empty()) {
-    const std::vector<double> numbers = numbers_of<double>(pose);
-    place.pose = Eigen::Isometry3d::Identity();
-    place.pose->matrix().topRows<3>() = Eigen::Map<const PoseNumbers>(numbers.data());
-  }
-  if (format == NumberFormat::kFloat16) {
-    const std::vector<Eigen::half> halves = numbers_of<Eigen::half>(descriptor);
-    place.descriptor.assign(halves.begin(), halves.end());
-  } else {
-    place.descriptor = numbers_of<float>(descriptor);
-  }
-  place.feature = numbers_of<float>(feature);
-  return "";
+  RowView row{.drive = select.bytes(0),
+              .frame = select.integer(1),
+              .pose = select.bytes(3),
+              .descriptor = select.bytes(4),
+              .feature = select.bytes(5),
+              .revision = select.integer(6),
+              .checksum = select.integer(7)};
+  if (select.type(2) == SQLITE_FLOAT) row.time = select.real(2);
+  return take_row(id, row, format, revision, place);
 }
 
 }  // namespace revisit::pipeline

@@ -21,6 +21,21 @@ PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number)
 std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat format,
                              const std::string& of);
 
+/// All columns of a place but its id, wherever they are.
+struct RowView {
+  std::string_view drive;
+  int64_t frame = 0;
+  std::optional<double> time;
+  std::string_view pose, descriptor, feature;
+  int64_t revision = 0, checksum = 0;
+};
+/// Without its checksum, which checksum_of() gives.
+RowView view_of(const StoredPlace& place, const PlaceRow& row, int64_t revision);
+int64_t checksum_of(int64_t id, const RowView& row);
+/// Returns "", or what is wrong with the row.
+std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_t revision,
+                     StoredPlace& place);
+
 void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& place,
                   const PlaceRow& row, int64_t revision);
 inline constexpr const char* kInsertPlace =

@@ -1,9 +1,9 @@
 #include "schema.h"
 
 #include <array>
-#include <sstream>
 
 #include "checksum.h"
+#include "identity.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
@@ -35,34 +35,6 @@ constexpr std::array<Table, 5> kTables{{
 }};
 constexpr std::array<const char*, 2> kHeads{"map", "map_copy"};
 
-std::string text_of(const MapIdentity& identity) {
-  std::string text;
-  for (const auto& [name, value] : identity) {
-    if (name.find('=') != std::string::npos || (name + value).find('\n') != std::string::npos)
-      throw UsageError(str("identity: '", name, "' has a '=' in its name or a line break"));
-    text += str(name, "=", value, "\n");
-  }
-  return text;
-}
-
-MapIdentity identity_of(std::string_view text) {
-  MapIdentity identity;
-  std::istringstream lines{std::string(text)};
-  for (std::string line; std::getline(lines, line);) {
-    const size_t equals = line.find('=');
-    identity[line.substr(0, equals)] = equals == std::string::npos ? "" : line.substr(equals + 1);
-  }
-  return identity;
-}
-
-int64_t checksum_of(std::string_view identity, int64_t bytes_per_number, int64_t revision) {
-  return Checksum().bytes(identity).number(bytes_per_number).number(revision).value();
-}
-
-int64_t checksum_of(const Counts& counts) {
-  return Checksum().number(counts.places).number(counts.values).value();
-}
-
 /// "", or what is wrong with the head in `table`.
 std::string read_head_of(Connection& connection, const char* table, MapHead& head) {
   Statement select(connection, str("SELECT identity, bytes_per_number, revision, checksum FROM ",
@@ -75,10 +47,10 @@ std::string read_head_of(Connection& connection, const char* table, MapHead& hea
   }
   const std::string text(select.type(0) == SQLITE_TEXT ? select.bytes(0) : "");
   const int64_t bytes_per_number = select.integer(1);
-  if (checksum_of(text, bytes_per_number, select.integer(2)) != select.integer(3) ||
+  if (head_checksum(text, bytes_per_number, select.integer(2)) != select.integer(3) ||
       (bytes_per_number != 2 && bytes_per_number != 4))
     return "its checksum is wrong";
-  head = {.identity = identity_of(text),
+  head = {.identity = identity_from(text),
           .format = bytes_per_number == 2 ? NumberFormat::kFloat16 : NumberFormat::kFloat32,
           .revision = select.integer(2)};
   return "";
@@ -90,6 +62,14 @@ int64_t largest_id(Connection& connection, const char* table) {
 }
 
 }  // namespace
+
+int64_t head_checksum(std::string_view identity, int64_t bytes_per_number, int64_t revision) {
+  return Checksum().bytes(identity).number(bytes_per_number).number(revision).value();
+}
+
+int64_t checksum_of(const Counts& counts) {
+  return Checksum().number(counts.places).number(counts.values).value();
+}
 
 void make_map(Connection& connection, const MapHead& head) {
   text_of(head.identity);  // refuses before there is a file
@@ -167,7 +147,7 @@ void write_head(Connection& connection, const MapHead& head) {
     replace.bind(1, std::string_view(text))
         .bind(2, bytes_per_number)
         .bind(3, head.revision)
-        .bind(4, checksum_of(text, bytes_per_number, head.revision))
+        .bind(4, head_checksum(text, bytes_per_number, head.revision))
         .step();
   }
 }

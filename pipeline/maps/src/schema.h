@@ -26,6 +26,9 @@ struct Counts {
   std::string damage;  // when they had to be taken from the tables, why
 };
 
+int64_t head_checksum(std::string_view identity, int64_t bytes_per_number, int64_t revision);
+int64_t checksum_of(const Counts& counts);
+
 /// Makes the tables in an empty file, in one step. Throws UsageError for an identity with "=" in a
 /// name or a line break.
 void make_map(sqlite::Connection& connection, const MapHead& head);

@@ -1,6 +1,7 @@
 #include "sqlite_map.h"
 
 #include "checksum.h"
+#include "damaged_places.h"
 #include "place_row.h"
 #include "revisit/proto/error.h"
 
@@ -10,33 +11,6 @@ namespace {
 using sqlite::Locking;
 using sqlite::Statement;
 using sqlite::Transaction;
-
-/// Names neighbouring places that have the same damage with one message.
-class DamagedPlaces {
- public:
-  DamagedPlaces(const std::string& file, const MapStore::Damaged& tell)
-      : file_(file), tell_(tell) {}
-
-  void add(int64_t id, const std::string& reason) {
-    if (first_ != 0 && reason != reason_) flush();
-    if (first_ == 0) first_ = id;
-    last_ = id;
-    reason_ = reason;
-  }
-  void flush() {
-    if (first_ == 0) return;
-    tell_(first_ == last_
-              ? str(file_, ": place ", first_, " is damaged: ", reason_)
-              : str(file_, ": places ", first_, " to ", last_, " are damaged: ", reason_));
-    first_ = 0;
-  }
-
- private:
-  const std::string& file_;
-  const MapStore::Damaged& tell_;
-  int64_t first_ = 0, last_ = 0;
-  std::string reason_;
-};
 
 constexpr const char* kSelectValue = "SELECT name, bytes, checksum FROM value WHERE id = ?";
 
@@ -141,13 +115,15 @@ void SqliteMap::set_value(const std::string& name, const std::string& bytes) {
   step.commit();
 }
 
-std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places) {
+std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
+                                    std::optional<int64_t> expected) {
   must_be_writer();
   std::vector<int64_t> ids;
   if (places.empty()) return ids;
   Transaction step(*connection_, Locking::kWrites);
   Counts counts = read_counts(*connection_);
   const int64_t revision = read_head(*connection_).revision;
+  if (expected && *expected != revision) return ids;
   {
     Statement insert(*connection_, kInsertPlace);
     for (const StoredPlace& place : places) {
@@ -195,12 +171,13 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
   return {.last = counts.places, .revision = head.revision};
 }
 
-void SqliteMap::replace_descriptors(
+bool SqliteMap::replace_descriptors(
     const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
-    const std::map<std::string, std::string>& values) {
+    const std::map<std::string, std::string>& values, int64_t revision) {
   must_be_writer();
   Transaction step(*connection_, Locking::kWrites);
   MapHead head = read_head(*connection_);
+  if (head.revision != revision) return false;
   const int64_t places = read_counts(*connection_).places;
   {
     Statement select(*connection_, kSelectPlace);
@@ -219,6 +196,7 @@ void SqliteMap::replace_descriptors(
   write_head(*connection_, head);
   for (const auto& [name, bytes] : values) put_value(name, bytes);
   step.commit();
+  return true;
 }
 
 std::vector<std::string> SqliteMap::check() const {

@@ -22,11 +22,12 @@ class SqliteMap : public MapStore {
   int64_t size() const override;
   std::optional<std::string> value(const std::string& name) const override;
   void set_value(const std::string& name, const std::string& bytes) override;
-  std::vector<int64_t> add(std::span<const StoredPlace> places) override;
+  std::vector<int64_t> add(std::span<const StoredPlace> places,
+                           std::optional<int64_t> revision = std::nullopt) override;
   MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const override;
-  void replace_descriptors(
+  bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
-      const std::map<std::string, std::string>& values) override;
+      const std::map<std::string, std::string>& values, int64_t revision) override;
 
   /// What is wrong, a message each.
   std::vector<std::string> check() const;

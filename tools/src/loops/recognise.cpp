@@ -95,6 +95,7 @@ void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
       visit(seen);
       continue;
     }
+    recognizer.refresh_on_news();
     seen.loop = recognizer.query(description, without);
     pipeline::StoredPlace place;
     place.drive = options.drive;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -58,18 +59,26 @@ class MapStore {
   virtual void set_value(const std::string& name, const std::string& bytes) = 0;
 
   /// Adds places, whatever their `id`, and returns the ids they have now. All numbers are finite.
-  virtual std::vector<int64_t> add(std::span<const StoredPlace> places) = 0;
+  /// `revision`: what they were described for; when the map has another, nothing is added and no
+  /// ids are returned.
+  virtual std::vector<int64_t> add(std::span<const StoredPlace> places,
+                                   std::optional<int64_t> revision = std::nullopt) = 0;
 
   /// Hands over the places with ids above `after`, ascending, as they are at one moment. Damaged
   /// ones are left out; `damaged` gets a message that names them. So it does, once, for what else
   /// was lost. The callbacks must not call this object.
   virtual MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
 
+  /// Whether others may have changed the map since the last read(); waits at most so long for it.
+  /// A file says nothing of others: false at once.
+  virtual bool has_news(std::chrono::milliseconds /*wait*/ = {}) { return false; }
+
   /// Gives every place the descriptor that `descriptor_of` makes of it, drops the features and sets
   /// `values`, in one step. Damaged places stay so. `descriptor_of` must not call this object.
-  virtual void replace_descriptors(
+  /// When the map's revision is not `revision` any more nothing is done, and false returned.
+  virtual bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
-      const std::map<std::string, std::string>& values) = 0;
+      const std::map<std::string, std::string>& values, int64_t revision) = 0;
 };
 
 /// The name of the value that holds what the descriptors of a map were made with.
@@ -80,9 +89,14 @@ enum class MapAccess { kRead, kWrite };
 /// Opens a map. With kWrite and an `identity` it is made when there is none, with `format`, which
 /// says nothing about a map that is there. One process writes, any number read meanwhile.
 ///
+/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAP.md): there any number of
+/// processes write, too. A connection that is lost is made again, for 10 s or patience=SECONDS.
+///
 /// Throws InputError for a file that is missing, no map, damaged at its head or of a later version,
 /// and when `identity` is not the map's: the message has every entry that differs. Throws Error
-/// when the file cannot be opened or written, and when another process is writing to it.
+/// when the file cannot be opened or written, when another process is writing to it, and when a
+/// server does not answer or refuses; UsageError for an address that is none, and for a server in a
+/// build without libpqxx.
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapIdentity* identity = nullptr,
                                    NumberFormat format = NumberFormat::kFloat32);

@@ -35,7 +35,7 @@ struct Description {
 
 /// A place that looks like the scan asked.
 struct Loop {
-  int64_t position = 0;  // of the place in this recogniser, counted from 0 as places were added
+  int64_t position = 0;  // of the place in this recogniser, counted from 0 as it came to know them
   int64_t id = 0;        // of the place in the map, as below: StoredPlace
   std::string drive;
   int64_t frame = 0;
@@ -69,7 +69,8 @@ class PlaceRecognizer {
                                  const RecognizerOptions& options);
 
   Description describe(const PointsView& points) const;
-  /// `about`: drive, frame, time and pose; returns the position. Throws UsageError for a scan that
+  /// `about`: drive, frame, time and pose; returns the position, which others' places precede when
+  /// they were added to the map before it. Throws UsageError for a scan that
   /// was not described, and what MapStore::add() throws: the place is then not known either.
   int64_t add(const Description& scan, StoredPlace about);
   /// The best place but those at the positions `without` (ascending), which are of the same moment;
@@ -81,6 +82,8 @@ class PlaceRecognizer {
   std::optional<double> threshold() const;
   /// Takes in what others have added to the map.
   void refresh();
+  /// The same when the map says that there is something (MapStore::has_news()): cheap when not.
+  void refresh_on_news();
   /// Keeps the threshold in the map.
   void calibrate(double threshold);
 

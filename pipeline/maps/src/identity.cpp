@@ -1,0 +1,46 @@
+#include "identity.h"
+
+#include <sstream>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+
+std::string text_of(const MapIdentity& identity) {
+  std::string text;
+  for (const auto& [name, value] : identity) {
+    if (name.find('=') != std::string::npos || (name + value).find('\n') != std::string::npos)
+      throw UsageError(str("identity: '", name, "' has a '=' in its name or a line break"));
+    text += str(name, "=", value, "\n");
+  }
+  return text;
+}
+
+MapIdentity identity_from(std::string_view text) {
+  MapIdentity identity;
+  std::istringstream lines{std::string(text)};
+  for (std::string line; std::getline(lines, line);) {
+    const size_t equals = line.find('=');
+    identity[line.substr(0, equals)] = equals == std::string::npos ? "" : line.substr(equals + 1);
+  }
+  return identity;
+}
+
+void must_match(const std::string& name, const MapIdentity& map, const MapIdentity& program) {
+  std::string differences;
+  MapIdentity names = map;
+  names.insert(program.begin(), program.end());
+  const auto entry = [](const MapIdentity& identity, const std::string& key) {
+    const auto found = identity.find(key);
+    return found == identity.end() ? std::string("none") : "'" + found->second + "'";
+  };
+  for (const auto& [key, value] : names)
+    if (entry(map, key) != entry(program, key))
+      differences += str("\n  ", key, ": the map has ", entry(map, key), ", this program ",
+                         entry(program, key));
+  if (!differences.empty())
+    throw InputError(str(name, ": its descriptors are others than this program makes:", differences,
+                         "\nuse what the map was made with, or make another map"));
+}
+
+}  // namespace revisit::pipeline

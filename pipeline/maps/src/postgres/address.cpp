@@ -1,0 +1,72 @@
+#include "address.h"
+
+#include <algorithm>
+#include <charconv>
+#include <utility>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline::postgres {
+namespace {
+
+void check_map_name(const std::string& map) {
+  const auto fits = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+  };
+  // The server cuts longer names, and has its own that begin with pg_.
+  if (map.empty() || map.size() > 40 || !std::ranges::all_of(map, fits) ||
+      !(map[0] >= 'a' && map[0] <= 'z') || map.starts_with("pg_"))
+    throw UsageError(str("map=", map,
+                         ": expected a letter, then letters, digits and _, all small, at most 40, "
+                         "not beginning with pg_"));
+}
+
+std::chrono::milliseconds seconds(const std::string& text) {
+  double value = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !(value >= 0 && value <= 1e6))
+    throw UsageError(str("patience=", text, ": expected seconds, 0 to 1000000"));
+  return std::chrono::milliseconds(static_cast<int64_t>(value * 1000));
+}
+
+}  // namespace
+
+Address parse_address(const std::string& where) {
+  Address address;
+  const size_t question = where.find('?');
+  std::string base = where.substr(0, question);
+  address.url = address.name = base;
+
+  // scheme://USER:PASSWORD@HOST...; the password may have any character but / and @.
+  const size_t user = base.find("://") + 3;
+  const size_t at = base.find('@', user), colon = base.find(':', user);
+  if (at != std::string::npos && colon < at) {
+    address.password = base.substr(colon + 1, at - colon - 1);
+    address.name.erase(colon, at - colon);
+  }
+
+  char before_url = '?', before_name = '?';
+  for (size_t begin = question; begin != std::string::npos && begin + 1 < where.size();) {
+    const size_t end = where.find('&', begin + 1);
+    const std::string entry = where.substr(begin + 1, end - begin - 1);
+    begin = end;
+    const size_t equals = std::min(entry.find('='), entry.size());
+    const std::string key = entry.substr(0, equals),
+                      value = entry.substr(std::min(equals + 1, entry.size()));
+    if (key == "map") {
+      check_map_name(address.map = value);
+    } else if (key == "patience") {
+      address.patience = seconds(value);
+    } else {
+      address.url += before_url + entry;
+      before_url = '&';
+    }
+    if (key == "password")
+      address.password = value;
+    else if (key != "sslpassword")
+      address.name += std::exchange(before_name, '&') + entry;
+  }
+  return address;
+}
+
+}  // namespace revisit::pipeline::postgres

@@ -1,0 +1,145 @@
+#include "server.h"
+
+#include <thread>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline::postgres {
+namespace {
+
+constexpr std::chrono::milliseconds kBetweenTries{100};
+
+bool has(const std::string& text, const char* part) {
+  return text.find(part) != std::string::npos;
+}
+
+/// What to do when there is no connection, by what libpq says.
+std::string remedy_of(const std::string& message) {
+  if (has(message, "does not exist") && has(message, "database"))
+    return "make the database with `createdb`";
+  if (has(message, "password") || has(message, "authentication") || has(message, "role"))
+    return "check the user and the password in the address, in PGPASSWORD or in ~/.pgpass";
+  return "check that a PostgreSQL server runs there and lets this machine in";
+}
+
+bool means_lost(const pqxx::pqxx_exception& error) {
+  if (dynamic_cast<const pqxx::broken_connection*>(&error) != nullptr ||
+      dynamic_cast<const pqxx::in_doubt_error*>(&error) != nullptr ||
+      dynamic_cast<const pqxx::statement_completion_unknown*>(&error) != nullptr)
+    return true;
+  const auto* sql = dynamic_cast<const pqxx::sql_error*>(&error);
+  // 57P..: the server goes down or comes up; 08...: the connection failed.
+  return sql != nullptr &&
+         (sql->sqlstate().starts_with("57P") || sql->sqlstate().starts_with("08"));
+}
+
+}  // namespace
+
+class Server::Listener : public pqxx::notification_receiver {
+ public:
+  Listener(pqxx::connection& connection, const std::string& channel, bool& news)
+      : notification_receiver(connection, channel), news_(news) {}
+  void operator()(const std::string&, int process) override {
+    if (process != conn().backendpid()) news_ = true;
+  }
+
+ private:
+  bool& news_;
+};
+
+Server::Server(Address address)
+    : address_(std::move(address)), channel_("revisit_" + address_.map) {
+  try {
+    connect();
+  } catch (const pqxx::pqxx_exception& error) {
+    std::string message = without_password(error.base().what());
+    throw Error(str(name(), ": no connection: ", message, "; ", remedy_of(message)));
+  }
+}
+
+Server::~Server() = default;
+
+pqxx::connection& Server::connected() {
+  if (connection_ == nullptr) connect();
+  return *connection_;
+}
+
+void Server::connect() {
+  auto connection = std::make_unique<pqxx::connection>(address_.url);
+  // Else libpqxx connects again by itself, and what others told meanwhile would be missed.
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wdeprecated-declarations"
+  connection->inhibit_reactivation(true);
+#pragma GCC diagnostic pop
+  connection->set_client_encoding("UTF8");
+  {
+    pqxx::nontransaction settings(*connection);
+    settings.exec(str("SET search_path = ", address_.map));
+    // What was acknowledged is on the disk, whatever the server's default is.
+    settings.exec(
+        "SET synchronous_commit = on; SET bytea_output = hex; SET extra_float_digits = 3;"
+        "SET client_min_messages = warning");
+  }
+  auto listener = std::make_unique<Listener>(*connection, channel_, news_);
+  listener_ = std::move(listener);
+  connection_ = std::move(connection);
+  news_ = true;
+}
+
+void Server::after(const pqxx::pqxx_exception& error, std::optional<Clock::time_point>& lost_at) {
+  const std::string message = without_password(error.base().what());
+  const auto* sql = dynamic_cast<const pqxx::sql_error*>(&error);
+  const std::string state = sql != nullptr ? sql->sqlstate() : "";
+  if (!means_lost(error)) {
+    if (state.starts_with("53"))
+      throw Error(str(name(), ": the server has no room left: ", message));
+    if (state == "42501")
+      throw Error(str(name(), ": the server does not allow it: ", message,
+                      "; give this user the right, or use another"));
+    if (state.starts_with("22"))
+      throw UsageError(str(name(), ": the server cannot keep this: ", message));
+    if (state == "42703" || state == "42P01")
+      throw InputError(str(name(), ": no map, or another program's tables: ", message));
+    throw Error(str(name(), ": the server says: ", message));
+  }
+  listener_.reset();
+  connection_.reset();
+  const Clock::time_point now = Clock::now();
+  if (!lost_at) lost_at = now;
+  if (now - *lost_at >= address_.patience)
+    throw Error(str(name(), ": the connection was lost, and there was no other for ",
+                    static_cast<double>(address_.patience.count()) / 1000, " s: ", message,
+                    "; start the server again: what was acknowledged is kept"));
+  std::this_thread::sleep_for(std::min(kBetweenTries, address_.patience));
+}
+
+void Server::tell_others(pqxx::transaction_base& step) const {
+  step.exec("NOTIFY " + channel_);
+}
+
+bool Server::was_told(std::chrono::milliseconds wait) {
+  if (!news_)
+    run([&](pqxx::connection& connection) {
+      connection.get_notifs();
+      const Clock::time_point end = Clock::now() + wait;
+      for (auto left = wait; !news_ && left.count() > 0;
+           left = std::chrono::duration_cast<std::chrono::milliseconds>(end - Clock::now()))
+        connection.await_notification(left.count() / 1000, left.count() % 1000 * 1000);
+    });
+  return news_;
+}
+
+std::string Server::without_password(std::string message) const {
+  const auto replace = [&](const std::string& part, const std::string& by) {
+    if (part.empty()) return;
+    for (size_t at = message.find(part); at != std::string::npos;
+         at = message.find(part, at + by.size()))
+      message.replace(at, part.size(), by);
+  };
+  replace(address_.url, name());
+  replace(address_.password, "***");
+  while (!message.empty() && (message.back() == '\n' || message.back() == ' ')) message.pop_back();
+  return message;
+}
+
+}  // namespace revisit::pipeline::postgres
