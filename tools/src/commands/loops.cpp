@@ -68,7 +68,10 @@ LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
       .option("follow", "SECONDS",
               "DATA is a folder that grows: go on until nothing comes for so long", &o.follow)
       .group("Map:")
-      .option("map", "FILE", "where places are kept; made when missing (default: nowhere)", &o.map)
+      .option("map", "FILE",
+              "where places are kept; made when missing (default: nowhere). "
+              "postgresql://HOST/DATABASE?map=NAME: on a server, with other robots",
+              &o.map)
       .option("basis", "MAP",
               "a new map takes over what that one learnt from its first stretch, so that both can "
               "be merged",

@@ -332,8 +332,12 @@ std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess acc
   auto server = std::make_unique<Server>(postgres::parse_address(where));
   const MapHead head = server->run([&](pqxx::connection& connection) {
     pqxx::work step(connection);
+    // Not to_regclass(): it remembers within a transaction that there was no such schema.
     const auto is_there = [&] {
-      return !step.exec_params("SELECT to_regclass($1)", server->map() + ".map")[0][0].is_null();
+      return !step.exec_params(
+                      "SELECT 1 FROM pg_tables WHERE schemaname = $1 AND tablename = 'map'",
+                      server->map())
+                  .empty();
     };
     if (!is_there()) {
       if (identity == nullptr || access == MapAccess::kRead)

@@ -22,10 +22,14 @@ std::string remedy_of(const std::string& message) {
   return "check that a PostgreSQL server runs there and lets this machine in";
 }
 
+template <class Kind>
+bool is(const pqxx::pqxx_exception& error) {
+  return dynamic_cast<const Kind*>(&error) != nullptr;
+}
+
 bool means_lost(const pqxx::pqxx_exception& error) {
-  if (dynamic_cast<const pqxx::broken_connection*>(&error) != nullptr ||
-      dynamic_cast<const pqxx::in_doubt_error*>(&error) != nullptr ||
-      dynamic_cast<const pqxx::statement_completion_unknown*>(&error) != nullptr)
+  if (is<pqxx::broken_connection>(error) || is<pqxx::in_doubt_error>(error) ||
+      is<pqxx::statement_completion_unknown>(error))
     return true;
   const auto* sql = dynamic_cast<const pqxx::sql_error*>(&error);
   // 57P..: the server goes down or comes up; 08...: the connection failed.
@@ -88,17 +92,15 @@ void Server::connect() {
 
 void Server::after(const pqxx::pqxx_exception& error, std::optional<Clock::time_point>& lost_at) {
   const std::string message = without_password(error.base().what());
-  const auto* sql = dynamic_cast<const pqxx::sql_error*>(&error);
-  const std::string state = sql != nullptr ? sql->sqlstate() : "";
   if (!means_lost(error)) {
-    if (state.starts_with("53"))
+    if (is<pqxx::insufficient_resources>(error))
       throw Error(str(name(), ": the server has no room left: ", message));
-    if (state == "42501")
+    if (is<pqxx::insufficient_privilege>(error))
       throw Error(str(name(), ": the server does not allow it: ", message,
                       "; give this user the right, or use another"));
-    if (state.starts_with("22"))
+    if (is<pqxx::data_exception>(error))
       throw UsageError(str(name(), ": the server cannot keep this: ", message));
-    if (state == "42703" || state == "42P01")
+    if (is<pqxx::undefined_column>(error) || is<pqxx::undefined_table>(error))
       throw InputError(str(name(), ": no map, or another program's tables: ", message));
     throw Error(str(name(), ": the server says: ", message));
   }

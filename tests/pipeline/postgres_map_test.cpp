@@ -1,0 +1,393 @@
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <set>
+#include <thread>
+
+#include "expect_error.h"
+#include "postgres_server.h"
+#include "revisit/maps/place_recognizer.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using std::chrono::milliseconds;
+using test::expect_error;
+using test::PostgresServer;
+
+const MapIdentity kIdentity{{"feature", "ring"}, {"weights", "sha256 0123"}};
+
+class PostgresMap : public ::testing::Test {
+ protected:
+  void SetUp() override {
+#ifndef REVISIT_HAVE_POSTGRES
+    GTEST_SKIP() << "built without libpqxx";
+#endif
+    if (const std::string why = PostgresServer::missing(); !why.empty()) GTEST_SKIP() << why;
+    server_.emplace();
+  }
+  std::unique_ptr<MapStore> writer(const std::string& map = "town",
+                                   NumberFormat format = NumberFormat::kFloat32) {
+    return open_map(server_->url(map), MapAccess::kWrite, &kIdentity, format);
+  }
+  std::unique_ptr<MapStore> reader(const std::string& map = "town") {
+    return open_map(server_->url(map), MapAccess::kRead);
+  }
+  void restart() {
+    server_->kill();
+    server_->start();
+  }
+  std::optional<PostgresServer> server_;
+};
+
+/// Place `frame` of a drive. Its numbers are in float16, too.
+StoredPlace made(const std::string& drive, int64_t frame) {
+  StoredPlace place;
+  place.drive = drive;
+  place.frame = frame;
+  if (frame % 2 == 0) place.time = 1.6e9 + 0.1 * static_cast<double>(frame);
+  if (frame % 4 != 0) {
+    place.pose = Eigen::Isometry3d::Identity();
+    place.pose->translation() = Eigen::Vector3d(static_cast<double>(frame), -1.0 / 3, 1e-300);
+  }
+  for (int64_t i = 0; i < 100; ++i)
+    place.descriptor.push_back(static_cast<float>((frame * 37 + i) % 512 - 256) / 64);
+  if (frame % 5 == 0) place.feature = {1.0F / 3, static_cast<float>(frame), 1e30F};
+  return place;
+}
+
+bool same(const StoredPlace& a, const StoredPlace& b) {
+  return a.drive == b.drive && a.frame == b.frame && a.time == b.time &&
+         a.pose.has_value() == b.pose.has_value() &&
+         (!a.pose || a.pose->matrix() == b.pose->matrix()) && a.descriptor == b.descriptor &&
+         a.feature == b.feature;
+}
+
+struct WhatWasRead {
+  std::vector<StoredPlace> places;
+  std::vector<std::string> damages;
+  MapPosition position;
+};
+
+WhatWasRead read_all(const MapStore& map, int64_t after = 0) {
+  WhatWasRead read;
+  read.position = map.read(
+      after, [&](StoredPlace&& place) { read.places.push_back(std::move(place)); },
+      [&](const std::string& damage) { read.damages.push_back(damage); });
+  return read;
+}
+
+/// Expects ids 1, 2, ... and every place as it was made, once; the frames of each drive.
+std::map<std::string, std::set<int64_t>> frames_of(const MapStore& map) {
+  const WhatWasRead read = read_all(map);
+  EXPECT_EQ(read.damages, std::vector<std::string>());
+  std::map<std::string, std::set<int64_t>> frames;
+  int64_t id = 0;
+  for (const StoredPlace& place : read.places) {
+    EXPECT_EQ(place.id, ++id);
+    EXPECT_TRUE(same(place, made(place.drive, place.frame))) << id;
+    EXPECT_TRUE(frames[place.drive].insert(place.frame).second) << "twice: " << place.frame;
+  }
+  return frames;
+}
+
+TEST_F(PostgresMap, KeepsWhatItIsGiven) {
+  for (const NumberFormat format : {NumberFormat::kFloat32, NumberFormat::kFloat16}) {
+    const std::string name = format == NumberFormat::kFloat32 ? "a" : "b";
+    {
+      const auto map = writer(name, format);
+      EXPECT_EQ(map->size(), 0);
+      EXPECT_EQ(map->add({}), std::vector<int64_t>());
+      for (int64_t i = 1; i <= 280; i += 140) {
+        std::vector<StoredPlace> places;
+        for (int64_t frame = i; frame < i + 140; ++frame) places.push_back(made("x", frame));
+        EXPECT_EQ(map->add(places).back(), i + 139);
+      }
+      map->set_value("basis", std::string(20'000, '\1'));
+      map->set_value("threshold", "0.5");
+      map->set_value("threshold", std::string("0.\0", 3));
+    }
+    const auto map = reader(name);
+    EXPECT_EQ(frames_of(*map)["x"].size(), 280);
+    EXPECT_EQ(map->size(), 280);
+    EXPECT_EQ(map->identity(), kIdentity);
+    EXPECT_EQ(map->number_format(), format);
+    EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
+    EXPECT_EQ(map->value("threshold"), std::string("0.\0", 3));
+    EXPECT_EQ(map->value("none"), std::nullopt);
+    EXPECT_EQ(read_all(*map, 277).places.size(), 3);
+    expect_error<UsageError>([&] { map->set_value("a", ""); }, {"for reading"});
+
+    const auto other = writer(name);
+    const auto shorter = [](const StoredPlace& place) {
+      return std::vector<float>{static_cast<float>(place.id), 0.5F};
+    };
+    EXPECT_TRUE(other->replace_descriptors(shorter, {{"basis", "b"}}, 0));
+    EXPECT_FALSE(other->replace_descriptors(shorter, {{"basis", "c"}}, 0));
+    const StoredPlace late = made("x", 281);
+    EXPECT_TRUE(other->add({&late, 1}, 0).empty());
+    EXPECT_EQ(other->add({&late, 1}, 1), std::vector<int64_t>{281});
+    const WhatWasRead read = read_all(*map);
+    EXPECT_EQ(read.position.revision, 1);
+    EXPECT_EQ(read.places.at(9).descriptor, (std::vector<float>{10, 0.5F}));
+    EXPECT_TRUE(read.places.at(9).feature.empty());
+    EXPECT_EQ(map->value("basis"), "b");
+    EXPECT_EQ(check_map(server_->url(name)), std::vector<std::string>());
+  }
+  server_->execute("UPDATE a.place SET frame = 0 WHERE id = 7; DELETE FROM a.place WHERE id = 9");
+  const WhatWasRead read = read_all(*reader("a"));
+  EXPECT_EQ(read.places.size(), 279);
+  ASSERT_EQ(read.damages.size(), 2);
+  EXPECT_NE(read.damages[0].find("place 7 is damaged: its checksum"), std::string::npos);
+  EXPECT_NE(read.damages[1].find("place 9 is damaged: not found"), std::string::npos);
+}
+
+TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
+  writer();
+  MapIdentity other = kIdentity;
+  other["weights"] = "sha256 4567";
+  expect_error<InputError>([&] { open_map(server_->url("town"), MapAccess::kRead, &other); },
+                           {"weights: the map has 'sha256 0123', this program 'sha256 4567'"});
+  expect_error<InputError>([&] { reader("village"); }, {"there is no map 'village'"});
+  server_->execute("CREATE ROLE guest LOGIN PASSWORD 'right'");
+  const auto refused = [&](const std::string& url, const char* what) {
+    const std::string message =
+        test::message_of<Error>([&] { open_map(url, MapAccess::kWrite, &kIdentity); });
+    EXPECT_NE(message.find(what), std::string::npos) << message;
+    EXPECT_EQ(message.find("sesame"), std::string::npos) << message;
+  };
+  refused(server_->url("town", "guest:sesame"), "check the user and the password");
+  refused(server_->url("town", "guest:right"), "the server does not allow it");
+  refused(server_->url("town", "postgres:sesame", "none"), "createdb");
+  refused("postgresql://me:sesame@/x?host=/nowhere", "check that a PostgreSQL server runs");
+  refused("postgresql://me:sesame@h:port/x", "no connection");
+  refused(server_->url("Town"), "map=Town");
+  refused(server_->url("town") + "&patience=x", "patience=x");
+  server_->execute("CREATE SCHEMA odd; CREATE TABLE odd.map (x INTEGER)");
+  refused(server_->url("odd"), "another program's tables");
+}
+
+TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
+  writer();
+  const auto watcher = reader();
+  read_all(*watcher);
+  EXPECT_FALSE(watcher->has_news({}));
+  std::vector<std::thread> robots;
+  for (const char* drive : {"a", "b", "c"})
+    robots.emplace_back([this, drive] {
+      const auto map = writer();
+      for (int64_t frame = 1; frame <= 40; ++frame) {
+        const StoredPlace place = made(drive, frame);
+        map->add({&place, 1});
+      }
+    });
+  // One who reads what is new when told so misses no place.
+  int64_t last = 0;
+  while (last < 120) {
+    ASSERT_TRUE(watcher->has_news(milliseconds(20'000)));
+    const WhatWasRead read = read_all(*watcher, last);
+    for (const StoredPlace& place : read.places) ASSERT_EQ(place.id, ++last);
+  }
+  for (std::thread& robot : robots) robot.join();
+  EXPECT_EQ(frames_of(*watcher).size(), 3);
+
+  const auto map = writer();
+  read_all(*map);
+  const StoredPlace place = made("d", 1);
+  const auto begin = std::chrono::steady_clock::now();
+  for (int i = 0; i < 100; ++i) map->add({&place, 1});
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - begin;
+  RecordProperty("added_per_second", static_cast<int>(100 / taken.count()));
+  EXPECT_FALSE(map->has_news({}));  // of its own
+}
+
+/// Adds places one by one and says each frame that was acknowledged, until it is killed.
+[[noreturn]] void add_for_ever(const std::string& url, const std::string& drive, int pipe) {
+  try {
+    const auto map = open_map(url, MapAccess::kWrite, &kIdentity);
+    for (int64_t frame = 1;; ++frame) {
+      const StoredPlace place = made(drive, frame);
+      map->add({&place, 1});
+      if (::write(pipe, &frame, sizeof(frame)) != sizeof(frame)) break;
+    }
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+  }
+  std::_Exit(1);
+}
+
+TEST_F(PostgresMap, AKilledWorkerLosesNothingThatWasAcknowledged) {
+  std::map<std::string, int64_t> acknowledged;
+  for (int kill = 0; kill < 10; ++kill) {
+    const std::string drive = std::to_string(kill);
+    int ends[2];
+    ASSERT_EQ(::pipe(ends), 0);
+    const pid_t child = ::fork();
+    if (child == 0) add_for_ever(server_->url("town"), drive, ends[1]);
+    ::close(ends[1]);
+    int64_t frame = 0;
+    for (int i = 0; i < kill % 4; ++i)
+      if (::read(ends[0], &frame, sizeof(frame)) == sizeof(frame)) acknowledged[drive] = frame;
+    ::usleep(static_cast<useconds_t>(kill * 7919 % 20'000));
+    ::kill(child, SIGKILL);
+    while (::read(ends[0], &frame, sizeof(frame)) == sizeof(frame)) acknowledged[drive] = frame;
+    ::close(ends[0]);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status)) << "the writer ended by itself";
+  }
+  const auto map = writer();
+  auto frames = frames_of(*map);
+  for (const auto& [drive, last] : acknowledged) {
+    const auto there = static_cast<int64_t>(frames[drive].size());
+    EXPECT_GE(there, last);
+    EXPECT_LE(there, last + 1);
+  }
+  EXPECT_GT(acknowledged.size(), 4);
+}
+
+TEST_F(PostgresMap, AKilledServerLosesNothingAndNothingIsThereTwice) {
+  writer();
+  constexpr int64_t kFrames = 120;
+  std::atomic<int64_t> added = 0;
+  std::vector<std::thread> robots;
+  for (const char* drive : {"a", "b"})
+    robots.emplace_back([this, drive, &added] {
+      const auto map = writer();
+      for (int64_t frame = 1; frame <= kFrames; ++frame) {
+        const StoredPlace place = made(drive, frame);
+        EXPECT_EQ(map->add({&place, 1}).size(), 1);
+        ++added;
+      }
+    });
+  const auto watcher = reader();
+  for (int kill = 1; kill <= 2; ++kill) {
+    while (added < kill * 70) std::this_thread::sleep_for(milliseconds(1));
+    if (kill == 2)  // one connection only
+      server_->execute(
+          "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE pid <> pg_backend_pid() "
+          "AND backend_type = 'client backend'");
+    else
+      restart();
+    EXPECT_GE(watcher->size(), kill * 70);
+    EXPECT_TRUE(watcher->has_news({}));
+  }
+  for (std::thread& robot : robots) robot.join();
+  auto frames = frames_of(*watcher);
+  EXPECT_EQ(frames["a"].size(), kFrames);
+  EXPECT_EQ(frames["b"].size(), kFrames);
+
+  server_->kill();
+  expect_error<Error>([&] { open_map(server_->url("town"), MapAccess::kRead); },
+                      {"no connection", "server runs"});
+}
+
+/// A scan's feature is its first coordinates; the basis takes away their mean.
+FeatureExtractor coordinates() {
+  FeatureExtractor extractor;
+  extractor.name = extractor.key = "coordinates";
+  extractor.dim = 3;
+  extractor.make = []() -> FeatureFunction<PointCloud> {
+    return [](const PointCloud& cloud, std::span<float> feature) {
+      feature[0] = cloud.points[0].x;
+      feature[1] = cloud.points[0].y;
+      feature[2] = cloud.points[0].z;
+    };
+  };
+  extractor.open_basis = [](const std::string& content) {
+    std::vector<float> mean(3);
+    std::memcpy(mean.data(), content.data(), content.size());
+    Basis basis;
+    basis.dim = 3;
+    basis.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
+      std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
+    };
+    basis.content = content;
+    return basis;
+  };
+  extractor.reduce = [open = extractor.open_basis](const Rows& features,
+                                                   std::span<const int64_t> rows) {
+    std::vector<float> mean(3);
+    for (const int64_t row : rows)
+      for (size_t i = 0; i < 3; ++i)
+        mean[i] += features.row(row)[i] / static_cast<float>(rows.size());
+    return open({reinterpret_cast<const char*>(mean.data()), 3 * sizeof(float)});
+  };
+  return extractor;
+}
+
+Description scan_at(const PlaceRecognizer& recognizer, int64_t frame) {
+  const auto angle = static_cast<float>(frame);
+  PointCloud cloud;
+  cloud.points.push_back({10 * std::sin(angle), 10 * std::cos(angle), std::sin(7 * angle), 0});
+  return recognizer.describe(view_of(cloud));
+}
+
+std::unique_ptr<PlaceRecognizer> robot(const std::string& url) {
+  const RecognizerOptions options{.first_stretch = 30};
+  const MapIdentity identity = PlaceRecognizer::identity_of(coordinates(), options);
+  return std::make_unique<PlaceRecognizer>(coordinates(), options,
+                                           open_map(url, MapAccess::kWrite, &identity));
+}
+
+TEST_F(PostgresMap, RobotsRecogniseEachOthersPlaces) {
+  const std::string url = server_->url("town");
+  const auto a = robot(url), b = robot(url);
+  // In turns, before the stretch ends and after; each knows its own places' positions.
+  for (int64_t frame = 0; frame < 40; ++frame) {
+    const Description scan = scan_at(*a, frame);
+    const int64_t in_a = a->add(scan, {.drive = "a", .frame = frame});
+    EXPECT_EQ(in_a, 2 * frame);
+    for (int tries = 0; b->size() <= in_a && tries < 5000; ++tries) {
+      b->refresh_on_news();
+      std::this_thread::sleep_for(milliseconds(1));
+    }
+    if (frame > 3) {
+      const auto seen = b->query(scan);
+      ASSERT_TRUE(seen);
+      EXPECT_EQ(seen->drive, "a");
+      EXPECT_EQ(seen->frame, frame);
+      EXPECT_EQ(seen->position, in_a);
+    }
+    const int64_t own[] = {in_a};
+    EXPECT_EQ(b->add(scan_at(*b, 1000 + frame), {.drive = "b", .frame = 1000 + frame}),
+              2 * frame + 1);
+    const auto other = b->query(scan, own);
+    EXPECT_TRUE(!other || other->position != in_a);
+  }
+  EXPECT_EQ(b->size(), 80);
+  // A third who was away, and all at once over the end of the stretch.
+  const std::string second = server_->url("village");
+  std::vector<std::thread> robots;
+  for (int r = 0; r < 3; ++r)
+    robots.emplace_back([&second, r] {
+      const auto one = robot(second);
+      for (int64_t frame = 100 * r; frame < 100 * r + 25; ++frame) {
+        const Description scan = scan_at(*one, frame);
+        const int64_t position = one->add(scan, {.frame = frame});
+        if (frame % 100 < 4) continue;
+        const auto found = one->query(scan);
+        ASSERT_TRUE(found);
+        EXPECT_EQ(found->frame, frame);
+        EXPECT_EQ(found->position, position);
+      }
+    });
+  for (std::thread& one : robots) one.join();
+  const auto whole = robot(second);
+  EXPECT_EQ(whole->size(), 75);
+  for (int r = 0; r < 3; ++r)
+    EXPECT_EQ(whole->query(scan_at(*whole, 100 * r + 7))->frame, 100 * r + 7);
+  EXPECT_EQ(check_map(second), std::vector<std::string>());
+  const auto map = open_map(second, MapAccess::kRead);
+  EXPECT_EQ(read_all(*map).position.revision, 1);
+  for (const StoredPlace& place : read_all(*map).places) EXPECT_TRUE(place.feature.empty());
+}
+
+}  // namespace
+}  // namespace revisit::pipeline
