@@ -351,6 +351,11 @@ std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess acc
         write_places(step, 0);
       }
     }
+    // Without this right the server would say that there are no tables.
+    if (!step.exec_params("SELECT has_schema_privilege($1, 'USAGE')", server->map())[0][0]
+             .as<bool>())
+      throw Error(str(server->name(), ": the server does not allow it: no right to use the schema ",
+                      server->map(), "; give this user the right, or use another"));
     MapHead found = read_head(step, server->name());
     step.commit();
     return found;
