@@ -93,10 +93,10 @@ std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index,
                                                const GraphOptions& options) {
   check(index, 1);
   if (options.links < 2)
-    throw UsageError(str("GraphOptions::links: expected at least 2, found ", options.links));
-  check_positive("GraphOptions::build_effort", options.build_effort);
-  check_positive("GraphOptions::search_effort", options.search_effort);
-  check_positive("GraphOptions::threads", options.threads);
+    throw UsageError(str("graph of keys, links: expected at least 2, found ", options.links));
+  check_positive("graph of keys, build_effort", options.build_effort);
+  check_positive("graph of keys, search_effort", options.search_effort);
+  check_positive("graph of keys, threads", options.threads);
   const OpenMpThreads threads(options.threads);
   auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(index.key_numbers()),
                                                     faiss::ScalarQuantizer::QT_fp16, options.links,
@@ -113,10 +113,10 @@ std::unique_ptr<CandidateSource> lists_of_keys(const PlaceIndex& index,
   check(index, kCodes);
   if (options.lists < 0 || options.lists > index.size())
     throw UsageError(
-        str("ListOptions::lists: expected 0 to ", index.size(), ", found ", options.lists));
-  check_positive("ListOptions::probes", options.probes);
-  check_positive("ListOptions::numbers_per_byte", options.numbers_per_byte);
-  check_positive("ListOptions::threads", options.threads);
+        str("lists of keys, lists: expected 0 to ", index.size(), ", found ", options.lists));
+  check_positive("lists of keys, probes", options.probes);
+  check_positive("lists of keys, numbers_per_byte", options.numbers_per_byte);
+  check_positive("lists of keys, threads", options.threads);
   const OpenMpThreads threads(options.threads);
   const int64_t bytes =
                     (index.key_numbers() + options.numbers_per_byte - 1) / options.numbers_per_byte,
