@@ -14,7 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using pipeline::MapAccess;
-using pipeline::MapStore;
 using pipeline::StoredPlace;
 
 fs::path one_map(const char* command, const char* summary, const Arguments& arguments) {

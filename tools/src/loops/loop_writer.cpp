@@ -81,7 +81,7 @@ reports::LoopLine line_of(const Visit& visit) {
   return line;
 }
 
-LoopWriter::LoopWriter(std::ostream& out, std::string format)
+LoopWriter::LoopWriter(std::ostream& out, const std::string& format)
     : out_(out), json_(format == "jsonl") {
   if (!json_) csv_table().print_csv(out_);
   out_.flush();

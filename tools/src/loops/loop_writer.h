@@ -17,7 +17,7 @@ reports::LoopLine line_of(const Visit& visit);
 /// Prints loops as they are found, a line each, at once: "csv" with a header, or "jsonl".
 class LoopWriter {
  public:
-  LoopWriter(std::ostream& out, std::string format);
+  LoopWriter(std::ostream& out, const std::string& format);
   void write(const reports::LoopLine& loop);
 
  private:

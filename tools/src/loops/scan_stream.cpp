@@ -57,7 +57,8 @@ ScanStream scans_listed_in(std::istream& list) {
   };
 }
 
-ScanStream scans_coming_to(fs::path folder, double patience, std::function<bool()> stop) {
+ScanStream scans_coming_to(const fs::path& folder, double patience,
+                           const std::function<bool()>& stop) {
   using Clock = std::chrono::steady_clock;
   struct Watch {
     std::set<fs::path> handed_over;

@@ -22,7 +22,7 @@ ScanStream scans_listed_in(std::istream& list);
 /// The scan files of a folder in the order of their names, and those that come while it is watched;
 /// a file counts when a later one is there, or when it has not grown for a moment. Ends when `stop`
 /// says so, or when nothing came for `patience` seconds.
-ScanStream scans_coming_to(std::filesystem::path folder, double patience,
-                           std::function<bool()> stop);
+ScanStream scans_coming_to(const std::filesystem::path& folder, double patience,
+                           const std::function<bool()>& stop);
 
 }  // namespace revisit::cli

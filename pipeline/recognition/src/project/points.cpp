@@ -15,6 +15,7 @@ void copy_points(const PointsView& points, PointCloud& cloud) {
   if (!points.data && points.count > 0)
     throw UsageError(str("points: ", points.count, " points without data"));
   cloud.points.resize(points.count);
+  if (!points.data) return;
   const auto* from = static_cast<const std::byte*>(points.data);
   for (Point& point : cloud.points) {
     std::memcpy(&point.x, from + points.x, sizeof(float));  // which need not be aligned
