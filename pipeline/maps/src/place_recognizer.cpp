@@ -17,8 +17,6 @@ namespace {
 /// To be raised with every change after which the same scan has another descriptor.
 constexpr int kRecognizerVersion = 1;
 
-constexpr const char* kThreshold = "threshold";
-
 /// Of a feature that learns nothing: it is the descriptor.
 Basis as_it_is(const FeatureExtractor& extractor) {
   Basis basis;
@@ -153,7 +151,7 @@ struct PlaceRecognizer::Impl {
   void take_in_new_places() {
     if (!settled) look_for_a_basis();
     if (!options.threshold)
-      if (const auto text = map->value(kThreshold)) {
+      if (const auto text = map->value(kThresholdValue)) {
         double value = 0;
         std::from_chars(text->data(), text->data() + text->size(), value);
         threshold = value;
@@ -333,7 +331,7 @@ void PlaceRecognizer::refresh_on_news() {
 
 void PlaceRecognizer::calibrate(double threshold) {
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->map) impl_->map->set_value(kThreshold, str(threshold));
+  if (impl_->map) impl_->map->set_value(kThresholdValue, str(threshold));
   impl_->threshold = threshold;
 }
 

@@ -33,9 +33,9 @@ int info(const Arguments& arguments) {
   table.row({"numbers",
              map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
   for (const auto& [name, value] : map->identity()) table.row({name, value});
-  const auto threshold = map->value("threshold");
+  const auto threshold = map->value(pipeline::kThresholdValue);
   table.row({"threshold", threshold ? *threshold : "none: not calibrated"});
-  table.row({"basis", map->value("basis") ? "learnt" : "not learnt yet"});
+  table.row({"basis", map->value(pipeline::kBasisValue) ? "learnt" : "not learnt yet"});
   table.print(std::cout);
   return kOk;
 }

@@ -51,7 +51,7 @@ PlaceSearch::PlaceSearch(const PlaceIndex& index, std::span<const CandidateRange
     : index_(index), candidates_(candidates), options_(options), memory_(memory_of_this_thread()) {
   for_each_run(0, index.size_, [&](int64_t, int64_t n) { n_candidates_ += n; });
   if (!index.basis_.similarity) {
-    keep_ = options.k;
+    keep_ = std::min<int64_t>(options.k, n_candidates_);  // it is room that is taken
     slack_ = rounding_of_cosines(index.basis_.dim);
   } else if (index.basis_.key_candidates < n_candidates_) {
     keep_ = index.basis_.key_candidates;

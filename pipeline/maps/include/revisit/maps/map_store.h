@@ -81,8 +81,10 @@ class MapStore {
       const std::map<std::string, std::string>& values, int64_t revision) = 0;
 };
 
-/// The name of the value that holds what the descriptors of a map were made with.
+/// The names of the values that hold what the descriptors of a map were made with, and the score
+/// from which a place is accepted.
 inline constexpr const char* kBasisValue = "basis";
+inline constexpr const char* kThresholdValue = "threshold";
 
 enum class MapAccess { kRead, kWrite };
 
