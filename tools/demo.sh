@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # From a fresh checkout to place recognition, with nothing but Debian packages: builds `revisit`,
 # drives a simulated LiDAR twice through the streets of a small town, and looks for the places seen
-# before, by rings. Arguments are given to `revisit eval` in the place of --feature ring, e.g.
-# --model P --weights W for the paper's way with that network.
+# before, by rings: all at once, measured against the truth, and one scan after another. Arguments
+# are given to `revisit eval` in the place of --feature ring, e.g. --model P --weights W for the
+# paper's way with that network.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -10,16 +11,16 @@ output="$root/results/demo"
 revisit="$root/build/release/tools/revisit"
 step() { printf '\n== %s\n' "$*"; }
 
-step "1/3  build"
+step "1/4  build"
 "$root/tools/install_packages.sh" demo
 mkdir -p "$output"
 (cd "$root" && cmake --preset release -DREVISIT_TESTS=OFF) >"$output/build.log" 2>&1 || { cat "$output/build.log" >&2; exit 1; }
 cmake --build "$root/build/release" --target revisit
 
-step "2/3  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
+step "2/4  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
 "$revisit" simulate --output "$output/town" --length 600 --every 5 | sed -n 1p
 
-step "3/3  recognise places: every scan against all scans from more than 50 m before"
+step "3/4  recognise places: every scan against all scans from more than 50 m before"
 feature=(--feature ring)
 [ $# -eq 0 ] || feature=("$@")
 "$revisit" eval "$output/town" --output "$output" --protocol online --exclusion metres=50 \
@@ -33,5 +34,14 @@ awk -v positives="$(metric n_positives)" -v top="$(metric recall_at_1)" \
     printf "For %.0f %% of them the most similar earlier scan was of that place;\n", 100 * top
     printf "%.0f %% can be accepted without a single false alarm.\n", 100 * safe
   }'
-echo "Look at $run/report.html: curves, and the drive with right, wrong and missed places,"
-echo "all of it in one file for the browser. Tables: $run"
+
+step "4/4  the same while driving, without poses: the threshold was learnt in another town"
+"$revisit" simulate --output "$output/other_town" --seed 2 --length 400 --every 5 --quiet
+"$revisit" loops "$output/town" --calibrate "$output/other_town" --exclusion metres=50 --all \
+  --format jsonl --output "$output/loops.jsonl"
+"$revisit" report "$output/loops.jsonl" --title "Loops of the demo" -o "$output/loops.html"
+
+echo
+echo "Look at, in a browser:"
+echo "  $output/loops.html: the map of loops, as a robot finds them"
+echo "  $run/report.html: curves, and the drive with right, wrong and missed places"

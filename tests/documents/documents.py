@@ -107,7 +107,7 @@ class Checker:
     def check_revisit(self, words):
         """What is wrong with the command line `revisit WORDS`, or None. Words in capitals stand for anything."""
         verbs = []
-        for word in words[:2 if words[:1] in (['net'], ['models']) else 1]:
+        for word in words[:2 if words[:1] in (['net'], ['models'], ['map']) else 1]:
             if word.startswith('-') or not re.fullmatch(r'[a-z-]+', word):
                 break
             verbs.append(word)

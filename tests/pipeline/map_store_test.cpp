@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "expect_error.h"
+#include "read_map.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -43,31 +44,10 @@ StoredPlace made(int64_t id) {
   return place;
 }
 
-bool same(const StoredPlace& a, const StoredPlace& b) {
-  return a.id == b.id && a.drive == b.drive && a.frame == b.frame && a.time == b.time &&
-         a.pose.has_value() == b.pose.has_value() &&
-         (!a.pose || a.pose->matrix() == b.pose->matrix()) && a.descriptor == b.descriptor &&
-         a.feature == b.feature;
-}
-
 std::vector<StoredPlace> made_places(int64_t first, int64_t last) {
   std::vector<StoredPlace> places;
   for (int64_t id = first; id <= last; ++id) places.push_back(made(id));
   return places;
-}
-
-struct WhatWasRead {
-  std::vector<StoredPlace> places;
-  std::vector<std::string> damages;
-  MapPosition position;
-};
-
-WhatWasRead read_all(const MapStore& map, int64_t after = 0) {
-  WhatWasRead read;
-  read.position = map.read(
-      after, [&](StoredPlace&& place) { read.places.push_back(std::move(place)); },
-      [&](const std::string& damage) { read.damages.push_back(damage); });
-  return read;
 }
 
 /// Expects places 1 to `n` as made().
@@ -76,7 +56,10 @@ void expect_places(const MapStore& map, int64_t n) {
   EXPECT_EQ(read.damages, std::vector<std::string>());
   ASSERT_EQ(static_cast<int64_t>(read.places.size()), n);
   EXPECT_EQ(map.size(), n);
-  for (int64_t id = 1; id <= n; ++id) EXPECT_TRUE(same(read.places[id - 1], made(id))) << id;
+  for (int64_t id = 1; id <= n; ++id) {
+    EXPECT_EQ(read.places[id - 1].id, id);
+    EXPECT_TRUE(same(read.places[id - 1], made(id))) << id;
+  }
 }
 
 std::unique_ptr<MapStore> writer_of(const fs::path& file) {
@@ -143,6 +126,44 @@ TEST(MapStore, RoundTrip) {
       EXPECT_EQ(read_all(*map, 18).places.size(), 3);
       EXPECT_EQ(read_all(*map, 21).position.last, 21);
     }
+  }
+}
+
+TEST(MapStore, WhatIsExpectedIsClaimedAndAddedOnce) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  const auto place = [](int64_t frame) {
+    StoredPlace result = made(1);
+    result.drive = "x";
+    result.frame = frame;
+    return result;
+  };
+  const StoredPlace there = place(5);
+  map->add({&there, 1});
+  const int64_t frames[] = {9, 5, 4, 7, 4};
+  map->expect("x", frames);
+  EXPECT_EQ(map->expected("x"), 3);
+  EXPECT_EQ(map->claim("y", 1), nullptr);
+  expect_error<UsageError>([&] { map->claim("x", 0); }, {"at least 1"});
+  auto claim = map->claim("x", 2);
+  EXPECT_EQ(claim->frames, (std::vector<int64_t>{4, 7}));
+  expect_error<UsageError>([&] { map->claim("x", 1); }, {"has not ended"});
+  expect_error<UsageError>([&] { map->add({&there, 1}, {}, claim.get()); }, {"frame 5"});
+  claim.reset();  // nothing was added
+  claim = map->claim("x", 100);
+  EXPECT_EQ(claim->frames, (std::vector<int64_t>{4, 7, 9}));
+  claim->left_out[7] = "no points";
+  const StoredPlace added[] = {place(4), place(9)};
+  EXPECT_EQ(map->add(added, 0, claim.get()), (std::vector<int64_t>{2, 3}));
+  claim.reset();
+  EXPECT_EQ(map->expected("x"), 0);
+  map->expect("x", frames);
+  EXPECT_EQ(map->claim("x", 1), nullptr);
+  // A scan that was left out is tried again by who opens the map again.
+  const int64_t more[] = {4, 7};
+  {
+    const auto other = open_map(dir / "map", MapAccess::kRead);
+    expect_error<UsageError>([&] { other->expect("x", more); }, {"for reading"});
   }
 }
 

@@ -7,11 +7,13 @@
 #include <cmath>
 #include <csignal>
 #include <cstring>
+#include <numeric>
 #include <set>
 #include <thread>
 
 #include "expect_error.h"
 #include "postgres_server.h"
+#include "read_map.h"
 #include "revisit/maps/place_recognizer.h"
 
 namespace revisit::pipeline {
@@ -26,9 +28,6 @@ const MapIdentity kIdentity{{"feature", "ring"}, {"weights", "sha256 0123"}};
 class PostgresMap : public ::testing::Test {
  protected:
   void SetUp() override {
-#ifndef REVISIT_HAVE_POSTGRES
-    GTEST_SKIP() << "built without libpqxx";
-#endif
     if (const std::string why = PostgresServer::missing(); !why.empty()) GTEST_SKIP() << why;
     server_.emplace();
   }
@@ -60,27 +59,6 @@ StoredPlace made(const std::string& drive, int64_t frame) {
     place.descriptor.push_back(static_cast<float>((frame * 37 + i) % 512 - 256) / 64);
   if (frame % 5 == 0) place.feature = {1.0F / 3, static_cast<float>(frame), 1e30F};
   return place;
-}
-
-bool same(const StoredPlace& a, const StoredPlace& b) {
-  return a.drive == b.drive && a.frame == b.frame && a.time == b.time &&
-         a.pose.has_value() == b.pose.has_value() &&
-         (!a.pose || a.pose->matrix() == b.pose->matrix()) && a.descriptor == b.descriptor &&
-         a.feature == b.feature;
-}
-
-struct WhatWasRead {
-  std::vector<StoredPlace> places;
-  std::vector<std::string> damages;
-  MapPosition position;
-};
-
-WhatWasRead read_all(const MapStore& map, int64_t after = 0) {
-  WhatWasRead read;
-  read.position = map.read(
-      after, [&](StoredPlace&& place) { read.places.push_back(std::move(place)); },
-      [&](const std::string& damage) { read.damages.push_back(damage); });
-  return read;
 }
 
 /// Expects ids 1, 2, ... and every place as it was made, once; the frames of each drive.
@@ -286,6 +264,113 @@ TEST_F(PostgresMap, AKilledServerLosesNothingAndNothingIsThereTwice) {
   server_->kill();
   expect_error<Error>([&] { open_map(server_->url("town"), MapAccess::kRead); },
                       {"no connection", "server runs"});
+}
+
+std::vector<int64_t> frames_to(int64_t n) {
+  std::vector<int64_t> frames(static_cast<size_t>(n));
+  std::iota(frames.begin(), frames.end(), 0);
+  return frames;
+}
+
+std::vector<StoredPlace> places_of(const Claim& claim) {
+  std::vector<StoredPlace> places;
+  for (const int64_t frame : claim.frames)
+    if (!claim.left_out.contains(frame)) places.push_back(made(claim.drive, frame));
+  return places;
+}
+
+TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
+  const auto a = writer(), b = writer();
+  const StoredPlace there = made("x", 3);
+  a->add({&there, 1});
+  const std::vector<int64_t> frames = frames_to(10);
+  a->expect("x", frames);
+  b->expect("x", frames);
+  EXPECT_EQ(b->expected("x"), 9);
+  EXPECT_EQ(b->expected("y"), 0);
+  EXPECT_EQ(a->claim("y", 1), nullptr);
+  auto of_a = a->claim("x", 3), of_b = b->claim("x", 3);
+  EXPECT_EQ(of_a->frames, (std::vector<int64_t>{0, 1, 2}));
+  EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6}));
+  expect_error<UsageError>([&] { a->claim("x", 1); }, {"has not ended"});
+  expect_error<UsageError>([&] { a->add({&there, 1}, {}, of_a.get()); }, {"frame 3", "claim"});
+  expect_error<UsageError>([&] { a->add({}, {}, of_b.get()); }, {"another map's"});
+  // Made for another revision: the claim goes on.
+  of_a->left_out[1] = "no points";
+  EXPECT_TRUE(a->add(places_of(*of_a), 7, of_a.get()).empty());
+  EXPECT_EQ(a->add(places_of(*of_a), 0, of_a.get()), (std::vector<int64_t>{2, 3}));
+  expect_error<UsageError>([&] { a->add({}, {}, of_a.get()); }, {"has ended"});
+  EXPECT_EQ(a->expected("x"), 6);
+  of_a.reset();
+  {
+    const auto given_back = a->claim("x", 100);
+    EXPECT_EQ(given_back->frames, (std::vector<int64_t>{7, 8, 9}));
+    EXPECT_EQ(writer()->claim("x", 1), nullptr);
+  }
+  server_->execute(
+      "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE state = 'idle in transaction'");
+  expect_error<ClaimLost>([&] { b->add(places_of(*of_b), 0, of_b.get()); }, {"claimed again"});
+  of_b = b->claim("x", 100);
+  EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6, 7, 8, 9}));
+  b->add(places_of(*of_b), {}, of_b.get());
+  of_b.reset();
+  b->expect("x", frames);
+  EXPECT_EQ(b->expected("x"), 0);
+  EXPECT_EQ(frames_of(*b)["x"], (std::set<int64_t>{0, 2, 3, 4, 5, 6, 7, 8, 9}));
+}
+
+/// Does its share of the work, and ends when all is done.
+[[noreturn]] void do_a_share(const std::string& url) {
+  int code = 1;
+  try {
+    const auto map = open_map(url, MapAccess::kWrite, &kIdentity);
+    while (map->expected("x") > 0) {
+      try {
+        const auto claim = map->claim("x", 5);
+        if (claim == nullptr) {
+          ::usleep(1000);
+          continue;
+        }
+        const std::vector<StoredPlace> places = places_of(*claim);
+        ::usleep(2000);
+        map->add(places, std::nullopt, claim.get());
+      } catch (const ClaimLost&) {
+      }
+    }
+    code = 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+  }
+  std::_Exit(code);
+}
+
+TEST_F(PostgresMap, KilledWorkersScansAreDoneByOthersOnce) {
+  constexpr int64_t kFrames = 600;
+  writer()->expect("x", frames_to(kFrames));
+  const auto start = [&] {
+    const pid_t child = ::fork();
+    if (child == 0) do_a_share(server_->url("town"));
+    return child;
+  };
+  std::vector<pid_t> workers = {start(), start()};
+  for (int kill = 0; kill < 12; ++kill) {
+    ::usleep(static_cast<useconds_t>(5000 + kill * 7919 % 20'000));
+    if (kill == 6) restart();
+    pid_t& one = workers[static_cast<size_t>(kill % 2)];
+    ::kill(one, SIGKILL);
+    int status = 0;
+    ::waitpid(one, &status, 0);
+    one = start();
+  }
+  for (const pid_t worker : workers) {
+    int status = 0;
+    ::waitpid(worker, &status, 0);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+  }
+  const auto map = writer();
+  EXPECT_EQ(map->expected("x"), 0);
+  EXPECT_EQ(frames_of(*map)["x"].size(), kFrames);  // none twice: frames_of()
+  EXPECT_EQ(map->size(), kFrames);
 }
 
 /// A scan's feature is its first coordinates; the basis takes away their mean.

@@ -6,6 +6,8 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <map>
+#include <set>
 #include <sstream>
 
 #include "test_data.h"
@@ -112,6 +114,41 @@ TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
   EXPECT_FALSE(fs::exists(path("none.map")));
 }
 
+TEST_F(Loops, AMapIsBuiltOfWhatIsMissing) {
+  const auto built = [](const std::string& more, int expected = 0) {
+    return run("map build " + path("town2") + " --first-stretch 30 --no-progress --map " + more,
+               expected);
+  };
+  const auto places_in = [](const std::string& map) {
+    return lines(run("map places " + path(map))).size() - 1;
+  };
+  built(path("b.map") + " --every 60");
+  const size_t some = places_in("b.map");
+  const std::string rest = built(path("b.map"));
+  const size_t places = places_in("b.map");
+  EXPECT_GT(some, 5);
+  EXPECT_NE(rest.find(std::to_string(places - some) + " added here"), std::string::npos) << rest;
+  EXPECT_NE(built(path("b.map")).find(" 0 added here"), std::string::npos);
+  EXPECT_NE(run("map check " + path("b.map")).find("sound"), std::string::npos);
+  // Poses are those that `loops` has.
+  run("loops " + path("town2") + " --threshold 2 --first-stretch 30 -q --map " + path("c.map"));
+  const auto poses = [](const std::string& map) {
+    std::set<std::string> result;
+    for (const std::string& line : lines(run("map places " + path(map))))
+      result.insert(line.substr(line.find(',')));
+    return result;
+  };
+  EXPECT_EQ(poses("b.map"), poses("c.map"));
+  // A scan that cannot be described gets no place.
+  fs::copy(path("town2"), path("broken"), fs::copy_options::recursive);
+  test::write_file(path("broken/sequences/00/velodyne/000012.bin"), "");
+  const auto result =
+      test::run_revisit("map build " + path("broken") + " --sensor vlp16 --map " + path("d.map"));
+  EXPECT_EQ(result.exit_code, 6) << result.err;
+  EXPECT_NE(result.err.find("000012.bin"), std::string::npos) << result.err;
+  EXPECT_EQ(places_in("d.map"), places - 1);
+}
+
 TEST_F(Loops, ScansAreListedOrComeToAFolder) {
   const std::string town = path("town1/sequences/00/velodyne");
   std::vector<fs::path> scans;
@@ -135,6 +172,39 @@ TEST_F(Loops, ScansAreListedOrComeToAFolder) {
   EXPECT_GT(lines(grown).size(), 5);
 }
 
+TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
+  const auto result = test::run_revisit(
+      loops("--threshold 0.5 --verify --tum " + path("r.tum") + " --g2o " + path("r.g2o")));
+  if (result.err.find("PCL") != std::string::npos) GTEST_SKIP() << result.err;
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const size_t found = lines(result.out).size() - 1;
+  const std::vector<std::string> trajectory = lines(test::read_file(path("r.tum")));
+  ASSERT_GT(found, 5);
+  EXPECT_EQ(trajectory.size(), found);
+  std::map<int, std::vector<double>> places;  // frame -> x, y, z
+  run("loops " + path("town1") + " --threshold 2 -q --map " + path("poses.map"));
+  for (const std::string& line : lines(run("map places " + path("poses.map")))) {
+    std::istringstream cells(line);
+    std::vector<std::string> c;
+    for (std::string cell; std::getline(cells, cell, ',');) c.push_back(cell);
+    if (c[0] != "id") places[std::stoi(c[2])] = {std::stod(c[4]), std::stod(c[5]), std::stod(c[6])};
+  }
+  // The simulated drive has times: 10 frames a second.
+  for (const std::string& line : trajectory) {
+    std::istringstream numbers(line);
+    const std::vector<double> p{std::istream_iterator<double>(numbers), {}};
+    ASSERT_EQ(p.size(), 8);
+    const std::vector<double>& truth = places.at(static_cast<int>(std::lround(p[0] * 10)));
+    for (size_t axis = 0; axis < 3; ++axis) EXPECT_NEAR(p[axis + 1], truth[axis], 0.5) << line;
+  }
+  const std::string graph = test::read_file(path("r.g2o"));
+  EXPECT_TRUE(graph.starts_with("VERTEX_SE3:QUAT 0 ")) << graph.substr(0, 100);
+  const std::vector<std::string> rows = lines(graph);
+  const auto edges = std::ranges::count_if(
+      rows, [](const std::string& row) { return row.starts_with("EDGE_SE3:QUAT"); });
+  EXPECT_EQ(static_cast<size_t>(edges), places.size() - 1 + found);
+}
+
 TEST_F(Loops, SayWhatCannotBe) {
   const auto fails = [](const std::string& command, int code, const std::string& part) {
     const auto result = test::run_revisit(command);
@@ -148,6 +218,8 @@ TEST_F(Loops, SayWhatCannotBe) {
   fails(loops("--first-stretch 1"), 2, "--first-stretch");
   fails(loops("--feature fabmap"), 2, "camera images");
   fails(loops("--g2o x.g2o"), 2, "--verify");
+  fails(loops("--tum x.tum"), 2, "--verify");
+  fails("map build " + path("town1"), 2, "--map");
   fails(loops("-o /nowhere/x.csv"), 1, "/nowhere/x.csv");
   fails("loops /nowhere", 3, "/nowhere");
   fails("map info /nowhere.map", 3, "/nowhere.map");

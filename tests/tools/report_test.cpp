@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <png.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -366,6 +367,59 @@ TEST_F(ReportCommand, ABrowserDrawsWhatARunFound) {
   test::write_file(dir_ / "saved.html", html);
   const std::string saved = browse(browser, path("saved.html"), "--dump-dom");
   EXPECT_NE(saved.find(".png data:image/png;base64,\""), std::string::npos);
+}
+
+/// Three scans along a street, the last where the first was; then a line that is still written.
+constexpr const char* kLoops =
+    "{\"frame\":0,\"drive\":\"a\",\"position\":{\"x\":0,\"y\":0,\"z\":0}}\n"
+    "{\"frame\":5,\"drive\":\"a\",\"match_drive\":\"a\",\"match_frame\":0,\"score\":0.2,"
+    "\"accepted\":false,\"position\":{\"x\":0,\"y\":0,\"z\":40},\"match_position\":{\"x\":0,"
+    "\"y\":0,\"z\":0}}\n"
+    "{\"frame\":10,\"drive\":\"a\",\"match_drive\":\"a\",\"match_frame\":0,\"score\":0.9,"
+    "\"accepted\":true,\"position\":{\"x\":3,\"y\":0,\"z\":0},\"match_position\":{\"x\":0,\"y\":0,"
+    "\"z\":0}}\n";
+
+TEST_F(ReportCommand, LoopsAreShownWhileTheyAreFound) {
+  const std::string page = path("r.html");
+  const auto count = [&] {
+    const std::string html = test::read_file(page);
+    size_t n = 0;
+    for (size_t at = 0; (at = html.find("\"frame\":", at)) != std::string::npos; ++at) ++n;
+    return n;
+  };
+  test::write_file(dir_ / "loops.jsonl", std::string(kLoops) + "{\"frame\":1");
+  const std::string loops = "report " + path("loops.jsonl") + " -o " + page;
+  ASSERT_EQ(run_revisit(loops).exit_code, 0);
+  EXPECT_EQ(count(), 3);
+  EXPECT_EQ(test::read_file(page).find("reload_seconds\":"), std::string::npos);
+
+  auto following = std::async([&] { return run_revisit(loops + " --follow 2").exit_code; });
+  for (int tries = 0;
+       tries < 100 && test::read_file(page).find("reload_seconds\":") == std::string::npos; ++tries)
+    ::usleep(50'000);
+  EXPECT_NE(test::read_file(page).find("reload_seconds\":"), std::string::npos);
+  test::write_file(dir_ / "loops.jsonl", std::string(kLoops) + "{\"frame\":15}\n");
+  EXPECT_EQ(following.get(), 0);
+  EXPECT_EQ(count(), 4);
+  EXPECT_EQ(test::read_file(page).find("reload_seconds\":"), std::string::npos);
+
+  test::write_file(dir_ / "loops.csv", "frame,time\n1,2\n");
+  const auto refused = run_revisit("report " + path("loops.csv") + " -o " + page);
+  EXPECT_EQ(refused.exit_code, 3);
+  EXPECT_NE(refused.err.find("loops.csv:1: not the LoopLine"), std::string::npos) << refused.err;
+  EXPECT_EQ(run_revisit(loops + " --follow 0").exit_code, 2);
+}
+
+TEST_F(ReportCommand, ABrowserDrawsTheMapOfLoops) {
+  const std::string browser = find_browser();
+  if (browser.empty()) GTEST_SKIP() << "no browser here (Debian: chromium)";
+  test::write_file(dir_ / "loops.jsonl", kLoops);
+  ASSERT_EQ(run_revisit("report " + path("loops.jsonl") + " -o " + path("r.html")).exit_code, 0);
+  const std::string dom = browse(browser, path("r.html"), "--dump-dom");
+  EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
+  for (const char* shown : {">recognised (1)<", ">scans (3)<", ">not accepted (1)<",
+                            ">place of this drive (1)<", ">3.00<"})
+    EXPECT_NE(dom.find(shown), std::string::npos) << shown;
 }
 
 }  // namespace

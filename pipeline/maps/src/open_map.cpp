@@ -4,6 +4,7 @@
 #include "journal.h"
 #include "postgres_map.h"
 #include "revisit/proto/error.h"
+#include "server_address.h"
 #include "sqlite_map.h"
 
 namespace revisit::pipeline {
@@ -121,6 +122,10 @@ bool is_on_a_server(std::string_view where) {
   return where.starts_with("postgresql://") || where.starts_with("postgres://");
 }
 
+std::string shown_name(const fs::path& map) {
+  return is_on_a_server(map.string()) ? postgres::parse_address(map.string()).name : map.string();
+}
+
 std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
                                    const MapIdentity* identity, NumberFormat format) {
   if (is_on_a_server(file.string()))
@@ -135,7 +140,7 @@ std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
     auto connection = open_for_writing(found, identity, format, losses);
     map = std::make_unique<SqliteMap>(std::move(lock), std::move(connection), std::move(losses));
   }
-  if (identity != nullptr) must_match(file.string(), map->identity(), *identity);
+  if (identity != nullptr) must_match(shown_name(file), map->identity(), *identity);
   return map;
 }
 

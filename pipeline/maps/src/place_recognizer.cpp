@@ -6,6 +6,7 @@
 #include <mutex>
 #include <numeric>
 #include <shared_mutex>
+#include <utility>
 
 #include "revisit/proto/error.h"
 #include "revisit/proto/text.h"
@@ -169,26 +170,34 @@ struct PlaceRecognizer::Impl {
     for (StoredPlace& place : places_read) take_in(std::move(place));
   }
 
-  /// Keeps the place in the map and takes it in, behind those that others added before it.
-  int64_t add_to_map(std::span<const float> feature, StoredPlace about) {
+  /// Keeps the places, which have their features, in the map and takes them in, behind those that
+  /// others added before them. Returns their ids.
+  std::vector<int64_t> add_to_map(std::vector<StoredPlace> places_to_add, Claim* claim) {
+    std::vector<std::vector<float>> features_to_add;
+    for (StoredPlace& place : places_to_add)
+      features_to_add.push_back(std::exchange(place.feature, {}));
     std::vector<int64_t> ids;
     while (true) {
-      about.descriptor =
-          settled ? descriptor_of(feature) : std::vector<float>(feature.begin(), feature.end());
-      about.feature.clear();
-      if (!settled) about.feature = about.descriptor;
-      ids = map->add({&about, 1}, read_to.revision);
-      if (!ids.empty()) break;
+      for (size_t i = 0; i < places_to_add.size(); ++i) {
+        StoredPlace& place = places_to_add[i];
+        place.feature = settled ? std::vector<float>() : features_to_add[i];
+        place.descriptor = settled ? descriptor_of(features_to_add[i]) : features_to_add[i];
+      }
+      ids = map->add(places_to_add, read_to.revision, claim);
+      if (ids.size() == places_to_add.size()) break;
       take_in_new_places();  // another has settled the basis
     }
-    about.id = ids.front();
+    if (ids.empty()) return ids;
     if (ids.front() == read_to.last + 1) {
-      read_to.last = ids.front();
-      take_in(std::move(about));
+      read_to.last = ids.back();
+      for (size_t i = 0; i < ids.size(); ++i) {
+        places_to_add[i].id = ids[i];
+        take_in(std::move(places_to_add[i]));
+      }
     } else {
       take_in_new_places();
     }
-    return ids.front();
+    return ids;
   }
 
   int64_t position_of(int64_t id) const {
@@ -198,9 +207,11 @@ struct PlaceRecognizer::Impl {
     return found - places.begin();
   }
 
-  /// The places of the stretch are described with its basis, in the map, too: by the one of those
-  /// who add places that comes first. The others take its basis.
-  void end_the_stretch() {
+  /// Places that were added may have made the stretch long enough: they are then described with its
+  /// basis, in the map, too, by the one of those who add places that comes first. The others take
+  /// its basis.
+  void end_the_stretch_in_time() {
+    if (settled || !ends_the_stretch()) return;
     if (map) {
       const bool first = map->replace_descriptors(
           [&](const StoredPlace& place) { return descriptor_of(place.feature); },
@@ -214,7 +225,22 @@ struct PlaceRecognizer::Impl {
     settled = true;
     features = {};
   }
+
+  Impl& need_map() {
+    if (!map) throw UsageError("this PlaceRecognizer has no map whose work is shared");
+    return *this;
+  }
 };
+
+namespace {
+
+void check_described(std::span<const Description> scans) {
+  for (const Description& scan : scans)
+    if (!scan.described())
+      throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
+}
+
+}  // namespace
 
 PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                                  std::unique_ptr<MapStore> map, const MapStore::Damaged& damaged) {
@@ -262,19 +288,31 @@ Description PlaceRecognizer::describe(const PointsView& points) const {
 }
 
 int64_t PlaceRecognizer::add(const Description& scan, StoredPlace about) {
-  if (!scan.described())
-    throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
+  check_described({&scan, 1});
+  about.feature = scan.feature;
   const std::unique_lock lock(impl_->mutex);
   Impl& impl = *impl_;
-  int64_t id = 0;
-  if (impl.map) {
-    id = impl.add_to_map(scan.feature, std::move(about));
-  } else {
-    about.feature = scan.feature;
+  if (!impl.map) {
     impl.take_in(std::move(about));
+    impl.end_the_stretch_in_time();
+    return static_cast<int64_t>(impl.places.size()) - 1;
   }
-  if (!impl.settled && impl.ends_the_stretch()) impl.end_the_stretch();
-  return impl.map ? impl.position_of(id) : static_cast<int64_t>(impl.places.size()) - 1;
+  std::vector<StoredPlace> one;
+  one.push_back(std::move(about));
+  const int64_t id = impl.add_to_map(std::move(one), nullptr).front();
+  impl.end_the_stretch_in_time();
+  return impl.position_of(id);
+}
+
+void PlaceRecognizer::add(std::span<const Description> scans, std::vector<StoredPlace> about,
+                          Claim& claim) {
+  if (scans.size() != about.size())
+    throw UsageError(str("add(): ", scans.size(), " scans and ", about.size(), " places"));
+  check_described(scans);
+  for (size_t i = 0; i < scans.size(); ++i) about[i].feature = scans[i].feature;
+  const std::unique_lock lock(impl_->mutex);
+  impl_->need_map().add_to_map(std::move(about), &claim);
+  impl_->end_the_stretch_in_time();
 }
 
 std::optional<Loop> PlaceRecognizer::query(const Description& scan,
@@ -327,6 +365,21 @@ void PlaceRecognizer::refresh() {
 void PlaceRecognizer::refresh_on_news() {
   const std::unique_lock lock(impl_->mutex);
   if (impl_->map && impl_->map->has_news()) impl_->take_in_new_places();
+}
+
+void PlaceRecognizer::expect(const std::string& drive, std::span<const int64_t> frames) {
+  const std::unique_lock lock(impl_->mutex);
+  impl_->need_map().map->expect(drive, frames);
+}
+
+std::unique_ptr<Claim> PlaceRecognizer::claim(const std::string& drive, int64_t most) {
+  const std::unique_lock lock(impl_->mutex);
+  return impl_->need_map().map->claim(drive, most);
+}
+
+int64_t PlaceRecognizer::expected(const std::string& drive) const {
+  const std::unique_lock lock(impl_->mutex);
+  return impl_->need_map().map->expected(drive);
 }
 
 void PlaceRecognizer::calibrate(double threshold) {

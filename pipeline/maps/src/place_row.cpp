@@ -1,6 +1,7 @@
 #include "place_row.h"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -52,6 +53,13 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat 
           str(of, " has ", descriptor[i], ", too large for float16 (at most 65504); keep float32"));
   }
   return bytes_of(halves.data(), halves.size());
+}
+
+void check_places_of(const Claim& claim, std::span<const StoredPlace> places) {
+  for (const StoredPlace& place : places)
+    if (place.drive != claim.drive || std::ranges::count(claim.frames, place.frame) == 0)
+      throw UsageError(str("frame ", place.frame, " of drive '", place.drive,
+                           "' is not in this claim, of drive '", claim.drive, "'"));
 }
 
 PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number) {

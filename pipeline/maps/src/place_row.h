@@ -17,6 +17,9 @@ struct PlaceRow {
 /// Throws UsageError, naming place `number` of the call, for what cannot be kept.
 PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number);
 
+/// Throws UsageError when the claim does not have all of the places.
+void check_places_of(const Claim& claim, std::span<const StoredPlace> places);
+
 /// Throws UsageError.
 std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat format,
                              const std::string& of);

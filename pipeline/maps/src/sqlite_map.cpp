@@ -116,10 +116,14 @@ void SqliteMap::set_value(const std::string& name, const std::string& bytes) {
 }
 
 std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
-                                    std::optional<int64_t> expected) {
+                                    std::optional<int64_t> expected, Claim* claim) {
   must_be_writer();
   std::vector<int64_t> ids;
-  if (places.empty()) return ids;
+  if (claim != nullptr) check_places_of(*claim, places);
+  if (places.empty()) {
+    if (claim != nullptr) claims_.end(*claim, places);
+    return ids;
+  }
   Transaction step(*connection_, Locking::kWrites);
   Counts counts = read_counts(*connection_);
   const int64_t revision = read_head(*connection_).revision;
@@ -134,7 +138,25 @@ std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
   }
   write_counts(*connection_, counts);
   step.commit();
+  if (claim != nullptr) claims_.end(*claim, places);
   return ids;
+}
+
+void SqliteMap::expect(const std::string& drive, std::span<const int64_t> frames) {
+  must_be_writer();
+  std::set<int64_t> there;
+  const Transaction moment(*connection_, Locking::kReads);
+  Statement select(*connection_, "SELECT frame FROM place WHERE drive = ?");
+  select.bind(1, std::string_view(drive));
+  int code = SQLITE_OK;
+  while ((code = select.try_step()) == SQLITE_ROW) there.insert(select.integer(0));
+  if (code != SQLITE_DONE) connection_->fail(code);
+  claims_.expect(drive, frames, there);
+}
+
+std::unique_ptr<Claim> SqliteMap::claim(const std::string& drive, int64_t most) {
+  must_be_writer();
+  return claims_.claim(drive, most);
 }
 
 MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& damaged) const {

@@ -2,6 +2,7 @@
 
 #include <set>
 
+#include "claims_of_one.h"
 #include "revisit/maps/map_store.h"
 #include "schema.h"
 #include "sqlite.h"
@@ -23,7 +24,11 @@ class SqliteMap : public MapStore {
   std::optional<std::string> value(const std::string& name) const override;
   void set_value(const std::string& name, const std::string& bytes) override;
   std::vector<int64_t> add(std::span<const StoredPlace> places,
-                           std::optional<int64_t> revision = std::nullopt) override;
+                           std::optional<int64_t> revision = std::nullopt,
+                           Claim* claim = nullptr) override;
+  void expect(const std::string& drive, std::span<const int64_t> frames) override;
+  std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) override;
+  int64_t expected(const std::string& drive) const override { return claims_.expected(drive); }
   MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const override;
   bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
@@ -41,6 +46,7 @@ class SqliteMap : public MapStore {
   std::unique_ptr<sqlite::Connection> connection_;
   MapHead head_;  // as it was when the file was opened
   std::vector<std::string> losses_;
+  ClaimsOfOne claims_;
   mutable std::set<std::string> told_;
 };
 

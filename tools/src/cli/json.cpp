@@ -62,12 +62,16 @@ google::protobuf::Struct read_json(const std::filesystem::path& file) {
 }
 
 void read_report(const std::filesystem::path& file, google::protobuf::Message* report) {
+  parse_report(read_content(file), file.string(), report);
+}
+
+void parse_report(const std::string& text, const std::string& name,
+                  google::protobuf::Message* report) {
   google::protobuf::util::JsonParseOptions options;
   options.ignore_unknown_fields = true;
-  const auto status =
-      google::protobuf::util::JsonStringToMessage(read_content(file), report, options);
+  const auto status = google::protobuf::util::JsonStringToMessage(text, report, options);
   if (!status.ok())
-    throw InputError(str(file.string(), ": not the ", report->GetDescriptor()->name(),
+    throw InputError(str(name, ": not the ", report->GetDescriptor()->name(),
                          " that revisit writes: ", reason_of(status)));
 }
 

@@ -28,5 +28,8 @@ google::protobuf::Struct read_json(const std::filesystem::path& file);
 /// Reads what to_json() wrote; fields that this version does not know are passed over. Throws
 /// InputError.
 void read_report(const std::filesystem::path& file, google::protobuf::Message* report);
+/// The same of the text itself; `name` begins the error.
+void parse_report(const std::string& text, const std::string& name,
+                  google::protobuf::Message* report);
 
 }  // namespace revisit::cli

@@ -8,7 +8,8 @@
 #include "cli/progress.h"
 #include "cli/table.h"
 #include "loops/loop_writer.h"
-#include "loops/open_recognizer.h"
+#include "loops/map_options.h"
+#include "loops/pose_files.h"
 #include "loops/recognise.h"
 #include "revisit/evaluation/precision_recall.h"
 
@@ -16,24 +17,22 @@ namespace revisit::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using pipeline::NumberFormat;
 
 /// The place looked for was always among the 100 with the most similar keys, of up to 1136.
 constexpr int64_t kCandidates = 300;
 
 struct LoopsOptions {
   FeatureOptions feature;
-  fs::path map, basis, output, g2o;
-  std::string drive, format = "csv", exclusion = "frames=50";
+  MapOptions map;
+  fs::path output, g2o, tum;
+  std::string format = "csv", exclusion = "frames=50";
   std::optional<double> threshold;
   fs::path calibrate;
   std::string calibrate_sequence;
   double precision = 1, radius = 5;
   int k = pipeline::RecognizerOptions().k;
-  int64_t first_stretch = pipeline::RecognizerOptions().first_stretch;
   std::optional<double> follow;
   bool verify = false, all = false;
-  NumberFormat numbers = NumberFormat::kFloat32;
 };
 
 LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
@@ -63,28 +62,17 @@ LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
             &o.verify)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
       .flag("all", "a line for every scan, not for accepted loops alone", &o.all)
-      .option("first-stretch", "N", "ring: its mean is learnt from so many places (default 200)",
-              &o.first_stretch)
       .option("follow", "SECONDS",
-              "DATA is a folder that grows: go on until nothing comes for so long", &o.follow)
-      .group("Map:")
-      .option("map", "FILE",
-              "where places are kept; made when missing (default: nowhere). "
-              "postgresql://HOST/DATABASE?map=NAME: on a server, with other robots",
-              &o.map)
-      .option("basis", "MAP",
-              "a new map takes over what that one learnt from its first stretch, so that both can "
-              "be merged",
-              &o.basis)
-      .option("drive", "NAME", "what this drive is called in the map (default: its sequence)",
-              &o.drive)
-      .choice<NumberFormat>(
-          "numbers", {{"float32", NumberFormat::kFloat32}, {"float16", NumberFormat::kFloat16}},
-          "of a new map (default float32)", &o.numbers)
-      .group("Output:")
+              "DATA is a folder that grows: go on until nothing comes for so long", &o.follow);
+  o.map.declare(parser);
+  parser.group("Output:")
       .choice("format", {"csv", "jsonl"}, "a line a loop (default csv)", &o.format)
       .option("output", "FILE", "for the loops (default: standard output)", &o.output, 'o')
-      .option("g2o", "FILE", "a pose graph: poses, and registered loops (with --verify)", &o.g2o);
+      .option("g2o", "FILE", "a pose graph: poses, and registered loops (with --verify)", &o.g2o)
+      .option("tum", "FILE",
+              "a trajectory: where registered loops say that the sensor was, in the frame of the "
+              "places' poses (with --verify)",
+              &o.tum);
   parser.parse(arguments);
   o.feature.check_given(parser);
   if (!(o.precision > 0 && o.precision <= 1))
@@ -93,8 +81,9 @@ LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
     throw UsageError("--threshold and --calibrate: one of the two");
   if (o.follow && !(*o.follow > 0))
     throw UsageError(str("--follow: expected a positive number, found ", *o.follow));
-  if (!o.basis.empty() && o.map.empty()) throw UsageError("--basis: add --map, which takes it");
+  o.map.check();
   if (!o.g2o.empty() && !o.verify) throw UsageError("--g2o: add --verify, which gives its edges");
+  if (!o.tum.empty() && !o.verify) throw UsageError("--tum: add --verify, which gives its poses");
   return o;
 }
 
@@ -199,11 +188,10 @@ int loops_command(const Arguments& arguments) {
   const Source source = open_source(o);
   RecognizerSource described = recognizer_source(o.feature, parser, source.some);
   described.options.threshold = o.threshold;
-  described.options.first_stretch = o.first_stretch;
+  described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
   std::optional<double> threshold = o.threshold;
-  auto map = map_for(o.map, described, o.numbers);  // before the work of calibrating
-  if (!o.basis.empty()) pipeline::take_over_basis(*map, o.basis);
+  auto map = o.map.open(described);  // before the work of calibrating
   if (!o.calibrate.empty()) {
     threshold = calibrated(o, described);
     if (!o.feature.quiet) note(str("threshold ", *threshold, ", from ", o.calibrate.string()));
@@ -223,8 +211,10 @@ int loops_command(const Arguments& arguments) {
   LoopWriter writer(o.output.empty() ? std::cout : file, o.format);
   std::optional<PoseGraphWriter> graph;
   if (!o.g2o.empty()) graph.emplace(o.g2o);
+  std::optional<TrajectoryWriter> trajectory;
+  if (!o.tum.empty()) trajectory.emplace(o.tum);
   Recognise how;
-  how.drive = !o.drive.empty() ? o.drive : source.some.sequence;
+  how.drive = o.map.drive_of(source.some);
   how.exclusion = pipeline::parse_exclusion(o.exclusion);
   how.verify = o.verify;
   how.stop = interrupted;
@@ -240,15 +230,19 @@ int loops_command(const Arguments& arguments) {
       return;
     }
     milliseconds.push_back(visit.milliseconds);
+    const bool registered = visit.registered && visit.registered->accepted;
     if (graph) {
       graph->vertex(*visit.position, visit.scan.pose);
-      if (visit.registered && visit.registered->accepted)
+      if (registered)
         graph->edge(visit.loop->position, *visit.position, visit.registered->T_place_query,
                     visit.registered->information);
     }
+    if (trajectory && registered && visit.loop->pose)
+      trajectory->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),
+                      *visit.loop->pose * visit.registered->T_place_query);
     const bool is_loop = visit.loop && visit.loop->accepted;
     accepted += is_loop ? 1 : 0;
-    if (visit.loop && (is_loop || all)) writer.write(line_of(visit));
+    if (is_loop || all) writer.write(line_of(visit));
   });
   if (!o.feature.quiet) {
     std::cerr << scans << " scans, " << accepted << " loops accepted"

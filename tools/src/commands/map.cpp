@@ -1,9 +1,13 @@
 #include <iostream>
 
 #include "cli/command.h"
+#include "cli/interrupt.h"
 #include "cli/messages.h"
+#include "cli/progress.h"
 #include "cli/table.h"
+#include "loops/build_map.h"
 #include "loops/loop_writer.h"
+#include "loops/map_options.h"
 #include "loops/open_recognizer.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
@@ -28,7 +32,7 @@ int info(const Arguments& arguments) {
   const fs::path file =
       one_map("revisit map info", "What a map was made with and what is in it.", arguments);
   const auto map = pipeline::open_map(file, MapAccess::kRead);
-  Table table({"map", file.string()});
+  Table table({"map", pipeline::shown_name(file)});
   table.row({"places", str(map->size())});
   table.row({"numbers",
              map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
@@ -47,7 +51,7 @@ int check(const Arguments& arguments) {
                                 arguments);
   const std::vector<std::string> wrong = pipeline::check_map(file);
   for (const std::string& line : wrong) std::cout << line << "\n";
-  if (wrong.empty()) std::cout << file.string() << ": sound\n";
+  if (wrong.empty()) std::cout << pipeline::shown_name(file) << ": sound\n";
   return wrong.empty() ? kOk : kCheckFailed;
 }
 
@@ -87,8 +91,45 @@ int merge(const Arguments& arguments) {
   if (maps.size() < 2) throw UsageError("give at least two maps");
   if (output.empty()) throw UsageError("give the file for the map: -o FILE");
   const int64_t places = pipeline::merge_maps(maps, output, warn);
-  std::cout << output.string() << ": " << places << " places\n";
+  std::cout << pipeline::shown_name(output) << ": " << places << " places\n";
   return kOk;
+}
+
+/// Describes a data set into a map, with any number of others.
+int build(const Arguments& arguments) {
+  FeatureOptions options;
+  options.feature = "ring";
+  MapOptions map;
+  Parser parser("revisit map build", "DATA",
+                "Describes the scans that a map has not yet and adds them. On a server any number "
+                "of processes and machines do it together: each claims some scans at a time, and "
+                "those of one that ends are done by the others. The same command goes on after "
+                "Ctrl-C or a crash.",
+                "  revisit map build town --map town.map\n"
+                "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n");
+  options.declare(parser);
+  map.declare(parser);
+  parser.parse(arguments);
+  options.check_given(parser);
+  map.check();
+  if (map.file.empty()) throw UsageError("give the map: --map FILE");
+  const pipeline::Dataset dataset = open_scans(options);
+  RecognizerSource source = recognizer_source(options, parser, dataset, ScansAtOnce::kMany);
+  source.options.first_stretch = map.first_stretch;
+  pipeline::PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
+  cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
+  BuildMap how;
+  how.drive = map.drive_of(dataset);
+  how.threads = options.thread_count();
+  how.stop = interrupted;
+  how.done = [&](int64_t done, int64_t all) { progress.update(done, all); };
+  how.left_out = [](const std::string& why) { warn(why + "; this scan is left out"); };
+  const Built built = build_map(with_sensor_poses(dataset), recognizer, how);
+  if (!options.quiet)
+    std::cout << pipeline::shown_name(map.file) << ": " << recognizer.size() << " places, "
+              << built.added << " added here"
+              << (built.left_out > 0 ? str(", ", built.left_out, " scans left out") : "") << "\n";
+  return built.left_out > 0 ? kScansLeftOut : kOk;
 }
 
 /// What each of some scans looks like; the map stays as it is.
@@ -145,7 +186,8 @@ int query(const Arguments& arguments) {
 
 int map_command(const Arguments& arguments) {
   return dispatch("revisit map", "The places that `revisit loops --map` keeps.\n",
-                  {{"info", "what a map was made with", info},
+                  {{"build", "describe a data set into it", build},
+                   {"info", "what a map was made with", info},
                    {"places", "its places, as CSV", places},
                    {"query", "what scans look like", query},
                    {"merge", "one map of several", merge},

@@ -1,6 +1,10 @@
+#include <chrono>
+#include <functional>
 #include <iostream>
+#include <thread>
 
 #include "cli/command.h"
+#include "cli/interrupt.h"
 #include "cli/parser.h"
 #include "cli/shell.h"
 #include "report/markdown.h"
@@ -9,20 +13,48 @@
 
 namespace revisit::cli {
 namespace fs = std::filesystem;
+namespace {
+
+/// Calls `make` at once and whenever one of the files has another size, until none had for
+/// `patience` seconds or Ctrl-C.
+void while_they_grow(const std::vector<fs::path>& files, double patience,
+                     const std::function<void()>& make) {
+  using Clock = std::chrono::steady_clock;
+  constexpr auto kMoment = std::chrono::milliseconds(500);
+  std::vector<uintmax_t> seen;
+  for (Clock::time_point last = Clock::now();
+       !interrupted() && std::chrono::duration<double>(Clock::now() - last).count() <= patience;
+       std::this_thread::sleep_for(kMoment)) {
+    std::vector<uintmax_t> sizes;
+    for (const fs::path& file : files) {
+      std::error_code none;
+      sizes.push_back(fs::file_size(file, none));
+    }
+    if (sizes == seen) continue;
+    seen = std::move(sizes);
+    make();
+    last = Clock::now();
+  }
+}
+
+}  // namespace
 
 int report_command(const Arguments& arguments) {
   std::vector<fs::path> folders;
   fs::path output = "report.html";
   std::optional<fs::path> markdown;
   PageOptions options;
+  std::optional<double> follow;
   bool quiet = false, force = false;
-  Parser parser("revisit report", "RUN_OR_EXPERIMENT...",
+  Parser parser("revisit report", "RUN_OR_EXPERIMENT_OR_LOOPS...",
                 "One HTML file that opens offline, from the folders that `revisit eval` and "
                 "`revisit experiment` wrote: interactive precision-recall curves, maps, range "
                 "images of the queries worth looking at, times, and the command beside each "
-                "number. Each figure can be saved as a picture.",
+                "number. Each figure can be saved as a picture. Of a file that `revisit loops "
+                "--all --format jsonl` writes it shows the map of loops, also while it grows.",
                 "  revisit report results/town_05/latest -o report.html\n"
-                "  revisit report results/paper -o report.html   # all experiments below\n");
+                "  revisit report results/paper -o report.html   # all experiments below\n"
+                "  revisit report loops.jsonl --follow 10 -o loops.html\n");
   parser.positional("FOLDER", &folders);
   parser.group("Output:");
   parser.option("page", "FILE", "the HTML file (default report.html)", &output, 'o');
@@ -33,6 +65,10 @@ int report_command(const Arguments& arguments) {
                 "shown with range images, of each kind: wrong, missed, right "
                 "(default 3)",
                 &options.queries);
+  parser.option("follow", "SECONDS",
+                "make the page again whenever a file of loops has grown, until none has for so "
+                "long; a browser that shows the page keeps up",
+                &follow);
   parser.option("image-mb", "MB", "most that range images take in the file (default 12)",
                 &options.image_mb);
   parser.flag("force", "replace files that are no reports", &force);
@@ -42,6 +78,9 @@ int report_command(const Arguments& arguments) {
     throw UsageError(str("--queries: expected at least 0, found ", options.queries));
   if (!(options.image_mb >= 0 && options.image_mb <= 500))
     throw UsageError(str("--image-mb: expected 0 to 500, found ", options.image_mb));
+
+  if (follow && !(*follow > 0))
+    throw UsageError(str("--follow: expected a positive number, found ", *follow));
 
   const bool streams = writing_of(output) == Writing::kStreams;
   const std::string advice = "choose another file, or replace it with --force";
@@ -54,6 +93,12 @@ int report_command(const Arguments& arguments) {
   if (!force) need_report(output, kHtmlMark, advice);
 
   options.command = shell_command("revisit report", arguments);
+  if (follow)
+    while_they_grow(folders, *follow, [&] {
+      options.reloads = true;
+      write_report(folders, output, options);
+    });
+  options.reloads = false;
   const reports::Page page = write_report(folders, output, options);
   if (markdown) {
     std::error_code ignored;  // what comes of it is said by the writing
@@ -63,7 +108,7 @@ int report_command(const Arguments& arguments) {
   if (!quiet)
     (streams ? std::cerr : std::cout)
         << "report: " << output.string() << " (" << page.experiments_size() << " experiments, "
-        << page.runs_size() << " runs)\n";
+        << page.runs_size() << " runs, lists of loops: " << page.loops_size() << ")\n";
   return kOk;
 }
 

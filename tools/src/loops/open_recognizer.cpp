@@ -36,7 +36,7 @@ pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor
 }  // namespace
 
 RecognizerSource recognizer_source(FeatureOptions& options, const Parser& parser,
-                                   const pipeline::Dataset& some) {
+                                   const pipeline::Dataset& some, ScansAtOnce at_once) {
   if (options.feature == "fabmap")
     throw UsageError("--feature fabmap: it sees camera images, and all of them at once");
   for (const char* option : {"cache", "memory", "strict", "threads-per-scan"})
@@ -44,7 +44,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Parser& parser
       throw UsageError(str("--", option, " is about whole drives: leave it out here"));
   if (const std::string found = resolve_sensor(options, some); !found.empty() && !options.quiet)
     note("sensor: " + found);
-  options.threads_per_scan = options.thread_count();  // one scan at a time
+  options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;
   FeatureSource source = open_feature(options, some, "");
   RecognizerSource result{std::move(source.extractor), {}};
   result.options.align = source.align;
@@ -58,14 +58,6 @@ RecognizerSource recognizer_source(FeatureOptions& options, const Parser& parser
       projected(result.extractor, result.options, options.pca_fit, source.components);
   result.options.align = pipeline::AlignCase::kNone;  // done in the feature
   return result;
-}
-
-std::unique_ptr<pipeline::MapStore> map_for(const fs::path& file, const RecognizerSource& source,
-                                            pipeline::NumberFormat format) {
-  if (file.empty()) return nullptr;
-  const pipeline::MapIdentity identity =
-      pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
-  return pipeline::open_map(file, pipeline::MapAccess::kWrite, &identity, format);
 }
 
 }  // namespace revisit::cli

@@ -13,14 +13,12 @@ struct RecognizerSource {
   pipeline::FeatureExtractor extractor;
   pipeline::RecognizerOptions options;
 };
+/// Whether all cores work on one scan, or each on its own.
+enum class ScansAtOnce { kOne, kMany };
 /// Throws UsageError for a feature that learns from whole drives (--pca, but for --pca-fit DIR) and
 /// for options without a meaning here.
 RecognizerSource recognizer_source(FeatureOptions& options, const Parser& parser,
-                                   const pipeline::Dataset& some);
-
-/// The map in `file`, made when it is missing; none for "".
-std::unique_ptr<pipeline::MapStore> map_for(const std::filesystem::path& file,
-                                            const RecognizerSource& source,
-                                            pipeline::NumberFormat format);
+                                   const pipeline::Dataset& some,
+                                   ScansAtOnce at_once = ScansAtOnce::kOne);
 
 }  // namespace revisit::cli

@@ -71,6 +71,7 @@ void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
   while (const std::optional<ScanRef> scan = next()) {
     if (options.stop()) throw Interrupted("stopped; what was found is kept");
     Visit seen;
+    seen.drive = options.drive;
     seen.scan = *scan;
     const double along = driven.at(*scan);
     if (options.exclusion.kind == Exclusion::Kind::kNone)

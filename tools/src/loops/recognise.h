@@ -13,6 +13,7 @@ namespace revisit::cli {
 
 /// What became of one scan.
 struct Visit {
+  std::string drive;
   pipeline::ScanRef scan;
   std::optional<int64_t> position;     // in the recogniser; nothing for one not described
   std::optional<pipeline::Loop> loop;  // the place most like it

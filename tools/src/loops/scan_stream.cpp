@@ -32,15 +32,20 @@ Pose calibration_of(const fs::path& scan) {
 
 }  // namespace
 
+std::vector<ScanRef> with_sensor_poses(pipeline::Dataset dataset) {
+  if (dataset.has_poses()) {
+    const Pose T_cam_sensor = calibration_of(dataset.scans.front().file);
+    for (ScanRef& scan : dataset.scans)
+      if (scan.pose) scan.pose = *scan.pose * T_cam_sensor;
+  }
+  return std::move(dataset.scans);
+}
+
 ScanStream scans_of(pipeline::Dataset dataset) {
-  const Pose T_cam_sensor =
-      dataset.has_poses() ? calibration_of(dataset.scans.front().file) : Pose::Identity();
-  return [dataset = std::move(dataset), T_cam_sensor,
+  return [scans = with_sensor_poses(std::move(dataset)),
           next = size_t{0}]() mutable -> std::optional<ScanRef> {
-    if (next == dataset.scans.size()) return std::nullopt;
-    ScanRef scan = dataset.scans[next++];
-    if (scan.pose) scan.pose = *scan.pose * T_cam_sensor;
-    return scan;
+    if (next == scans.size()) return std::nullopt;
+    return scans[next++];
   };
 }
 

@@ -18,6 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kReloadSeconds = 3;
+
 enum Flag { kAccepted = 1, kRight = 2, kPositive = 4, kIgnored = 8, kCase2 = 16 };
 
 std::string name_of_run(const reports::Run& run) {
@@ -127,6 +129,7 @@ void complete_page(const PageOptions& options, reports::Page* page) {
   page->set_version(REVISIT_VERSION);
   page->set_made(local_time("%Y-%m-%d %H:%M"));
   page->set_command(options.command);
+  if (options.reloads) page->set_reload_seconds(kReloadSeconds);
   RangeImages images(static_cast<size_t>(options.image_mb * 1e6));
   const std::set<int> detailed = runs_to_detail(*page);
   for (int i = 0; i < page->runs_size(); ++i) {

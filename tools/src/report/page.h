@@ -12,6 +12,7 @@ struct PageOptions {
   std::string title = "Place recognition", command;
   int queries = 3;       // of each kind in the query browser
   double image_mb = 12;  // of range images in the page
+  bool reloads = false;  // the page is made again before long, and shows it
 };
 
 /// Adds to a page with runs and experiments what else it shows: titles, queries with their range

@@ -6,6 +6,7 @@
 #include "cli/json.h"
 #include "experiment/catalog.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_content.h"
 
 namespace revisit::cli {
 namespace {
@@ -74,6 +75,19 @@ std::vector<fs::path> folders_with(const fs::path& folder, const char* file) {
   return found;
 }
 
+void read_loops(const fs::path& file, reports::LoopList* loops) {
+  loops->set_title(file.filename().string());
+  const std::string content = read_content(file);
+  for (size_t begin = 0, end = 0, line = 1; (end = content.find('\n', begin)) != std::string::npos;
+       begin = end + 1, ++line) {
+    if (end == begin) continue;
+    const std::string name = str(file.string(), ":", line);
+    reports::LoopLine& loop = *loops->add_lines();
+    parse_report(content.substr(begin, end - begin), name, &loop);
+    if (!loop.has_frame()) throw InputError(name + ": no line of `revisit loops --format jsonl`");
+  }
+}
+
 size_t catalog_position(const std::string& name) {
   const auto& all = experiments();
   return static_cast<size_t>(std::ranges::find(all, name, &ExperimentInfo::name) - all.begin());
@@ -86,6 +100,10 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
   RunReader runs(&page);
   std::vector<std::pair<reports::Experiment, fs::path>> found;
   for (const fs::path& folder : folders) {
+    if (is_file(folder)) {
+      read_loops(folder, page.add_loops());
+      continue;
+    }
     const std::vector<fs::path> of_experiments = folders_with(folder, "experiment.json");
     for (const fs::path& experiment : of_experiments) {
       found.emplace_back(reports::Experiment{}, experiment);

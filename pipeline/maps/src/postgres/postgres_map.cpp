@@ -1,157 +1,26 @@
 #include "postgres_map.h"
 
-#include <cstdio>
 #include <random>
 #include <set>
 
-#include "checksum.h"
 #include "damaged_places.h"
 #include "identity.h"
-#include "place_row.h"
 #include "revisit/proto/error.h"
-#include "schema.h"
 #include "server.h"
+#include "tables.h"
 
 namespace revisit::pipeline {
 namespace {
 
-using pqxx::binarystring;
 using Moment = pqxx::transaction<pqxx::repeatable_read, pqxx::read_only>;
-using postgres::Server;
+using namespace postgres;
 
-constexpr int kPlacesAtOnce = 256;  // in memory
-
-/// Table `place`: `call` is a random number of the call that added the place.
-constexpr const char* kTables =
-    "CREATE TABLE map (id INTEGER PRIMARY KEY, version INTEGER NOT NULL, identity TEXT NOT NULL, "
-    "bytes_per_number INTEGER NOT NULL, revision BIGINT NOT NULL, checksum BIGINT NOT NULL);"
-    "CREATE TABLE counts (id INTEGER PRIMARY KEY, places BIGINT NOT NULL, checksum BIGINT NOT "
-    "NULL);"
-    "CREATE TABLE value (name TEXT PRIMARY KEY, bytes BYTEA NOT NULL, checksum BIGINT NOT NULL);"
-    "CREATE TABLE place (id BIGINT PRIMARY KEY, drive TEXT NOT NULL, frame BIGINT NOT NULL, time "
-    "FLOAT8, pose BYTEA, descriptor BYTEA NOT NULL, feature BYTEA, revision BIGINT NOT NULL, "
-    "checksum BIGINT NOT NULL, call BIGINT NOT NULL)";
-
-binarystring bytes_of(std::string_view text) {
-  return binarystring(text.data(), text.size());
-}
-
-std::string bytes_in(const pqxx::field& field) {
-  return field.is_null() ? "" : binarystring(field).str();
-}
-
-int64_t value_checksum(std::string_view name, std::string_view bytes) {
-  return Checksum().bytes(name).bytes(bytes).value();
-}
-
-MapHead read_head(pqxx::transaction_base& step, const std::string& name) {
-  const pqxx::result rows = step.exec(
-      "SELECT version, identity, bytes_per_number, revision, "
-      "checksum FROM map WHERE id = 1");
-  if (rows.empty()) throw InputError(str(name, ": the head of this map is damaged: not found"));
-  const pqxx::row row = rows[0];
-  if (row[0].as<int>() > kMapVersion)
-    throw InputError(str(name, ": a map of version ", row[0].as<int>(),
-                         ", this program knows version ", kMapVersion, "; use a later revisit"));
-  const auto identity = row[1].as<std::string>();
-  const auto bytes_per_number = row[2].as<int64_t>(), revision = row[3].as<int64_t>();
-  if (head_checksum(identity, bytes_per_number, revision) != row[4].as<int64_t>() ||
-      (bytes_per_number != 2 && bytes_per_number != 4))
-    throw InputError(str(name, ": the head of this map is damaged: its checksum is wrong"));
-  return {.identity = identity_from(identity),
-          .format = bytes_per_number == 2 ? NumberFormat::kFloat16 : NumberFormat::kFloat32,
-          .revision = revision};
-}
-
-void write_head(pqxx::transaction_base& step, const MapHead& head) {
-  const std::string identity = text_of(head.identity);
-  const int64_t bytes_per_number = head.format == NumberFormat::kFloat16 ? 2 : 4;
-  step.exec_params(
-      "INSERT INTO map VALUES (1, $1, $2, $3, $4, $5) ON CONFLICT (id) DO UPDATE SET revision = "
-      "EXCLUDED.revision, checksum = EXCLUDED.checksum",
-      kMapVersion, identity, bytes_per_number, head.revision,
-      head_checksum(identity, bytes_per_number, head.revision));
-}
-
-void write_places(pqxx::transaction_base& step, int64_t places) {
-  step.exec_params(
-      "INSERT INTO counts VALUES (1, $1, $2) ON CONFLICT (id) DO UPDATE SET places = "
-      "EXCLUDED.places, checksum = EXCLUDED.checksum",
-      places, checksum_of(Counts{.places = places, .values = 0, .damage = ""}));
-}
-
-/// How many places there are; `damage`: when that had to be taken from the places, why.
-int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string* damage = nullptr) {
-  const pqxx::result rows =
-      step.exec(str("SELECT places, checksum FROM counts WHERE id = 1", lock));
-  if (!rows.empty()) {
-    const auto places = rows[0][0].as<int64_t>();
-    if (checksum_of(Counts{.places = places, .values = 0, .damage = ""}) ==
-        rows[0][1].as<int64_t>())
-      return places;
-  }
-  if (damage != nullptr) *damage = rows.empty() ? "not found" : "its checksum is wrong";
-  return step.exec("SELECT coalesce(max(id), 0) FROM place")[0][0].as<int64_t>();
-}
-
-/// One who adds or changes has this row until the commit. So ids are given in the order of the
-/// commits: a reader who has seen id 7 never meets a 6 that was committed later, as it would with a
-/// sequence. It also waits for a lost connection's own commit to end.
-int64_t lock_places(pqxx::transaction_base& step) {
-  return read_places(step, " FOR UPDATE");
-}
-
-void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,
-                 const StoredPlace& place, const PlaceRow& row, int64_t revision, int64_t call) {
-  const RowView view = view_of(place, row, revision);
-  char time[40] = "";
-  if (view.time) std::snprintf(time, sizeof(time), "%.17g", *view.time);
-  step.exec_params(sql, id, place.drive, view.frame, std::string(time), bytes_of(view.pose),
-                   bytes_of(view.descriptor), bytes_of(view.feature), revision,
-                   checksum_of(id, view), call);
-}
-constexpr const char* kInsert =
-    "INSERT INTO place VALUES ($1, $2, $3, nullif($4, '')::float8, nullif($5::bytea, ''), "
-    "$6::bytea, nullif($7::bytea, ''), $8, $9, $10)";
-/// With the same parameters, for a place that is there.
-constexpr const char* kReplace =
-    "UPDATE place SET drive = $2, frame = $3, time = nullif($4, '')::float8, pose = "
-    "nullif($5::bytea, ''), descriptor = $6::bytea, feature = nullif($7::bytea, ''), revision = "
-    "$8, checksum = $9, call = $10 WHERE id = $1";
-
-/// Hands over the places above `last`, up to `places`, and moves `last`.
-template <class Take, class Damage>
-void select_places(pqxx::transaction_base& step, const MapHead& head, int64_t places, int64_t& last,
-                   const Take& take, const Damage& damaged) {
-  while (last < places) {
-    const int64_t end = std::min(places, last + kPlacesAtOnce);
-    const pqxx::result rows = step.exec_params(
-        "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum, call FROM "
-        "place WHERE id > $1 AND id <= $2 ORDER BY id",
-        last, end);
-    for (const pqxx::row& found : rows) {
-      const auto id = found[0].as<int64_t>();
-      while (++last < id) damaged(last, "not found");
-      const std::string drive = found[1].as<std::string>(), pose = bytes_in(found[4]),
-                        descriptor = bytes_in(found[5]), feature = bytes_in(found[6]);
-      RowView row{.drive = drive,
-                  .frame = found[2].as<int64_t>(),
-                  .pose = pose,
-                  .descriptor = descriptor,
-                  .feature = feature,
-                  .revision = found[7].as<int64_t>(),
-                  .checksum = found[8].as<int64_t>()};
-      if (!found[3].is_null()) row.time = found[3].as<double>();
-      StoredPlace place;
-      const std::string damage = take_row(id, row, head.format, head.revision, place);
-      if (damage.empty())
-        take(std::move(place), found[9].as<int64_t>());
-      else
-        damaged(id, damage);
-    }
-    while (last < end) damaged(++last, "not found");
-  }
-}
+/// The transaction holds the claimed rows of `expected`: the server lets go of them when the
+/// connection ends.
+struct ServerClaim : Claim {
+  std::unique_ptr<pqxx::work> step;  // null once it has ended
+  const Server* server = nullptr;
+};
 
 /// A map in a schema of a PostgreSQL database.
 class PostgresMap : public MapStore {
@@ -194,14 +63,12 @@ class PostgresMap : public MapStore {
     });
   }
 
-  std::vector<int64_t> add(std::span<const StoredPlace> places,
-                           std::optional<int64_t> revision) override {
+  std::vector<int64_t> add(std::span<const StoredPlace> places, std::optional<int64_t> revision,
+                           Claim* claim) override {
     must_be_writer();
+    const Places all(places, head_.format, random_);
+    if (claim != nullptr) return add_of(*claim, all, revision);
     if (places.empty()) return {};
-    std::vector<PlaceRow> rows;
-    for (const StoredPlace& place : places)
-      rows.push_back(place_row(place, head_.format, rows.size() + 1));
-    const auto call = static_cast<int64_t>((uint64_t{random_()} << 32) | random_());
     int64_t first = 0;  // the first id of the try before this one
     return server_->run([&](pqxx::connection& connection) {
       std::vector<int64_t> ids;
@@ -210,20 +77,66 @@ class PostgresMap : public MapStore {
       // A connection that is lost in a commit leaves open what became of it: the place says it.
       const bool was_added =
           first > 0 &&
-          !step.exec_params("SELECT 1 FROM place WHERE id = $1 AND call = $2", first, call).empty();
+          !step.exec_params("SELECT 1 FROM place WHERE id = $1 AND call = $2", first, all.call)
+               .empty();
       if (!was_added) {
         const MapHead head = read_head(step, server_->name());
         if (revision && *revision != head.revision) return ids;
-        first = there + 1;
-        for (size_t i = 0; i < rows.size(); ++i)
-          write_place(step, kInsert, first + static_cast<int64_t>(i), places[i], rows[i],
-                      head.revision, call);
-        write_places(step, there + static_cast<int64_t>(rows.size()));
-        server_->tell_others(step);
+        first = insert(step, all, there, head);
         step.commit();
       }
-      for (size_t i = 0; i < rows.size(); ++i) ids.push_back(first + static_cast<int64_t>(i));
+      for (size_t i = 0; i < places.size(); ++i) ids.push_back(first + static_cast<int64_t>(i));
       return ids;
+    });
+  }
+
+  void expect(const std::string& drive, std::span<const int64_t> frames) override {
+    must_be_writer();
+    std::string numbers;
+    for (const int64_t frame : frames) numbers += str(numbers.empty() ? "" : ",", frame);
+    server_->run([&](pqxx::connection& connection) {
+      pqxx::work step(connection);
+      lock_places(step);
+      step.exec(kTableOfExpected);
+      step.exec_params(
+          "INSERT INTO expected (drive, frame, place) SELECT $1, wanted, min(place.id) FROM "
+          "unnest($2::bigint[]) AS wanted LEFT JOIN place ON place.drive = $1 AND place.frame = "
+          "wanted GROUP BY wanted ON CONFLICT DO NOTHING",
+          drive, "{" + numbers + "}");
+      step.commit();
+    });
+  }
+
+  std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) override {
+    must_be_writer();
+    if (most < 1) throw UsageError(str("a claim of ", most, " scans: expected at least 1"));
+    if (claims_ == nullptr) claims_ = std::make_unique<Server>(server_->address(), false);
+    return claims_->run([&](pqxx::connection& connection) -> std::unique_ptr<Claim> {
+      auto claim = std::make_unique<ServerClaim>();
+      claim->drive = drive;
+      claim->server = claims_.get();
+      try {
+        claim->step = std::make_unique<pqxx::work>(connection);
+      } catch (const pqxx::usage_error&) {
+        throw UsageError("the claim before this one has not ended");
+      }
+      const pqxx::result rows = claim->step->exec_params(
+          "SELECT frame FROM expected WHERE drive = $1 AND place IS NULL ORDER BY frame LIMIT $2 "
+          "FOR UPDATE SKIP LOCKED",
+          drive, most);
+      for (const pqxx::row& row : rows) claim->frames.push_back(row[0].as<int64_t>());
+      if (claim->frames.empty()) return nullptr;
+      return claim;
+    });
+  }
+
+  int64_t expected(const std::string& drive) const override {
+    return server_->run([&](pqxx::connection& connection) {
+      Moment moment(connection);
+      return moment
+          .exec_params("SELECT count(*) FROM expected WHERE drive = $1 AND place IS NULL",
+                       drive)[0][0]
+          .as<int64_t>();
     });
   }
 
@@ -276,8 +189,8 @@ class PostgresMap : public MapStore {
           [&](StoredPlace&& place, int64_t call) {
             place.descriptor = descriptor_of(place);
             place.feature.clear();
-            write_place(step, kReplace, place.id, place, place_row(place, head.format, place.id),
-                        revision + 1, call);
+            write_place(step, kReplacePlaceAt, place.id, place,
+                        place_row(place, head.format, place.id), revision + 1, call);
           },
           [](int64_t, const std::string&) {});
       ++head.revision;
@@ -311,6 +224,64 @@ class PostgresMap : public MapStore {
       throw UsageError(str(server_->name(), ": this map was opened for reading (MapAccess)"));
   }
 
+  /// Places as they are added. `call` tells them from those of other calls.
+  struct Places {
+    std::span<const StoredPlace> places;
+    std::vector<PlaceRow> rows;
+    int64_t call;
+    Places(std::span<const StoredPlace> of, NumberFormat format, std::random_device& random)
+        : places(of), call(static_cast<int64_t>((uint64_t{random()} << 32) | random())) {
+      for (const StoredPlace& place : places)
+        rows.push_back(place_row(place, format, rows.size() + 1));
+    }
+  };
+
+  /// The id of the first; the others follow.
+  int64_t insert(pqxx::work& step, const Places& all, int64_t there, const MapHead& head) const {
+    for (size_t i = 0; i < all.rows.size(); ++i)
+      write_place(step, kInsertPlaceAt, there + 1 + static_cast<int64_t>(i), all.places[i],
+                  all.rows[i], head.revision, all.call);
+    write_places(step, there + static_cast<int64_t>(all.rows.size()));
+    server_->tell_others(step);
+    return there + 1;
+  }
+
+  /// What is claimed is not tried again when the connection is lost: then others have it.
+  std::vector<int64_t> add_of(Claim& claim, const Places& all, std::optional<int64_t> revision) {
+    check_places_of(claim, all.places);
+    auto* own = dynamic_cast<ServerClaim*>(&claim);
+    if (own == nullptr || own->step == nullptr || own->server != claims_.get())
+      throw UsageError("this claim has ended, or is another map's");
+    std::vector<int64_t> ids;
+    pqxx::work& step = *own->step;
+    try {
+      const int64_t there = lock_places(step);
+      const MapHead head = read_head(step, server_->name());
+      if (revision && *revision != head.revision && !all.rows.empty()) return ids;
+      const int64_t first = insert(step, all, there, head);
+      const auto set = [&](int64_t frame, int64_t place, const std::string& why_not) {
+        step.exec_params(
+            "UPDATE expected SET place = $3, why_not = nullif($4, '') WHERE drive = $1 AND frame "
+            "= $2",
+            claim.drive, frame, place, why_not);
+      };
+      for (const StoredPlace& place : all.places) {
+        ids.push_back(first + static_cast<int64_t>(ids.size()));
+        set(place.frame, ids.back(), "");
+      }
+      for (const auto& [frame, why_not] : claim.left_out) set(frame, 0, why_not);
+      step.commit();
+      own->step.reset();
+    } catch (const pqxx::pqxx_exception& error) {
+      own->step.reset();
+      claims_->throw_unless_lost(error);
+      throw ClaimLost(str(server_->name(), ": the connection was lost with ", claim.frames.size(),
+                          " claimed scans of drive '", claim.drive,
+                          "'; they can be claimed again"));
+    }
+    return ids;
+  }
+
   static void put_value(pqxx::transaction_base& step, const std::string& name,
                         const std::string& bytes) {
     step.exec_params(
@@ -319,7 +290,7 @@ class PostgresMap : public MapStore {
         name, bytes_of(bytes), value_checksum(name, bytes));
   }
 
-  std::unique_ptr<Server> server_;
+  std::unique_ptr<Server> server_, claims_;  // of the second, one transaction a claim
   MapAccess access_;
   MapHead head_;  // as it was when the map was opened
   std::random_device random_;
@@ -368,8 +339,7 @@ std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess acc
 std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
                                             const MapIdentity* identity, NumberFormat format) {
   auto map = open_map_at(where, access, identity, format);
-  if (identity != nullptr)
-    must_match(postgres::parse_address(where).name, map->identity(), *identity);
+  if (identity != nullptr) must_match(shown_name(where), map->identity(), *identity);
   return map;
 }
 

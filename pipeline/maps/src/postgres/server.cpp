@@ -51,8 +51,9 @@ class Server::Listener : public pqxx::notification_receiver {
   bool& news_;
 };
 
-Server::Server(Address address)
-    : address_(std::move(address)), channel_("revisit_" + address_.map) {
+Server::Server(Address address, bool listens)
+    : address_(std::move(address)), listens_(listens), channel_("revisit_" + address_.map) {
+  if (!listens_) return;
   try {
     connect();
   } catch (const pqxx::pqxx_exception& error) {
@@ -64,7 +65,13 @@ Server::Server(Address address)
 Server::~Server() = default;
 
 pqxx::connection& Server::connected() {
-  if (connection_ == nullptr) connect();
+  if (connection_ == nullptr) try {
+      connect();
+    } catch (const pqxx::sql_error&) {
+      throw;
+    } catch (const pqxx::failure& error) {  // the server went down meanwhile: of any kind
+      throw pqxx::broken_connection(error.what());
+    }
   return *connection_;
 }
 
@@ -82,15 +89,18 @@ void Server::connect() {
     // What was acknowledged is on the disk, whatever the server's default is.
     settings.exec(
         "SET synchronous_commit = on; SET bytea_output = hex; SET extra_float_digits = 3;"
-        "SET client_min_messages = warning");
+        "SET client_min_messages = warning;"
+        // Of a machine that has lost its network the server learns within half a minute: then its
+        // claims are free. A claim lasts as long as its work.
+        "SET tcp_keepalives_idle = 10; SET tcp_keepalives_interval = 5; SET tcp_keepalives_count = "
+        "4; SET idle_in_transaction_session_timeout = 0");
   }
-  auto listener = std::make_unique<Listener>(*connection, channel_, news_);
-  listener_ = std::move(listener);
+  if (listens_) listener_ = std::make_unique<Listener>(*connection, channel_, news_);
   connection_ = std::move(connection);
   news_ = true;
 }
 
-void Server::after(const pqxx::pqxx_exception& error, std::optional<Clock::time_point>& lost_at) {
+void Server::throw_unless_lost(const pqxx::pqxx_exception& error) {
   const std::string message = without_password(error.base().what());
   if (!means_lost(error)) {
     if (is<pqxx::insufficient_resources>(error))
@@ -106,11 +116,16 @@ void Server::after(const pqxx::pqxx_exception& error, std::optional<Clock::time_
   }
   listener_.reset();
   connection_.reset();
+}
+
+void Server::wait_after(const pqxx::pqxx_exception& lost,
+                        std::optional<Clock::time_point>& lost_at) {
   const Clock::time_point now = Clock::now();
   if (!lost_at) lost_at = now;
   if (now - *lost_at >= address_.patience)
     throw Error(str(name(), ": the connection was lost, and there was no other for ",
-                    static_cast<double>(address_.patience.count()) / 1000, " s: ", message,
+                    static_cast<double>(address_.patience.count()) / 1000,
+                    " s: ", without_password(lost.base().what()),
                     "; start the server again: what was acknowledged is kept"));
   std::this_thread::sleep_for(std::min(kBetweenTries, address_.patience));
 }

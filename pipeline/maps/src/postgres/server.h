@@ -6,7 +6,7 @@
 #include <pqxx/pqxx>
 #include <string>
 
-#include "address.h"
+#include "server_address.h"
 
 namespace revisit::pipeline::postgres {
 
@@ -14,12 +14,14 @@ namespace revisit::pipeline::postgres {
 /// the address without its password, and never have the password.
 class Server {
  public:
-  /// Connects. Throws as run() does, and without patience.
-  explicit Server(Address address);
+  /// `listens`, to what others tell: connects at once. Throws as run() does, and without patience.
+  /// Else the first run() connects.
+  explicit Server(Address address, bool listens = true);
   ~Server();
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
+  const Address& address() const { return address_; }
   const std::string& name() const { return address_.name; }
   const std::string& map() const { return address_.map; }
 
@@ -32,10 +34,15 @@ class Server {
       try {
         return work(connected());
       } catch (const pqxx::pqxx_exception& error) {
-        after(error, lost_at);
+        throw_unless_lost(error);
+        wait_after(error, lost_at);
       }
     }
   }
+
+  /// For errors of libpqxx outside of run(): throws what they mean, and returns when the connection
+  /// is lost, which no transaction may be using any more. The next run() makes another.
+  void throw_unless_lost(const pqxx::pqxx_exception& error);
 
   /// Tells others that this transaction changes the map.
   void tell_others(pqxx::transaction_base& step) const;
@@ -50,10 +57,11 @@ class Server {
   pqxx::connection& connected();
   void connect();
   /// Returns when the work is to be tried again, else throws.
-  void after(const pqxx::pqxx_exception& error, std::optional<Clock::time_point>& lost_at);
+  void wait_after(const pqxx::pqxx_exception& lost, std::optional<Clock::time_point>& lost_at);
   std::string without_password(std::string message) const;
 
   Address address_;
+  bool listens_;
   std::string channel_;
   std::unique_ptr<pqxx::connection> connection_;
   std::unique_ptr<Listener> listener_;

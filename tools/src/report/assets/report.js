@@ -208,6 +208,20 @@
     const longest = Math.max(10, 5 * [...steps].sort((a, b) => a - b)[steps.length >> 1] || 0);
     return xs.flatMap((x, i) => i > 0 && steps[i - 1] > longest ? [{ x: NaN, y: NaN }, { x, y: zs[i] }] : [{ x, y: zs[i] }]);
   }
+  const dots = (label, data, colour, radius) => ({ label, legend: `${label} (${data.length})`, data, borderColor: colour, backgroundColor: colour,
+    pointRadius: radius, pointHitRadius: 4, borderWidth: 0 });
+  const joined = (belongsTo, data, colour, width = 1) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: colour, borderWidth: width, pointRadius: 0, pointHitRadius: 0 });
+  /** Seen from above, at equal scales. Only points that have `scan` are told of by `label`. */
+  function groundPlot(name, xs, zs, datasets, label) {
+    const range = values => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
+    const [x0, x1] = range(xs), [z0, z1] = range(zs), margin = .04 * Math.max(x1 - x0, z1 - z0, 10);
+    const width = x1 - x0 + 2 * margin, height = z1 - z0 + 2 * margin, aspect = Math.min(Math.max(width / height, 1), 2.5);
+    // The shorter side gets what the other leaves.
+    const grow = Math.max(0, aspect * height - width) / 2, rise = Math.max(0, width / aspect - height) / 2;
+    return plot(name, { type: "scatter", data: { datasets }, options: {
+      scales: { x: axis("x, right [m]", { min: x0 - margin - grow, max: x1 + margin + grow }), y: axis("z, forward [m]", { min: z0 - margin - rise, max: z1 + margin + rise }) },
+      plugins: { tooltip: { filter: item => item.raw.scan !== undefined, callbacks: { label } } } } }, aspect);
+  }
   function mapPlot(run, task) {
     const drive = scansOf(run), frame = list(drive.frame), xs = list(drive.x), zs = list(drive.z);
     if (!xs.length) return el("p", { class: "soft" }, "Places are known by name: there is no map.");
@@ -220,26 +234,16 @@
       if (lines[kind] && match >= 0) lines[kind].push(at(scan), at(match), { x: NaN, y: NaN });
     });
     const shown = list(task.shown).flatMap(query => [list(task.scan)[query.query || 0], ...matchesOf(task, query.query || 0).slice(0, 1).map(match => match.scan)]).map(at);
-    const dots = (label, data, colour, radius) => ({ label, legend: `${label} (${data.length})`, data, borderColor: colour, backgroundColor: colour,
-      pointRadius: radius, pointHitRadius: 4, borderWidth: 0 });
-    const joined = (belongsTo, data, colour, width = 1) => ({ belongsTo, data, showLine: true, spanGaps: false, borderColor: colour, borderWidth: width, pointRadius: 0, pointHitRadius: 0 });
     const rings = { ...dots("shown below", shown, "#7f6fc9", 6), legend: `shown below (${list(task.shown).length})`, backgroundColor: "transparent", borderWidth: 2, pointHitRadius: 0 };
-    const range = values => { const low = Math.min(...values), high = Math.max(...values); return [low, high]; };
-    const [x0, x1] = range(xs), [z0, z1] = range(zs), margin = .04 * Math.max(x1 - x0, z1 - z0, 10);
-    const width = x1 - x0 + 2 * margin, height = z1 - z0 + 2 * margin, aspect = Math.min(Math.max(width / height, 1), 2.5);
-    // Equal scales: the shorter side gets what the other leaves.
-    const grow = Math.max(0, aspect * height - width) / 2, rise = Math.max(0, width / aspect - height) / 2;
-    return plot(`map, ${run.title}, ${task.metrics.protocol}`, { type: "scatter", data: { datasets: [
+    return groundPlot(`map, ${run.title}, ${task.metrics.protocol}`, xs, zs, [
       ...(shown.length ? [rings] : []),
       dots("right", points.right, kRight, 2.5), dots("wrong", points.wrong, kWrong, 2.5), dots("missed", points.missed, kMissed, 2.5),
       dots("stored", list(task.stored).map(at), kStored, 1.5), dots("scans", frame.map((_, i) => at(i)), kPath, 1.2),
-      joined("right", lines.right, kRight + "80"), joined("wrong", lines.wrong, kWrong + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)] }, options: {
-      scales: { x: axis("x, right [m]", { min: x0 - margin - grow, max: x1 + margin + grow }), y: axis("z, forward [m]", { min: z0 - margin - rise, max: z1 + margin + rise }) },
-      plugins: { tooltip: { filter: item => item.raw.scan !== undefined, callbacks: { label: item => {
+      joined("right", lines.right, kRight + "80"), joined("wrong", lines.wrong, kWrong + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], item => {
         const raw = item.raw, text = [`${item.dataset.label || ""} ${frame[raw.scan]}`];
         if (raw.match >= 0) text.push(`best match ${frame[raw.match]}, ${number(Math.hypot(xs[raw.scan] - xs[raw.match], zs[raw.scan] - zs[raw.match]), 1)} m away`, `score ${number(raw.score, 4)}`);
         return text;
-      } } } } } }, aspect);
+      });
   }
   /** Shares of each kind in bins from `low` on, `width` wide; shares, as true matches are often too few to be seen as counts. */
   function histogram(name, low, width, series, threshold, title) {
@@ -329,16 +333,53 @@
     return details;
   }
 
+  // ---- loops
+  /** What `revisit loops` found: where, what recognised what, and how clearly. */
+  function loopSection(loops, index) {
+    const lines = list(loops.lines), name = loops.title, own = line => (line.match_drive || "") === (line.drive || "");
+    const isLoop = line => line.accepted, apart = line => line.position && line.match_position &&
+      Math.hypot((line.position.x || 0) - (line.match_position.x || 0), (line.position.z || 0) - (line.match_position.z || 0));
+    const found = lines.filter(isLoop), drives = [...new Set(found.map(line => line.match_drive || ""))].sort();
+    const rejected = lines.filter(line => line.registered && !line.registered.accepted);
+    const middle = values => values.length ? [...values].sort((a, b) => a - b)[values.length >> 1] : NaN;
+    const distances = found.filter(own).map(apart).filter(Number.isFinite);
+    const text = line => [`scan ${line.frame}`, ...(line.match_frame === undefined ? [] : [`like ${line.match_drive || ""} ${line.match_frame}`, `score ${number(line.score, 4)}`,
+      ...(line.yaw_deg === undefined ? [] : [`turned by ${number(line.yaw_deg, 1)} degrees`]), ...(Number.isFinite(apart(line)) ? [`${number(apart(line), 1)} m apart by the poses`] : [])])];
+    const label = item => text(lines[item.raw.scan]);
+    const point = (line, x, y) => ({ x, y, scan: lines.indexOf(line) });
+    const ground = line => point(line, line.position.x || 0, line.position.z || 0), place = line => ({ x: line.match_position.x || 0, y: line.match_position.z || 0 });
+    const placed = lines.filter(line => line.position), xs = placed.map(line => line.position.x || 0), zs = placed.map(line => line.position.z || 0);
+    const onMap = found.filter(line => line.position && line.match_position);
+    const matrix = plot(`who recognised what, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
+      dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, line.match_frame)), kColours[i % kColours.length], 2.5)) },
+      options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognised (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
+    const asked = lines.filter(line => line.score !== undefined);
+    const scores = plot(`scores, ${name}`, { type: "scatter", data: { datasets: [dots("accepted", found.map(line => point(line, line.frame, line.score)), kRight, 2.2),
+      ...(rejected.length ? [dots("did not fit when registered", rejected.map(line => point(line, line.frame, line.score)), kWrong, 2.5)] : []),
+      dots("not accepted", asked.filter(line => !isLoop(line) && !line.registered).map(line => point(line, line.frame, line.score)), kPath, 1.6)] },
+      options: { scales: { x: axis("scan"), y: axis("score") }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
+    return el("section", { id: `loops${index + 1}` }, el("h2", {}, `Loops: ${name}`),
+      table([["scans in the file", "n"], ["loops", "n"], ["did not fit when registered", "n"], ["median score", "n"], ["apart by the poses, median [m]", "n"], ["largest [m]", "n"]],
+        [[String(lines.length), String(found.length), String(rejected.length), number(middle(found.map(line => line.score))), number(middle(distances), 2), number(distances.reduce((a, b) => Math.max(a, b), -1) < 0 ? NaN : Math.max(...distances), 2)]]),
+      placed.length ? el("div", { class: "card map" }, groundPlot(`map of loops, ${name}`, [...xs, ...onMap.map(line => place(line).x)], [...zs, ...onMap.map(line => place(line).y)], [
+        dots("recognised", found.filter(line => line.position).map(ground), kRight, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
+        joined("recognised", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kRight + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
+        : el("p", { class: "soft" }, "The scans have no poses: there is no map."),
+      found.length ? el("div", { class: "grid" }, el("div", { class: "card" }, matrix), el("div", { class: "card" }, scores)) : el("p", {}, "No place was recognised."));
+  }
+
   // ---- the page
-  const experiments = list(page.experiments), runs = list(page.runs);
+  const experiments = list(page.experiments), runs = list(page.runs), loops = list(page.loops);
   document.title = page.title || "revisit";
   root.append(
     el("header", {}, el("h1", {}, page.title || ""), el("p", { class: "soft" }, `revisit ${page.version}, ${page.made}`)),
     list(page.warnings).length ? el("div", {}, page.warnings.map(warning => el("p", { class: "note" }, warning))) : "",
     el("nav", {}, experiments.map(entry => el("a", { href: "#" + entry.experiment.name }, entry.experiment.title)), runs.length ? el("a", { href: "#runs" }, "Runs") : null),
-    overview(), ...experiments.map(experimentSection));
+    ...loops.map(loopSection), experiments.length || runs.length || !loops.length ? overview() : "", ...experiments.map(experimentSection));
   if (runs.length) root.append(el("section", { id: "runs" }, el("h2", {}, `Runs (${runs.length})`), ...runs.map((run, i) => runSection(run, i, runs.length === 1))));
   root.append(commandBox(page.command));
+
+  if (page.reload_seconds) setTimeout(() => location.reload(), 1000 * page.reload_seconds);
 
   function restyle() {
     for (const chart of charts) { theme(chart.options); chart.update("none"); }

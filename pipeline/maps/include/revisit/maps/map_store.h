@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "revisit/proto/error.h"
+
 namespace revisit::pipeline {
 
 /// A place as a map keeps it.
@@ -38,6 +40,22 @@ struct MapPosition {
   int64_t revision = 0;  // how often descriptors were replaced: when it grows, read again from 0
 };
 
+/// Scans of a drive that one process describes into a map, and no other meanwhile. It ends when
+/// MapStore::add() takes it, when it is destroyed (before its map), and with its process or
+/// connection: what was not added can then be claimed again.
+struct Claim {
+  std::string drive;
+  std::vector<int64_t> frames;              // ascending
+  std::map<int64_t, std::string> left_out;  // frame -> why it gets no place; nobody tries it again
+  virtual ~Claim() = default;
+};
+
+/// The connection of a claim was lost before its places were known to be added. Either they were,
+/// or others can claim them.
+class ClaimLost : public Error {
+  using Error::Error;
+};
+
 /// The places of one map. One thread at a time; other threads and processes open the map again.
 ///
 /// What changes the map is on the disk when the call returns, and is all done or not at all. It
@@ -60,9 +78,20 @@ class MapStore {
 
   /// Adds places, whatever their `id`, and returns the ids they have now. All numbers are finite.
   /// `revision`: what they were described for; when the map has another, nothing is added and no
-  /// ids are returned.
+  /// ids are returned. `claim`: all of the places are of it, and it ends in the same step. Throws
+  /// ClaimLost.
   virtual std::vector<int64_t> add(std::span<const StoredPlace> places,
-                                   std::optional<int64_t> revision = std::nullopt) = 0;
+                                   std::optional<int64_t> revision = std::nullopt,
+                                   Claim* claim = nullptr) = 0;
+
+  /// The map is to have a place of each of these frames of a drive. Frames that have one, that were
+  /// left out or are expected already stay as they are. A file forgets it when it is closed.
+  virtual void expect(const std::string& drive, std::span<const int64_t> frames) = 0;
+  /// Up to `most` of the expected frames that nobody has claimed; null when there are none now.
+  /// Throws UsageError while another claim of this object is alive, and for `most` below 1.
+  virtual std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) = 0;
+  /// Frames of the drive still expected, claimed or not.
+  virtual int64_t expected(const std::string& drive) const = 0;
 
   /// Hands over the places with ids above `after`, ascending, as they are at one moment. Damaged
   /// ones are left out; `damaged` gets a message that names them. So it does, once, for what else
@@ -85,6 +114,9 @@ class MapStore {
 /// from which a place is accepted.
 inline constexpr const char* kBasisValue = "basis";
 inline constexpr const char* kThresholdValue = "threshold";
+
+/// What messages call a map: without the password of a server's address.
+std::string shown_name(const std::filesystem::path& map);
 
 enum class MapAccess { kRead, kWrite };
 

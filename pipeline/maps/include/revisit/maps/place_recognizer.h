@@ -73,6 +73,8 @@ class PlaceRecognizer {
   /// they were added to the map before it. Throws UsageError for a scan that
   /// was not described, and what MapStore::add() throws: the place is then not known either.
   int64_t add(const Description& scan, StoredPlace about);
+  /// The same for several scans in one step, and for `claim`, which ends with it.
+  void add(std::span<const Description> scans, std::vector<StoredPlace> about, Claim& claim);
   /// The best place but those at the positions `without` (ascending), which are of the same moment;
   /// nothing when there is none or the scan was not described.
   std::optional<Loop> query(const Description& scan, std::span<const int64_t> without = {}) const;
@@ -84,6 +86,11 @@ class PlaceRecognizer {
   void refresh();
   /// The same when the map says that there is something (MapStore::has_news()): cheap when not.
   void refresh_on_news();
+  /// Work that several processes share (MapStore). Throw UsageError without a map, and what
+  /// MapStore throws.
+  void expect(const std::string& drive, std::span<const int64_t> frames);
+  std::unique_ptr<Claim> claim(const std::string& drive, int64_t most);
+  int64_t expected(const std::string& drive) const;
   /// Keeps the threshold in the map.
   void calibrate(double threshold);
 

@@ -48,6 +48,9 @@ std::string run(const std::string& command) {
 }  // namespace
 
 std::string PostgresServer::missing() {
+#ifndef REVISIT_HAVE_POSTGRES
+  return "built without libpqxx";
+#endif
   if (programs().empty()) return "no PostgreSQL server is installed (postgresql)";
   if (::geteuid() == 0 && ::getpwnam("postgres") == nullptr) return "there is no user postgres";
   return "";

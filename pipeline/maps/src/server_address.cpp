@@ -1,4 +1,4 @@
-#include "address.h"
+#include "server_address.h"
 
 #include <algorithm>
 #include <charconv>

@@ -1,0 +1,136 @@
+// A ROS 2 node that says when the vehicle is where it has been before.
+//   ros2 run revisit_ros loop_closure_node --ros-args -r points:=/velodyne_points -p map:=town.map
+// Takes sensor_msgs/PointCloud2 on `points`. Gives geometry_msgs/PoseWithCovarianceStamped on
+// `loops`: where the scan with this stamp was taken, in the frame of the place's sensor, which is
+// called place_ID in the map. Only loops that fit when registered are given.
+#include <revisit/maps/place_recognizer.h>
+#include <revisit/recognition/ring/features.h>
+#include <revisit/registration/registration.h>
+
+#include <deque>
+#include <geometry_msgs/msg/pose_with_covariance_stamped.hpp>
+#include <map>
+#include <rclcpp/rclcpp.hpp>
+#include <sensor_msgs/msg/point_cloud2.hpp>
+
+using namespace revisit::pipeline;
+using sensor_msgs::msg::PointCloud2;
+using sensor_msgs::msg::PointField;
+using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;
+
+namespace {
+
+/// The points of a message, where they are. Throws UsageError when x, y, z are no floats.
+PointsView view_of(const PointCloud2& message) {
+  PointsView view{message.data.data(), size_t{message.width} * message.height, message.point_step};
+  int found = 0;
+  for (const PointField& field : message.fields) {
+    const bool wanted = field.name == "x" || field.name == "y" || field.name == "z";
+    if (!wanted || field.datatype != PointField::FLOAT32) continue;
+    (field.name == "x" ? view.x : field.name == "y" ? view.y : view.z) = field.offset;
+    ++found;
+  }
+  if (found != 3 || message.is_bigendian || message.data.size() < view.count * view.stride)
+    throw revisit::UsageError("points: expected little-endian float32 fields x, y and z");
+  return view;
+}
+
+class LoopClosureNode : public rclcpp::Node {
+ public:
+  LoopClosureNode() : Node("loop_closure") {
+    const RingModel model = shipped_ring_model(declare_parameter("sensor", "hdl64"));
+    const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
+    // `revisit loops --calibrate` finds a threshold, and keeps it in the map: then give a negative
+    // one.
+    const double threshold = declare_parameter("threshold", 0.55);
+    RecognizerOptions options;
+    if (threshold >= 0) options.threshold = threshold;
+    same_moment_ = declare_parameter("exclusion_seconds", 30.0);
+    const std::string file = declare_parameter("map", "");
+    const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
+    recognizer_ = std::make_unique<PlaceRecognizer>(
+        rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &identity));
+    drive_ = declare_parameter("drive", "ros");
+    loops_ = create_publisher<Pose>("loops", 10);
+    points_ = create_subscription<PointCloud2>("points", rclcpp::SensorDataQoS(),
+                                               [this](PointCloud2::ConstSharedPtr m) { take(*m); });
+  }
+
+ private:
+  void take(const PointCloud2& message) {
+    const PointsView points = view_of(message);
+    const Description scan = recognizer_->describe(points);
+    if (!scan.described()) {
+      RCLCPP_WARN(get_logger(), "%s", scan.why_not.c_str());
+      return;
+    }
+    const double time = rclcpp::Time(message.header.stamp).seconds();
+    while (!recent_.empty() && time - recent_.front().time > same_moment_) {
+      without_.erase(without_.begin());
+      recent_.pop_front();
+    }
+    PointCloud cloud;
+    copy_points(points, cloud);
+    const PreparedScan prepared(cloud);
+    if (const auto loop = recognizer_->query(scan, without_); loop && loop->accepted && loop->turn)
+      if (const auto there = prepared_.find(loop->position); there != prepared_.end()) {
+        const Registration r = register_scans(prepared, there->second, *loop->turn);
+        if (r.accepted) publish(message, *loop, r);
+      }
+    const int64_t position =
+        recognizer_->add(scan, {.drive = drive_, .frame = frame_++, .time = time});
+    prepared_.emplace(position, prepared);
+    recent_.push_back({position, time});
+    without_.push_back(position);
+  }
+
+  void publish(const PointCloud2& message, const Loop& loop, const Registration& r) {
+    Pose out;
+    out.header.stamp = message.header.stamp;
+    out.header.frame_id = "place_" + std::to_string(loop.id);
+    const Eigen::Vector3d t = r.T_place_query.translation();
+    const Eigen::Quaterniond q(r.T_place_query.rotation());
+    out.pose.pose.position.x = t.x();
+    out.pose.pose.position.y = t.y();
+    out.pose.pose.position.z = t.z();
+    out.pose.pose.orientation.x = q.x();
+    out.pose.pose.orientation.y = q.y();
+    out.pose.pose.orientation.z = q.z();
+    out.pose.pose.orientation.w = q.w();
+    // Of (t, rotation vector) in the scan's frame; to the place's axes, as ROS has it.
+    Eigen::Matrix<double, 6, 6> turn = Eigen::Matrix<double, 6, 6>::Zero();
+    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = r.T_place_query.rotation();
+    Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(out.pose.covariance.data()) =
+        turn * r.information.inverse() * turn.transpose();
+    loops_->publish(out);
+  }
+
+  struct Recent {
+    int64_t position = 0;
+    double time = 0;  // [s]
+  };
+  std::unique_ptr<PlaceRecognizer> recognizer_;
+  std::string drive_;
+  double same_moment_ = 0;  // [s]
+  int64_t frame_ = 0;
+  std::deque<Recent> recent_;
+  std::vector<int64_t> without_;              // positions of `recent_`
+  std::map<int64_t, PreparedScan> prepared_;  // of this drive; places of others are not registered
+  rclcpp::Publisher<Pose>::SharedPtr loops_;
+  rclcpp::Subscription<PointCloud2>::SharedPtr points_;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  rclcpp::init(argc, argv);
+  int code = 0;
+  try {
+    rclcpp::spin(std::make_shared<LoopClosureNode>());
+  } catch (const std::exception& error) {
+    RCLCPP_FATAL(rclcpp::get_logger("loop_closure"), "%s", error.what());
+    code = 1;
+  }
+  rclcpp::shutdown();
+  return code;
+}

@@ -1,0 +1,88 @@
+#include "tables.h"
+
+#include <cstdio>
+
+#include "checksum.h"
+#include "identity.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline::postgres {
+
+using pqxx::binarystring;
+
+binarystring bytes_of(std::string_view text) {
+  return binarystring(text.data(), text.size());
+}
+
+std::string bytes_in(const pqxx::field& field) {
+  return field.is_null() ? "" : binarystring(field).str();
+}
+
+int64_t value_checksum(std::string_view name, std::string_view bytes) {
+  return Checksum().bytes(name).bytes(bytes).value();
+}
+
+MapHead read_head(pqxx::transaction_base& step, const std::string& name) {
+  const pqxx::result rows = step.exec(
+      "SELECT version, identity, bytes_per_number, revision, "
+      "checksum FROM map WHERE id = 1");
+  if (rows.empty()) throw InputError(str(name, ": the head of this map is damaged: not found"));
+  const pqxx::row row = rows[0];
+  if (row[0].as<int>() > kMapVersion)
+    throw InputError(str(name, ": a map of version ", row[0].as<int>(),
+                         ", this program knows version ", kMapVersion, "; use a later revisit"));
+  const auto identity = row[1].as<std::string>();
+  const auto bytes_per_number = row[2].as<int64_t>(), revision = row[3].as<int64_t>();
+  if (head_checksum(identity, bytes_per_number, revision) != row[4].as<int64_t>() ||
+      (bytes_per_number != 2 && bytes_per_number != 4))
+    throw InputError(str(name, ": the head of this map is damaged: its checksum is wrong"));
+  return {.identity = identity_from(identity),
+          .format = bytes_per_number == 2 ? NumberFormat::kFloat16 : NumberFormat::kFloat32,
+          .revision = revision};
+}
+
+void write_head(pqxx::transaction_base& step, const MapHead& head) {
+  const std::string identity = text_of(head.identity);
+  const int64_t bytes_per_number = head.format == NumberFormat::kFloat16 ? 2 : 4;
+  step.exec_params(
+      "INSERT INTO map VALUES (1, $1, $2, $3, $4, $5) ON CONFLICT (id) DO UPDATE SET revision = "
+      "EXCLUDED.revision, checksum = EXCLUDED.checksum",
+      kMapVersion, identity, bytes_per_number, head.revision,
+      head_checksum(identity, bytes_per_number, head.revision));
+}
+
+void write_places(pqxx::transaction_base& step, int64_t places) {
+  step.exec_params(
+      "INSERT INTO counts VALUES (1, $1, $2) ON CONFLICT (id) DO UPDATE SET places = "
+      "EXCLUDED.places, checksum = EXCLUDED.checksum",
+      places, checksum_of(Counts{.places = places, .values = 0, .damage = ""}));
+}
+
+int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string* damage) {
+  const pqxx::result rows =
+      step.exec(str("SELECT places, checksum FROM counts WHERE id = 1", lock));
+  if (!rows.empty()) {
+    const auto places = rows[0][0].as<int64_t>();
+    if (checksum_of(Counts{.places = places, .values = 0, .damage = ""}) ==
+        rows[0][1].as<int64_t>())
+      return places;
+  }
+  if (damage != nullptr) *damage = rows.empty() ? "not found" : "its checksum is wrong";
+  return step.exec("SELECT coalesce(max(id), 0) FROM place")[0][0].as<int64_t>();
+}
+
+int64_t lock_places(pqxx::transaction_base& step) {
+  return read_places(step, " FOR UPDATE");
+}
+
+void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,
+                 const StoredPlace& place, const PlaceRow& row, int64_t revision, int64_t call) {
+  const RowView view = view_of(place, row, revision);
+  char time[40] = "";
+  if (view.time) std::snprintf(time, sizeof(time), "%.17g", *view.time);
+  step.exec_params(sql, id, place.drive, view.frame, std::string(time), bytes_of(view.pose),
+                   bytes_of(view.descriptor), bytes_of(view.feature), revision,
+                   checksum_of(id, view), call);
+}
+
+}  // namespace revisit::pipeline::postgres

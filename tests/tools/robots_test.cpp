@@ -1,0 +1,186 @@
+// Several processes and one map on a PostgreSQL server.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include "postgres_server.h"
+#include "test_data.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using test::PostgresServer;
+using Cells = std::vector<std::string>;
+
+/// A line of CSV without quotes, after the head.
+std::vector<Cells> csv(const std::string& text) {
+  std::vector<Cells> lines;
+  std::istringstream in(text);
+  std::string line;
+  std::getline(in, line);
+  while (std::getline(in, line)) {
+    Cells& cells = lines.emplace_back();
+    std::istringstream of_line(line);
+    for (std::string cell; std::getline(of_line, cell, ',');) cells.push_back(cell);
+  }
+  return lines;
+}
+
+class Robots : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string why = PostgresServer::missing(); !why.empty()) GTEST_SKIP() << why;
+    server_.emplace();
+  }
+  std::string run(const std::string& command, int expected = 0) const {
+    const auto result = test::run_revisit(command);
+    EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
+    return result.out;
+  }
+  std::string map() const { return "'" + server_->url("town") + "'"; }
+  /// Frames of each drive in the map.
+  std::map<std::string, std::multiset<int>> places() const {
+    std::map<std::string, std::multiset<int>> frames;
+    for (const Cells& place : csv(run("map places " + map())))
+      frames[place.at(1)].insert(std::stoi(place.at(2)));
+    return frames;
+  }
+  void wait_for_places(int n) const {
+    for (int tries = 0; tries < 600; ++tries) {
+      try {
+        if (std::stoi(server_->execute("SELECT count(*) FROM town.place")) >= n) return;
+      } catch (const std::runtime_error&) {  // there is no map yet
+      }
+      ::usleep(50'000);
+    }
+    ADD_FAILURE() << "no " << n << " places in 30 s";
+  }
+  void restart() {
+    server_->kill();
+    server_->start();
+  }
+
+  std::optional<PostgresServer> server_;
+  test::TempDir folder_;
+};
+
+/// Two robots set out at one place, one along KITTI's route 00, the other along 05.
+TEST_F(Robots, RecogniseEachOthersPlacesWhileDriving) {
+  constexpr int kFrames = 400, kEvery = 4;
+  std::vector<std::string> lines;
+  for (const char* route : {"00", "05"}) {
+    REVISIT_NEED_SHARED(poses, std::string("data/kitti/poses/") + route + ".txt");
+    std::ifstream in(poses);
+    std::string line;
+    for (int i = 0; i < kFrames && std::getline(in, line); ++i) lines.push_back(line);
+  }
+  std::vector<std::pair<double, double>> at;
+  {
+    std::ofstream poses(folder_ / "poses.txt");
+    for (const std::string& line : lines) {
+      poses << line << "\n";
+      std::istringstream numbers(line);
+      const std::vector<double> p{std::istream_iterator<double>(numbers), {}};
+      at.emplace_back(p.at(3), p.at(11));
+    }
+  }
+  run("simulate -o '" + (folder_ / "town").string() + "' --sensor vlp16 --poses '" +
+      (folder_ / "poses.txt").string() + "' --every " + std::to_string(kEvery) + " -q");
+  std::vector<std::string> found(2);
+  std::vector<std::thread> robots;
+  for (int robot = 0; robot < 2; ++robot) {
+    const fs::path list = folder_ / ("list" + std::to_string(robot));
+    std::ofstream out(list);
+    for (int i = 0; i < kFrames; i += kEvery) {
+      char name[20];
+      std::snprintf(name, sizeof(name), "%06d.bin", robot * kFrames + i);
+      out << (folder_ / "town/sequences/00/velodyne" / name).string() << "\n";
+    }
+    out.close();
+    robots.emplace_back([this, robot, list, &found] {
+      const std::string result = list.string() + ".csv";
+      const std::string command =
+          std::string("'") + REVISIT_PROGRAM +
+          "' loops - --sensor vlp16 --exclusion frames=25 --first-stretch 50 --threshold 0.7 -q "
+          "--threads 1 --drive " +
+          std::to_string(robot) + " --map " + map() + " -o '" + result + "' < '" + list.string() +
+          "'";
+      EXPECT_EQ(std::system(command.c_str()), 0);
+      found[static_cast<size_t>(robot)] = test::read_file(result);
+    });
+  }
+  wait_for_places(60);
+  restart();
+  for (std::thread& robot : robots) robot.join();
+
+  int of_each_other = 0;
+  std::vector<double> apart;  // scans and their matches [m]
+  for (int robot = 0; robot < 2; ++robot)
+    for (const Cells& loop : csv(found[static_cast<size_t>(robot)])) {
+      const int other = loop.at(2).empty() ? robot : std::stoi(loop.at(2));
+      of_each_other += other != robot ? 1 : 0;
+      const auto where = [&](int drive, const std::string& frame) {
+        return at.at(static_cast<size_t>(drive * kFrames + std::stoi(frame) * kEvery));
+      };
+      const auto a = where(robot, loop.at(0)), b = where(other, loop.at(3));
+      apart.push_back(std::hypot(a.first - b.first, a.second - b.second));
+    }
+  EXPECT_GE(of_each_other, 5);
+  // The first scans are compared before the rings' mean is known well.
+  std::ranges::sort(apart);
+  EXPECT_LT(apart.at(apart.size() / 2), 5);
+  EXPECT_LT(apart.back(), 15);
+  const auto kept = places();
+  for (const char* drive : {"0", "1"}) {
+    EXPECT_EQ(kept.at(drive).size(), kFrames / kEvery);
+    EXPECT_EQ(std::set<int>(kept.at(drive).begin(), kept.at(drive).end()).size(), kFrames / kEvery);
+  }
+}
+
+TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
+  const std::string town = (folder_ / "town").string();
+  run("simulate -o '" + town + "' --sensor vlp16 --length 400 --every 2 -q");
+  const std::string url = server_->url("town");
+  const auto start = [&] {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      ::execl(REVISIT_PROGRAM, "revisit", "map", "build", town.c_str(), "--sensor", "vlp16",
+              "--threads", "1", "--first-stretch", "30", "-q", "--map", url.c_str(), nullptr);
+      std::_Exit(1);
+    }
+    return child;
+  };
+  const pid_t killed = start(), other = start();
+  wait_for_places(40);
+  ::kill(killed, SIGKILL);
+  restart();
+  int status = 0;
+  ::waitpid(killed, &status, 0);
+  EXPECT_TRUE(WIFSIGNALED(status)) << "it ended before it was killed";
+  ::waitpid(other, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+
+  std::multiset<int> expected;
+  for (const auto& scan : fs::directory_iterator(town + "/sequences/00/velodyne"))
+    expected.insert(std::stoi(scan.path().stem()));
+  EXPECT_EQ(places().at("00"), expected);
+  const std::string again =
+      run("map build '" + town + "' --sensor vlp16 --no-progress --map " + map());
+  EXPECT_NE(again.find(" 0 added here"), std::string::npos) << again;
+}
+
+}  // namespace
+}  // namespace revisit::cli

@@ -1,0 +1,102 @@
+#include "build_map.h"
+
+#include <thread>
+#include <unordered_map>
+
+#include "revisit/datasets/scan_file.h"
+#include "revisit/engine/parallel_for.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+namespace {
+
+using pipeline::Claim;
+using pipeline::Description;
+using pipeline::ScanRef;
+
+/// Scans of a claim for each thread: the more, the fewer steps of the map, and the more is lost
+/// with a process.
+constexpr int64_t kScansAtOnce = 8;
+/// Others have the last scans: when one of them ends before it has added its own, they come back.
+constexpr std::chrono::milliseconds kOthersAtWork{250};
+
+Description describe(const pipeline::PlaceRecognizer& recognizer, const ScanRef& scan) {
+  try {
+    const pipeline::PointCloud cloud = pipeline::read_scan(scan.file);
+    return recognizer.describe(view_of(cloud));
+  } catch (const InputError& error) {
+    return {{}, error.what()};
+  }
+}
+
+using ByFrame = std::unordered_map<int64_t, const ScanRef*>;
+
+const ScanRef* scan_of(int64_t frame, const ByFrame& by_frame, const BuildMap& options) {
+  const auto found = by_frame.find(frame);
+  if (found == by_frame.end())
+    throw InputError(str("the map expects frame ", frame, " of drive '", options.drive,
+                         "', which is not among these scans: give the data that the others have, "
+                         "or another name for this drive"));
+  return found->second;
+}
+
+}  // namespace
+
+Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
+                const BuildMap& options) {
+  ByFrame by_frame;
+  std::vector<int64_t> frames;
+  for (const ScanRef& scan : scans) {
+    by_frame[scan.frame] = &scan;
+    frames.push_back(scan.frame);
+  }
+  recognizer.expect(options.drive, frames);
+  const int64_t missing = recognizer.expected(options.drive);
+  Built built;
+  while (true) {
+    const int64_t left = recognizer.expected(options.drive);
+    options.done(missing - left, missing);
+    if (left == 0) return built;
+    if (options.stop())
+      throw Interrupted("stopped; what was added is kept; the same command goes on");
+    try {
+      const auto claim = recognizer.claim(options.drive, kScansAtOnce * options.threads);
+      if (claim == nullptr) {
+        std::this_thread::sleep_for(kOthersAtWork);
+        continue;
+      }
+      std::vector<const ScanRef*> claimed;
+      for (const int64_t frame : claim->frames)
+        claimed.push_back(scan_of(frame, by_frame, options));
+      std::vector<Description> described(claimed.size());
+      parallel_for(static_cast<int64_t>(claimed.size()), options.threads, [&](int64_t i) {
+        described[static_cast<size_t>(i)] = describe(recognizer, *claimed[static_cast<size_t>(i)]);
+      });
+      std::vector<Description> good;
+      std::vector<pipeline::StoredPlace> places;
+      for (size_t i = 0; i < claimed.size(); ++i) {
+        const ScanRef& scan = *claimed[i];
+        if (!described[i].described()) {
+          claim->left_out[scan.frame] = str(scan.file.string(), ": ", described[i].why_not);
+          continue;
+        }
+        pipeline::StoredPlace place;
+        place.drive = options.drive;
+        place.frame = scan.frame;
+        place.time = scan.time;
+        place.pose = scan.pose;
+        places.push_back(std::move(place));
+        good.push_back(std::move(described[i]));
+      }
+      recognizer.add(good, std::move(places), *claim);
+      built.added += static_cast<int64_t>(good.size());
+      for (const auto& [frame, why] : claim->left_out) {
+        ++built.left_out;
+        options.left_out(why);
+      }
+    } catch (const pipeline::ClaimLost&) {  // others have it, or we again
+    }
+  }
+}
+
+}  // namespace revisit::cli

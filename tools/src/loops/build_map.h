@@ -1,0 +1,31 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "revisit/datasets/dataset.h"
+#include "revisit/maps/place_recognizer.h"
+
+namespace revisit::cli {
+
+struct BuildMap {
+  std::string drive;  // its name in the map
+  int threads = 1;
+  std::function<bool()> stop;
+  std::function<void(int64_t done, int64_t of)>
+      done;  // by all processes; of those not there before
+  std::function<void(const std::string& why)> left_out;
+};
+
+struct Built {
+  int64_t added = 0, left_out = 0;  // by this process
+};
+
+/// Adds the scans that the recogniser's map has not to it, together with all others that do the
+/// same, and returns when none is missing. A scan that cannot be read or described gets no place.
+/// Throws what PlaceRecognizer does, Interrupted.
+Built build_map(const std::vector<pipeline::ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
+                const BuildMap& options);
+
+}  // namespace revisit::cli

@@ -1,0 +1,41 @@
+#include "map_options.h"
+
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+
+using pipeline::NumberFormat;
+
+void MapOptions::declare(Parser& parser) {
+  parser.group("Map:")
+      .option("map", "FILE",
+              "where places are kept; made when missing (default: nowhere). "
+              "postgresql://HOST/DATABASE?map=NAME: on a server, with other robots",
+              &file)
+      .option("basis", "MAP",
+              "a new map takes over what that one learnt from its first stretch, so that both can "
+              "be merged",
+              &basis)
+      .option("drive", "NAME", "what this drive is called in the map (default: its sequence)",
+              &drive)
+      .option("first-stretch", "N", "ring: its mean is learnt from so many places (default 200)",
+              &first_stretch)
+      .choice<NumberFormat>(
+          "numbers", {{"float32", NumberFormat::kFloat32}, {"float16", NumberFormat::kFloat16}},
+          "of a new map (default float32)", &numbers);
+}
+
+void MapOptions::check() const {
+  if (!basis.empty() && file.empty()) throw UsageError("--basis: add --map, which takes it");
+}
+
+std::unique_ptr<pipeline::MapStore> MapOptions::open(const RecognizerSource& source) const {
+  if (file.empty()) return nullptr;
+  const pipeline::MapIdentity identity =
+      pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
+  auto map = pipeline::open_map(file, pipeline::MapAccess::kWrite, &identity, numbers);
+  if (!basis.empty()) pipeline::take_over_basis(*map, basis);
+  return map;
+}
+
+}  // namespace revisit::cli
