@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "expect_error.h"
+#include "revisit/maps/large_maps.h"
 #include "revisit/recognition/ring/match.h"
 #include "test_data.h"
 
@@ -215,6 +216,35 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.first_stretch = 1}); },
                            {"first_stretch", "found 1"});
+}
+
+TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
+  try {
+    need_faiss();
+  } catch (const UsageError& error) {
+    GTEST_SKIP() << error.what();
+  }
+  const test::TempDir dir;
+  const RecognizerOptions with{.first_stretch = 20, .graph_candidates = 30};
+  RecognizerOptions without = with;
+  without.graph_candidates = 0;
+  PlaceRecognizer all(coordinates(), without);
+  {
+    PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
+    for (int i = 0; i < 300; ++i)
+      for (PlaceRecognizer* recognizer : {&all, &graph})
+        recognizer->add(recognizer->describe(view_of(scan_of(i))), {.frame = i});
+  }
+  const PlaceRecognizer graph(coordinates(), with, map_in(dir / "map"));
+  int same = 0;
+  for (int i = 300; i < 400; ++i) {
+    const auto a = all.query(all.describe(view_of(scan_of(i)))),
+               b = graph.query(graph.describe(view_of(scan_of(i))));
+    same += a->position == b->position && a->score == b->score ? 1 : 0;
+  }
+  EXPECT_GE(same, 98);
+  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = -1}); },
+                           {"graph_candidates"});
 }
 
 TEST(PlaceRecognizer, ManyThreadsDescribeAskAndAdd) {

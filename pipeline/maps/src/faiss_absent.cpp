@@ -14,6 +14,10 @@ namespace {
 
 }  // namespace
 
+void need_faiss() {
+  fail();
+}
+
 std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex&, const GraphOptions&) {
   fail();
 }

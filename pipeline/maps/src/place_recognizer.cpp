@@ -6,8 +6,10 @@
 #include <mutex>
 #include <numeric>
 #include <shared_mutex>
+#include <thread>
 #include <utility>
 
+#include "revisit/maps/large_maps.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/text.h"
 #include "revisit/recognition/place_index.h"
@@ -72,7 +74,8 @@ struct PlaceRecognizer::Impl {
   bool settled = false;             // the basis will not change any more
   std::vector<StoredPlace> places;  // without descriptor and feature
   std::optional<PlaceIndex> index;
-  FloatMatrix features;  // of the places, while the basis is not settled
+  bool has_graph = false;  // the index
+  FloatMatrix features;    // of the places, while the basis is not settled
   MapPosition read_to;
   std::optional<double> threshold;
 
@@ -88,12 +91,22 @@ struct PlaceRecognizer::Impl {
     threshold = options.threshold;
     if (!extractor.reduce) settle(as_it_is(extractor));
     if (map) take_in_new_places();
+    use_graph();
+  }
+
+  /// Once there are descriptors that stay.
+  void use_graph() {
+    if (options.graph_candidates == 0 || has_graph || !settled || index->size() == 0) return;
+    const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+    index->choose_by(graph_of_keys(*index, {.threads = threads}), options.graph_candidates);
+    has_graph = true;
   }
 
   void settle(Basis fixed) {
     basis = std::move(fixed);
     settled = true;
     index.emplace(*basis);
+    has_graph = false;
     features = {};
   }
 
@@ -211,19 +224,20 @@ struct PlaceRecognizer::Impl {
   /// basis, in the map, too, by the one of those who add places that comes first. The others take
   /// its basis.
   void end_the_stretch_in_time() {
-    if (settled || !ends_the_stretch()) return;
+    if (settled || !ends_the_stretch()) return use_graph();
     if (map) {
       const bool first = map->replace_descriptors(
           [&](const StoredPlace& place) { return descriptor_of(place.feature); },
           {{kBasisValue, basis->content}}, read_to.revision);
       if (!first) {
         take_in_new_places();
-        return;
+        return use_graph();
       }
       ++read_to.revision;
     }
     settled = true;
     features = {};
+    use_graph();
   }
 
   Impl& need_map() {
@@ -249,6 +263,10 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
                          options.first_stretch));
   if (options.k < 1)
     throw UsageError(str("RecognizerOptions::k: expected at least 1, found ", options.k));
+  if (options.graph_candidates < 0)
+    throw UsageError(str("RecognizerOptions::graph_candidates: expected at least 0, found ",
+                         options.graph_candidates));
+  if (options.graph_candidates > 0) need_faiss();  // now, not when the first stretch ends
   impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), damaged);
 }
 

@@ -21,6 +21,7 @@ constexpr Setting kSettings[] = {
     {"Net::layer_names", "'revisit net inspect'"},
     {"PlanOptions::max_run_bytes", "--max-run-mb"},
     {"RecognizerOptions::first_stretch", "--first-stretch"},
+    {"RecognizerOptions::graph_candidates", "--graph-candidates"},
     {"RecognizerOptions::k", "--k"},
     {"ReductionOptions::memory_gb", "--memory"},
     {"RingOptions::adapt", "--ring-adapt"},

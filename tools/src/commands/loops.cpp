@@ -31,6 +31,7 @@ struct LoopsOptions {
   std::string calibrate_sequence;
   double precision = 1, radius = 5;
   int k = pipeline::RecognizerOptions().k;
+  int64_t graph_candidates = 0;
   std::optional<double> follow;
   bool verify = false, all = false;
 };
@@ -61,6 +62,10 @@ LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
             "that do not fit are not accepted",
             &o.verify)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
+      .option("graph-candidates", "N",
+              "of maps beyond some 100,000 places: compare so many, which a graph of keys proposes "
+              "(FAISS)",
+              &o.graph_candidates)
       .flag("all", "a line for every scan, not for accepted loops alone", &o.all)
       .option("follow", "SECONDS",
               "DATA is a folder that grows: go on until nothing comes for so long", &o.follow);
@@ -190,6 +195,7 @@ int loops_command(const Arguments& arguments) {
   described.options.threshold = o.threshold;
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
+  described.options.graph_candidates = o.graph_candidates;
   std::optional<double> threshold = o.threshold;
   auto map = o.map.open(described);  // before the work of calibrating
   if (!o.calibrate.empty()) {

@@ -9,6 +9,9 @@
 /// index without keys or places, for options that are none, and in a program built without FAISS.
 namespace revisit::pipeline {
 
+/// Throws UsageError in a program built without FAISS.
+void need_faiss();
+
 /// A graph from place to similar place (HNSW), keys in half precision.
 struct GraphOptions {
   int links = 16;           // of a place; twice as many in the lowest layer

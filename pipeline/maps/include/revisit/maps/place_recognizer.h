@@ -24,6 +24,9 @@ struct RecognizerOptions {
   std::optional<double> threshold;
   int k = 4;
   Score score = Score::kMargin;
+  /// Of large maps: so many places, proposed by a graph of their keys, are compared (large_maps.h).
+  /// The graph is made when a map is opened and grows with it; it is not kept. 0: no graph.
+  int64_t graph_candidates = 0;
 };
 
 /// What a scan looks like.
