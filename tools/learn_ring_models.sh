@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Makes the ring models that the program carries, pipeline/recognition/ring_models/SENSOR.ring, anew:
 # for each sensor a drive through a simulated town, and what scans of one place share in it. The
-# drives take 4 GB in FOLDER (default results/ring_models) and some minutes.
-#   tools/learn_ring_models.sh [FOLDER]
+# drives take 4 GB in FOLDER (default results/ring_models) and some minutes. With the folder of
+# SqueezeNet v1.0 also those of its columns, SENSOR-squeezenet.ring.
+#   tools/learn_ring_models.sh [FOLDER [DEPLOY.PROTOTXT WEIGHTS.CAFFEMODEL]]
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -16,4 +17,9 @@ for sensor in hdl64 vlp16 ouster-os1-64; do
   "$revisit" simulate -o "$work/$sensor" --sensor $sensor --route both --length 2400 --every 4 --seed 3 --quiet
   "$revisit" learn "$work/$sensor" --sensor $sensor --model "$work/$net/${net}_random.prototxt" --layers pool1=64 \
     --cache "$work/$sensor/rings" -o "$root/pipeline/recognition/ring_models/$sensor.ring"
+  [ $# -eq 3 ] || continue
+  layers=pool1=32,pool4=32
+  [ $sensor != vlp16 ] || layers=pool1=64  # 16 rows are too few for the deeper one
+  "$revisit" learn "$work/$sensor" --sensor $sensor --model "$2" --weights "$3" --layers $layers \
+    --cache "$work/$sensor/squeezenet_rings" -o "$root/pipeline/recognition/ring_models/$sensor-squeezenet.ring"
 done

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "expect_error.h"
 #include "revisit/datasets/dataset_features.h"
 #include "revisit/datasets/learn_ring.h"
 #include "revisit/datasets/scan_file.h"
@@ -15,18 +16,22 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
+constexpr const char* kSqueezeNet = "0c5ba9eceae67db71dbfde095d807f4e1006c946";  // SHA-1
 
 TEST(ShippedRingModel, IsForItsSensorAndSmall) {
-  for (const std::string& sensor : shipped_ring_models()) {
-    const RingModel model = shipped_ring_model(sensor);
-    EXPECT_EQ(model.sensor, sensor);
-    const ImageGeometry image = ring_geometry(sensor);
-    EXPECT_EQ(model.image.height, image.height);
-    EXPECT_EQ(model.image.elevation_top, image.elevation_top);
-    const test::TempDir folder;
-    write_ring_model(folder / "model", model);
-    EXPECT_LT(std::filesystem::file_size(folder / "model"), 2U << 20);
-  }
+  for (const std::string& sensor : shipped_ring_models())
+    for (const char* weights : {"", kSqueezeNet}) {
+      const RingModel model = shipped_ring_model(sensor, weights);
+      EXPECT_EQ(model.sensor, sensor);
+      EXPECT_TRUE(*weights == '\0' || model.weights_sha1 == weights);
+      const ImageGeometry image = ring_geometry(sensor);
+      EXPECT_EQ(model.image.height, image.height);
+      EXPECT_EQ(model.image.elevation_top, image.elevation_top);
+      const test::TempDir folder;
+      write_ring_model(folder / "model", model);
+      EXPECT_LT(std::filesystem::file_size(folder / "model"), 2U << 20);
+    }
+  test::expect_error<UsageError>([] { shipped_ring_model("hdl64", "0123"); }, {"these weights"});
 }
 
 /// A scan whose every return lies in the middle of a pixel, so that a turn by whole columns moves
@@ -72,11 +77,10 @@ TEST(RingFeatures, TurnWithTheScan) {
 }
 
 /// As `revisit eval --feature ring --protocol leave-one-out --exclusion none` on the 12 real scans.
-TEST(RingFeatures, OnRealScansEveryPlaceIsFound) {
-  REVISIT_NEED_SHARED(kitti, "data/kitti");
+void expect_every_place_found(const std::filesystem::path& kitti, const RingModel& model,
+                              const engine::Net& net) {
   const Dataset dataset = open_dataset(kitti, "00", {.poses = true});
-  const RingModel model = shipped_ring_model("hdl64");
-  const FeatureExtractor extractor = ring_recogniser(model, ring_net(model), {});
+  const FeatureExtractor extractor = ring_recogniser(model, net, {});
   const test::TempDir folder;
   const Observer nobody;
   DatasetFeatures features(dataset, extractor, {.align = AlignCase::kNone, .threads = 2},
@@ -118,6 +122,19 @@ TEST(RingFeatures, OnRealScansEveryPlaceIsFound) {
   EXPECT_EQ(found, 11);
   std::ranges::sort(errors);
   EXPECT_LT(errors[errors.size() / 2], kTurn / 360);
+}
+
+TEST(RingFeatures, OnRealScansEveryPlaceIsFound) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  const RingModel model = shipped_ring_model("hdl64");
+  expect_every_place_found(kitti, model, ring_net(model));
+}
+
+TEST(RingFeatures, OfATrainedNetworkFindEveryPlace) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  REVISIT_NEED_SHARED(weights, "data/caffemodels/squeezenet_v1.0/weights.caffemodel");
+  const RingModel model = shipped_ring_model("hdl64", kSqueezeNet);
+  expect_every_place_found(kitti, model, ring_net(model, weights));
 }
 
 }  // namespace

@@ -253,9 +253,11 @@ FeatureSource open_ring(const FeatureOptions& options) {
     throw UsageError("--feature ring: the scans are of no sensor that a model comes with (" +
                      joined(pipeline::shipped_ring_models(), ", ") +
                      "): learn one with `revisit learn`, and give it with --ring");
-  const pipeline::RingModel model = options.ring.empty()
-                                        ? pipeline::shipped_ring_model(options.image.sensor)
-                                        : pipeline::read_ring_model(options.ring);
+  const pipeline::RingModel model =
+      options.ring.empty() ? pipeline::shipped_ring_model(
+                                 options.image.sensor,
+                                 options.weights.empty() ? "" : models::file_sha1(options.weights))
+                           : pipeline::read_ring_model(options.ring);
   fs::path weights;
   if (model.weights.empty()) {
     weights = options.weights.empty() ? models::find_model({}).weights : options.weights;

@@ -67,8 +67,9 @@ RingModel parse_ring_model(std::string_view content, const std::string& name);
 
 /// The models that come with the library, learnt from simulated towns by
 /// tools/learn_ring_models.sh: the sensors' names as sensor_geometry() takes them. Their network is
-/// one convolution with random weights. Throws UsageError for another sensor.
+/// one convolution with random weights; with the SHA-1 of SqueezeNet v1.0's weights, which
+/// ring_net() is then to be given, it is that. Throws UsageError for another sensor and for others.
 std::vector<std::string> shipped_ring_models();
-RingModel shipped_ring_model(const std::string& sensor);
+RingModel shipped_ring_model(const std::string& sensor, const std::string& weights_sha1 = "");
 
 }  // namespace revisit::pipeline
