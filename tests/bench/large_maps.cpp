@@ -1,5 +1,5 @@
 // Search in large maps of synthetic places, as rows of the tables in docs/SCALE.md.
-//   revisit_large_maps PLACES cosines|rings WAY...
+//   revisit_large_maps PLACES cosines[NUMBERS]|rings WAY...
 // Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
 // once), all (rings at every heading), graph, lists. The time of a query is the least of several
 // rounds, in which all ways take turns.
@@ -62,8 +62,9 @@ class Gaussian {
   std::vector<float> table_;
 };
 
-/// Places and queries. The i-th of the numbers spreads as i^-0.75, as variances of a PCA fall. A
-/// query is a place with half as much noise, at another heading for rings.
+/// Places and queries. The i-th of the numbers (400 of cosines if not said) spreads as i^-0.75, as
+/// variances of a PCA fall. A query is a place with half as much noise, at another heading for
+/// rings.
 struct World {
   RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
   bool rings;
@@ -71,8 +72,8 @@ struct World {
   std::vector<float> spread;
   Gaussian random{7};
 
-  explicit World(bool of_rings) : rings(of_rings) {
-    basis.dim = rings ? layout.numbers() : 400;
+  World(bool of_rings, int numbers) : rings(of_rings) {
+    basis.dim = rings ? layout.numbers() : numbers;
     if (rings) {
       basis.similarity = ring_similarity(layout);
       basis.key_of = ring_key(layout);
@@ -80,7 +81,7 @@ struct World {
       for (size_t f = 0; f < layout.counts.size(); ++f)
         for (int part = 0; part < (f > 0 ? 2 : 1); ++part) add_spread(layout.counts[f], 0.4F);
     } else {
-      add_spread(400, 0.75F);
+      add_spread(numbers, 0.75F);
     }
   }
   void add_spread(int count, float power) {
@@ -154,8 +155,9 @@ void print(const std::string& places, const std::string& feature, Way& way,
   std::fflush(stdout);
 }
 
-void measure(int64_t n, bool rings, const std::vector<std::string>& names) {
-  World world(rings);
+void measure(int64_t n, const std::string& feature, const std::vector<std::string>& names) {
+  const bool rings = feature == "rings";
+  World world(rings, feature == "cosines" ? 400 : std::atoi(feature.c_str() + 7));
   const auto wants = [&](const char* name) {
     return std::ranges::find(names, name) != names.end();
   };
@@ -223,7 +225,7 @@ void measure(int64_t n, bool rings, const std::vector<std::string>& names) {
   const std::vector<Match>* exact = nullptr;
   for (const Way& way : ways)
     if (way.name == "exact" || way.name == "every heading") exact = &way.matches;
-  const std::string places = std::to_string(n), feature = rings ? "rings" : "cosines";
+  const std::string places = std::to_string(n);
   for (Way& way : ways) print(places, feature, way, way.name == "sgemv" ? nullptr : exact);
   keys = {};
 
@@ -249,16 +251,16 @@ void measure(int64_t n, bool rings, const std::vector<std::string>& names) {
 }  // namespace
 
 int main(int count, char** arguments) try {
-  if (count < 4) {
-    std::cerr << "usage: revisit_large_maps PLACES cosines|rings WAY...\n";
+  if (count < 4 ||
+      (std::string(arguments[2]) != "rings" && !std::string(arguments[2]).starts_with("cosines"))) {
+    std::cerr << "usage: revisit_large_maps PLACES cosines[NUMBERS]|rings WAY...\n";
     return 2;
   }
   openblas_set_num_threads(1);
   std::cout << "| places | compared | search | build [s] | bytes a place | queries/s | p50 [ms] | "
                "p99 [ms] | recall of the best | of the best four "
                "|\n|---|---|---|---|---|---|---|---|---|---|\n";
-  measure(std::atoll(arguments[1]), std::string(arguments[2]) == "rings",
-          {arguments + 3, arguments + count});
+  measure(std::atoll(arguments[1]), arguments[2], {arguments + 3, arguments + count});
 } catch (const std::exception& error) {
   std::cerr << error.what() << '\n';
   return 1;
