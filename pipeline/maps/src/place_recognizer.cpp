@@ -137,9 +137,10 @@ struct PlaceRecognizer::Impl {
   }
   bool ends_the_stretch() const { return features.n >= options.first_stretch; }
 
+  /// Without its numbers, which the index has: clear() would keep their memory.
   void know(StoredPlace place) {
-    place.descriptor.clear();
-    place.feature.clear();
+    std::vector<float>().swap(place.descriptor);
+    std::vector<float>().swap(place.feature);
     places.push_back(std::move(place));
   }
 
