@@ -412,6 +412,64 @@ TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
   EXPECT_GT(acknowledged, 0);
 }
 
+/// Replaces the descriptors by the number of the revision, says each that was acknowledged.
+[[noreturn]] void replace_for_ever(const fs::path& file, int pipe) {
+  try {
+    const auto map = writer_of(file);
+    for (int64_t revision = read_all(*map).position.revision;; ++revision) {
+      const int64_t next = revision + 1;
+      const auto number = [next](const StoredPlace&) {
+        return std::vector<float>{static_cast<float>(next)};
+      };
+      if (!map->replace_descriptors(number, {{"basis", std::to_string(next)}}, revision) ||
+          ::write(pipe, &next, sizeof(next)) != sizeof(next))
+        break;
+    }
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+  }
+  std::_Exit(1);
+}
+
+TEST(MapStore, AKillLeavesTheDescriptorsOfOneRevision) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_places(1, 60));
+  std::mt19937 random(5);
+  int64_t acknowledged = 0;
+  for (int kill = 0; kill < 60; ++kill) {
+    int ends[2];
+    ASSERT_EQ(::pipe(ends), 0);
+    const pid_t child = ::fork();
+    if (child == 0) replace_for_ever(dir / "map", ends[1]);
+    ::close(ends[1]);
+    int64_t revision = 0;
+    if (kill % 4 != 0 && ::read(ends[0], &revision, sizeof(revision)) == sizeof(revision))
+      acknowledged = revision;
+    ::usleep(static_cast<useconds_t>(random() % 8000));
+    ::kill(child, SIGKILL);
+    while (::read(ends[0], &revision, sizeof(revision)) == sizeof(revision))
+      acknowledged = revision;
+    ::close(ends[0]);
+    int status = 0;
+    ::waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status)) << "the writer ended by itself";
+
+    const auto map = writer_of(dir / "map");
+    const WhatWasRead read = read_all(*map);
+    ASSERT_EQ(read.damages, std::vector<std::string>());
+    ASSERT_EQ(read.places.size(), 60);
+    const int64_t now = read.position.revision;
+    ASSERT_GE(now, acknowledged);
+    ASSERT_LE(now, acknowledged + 1);
+    if (now == 0) continue;
+    ASSERT_EQ(map->value("basis"), std::to_string(now));
+    for (const StoredPlace& place : read.places)
+      ASSERT_EQ(place.descriptor, std::vector<float>{static_cast<float>(now)}) << place.id;
+    acknowledged = now;
+  }
+  EXPECT_GT(acknowledged, 5);
+}
+
 /// Changes bytes of `victim`, a file of the map, and expects that what is read is what was
 /// written, and that what is not was named.
 void expect_damage_is_named(const fs::path& folder, const std::string& victim, int64_t n, int flips,
