@@ -1,8 +1,8 @@
 // Search in large maps of synthetic places, as rows of the tables in docs/SCALE.md.
 //   revisit_large_maps PLACES cosines[NUMBERS]|rings WAY...
 // Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
-// once), all (rings at every heading), graph, lists. The time of a query is the least of several
-// rounds, in which all ways take turns.
+// once), all (rings at every heading), graph, listsPROBES[/NUMBERS_PER_BYTE]. The time of a query
+// is the least of several rounds, in which all ways take turns.
 #include "revisit/maps/large_maps.h"
 
 #include <cblas.h>
@@ -229,7 +229,7 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
   for (Way& way : ways) print(places, feature, way, way.name == "sgemv" ? nullptr : exact);
   keys = {};
 
-  const auto by_source = [&](const char* name, auto make) {
+  const auto by_source = [&](const std::string& name, auto make) {
     const double memory = resident_bytes(), start = seconds();
     std::unique_ptr<CandidateSource> source = make();
     Way way{name, [&](int64_t q, Match& match) { match = index.best(queries.row(q), {&all, 1}); }};
@@ -245,7 +245,14 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
     print(places, feature, way, exact);
   };
   if (wants("graph")) by_source("graph", [&] { return graph_of_keys(index, {.threads = 2}); });
-  if (wants("lists")) by_source("lists", [&] { return lists_of_keys(index, {.threads = 2}); });
+  for (const std::string& name : names) {
+    int probes = 0, numbers_per_byte = 8;
+    if (std::sscanf(name.c_str(), "lists%d/%d", &probes, &numbers_per_byte) < 1) continue;
+    by_source(name, [&] {
+      return lists_of_keys(index,
+                           {.probes = probes, .numbers_per_byte = numbers_per_byte, .threads = 2});
+    });
+  }
 }
 
 }  // namespace
