@@ -169,13 +169,16 @@ const std::vector<KnownModel>& known_models() {
   return models;
 }
 
-const KnownModel& known_model(const std::string& name) {
+std::vector<std::string> known_model_names() {
   std::vector<std::string> names;
-  for (const KnownModel& model : known_models()) {
+  for (const KnownModel& model : known_models()) names.push_back(model.name);
+  return names;
+}
+
+const KnownModel& known_model(const std::string& name) {
+  for (const KnownModel& model : known_models())
     if (lower(name) == model.name) return model;
-    names.push_back(model.name);
-  }
-  throw UsageError(str("unknown model '", name, "'", did_you_mean(lower(name), names),
+  throw UsageError(str("unknown model '", name, "'", did_you_mean(lower(name), known_model_names()),
                        "; models::known_models lists them"));
 }
 

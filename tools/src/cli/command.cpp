@@ -3,12 +3,45 @@
 #include <iomanip>
 #include <iostream>
 
+#include "cli/command_line.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
+namespace {
+
+CommandLine describe_all(const std::string& program, const char* introduction,
+                         const std::vector<Command>& table) {
+  CommandLine line;
+  line.command = program;
+  line.usage = "COMMAND [ARGUMENTS]";
+  line.summary = introduction;
+  line.groups = {{"", {{"help", 'h', "list the commands", {}}}}};
+  for (const Command& command : table) {
+    if (command.hidden) continue;
+    line.below.push_back(describe(command.run));
+    line.below.back().headline = command.summary;
+  }
+  return line;
+}
+
+}  // namespace
+
+const std::vector<std::pair<ExitCode, const char*>>& exit_codes() {
+  static const std::vector<std::pair<ExitCode, const char*>> codes = {
+      {kOk, "ok"},
+      {kFailed, "failed"},
+      {kUsage, "usage"},
+      {kBadInput, "input unreadable or malformed"},
+      {kUnsupported, "model not supported"},
+      {kCheckFailed, "a check failed"},
+      {kScansLeftOut, "done, but some scans could not be described"},
+      {kInterrupted, "interrupted (partial results are kept)"}};
+  return codes;
+}
 
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments) {
+  if (asks_for_description(arguments)) throw Described{describe_all(program, introduction, table)};
   if (arguments.size() > 1 && arguments[0] == "help") {  // as `COMMAND ... --help`
     Arguments asked(arguments.begin() + 1, arguments.end());
     asked.push_back("--help");
@@ -19,14 +52,15 @@ int dispatch(const std::string& program, const char* introduction,
     std::ostream& out = arguments.empty() ? std::cerr : std::cout;
     out << introduction << "\nUsage: " << program << " COMMAND [ARGUMENTS]\n\n";
     for (const Command& command : table)
-      out << "  " << std::left << std::setw(12) << command.name << command.summary << "\n";
+      if (!command.hidden)
+        out << "  " << std::left << std::setw(12) << command.name << command.summary << "\n";
     out << "\n'" << program << " COMMAND --help' explains one command, with examples.\n";
     return arguments.empty() ? kUsage : kOk;
   }
   std::vector<std::string> names;
   for (const Command& command : table) {
     if (arguments[0] == command.name) return command.run({arguments.begin() + 1, arguments.end()});
-    names.emplace_back(command.name);
+    if (!command.hidden) names.emplace_back(command.name);
   }
   throw UsageError(str("unknown command '", program, " ", arguments[0], "'",
                        did_you_mean(arguments[0], names), "; '", program, " --help' lists them"));

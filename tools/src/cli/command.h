@@ -1,11 +1,12 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace revisit::cli {
 
-/// What a subcommand returns to the shell; see `revisit --help`.
+/// What a subcommand returns to the shell; exit_codes() says it to people.
 enum ExitCode {
   kOk = 0,
   kFailed = 1,
@@ -17,6 +18,8 @@ enum ExitCode {
   kInterrupted = 130
 };
 
+const std::vector<std::pair<ExitCode, const char*>>& exit_codes();
+
 using Arguments = std::vector<std::string>;
 
 /// One subcommand: `run` gets the arguments after the verb and returns an ExitCode. Errors are
@@ -25,12 +28,17 @@ struct Command {
   const char* name;
   const char* summary;
   int (*run)(const Arguments&);
+  bool hidden = false;  // works, but is in no list
 };
 
 /// Runs the command of `table` that `arguments[0]` names, or prints the list (with `program` as the
-/// prefix) for none or --help. Throws UsageError for an unknown name, with the nearest one.
+/// prefix) for none or --help. Throws UsageError for an unknown name, with the nearest one, and
+/// Described (command_line.h) when asked for a description.
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments);
+
+/// The program: all of its subcommands.
+int revisit_command(const Arguments&);
 
 // The subcommands, one file each (commands/<name>.cpp).
 int net_command(const Arguments&);
@@ -47,5 +55,7 @@ int gt_command(const Arguments&);
 int simulate_command(const Arguments&);
 int models_command(const Arguments&);
 int doctor_command(const Arguments&);
+int completion_command(const Arguments&);
+int man_command(const Arguments&);
 
 }  // namespace revisit::cli

@@ -31,6 +31,9 @@ struct GeometryOptions {
   std::vector<std::pair<std::string, std::string>> settings() const;
 };
 
+/// The sensors that are known, for Parser::suggest().
+std::vector<std::string> sensor_names();
+
 /// Whether the arguments say `--sensor list`; the sensors are then printed. (The parser would ask
 /// for the data, too.)
 bool lists_sensors(const std::vector<std::string>& arguments);

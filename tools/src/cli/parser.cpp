@@ -51,6 +51,7 @@ struct Collected {
 
 /// argp identifies an option by an integer: a letter, or our index above the range of letters.
 constexpr int kHelpKey = '?', kUsageKey = 999, kFirstKey = 1000;
+constexpr const char *kHelpText = "Give this help list", *kUsageText = "Give a short usage message";
 
 error_t collect(int key, char* argument, argp_state* state) {
   auto& collected = *static_cast<Collected*>(state->input);
@@ -125,7 +126,13 @@ Parser::Parser(std::string command, std::string usage, std::string summary, std:
       examples_(std::move(examples)) {}
 
 Parser& Parser::add(Option option) {
+  last_is_positional_ = false;
   options_.push_back(std::move(option));
+  return *this;
+}
+
+Parser& Parser::suggest(const std::vector<std::string>& words) {
+  (last_is_positional_ ? positionals_.back().suggested : options_.back().suggested) = words;
   return *this;
 }
 
@@ -212,7 +219,39 @@ void Parser::apply_positionals(const std::vector<std::string>& arguments) {
         str("unexpected argument '", arguments[next], "' (usage: ", command_, " ", usage_, ")"));
 }
 
+CommandLine Parser::describe() const {
+  const auto values = [](const std::string& name, bool is_path,
+                         const std::vector<std::string>& suggested) {
+    Values named = values_named(name, is_path);
+    named.words.insert(named.words.begin(), suggested.begin(), suggested.end());
+    return named;
+  };
+  CommandLine line;
+  line.command = command_;
+  line.usage = usage_;
+  line.summary = summary_;
+  line.examples = examples_;
+  line.groups.emplace_back();
+  for (const Option& option : options_) {
+    if (option.is_heading) {
+      line.groups.push_back({option.help, {}});
+      continue;
+    }
+    std::optional<Values> value;
+    if (!option.metavar.empty()) value = values(option.metavar, option.is_path, option.suggested);
+    line.groups.back().options.push_back(
+        {option.name, option.letter, option.help, value, option.clear != nullptr});
+  }
+  for (const Positional& positional : positionals_)
+    line.arguments.push_back({values(positional.name, positional.is_path, positional.suggested),
+                              positional.required, positional.repeated});
+  line.groups.push_back({"Help:", {{"help", 0, kHelpText, {}}, {"usage", 0, kUsageText, {}}}});
+  std::erase_if(line.groups, [](const CommandLine::Group& group) { return group.options.empty(); });
+  return line;
+}
+
 void Parser::parse(std::vector<std::string> arguments) {
+  if (asks_for_description(arguments)) throw Described{describe()};
   std::vector<argp_option> table;
   int group_number = 1;
   for (size_t i = 0; i < options_.size(); ++i) {
@@ -226,8 +265,8 @@ void Parser::parse(std::vector<std::string> arguments) {
                      option.metavar.empty() ? nullptr : option.metavar.c_str(), 0,
                      option.help.c_str(), group_number});
   }
-  table.push_back({"help", kHelpKey, nullptr, 0, "Give this help list", -1});
-  table.push_back({"usage", kUsageKey, nullptr, 0, "Give a short usage message", -1});
+  table.push_back({"help", kHelpKey, nullptr, 0, kHelpText, -1});
+  table.push_back({"usage", kUsageKey, nullptr, 0, kUsageText, -1});
   table.push_back({});
 
   const argp parser{table.data(), collect, usage_.c_str(), summary_.c_str(),

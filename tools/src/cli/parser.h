@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "cli/command_line.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/joined.h"
 
@@ -39,6 +40,7 @@ class Parser {
          [target](const std::string& what, const std::string& text) {
            assign(what, text, target);
          }});
+    options_.back().is_path = kIsPath<T>;
     if constexpr (IsVector<T>::value) options_.back().clear = [target] { target->clear(); };
     return *this;
   }
@@ -72,6 +74,10 @@ class Parser {
     return add_positional(std::move(name), false, target);
   }
 
+  /// Words that the option or argument declared last may be, beside what else it may be. They are
+  /// for shell completion; nothing is checked against them.
+  Parser& suggest(const std::vector<std::string>& words);
+
   /// A heading for the options declared after it.
   Parser& group(std::string heading);
 
@@ -85,7 +91,7 @@ class Parser {
 
   /// Parses `arguments` (without the program and subcommand names) and fills the targets.
   /// Prints help and exits for --help/--usage; a misused command line prints a hint and exits 2.
-  /// Throws UsageError for values that do not fit.
+  /// Throws UsageError for values that do not fit, and Described when asked for a description.
   void parse(std::vector<std::string> arguments);
 
   /// Where a value comes from; each overrules those before it.
@@ -102,13 +108,16 @@ class Parser {
     bool is_heading = false;
     std::function<void()> clear = {};  // of a repeatable option
     Source source = Source::kDefault;
+    bool is_path = false;
+    std::vector<std::string> suggested = {};
   };
 
  private:
   struct Positional {
     std::string name;
-    bool required = false, repeated = false;
+    bool required = false, repeated = false, is_path = false;
     std::function<void(const std::string& what, const std::string& text)> apply;
+    std::vector<std::string> suggested = {};
   };
 
   template <class T>
@@ -130,8 +139,14 @@ class Parser {
   struct IsVector<std::vector<T>> : std::true_type {};
 
   template <class T>
+  static constexpr bool kIsPath = std::is_same_v<T, std::filesystem::path> ||
+                                  std::is_same_v<T, std::optional<std::filesystem::path>> ||
+                                  std::is_same_v<T, std::vector<std::filesystem::path>>;
+
+  template <class T>
   Parser& add_positional(std::string name, bool required, T* target) {
-    positionals_.push_back({std::move(name), required, IsVector<T>::value,
+    last_is_positional_ = true;
+    positionals_.push_back({std::move(name), required, IsVector<T>::value, kIsPath<T>,
                             [target](const std::string& what, const std::string& text) {
                               assign(what, text, target);
                             }});
@@ -145,10 +160,12 @@ class Parser {
   Option& find(const std::string& source, const std::string& name);
   void apply_environment();
   void apply_positionals(const std::vector<std::string>& arguments);
+  CommandLine describe() const;
 
   std::string command_, usage_, summary_, examples_;
   std::vector<Option> options_;
   std::vector<Positional> positionals_;
+  bool last_is_positional_ = false;
   ConfigReader config_reader_;
   std::vector<std::string> config_others_;
   std::optional<std::filesystem::path> config_path_;

@@ -29,7 +29,9 @@ ExperimentOptions parse_options(const Arguments& arguments) {
       "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
       "  revisit experiment alignment score --kitti town --every 4 -o results/town\n"
       "  revisit report results/paper -o report.html     # the page alone, again\n");
-  parser.optional_positional("NAME", &o.names);
+  std::vector<std::string> names = {"all", "list"};
+  for (const ExperimentInfo& info : experiments()) names.push_back(info.name);
+  parser.optional_positional("NAME", &o.names).suggest(names);
   parser.group("Data:");
   parser.option("kitti", "DIR",
                 "KITTI odometry, or drives that `revisit simulate` wrote (not needed with --hkust)",
@@ -42,7 +44,8 @@ ExperimentOptions parse_options(const Arguments& arguments) {
   parser.option("hkust", "DIR", "sets of places: DIR/rotation and DIR/objects", &o.hkust);
   parser.option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
                 &o.every);
-  parser.option("sensor", "NAME", "geometry of the range image (default hdl64)", &o.sensor);
+  parser.option("sensor", "NAME", "geometry of the range image (default hdl64)", &o.sensor)
+      .suggest(sensor_names());
   parser.option("width", "PIXELS", "columns of the range image (default: the sensor's, 4000)",
                 &o.width);
   parser.option("feature-mb", "MB",

@@ -38,7 +38,7 @@ GtOptions parse_options(const Arguments& arguments) {
   Parser parser("revisit gt", "DATA", kSummary, kExamples);
   parser.positional("DATA", &o.data)
       .option("sequence", "NN", "which sequence, e.g. 00", &o.sequence)
-      .option("distance", "KIND",
+      .option("distance", "xz|3d|box",
               "xz (horizontal, default), 3d, or box (largest coordinate difference)", &o.distance)
       .option("radius", "M", "true matches are nearer than this (default: 5)", &o.radius)
       .option("exclusion", "KIND=N",

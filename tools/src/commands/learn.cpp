@@ -53,8 +53,10 @@ LearnOptions parse_options(const Arguments& arguments) {
       .option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
               &o.every)
       .option("sensor", "NAME", "which sensor took the scans (default hdl64)", &o.sensor)
+      .suggest(sensor_names())
       .group("Network:")
       .option("model", "P", "prototxt, or the name of a known model", &o.model)
+      .suggest(models::known_model_names())
       .option("weights", "W", "caffemodel", &o.weights)
       .option("layers", "LAYER=N[,...]",
               "the layers whose columns are taken, in the net's order, and the numbers kept of "

@@ -153,7 +153,7 @@ int fetch_command(const Arguments& arguments) {
                 "download goes on where it stopped.",
                 "  revisit models fetch bvlc_alexnet\n"
                 "  revisit models fetch squeezenet_v1.1 --models /data/models\n");
-  parser.positional("NAME", &name);
+  parser.positional("NAME", &name).suggest(models::known_model_names());
   folder.declare(parser);
   parser.flag("no-progress", "no progress line", &no_progress);
   parser.parse(arguments);
@@ -173,7 +173,8 @@ int which_command(const Arguments& arguments) {
       "revisit models which", "",
       "Says which network a command would use that is given the same options.",
       "  revisit models which\n  revisit models which --weights net/weights.caffemodel\n");
-  parser.option("model", "P", "prototxt, its folder, or the name of a known model", &request.model);
+  parser.option("model", "P", "prototxt, its folder, or the name of a known model", &request.model)
+      .suggest(models::known_model_names());
   parser.option("weights", "W", "caffemodel", &request.weights);
   parser.option("end", "LAYER", "the layer that is the feature", &request.end);
   parser.option("graft", "LAYER", "pooling layer of the net to append, e.g. pool5", &request.graft);

@@ -91,11 +91,13 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
                 "  revisit eval KITTI --sequence 00 --feature scan-context --threads 1\n");
   o.feature.declare(parser);
   parser.group("Evaluation:");
-  parser.option("protocol", "NAME[,NAME]|list",
-                "which scans are stored and asked, and what is true: " +
-                    joined(pipeline::protocol_names(), ", ") +
-                    " (default online). 'list' prints their definitions",
-                &o.protocol);
+  parser
+      .option("protocol", "NAME[,NAME]|list",
+              "which scans are stored and asked, and what is true: " +
+                  joined(pipeline::protocol_names(), ", ") +
+                  " (default online). 'list' prints their definitions",
+              &o.protocol)
+      .suggest(pipeline::protocol_names());
   parser.choice("query-case", {"protocol", "1", "2", "both"},
                 "the alignment cases queries are described in; stored scans always use case 1 "
                 "(default protocol: both in paper-difficult, else 1)",

@@ -98,15 +98,19 @@ void FeatureOptions::declare(Parser& parser) {
 void FeatureOptions::declare_describing(Parser& parser) {
   image.declare(parser);
   parser.group("Feature:");
-  parser.option(
-      "feature", "NAME",
-      std::string("cnn (output of a network), data (the range image itself), ring (columns of a "
+  parser
+      .option("feature", "NAME",
+              std::string(
+                  "cnn (output of a network), data (the range image itself), ring (columns of a "
                   "network and of heights, compared at every heading), vfh, esf, grsd, "
                   "scan-context, m2dp, or fabmap on camera images (default ") +
-          feature + ")",
-      &feature);
-  parser.option("model", "P",
-                "prototxt, or the name of a known model (default: the best one found)", &model);
+                  feature + ")",
+              &feature)
+      .suggest(feature_names());
+  parser
+      .option("model", "P", "prototxt, or the name of a known model (default: the best one found)",
+              &model)
+      .suggest(models::known_model_names());
   parser.option("weights", "W", "caffemodel", &weights);
   parser.option("end", "LAYER", "the layer that is the feature", &end);
   parser.option("graft", "LAYER", "pooling layer of the net to append, e.g. pool5", &graft);

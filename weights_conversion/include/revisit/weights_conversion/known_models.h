@@ -37,6 +37,7 @@ struct KnownModel {
 
 /// The table, in the order of preference for place recognition (the paper's networks first).
 const std::vector<KnownModel>& known_models();
+std::vector<std::string> known_model_names();
 
 /// The entry called `name`, without regard to case. Throws UsageError with the nearest name.
 const KnownModel& known_model(const std::string& name);
