@@ -55,9 +55,10 @@ function(revisit_library name)
   target_link_libraries(revisit_${name} PUBLIC ${ARGN} PRIVATE $<BUILD_INTERFACE:revisit_build_flags>)
   target_compile_features(revisit_${name} PUBLIC cxx_std_20)
   set_target_properties(revisit_${name} PROPERTIES EXPORT_NAME ${name})
-  install(TARGETS revisit_${name} EXPORT revisit_${name} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-  install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
+  install(TARGETS revisit_${name} EXPORT revisit_${name} ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+  install(DIRECTORY include/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development
           PATTERN net_file.h EXCLUDE)  # it hands out protobuf's messages, which are ours alone
   install(EXPORT revisit_${name} NAMESPACE revisit:: FILE ${name}.cmake
-          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/revisit)
+          DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/revisit COMPONENT development)
+  set_property(GLOBAL APPEND PROPERTY revisit_libraries ${name})
 endfunction()

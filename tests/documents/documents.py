@@ -33,7 +33,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # Commands of blocks that are not run and that are no business of ours.
-FOREIGN = {'apt-get', 'dpkg', 'git', 'grep', 'sudo', 'xargs', 'for', 'cd'}
+FOREIGN = {'apt', 'apt-get', 'cpack', 'dpkg-deb', 'g++', 'man', 'pkg-config', 'source', 'dpkg', 'git', 'grep', 'sudo', 'xargs', 'for', 'cd'}
 POSES_OF_KITTI_00 = 4541
 MOST_WORDS = 900
 
