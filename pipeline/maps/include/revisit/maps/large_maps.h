@@ -26,8 +26,8 @@ std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index,
 /// are learnt from the places in `index`; 256 of them are the least.
 struct ListOptions {
   int lists = 0;             // 0: the root of the number of places
-  int probes = 32;           // lists that a query looks at
-  int numbers_per_byte = 8;  // of a key, in its code
+  int probes = 128;          // lists that a query looks at; all when there are fewer
+  int numbers_per_byte = 4;  // of a key, in its code
   int threads = 1;           // to build it
 };
 std::unique_ptr<CandidateSource> lists_of_keys(const PlaceIndex& index,
