@@ -57,7 +57,7 @@ std::string argument_lines(const CommandLine& line) {
 std::string fish_completion(const CommandLine& program) {
   std::string commands, rules;
   for (const CommandLine& line : cli::all_of(program)) {
-    if (line.command != program.command) commands += " " + fish_word(line.command);
+    if (line.command != program.command) commands += str(" ", fish_word(line.command));
     for (const CommandLine& below : line.below)
       rules += start(line) + " -a " + fish_word(below.verb()) + " -d " + fish_word(below.headline) +
                "\n";

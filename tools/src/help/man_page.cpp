@@ -89,8 +89,8 @@ std::string option(const CommandLine::Option& option) {
   std::string text = ".TP\n";
   if (option.letter) text += bold(std::string("-") + option.letter) + ", ";
   text += bold("--" + option.name);
-  if (option.value) text += "=" + italic(option.value->name);
-  text += "\n" + plain(option.help);
+  if (option.value) text += str("=", italic(option.value->name));
+  text += str("\n", plain(option.help));
   if (option.repeatable) text += "\nThe option may be repeated.";
   if (option.value && !option.value->words.empty()) {
     std::string words;

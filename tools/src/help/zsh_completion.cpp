@@ -41,12 +41,12 @@ std::string message_and_action(const Values& values) {
     action = "(" + words + ")";
   else if (!paths.empty())
     action = paths;
-  return ":" + escaped(values.name) + ":" + action;
+  return str(":", escaped(values.name), ":", action);
 }
 
 std::string option_lines(const CommandLine::Option& option) {
-  const std::string rest = "[" + escaped(brief(option.help)) + "]" +
-                           (option.value ? message_and_action(*option.value) : "");
+  const std::string rest = str("[", escaped(brief(option.help)), "]",
+                               option.value ? message_and_action(*option.value) : "");
   const std::string name = "--" + option.name + (option.value ? "=" : "");
   if (!option.letter)
     return str("    ", quoted((option.repeatable ? "*" : "") + name + rest), "\n");
@@ -67,7 +67,7 @@ std::string function_of(const CommandLine& line) {
   for (const CommandLine::Option& option : line.options()) arguments += option_lines(option);
   for (size_t i = 0; i < line.arguments.size(); ++i)
     arguments += argument_line(line.arguments[i], i + 1);
-  const std::string name = "_" + identifier(line.command);
+  const std::string name = str("_", identifier(line.command));
   if (line.below.empty())
     return str("\n", name, "() {\n  local -a arguments=(\n", arguments,
                "  )\n  _arguments -s -S \"$arguments[@]\"\n}\n");
@@ -90,7 +90,7 @@ std::string function_of(const CommandLine& line) {
 std::string zsh_completion(const CommandLine& program) {
   std::string functions;
   for (const CommandLine& line : cli::all_of(program)) functions += function_of(line);
-  const std::string name = "_" + identifier(program.command);
+  const std::string name = str("_", identifier(program.command));
   // As a file of fpath it is the body of the function; otherwise, by source, it says whose it is.
   return "#compdef " + program.command + "\n" + script_head("zsh") + kHead + functions +
          "\nif [[ $funcstack[1] == " + name + " ]]; then\n  " + name + " \"$@\"\nelse\n  compdef " +
