@@ -1,4 +1,4 @@
-# The arrows of HACKING.md, held against every #include: proto <- engine <- pipeline/* <- tools and
+# The arrows of HACKING.md, held against every #include: proto <- engine <- pipeline/* <- tools and python, and
 # weights_conversion -> proto. Private headers never cross a folder; heavy libraries stay in the few
 # files that own them. Run as: cmake -DROOT=<project> -P layering.cmake
 cmake_policy(VERSION 3.25)
@@ -13,6 +13,7 @@ set(sees_pipeline/registration registration recognition engine proto)
 set(sees_pipeline/simulation simulation datasets engine proto)  # knows no recognition
 set(sees_pipeline/maps maps recognition engine proto)
 set(sees_weights_conversion weights_conversion proto)
+set(sees_python maps registration simulation baselines datasets recognition engine proto)
 set(sees_tools tools maps registration simulation baselines evaluation datasets recognition engine proto weights_conversion)
 
 # library header pattern -> files that may include it
@@ -32,14 +33,15 @@ set(owned_libraries
   "curl/|tools/src/models/"
   "openssl/|tools/src/models/|tools/src/report/range_images"
   "ring_model.pb.h|pipeline/recognition/src/ring/model.cpp"
-  "argp.h|tools/src/cli/parser")
+  "argp.h|tools/src/cli/parser"
+  "nanobind/|python/src/")
 
 function(complain text)
   message(SEND_ERROR "${text}")
 endfunction()
 
 foreach(layer proto engine pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
-        pipeline/registration pipeline/simulation pipeline/maps weights_conversion tools)
+        pipeline/registration pipeline/simulation pipeline/maps weights_conversion tools python)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
   foreach(source IN LISTS sources)
     file(RELATIVE_PATH name ${ROOT} ${source})

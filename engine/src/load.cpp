@@ -170,6 +170,24 @@ const std::vector<std::string>& Net::layer_names() const {
 const std::vector<std::string>& Net::warnings() const {
   return impl_->warnings;
 }
+std::vector<LayerWeights> Net::weights() const {
+  if (!impl_->has_weights)
+    throw UsageError(impl_->file + ": the net was loaded without weights, there are none to give");
+  std::vector<LayerWeights> weights;
+  for (size_t i = 0; i < impl_->graph.nodes.size(); ++i) {
+    const Node& node = impl_->graph.nodes[i];
+    if (node.weights.empty()) continue;
+    if (impl_->releasable.has(i))
+      throw UsageError(str(impl_->file, ": layer '", node.name,
+                           "': its weights may have been released; load the net without "
+                           "LoadOptions::release_weights to see them"));
+    LayerWeights& layer = weights.emplace_back(LayerWeights{node.name, {}});
+    for (const Tensor& weight : node.weights)
+      layer.blobs.push_back({weight.values.data(), weight.shape});
+  }
+  return weights;
+}
+
 uint64_t Net::weight_bytes_read() const {
   return impl_->weight_bytes_read;
 }

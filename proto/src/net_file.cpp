@@ -1,6 +1,7 @@
 #include "revisit/proto/net_file.h"
 
 #include <fcntl.h>
+#include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/text_format.h>
 
 #include <algorithm>
@@ -121,6 +122,21 @@ void check_writable(const fs::path& file, const caffe::NetParameter& net) {
   }
 }
 
+void check_size(const fs::path& file, const caffe::NetParameter& net) {
+  const size_t size = net.ByteSizeLong();
+  if (size > static_cast<size_t>(std::numeric_limits<int32_t>::max())) {
+    throw Error(str(file.string(), ": the net takes ", size, " bytes, protobuf allows 2^31-1"));
+  }
+}
+
+/// What is done to a binary net once protobuf has it.
+NetFile finish_binary(NetFile file, bool parsed, const std::string& name, const Limits& limits) {
+  if (!parsed) throw InputError(str(name, ": protobuf cannot parse it as a caffemodel"));
+  if (!file.net.IsInitialized())
+    throw InputError(str(name, ": missing required field ", file.net.InitializationErrorString()));
+  return finish(std::move(file), nullptr, name, {.keep_training = true, .limits = limits});
+}
+
 }  // namespace
 
 NetFile parse_net(const std::string& text, const std::string& name, const NetReadOptions& options) {
@@ -148,17 +164,21 @@ NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
 }
 
 NetFile read_net_binary(const fs::path& file, const Limits& limits) {
-  const std::string name = file.string();
   // The indexing reader checks the structure, says well what is wrong, and reads little.
   WeightsFile::open(file, limits);
   std::ifstream in(file, std::ios::binary);
   NetFile result;
-  if (!result.net.ParsePartialFromIstream(&in))
-    throw InputError(str(name, ": protobuf cannot parse it as a caffemodel"));
-  if (!result.net.IsInitialized())
-    throw InputError(
-        str(name, ": missing required field ", result.net.InitializationErrorString()));
-  return finish(std::move(result), nullptr, name, {.keep_training = true, .limits = limits});
+  const bool parsed = result.net.ParsePartialFromIstream(&in);
+  return finish_binary(std::move(result), parsed, file.string(), limits);
+}
+
+NetFile parse_net_binary(std::string_view content, const std::string& name, const Limits& limits) {
+  WeightsFile::open(FileCursor(content, name), limits);  // which also refuses what is too long
+  NetFile result;
+  const bool parsed =
+      content.size() <= static_cast<size_t>(std::numeric_limits<int>::max()) &&
+      result.net.ParsePartialFromArray(content.data(), static_cast<int>(content.size()));
+  return finish_binary(std::move(result), parsed, name, limits);
 }
 
 std::string net_text(const caffe::NetParameter& net) {
@@ -166,6 +186,19 @@ std::string net_text(const caffe::NetParameter& net) {
   if (!google::protobuf::TextFormat::PrintToString(net, &text))
     throw Error("protobuf cannot print this net as text");
   return text;
+}
+
+std::string net_bytes(const caffe::NetParameter& net) {
+  const fs::path name = "<caffemodel>";
+  check_writable(name, net);
+  check_size(name, net);
+  return net.SerializeAsString();
+}
+
+std::string schema_bytes() {
+  google::protobuf::FileDescriptorProto schema;
+  caffe::NetParameter::descriptor()->file()->CopyTo(&schema);
+  return schema.SerializeAsString();
 }
 
 void write_net_text(const fs::path& file, const caffe::NetParameter& net) {
@@ -176,10 +209,7 @@ void write_net_text(const fs::path& file, const caffe::NetParameter& net) {
 
 void write_net_binary(const fs::path& file, const caffe::NetParameter& net) {
   check_writable(file, net);
-  const size_t size = net.ByteSizeLong();
-  if (size > static_cast<size_t>(std::numeric_limits<int32_t>::max())) {
-    throw Error(str(file.string(), ": the net takes ", size, " bytes, protobuf allows 2^31-1"));
-  }
+  check_size(file, net);
   write_atomically(file, [&](std::ostream& out) {
     if (!net.SerializeToOstream(&out)) out.setstate(std::ios::failbit);
   });

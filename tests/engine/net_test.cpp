@@ -250,6 +250,30 @@ TEST_F(NetTest, WithoutWeightsItCanBePlannedButNotRun) {
   expect_error<UsageError>([&] { engine::Run(net.plan()); }, {"without weights"});
 }
 
+TEST_F(NetTest, WeightsAreGivenAsTheFileHasThem) {
+  write_weights("conv", {1, 1, 1, 1}, {2}, {1});
+  const Net net = Net::load(prototxt(), weights());
+  const auto found = net.weights();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found[0].layer, "conv");
+  ASSERT_EQ(found[0].blobs.size(), 2U);
+  EXPECT_EQ(found[0].blobs[0].shape, (Shape{1, 1, 1, 1}));
+  EXPECT_EQ(found[0].blobs[0].values()[0], 2);
+  EXPECT_EQ(found[0].blobs[1].shape, Shape{1});
+  EXPECT_EQ(found[0].blobs[1].values()[0], 1);
+  const Net copy = net;
+  EXPECT_EQ(copy.weights()[0].blobs[0].data, found[0].blobs[0].data);
+  EXPECT_TRUE(
+      Net::load_with_random_weights(prototxt(), 1, {.truncation = {"data"}}).weights().empty());
+}
+
+TEST_F(NetTest, WeightsThatAreNotThereAreNotGiven) {
+  expect_error<UsageError>([&] { (void)Net::load_without_weights(prototxt()).weights(); },
+                           {"net.prototxt", "without weights"});
+  const Net net = Net::load(prototxt(), weights(), {.release_weights = true});
+  expect_error<UsageError>([&] { (void)net.weights(); }, {"'conv'", "release_weights"});
+}
+
 TEST_F(NetTest, RandomWeightsAreTheSameForTheSameSeed) {
   const auto first_output = [&](uint64_t seed) {
     engine::Run run(Net::load_with_random_weights(prototxt(), seed).plan({}, {.keep_all = true}));

@@ -1,10 +1,12 @@
 #include "revisit/proto/net_file.h"
 
+#include <google/protobuf/descriptor.pb.h>
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <string_view>
 
@@ -261,6 +263,29 @@ TEST(NetFile, AgreesWithCaffeOnOddTexts) {
     }
   }
   EXPECT_GE(n_rejected, 11);
+}
+
+TEST(NetFile, BytesReadBack) {
+  const NetFile file = parse_net("name: 'n' layers { name: 'a' type: RELU bottom: 'x' top: 'y' }",
+                                 "net", {.keep_training = true});
+  const NetFile again = parse_net_binary(net_bytes(file.net), "bytes");
+  EXPECT_TRUE(MessageDifferencer::Equals(file.net, again.net));
+}
+
+TEST(NetFile, BytesThatAreNoNetAreRefused) {
+  for (const std::string_view bytes :
+       {""sv, "\xff\xff\xff"sv, "\x89HDF\r\n\x1a\n"sv, "name: 'n'"sv}) {
+    const std::string message = message_of<InputError>([&] { parse_net_binary(bytes, "bytes"); });
+    EXPECT_TRUE(message.starts_with("bytes")) << message;
+  }
+}
+
+TEST(NetFile, TheSchemaIsAFileDescriptor) {
+  google::protobuf::FileDescriptorProto schema;
+  ASSERT_TRUE(schema.ParseFromString(schema_bytes()));
+  EXPECT_EQ(schema.package(), "revisit.caffe");
+  EXPECT_TRUE(std::ranges::any_of(
+      schema.message_type(), [](const auto& message) { return message.name() == "NetParameter"; }));
 }
 
 }  // namespace

@@ -140,6 +140,12 @@ struct LayerCost {
   std::vector<size_t> input_layers;  // indices of the layers that its inputs come from
 };
 
+/// The weights of a layer: its arrays as the layer orders them, e.g. weights and bias.
+struct LayerWeights {
+  std::string layer;
+  std::vector<View<const float>> blobs;
+};
+
 class Run;
 
 /// How one network runs on inputs of given shapes: kernels chosen, memory laid out. Immutable,
@@ -220,6 +226,10 @@ class Net {
   bool takes_gray_input() const;
   /// What a person should know: layers of the weights file that nothing uses, upgrades made.
   const std::vector<std::string>& warnings() const;
+  /// The weights of the layers that have some, in the order of the file; they live as long as a
+  /// copy of this net. Throws UsageError for a net without weights, and for one loaded with
+  /// LoadOptions::release_weights, which may not have them any more.
+  std::vector<LayerWeights> weights() const;
   /// Bytes read from the weights file.
   uint64_t weight_bytes_read() const;
   /// The file's weights that are in memory now [bytes]: all, but for what

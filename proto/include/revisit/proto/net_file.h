@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "caffe_schema.pb.h"
@@ -41,9 +42,17 @@ NetFile parse_net(const std::string& text, const std::string& name,
 /// Reads a binary caffemodel whole, weights included, and upgrades it; nothing is left out.
 /// Throws InputError for a file that is not one, or exceeds a limit.
 NetFile read_net_binary(const std::filesystem::path& file, const Limits& limits = {});
+/// The same of its content; `name` stands for the path in messages.
+NetFile parse_net_binary(std::string_view content, const std::string& name,
+                         const Limits& limits = {});
 
 /// The net as prototxt text.
 std::string net_text(const caffe::NetParameter& net);
+/// The net as a binary file has it. Throws Error for more than protobuf's 2^31-1 bytes, and for a
+/// net without what the format requires.
+std::string net_bytes(const caffe::NetParameter& net);
+/// The schema of these files, for other programs: a serialized google.protobuf.FileDescriptorProto.
+std::string schema_bytes();
 
 /// Writes the net as prototxt text, or as binary (with weights: a caffemodel). The file appears
 /// whole or not at all. Throws Error when it cannot be written.

@@ -1,0 +1,46 @@
+#include "arrays.h"
+
+#include "revisit/proto/error.h"
+#include "revisit/proto/joined.h"
+
+namespace revisit::python {
+
+ShapeTuple tuple_of(const std::vector<int64_t>& axes) {
+  nb::list list;
+  for (const int64_t axis : axes) list.append(axis);
+  return nb::borrow<ShapeTuple>(nb::tuple(list));
+}
+
+std::string description_of(nb::handle object) {
+  const auto text = [](nb::handle value) { return std::string(nb::str(value).c_str()); };
+  if (!nb::hasattr(object, "dtype") || !nb::hasattr(object, "shape"))
+    return text(object.type().attr("__name__"));
+  return str(text(object.attr("dtype")), " array of shape ", text(object.attr("shape")));
+}
+
+nb::ndarray<nb::numpy, const float> float_array(nb::handle object, const std::string& what) {
+  nb::ndarray<nb::numpy, const float> array;
+  if (!nb::ndarray_check(object) || !nb::try_cast(object, array, false))
+    throw nb::type_error(str(what, ": expected a numpy array of float32, found ",
+                             description_of(object),
+                             "; nothing is converted unasked: "
+                             "numpy.asarray(x, numpy.float32) does it")
+                             .c_str());
+  return array;
+}
+
+nb::ndarray<nb::numpy, const float> contiguous_floats(nb::handle object, const std::string& what) {
+  auto array = float_array(object, what);
+  int64_t step = 1;
+  for (size_t axis = array.ndim(); axis-- > 0;) {
+    if (array.shape(axis) != 1 && array.size() != 0 && array.stride(axis) != step)
+      throw nb::value_error(str(what, ": expected an array in C order, found ",
+                                description_of(object),
+                                " with other strides; numpy.ascontiguousarray(x) makes one")
+                                .c_str());
+    step *= static_cast<int64_t>(array.shape(axis));
+  }
+  return array;
+}
+
+}  // namespace revisit::python

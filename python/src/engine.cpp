@@ -1,0 +1,293 @@
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <filesystem>
+
+#include "arrays.h"
+#include "listener.h"
+#include "module.h"
+#include "revisit/engine/blas.h"
+#include "revisit/engine/layer_types.h"
+#include "revisit/engine/net.h"
+#include "revisit/engine/simd.h"
+#include "run.h"
+
+namespace revisit::python {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace nb::literals;
+using engine::Net;
+using engine::Plan;
+
+using Shapes = std::map<std::string, std::vector<int64_t>>;
+using ShapeDict = nb::typed<nb::dict, nb::str, ShapeTuple>;
+using WeightDict = nb::typed<nb::dict, nb::str, nb::typed<nb::list, ReadOnlyFloats>>;
+
+std::map<std::string, engine::Shape> shapes_from(const Shapes& given) {
+  std::map<std::string, engine::Shape> shapes;
+  for (const auto& [name, axes] : given) shapes.emplace(name, engine::Shape(axes));
+  return shapes;
+}
+
+ShapeDict dict_of(const std::vector<engine::Port>& ports) {
+  nb::dict shapes;
+  for (const engine::Port& port : ports)
+    shapes[nb::str(port.name.c_str(), port.name.size())] = tuple_of(port.shape.axes());
+  return nb::borrow<ShapeDict>(shapes);
+}
+
+nb::typed<nb::list, ShapeTuple> tuples_of(const std::vector<engine::Shape>& shapes) {
+  nb::list list;
+  for (const engine::Shape& shape : shapes) list.append(tuple_of(shape.axes()));
+  return nb::borrow<nb::typed<nb::list, ShapeTuple>>(list);
+}
+
+engine::LoadOptions load_options(std::string end, std::string graft, const Shapes& inputs,
+                                 bool allow_missing, bool allow_unknown,
+                                 const std::optional<proto::Limits>& limits,
+                                 bool release_weights = false) {
+  engine::LoadOptions options;
+  options.truncation = {std::move(end), std::move(graft)};
+  options.inputs = shapes_from(inputs);
+  options.allow_missing = allow_missing;
+  options.allow_unknown = allow_unknown;
+  if (limits) options.limits = *limits;
+  options.release_weights = release_weights;
+  return options;
+}
+
+std::string_view bytes_of(const nb::bytes& bytes) {
+  return {static_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+/// Every array refers to the net and keeps it alive.
+WeightDict weights_of(nb::handle self) {
+  const Net& net = nb::cast<const Net&>(self);
+  nb::dict weights;
+  for (const engine::LayerWeights& layer : net.weights()) {
+    nb::list blobs;
+    for (const engine::View<const float>& blob : layer.blobs)
+      blobs.append(view_of(blob.data, blob.shape.axes(), self));
+    weights[nb::str(layer.layer.c_str(), layer.layer.size())] = blobs;
+  }
+  return nb::borrow<WeightDict>(weights);
+}
+
+void bind_net(nb::module_& module) {
+  nb::class_<Net>(module, "Net",
+                  "A network with its weights, cut off where asked. Immutable; any number of "
+                  "threads may plan at the same time.")
+      .def_static(
+          "load",
+          [](const fs::path& prototxt, const fs::path& weights, std::string end, std::string graft,
+             const Shapes& inputs, bool allow_missing, bool allow_unknown, bool release_weights,
+             const std::optional<proto::Limits>& limits) {
+            const auto options =
+                load_options(std::move(end), std::move(graft), inputs, allow_missing, allow_unknown,
+                             limits, release_weights);
+            return without_lock([&] { return Net::load(prototxt, weights, options); });
+          },
+          "prototxt"_a, "weights"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
+          "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
+          "release_weights"_a = false, "limits"_a = nb::none(),
+          "Reads an original Caffe prototxt and its weights (.caffemodel or HDF5); only the layers "
+          "that are needed.\n\n"
+          "end: the layer whose output is wanted; '' for the whole net.\n"
+          "graft: a layer without weights to append to it ('pool5': the paper's conv3+pool5).\n"
+          "inputs: shapes of inputs that replace those of the prototxt.\n"
+          "allow_missing: layers without weights in the file become zeros.\n"
+          "allow_unknown: unknown fields of the prototxt become warnings.\n"
+          "release_weights: keeps weights of convolutions once only, in the order of a plan's "
+          "kernels.\n"
+          "Raises InputError (files that do not parse or do not fit each other), UnsupportedError "
+          "(a layer type that we lack), UsageError (an unknown layer).")
+      .def_static(
+          "load_from_memory",
+          [](const std::string& prototxt, const nb::bytes& weights, std::string end,
+             std::string graft, const Shapes& inputs, bool allow_missing, bool allow_unknown,
+             const std::optional<proto::Limits>& limits) {
+            const auto options = load_options(std::move(end), std::move(graft), inputs,
+                                              allow_missing, allow_unknown, limits);
+            const std::string_view content = bytes_of(weights);
+            return without_lock([&] { return Net::load_from_memory(prototxt, content, options); });
+          },
+          "prototxt"_a, "weights"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
+          "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
+          "limits"_a = nb::none(),
+          "The same of what the two files hold: text, and bytes of a .caffemodel or HDF5 file.")
+      .def_static(
+          "load_with_random_weights",
+          [](const fs::path& prototxt, uint64_t seed, std::string end, std::string graft,
+             const Shapes& inputs, bool allow_unknown, const std::optional<proto::Limits>& limits) {
+            const auto options = load_options(std::move(end), std::move(graft), inputs, false,
+                                              allow_unknown, limits);
+            return without_lock(
+                [&] { return Net::load_with_random_weights(prototxt, seed, options); });
+          },
+          "prototxt"_a, "seed"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
+          "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
+          "The same with seeded random weights: for timing and tests.")
+      .def_static(
+          "load_without_weights",
+          [](const fs::path& prototxt, std::string end, std::string graft, const Shapes& inputs,
+             bool allow_unknown, const std::optional<proto::Limits>& limits) {
+            const auto options = load_options(std::move(end), std::move(graft), inputs, false,
+                                              allow_unknown, limits);
+            return without_lock([&] { return Net::load_without_weights(prototxt, options); });
+          },
+          "prototxt"_a, nb::kw_only(), "end"_a = "", "graft"_a = "", "inputs"_a = Shapes(),
+          "allow_unknown"_a = false, "limits"_a = nb::none(),
+          "The same without weights: it can be planned and inspected; a Run of it is a UsageError.")
+      .def(
+          "plan",
+          [](const Net& net, const Shapes& inputs, int threads, bool keep_all,
+             std::vector<std::string> keep, bool reference_kernels, int64_t max_run_bytes,
+             bool flush_denormals, engine::Accuracy accuracy,
+             std::optional<std::vector<float>> gray_offsets) {
+            const engine::PlanOptions options{.threads = threads,
+                                              .keep_all = keep_all,
+                                              .keep = std::move(keep),
+                                              .reference_kernels = reference_kernels,
+                                              .max_run_bytes = max_run_bytes,
+                                              .flush_denormals = flush_denormals,
+                                              .accuracy = accuracy,
+                                              .gray_offsets = std::move(gray_offsets)};
+            const auto shapes = shapes_from(inputs);
+            return without_lock([&] { return net.plan(shapes, options); });
+          },
+          "inputs"_a = Shapes(), nb::kw_only(), "threads"_a = engine::PlanOptions().threads,
+          "keep_all"_a = false, "keep"_a = std::vector<std::string>(),
+          "reference_kernels"_a = false, "max_run_bytes"_a = engine::PlanOptions().max_run_bytes,
+          "flush_denormals"_a = true, "accuracy"_a = engine::Accuracy::kUsual,
+          "gray_offsets"_a = nb::none(),
+          "Chooses kernels and lays out memory.\n\n"
+          "inputs: shapes by blob name; those that are not named stay as in the prototxt.\n"
+          "threads: of one forward pass. The result does not depend on it, bit for bit.\n"
+          "keep_all: keep the output of every layer; keep: of these, for Run.layer_output().\n"
+          "max_run_bytes: the most that one run may take beside the weights.\n"
+          "flush_denormals: numbers below 1.2e-38 count as zero while a pass runs.\n"
+          "accuracy: how much kernels may round.\n"
+          "gray_offsets: a promise that channel c is one picture plus gray_offsets[c]; the input "
+          "then is the picture.\n"
+          "Raises InputError naming the layer that cannot take the shapes, UsageError for unknown "
+          "names, MemoryError.")
+      .def_prop_ro("name", &Net::name)
+      .def_prop_ro(
+          "inputs", [](const Net& net) { return dict_of(net.inputs()); },
+          "Shapes of the inputs by blob name, as in the prototxt.")
+      .def_prop_ro("outputs", &Net::outputs, "Names of the outputs.")
+      .def_prop_ro("layer_names", &Net::layer_names,
+                   "Names of all layers of the file that belong to inference, in order.")
+      .def_prop_ro("takes_gray_input", &Net::takes_gray_input)
+      .def_prop_ro("warnings", &Net::warnings, "What a person should know.")
+      .def_prop_ro("weights", &weights_of,
+                   "layer -> its arrays (weights, bias ...), read-only, without a copy. UsageError "
+                   "for a net without weights or loaded with release_weights.")
+      .def_prop_ro("weight_bytes_read", &Net::weight_bytes_read)
+      .def_prop_ro("weight_bytes_in_memory", &Net::weight_bytes_in_memory)
+      .def_prop_ro("packed_weight_bytes", &Net::packed_weight_bytes)
+      .def("__repr__", [](const Net& net) {
+        return str("<revisit.engine.Net '", net.name(), "', ", net.layer_names().size(),
+                   " layers>");
+      });
+}
+
+void bind_plan(nb::module_& module) {
+  using engine::BufferUse;
+  using engine::LayerCost;
+  using engine::ReceptiveField;
+  nb::class_<ReceptiveField>(
+      module, "ReceptiveField",
+      "Output pixel i sees the input pixels [start + i * stride, start + i * "
+      "stride + size). A negative start is padding.")
+      .def_ro("size", &ReceptiveField::size)
+      .def_ro("stride", &ReceptiveField::stride)
+      .def_ro("start", &ReceptiveField::start)
+      .def("__repr__", [](const ReceptiveField& field) {
+        return str("ReceptiveField(size=", field.size, ", stride=", field.stride,
+                   ", start=", field.start, ")");
+      });
+  nb::class_<LayerCost>(module, "LayerCost", "What one layer is and costs under a plan.")
+      .def_ro("name", &LayerCost::name)
+      .def_ro("type", &LayerCost::type)
+      .def_ro("kernel", &LayerCost::kernel,
+              "'' for another view of its input, 'in conv1' when layer conv1 does its work.")
+      .def_ro("why", &LayerCost::why, "Of a convolution, the rule that chose its kernel.")
+      .def_prop_ro("inputs", [](const LayerCost& cost) { return tuples_of(cost.inputs); })
+      .def_prop_ro("outputs", [](const LayerCost& cost) { return tuples_of(cost.outputs); })
+      .def_ro("blobs", &LayerCost::blobs, "What the file calls the outputs.")
+      .def_ro("macs", &LayerCost::macs, "Multiply-accumulates.")
+      .def_ro("parameters", &LayerCost::parameters, "Weights and biases.")
+      .def_ro("packed_weight_bytes", &LayerCost::packed_weight_bytes)
+      .def_ro("activation_bytes", &LayerCost::activation_bytes)
+      .def_ro("field_h", &LayerCost::field_h, "Of the rows of the first output, or None.")
+      .def_ro("field_w", &LayerCost::field_w, "Of its columns, or None.")
+      .def_ro("input_layers", &LayerCost::input_layers, "Indices into Plan.layers.")
+      .def("__repr__", [](const LayerCost& cost) {
+        return str("<LayerCost '", cost.name, "' ", cost.type, ", ", cost.macs, " MACs>");
+      });
+  nb::class_<BufferUse>(module, "BufferUse", "A buffer of the arena, and while which layers run.")
+      .def_ro("what", &BufferUse::what)
+      .def_ro("offset_bytes", &BufferUse::offset_bytes)
+      .def_ro("bytes", &BufferUse::bytes)
+      .def_ro("first_layer", &BufferUse::first_layer)
+      .def_ro("last_layer", &BufferUse::last_layer);
+  nb::class_<Plan>(module, "Plan",
+                   "How a network runs on inputs of given shapes: kernels chosen, memory laid out. "
+                   "Immutable.")
+      .def_prop_ro("layers", &Plan::layers, nb::rv_policy::copy)
+      .def_prop_ro(
+          "inputs", [](const Plan& plan) { return dict_of(plan.inputs()); }, "Shapes by blob name.")
+      .def_prop_ro(
+          "outputs", [](const Plan& plan) { return dict_of(plan.outputs()); }, "Shapes by name.")
+      .def_prop_ro("arena_bytes", &Plan::arena_bytes, "All activations and scratch of one run.")
+      .def_prop_ro("weight_bytes", &Plan::weight_bytes)
+      .def_prop_ro("packed_weight_bytes", &Plan::packed_weight_bytes,
+                   "What kernels hold in an order of their own, beside the weights.")
+      .def_prop_ro("buffers", &Plan::buffers, nb::rv_policy::copy)
+      .def(
+          "run", [](const Plan& plan) { return std::make_unique<Run>(plan); },
+          "A Run of this plan.");
+}
+
+}  // namespace
+
+void bind_engine(nb::module_& module) {
+  nb::enum_<engine::Accuracy>(module, "Accuracy",
+                              "How much kernels may round beyond a plain sum in float32.")
+      .value("USUAL", engine::Accuracy::kUsual, "the fastest kernels")
+      .value("STRICT", engine::Accuracy::kStrict, "about what Caffe's own products round");
+  bind_net(module);
+  bind_plan(module);
+  bind_run(module);
+
+  module.def(
+      "input_blobs",
+      [](const fs::path& prototxt, bool allow_unknown, const std::optional<proto::Limits>& limits) {
+        return engine::input_blobs(prototxt,
+                                   load_options("", "", {}, false, allow_unknown, limits));
+      },
+      "prototxt"_a, nb::kw_only(), "allow_unknown"_a = false, "limits"_a = nb::none(),
+      "Names of the inputs of a prototxt, in order.");
+  module.def("port_name", &engine::port_name, "layer"_a, "port"_a,
+             "The name of an output of a layer for Run.layer_output(): 'slice', 'slice.1', ...");
+  module.def(
+      "layer_types",
+      [] {
+        std::map<std::string, std::string> types;
+        for (const engine::LayerType& type : engine::layer_types()) types[type.type] = type.does;
+        return types;
+      },
+      "The layer types that run -> what each does.");
+  module.def("simd_target", &engine::simd_target, "The instructions that the kernels use here.");
+  module.def("blas_core", &engine::blas_core, "The set of kernels that OpenBLAS uses.");
+  module.def("faster_blas_core", &engine::faster_blas_core,
+             "A faster set that this CPU can run, to be set as OPENBLAS_CORETYPE; '' for none.");
+}
+
+}  // namespace revisit::python

@@ -1,0 +1,43 @@
+#include <new>
+
+#include "module.h"
+#include "revisit/engine/net.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::python {
+namespace {
+
+/// Makes the exception of this name in revisit/errors.py the pending one of Python's.
+void raise(const char* name, const char* message) {
+  try {
+    PyErr_SetString(nb::module_::import_("revisit.errors").attr(name).ptr(), message);
+  } catch (nb::python_error& error) {  // the interpreter is going down
+    error.restore();
+  }
+}
+
+}  // namespace
+
+void translate_errors() {
+  nb::register_exception_translator([](const std::exception_ptr& thrown, void*) {
+    try {
+      std::rethrow_exception(thrown);
+    } catch (const engine::MemoryError& error) {
+      raise("MemoryError", error.what());
+    } catch (const UsageError& error) {
+      raise("UsageError", error.what());
+    } catch (const InputError& error) {
+      raise("InputError", error.what());
+    } catch (const UnsupportedError& error) {
+      raise("UnsupportedError", error.what());
+    } catch (const Interrupted& error) {
+      raise("Interrupted", error.what());
+    } catch (const Error& error) {
+      raise("Error", error.what());
+    } catch (const std::bad_alloc&) {
+      raise("MemoryError", "the system has no memory left");
+    }
+  });
+}
+
+}  // namespace revisit::python

@@ -1,0 +1,74 @@
+#pragma once
+
+#include <nanobind/nanobind.h>
+
+#include <exception>
+#include <type_traits>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::python {
+
+/// Lets long work of C++ run without the interpreter's lock, and brings to it what Python has to
+/// say meanwhile: Ctrl-C, and exceptions of callbacks.
+class Listener {
+ public:
+  /// True when the work is to end.
+  bool stop() {
+    const nanobind::gil_scoped_acquire lock;
+    if (!error_ && PyErr_CheckSignals() != 0)
+      error_ = std::make_exception_ptr(nanobind::python_error());
+    return error_ != nullptr;
+  }
+
+  /// Calls a function of Python's, unless it is None. What it raises ends the work.
+  template <class... Arguments>
+  void tell(const nanobind::object& callback, const Arguments&... arguments) {
+    const nanobind::gil_scoped_acquire lock;
+    if (error_ || callback.is_none()) return;
+    try {
+      callback(arguments...);
+    } catch (const nanobind::python_error&) {
+      error_ = std::current_exception();
+    }
+  }
+
+  /// Does the work. What Python raised meanwhile comes out in place of its result.
+  template <class Work>
+  auto run(const Work& work) {
+    try {
+      if constexpr (std::is_void_v<decltype(work())>) {
+        released(work);
+        rethrow();
+      } else {
+        auto result = released(work);
+        rethrow();
+        return result;
+      }
+    } catch (const Interrupted&) {
+      rethrow();
+      throw;
+    }
+  }
+
+ private:
+  template <class Work>
+  static auto released(const Work& work) {
+    const nanobind::gil_scoped_release unlocked;
+    return work();
+  }
+  void rethrow() const {
+    if (error_) std::rethrow_exception(error_);
+  }
+
+  std::exception_ptr error_;  // guarded by the interpreter's lock
+};
+
+/// Calls `work` without the interpreter's lock. It must not touch objects of Python's.
+template <class Work>
+auto without_lock(const Work& work) {
+  const nanobind::gil_scoped_release unlocked;
+  return work();
+}
+
+}  // namespace revisit::python

@@ -1,0 +1,248 @@
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <filesystem>
+#include <mutex>
+#include <optional>
+
+#include "arrays.h"
+#include "listener.h"
+#include "module.h"
+#include "revisit/proto/net_file.h"
+#include "revisit/proto/weights_file.h"
+
+namespace revisit::python {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace nb::literals;
+using proto::Blob;
+using proto::Limits;
+using proto::NetFile;
+using proto::WeightsFile;
+using OptionalArray = std::optional<FloatArray>;
+
+nb::bytes bytes_from(const std::string& content) {
+  return nb::bytes(content.data(), content.size());
+}
+std::string_view bytes_of(const nb::bytes& bytes) {
+  return {static_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+/// No array where the file has none.
+OptionalArray array_from(Blob blob) {
+  if (blob.absent) return std::nullopt;
+  const std::vector<int64_t> shape = blob.shape;
+  return array_of(std::move(blob.data), shape);
+}
+
+/// A weights file for any number of threads, one after the other.
+class SharedWeightsFile {
+ public:
+  explicit SharedWeightsFile(std::unique_ptr<WeightsFile> file, nb::object content = nb::none())
+      : content_(std::move(content)), file_(std::move(file)) {}
+
+  std::vector<std::pair<std::string, size_t>> layers() const {
+    std::vector<std::pair<std::string, size_t>> layers;
+    for (const WeightsFile::Layer& layer : file_->layers())
+      layers.emplace_back(layer.name, layer.n_blobs);
+    return layers;
+  }
+
+  std::vector<OptionalArray> read(size_t index) {
+    if (index >= file_->layers().size())
+      throw nb::index_error(str("layer ", index, " of ", file_->layers().size()).c_str());
+    std::vector<Blob> blobs = without_lock([&] {
+      const std::lock_guard lock(mutex_);
+      return file_->read(index);
+    });
+    std::vector<OptionalArray> arrays;
+    for (Blob& blob : blobs) arrays.push_back(array_from(std::move(blob)));
+    return arrays;
+  }
+
+ private:
+  nb::object content_;  // that the file is read from, when it is in memory
+  std::mutex mutex_;
+  std::unique_ptr<WeightsFile> file_;
+};
+
+proto::NetReadOptions read_options(bool allow_unknown_fields, bool keep_training,
+                                   const std::optional<Limits>& limits) {
+  return {.allow_unknown_fields = allow_unknown_fields,
+          .keep_training = keep_training,
+          .limits = limits.value_or(Limits())};
+}
+
+/// Takes the place of a layer's arrays.
+void set_blobs(caffe::LayerParameter& layer, nb::handle arrays) {
+  layer.clear_blobs();
+  for (const nb::handle given : arrays) {
+    const auto array = contiguous_floats(given, "weights of layer '" + layer.name() + "'");
+    caffe::BlobProto& blob = *layer.add_blobs();
+    for (const int64_t axis : shape_of(array)) blob.mutable_shape()->add_dim(axis);
+    blob.mutable_data()->Add(array.data(), array.data() + array.size());
+  }
+}
+
+/// Gives layers their arrays, by name.
+void set_weights(NetFile& file, const nb::dict& weights) {
+  for (const auto& [key, arrays] : weights) {
+    const auto name = nb::cast<std::string>(key);
+    std::vector<std::string> names;
+    bool found = false;
+    for (caffe::LayerParameter& layer : *file.net.mutable_layer()) {
+      names.push_back(layer.name());
+      if (layer.name() != name) continue;
+      set_blobs(layer, arrays);
+      found = true;
+    }
+    if (!found)
+      throw UsageError(
+          str("set_weights: there is no layer '", name, "'", did_you_mean(name, names)));
+  }
+}
+
+void bind_net_file(nb::module_& module) {
+  nb::class_<NetFile>(module, "NetFile",
+                      "A network description (NetParameter) in the current form of Caffe, V2; with "
+                      "its weights when it was read from a caffemodel.")
+      .def_ro("warnings", &NetFile::warnings, "What the upgrade did, and what was left out.")
+      .def_prop_ro("name", [](const NetFile& file) { return file.net.name(); })
+      .def_prop_ro(
+          "layers",
+          [](const NetFile& file) {
+            std::vector<std::pair<std::string, std::string>> layers;
+            for (const caffe::LayerParameter& layer : file.net.layer())
+              layers.emplace_back(layer.name(), layer.type());
+            return layers;
+          },
+          "Name and type of each layer.")
+      .def("set_weights", &set_weights, "weights"_a,
+           nb::sig("def set_weights(self, weights: dict[str, "
+                   "Sequence[numpy.typing.NDArray[numpy.float32]]]) -> None"),
+           "Gives layers their arrays (float32, C order), by name; the others keep theirs.")
+      .def(
+          "text", [](const NetFile& file) { return proto::net_text(file.net); }, "As prototxt.")
+      .def(
+          "to_bytes", [](const NetFile& file) { return bytes_from(proto::net_bytes(file.net)); },
+          "Serialized, as in a caffemodel. protobuf for Python reads it with schema().")
+      .def(
+          "write_text",
+          [](const NetFile& file, const fs::path& path) { proto::write_net_text(path, file.net); },
+          "path"_a, "Writes a prototxt, which appears whole or not at all.")
+      .def(
+          "write_binary",
+          [](const NetFile& file, const fs::path& path) {
+            proto::write_net_binary(path, file.net);
+          },
+          "path"_a, "Writes a caffemodel, which appears whole or not at all.");
+  module.def(
+      "read_net",
+      [](const fs::path& prototxt, bool allow_unknown_fields, bool keep_training,
+         const std::optional<Limits>& limits) {
+        const auto options = read_options(allow_unknown_fields, keep_training, limits);
+        return without_lock([&] { return proto::read_net(prototxt, options); });
+      },
+      "prototxt"_a, nb::kw_only(), "allow_unknown_fields"_a = false, "keep_training"_a = false,
+      "limits"_a = nb::none(),
+      "Reads a prototxt of any generation, upgrades it and takes out what the TEST phase runs.\n\n"
+      "keep_training: nothing is taken out.");
+  module.def(
+      "parse_net",
+      [](const std::string& text, const std::string& name, bool allow_unknown_fields,
+         bool keep_training, const std::optional<Limits>& limits) {
+        const auto options = read_options(allow_unknown_fields, keep_training, limits);
+        return without_lock([&] { return proto::parse_net(text, name, options); });
+      },
+      "text"_a, "name"_a = "<prototxt>", nb::kw_only(), "allow_unknown_fields"_a = false,
+      "keep_training"_a = false, "limits"_a = nb::none(),
+      "The same for text; `name` stands for the path in messages.");
+  module.def(
+      "read_net_binary",
+      [](const fs::path& file, const std::optional<Limits>& limits) {
+        return without_lock(
+            [&] { return proto::read_net_binary(file, limits.value_or(Limits())); });
+      },
+      "file"_a, nb::kw_only(), "limits"_a = nb::none(),
+      "Reads a caffemodel whole, weights included, and upgrades it.");
+  module.def(
+      "parse_net_binary",
+      [](const nb::bytes& content, const std::string& name, const std::optional<Limits>& limits) {
+        const std::string_view bytes = bytes_of(content);
+        return without_lock(
+            [&] { return proto::parse_net_binary(bytes, name, limits.value_or(Limits())); });
+      },
+      "content"_a, "name"_a = "<caffemodel>", nb::kw_only(), "limits"_a = nb::none(),
+      "The same of its bytes.");
+  module.def(
+      "schema", [] { return bytes_from(proto::schema_bytes()); },
+      "The schema of Caffe's files as a serialized google.protobuf.FileDescriptorProto, "
+      "package revisit.caffe.");
+}
+
+void bind_weights(nb::module_& module) {
+  nb::class_<SharedWeightsFile>(module, "WeightsFile",
+                                "A .caffemodel or HDF5 file of weights, read layer by layer.")
+      .def(
+          "__init__",
+          [](SharedWeightsFile* self, const fs::path& file, const std::optional<Limits>& limits) {
+            new (self) SharedWeightsFile(
+                without_lock([&] { return WeightsFile::open(file, limits.value_or(Limits())); }));
+          },
+          "file"_a, nb::kw_only(), "limits"_a = nb::none(),
+          "Reads names and positions only. Raises InputError with the byte offset.")
+      .def_static(
+          "from_bytes",
+          [](const nb::bytes& content, const std::string& name,
+             const std::optional<Limits>& limits) {
+            const std::string_view bytes = bytes_of(content);
+            auto file = without_lock([&] {
+              return WeightsFile::open(proto::FileCursor(bytes, name), limits.value_or(Limits()));
+            });
+            return std::make_unique<SharedWeightsFile>(std::move(file), content);
+          },
+          "content"_a, "name"_a = "<weights>", nb::kw_only(), "limits"_a = nb::none())
+      .def_prop_ro("layers", &SharedWeightsFile::layers,
+                   "Name and number of arrays of each layer, in file order. Names can repeat.")
+      .def("read", &SharedWeightsFile::read, "index"_a,
+           "The arrays of layers[index]; None for one that the file has under another layer.");
+  module.def(
+      "read_binaryproto",
+      [](const fs::path& file, const std::optional<Limits>& limits) {
+        return array_from(
+            without_lock([&] { return proto::read_binaryproto(file, limits.value_or(Limits())); }));
+      },
+      "file"_a, nb::kw_only(), "limits"_a = nb::none(),
+      "The array of a .binaryproto: in Caffe the mean image of a training set.");
+}
+
+}  // namespace
+
+void bind_proto(nb::module_& module) {
+  nb::class_<Limits>(module, "Limits",
+                     "What a file may ask for before it is refused, so that a damaged one cannot "
+                     "take the machine's memory.")
+      .def(
+          "__init__",
+          [](Limits* self, int64_t text_bytes, int64_t weight_bytes, int64_t layers,
+             int64_t elements, int64_t nesting) {
+            new (self) Limits{text_bytes, weight_bytes, layers, elements, nesting};
+          },
+          nb::kw_only(), "text_bytes"_a = Limits().text_bytes,
+          "weight_bytes"_a = Limits().weight_bytes, "layers"_a = Limits().layers,
+          "elements"_a = Limits().elements, "nesting"_a = Limits().nesting)
+      .def_ro("text_bytes", &Limits::text_bytes)
+      .def_ro("weight_bytes", &Limits::weight_bytes)
+      .def_ro("layers", &Limits::layers)
+      .def_ro("elements", &Limits::elements)
+      .def_ro("nesting", &Limits::nesting);
+  bind_net_file(module);
+  bind_weights(module);
+}
+
+}  // namespace revisit::python
