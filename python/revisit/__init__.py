@@ -1,6 +1,7 @@
 """Original Caffe networks on the CPU, and place recognition from LiDAR scans."""
 
 from revisit import errors  # before _core, which raises them
+from revisit import _core
 from revisit._core import __version__
 from revisit import engine, proto
 from revisit.errors import (
@@ -9,3 +10,9 @@ from revisit.errors import (
 __all__ = [
     'Error', 'InputError', 'Interrupted', 'MemoryError', 'UnsupportedError', 'UsageError',
     '__version__', 'engine', 'errors', 'proto']
+
+if hasattr(_core, 'maps'):  # else a build with REVISIT_PIPELINE=OFF: the engine alone
+    from revisit import datasets, maps, recognition, simulation
+    from revisit.maps import PlaceRecognizer, open_map
+
+    __all__ += ['PlaceRecognizer', 'datasets', 'maps', 'open_map', 'recognition', 'simulation']

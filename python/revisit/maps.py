@@ -1,0 +1,35 @@
+"""Places, kept in a file or on a server, and recognised."""
+
+import os
+
+from revisit import recognition
+from revisit._core.maps import (
+    Description, Loop, MapStore, PlaceRecognizer, StoredPlace, check_map, merge_maps)
+
+__all__ = [
+    'Description', 'Loop', 'MapStore', 'PlaceRecognizer', 'StoredPlace', 'check_map', 'merge_maps',
+    'open_map']
+
+KEY_CANDIDATES = 300
+"""As `revisit loops` has it: so many places are compared, those with the most similar keys."""
+
+
+def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
+             model: recognition.RingModel | None = None, threshold: float | None = None,
+             first_stretch: int = 200, threads: int = 1) -> PlaceRecognizer:
+    """A recogniser by rings whose places are in `file`, made when it is missing; None: nowhere.
+
+    sensor: whose model comes with the library (recognition.shipped_ring_models()).
+    model: another one, as `revisit learn` writes them (recognition.read_ring_model()).
+    threshold: from which score a loop is accepted; None: what the map was calibrated to.
+    first_stretch: rings learn their mean from so many places.
+    threads: of describing one scan.
+    `revisit loops --map` reads and writes the same maps.
+    """
+    extractor = recognition.ring_recogniser(
+        model if model is not None else recognition.shipped_ring_model(sensor),
+        key_candidates=KEY_CANDIDATES, threads=threads)
+    store = None
+    if file is not None:
+        store = MapStore.open(file, PlaceRecognizer.identity_of(extractor))
+    return PlaceRecognizer(extractor, store, threshold=threshold, first_stretch=first_stretch)

@@ -1,0 +1,5 @@
+"""Drives through synthetic worlds, scanned by a LiDAR: data for whoever has none."""
+
+from revisit._core.simulation import SimulationSummary, simulate
+
+__all__ = ['SimulationSummary', 'simulate']

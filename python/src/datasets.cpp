@@ -1,0 +1,79 @@
+#include <nanobind/eigen/dense.h>
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include <filesystem>
+
+#include "listener.h"
+#include "module.h"
+#include "points.h"
+#include "poses.h"
+#include "revisit/datasets/dataset.h"
+#include "revisit/datasets/scan_file.h"
+
+namespace revisit::python {
+
+namespace fs = std::filesystem;
+using namespace nb::literals;
+using namespace pipeline;
+
+void bind_datasets(nb::module_& module) {
+  nb::class_<ScanRef>(module, "ScanRef", "One scan of a data set; read_scan(file) has its points.")
+      .def_ro("file", &ScanRef::file)
+      .def_ro("frame", &ScanRef::frame)
+      .def_prop_ro(
+          "pose", [](const ScanRef& scan) { return matrix_of(scan.pose); },
+          "4 x 4 [m], T_world_cam for KITTI; None without ground truth.")
+      .def_ro("time", &ScanRef::time, "[s], or None.")
+      .def_ro("place", &ScanRef::place, "In a data set sorted by places: which; else ''.")
+      .def("__repr__", [](const ScanRef& scan) {
+        return str("<ScanRef ", scan.frame, " '", scan.file.string(), "'>");
+      });
+  nb::class_<Dataset>(module, "Dataset", "A drive, or any folder of scans, in frame order.")
+      .def_ro("name", &Dataset::name)
+      .def_ro("sequence", &Dataset::sequence)
+      .def_ro("scans", &Dataset::scans, nb::rv_policy::copy)
+      .def_ro("n_poses", &Dataset::n_poses)
+      .def_ro("warnings", &Dataset::warnings)
+      .def_prop_ro("has_poses", &Dataset::has_poses)
+      .def_prop_ro("has_places", &Dataset::has_places);
+  module.def(
+      "open_dataset",
+      [](const fs::path& root, const std::string& sequence, bool poses) {
+        return without_lock([&] { return open_dataset(root, sequence, {.poses = poses}); });
+      },
+      "root"_a, "sequence"_a = "", nb::kw_only(), "poses"_a = false,
+      "A KITTI odometry sequence, a folder per place, or a folder of .bin, .pcd or .ply files.\n\n"
+      "poses: they are needed. Raises InputError saying what was looked for and where.");
+  module.def(
+      "read_scan",
+      [](const fs::path& file) { return array_of(without_lock([&] { return read_scan(file); })); },
+      "file"_a,
+      "A scan (.bin, .pcd or .ply) as float32 [n][4]: x forward, y left, z up [m], and "
+      "intensity.");
+  module.def(
+      "write_kitti_scan",
+      [](const fs::path& file, nb::handle points) {
+        PointCloud cloud = GivenPoints(points).cloud();
+        copy_intensity(points, cloud);
+        without_lock([&] { write_kitti_scan(file, cloud); });
+      },
+      "file"_a, "points"_a,
+      nb::sig("def write_kitti_scan(file: str | os.PathLike, points: " REVISIT_POINTS ") -> None"),
+      "Writes KITTI's .bin; intensity is the fourth column, 0 without one.");
+  module.def(
+      "read_kitti_poses",
+      [](const fs::path& file) {
+        return array_of_poses(without_lock([&] { return read_kitti_poses(file); }));
+      },
+      "file"_a, "T_world_cam of each frame: float64 [n][4][4].");
+  module.def(
+      "read_kitti_calibration",
+      [](const fs::path& file) { return Matrix4d(read_kitti_calibration(file).matrix()); },
+      "file"_a, "Tr of a calib.txt, T_cam_velo: float64 [4][4].");
+  module.def("read_kitti_times", &read_kitti_times, "file"_a, "Seconds, one a frame.");
+}
+
+}  // namespace revisit::python

@@ -1,0 +1,182 @@
+#include <nanobind/eigen/dense.h>
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
+
+#include <filesystem>
+
+#include "listener.h"
+#include "map_store.h"
+#include "messages.h"
+#include "module.h"
+#include "points.h"
+#include "poses.h"
+#include "revisit/maps/place_recognizer.h"
+
+namespace revisit::python {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace nb::literals;
+using namespace pipeline;
+
+/// One that keeps what it has to say of damaged places.
+class Recognizer : public PlaceRecognizer {
+ public:
+  Recognizer(const FeatureExtractor& extractor, const RecognizerOptions& options,
+             std::unique_ptr<MapStore> map)
+      : Recognizer(extractor, options, std::move(map), std::make_shared<Messages>()) {}
+  std::vector<std::string> warnings() const { return messages_->all(); }
+
+ private:
+  Recognizer(const FeatureExtractor& extractor, const RecognizerOptions& options,
+             std::unique_ptr<MapStore> map, const std::shared_ptr<Messages>& messages)
+      : PlaceRecognizer(extractor, options, std::move(map),
+                        [messages](const std::string& message) { messages->add(message); }),
+        messages_(messages) {}
+  std::shared_ptr<Messages> messages_;
+};
+
+/// A view of numbers that `self` holds.
+ReadOnlyFloats view_of_numbers(const std::vector<float>& numbers, nb::handle self) {
+  return view_of(numbers.data(), {static_cast<int64_t>(numbers.size())}, self);
+}
+
+void bind_records(nb::module_& module) {
+  nb::class_<Description>(module, "Description", "What a scan looks like.")
+      .def_prop_ro("described", &Description::described)
+      .def_ro("why_not", &Description::why_not, "When it could not be described: the reason.")
+      .def_prop_ro(
+          "feature",
+          [](nb::handle self) {
+            return view_of_numbers(nb::cast<const Description&>(self).feature, self);
+          },
+          "Its numbers, read-only; none when it could not be described.")
+      .def("__repr__", [](const Description& scan) {
+        return scan.described() ? str("<Description of ", scan.feature.size(), " numbers>")
+                                : str("<Description: none, ", scan.why_not, ">");
+      });
+  nb::class_<Loop>(module, "Loop", "A place that looks like the scan asked.")
+      .def_ro("position", &Loop::position,
+              "Of the place in the recogniser, counted from 0 as it came to know them.")
+      .def_ro("id", &Loop::id, "Of the place in the map.")
+      .def_ro("drive", &Loop::drive)
+      .def_ro("frame", &Loop::frame)
+      .def_ro("time", &Loop::time, "[s], or None.")
+      .def_prop_ro(
+          "pose", [](const Loop& loop) { return matrix_of(loop.pose); },
+          "T_world_sensor of the place, or None.")
+      .def_ro("similarity", &Loop::similarity)
+      .def_ro("runner_up", &Loop::runner_up, "The similarity of the k-th best.")
+      .def_ro("score", &Loop::score)
+      .def_ro("turn", &Loop::turn,
+              "Heading of the scan less heading of the place, counter-clockwise [rad], or None.")
+      .def_ro("accepted", &Loop::accepted, "The score reaches the threshold; False without one.")
+      .def("__repr__", [](const Loop& loop) {
+        return str("<Loop to place ", loop.position, ", score ", loop.score,
+                   loop.accepted ? ", accepted>" : ">");
+      });
+}
+
+void bind_recognizer(nb::module_& module) {
+  nb::class_<Recognizer>(
+      module, "PlaceRecognizer",
+      "Knows places and recognises them, one scan at a time. With a map every place is on the disk "
+      "when add() returns. Any number of threads may call.")
+      .def(
+          "__init__",
+          [](Recognizer* self, const FeatureExtractor& extractor, OpenMap* map,
+             const std::string& align, const ImageGeometry& geometry, int64_t first_stretch,
+             std::optional<double> threshold, int k, const std::string& score) {
+            const RecognizerOptions options{.align = parse_align_case(align),
+                                            .geometry = geometry,
+                                            .first_stretch = first_stretch,
+                                            .threshold = threshold,
+                                            .k = k,
+                                            .score = parse_score(score)};
+            without_lock(
+                [&] { new (self) Recognizer(extractor, options, map ? map->take() : nullptr); });
+          },
+          "extractor"_a, "map"_a.none() = nb::none(), nb::kw_only(), "align"_a = "none",
+          "geometry"_a = ImageGeometry(), "first_stretch"_a = RecognizerOptions().first_stretch,
+          "threshold"_a = nb::none(), "k"_a = RecognizerOptions().k, "score"_a = "margin",
+          "map: its places are known at once, and it belongs to the recogniser; None: nothing is "
+          "kept.\n"
+          "first_stretch: a feature that learns from the map's scans does so from so many.\n"
+          "threshold: of the score, from which a loop is accepted; None: what the map was "
+          "calibrated to.\n"
+          "score: 'margin' (2 c1 - ck) or 'cosine' (c1).\n"
+          "Raises InputError when the map was made with another feature.")
+      .def(
+          "describe",
+          [](const Recognizer& self, nb::handle points) {
+            const GivenPoints given(points);
+            return without_lock([&] { return self.describe(given.view()); });
+          },
+          "points"_a, nb::sig("def describe(self, points: " REVISIT_POINTS ") -> Description"),
+          "What a scan looks like: points in the sensor's frame [m]. A scan that cannot be "
+          "described is no error.")
+      .def(
+          "query",
+          [](const Recognizer& self, const Description& scan, const std::vector<int64_t>& without) {
+            return without_lock([&] { return self.query(scan, without); });
+          },
+          "scan"_a, "without"_a = std::vector<int64_t>(),
+          "The best place but those at the positions `without` (ascending), which are of the same "
+          "moment; None when there is none or the scan was not described.")
+      .def(
+          "add",
+          [](Recognizer& self, const Description& scan, const std::string& drive, int64_t frame,
+             std::optional<double> time, nb::handle pose) {
+            StoredPlace place{
+                .drive = drive, .frame = frame, .time = time, .pose = pose_from(pose)};
+            return without_lock([&] { return self.add(scan, std::move(place)); });
+          },
+          "scan"_a, nb::kw_only(), "drive"_a = "", "frame"_a = 0, "time"_a = nb::none(),
+          "pose"_a = nb::none(),
+          nb::sig(
+              "def add(self, scan: Description, *, drive: str = '', frame: int = 0, time: float "
+              "| None = None, pose: numpy.typing.NDArray[numpy.float64] | None = None) -> int"),
+          "Adds a place and returns its position. `pose`: T_world_sensor, float64 [4][4].")
+      .def("__len__",
+           [](const Recognizer& self) { return without_lock([&] { return self.size(); }); })
+      .def_prop_ro(
+          "threshold",
+          [](const Recognizer& self) { return without_lock([&] { return self.threshold(); }); })
+      .def_prop_ro("warnings", &Recognizer::warnings, "Of places that could not be read.")
+      .def(
+          "refresh", [](Recognizer& self) { without_lock([&] { self.refresh(); }); },
+          "Takes in what others have added to the map.")
+      .def(
+          "refresh_on_news",
+          [](Recognizer& self) { without_lock([&] { self.refresh_on_news(); }); },
+          "The same when the map says that there is something.")
+      .def(
+          "calibrate",
+          [](Recognizer& self, double threshold) {
+            without_lock([&] { self.calibrate(threshold); });
+          },
+          "threshold"_a, "Keeps the threshold in the map.")
+      .def_static(
+          "identity_of",
+          [](const FeatureExtractor& extractor, const std::string& align,
+             const ImageGeometry& geometry) {
+            return PlaceRecognizer::identity_of(
+                extractor, {.align = parse_align_case(align), .geometry = geometry});
+          },
+          "extractor"_a, nb::kw_only(), "align"_a = "none", "geometry"_a = ImageGeometry(),
+          "What a map of this feature must have been made with.");
+}
+
+}  // namespace
+
+void bind_maps(nb::module_& module) {
+  bind_map_store(module);
+  bind_records(module);
+  bind_recognizer(module);
+}
+
+}  // namespace revisit::python

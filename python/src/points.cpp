@@ -1,0 +1,141 @@
+#include "points.h"
+
+#include <nanobind/stl/string.h>
+
+#include <array>
+#include <cstring>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::python {
+namespace {
+
+using pipeline::Point;
+using pipeline::PointCloud;
+
+[[noreturn]] void refuse_type(nb::handle found) {
+  throw nb::type_error(
+      str("points: expected a numpy array of float32 [n][3 or 4], a structured array with float32 "
+          "fields x, y, z, or a tuple of three float32 arrays, found ",
+          description_of(found),
+          "; nothing is converted unasked: numpy.asarray(x, numpy.float32) does it")
+          .c_str());
+}
+
+bool is_float32(nb::handle dtype) {
+  return nb::cast<std::string>(nb::str(dtype)) == "float32";
+}
+
+/// Where the coordinates of a point of this type are [bytes].
+std::array<int64_t, 3> offsets_of_fields(nb::handle points) {
+  std::array<int64_t, 3> offsets{};
+  const nb::object fields = points.attr("dtype").attr("fields");
+  for (size_t axis = 0; axis < 3; ++axis) {
+    const nb::object field = fields.attr("get")(std::string(1, "xyz"[axis]));
+    if (field.is_none() || !is_float32(field[0])) refuse_type(points);
+    offsets[axis] = nb::cast<int64_t>(field[1]);
+  }
+  return offsets;
+}
+
+}  // namespace
+
+GivenPoints::GivenPoints(nb::handle points) : owner_(nb::borrow(points)) {
+  if (nb::isinstance<nb::tuple>(points) || nb::isinstance<nb::list>(points)) {
+    take_axes(points);
+    return;
+  }
+  if (!nb::hasattr(points, "__array_interface__")) refuse_type(points);
+  const nb::tuple shape = points.attr("shape"), strides = points.attr("strides");
+  const bool structured = !points.attr("dtype").attr("names").is_none();
+  if (!structured && !is_float32(points.attr("dtype"))) refuse_type(points);
+  const auto wrong_shape = [&](const char* expected) {
+    return nb::value_error(
+        str("points: expected ", expected, ", found ", description_of(points)).c_str());
+  };
+  std::array<int64_t, 3> offsets{};
+  if (structured) {
+    offsets = offsets_of_fields(points);
+    if (shape.size() != 1) throw wrong_shape("a structured array of one axis");
+  } else {
+    if (shape.size() != 2 || nb::cast<int64_t>(shape[1]) < 3)
+      throw wrong_shape("an array of shape (n, 3) or (n, 4)");
+    const auto column = nb::cast<int64_t>(strides[1]);
+    offsets = {0, column, 2 * column};
+  }
+  const nb::object interface = points.attr("__array_interface__");
+  const auto address = nb::cast<uintptr_t>(interface["data"][0]);
+  take_columns(reinterpret_cast<const char*>(address), nb::cast<int64_t>(shape[0]),
+               nb::cast<int64_t>(strides[0]), offsets);
+}
+
+void GivenPoints::take_axes(nb::handle points) {
+  if (nb::len(points) != 3) refuse_type(points);
+  std::array<nb::ndarray<nb::numpy, const float>, 3> axes;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    axes[axis] = float_array(points[axis], str("points, ", "xyz"[axis]));
+    if (axes[axis].ndim() != 1 || axes[axis].shape(0) != axes[0].shape(0))
+      throw nb::value_error(str("points: expected three arrays of one length, found ",
+                                description_of(points[0]), ", ", description_of(points[1]), ", ",
+                                description_of(points[2]))
+                                .c_str());
+  }
+  copy_.points.resize(axes[0].shape(0));
+  for (size_t i = 0; i < copy_.points.size(); ++i) {
+    const auto at = [i](const auto& axis) {
+      return axis.data()[static_cast<int64_t>(i) * axis.stride(0)];
+    };
+    copy_.points[i] = {at(axes[0]), at(axes[1]), at(axes[2])};
+  }
+  view_ = pipeline::view_of(copy_);
+}
+
+void GivenPoints::take_columns(const char* base, int64_t count, int64_t stride,
+                               const std::array<int64_t, 3>& offsets) {
+  constexpr auto kBytes = static_cast<int64_t>(sizeof(float));
+  bool fits = true;  // the coordinates lie within a stride
+  for (const int64_t offset : offsets) fits = fits && offset >= 0 && offset + kBytes <= stride;
+  if (fits || count == 0) {
+    view_ = {base, static_cast<size_t>(count)};
+    if (fits)
+      view_ = {base,
+               static_cast<size_t>(count),
+               static_cast<size_t>(stride),
+               static_cast<size_t>(offsets[0]),
+               static_cast<size_t>(offsets[1]),
+               static_cast<size_t>(offsets[2])};
+    return;
+  }
+  copy_.points.resize(static_cast<size_t>(count));
+  for (int64_t i = 0; i < count; ++i) {
+    Point& point = copy_.points[static_cast<size_t>(i)];
+    std::memcpy(&point.x, base + i * stride + offsets[0], sizeof(float));
+    std::memcpy(&point.y, base + i * stride + offsets[1], sizeof(float));
+    std::memcpy(&point.z, base + i * stride + offsets[2], sizeof(float));
+  }
+  view_ = pipeline::view_of(copy_);
+}
+
+PointCloud GivenPoints::cloud() const {
+  PointCloud cloud;
+  pipeline::copy_points(view_, cloud);
+  return cloud;
+}
+
+void copy_intensity(nb::handle points, PointCloud& cloud) {
+  nb::ndarray<nb::numpy, const float> array;
+  if (!nb::ndarray_check(points) || !nb::try_cast(points, array, false)) return;
+  if (array.ndim() != 2 || array.shape(1) < 4) return;
+  for (size_t i = 0; i < cloud.points.size(); ++i)
+    cloud.points[i].intensity =
+        array.data()[static_cast<int64_t>(i) * array.stride(0) + 3 * array.stride(1)];
+}
+
+FloatArray array_of(PointCloud cloud) {
+  auto* kept = new PointCloud(std::move(cloud));
+  const nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<PointCloud*>(p); });
+  return view_of(kept->points.empty() ? nullptr : &kept->points.front().x,
+                 {static_cast<int64_t>(kept->points.size()), 4}, owner);
+}
+
+}  // namespace revisit::python

@@ -1,0 +1,172 @@
+#include <nanobind/eigen/dense.h>
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "arrays.h"
+#include "listener.h"
+#include "module.h"
+#include "points.h"
+#include "revisit/recognition/align.h"
+#include "revisit/recognition/cosine.h"
+#include "revisit/recognition/feature.h"
+#include "revisit/recognition/range_image.h"
+#include "revisit/recognition/sensor.h"
+
+namespace revisit::python {
+namespace {
+
+using namespace nb::literals;
+using namespace pipeline;
+
+FloatArray array_of_image(RangeImage image) {
+  const std::vector<int64_t> shape = {image.height, image.width};
+  return array_of(std::move(image.pixels), shape);
+}
+
+std::string text_of(const ImageGeometry& g) {
+  return str("ImageGeometry(width=", g.width, ", height=", g.height,
+             ", elevation_top=", g.elevation_top, ", elevation_bottom=", g.elevation_bottom,
+             ", max_range=", g.max_range, ", closing_width=", g.closing_width,
+             ", closing_height=", g.closing_height, ")");
+}
+
+void bind_images(nb::module_& module) {
+  nb::class_<ImageGeometry>(
+      module, "ImageGeometry",
+      "The panorama a sensor is projected to: pixels, elevations of its edges "
+      "[deg], the range [m] of pixel value 255, the rectangle that holes are "
+      "closed with [deg].")
+      .def(
+          "__init__",
+          [](ImageGeometry* self, int width, int height, double elevation_top,
+             double elevation_bottom, double max_range, double closing_width,
+             double closing_height) {
+            const ImageGeometry geometry{width,     height,        elevation_top, elevation_bottom,
+                                         max_range, closing_width, closing_height};
+            check_geometry(geometry);
+            new (self) ImageGeometry(geometry);
+          },
+          nb::kw_only(), "width"_a = ImageGeometry().width, "height"_a = ImageGeometry().height,
+          "elevation_top"_a = ImageGeometry().elevation_top,
+          "elevation_bottom"_a = ImageGeometry().elevation_bottom,
+          "max_range"_a = ImageGeometry().max_range,
+          "closing_width"_a = ImageGeometry().closing_width,
+          "closing_height"_a = ImageGeometry().closing_height)
+      .def_ro("width", &ImageGeometry::width)
+      .def_ro("height", &ImageGeometry::height)
+      .def_ro("elevation_top", &ImageGeometry::elevation_top)
+      .def_ro("elevation_bottom", &ImageGeometry::elevation_bottom)
+      .def_ro("max_range", &ImageGeometry::max_range)
+      .def_ro("closing_width", &ImageGeometry::closing_width)
+      .def_ro("closing_height", &ImageGeometry::closing_height)
+      .def("__repr__", &text_of);
+  module.def(
+      "project",
+      [](nb::handle points, const ImageGeometry& geometry) {
+        const PointCloud cloud = GivenPoints(points).cloud();
+        return array_of_image(without_lock([&] { return project(cloud, geometry); }));
+      },
+      "points"_a, "geometry"_a = ImageGeometry(),
+      nb::sig("def project(points: " REVISIT_POINTS
+              ", geometry: ImageGeometry = ...) -> numpy.typing.NDArray[numpy.float32]"),
+      "The range image [height][width] of a scan as it lies: 0 (no return) to 255 (max_range or "
+      "farther). Column 0 looks backwards, azimuth falls with the column.");
+  module.def(
+      "scan_to_image",
+      [](nb::handle points, const std::string& align, const ImageGeometry& geometry) {
+        const PointCloud cloud = GivenPoints(points).cloud();
+        const AlignCase mode = parse_align_case(align);
+        return array_of_image(without_lock([&] { return scan_to_image(cloud, mode, geometry); }));
+      },
+      "points"_a, "align"_a = "none", "geometry"_a = ImageGeometry(),
+      nb::sig("def scan_to_image(points: " REVISIT_POINTS
+              ", align: str = 'none', geometry: ImageGeometry = ...) -> "
+              "numpy.typing.NDArray[numpy.float32]"),
+      "The image that features see: aligned ('none', 'case1' or 'case2'), projected, holes "
+      "closed.");
+}
+
+void bind_sensors(nb::module_& module) {
+  nb::class_<Sensor>(module, "Sensor", "A sensor on the market and the image for its scans.")
+      .def_ro("name", &Sensor::name)
+      .def_ro("model", &Sensor::model)
+      .def_ro("beams", &Sensor::beams, "0: it does not scan in fixed beams.")
+      .def_ro("top", &Sensor::top, "Elevation of the uppermost beam [deg].")
+      .def_ro("bottom", &Sensor::bottom, "Of the lowest [deg].")
+      .def_ro("image", &Sensor::image)
+      .def("__repr__", [](const Sensor& sensor) {
+        return str("<Sensor '", sensor.name, "': ", sensor.model, ">");
+      });
+  nb::class_<SensorFound>(module, "SensorFound", "The sensor that scans look like.")
+      .def_ro("name", &SensorFound::name, "'' for none that is known.")
+      .def_ro("image", &SensorFound::image)
+      .def_ro("inside", &SensorFound::inside, "Share of the returns that the image holds.")
+      .def_prop_ro(
+          "elevations", [](const SensorFound& found) { return found.beams.elevations; },
+          "Of the beams [deg], top first; empty when they cannot be told apart.");
+  module.def("sensors", &sensors, "All that are known.");
+  module.def("sensor_geometry", &sensor_geometry, "sensor"_a,
+             "The image of a sensor. UsageError naming the nearest for one that is not known.");
+  module.def(
+      "find_sensor",
+      [](const nb::list& scans) {
+        std::vector<PointCloud> clouds;
+        for (const nb::handle scan : scans) clouds.push_back(GivenPoints(scan).cloud());
+        return without_lock([&] { return find_sensor(clouds); });
+      },
+      "scans"_a, nb::sig("def find_sensor(scans: list[" REVISIT_POINTS "]) -> SensorFound"),
+      "Tells the sensor from some scans of it.");
+}
+
+void bind_alignment(nb::module_& module) {
+  nb::class_<Alignment>(module, "Alignment",
+                        "The rotation that brings a scan to its principal directions.")
+      .def_prop_ro(
+          "R_aligned_sensor", [](const Alignment& a) { return a.R_aligned_sensor; },
+          "Rows: x', y', z' in the sensor's frame.")
+      .def_prop_ro(
+          "eigenvalues", [](const Alignment& a) { return a.eigenvalues; }, "[m^2]")
+      .def_ro("eigenvalue_ratio", &Alignment::eigenvalue_ratio,
+              "Near 1: the direction is not determined.")
+      .def_ro("abs_t11", &Alignment::abs_t11, "Near 0: the direction may flip.")
+      .def_ro("yaw", &Alignment::yaw, "Of x' in the sensor's frame [rad], counter-clockwise.");
+  module.def(
+      "principal_alignment",
+      [](nb::handle points, const std::string& align) {
+        const PointCloud cloud = GivenPoints(points).cloud();
+        const AlignCase mode = parse_align_case(align);
+        return without_lock([&] { return principal_alignment(cloud, mode); });
+      },
+      "points"_a, "align"_a = "case1",
+      nb::sig("def principal_alignment(points: " REVISIT_POINTS
+              ", align: str = 'case1') -> Alignment"),
+      "The principal directions of a scan. InputError for fewer than 3 usable points.");
+}
+
+}  // namespace
+
+void bind_recognition(nb::module_& module) {
+  bind_images(module);
+  bind_sensors(module);
+  bind_alignment(module);
+  bind_features(module);
+  module.def(
+      "cosine",
+      [](nb::handle a, nb::handle b) {
+        const auto x = contiguous_floats(a, "a"), y = contiguous_floats(b, "b");
+        if (x.ndim() != 1 || y.ndim() != 1 || x.shape(0) != y.shape(0))
+          throw nb::value_error(str("cosine: expected two vectors of one length, found ",
+                                    description_of(a), ", ", description_of(b))
+                                    .c_str());
+        const std::span<const float> u(x.data(), x.size()), v(y.data(), y.size());
+        return cosine(u, length_of(u), v, length_of(v));
+      },
+      "a"_a, "b"_a,
+      nb::sig("def cosine(a: numpy.typing.NDArray[numpy.float32], b: "
+              "numpy.typing.NDArray[numpy.float32]) -> float"),
+      "Of two vectors of float32, in double precision; 0 when one of them is zero.");
+}
+
+}  // namespace revisit::python

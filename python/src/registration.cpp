@@ -1,0 +1,74 @@
+#include "revisit/registration/registration.h"
+
+#include <nanobind/eigen/dense.h>
+
+#include "listener.h"
+#include "module.h"
+#include "points.h"
+#include "poses.h"
+
+namespace revisit::python {
+
+using namespace nb::literals;
+using namespace pipeline;
+
+void bind_registration(nb::module_& module) {
+  nb::class_<RegistrationOptions>(module, "RegistrationOptions")
+      .def(
+          "__init__",
+          [](RegistrationOptions* self, double voxel, double max_range, double reach,
+             double max_distance, double inlier_distance, double least_inliers,
+             double least_constraint) {
+            new (self)
+                RegistrationOptions{voxel,           max_range,     reach,           max_distance,
+                                    inlier_distance, least_inliers, least_constraint};
+          },
+          nb::kw_only(), "voxel"_a = RegistrationOptions().voxel,
+          "max_range"_a = RegistrationOptions().max_range, "reach"_a = RegistrationOptions().reach,
+          "max_distance"_a = RegistrationOptions().max_distance,
+          "inlier_distance"_a = RegistrationOptions().inlier_distance,
+          "least_inliers"_a = RegistrationOptions().least_inliers,
+          "least_constraint"_a = RegistrationOptions().least_constraint, "All but shares in [m].")
+      .def_ro("voxel", &RegistrationOptions::voxel)
+      .def_ro("max_range", &RegistrationOptions::max_range)
+      .def_ro("reach", &RegistrationOptions::reach)
+      .def_ro("max_distance", &RegistrationOptions::max_distance)
+      .def_ro("inlier_distance", &RegistrationOptions::inlier_distance)
+      .def_ro("least_inliers", &RegistrationOptions::least_inliers)
+      .def_ro("least_constraint", &RegistrationOptions::least_constraint);
+  nb::class_<PreparedScan>(
+      module, "PreparedScan",
+      "A scan thinned, with its search tree and normals: as query and as place.")
+      .def(
+          "__init__",
+          [](PreparedScan* self, nb::handle points, const RegistrationOptions& options) {
+            const PointCloud cloud = GivenPoints(points).cloud();
+            without_lock([&] { new (self) PreparedScan(cloud, options); });
+          },
+          "points"_a, "options"_a = RegistrationOptions(),
+          nb::sig("def __init__(self, points: " REVISIT_POINTS
+                  ", options: RegistrationOptions = ...) -> None"))
+      .def("__len__", &PreparedScan::size);
+  nb::class_<Registration>(module, "Registration", "How a query lies to a place.")
+      .def_prop_ro(
+          "T_place_query", [](const Registration& r) { return Matrix4d(r.T_place_query.matrix()); },
+          "Takes points of the query's frame to the place's, float64 [4][4] [m].")
+      .def_prop_ro(
+          "information", [](const Registration& r) { return r.information; },
+          "Inverse covariance of (t, w), float64 [6][6], in the query's frame.")
+      .def_ro("fitness", &Registration::fitness, "Mean squared distance of the inliers [m^2].")
+      .def_ro("inliers", &Registration::inliers, "Share of the query's upright points, 0 to 1.")
+      .def_ro("constraint", &Registration::constraint, "0 (along a corridor) to 1/3.")
+      .def_ro("accepted", &Registration::accepted);
+  module.def(
+      "register_scans",
+      [](const PreparedScan& query, const PreparedScan& place, double turn,
+         const RegistrationOptions& options) {
+        return without_lock([&] { return register_scans(query, place, turn, options); });
+      },
+      "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(),
+      "Registers a query with a place. `turn`: heading of the query less that of the place, "
+      "counter-clockwise [rad], as Loop.turn.");
+}
+
+}  // namespace revisit::python

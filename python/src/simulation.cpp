@@ -1,0 +1,104 @@
+#include "revisit/simulation/simulation.h"
+
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <array>
+#include <filesystem>
+
+#include "listener.h"
+#include "module.h"
+#include "revisit/proto/joined.h"
+
+namespace revisit::python {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace nb::literals;
+using namespace pipeline;
+
+/// The one of `all` that `name` names.
+template <class Kind, size_t n>
+Kind parse(const char* what, const std::string& text, const std::array<Kind, n>& all,
+           const char* (*name)(Kind)) {
+  for (const Kind kind : all)
+    if (text == name(kind)) return kind;
+  throw UsageError(
+      str(what, ": expected one of ", joined(all, ", ", name), ", found '", text, "'"));
+}
+
+constexpr std::array kSensors = {LidarModel::kHdl64, LidarModel::kVlp16, LidarModel::kOs1};
+constexpr std::array kSurroundings = {Surroundings::kTown,    Surroundings::kVillage,
+                                      Surroundings::kCountry, Surroundings::kMotorway,
+                                      Surroundings::kCarPark, Surroundings::kOldTown};
+constexpr std::array kRoutes = {RouteKind::kLoop, RouteKind::kOpposite, RouteKind::kBoth};
+
+const char* name_of_route(RouteKind route) {
+  constexpr std::array kNames = {"loop", "opposite", "both"};
+  return kNames[static_cast<size_t>(route)];
+}
+
+}  // namespace
+
+void bind_simulation(nb::module_& module) {
+  nb::class_<SimulationSummary>(module, "SimulationSummary", "What was simulated.")
+      .def_ro("scans", &SimulationSummary::scans, "Asked for and complete.")
+      .def_ro("kept", &SimulationSummary::kept, "Of these, found complete from an earlier call.")
+      .def_ro("mean_points", &SimulationSummary::mean_points, "A scan.")
+      .def_ro("path_metres", &SimulationSummary::path_metres)
+      .def_ro("build_seconds", &SimulationSummary::build_seconds, "For the town.")
+      .def_ro("scan_seconds", &SimulationSummary::scan_seconds)
+      .def_ro("triangles", &SimulationSummary::triangles);
+  module.def(
+      "simulate",
+      [](const fs::path& output, const std::string& sequence, const std::string& surroundings,
+         double traffic, const std::string& route, double length,
+         const std::optional<fs::path>& poses, int first_frame, std::optional<int> last_frame,
+         int every, const std::string& sensor, double range_noise, double dropout, uint64_t seed,
+         int threads, bool overwrite, const nb::object& progress) {
+        SimulationConfig config;
+        config.output = output;
+        config.sequence = sequence;
+        config.surroundings = parse("surroundings", surroundings, kSurroundings,
+                                    static_cast<const char* (*)(Surroundings)>(&name_of));
+        config.traffic = traffic;
+        config.route = parse("route", route, kRoutes, &name_of_route);
+        config.length = length;
+        config.poses = poses;
+        config.first_frame = first_frame;
+        config.last_frame = last_frame;
+        config.every = every;
+        config.sensor =
+            parse("sensor", sensor, kSensors, static_cast<const char* (*)(LidarModel)>(&name_of));
+        config.range_noise = range_noise;
+        config.dropout = dropout;
+        config.seed = seed;
+        config.threads = threads;
+        config.overwrite = overwrite;
+        Listener listener;
+        return listener.run([&] {
+          return simulate(
+              config, [&](int64_t done, int64_t total) { listener.tell(progress, done, total); },
+              [&] { return listener.stop(); });
+        });
+      },
+      "output"_a, nb::kw_only(), "sequence"_a = SimulationConfig().sequence,
+      "surroundings"_a = name_of(Surroundings::kTown), "traffic"_a = SimulationConfig().traffic,
+      "route"_a = "loop", "length"_a = SimulationConfig().length, "poses"_a = nb::none(),
+      "first_frame"_a = 0, "last_frame"_a = nb::none(), "every"_a = 1,
+      "sensor"_a = name_of(LidarModel::kHdl64), "range_noise"_a = SimulationConfig().range_noise,
+      "dropout"_a = SimulationConfig().dropout, "seed"_a = SimulationConfig().seed, "threads"_a = 0,
+      "overwrite"_a = false, "progress"_a = nb::none(),
+      "Writes a data set in KITTI's layout of a drive through a synthetic world, which "
+      "open_dataset() reads.\n\n"
+      "surroundings: 'town', 'village', 'country', 'motorway', 'car-park' or 'old-town'.\n"
+      "route: how it comes back: 'loop', 'opposite' or 'both'; length [m], 300 to 30000.\n"
+      "poses: a KITTI poses file to drive along instead.\n"
+      "first_frame, last_frame, every: the frames that are scanned; 0.1 s lie between two.\n"
+      "sensor: 'hdl64', 'vlp16' or 'ouster-os1-64'.\n"
+      "progress: called with (done, total) scans. What it raises ends the work, as Ctrl-C does; "
+      "scans that are there are kept, and an equal call goes on.");
+}
+
+}  // namespace revisit::python

@@ -1,0 +1,159 @@
+"""revisit.maps and revisit.simulation: places are added, found again, kept; a drive is simulated."""
+
+import tempfile
+import threading
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import revisit
+from revisit import datasets, maps, simulation
+from scans import room
+
+PLACES = range(12)
+
+
+def filled(recognizer):
+    """Places 0 to 11; rings learn from the first 4."""
+    for seed in PLACES:
+        pose = np.eye(4)
+        pose[0, 3] = seed
+        recognizer.add(recognizer.describe(room(seed)), drive='d', frame=10 * seed, time=seed / 10, pose=pose)
+    return recognizer
+
+
+class Recognising(unittest.TestCase):
+    def test_finds_a_place_and_the_turn(self):
+        recognizer = filled(revisit.open_map(threshold=0.2, first_stretch=4))
+        self.assertEqual(len(recognizer), len(PLACES))
+        loop = recognizer.query(recognizer.describe(room(7, turn=0.5)))
+        self.assertEqual((loop.position, loop.frame, loop.drive), (7, 70, 'd'))
+        self.assertTrue(loop.accepted)
+        self.assertAlmostEqual(loop.turn, 0.5, delta=0.05)
+        self.assertAlmostEqual(loop.time, 0.7)
+        self.assertEqual(loop.pose[0, 3], 7)
+        other = recognizer.query(recognizer.describe(room(7)), without=[7])
+        self.assertNotEqual(other.position, 7)
+        self.assertLess(other.score, loop.score)
+
+    def test_nothing_is_found_in_nothing(self):
+        recognizer = revisit.open_map()
+        self.assertIsNone(recognizer.query(recognizer.describe(room(1))))
+
+    def test_a_scan_without_points_says_why(self):
+        recognizer = revisit.open_map()
+        scan = recognizer.describe(np.zeros((0, 3), np.float32))
+        self.assertFalse(scan.described)
+        self.assertIn('no points', scan.why_not)
+        self.assertEqual(len(scan.feature), 0)
+        self.assertIsNone(recognizer.query(scan))
+        with self.assertRaises(revisit.UsageError):
+            recognizer.add(scan)
+
+    def test_poses_are_checked(self):
+        recognizer = revisit.open_map()
+        scan = recognizer.describe(room(1))
+        with self.assertRaisesRegex(TypeError, 'float64'):
+            recognizer.add(scan, pose=np.eye(4, dtype=np.float32))
+        with self.assertRaisesRegex(ValueError, r'\(4, 4\)'):
+            recognizer.add(scan, pose=np.eye(3))
+        with self.assertRaisesRegex(ValueError, 'rigid'):
+            recognizer.add(scan, pose=2 * np.eye(4))
+        self.assertEqual(len(recognizer), 0)
+
+    def test_threads_may_share_one(self):
+        recognizer = filled(revisit.open_map(threshold=0.2, first_stretch=4))
+        found = {}
+
+        def ask(seed):
+            found[seed] = recognizer.query(recognizer.describe(room(seed, 0.3))).position
+
+        threads = [threading.Thread(target=ask, args=(seed,)) for seed in PLACES]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        self.assertEqual(found, {seed: seed for seed in PLACES})
+
+
+class Maps(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.file = Path(folder.name) / 'town.map'
+
+    def test_outlive_the_recogniser(self):
+        recognizer = filled(revisit.open_map(self.file, first_stretch=4))
+        recognizer.calibrate(0.25)
+        del recognizer
+        again = revisit.open_map(self.file)
+        self.assertEqual((len(again), again.threshold, again.warnings), (len(PLACES), 0.25, []))
+        self.assertEqual(again.query(again.describe(room(3))).position, 3)
+
+    def test_tell_what_is_in_them(self):
+        recognizer = filled(revisit.open_map(self.file, first_stretch=4))
+        del recognizer
+        with maps.MapStore.open(self.file) as store:
+            self.assertEqual(store.identity['feature'], 'ring')
+            self.assertEqual(len(store), len(PLACES))
+            self.assertEqual(store.numbers, 'float32')
+            places = store.places()
+            self.assertIsNotNone(store.value('basis'))
+            self.assertIsNone(store.value('threshold'))
+        self.assertEqual([place.frame for place in places], [10 * seed for seed in PLACES])
+        self.assertGreater(len(places[0].descriptor), 100)
+        with self.assertRaisesRegex(revisit.UsageError, 'closed'):
+            len(store)
+        self.assertEqual(maps.check_map(self.file), [])
+
+    def test_belong_to_one_recogniser(self):
+        extractor = revisit.recognition.m2dp_features()
+        store = maps.MapStore.open(self.file, maps.PlaceRecognizer.identity_of(extractor))
+        maps.PlaceRecognizer(extractor, store)
+        with self.assertRaisesRegex(revisit.UsageError, 'belongs to'):
+            maps.PlaceRecognizer(extractor, store)
+
+    def test_of_another_feature_are_refused(self):
+        filled(revisit.open_map(self.file, first_stretch=4))
+        with self.assertRaisesRegex(revisit.InputError, 'feature'):
+            extractor = revisit.recognition.m2dp_features()
+            maps.MapStore.open(self.file, maps.PlaceRecognizer.identity_of(extractor))
+        with self.assertRaises(revisit.InputError):
+            maps.MapStore.open(self.file.with_name('nowhere.map'))
+
+    def test_are_merged(self):
+        filled(revisit.open_map(self.file, first_stretch=4))
+        both = self.file.with_name('both.map')
+        self.assertEqual(maps.merge_maps([self.file, self.file], both), (2 * len(PLACES), []))
+
+
+class Simulating(unittest.TestCase):
+    def test_a_drive_comes_back(self):
+        with tempfile.TemporaryDirectory() as folder:
+            done = []
+            summary = simulation.simulate(folder, length=300, sensor='vlp16', every=50, threads=2,
+                                          progress=lambda n, total: done.append((n, total)))
+            drive = datasets.open_dataset(folder, poses=True)
+            scan = datasets.read_scan(drive.scans[0].file)
+        self.assertEqual(summary.scans, len(drive.scans))
+        self.assertEqual(done[-1], (summary.scans, summary.scans))
+        self.assertEqual(drive.scans[1].pose.shape, (4, 4))
+        self.assertGreater(len(scan), 5000)
+
+    def test_an_exception_of_progress_ends_it(self):
+        def stop(done, total):
+            if done >= 2:
+                raise KeyError('enough')
+
+        with tempfile.TemporaryDirectory() as folder:
+            with self.assertRaisesRegex(KeyError, 'enough'):
+                simulation.simulate(folder, length=300, sensor='vlp16', every=20, threads=1, progress=stop)
+
+    def test_wrong_words_are_refused(self):
+        with self.assertRaisesRegex(revisit.UsageError, 'old-town'):
+            simulation.simulate('nowhere', surroundings='village green')
+
+
+if __name__ == '__main__':
+    unittest.main()

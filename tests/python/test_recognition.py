@@ -1,0 +1,161 @@
+"""revisit.recognition and revisit.datasets: points, images, features, files."""
+
+import gc
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import revisit
+from nets import CONVOLVE, folder_with
+from revisit import datasets, recognition
+from scans import room
+
+
+def structured(points):
+    """A driver's array: other fields around x, y, z, no padding."""
+    scan = np.zeros(len(points), [('stamp', 'u2'), ('x', 'f4'), ('y', 'f4'), ('z', 'f4'), ('ring', 'u1')])
+    for i, axis in enumerate('xyz'):
+        scan[axis] = points[:, i]
+    return scan
+
+
+class Points(unittest.TestCase):
+    def setUp(self):
+        self.points = room(1)
+        self.image = recognition.project(self.points)
+
+    def test_any_layout_is_the_same_scan(self):
+        p = self.points
+        layouts = {
+            'three columns': p[:, :3], 'contiguous': np.ascontiguousarray(p[:, :3]),
+            'columns': np.asfortranarray(p), 'twice as wide': np.repeat(p, 2, 1)[:, ::2],
+            'structured': structured(p), 'every other': np.repeat(structured(p), 2)[::2],
+            'tuple': tuple(p[:, :3].T), 'list': [p[:, 0].copy(), p[:, 1], p[:, 2]],
+            'backwards': p[::-1]}
+        read_only = p.copy()
+        read_only.flags.writeable = False
+        layouts['read-only'] = read_only
+        for name, layout in layouts.items():
+            np.testing.assert_array_equal(recognition.project(layout), self.image, name)
+
+    def test_others_are_refused(self):
+        p = self.points
+        for wrong in (p.astype(np.float64), p.astype('>f4'), p.tolist()[:5], 'scan', None, 7,
+                      structured(p)[['x', 'y']], (p[:, 0], p[:, 1]), p.astype(np.float16)):
+            with self.assertRaises(TypeError, msg=repr(wrong)[:60]):
+                recognition.project(wrong)
+        for wrong in (p[:, :2], p.ravel(), p[None], structured(p)[None], (p[:, 0], p[:, 1], p[1:, 2])):
+            with self.assertRaises(ValueError, msg=repr(wrong)[:60]):
+                recognition.project(wrong)
+        with self.assertRaisesRegex(TypeError, r'found float64 array of shape \(57600, 4\)'):
+            recognition.project(p.astype(np.float64))
+
+    def test_none_are_an_empty_image(self):
+        self.assertFalse(recognition.project(np.zeros((0, 3), np.float32)).any())
+        self.assertFalse(recognition.project(np.full((5, 3), np.nan, np.float32)).any())
+
+
+class Images(unittest.TestCase):
+    def test_pixels_are_ranges(self):
+        wall = np.array([[-40, 0, 0], [0, 20, 0]], np.float32)
+        geometry = recognition.ImageGeometry(width=8, height=4, elevation_top=10, elevation_bottom=-10)
+        image = recognition.project(wall, geometry)
+        self.assertEqual(image.shape, (4, 8))
+        self.assertEqual(image[2, 2], np.float32(255 * 20 / 80))  # left
+        self.assertEqual(image[2, 0] + image[2, 7], np.float32(255 * 40 / 80))  # behind
+        with self.assertRaisesRegex(revisit.UsageError, 'elevation'):
+            recognition.ImageGeometry(elevation_top=-30)
+
+    def test_sensors_are_known(self):
+        names = [sensor.name for sensor in recognition.sensors()]
+        self.assertIn('hdl64', names)
+        self.assertEqual(recognition.sensor_geometry('vlp16').width, 4000)
+        with self.assertRaisesRegex(revisit.UsageError, 'hdl64'):
+            recognition.sensor_geometry('hdl65')
+
+    def test_alignment_turns_with_the_scan(self):
+        box = np.random.default_rng(1).uniform([-30, -5, -1], [30, 5, 3], (5000, 3)).astype(np.float32)
+        found = recognition.principal_alignment(box)
+        self.assertLess(abs(found.R_aligned_sensor[0, 1]), 0.05)
+        np.testing.assert_allclose(found.R_aligned_sensor @ found.R_aligned_sensor.T, np.eye(3), atol=1e-5)
+        self.assertGreater(found.eigenvalue_ratio, 10)
+        with self.assertRaises(revisit.InputError):
+            recognition.principal_alignment(box[:2])
+
+
+class Features(unittest.TestCase):
+    def test_network_sees_the_image(self):
+        geometry = recognition.ImageGeometry(width=64, height=16)
+        with folder_with(net=CONVOLVE) as folder:
+            net = revisit.engine.Net.load_with_random_weights(
+                folder / 'net.prototxt', 3, end='pool', inputs={'data': (1, 3, 16, 64)})
+        extractor = recognition.network_features(net, 'seed 3', mean_bgr=(1, 2, 3), geometry=geometry)
+        self.assertEqual(extractor.dim, 4 * 8 * 32)
+        points = room(2)
+        feature = recognition.from_scan(extractor, 'none', geometry)(points)
+        run = net.plan().run()
+        image = recognition.scan_to_image(points, 'none', geometry)
+        run.forward({'data': np.stack([image - 1, image - 2, image - 3])[None]})
+        np.testing.assert_allclose(feature, run.output('pool').ravel(), rtol=1e-4, atol=1e-2)
+
+    def test_scan_context_knows_turns(self):
+        options = recognition.ScanContextOptions()
+        a = recognition.scan_context(room(3), options)
+        b = recognition.scan_context(room(3, np.radians(60)), options)
+        other = recognition.scan_context(room(4), options)
+        self.assertEqual(a.shape, (20, 60))
+        distance, shift = recognition.context_distance(a, b, options)
+        self.assertIn(shift, (10, 50))
+        self.assertLess(distance, recognition.context_distance(a, other, options)[0])
+        with self.assertRaises(ValueError):
+            recognition.context_distance(a[:5].copy(), b[:5].copy(), options)
+        with self.assertRaises(revisit.UsageError):
+            recognition.ScanContextOptions(rings=0)
+
+    def test_cosine(self):
+        a = np.array([1, 0, 1], np.float32)
+        self.assertAlmostEqual(recognition.cosine(a, np.array([1, 1, 0], np.float32)), 0.5)
+        with self.assertRaises(TypeError):
+            recognition.cosine(a, [1, 1, 0])
+        with self.assertRaises(ValueError):
+            recognition.cosine(a, a[:2])
+
+    def test_rings_come_with_the_library(self):
+        self.assertIn('hdl64', recognition.shipped_ring_models())
+        model = recognition.shipped_ring_model('hdl64')
+        self.assertEqual(recognition.ring_recogniser(model).dim, model.dim)
+        with self.assertRaises(revisit.InputError):
+            recognition.read_ring_model('nowhere.ring')
+
+
+class Files(unittest.TestCase):
+    def test_scans_go_out_and_in(self):
+        points = room(5)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / '000000.bin'
+            datasets.write_kitti_scan(file, points)
+            np.testing.assert_array_equal(np.fromfile(file, np.float32).reshape(-1, 4), points)
+            read = datasets.read_scan(file)
+            scans = datasets.open_dataset(folder).scans
+            file.write_bytes(b'12345')
+            with self.assertRaisesRegex(revisit.InputError, '000000.bin'):
+                datasets.read_scan(file)
+        gc.collect()
+        np.testing.assert_array_equal(read, points)
+        self.assertTrue(read.flags.writeable)
+        self.assertEqual([scan.file for scan in scans], [file])
+        self.assertIsNone(scans[0].pose)
+
+    def test_poses(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / 'poses.txt'
+            file.write_text('1 0 0 5 0 1 0 6 0 0 1 7\n' * 2)
+            poses = datasets.read_kitti_poses(file)
+        self.assertEqual(poses.shape, (2, 4, 4))
+        np.testing.assert_array_equal(poses[1], [[1, 0, 0, 5], [0, 1, 0, 6], [0, 0, 1, 7], [0, 0, 0, 1]])
+
+
+if __name__ == '__main__':
+    unittest.main()
