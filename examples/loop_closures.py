@@ -1,0 +1,87 @@
+#!/usr/bin/env python3
+"""Places seen before, found while a drive is read: a line for each, and a picture.
+
+  loop_closures.py scans/ --map town.map -o loops.png      # .bin, .pcd or .ply files, or KITTI's layout
+  loop_closures.py town --simulate                         # makes a drive there first
+"""
+
+import argparse
+import sys
+
+import numpy as np
+
+import revisit
+from revisit import datasets, recognition, simulation
+
+
+def sensor_of(drive):
+    """The sensor whose scans these look like. UsageError for one that no model is shipped for."""
+    files = [scan.file for scan in drive.scans[:: max(1, len(drive.scans) // 5)]]
+    found = recognition.find_sensor([datasets.read_scan(file) for file in files]).name
+    if found not in recognition.shipped_ring_models():
+        raise revisit.UsageError(f'no model for the sensor {found or "of these scans"}: give --sensor')
+    return found
+
+
+def draw(file, drive, loops):
+    import matplotlib
+    matplotlib.use('Agg')
+    from matplotlib import pyplot
+    # KITTI's camera looks along z, its x is to the right
+    path = np.array([scan.pose[[0, 2], 3] if scan.pose is not None else (i, 0)
+                     for i, scan in enumerate(drive.scans)])
+    figure, axes = pyplot.subplots(figsize=(7, 7), layout='constrained')
+    axes.plot(*path.T, '.-', color='lightgray')
+    for here, there in loops:
+        axes.plot(*path[[here, there]].T, color='tab:green')
+        axes.plot(*path[here], 'o', color='tab:green')
+    axes.set_aspect('equal', adjustable='datalim')
+    axes.set_xlabel('[m]')
+    axes.set_ylabel('[m]')
+    axes.set_title(f'{len(loops)} loops')
+    figure.savefig(file)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('folder')
+    parser.add_argument('--sequence', default='', help='of a KITTI root')
+    parser.add_argument('--simulate', type=float, nargs='?', const=600, metavar='METRES',
+                        help='make a drive of this length in the folder first')
+    parser.add_argument('--sensor', help='found from the scans unless given')
+    parser.add_argument('--map', help='where places are kept; nowhere unless given')
+    parser.add_argument('--threshold', type=float, default=0.5, help='of the score')
+    parser.add_argument('--same-moment', type=int, default=20, help='scans just before, which are no loop')
+    parser.add_argument('-o', '--output', help='a picture (needs matplotlib)')
+    o = parser.parse_args()
+
+    if o.simulate:
+        simulation.simulate(o.folder, length=o.simulate, every=20, progress=lambda done, total: print(
+            f'\rsimulating {done}/{total}', end='' if done < total else '\n', file=sys.stderr))
+    drive = datasets.open_dataset(o.folder, o.sequence)
+    recognizer = revisit.open_map(o.map, o.sensor or sensor_of(drive), threshold=o.threshold)
+
+    loops, known = [], {}  # known: the scan at a position, for those of this drive
+    print('scan,place,frame,score,turn_degrees')
+    for i, ref in enumerate(drive.scans):
+        scan = recognizer.describe(datasets.read_scan(ref.file))
+        if not scan.described:
+            print(f'{ref.file}: {scan.why_not}', file=sys.stderr)
+            continue
+        recent = [position for position, j in known.items() if j >= i - o.same_moment]
+        loop = recognizer.query(scan, recent)
+        if loop and loop.accepted:
+            print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.turn):.1f}')
+            if loop.position in known:
+                loops.append((i, known[loop.position]))
+        known[recognizer.add(scan, frame=ref.frame, time=ref.time)] = i
+    print(f'{len(recognizer)} places known, {len(loops)} loops in this drive', file=sys.stderr)
+    if o.output:
+        draw(o.output, drive, loops)
+
+
+if __name__ == '__main__':
+    try:
+        main()
+    except revisit.Error as error:
+        raise SystemExit(f'loop_closures: {error}')

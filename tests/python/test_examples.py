@@ -1,0 +1,80 @@
+"""The programs of examples/ do what they say, with made-up networks and a simulated drive."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+from nets import CONVOLVE
+from revisit import proto
+
+EXAMPLES = Path(__file__).resolve().parents[2] / 'examples'
+PICTURES = importlib.util.find_spec('matplotlib') is not None
+
+
+def run(name, *arguments):
+    done = subprocess.run([sys.executable, EXAMPLES / f'{name}.py', *map(str, arguments)],
+                          text=True, capture_output=True, env={**os.environ, 'MPLCONFIGDIR': tempfile.gettempdir()})
+    if done.returncode:
+        raise AssertionError(f'{name}: {done.stdout}{done.stderr}')
+    return done.stdout
+
+
+class Examples(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.prototxt = self.folder / 'net.prototxt'
+        self.prototxt.write_text(CONVOLVE)
+
+    def picture(self):
+        return ['-o', self.folder / 'picture.png'] if PICTURES else []
+
+    def check_picture(self):
+        if PICTURES:
+            self.assertEqual((self.folder / 'picture.png').read_bytes()[1:4], b'PNG')
+
+    def test_classify_image(self):
+        # The fourth channel copies blue, the fourth class sums it: blue images are of class 3.
+        conv, fc = np.zeros((4, 3, 3, 3), np.float32), np.zeros((5, 80), np.float32)
+        conv[3, 0, 1, 1] = 1
+        fc[3, 60:] = 0.01
+        net = proto.read_net(self.prototxt)
+        net.set_weights({'conv': [conv, np.zeros(4, np.float32)], 'fc': [fc, np.zeros(5, np.float32)]})
+        net.write_binary(self.folder / 'net.caffemodel')
+        (self.folder / 'labels.txt').write_text('red\ngreen\ngray\nblue\nwhite\n')
+        image = np.zeros((8, 10, 3), np.uint8)
+        image[:, :, 2] = 255
+        np.save(self.folder / 'image.npy', image)
+        printed = run('classify_image', self.prototxt, self.folder / 'net.caffemodel',
+                      self.folder / 'image.npy', '--labels', self.folder / 'labels.txt', '--top', 2).splitlines()
+        self.assertEqual(len(printed), 2)
+        self.assertRegex(printed[0], r'^1\.0000  blue$')
+
+    def test_profile_net(self):
+        printed = run('profile_net', self.prototxt, '--shape', '1,3,20,30', '--end', 'pool',
+                      '--repeat', 3, *self.picture())
+        self.assertRegex(printed, r'(?m)^conv .* 0\.1 ')
+        self.assertRegex(printed, r'(?m)^total ')
+        self.check_picture()
+
+    def test_loop_closures(self):
+        printed = run('loop_closures', self.folder / 'town', '--simulate', 600, '--threshold', 0.4,
+                      '--map', self.folder / 'town.map', *self.picture())
+        loops = printed.splitlines()[1:]
+        self.assertGreater(len(loops), 2)
+        for loop in loops:
+            scan, _, frame = loop.split(',')[:3]
+            self.assertGreater(int(scan), int(frame) + 300)
+        self.assertTrue((self.folder / 'town.map').is_file())
+        self.check_picture()
+
+
+if __name__ == '__main__':
+    unittest.main()

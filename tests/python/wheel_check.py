@@ -1,0 +1,63 @@
+"""Run with the interpreter of an environment that has the wheel and numpy only: it works, and by itself."""
+
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import revisit
+from revisit import datasets, proto, simulation
+from revisit.engine import Net
+
+NET = """
+layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }
+layer { name: "fc" type: "InnerProduct" bottom: "data" top: "fc" inner_product_param { num_output: 3 } }
+layer { name: "prob" type: "Softmax" bottom: "fc" top: "prob" }
+"""
+
+
+def classifies():
+    net = proto.parse_net(NET)
+    weights = np.zeros((3, 16), np.float32)
+    weights[1] = 1
+    net.set_weights({'fc': [weights, np.zeros(3, np.float32)]})
+    run = Net.load_from_memory(NET, net.to_bytes()).plan(threads=2).run()
+    run.forward({'data': np.ones((1, 1, 4, 4), np.float32)})
+    assert run.output('prob').argmax() == 1, run.output('prob')
+
+
+def finds_a_loop():
+    recognizer = revisit.open_map(threshold=0.3, first_stretch=10)
+    with tempfile.TemporaryDirectory() as folder:
+        simulation.simulate(folder, length=400, every=30)
+        drive = datasets.open_dataset(folder, poses=True).scans
+        loops = []
+        for i, ref in enumerate(drive):
+            scan = recognizer.describe(datasets.read_scan(ref.file))
+            loop = recognizer.query(scan, list(range(max(0, i - 8), i)))
+            if loop and loop.accepted:
+                apart = ref.pose[:3, 3] - drive[loop.position].pose[:3, 3]
+                loops.append(np.linalg.norm(apart[[0, 2]]))
+            recognizer.add(scan)
+    assert loops, f'no loop in {len(drive)} scans'
+    assert np.median(loops) < 10, loops
+    print(f'{len(loops)} loops in {len(drive)} scans, {np.median(loops):.1f} m apart')
+
+
+def stands_alone():
+    """No library of this machine but those that every Linux has."""
+    everywhere = re.compile(r'lib(c|m|dl|rt|util|pthread|resolv|stdc\+\+|gcc_s|python[\d.]+|ssl|crypto|z|bz2|lzma|ffi|expat|uuid)[.-]')
+    loaded = {Path(line.split()[-1]) for line in Path('/proc/self/maps').read_text().splitlines() if '.so' in line}
+    own = Path(sys.prefix).resolve()
+    foreign = [str(file) for file in loaded
+               if own not in file.resolve().parents and file.name.startswith('lib') and not everywhere.match(file.name)]
+    assert not foreign, f'the wheel takes these from the machine: {foreign}'
+    assert own in Path(revisit.__file__).resolve().parents, revisit.__file__
+
+
+classifies()
+finds_a_loop()
+stands_alone()
+print(f'revisit {revisit.__version__} with numpy {np.__version__} works')
