@@ -1,5 +1,7 @@
 #include "arrays.h"
 
+#include <nanobind/stl/string.h>
+
 #include "revisit/proto/error.h"
 #include "revisit/proto/joined.h"
 
@@ -16,6 +18,13 @@ std::string description_of(nb::handle object) {
   if (!nb::hasattr(object, "dtype") || !nb::hasattr(object, "shape"))
     return text(object.type().attr("__name__"));
   return str(text(object.attr("dtype")), " array of shape ", text(object.attr("shape")));
+}
+
+std::string name_from(nb::handle key, const char* what) {
+  std::string name;
+  if (!nb::try_cast(key, name))
+    throw nb::type_error(str(what, ": expected a name, found ", description_of(key)).c_str());
+  return name;
 }
 
 nb::ndarray<nb::numpy, const float> float_array(nb::handle object, const std::string& what) {

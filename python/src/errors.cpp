@@ -34,6 +34,8 @@ void translate_errors() {
       raise("Interrupted", error.what());
     } catch (const Error& error) {
       raise("Error", error.what());
+    } catch (const nb::cast_error&) {
+      PyErr_SetString(PyExc_TypeError, "an argument is of a type that is not expected here");
     } catch (const std::bad_alloc&) {
       raise("MemoryError", "the system has no memory left");
     }

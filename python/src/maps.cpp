@@ -125,7 +125,7 @@ void bind_recognizer(nb::module_& module) {
             return without_lock([&] { return self.query(scan, without); });
           },
           "scan"_a, "without"_a = std::vector<int64_t>(),
-          "The best place but those at the positions `without` (ascending), which are of the same "
+          "The best place but those at the positions `without`, which are of the same "
           "moment; None when there is none or the scan was not described.")
       .def(
           "add",

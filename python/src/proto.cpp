@@ -92,7 +92,7 @@ void set_blobs(caffe::LayerParameter& layer, nb::handle arrays) {
 /// Gives layers their arrays, by name.
 void set_weights(NetFile& file, const nb::dict& weights) {
   for (const auto& [key, arrays] : weights) {
-    const auto name = nb::cast<std::string>(key);
+    const std::string name = name_from(key, "weights");
     std::vector<std::string> names;
     bool found = false;
     for (caffe::LayerParameter& layer : *file.net.mutable_layer()) {

@@ -40,7 +40,7 @@ void set_input(nb::handle self, const std::string& name, nb::handle values) {
 }
 
 void set_inputs(nb::handle self, const nb::dict& inputs) {
-  for (const auto& [name, values] : inputs) set_input(self, nb::cast<std::string>(name), values);
+  for (const auto& [name, values] : inputs) set_input(self, name_from(name, "inputs"), values);
 }
 
 void bind_profile(nb::module_& module) {

@@ -33,7 +33,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # Commands of blocks that are not run and that are no business of ours.
-FOREIGN = {'apt', 'apt-get', 'cpack', 'dpkg-deb', 'g++', 'man', 'pkg-config', 'source', 'dpkg', 'git', 'grep', 'sudo', 'xargs', 'for', 'cd'}
+FOREIGN = {'apt', 'apt-get', 'cpack', 'dpkg-deb', 'g++', 'man', 'pip', 'python3', 'pkg-config', 'source', 'dpkg', 'git', 'grep', 'sudo', 'xargs', 'for', 'cd'}
 POSES_OF_KITTI_00 = 4541
 MOST_WORDS = 900
 
@@ -126,7 +126,7 @@ class Checker:
             preset = words[words.index('--preset') + 1]
             return None if preset in self.presets else f'there is no preset {preset}'
         if name.startswith('build/'):  # a program of a build
-            return None if name.split('/')[1] in self.presets | {'bench'} else f'no preset builds {name}'
+            return None if name.split('/')[1] in self.presets | {'bench', 'venv'} else f'no preset builds {name}'
         if '/' in name:
             script = ROOT / name
             if not os.access(script, os.X_OK):

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <numeric>
 #include <random>
@@ -186,6 +188,24 @@ TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {
   EXPECT_EQ(here->position, 7);
   EXPECT_EQ(here->similarity, there->similarity);
   EXPECT_TRUE(here->accepted);
+}
+
+TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {
+  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 2});
+  for (int i = 0; i < 5; ++i)
+    recognizer.add(recognizer.describe(view_of(scan_of(i))), {.frame = i});
+  const Description scan = recognizer.describe(view_of(scan_of(103)));
+  EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{9, -4, INT64_MAX, 2, 0})->position, 3);
+  EXPECT_EQ(recognizer.query(scan, std::vector<int64_t>{4, 3, 1, 0, 3})->position, 2);
+  EXPECT_FALSE(recognizer.query(scan, std::vector<int64_t>{4, 3, 2, 1, 0, INT64_MIN}));
+}
+
+TEST(PlaceRecognizer, ThresholdsAreNumbers) {
+  expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.threshold = NAN}); },
+                           {"threshold"});
+  PlaceRecognizer recognizer(coordinates(), {});
+  expect_error<UsageError>([&] { recognizer.calibrate(INFINITY); }, {"threshold"});
+  EXPECT_FALSE(recognizer.threshold());
 }
 
 TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {

@@ -159,6 +159,8 @@ class Running(unittest.TestCase):
         run = scale_run()
         with self.assertRaisesRegex(TypeError, "input 'data'.*float32, found float64 array of shape \\(2, 3\\)"):
             run.forward({'data': np.ones((2, 3))})
+        with self.assertRaisesRegex(TypeError, 'inputs: expected a name, found int'):
+            run.forward({1: np.ones((2, 3), np.float32)})
         with self.assertRaisesRegex(TypeError, 'found list'):
             run.forward({'data': [[1, 2, 3], [4, 5, 6]]})
         with self.assertRaisesRegex(TypeError, '>f4'):

@@ -1,7 +1,6 @@
 """The programs of examples/ do what they say, with made-up networks and a simulated drive."""
 
 import importlib.util
-import os
 import subprocess
 import sys
 import tempfile
@@ -19,7 +18,7 @@ PICTURES = importlib.util.find_spec('matplotlib') is not None
 
 def run(name, *arguments):
     done = subprocess.run([sys.executable, EXAMPLES / f'{name}.py', *map(str, arguments)],
-                          text=True, capture_output=True, env={**os.environ, 'MPLCONFIGDIR': tempfile.gettempdir()})
+                          text=True, capture_output=True)
     if done.returncode:
         raise AssertionError(f'{name}: {done.stdout}{done.stderr}')
     return done.stdout

@@ -33,9 +33,18 @@ class Recognising(unittest.TestCase):
         self.assertAlmostEqual(loop.turn, 0.5, delta=0.05)
         self.assertAlmostEqual(loop.time, 0.7)
         self.assertEqual(loop.pose[0, 3], 7)
-        other = recognizer.query(recognizer.describe(room(7)), without=[7])
+        other = recognizer.query(recognizer.describe(room(7)), without=[99, 7, -1])
         self.assertNotEqual(other.position, 7)
         self.assertLess(other.score, loop.score)
+
+    def test_values_that_cannot_be_are_refused(self):
+        model = revisit.recognition.shipped_ring_model('hdl64')
+        for wrong in ({'numbers': 0}, {'key_candidates': -1}, {'adapt': 2}, {'threads': 0}):
+            with self.assertRaises(revisit.UsageError, msg=str(wrong)):
+                revisit.recognition.ring_recogniser(model, **wrong)
+        for wrong in ({'threshold': float('nan')}, {'k': 0}, {'score': 'best'}, {'align': 'case3'}):
+            with self.assertRaises(revisit.UsageError, msg=str(wrong)):
+                maps.PlaceRecognizer(revisit.recognition.m2dp_features(), **wrong)
 
     def test_nothing_is_found_in_nothing(self):
         recognizer = revisit.open_map()

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <charconv>
+#include <cmath>
 #include <mutex>
 #include <numeric>
 #include <shared_mutex>
@@ -255,6 +256,26 @@ void check_described(std::span<const Description> scans) {
       throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
 }
 
+void check_threshold(std::optional<double> threshold) {
+  if (threshold && !std::isfinite(*threshold))
+    throw UsageError(str("the threshold: expected a number, found ", *threshold));
+}
+
+/// All of `places` but those at some positions.
+std::vector<CandidateRange> ranges_without(std::span<const int64_t> positions, int64_t places) {
+  std::vector<int64_t> left_out(positions.begin(), positions.end());
+  std::ranges::sort(left_out);
+  std::vector<CandidateRange> ranges;
+  int64_t begin = 0;
+  for (const int64_t position : left_out) {
+    if (position < begin || position >= places) continue;
+    if (position > begin) ranges.push_back({begin, position});
+    begin = position + 1;
+  }
+  ranges.push_back({begin, places});
+  return ranges;
+}
+
 }  // namespace
 
 PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
@@ -268,6 +289,7 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
     throw UsageError(str("RecognizerOptions::graph_candidates: expected at least 0, found ",
                          options.graph_candidates));
   if (options.graph_candidates > 0) need_faiss();  // now, not when the first stretch ends
+  check_threshold(options.threshold);
   impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), damaged);
 }
 
@@ -339,13 +361,7 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   const std::shared_lock lock(impl_->mutex);
   const Impl& impl = *impl_;
   if (!scan.described() || impl.places.empty()) return std::nullopt;
-  std::vector<CandidateRange> candidates;
-  int64_t begin = 0;
-  for (const int64_t left_out : without) {
-    if (left_out > begin) candidates.push_back({begin, left_out});
-    begin = left_out + 1;
-  }
-  candidates.push_back({begin, impl.index->size()});
+  const std::vector<CandidateRange> candidates = ranges_without(without, impl.index->size());
   const std::vector<float> descriptor = impl.descriptor_of(scan.feature);
   const Match match =
       impl.index->best(descriptor, candidates, {.k = impl.options.k, .score = impl.options.score});
@@ -402,6 +418,7 @@ int64_t PlaceRecognizer::expected(const std::string& drive) const {
 }
 
 void PlaceRecognizer::calibrate(double threshold) {
+  check_threshold(threshold);
   const std::unique_lock lock(impl_->mutex);
   if (impl_->map) impl_->map->set_value(kThresholdValue, str(threshold));
   impl_->threshold = threshold;

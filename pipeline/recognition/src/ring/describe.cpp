@@ -10,9 +10,8 @@
 #include "ring/spectrum.h"
 
 namespace revisit::pipeline {
-namespace {
 
-void check(const RingOptions& options) {
+void check_options(const RingOptions& options) {
   if (options.numbers < 2 || options.numbers > 1 << 16)
     throw UsageError(str("RingOptions::numbers: expected 2 to 65536, found ", options.numbers));
   if (!(options.regularisation > 0) || !std::isfinite(options.regularisation))
@@ -21,9 +20,9 @@ void check(const RingOptions& options) {
   if (options.key_candidates < 0)
     throw UsageError(
         str("RingOptions::key_candidates: expected at least 0, found ", options.key_candidates));
+  if (!(options.adapt >= 0 && options.adapt <= 1))
+    throw UsageError(str("RingOptions::adapt: expected 0 to 1, found ", options.adapt));
 }
-
-}  // namespace
 
 struct RingDescriber::Impl {
   std::vector<float> mean;
@@ -34,7 +33,7 @@ struct RingDescriber::Impl {
 };
 
 RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options) {
-  check(options);
+  check_options(options);
   const auto projection = [&](const RingStatistics& ring) {
     return project_rings(ring, options.regularisation, options.numbers / 2);
   };

@@ -110,6 +110,7 @@ Basis basis_of(const RingModel& fitted, const RingOptions& options) {
 
 FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, int threads) {
+  check_options(options);
   FeatureExtractor extractor = ring_features(model, net, threads);
   extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> learn_from) {
     RingModel fitted = model;

@@ -78,7 +78,8 @@ class PlaceRecognizer {
   int64_t add(const Description& scan, StoredPlace about);
   /// The same for several scans in one step, and for `claim`, which ends with it.
   void add(std::span<const Description> scans, std::vector<StoredPlace> about, Claim& claim);
-  /// The best place but those at the positions `without` (ascending), which are of the same moment;
+  /// The best place but those at the positions `without` (in any order), which are of the same
+  /// moment;
   /// nothing when there is none or the scan was not described.
   std::optional<Loop> query(const Description& scan, std::span<const int64_t> without = {}) const;
 
@@ -94,7 +95,7 @@ class PlaceRecognizer {
   void expect(const std::string& drive, std::span<const int64_t> frames);
   std::unique_ptr<Claim> claim(const std::string& drive, int64_t most);
   int64_t expected(const std::string& drive) const;
-  /// Keeps the threshold in the map.
+  /// Keeps the threshold in the map. Throws UsageError for one that is not finite.
   void calibrate(double threshold);
 
  private:

@@ -18,6 +18,9 @@ struct RingOptions {
   int64_t key_candidates = 0;
 };
 
+/// Throws UsageError for options that are none.
+void check_options(const RingOptions& options);
+
 /// Turns rings into descriptors: less the ring mean, along frequencies, onto the directions in
 /// which scans of one place agree and scans of different places differ (linear discriminant
 /// analysis of each frequency, docs/RINGS.md), to unit length. Copies share what was computed.

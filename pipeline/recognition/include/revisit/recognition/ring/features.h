@@ -16,7 +16,8 @@ ImageGeometry ring_geometry(const std::string& sensor);
 engine::Net ring_net(const RingModel& model, const std::filesystem::path& weights = {});
 
 /// The features of a model's scans and how they become descriptors: ring_features() learns the ring
-/// mean (and with options.adapt the spread) from the scans it is told to.
+/// mean (and with options.adapt the spread) from the scans it is told to. Throws UsageError for
+/// options that are none.
 FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, int threads = 1);
 
