@@ -1,0 +1,86 @@
+"""A drop-in for pycaffe: `import revisit.caffe as caffe`.
+
+Scripts that run networks work as they are. What is for training raises TrainingError. docs/PYCAFFE.md has what differs.
+"""
+
+import sys as _sys
+import time as _time
+import warnings as _warnings
+
+from . import _caffe, io, net_spec, proto
+from ._blob import Blob
+from ._engine import layer_types as _layer_types
+from ._engine import set_threads
+from ._fillers import set_random_seed
+from ._net import Net
+from .classifier import Classifier
+from .detector import Detector
+from .errors import TrainingError
+from .net_spec import NetSpec, layers, params, to_proto
+from .proto.caffe_pb2 import TEST, TRAIN
+
+__version__ = "1.0.0"  # of the pycaffe whose interface this is
+
+
+def set_mode_cpu():
+    """Nets run on the CPU: nothing to do."""
+
+
+def set_mode_gpu():
+    """There is no GPU here: warns, once, and nets run on the CPU."""
+    _warnings.warn("this caffe runs on the CPU: set_mode_gpu() and set_device() do nothing", stacklevel=2)
+
+
+def set_device(device):
+    """As set_mode_gpu()."""
+    set_mode_gpu()
+
+
+def layer_type_list():
+    """The names of the layer types that run, sorted."""
+    return sorted([*_layer_types(), "Input"])
+
+
+def has_nccl():
+    """Whether several GPUs could train together: no."""
+    return False
+
+
+def init_log(level=0, stderr=True):
+    """Nothing is logged: nothing to do."""
+
+
+def log(message):
+    """Prints a message to the standard error output."""
+    print(message, file=_sys.stderr)
+
+
+class Timer:
+    """A stopwatch: start(), stop(), then ms."""
+
+    def __init__(self):
+        self.ms = 0.0
+
+    def start(self):
+        """Starts."""
+        self._begin = _time.perf_counter()
+
+    def stop(self):
+        """Stops; ms is the time since start()."""
+        self.ms = (_time.perf_counter() - self._begin) * 1e3
+
+
+def _solver(name):
+    def refuse(*arguments, **options):
+        raise TrainingError(f"caffe.{name}")
+
+    refuse.__name__ = refuse.__qualname__ = name
+    refuse.__doc__ = "For training: raises TrainingError."
+    return refuse
+
+
+for _name in (
+    "SGDSolver NesterovSolver AdaGradSolver RMSPropSolver AdaDeltaSolver AdamSolver get_solver NCCL "
+    "solver_count set_solver_count solver_rank set_solver_rank set_multiprocess"
+).split():
+    globals()[_name] = _solver(_name)

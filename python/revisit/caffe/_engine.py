@@ -1,0 +1,89 @@
+"""The engine, and how many threads it uses."""
+
+import os
+
+from google.protobuf import text_format
+
+from .. import engine, proto
+from . import _weights
+from .proto import caffe_pb2
+
+port_name = engine.port_name
+layer_types = engine.layer_types
+
+_threads = None
+
+
+def threads():
+    """Threads of a forward pass: set_threads(), else OMP_NUM_THREADS, else the processors of this process."""
+    if _threads is not None:
+        return _threads
+    first = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
+    if first.isdigit() and int(first) > 0:
+        return int(first)
+    return len(os.sched_getaffinity(0))
+
+
+def set_threads(number):
+    """Sets the threads of forward passes from now on; None: the default. Results do not depend on them."""
+    global _threads
+    if number is not None and int(number) < 1:
+        raise ValueError(f"expected at least one thread, found {number}")
+    _threads = None if number is None else int(number)
+
+
+def read_net(prototxt, level, stages):
+    """What the TEST phase runs of a prototxt: a NetParameter in the current form, and warnings.
+
+    Args:
+        prototxt: the file, of any generation; of a solver's file, the net that it names.
+        level, stages: what the rules of layers (include, exclude) are tested against, beside the file's own.
+    Raises:
+        revisit.InputError: a file that cannot be read or does not parse.
+    """
+    if level == 0 and not stages:
+        file = proto.read_net(prototxt)
+        return caffe_pb2.NetParameter.FromString(file.to_bytes()), file.warnings
+    whole = proto.read_net(prototxt, keep_training=True)
+    net = caffe_pb2.NetParameter.FromString(whole.to_bytes())
+    net.state.level = level
+    net.state.stage.extend(stages)
+    file = proto.parse_net(text_format.MessageToString(net), prototxt)
+    return caffe_pb2.NetParameter.FromString(file.to_bytes()), whole.warnings + file.warnings
+
+
+class WeightsFile:
+    """The bytes of a .caffemodel or HDF5 file, and which layers it has weights of."""
+
+    def __init__(self, path):
+        self.path = os.fspath(path)
+        if isinstance(self.path, bytes):
+            self.path = os.fsdecode(self.path)
+        with open(self.path, "rb") as file:
+            self.content = file.read()
+        layers = proto.WeightsFile.from_bytes(self.content, self.path).layers
+        self.layers = {name for name, n_arrays in layers if n_arrays > 0}
+
+
+def load(net, weights, prototxt):
+    """A net of the engine's.
+
+    Args:
+        net: a NetParameter of what is to run.
+        weights: a WeightsFile, or lists of arrays by name of layer. Layers that have none there get zeros.
+        prototxt: the file's name, for messages.
+    Raises:
+        revisit.InputError: the layers do not fit each other or the weights.
+        revisit.UnsupportedError: a type of layer that the engine lacks.
+    """
+    is_file = isinstance(weights, WeightsFile)
+    try:
+        return engine.Net.load_from_memory(
+            text_format.MessageToString(net),
+            weights.content if is_file else _weights.in_memory(weights),
+            allow_missing=True,
+        )
+    except Exception as error:
+        message = str(error).replace("<prototxt>", prototxt)
+        message = message.replace("<weights>", weights.path if is_file else "the net's weights")
+        raise type(error)(message) from None

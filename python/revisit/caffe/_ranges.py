@@ -1,0 +1,122 @@
+"""Consecutive layers of a net as a net of the engine's own.
+
+The engine writes every value once and runs nets as a whole. A forward pass over some layers of a net is therefore a
+pass over a net of these layers only, whose inputs are what the blobs hold that the layers read.
+"""
+
+from collections import OrderedDict
+
+from . import _engine
+from .proto import caffe_pb2
+
+_BOUNDARY = "what earlier layers wrote"
+_MOST_PASSES = 4  # kept, of different input shapes: each takes the memory of all blobs
+
+
+class Pass:
+    """One range at one set of input shapes."""
+
+    def __init__(self, plan, written):
+        self._plan = plan
+        self._run = None  # its memory is taken by the first forward()
+        self._written = written
+
+    def shapes(self):
+        """The shape of every blob that is written, by name."""
+        shapes = {
+            _engine.port_name(layer.name, i): shape
+            for layer in self._plan.layers
+            for i, shape in enumerate(layer.outputs)
+        }
+        return {blob: shapes[port] for blob, port in self._written.items()}
+
+    def forward(self, values):
+        """Computes from the `values` of the inputs, by name. Returns views of what was written, by blob."""
+        if self._run is None:
+            self._run = self._plan.run()
+        for blob, array in values.items():
+            self._run.set_input(blob, array)
+        self._run.forward()
+        return {blob: self._run.layer_output(port) for blob, port in self._written.items()}
+
+
+class Range:
+    """Layers of a net that run together.
+
+    Args:
+        layers: the layers, as _structure.with_splits() made them.
+        shape_of: the shape that a blob has now, by name.
+        prototxt: the file's name, for messages.
+    """
+
+    def __init__(self, layers, shape_of, prototxt):
+        self.net = caffe_pb2.NetParameter(name="net")
+        self.inputs = []  # names of blobs
+        self.written = {}  # blob -> name of the engine's value that it holds in the end
+        messages = [layer.message for layer in layers if layer.message is not None]
+        self._add_boundary(messages, shape_of)
+        names = set()
+        for message in messages:
+            self._add(message, shape_of, names)
+        self._prototxt = prototxt
+        self._engine = None
+        self._passes = OrderedDict()
+
+    def _add_boundary(self, messages, shape_of):
+        written = set()
+        for message in messages:
+            for blob in message.bottom:
+                if blob not in written and blob not in self.inputs:
+                    self.inputs.append(blob)
+            written.update(message.top)
+        if self.inputs:
+            self._add_input(_BOUNDARY, self.inputs, shape_of)
+
+    def _add_input(self, name, blobs, shape_of):
+        layer = self.net.layer.add(name=name, type="Input")
+        layer.top.extend(blobs)
+        for blob in blobs:
+            layer.input_param.shape.add().dim.extend(shape_of(blob))
+
+    def _add(self, message, shape_of, names):
+        if message.type == "Input":
+            self._add_input(message.name, message.top, shape_of)
+            self.inputs.extend(message.top)
+            return
+        layer = self.net.layer.add()
+        layer.CopyFrom(message)
+        for field in ("include", "exclude", "blobs"):
+            layer.ClearField(field)
+        while layer.name in names:  # legal in Caffe; the engine keeps values by the name of their layer
+            layer.name += " (again)"
+        names.add(layer.name)
+        for i, blob in enumerate(layer.top):
+            self.written[blob] = _engine.port_name(layer.name, i)
+
+    @property
+    def names(self):
+        """What the engine calls the layers that compute, in order."""
+        return [layer.name for layer in self.net.layer if layer.type != "Input"]
+
+    @property
+    def is_loaded(self):
+        return self._engine is not None
+
+    def load(self, weights):
+        """Loads the engine's net, as _engine.load(). Returns the arrays it then has, lists by name of layer."""
+        self._engine = _engine.load(self.net, weights, self._prototxt)
+        self._passes.clear()
+        return self._engine.weights
+
+    def plan(self, shapes):
+        """The pass for inputs of these shapes, by blob."""
+        threads = _engine.threads()
+        key = (threads, *(tuple(shapes[blob]) for blob in self.inputs))
+        if key not in self._passes:
+            while len(self._passes) >= _MOST_PASSES:
+                self._passes.popitem(last=False)
+            inputs = {blob: list(shapes[blob]) for blob in self.inputs}
+            plan = self._engine.plan(inputs, threads=threads, keep=list(self.written.values()))
+            self._passes[key] = Pass(plan, self.written)
+        self._passes.move_to_end(key)
+        return self._passes[key]

@@ -1,0 +1,7 @@
+"""What the tests of revisit.caffe need beside numpy: ends the program, saying so, where it is not there."""
+
+try:
+    import google.protobuf  # noqa: F401
+except ImportError:
+    print("skipped: protobuf for Python is not installed (pip install protobuf)")
+    raise SystemExit(0) from None
