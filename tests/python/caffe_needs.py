@@ -3,5 +3,5 @@
 try:
     import google.protobuf  # noqa: F401
 except ImportError:
-    print("skipped: protobuf for Python is not installed (pip install protobuf)")
+    print('skipped: protobuf for Python is not installed (pip install protobuf)')
     raise SystemExit(0) from None

@@ -13,7 +13,7 @@ import caffe_needs  # noqa: F401
 import revisit.caffe as caffe
 
 ROOT = Path(__file__).parents[2]
-SHARED = Path(os.environ.get("REVISIT_TEST_DATA", ROOT.parent / "shared"))
+SHARED = Path(os.environ.get('REVISIT_TEST_DATA', ROOT.parent / 'shared'))
 
 
 def error(found, expected):
@@ -28,89 +28,105 @@ def error(found, expected):
 class Goldens(unittest.TestCase):
     def check_outputs(self, folder, most=1e-5):
         """Compares a folder of in_BLOB.npy, out_BLOB.npy."""
-        weights = next(iter(folder.glob("weights.*")), None)
-        prototxt = next(folder.glob("*.prototxt"))
+        weights = next(iter(folder.glob('weights.*')), None)
+        prototxt = next(folder.glob('*.prototxt'))
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+            warnings.simplefilter('ignore')
             net = caffe.Net(str(prototxt), caffe.TEST, weights=weights and str(weights))
-        for file in folder.glob("in*.npy"):
+        for file in folder.glob('in*.npy'):
             values = np.load(file)
-            name = file.stem.removeprefix("in").removeprefix("_") or net.inputs[0]
+            name = file.stem.removeprefix('in').removeprefix('_') or net.inputs[0]
             net.blobs[name].reshape(*values.shape)
             net.blobs[name].data[...] = values
         outputs = net.forward()
-        files = list(folder.glob("out_*.npy"))
+        files = list(folder.glob('out_*.npy'))
         self.assertTrue(files)
         for file in files:
             expected = np.load(file)
-            name = next(name for name in outputs if name.replace("/", "@") == file.stem[4:])
+            name = next(name for name in outputs if name.replace('/', '@') == file.stem[4:])
             self.assertEqual(outputs[name].shape, expected.shape)
-            self.assertLess(error(outputs[name], expected), most, f"{folder.name}: {name}")
+            self.assertLess(error(outputs[name], expected), most, f'{folder.name}: {name}')
 
     def test_nets_of_the_repository(self):
-        folders = [file.parent for file in sorted((ROOT / "tests/golden/zoo").glob("*/net.prototxt"))]
+        folders = [
+            file.parent for file in sorted((ROOT / 'tests/golden/zoo').glob('*/net.prototxt'))
+        ]
         self.assertGreater(len(folders), 20)
         for folder in folders:
             with self.subTest(folder.name):
                 self.check_outputs(folder)
 
     def test_every_form_of_files(self):
-        folder = ROOT / "tests/golden/formats"
-        pairs = json.loads((folder / "index.json").read_text())
+        folder = ROOT / 'tests/golden/formats'
+        pairs = json.loads((folder / 'index.json').read_text())
         self.assertGreater(len(pairs), 20)
         for pair in pairs:
-            if not pair["caffe_accepts"]:
+            if not pair['caffe_accepts']:
                 continue
-            with self.subTest(pair["prototxt"] + " " + pair["weights"]):
-                net = caffe.Net(str(folder / pair["prototxt"]), str(folder / pair["weights"]), caffe.TEST)
-                out = net.forward(data=np.load(folder / "in_data.npy"))
+            with self.subTest(pair['prototxt'] + ' ' + pair['weights']):
+                net = caffe.Net(
+                    str(folder / pair['prototxt']), str(folder / pair['weights']), caffe.TEST
+                )
+                out = net.forward(data=np.load(folder / 'in_data.npy'))
                 for name, values in out.items():
-                    self.assertLess(error(values, np.load(folder / f"out_{name}.npy")), 1e-5)
+                    self.assertLess(error(values, np.load(folder / f'out_{name}.npy')), 1e-5)
 
     def test_trained_models(self):
-        folders = [file.parent for file in sorted((SHARED / "data/caffemodels").glob("*/deploy.prototxt"))]
+        folders = [
+            file.parent for file in sorted((SHARED / 'data/caffemodels').glob('*/deploy.prototxt'))
+        ]
         if not folders:
-            self.skipTest(f"no {SHARED / 'data/caffemodels'}; REVISIT_TEST_DATA names the folder of test data")
+            self.skipTest(
+                f'no {SHARED / "data/caffemodels"}; REVISIT_TEST_DATA names the folder of test data'
+            )
         for folder in folders:
             with self.subTest(folder.name):
-                self.check_outputs(folder, 1e-4)  # a Softmax of large scores: MTCNN's even differs by 6e-5 with plain sums
+                self.check_outputs(
+                    folder, 1e-4
+                )  # a Softmax of large scores: MTCNN's even differs by 6e-5 with plain sums
 
 
 class Structure(unittest.TestCase):
     """Whole public nets, an eighth as wide: the names of all layers, and what is in every blob afterwards."""
 
     def check(self, folder):
-        manifest = json.loads((folder / "manifest.json").read_text())
-        net = caffe.Net(str(folder / "deploy.prototxt"), str(folder / "weights.caffemodel"), caffe.TEST)
-        image = np.load(folder / manifest["input"])
+        manifest = json.loads((folder / 'manifest.json').read_text())
+        net = caffe.Net(
+            str(folder / 'deploy.prototxt'), str(folder / 'weights.caffemodel'), caffe.TEST
+        )
+        image = np.load(folder / manifest['input'])
         net.blobs[net.inputs[0]].reshape(*image.shape)
         net.forward(**{net.inputs[0]: image})
-        entries = manifest["layers"]
-        self.assertEqual(list(dict.fromkeys(entry["layer"] for entry in entries)), net._layer_names)
+        entries = manifest['layers']
+        self.assertEqual(list(dict.fromkeys(entry['layer'] for entry in entries)), net._layer_names)
         last = {}  # writer of each blob: what is there after a pass
         for entry in entries:
-            self.assertIn(entry["top"], net.top_names[entry["layer"]])
-            self.assertEqual(list(entry["bottoms"]), net.bottom_names[entry["layer"]])
-            last[entry["top"]] = entry
+            self.assertIn(entry['top'], net.top_names[entry['layer']])
+            self.assertEqual(list(entry['bottoms']), net.bottom_names[entry['layer']])
+            last[entry['top']] = entry
         self.assertEqual(list(last), list(net.blobs))
         for name, entry in last.items():
             values = net.blobs[name].data
-            self.assertEqual(list(values.shape), entry["shape"], name)
-            scale = entry["absmax"]
+            self.assertEqual(list(values.shape), entry['shape'], name)
+            scale = entry['absmax']
             self.assertLess(abs(np.abs(values).max() - scale), 1e-4 * scale, name)
-            self.assertLess(abs(values.mean(dtype=float) - entry["mean"]), 1e-4 * scale, name)
+            self.assertLess(abs(values.mean(dtype=float) - entry['mean']), 1e-4 * scale, name)
             flat = values.ravel()
-            for found, expected in ((flat[:4], entry["first"]), (flat[-4:], entry["last"])):
-                np.testing.assert_allclose(found, expected[: len(found)], rtol=0, atol=1e-4 * scale, err_msg=name)
+            for found, expected in ((flat[:4], entry['first']), (flat[-4:], entry['last'])):
+                np.testing.assert_allclose(
+                    found, expected[: len(found)], rtol=0, atol=1e-4 * scale, err_msg=name
+                )
 
     def test_public_nets(self):
-        folders = [file.parent for file in sorted((SHARED / "golden/slim").glob("*/manifest.json"))]
+        folders = [file.parent for file in sorted((SHARED / 'golden/slim').glob('*/manifest.json'))]
         if not folders:
-            self.skipTest(f"no {SHARED / 'golden/slim'}; REVISIT_TEST_DATA names the folder of test data")
+            self.skipTest(
+                f'no {SHARED / "golden/slim"}; REVISIT_TEST_DATA names the folder of test data'
+            )
         for folder in folders:
             with self.subTest(folder.name):
                 self.check(folder)
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     unittest.main()

@@ -45,7 +45,7 @@ class Scripts(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = Path(folder.name)
 
-    def write(self, text, name="net.prototxt"):
+    def write(self, text, name='net.prototxt'):
         path = self.folder / name
         path.write_text(text)
         return str(path)
@@ -54,10 +54,10 @@ class Scripts(unittest.TestCase):
         return caffe.Net(self.write(text), caffe.TEST, **options)
 
 
-def convolved(net, fc="fc"):
+def convolved(net, fc='fc'):
     """The net WEIGHTED by numpy."""
-    weights, bias = (blob.data for blob in net.params["conv"])
-    conv = np.einsum("oi,nihw->nohw", weights[:, :, 0, 0], IMAGE) + bias[:, np.newaxis, np.newaxis]
+    weights, bias = (blob.data for blob in net.params['conv'])
+    conv = np.einsum('oi,nihw->nohw', weights[:, :, 0, 0], IMAGE) + bias[:, np.newaxis, np.newaxis]
     conv = np.maximum(conv, 0)
     weights, bias = (blob.data for blob in net.params[fc])
     return conv, conv.reshape(1, -1) @ weights.T + bias
@@ -67,59 +67,84 @@ class Names(Scripts):
     def test_are_those_of_caffe(self):
         net = self.net()
         self.assertEqual(
-            net._layer_names, ["data", "double", "relu", "double_relu_0_split", "plus", "minus", "sum"]
+            net._layer_names,
+            ['data', 'double', 'relu', 'double_relu_0_split', 'plus', 'minus', 'sum'],
         )
-        copies = ["double_relu_0_split_0", "double_relu_0_split_1"]
-        self.assertEqual(list(net.blobs), ["data", "double", *copies, "plus", "minus", "sum"])
+        copies = ['double_relu_0_split_0', 'double_relu_0_split_1']
+        self.assertEqual(list(net.blobs), ['data', 'double', *copies, 'plus', 'minus', 'sum'])
         self.assertEqual(net._blob_names, list(net.blobs))
-        self.assertEqual((net.inputs, net.outputs), (["data"], ["sum"]))
-        self.assertEqual(net.bottom_names["minus"], [copies[1]])
-        self.assertEqual(net.top_names["double_relu_0_split"], copies)
-        self.assertEqual(net.layer_dict["relu"].type, "ReLU")
-        self.assertEqual([layer.type for layer in net.layers][3], "Split")
+        self.assertEqual((net.inputs, net.outputs), (['data'], ['sum']))
+        self.assertEqual(net.bottom_names['minus'], [copies[1]])
+        self.assertEqual(net.top_names['double_relu_0_split'], copies)
+        self.assertEqual(net.layer_dict['relu'].type, 'ReLU')
+        self.assertEqual([layer.type for layer in net.layers][3], 'Split')
 
     def test_outputs_are_sorted(self):
-        net = self.net(CHAIN.replace('name: "sum"', 'name: "last"').replace('bottom: "minus"', 'bottom: "data"'))
-        self.assertEqual(net.outputs, ["minus", "sum"])
+        net = self.net(
+            CHAIN.replace('name: "sum"', 'name: "last"').replace(
+                'bottom: "minus"', 'bottom: "data"'
+            )
+        )
+        self.assertEqual(net.outputs, ['minus', 'sum'])
 
     def test_weights(self):
         net = self.net(WEIGHTED)
-        self.assertEqual(list(net.params), ["conv", "fc"])
-        self.assertEqual([blob.shape for blob in net.params["fc"]], [[5, 48], [5]])
-        self.assertIs(type(net.params["fc"]), caffe._caffe.BlobVec)
+        self.assertEqual(list(net.params), ['conv', 'fc'])
+        self.assertEqual([blob.shape for blob in net.params['fc']], [[5, 48], [5]])
+        self.assertIs(type(net.params['fc']), caffe._caffe.BlobVec)
 
     def test_levels_and_stages(self):
-        ruled = CHAIN + 'layer { name: "more" type: "Power" bottom: "sum" top: "more" include { %s } }'
-        stage, level = ruled % 'stage: "deep"', ruled % "min_level: 1"
-        self.assertEqual(self.net(stage).outputs, ["sum"])
-        self.assertEqual(self.net(stage, stages=["deep"]).outputs, ["more"])
-        self.assertEqual(self.net(level).outputs, ["sum"])
-        self.assertEqual(self.net(level, level=1).outputs, ["more"])
+        ruled = (
+            CHAIN + 'layer { name: "more" type: "Power" bottom: "sum" top: "more" include { %s } }'
+        )
+        stage, level = ruled % 'stage: "deep"', ruled % 'min_level: 1'
+        self.assertEqual(self.net(stage).outputs, ['sum'])
+        self.assertEqual(self.net(stage, stages=['deep']).outputs, ['more'])
+        self.assertEqual(self.net(level).outputs, ['sum'])
+        self.assertEqual(self.net(level, level=1).outputs, ['more'])
+        self.assertEqual(self.net(ruled % 'not_stage: "deep"', stages=['deep']).outputs, ['sum'])
+        self.assertEqual(self.net(ruled % 'max_level: 0 min_level: 0', level=1).outputs, ['sum'])
+
+    def test_phases(self):
+        phases = (
+            WEIGHTED
+            + """
+layer { name: "extra" type: "InnerProduct" bottom: "fc" top: "extra" include { phase: TRAIN }
+        inner_product_param { num_output: 2 } }
+"""
+        )
+        self.assertEqual(list(self.net(phases).params), ['conv', 'fc'])
+        net = caffe.Net(self.write(phases), caffe.TRAIN)
+        self.assertEqual(list(net.params), ['conv', 'fc', 'extra'])
+        self.assertEqual(net.params['extra'][0].shape, [2, 5])
 
 
 class Blobs(Scripts):
     def test_hold_what_was_written_last(self):
         net = self.net()
-        net.blobs["data"].data[...] = X
+        net.blobs['data'].data[...] = X
         out = net.forward()
-        np.testing.assert_array_equal(net.blobs["double"].data, DOUBLE)  # after the ReLU
-        np.testing.assert_array_equal(net.blobs["double_relu_0_split_1"].data, DOUBLE)
-        self.assertEqual(list(out), ["sum"])
-        np.testing.assert_array_equal(out["sum"], 2 * DOUBLE)
+        np.testing.assert_array_equal(net.blobs['double'].data, DOUBLE)  # after the ReLU
+        np.testing.assert_array_equal(net.blobs['double_relu_0_split_1'].data, DOUBLE)
+        self.assertEqual(list(out), ['sum'])
+        np.testing.assert_array_equal(out['sum'], 2 * DOUBLE)
 
     def test_a_layer_in_place_on_the_input_overwrites_it(self):
-        net = self.net(CHAIN.replace('top: "double" power_param', 'top: "data" power_param').replace(
-            'bottom: "double" top: "double"', 'bottom: "data" top: "double"'))
-        net.blobs["data"].data[...] = X
+        net = self.net(
+            CHAIN.replace('top: "double" power_param', 'top: "data" power_param').replace(
+                'bottom: "double" top: "double"', 'bottom: "data" top: "double"'
+            )
+        )
+        net.blobs['data'].data[...] = X
         net.forward()
-        np.testing.assert_array_equal(net.blobs["data"].data, 2 * X)
+        np.testing.assert_array_equal(net.blobs['data'].data, 2 * X)
         net.forward()
-        np.testing.assert_array_equal(net.blobs["data"].data, 4 * X)
+        np.testing.assert_array_equal(net.blobs['data'].data, 4 * X)
 
     def test_arrays_stay_views(self):
         net = self.net()
-        data, total = net.blobs["data"].data, net.forward()["sum"]
-        row = net.blobs["double"].data[1]
+        data, total = net.blobs['data'].data, net.forward()['sum']
+        row = net.blobs['double'].data[1]
         data[...] = X
         net.forward()
         np.testing.assert_array_equal(total, 2 * DOUBLE)
@@ -129,7 +154,7 @@ class Blobs(Scripts):
         np.testing.assert_array_equal(total, np.zeros((2, 3)))
 
     def test_shapes_are_known_before_the_first_pass(self):
-        blob = self.net(WEIGHTED).blobs["conv"]
+        blob = self.net(WEIGHTED).blobs['conv']
         self.assertEqual((blob.shape, blob.count), ([1, 3, 4, 4], 48))
         self.assertEqual((blob.num, blob.channels, blob.height, blob.width), (1, 3, 4, 4))
         self.assertEqual((blob.data.shape, blob.data.dtype), ((1, 3, 4, 4), np.float32))
@@ -137,34 +162,38 @@ class Blobs(Scripts):
 
     def test_reshape(self):
         net = self.net()
-        net.blobs["data"].reshape(4, 3)
-        self.assertEqual(net.blobs["sum"].shape, [2, 3])
+        net.blobs['data'].reshape(4, 3)
+        self.assertEqual(net.blobs['sum'].shape, [2, 3])
         net.reshape()
-        self.assertEqual([net.blobs[name].shape for name in ("data", "double", "sum")], [[4, 3]] * 3)
-        net.blobs["data"].reshape(1, 2)
-        net.blobs["data"].data[...] = [[5, -5]]
-        np.testing.assert_array_equal(net.forward()["sum"], [[20, 0]])  # without reshape()
-        for wrong in [(-1, 2), ("two", 3)]:
+        self.assertEqual(
+            [net.blobs[name].shape for name in ('data', 'double', 'sum')], [[4, 3]] * 3
+        )
+        net.blobs['data'].reshape(1, 2)
+        net.blobs['data'].data[...] = [[5, -5]]
+        np.testing.assert_array_equal(net.forward()['sum'], [[20, 0]])  # without reshape()
+        net.blobs['data'].reshape(4 / 2, 3)
+        self.assertEqual(net.blobs['data'].shape, [2, 3])
+        for wrong in [(-1, 2), ('two', 3), (2.5, 3)]:
             with self.assertRaises(ValueError):
-                net.blobs["data"].reshape(*wrong)
+                net.blobs['data'].reshape(*wrong)
 
     def test_reshape_keeps_values_in_order(self):
-        blob = self.net().blobs["data"]
+        blob = self.net().blobs['data']
         blob.data[...] = X
         blob.reshape(3, 2)
         np.testing.assert_array_equal(blob.data, X.reshape(3, 2))
 
     def test_a_shape_that_no_weights_fit(self):
         net = self.net(WEIGHTED)
-        net.blobs["data"].reshape(1, 2, 5, 5)
-        with self.assertRaisesRegex(revisit.InputError, "fc"):
+        net.blobs['data'].reshape(1, 2, 5, 5)
+        with self.assertRaisesRegex(revisit.InputError, 'fc'):
             net.forward()
 
     def test_outlive_the_net(self):
         net = self.net()
-        net.blobs["data"].data[...] = X
+        net.blobs['data'].data[...] = X
         net.forward()
-        blob, array = net.blobs["plus"], net.blobs["sum"].data
+        blob, array = net.blobs['plus'], net.blobs['sum'].data
         del net
         np.testing.assert_array_equal(blob.data, DOUBLE + 10)
         np.testing.assert_array_equal(array, 2 * DOUBLE)
@@ -173,81 +202,85 @@ class Blobs(Scripts):
 class Passes(Scripts):
     def test_from_the_middle(self):
         net = self.net()
-        net.blobs["data"].data[...] = X
+        net.blobs['data'].data[...] = X
         net.forward()
-        net.blobs["double"].data[...] = -X
-        out = net.forward(start="plus")
-        np.testing.assert_array_equal(out["sum"], -2 * X)
-        np.testing.assert_array_equal(net.blobs["double"].data, -X)  # relu did not run
-        self.assertEqual(set(net.forward(start="relu", end="plus")), {"plus"})
-        np.testing.assert_array_equal(net.blobs["double"].data, np.maximum(-X, 0))
-        np.testing.assert_array_equal(net.blobs["minus"].data, -X - 10)
+        net.blobs['double'].data[...] = -X
+        out = net.forward(start='plus')
+        np.testing.assert_array_equal(out['sum'], -2 * X)
+        np.testing.assert_array_equal(net.blobs['double'].data, -X)  # relu did not run
+        self.assertEqual(set(net.forward(start='relu', end='plus')), {'plus'})
+        np.testing.assert_array_equal(net.blobs['double'].data, np.maximum(-X, 0))
+        np.testing.assert_array_equal(net.blobs['minus'].data, -X - 10)
 
     def test_up_to_the_middle(self):
         net = self.net()
-        net.blobs["data"].data[...] = X
-        out = net.forward(end="double", blobs=["data"])
-        np.testing.assert_array_equal(out["double"], 2 * X)  # before the ReLU
-        np.testing.assert_array_equal(out["data"], X)
-        self.assertFalse(net.blobs["sum"].data.any())
-        self.assertEqual(list(net.forward(end="data")), ["data"])
+        net.blobs['data'].data[...] = X
+        out = net.forward(end='double', blobs=['data'])
+        np.testing.assert_array_equal(out['double'], 2 * X)  # before the ReLU
+        np.testing.assert_array_equal(out['data'], X)
+        self.assertFalse(net.blobs['sum'].data.any())
+        self.assertEqual(list(net.forward(end='data')), ['data'])
 
     def test_a_layer_that_is_not_there(self):
-        with self.assertRaisesRegex(ValueError, "plus"):
-            self.net().forward(start="pluss")
+        with self.assertRaisesRegex(ValueError, 'plus'):
+            self.net().forward(start='pluss')
 
     def test_inputs_by_name(self):
         net = self.net()
-        np.testing.assert_array_equal(net.forward(data=X)["sum"], 2 * DOUBLE)
-        for wrong in [{"dat": X}, {"data": X[:1]}]:
-            with self.assertRaises(Exception):
+        np.testing.assert_array_equal(net.forward(data=X)['sum'], 2 * DOUBLE)
+        for wrong in [{'dat': X}, {'data': X[:1]}]:
+            with self.assertRaises(ValueError):
                 net.forward(**wrong)
 
     def test_forward_all_fills_the_last_batch(self):
         images = np.arange(15, dtype=np.float32).reshape(5, 3)
-        out = self.net().forward_all(data=images, blobs=["double"])
-        np.testing.assert_array_equal(out["sum"], 4 * images)
-        np.testing.assert_array_equal(out["double"], 2 * images)
+        out = self.net().forward_all(data=images, blobs=['double'])
+        np.testing.assert_array_equal(out['sum'], 4 * images)
+        np.testing.assert_array_equal(out['double'], 2 * images)
 
     def test_partial_passes_have_the_weights(self):
         net = self.net(WEIGHTED)
-        net.blobs["data"].data[...] = IMAGE
-        net.forward(end="relu")
+        net.blobs['data'].data[...] = IMAGE
+        net.forward(end='relu')
         conv, fc = convolved(net)
-        np.testing.assert_allclose(net.blobs["conv"].data, conv, rtol=1e-5, atol=1e-6)
-        np.testing.assert_allclose(net.forward(start="fc")["fc"], fc, rtol=1e-5, atol=1e-5)
-        net.params["fc"][1].data[...] = 7
-        np.testing.assert_allclose(net.forward(start="fc")["fc"], convolved(net)[1], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(net.blobs['conv'].data, conv, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(net.forward(start='fc')['fc'], fc, rtol=1e-5, atol=1e-5)
+        net.params['fc'][1].data[...] = 7
+        np.testing.assert_allclose(
+            net.forward(start='fc')['fc'], convolved(net)[1], rtol=1e-5, atol=1e-5
+        )
 
 
 class Weights(Scripts):
     def check(self, net):
         conv, fc = convolved(net)
         out = net.forward(data=IMAGE)
-        np.testing.assert_allclose(net.blobs["conv"].data, conv, rtol=1e-5, atol=1e-6)
-        np.testing.assert_allclose(out["fc"], fc, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(net.blobs['conv'].data, conv, rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(out['fc'], fc, rtol=1e-5, atol=1e-5)
         return fc
 
     def test_come_from_fillers(self):
         caffe.set_random_seed(3)
         net = self.net(WEIGHTED)
         self.check(net)
-        np.testing.assert_array_equal(net.params["conv"][1].data, [0.5] * 3)
+        np.testing.assert_array_equal(net.params['conv'][1].data, [0.5] * 3)
         limit = np.sqrt(3 / 48)
-        largest = np.abs(net.params["fc"][0].data).max()
+        largest = np.abs(net.params['fc'][0].data).max()
         self.assertTrue(0.8 * limit < largest <= limit, largest)
         caffe.set_random_seed(3)
-        np.testing.assert_array_equal(self.net(WEIGHTED).params["fc"][0].data, net.params["fc"][0].data)
+        np.testing.assert_array_equal(
+            self.net(WEIGHTED).params['fc'][0].data, net.params['fc'][0].data
+        )
 
     def test_what_is_written_counts(self):
         net = self.net(WEIGHTED)
         before = self.check(net)
-        kept = net.params["fc"][0].data
+        kept = net.params['fc'][0].data
         kept *= 2
         self.assertFalse(np.allclose(self.check(net), before))
         kept[...] = kept[::-1].copy()  # an order is a change, too
         self.check(net)
-        row = net.params["conv"][0].data[1]
+        row = net.params['conv'][0].data[1]
         del kept
         self.check(net)
         row[...] = 3
@@ -257,7 +290,7 @@ class Weights(Scripts):
         net = self.net(WEIGHTED)
         net.forward()
         loaded = net._whole._engine
-        array = net.params["fc"][0].data
+        array = net.params['fc'][0].data
         net.forward()
         self.assertIs(net._whole._engine, loaded)
         array[0, 0] += 1
@@ -266,7 +299,7 @@ class Weights(Scripts):
 
     def test_save_and_load(self):
         net = self.net(WEIGHTED)
-        path = str(self.folder / "saved.caffemodel")
+        path = str(self.folder / 'saved.caffemodel')
         net.save(path)
         fc = self.check(net)
         for again in (
@@ -274,51 +307,57 @@ class Weights(Scripts):
             caffe.Net(self.write(WEIGHTED), caffe.TEST, weights=path),
             caffe.Net(self.write(WEIGHTED), phase=caffe.TEST, weights=path),
         ):
-            np.testing.assert_array_equal(again.forward(data=IMAGE)["fc"], net.forward(data=IMAGE)["fc"])
+            np.testing.assert_array_equal(
+                again.forward(data=IMAGE)['fc'], net.forward(data=IMAGE)['fc']
+            )
         other = self.net(WEIGHTED)
-        held = other.params["fc"][0].data
+        held = other.params['fc'][0].data
         other.copy_from(path)
-        np.testing.assert_array_equal(held, net.params["fc"][0].data)
+        np.testing.assert_array_equal(held, net.params['fc'][0].data)
         np.testing.assert_allclose(self.check(other), fc, rtol=1e-5)
         file = caffe.proto.caffe_pb2.NetParameter.FromString(Path(path).read_bytes())
-        self.assertEqual([(layer.name, layer.type) for layer in file.layer][1], ("conv", "Convolution"))
+        self.assertEqual(
+            [(layer.name, layer.type) for layer in file.layer][1], ('conv', 'Convolution')
+        )
         self.assertEqual(list(file.layer[1].blobs[0].shape.dim), [3, 2, 1, 1])
-        np.testing.assert_array_equal(file.layer[3].blobs[1].data, net.params["fc"][1].data)
+        np.testing.assert_array_equal(file.layer[3].blobs[1].data, net.params['fc'][1].data)
 
     def test_save_and_load_hdf5(self):
         try:
             import h5py  # noqa: F401
         except ImportError:
-            self.skipTest("h5py is not installed")
+            self.skipTest('h5py is not installed')
         net, other = self.net(WEIGHTED), self.net(WEIGHTED)
-        path = str(self.folder / "saved.caffemodel.h5")
+        path = str(self.folder / 'saved.caffemodel.h5')
         net.save_hdf5(path)
         other.load_hdf5(path)
-        np.testing.assert_array_equal(other.params["fc"][0].data, net.params["fc"][0].data)
+        np.testing.assert_array_equal(other.params['fc'][0].data, net.params['fc'][0].data)
 
     def test_layers_that_the_file_lacks_keep_theirs(self):
-        path = str(self.folder / "saved.caffemodel")
+        path = str(self.folder / 'saved.caffemodel')
         self.net(WEIGHTED).save(path)
         renamed = WEIGHTED.replace('name: "fc"', 'name: "fc_new"')
-        with self.assertWarnsRegex(UserWarning, "fc_new"):
+        with self.assertWarnsRegex(UserWarning, 'fc_new'):
             net = caffe.Net(self.write(renamed), path, caffe.TEST)
-        self.assertTrue(net.params["fc_new"][0].data.any())
-        np.testing.assert_allclose(net.forward(data=IMAGE)["fc"], convolved(net, "fc_new")[1], rtol=1e-5, atol=1e-5)
+        self.assertTrue(net.params['fc_new'][0].data.any())
+        np.testing.assert_allclose(
+            net.forward(data=IMAGE)['fc'], convolved(net, 'fc_new')[1], rtol=1e-5, atol=1e-5
+        )
 
     def test_weights_of_another_net(self):
-        path = str(self.folder / "saved.caffemodel")
+        path = str(self.folder / 'saved.caffemodel')
         self.net(WEIGHTED).save(path)
-        with self.assertRaisesRegex(revisit.InputError, "saved.caffemodel.*fc"):
-            self.net(WEIGHTED.replace("num_output: 5", "num_output: 6"), weights=path)
+        with self.assertRaisesRegex(revisit.InputError, 'saved.caffemodel.*fc'):
+            self.net(WEIGHTED.replace('num_output: 5', 'num_output: 6'), weights=path)
         with self.assertRaises(OSError):
-            self.net(WEIGHTED, weights=str(self.folder / "nothing.caffemodel"))
+            self.net(WEIGHTED, weights=str(self.folder / 'nothing.caffemodel'))
 
     def test_shared_between_nets(self):
         one, other = self.net(WEIGHTED), self.net(WEIGHTED)
         other.share_with(one)
-        one.params["fc"][0].data[...] = 0.25
+        one.params['fc'][0].data[...] = 0.25
         np.testing.assert_allclose(self.check(other), self.check(one))
-        other.params["conv"][1].data[...] = -0.5
+        other.params['conv'][1].data[...] = -0.5
         np.testing.assert_allclose(self.check(other), self.check(one))
 
     def test_shared_between_layers(self):
@@ -330,10 +369,10 @@ layer { name: "b" type: "InnerProduct" bottom: "a" top: "b" param { name: "w" }
         inner_product_param { num_output: 3 bias_term: false } }
 """
         net = self.net(shared)
-        weights = net.params["b"][0].data
-        np.testing.assert_array_equal(weights, net.params["a"][0].data)
+        weights = net.params['b'][0].data
+        np.testing.assert_array_equal(weights, net.params['a'][0].data)
         weights[...] = np.diag([1, 2, 3])
-        np.testing.assert_array_equal(net.forward(data=np.ones((1, 3)))["b"], [[1, 4, 9]])
+        np.testing.assert_array_equal(net.forward(data=np.ones((1, 3)))['b'], [[1, 4, 9]])
 
 
 class Refused(Scripts):
@@ -342,36 +381,42 @@ class Refused(Scripts):
         for call in (
             net.backward,
             net.forward_backward_all,
-            lambda: caffe.SGDSolver("solver.prototxt"),
-            lambda: caffe.get_solver("solver.prototxt"),
-            lambda: caffe.Net(self.write(CHAIN), caffe.TRAIN),
+            lambda: caffe.SGDSolver('solver.prototxt'),
+            lambda: caffe.get_solver('solver.prototxt'),
+            caffe.Net(self.write(CHAIN), caffe.TRAIN).forward,
         ):
-            with self.assertRaisesRegex(caffe.TrainingError, "caffemodel"):
+            with self.assertRaisesRegex(caffe.TrainingError, 'caffemodel'):
                 call()
         self.assertTrue(issubclass(caffe.TrainingError, NotImplementedError))
 
     def test_gpu_is_a_warning(self):
-        with self.assertWarnsRegex(UserWarning, "CPU"):
+        with self.assertWarnsRegex(UserWarning, 'CPU'):
             caffe.set_mode_gpu()
         with warnings.catch_warnings():
-            warnings.simplefilter("error")
+            warnings.simplefilter('error')
             caffe.set_mode_cpu()
 
     def test_what_the_engine_lacks(self):
-        with self.assertRaisesRegex(revisit.UnsupportedError, "Stranger"):
-            self.net(CHAIN.replace("ReLU", "Stranger"))
+        with self.assertRaisesRegex(revisit.UnsupportedError, 'Stranger'):
+            self.net(CHAIN.replace('ReLU', 'Stranger'))
+
+    def test_what_does_not_fit(self):
+        with self.assertRaisesRegex(revisit.InputError, "net.prototxt: layer 'double'"):
+            self.net(CHAIN.replace('bottom: "data"', 'bottom: "date"'))
+        with self.assertRaisesRegex(revisit.InputError, 'shape of the input'):
+            self.net(CHAIN.replace('input_param { shape { dim: 2 dim: 3 } }', ''))
 
     def test_what_does_not_parse(self):
-        with self.assertRaisesRegex(revisit.InputError, "net.prototxt:1:"):
-            self.net("name: 3")
+        with self.assertRaisesRegex(revisit.InputError, 'net.prototxt:1:'):
+            self.net('name: 3')
         with self.assertRaises(revisit.InputError):
-            caffe.Net(str(self.folder / "missing.prototxt"), caffe.TEST)
+            caffe.Net(str(self.folder / 'missing.prototxt'), caffe.TEST)
 
     def test_arguments(self):
-        for arguments in [(), (7,), ("weights",)]:
+        for arguments in [(), (7,), ('weights',)]:
             with self.assertRaises((TypeError, ValueError)):
                 caffe.Net(self.write(CHAIN), *arguments)
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     unittest.main()

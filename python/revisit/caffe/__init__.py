@@ -19,16 +19,24 @@ from .errors import TrainingError
 from .net_spec import NetSpec, layers, params, to_proto
 from .proto.caffe_pb2 import TEST, TRAIN
 
-__version__ = "1.0.0"  # of the pycaffe whose interface this is
+__version__ = '1.0.0'  # of the pycaffe whose interface this is
 
 
 def set_mode_cpu():
     """Nets run on the CPU: nothing to do."""
 
 
+_has_warned_of_gpu = False
+
+
 def set_mode_gpu():
-    """There is no GPU here: warns, once, and nets run on the CPU."""
-    _warnings.warn("this caffe runs on the CPU: set_mode_gpu() and set_device() do nothing", stacklevel=2)
+    """There is no GPU here: warns the first time, and nets run on the CPU."""
+    global _has_warned_of_gpu
+    if not _has_warned_of_gpu:
+        _has_warned_of_gpu = True
+        _warnings.warn(
+            'this caffe runs on the CPU: set_mode_gpu() and set_device() do nothing', stacklevel=2
+        )
 
 
 def set_device(device):
@@ -37,8 +45,10 @@ def set_device(device):
 
 
 def layer_type_list():
-    """The names of the layer types that run, sorted."""
-    return sorted([*_layer_types(), "Input"])
+    """The names of the layer types that nets may have, sorted. Those that read training data become inputs."""
+    return sorted(
+        [*_layer_types(), 'Input', 'Data', 'HDF5Data', 'ImageData', 'MemoryData', 'WindowData']
+    )
 
 
 def has_nccl():
@@ -53,6 +63,10 @@ def init_log(level=0, stderr=True):
 def log(message):
     """Prints a message to the standard error output."""
     print(message, file=_sys.stderr)
+
+
+class Layer:
+    """The base of layers written in Python. Nets that have such layers are refused; scripts may define them."""
 
 
 class Timer:
@@ -72,15 +86,15 @@ class Timer:
 
 def _solver(name):
     def refuse(*arguments, **options):
-        raise TrainingError(f"caffe.{name}")
+        raise TrainingError(f'caffe.{name}')
 
     refuse.__name__ = refuse.__qualname__ = name
-    refuse.__doc__ = "For training: raises TrainingError."
+    refuse.__doc__ = 'For training: raises TrainingError.'
     return refuse
 
 
 for _name in (
-    "SGDSolver NesterovSolver AdaGradSolver RMSPropSolver AdaDeltaSolver AdamSolver get_solver NCCL "
-    "solver_count set_solver_count solver_rank set_solver_rank set_multiprocess"
+    'SGDSolver NesterovSolver AdaGradSolver RMSPropSolver AdaDeltaSolver AdamSolver get_solver NCCL '
+    'solver_count set_solver_count solver_rank set_solver_rank set_multiprocess'
 ).split():
     globals()[_name] = _solver(_name)

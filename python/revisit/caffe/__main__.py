@@ -11,27 +11,27 @@ from revisit.caffe import classifier, detector
 def _stand_in():
     """Makes `caffe`, and its modules, names of this package for the rest of the process."""
     modules = {
-        "caffe": caffe,
-        "caffe._caffe": caffe._caffe,
-        "caffe.io": caffe.io,
-        "caffe.classifier": classifier,
-        "caffe.detector": detector,
-        "caffe.net_spec": caffe.net_spec,
-        "caffe.proto": caffe.proto,
-        "caffe.proto.caffe_pb2": caffe.proto.caffe_pb2,
+        'caffe': caffe,
+        'caffe._caffe': caffe._caffe,
+        'caffe.io': caffe.io,
+        'caffe.classifier': classifier,
+        'caffe.detector': detector,
+        'caffe.net_spec': caffe.net_spec,
+        'caffe.proto': caffe.proto,
+        'caffe.proto.caffe_pb2': caffe.proto.caffe_pb2,
     }
     sys.modules.update(modules)
 
 
 def main():
     """The command line."""
-    if len(sys.argv) < 2 or sys.argv[1].startswith("-"):
-        sys.exit("usage: python -m revisit.caffe SCRIPT [ARGUMENTS]")
+    if len(sys.argv) < 2 or sys.argv[1].startswith('-'):
+        sys.exit('usage: python -m revisit.caffe SCRIPT [ARGUMENTS]')
     del sys.argv[0]
     sys.path[0] = os.path.dirname(os.path.abspath(sys.argv[0]))
     _stand_in()
-    runpy.run_path(sys.argv[0], run_name="__main__")
+    runpy.run_path(sys.argv[0], run_name='__main__')
 
 
-if __name__ == "__main__":
+if __name__ == '__main__':
     main()

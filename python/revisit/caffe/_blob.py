@@ -10,6 +10,16 @@ def _references(blob):
     return sys.getrefcount(blob._memory)
 
 
+def _axes(given):
+    """Sizes as integers. Scripts of Python 2's days divide them; a whole number stays one."""
+    axes = tuple(int(axis) for axis in given)
+    if axes != tuple(given) or any(axis < 0 for axis in axes):
+        raise ValueError(
+            f'a blob cannot have the shape {list(given)}: axes are whole numbers, 0 or more'
+        )
+    return axes
+
+
 class Blob:
     """Values in float32, C order, with a shape: an activation of a net, or weights.
 
@@ -37,13 +47,15 @@ class Blob:
 
     def _axis(self, index):
         if len(self._shape) > 4:
-            raise ValueError(f"num, channels, height and width are of blobs with at most 4 axes; this has {self.shape}")
+            raise ValueError(
+                f'num, channels, height and width are of blobs with at most 4 axes; this has {self.shape}'
+            )
         return self._shape[index] if index < len(self._shape) else 1
 
-    num = property(lambda self: self._axis(0), doc="The first axis.")
-    channels = property(lambda self: self._axis(1), doc="The second axis, 1 without it.")
-    height = property(lambda self: self._axis(2), doc="The third axis, 1 without it.")
-    width = property(lambda self: self._axis(3), doc="The fourth axis, 1 without it.")
+    num = property(lambda self: self._axis(0), doc='The first axis.')
+    channels = property(lambda self: self._axis(1), doc='The second axis, 1 without it.')
+    height = property(lambda self: self._axis(2), doc='The third axis, 1 without it.')
+    width = property(lambda self: self._axis(3), doc='The fourth axis, 1 without it.')
 
     @property
     def data(self):
@@ -68,9 +80,7 @@ class Blob:
         """
         if len(axes) == 1 and not np.isscalar(axes[0]):
             axes = tuple(axes[0])
-        shape = tuple(int(axis) for axis in axes)
-        if any(axis < 0 for axis in shape):
-            raise ValueError(f"a blob cannot have the shape {list(shape)}: axes are 0 or more")
+        shape = _axes(axes)
         if shape == self._shape:
             return
         if self._values is not None and math.prod(shape) <= self.count:

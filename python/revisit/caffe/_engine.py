@@ -5,7 +5,8 @@ import os
 from google.protobuf import text_format
 
 from .. import engine, proto
-from . import _weights
+from ..errors import InputError
+from . import _caffemodel
 from .proto import caffe_pb2
 
 port_name = engine.port_name
@@ -18,7 +19,7 @@ def threads():
     """Threads of a forward pass: set_threads(), else OMP_NUM_THREADS, else the processors of this process."""
     if _threads is not None:
         return _threads
-    first = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
+    first = os.environ.get('OMP_NUM_THREADS', '').split(',')[0].strip()
     if first.isdigit() and int(first) > 0:
         return int(first)
     return len(os.sched_getaffinity(0))
@@ -28,26 +29,52 @@ def set_threads(number):
     """Sets the threads of forward passes from now on; None: the default. Results do not depend on them."""
     global _threads
     if number is not None and int(number) < 1:
-        raise ValueError(f"expected at least one thread, found {number}")
+        raise ValueError(f'expected at least one thread, found {number}')
     _threads = None if number is None else int(number)
 
 
-def read_net(prototxt, level, stages):
-    """What the TEST phase runs of a prototxt: a NetParameter in the current form, and warnings.
+def _meets(state, rule):
+    """Whether a NetState meets a NetStateRule: every condition that is set."""
+    return (
+        (not rule.HasField('phase') or rule.phase == state.phase)
+        and (not rule.HasField('min_level') or rule.min_level <= state.level)
+        and (not rule.HasField('max_level') or rule.max_level >= state.level)
+        and set(rule.stage) <= set(state.stage)
+        and not set(rule.not_stage) & set(state.stage)
+    )
+
+
+def _included(state, layer):
+    if layer.include and layer.exclude:
+        raise InputError(f"layer '{layer.name}': give include or exclude rules, not both")
+    if layer.include:
+        return any(_meets(state, rule) for rule in layer.include)
+    return not any(_meets(state, rule) for rule in layer.exclude)
+
+
+def read_net(prototxt, phase, level, stages):
+    """What runs of a prototxt: a NetParameter in the current form, and warnings.
 
     Args:
         prototxt: the file, of any generation; of a solver's file, the net that it names.
-        level, stages: what the rules of layers (include, exclude) are tested against, beside the file's own.
+        phase, level, stages: what the rules of layers (include, exclude) are tested against, beside the file's own
+            stages.
     Raises:
         revisit.InputError: a file that cannot be read or does not parse.
     """
-    if level == 0 and not stages:
+    if phase == caffe_pb2.TEST and level == 0 and not stages:
         file = proto.read_net(prototxt)
         return caffe_pb2.NetParameter.FromString(file.to_bytes()), file.warnings
     whole = proto.read_net(prototxt, keep_training=True)
     net = caffe_pb2.NetParameter.FromString(whole.to_bytes())
-    net.state.level = level
+    net.state.phase, net.state.level = phase, level
     net.state.stage.extend(stages)
+    layers = [layer for layer in net.layer if _included(net.state, layer)]
+    del net.layer[:]
+    for layer in layers:
+        layer.ClearField('include')
+        layer.ClearField('exclude')
+        net.layer.append(layer)
     file = proto.parse_net(text_format.MessageToString(net), prototxt)
     return caffe_pb2.NetParameter.FromString(file.to_bytes()), whole.warnings + file.warnings
 
@@ -59,7 +86,7 @@ class WeightsFile:
         self.path = os.fspath(path)
         if isinstance(self.path, bytes):
             self.path = os.fsdecode(self.path)
-        with open(self.path, "rb") as file:
+        with open(self.path, 'rb') as file:
             self.content = file.read()
         layers = proto.WeightsFile.from_bytes(self.content, self.path).layers
         self.layers = {name for name, n_arrays in layers if n_arrays > 0}
@@ -80,10 +107,10 @@ def load(net, weights, prototxt):
     try:
         return engine.Net.load_from_memory(
             text_format.MessageToString(net),
-            weights.content if is_file else _weights.in_memory(weights),
+            weights.content if is_file else _caffemodel.in_memory(weights),
             allow_missing=True,
         )
     except Exception as error:
-        message = str(error).replace("<prototxt>", prototxt)
-        message = message.replace("<weights>", weights.path if is_file else "the net's weights")
+        message = str(error).replace('<prototxt>', prototxt)
+        message = message.replace('<weights>', weights.path if is_file else "the net's weights")
         raise type(error)(message) from None

@@ -39,7 +39,9 @@ def _unit_ball(shape):
 
 def _bilinear(shape):
     if len(shape) != 4 or shape[2] != shape[3]:
-        raise ValueError(f"the filler 'bilinear' is for square kernels of 4 axes, found {list(shape)}")
+        raise ValueError(
+            f"the filler 'bilinear' is for square kernels of 4 axes, found {list(shape)}"
+        )
     half = math.ceil(shape[3] / 2)
     centre = (shape[3] - 1) / (2 * half)
     weights = 1 - np.abs(np.arange(shape[3]) / half - centre)
@@ -49,13 +51,13 @@ def _bilinear(shape):
 def fill(filler, shape):
     """Values of a FillerParameter for a blob of `shape`, float32."""
     kinds = {
-        "constant": lambda: np.full(shape, filler.value),
-        "uniform": lambda: _random.uniform(filler.min, filler.max, shape),
-        "gaussian": lambda: _gaussian(filler, shape),
-        "positive_unitball": lambda: _unit_ball(shape),
-        "xavier": lambda: _random.uniform(-1, 1, shape) * math.sqrt(3 / _fan(filler, shape)),
-        "msra": lambda: _random.normal(0, math.sqrt(2 / _fan(filler, shape)), shape),
-        "bilinear": lambda: _bilinear(shape),
+        'constant': lambda: np.full(shape, filler.value),
+        'uniform': lambda: _random.uniform(filler.min, filler.max, shape),
+        'gaussian': lambda: _gaussian(filler, shape),
+        'positive_unitball': lambda: _unit_ball(shape),
+        'xavier': lambda: _random.uniform(-1, 1, shape) * math.sqrt(3 / _fan(filler, shape)),
+        'msra': lambda: _random.normal(0, math.sqrt(2 / _fan(filler, shape)), shape),
+        'bilinear': lambda: _bilinear(shape),
     }
     if filler.type not in kinds:
         raise ValueError(f"unknown filler '{filler.type}', expected one of {', '.join(kinds)}")
@@ -65,18 +67,18 @@ def fill(filler, shape):
 # Which message of a layer's parameters has the fillers of its first and second kind of weights, and the constant of
 # the first when the file names none.
 _FILLERS = {
-    "Convolution": ("convolution_param", "weight_filler", "bias_filler", 0),
-    "DepthwiseConvolution": ("convolution_param", "weight_filler", "bias_filler", 0),
-    "ConvolutionDepthwise": ("convolution_param", "weight_filler", "bias_filler", 0),
-    "Deconvolution": ("convolution_param", "weight_filler", "bias_filler", 0),
-    "InnerProduct": ("inner_product_param", "weight_filler", "bias_filler", 0),
-    "Embed": ("embed_param", "weight_filler", "bias_filler", 0),
-    "LSTM": ("recurrent_param", "weight_filler", "bias_filler", 0),
-    "RNN": ("recurrent_param", "weight_filler", "bias_filler", 0),
-    "Scale": ("scale_param", "filler", "bias_filler", 1),
-    "Bias": ("bias_param", "filler", "filler", 0),
-    "PReLU": ("prelu_param", "filler", "filler", 0.25),
-    "Normalize": ("norm_param", "scale_filler", "scale_filler", 1),
+    'Convolution': ('convolution_param', 'weight_filler', 'bias_filler', 0),
+    'DepthwiseConvolution': ('convolution_param', 'weight_filler', 'bias_filler', 0),
+    'ConvolutionDepthwise': ('convolution_param', 'weight_filler', 'bias_filler', 0),
+    'Deconvolution': ('convolution_param', 'weight_filler', 'bias_filler', 0),
+    'InnerProduct': ('inner_product_param', 'weight_filler', 'bias_filler', 0),
+    'Embed': ('embed_param', 'weight_filler', 'bias_filler', 0),
+    'LSTM': ('recurrent_param', 'weight_filler', 'bias_filler', 0),
+    'RNN': ('recurrent_param', 'weight_filler', 'bias_filler', 0),
+    'Scale': ('scale_param', 'filler', 'bias_filler', 1),
+    'Bias': ('bias_param', 'filler', 'filler', 0),
+    'PReLU': ('prelu_param', 'filler', 'filler', 0.25),
+    'Normalize': ('norm_param', 'scale_filler', 'scale_filler', 1),
 }
 
 
@@ -86,7 +88,7 @@ def initial(message, index, shape):
     if message.type not in _FILLERS:  # BatchNorm and Parameter begin with zeros
         return np.zeros(shape, np.float32)
     param, weight, bias, constant = _FILLERS[message.type]
-    is_recurrent = param == "recurrent_param"  # several matrices, and biases between them
+    is_recurrent = param == 'recurrent_param'  # several matrices, and biases between them
     is_bias = len(shape) == 1 if is_recurrent else index > 0
     fillers = getattr(message, param)
     name = bias if is_bias else weight

@@ -6,8 +6,10 @@ from collections import OrderedDict
 
 import numpy as np
 
-from . import _engine, _fillers, _structure, _weights
+from ..errors import InputError
+from . import _caffemodel, _engine, _structure
 from ._blob import Blob
+from ._net_weights import NetWeights, computing
 from ._ranges import Range
 from .errors import TrainingError
 from .proto import caffe_pb2
@@ -17,17 +19,6 @@ def _is_path(value):
     return isinstance(value, (str, bytes, os.PathLike))
 
 
-def _same_bits(a, b):
-    return a.shape == b.shape and np.array_equal(a.reshape(-1).view(np.uint32), b.reshape(-1).view(np.uint32))
-
-
-def _check_phase(phase):
-    if phase == caffe_pb2.TRAIN:
-        raise TrainingError("A net in the phase caffe.TRAIN")
-    if phase != caffe_pb2.TEST:
-        raise ValueError(f"expected the phase caffe.TEST ({caffe_pb2.TEST}), found {phase!r}")
-
-
 class Net:
     """A Caffe network on the CPU, as pycaffe has it.
 
@@ -35,30 +26,33 @@ class Net:
     Net(prototxt, weights, caffe.TEST). Without weights, layers have what their fillers say.
 
     Attributes that pycaffe has, too: blobs, params, layers, layer_dict, inputs, outputs, top_names, bottom_names.
-    A net is for one thread at a time.
+    A net is for one thread at a time. Of a net in the phase caffe.TRAIN only names and weights can be used.
 
     Raises:
         revisit.InputError: files that cannot be read, do not parse, or do not fit each other.
         revisit.UnsupportedError: a type of layer that the engine lacks.
-        TrainingError: the phase caffe.TRAIN.
     """
 
     def __init__(self, network_file, *args, **kwargs):
         if args and _is_path(args[0]):
             if len(args) != 2 or kwargs:
-                raise TypeError("expected Net(prototxt, weights, phase), or Net(prototxt, phase, weights=weights)")
+                raise TypeError(
+                    'expected Net(prototxt, weights, phase), or Net(prototxt, phase, weights=weights)'
+                )
             self._create(network_file, phase=args[1], weights=args[0])
         else:
             self._create(network_file, *args, **kwargs)
 
     def _create(self, network_file, phase, level=0, stages=None, weights=None):
-        _check_phase(phase)
+        if phase not in (caffe_pb2.TEST, caffe_pb2.TRAIN):
+            raise ValueError(f'expected the phase caffe.TEST or caffe.TRAIN, found {phase!r}')
+        self._phase = phase
         self._prototxt = os.fsdecode(network_file)
-        net, notes = _engine.read_net(self._prototxt, level, list(stages or ()))
+        net, notes = _engine.read_net(self._prototxt, phase, level, list(stages or ()))
         for note in notes:
             warnings.warn(note, stacklevel=4)
         self._name = net.name
-        self.layers, self._copies = _structure.with_splits(net.layer)
+        self.layers, self._copies = _structure.with_splits(net.layer, self._prototxt)
         self._layer_names = [layer.name for layer in self.layers]
         self._blob_names = _structure.blob_names(self.layers)
         self.inputs = _structure.inputs(self.layers)
@@ -68,19 +62,19 @@ class Net:
         self._whole = self._range(0, len(self.layers) - 1)
         self._ranges = {}
         file = None if weights is None else _engine.WeightsFile(weights)
-        self._make_weights(file)
+        self._weights = NetWeights(self.layers, self._whole, file)
         self.reshape()
 
     def _make_inputs(self, messages):
         """Blobs in pycaffe's order; those of Input layers have their shapes."""
         shapes = {}
         for message in messages:
-            if message.type != "Input":
+            if message.type != 'Input':
                 continue
             given = message.input_param.shape
             for i, blob in enumerate(message.top):
                 if not given:
-                    raise ValueError(
+                    raise InputError(
                         f"{self._prototxt}: the file does not say the shape of the input '{blob}' (layer "
                         f"'{message.name}'); add input_param {{ shape {{ dim: ... }} }} in an Input layer"
                     )
@@ -92,110 +86,30 @@ class Net:
 
     # -- Weights.
 
-    def _computing(self, first=0, last=None):
-        """The layers that the engine runs, in order; those of Range.names."""
-        layers = self.layers[first : None if last is None else last + 1]
-        return [layer for layer in layers if layer.message is not None and layer.type != "Input"]
-
-    def _weighted(self):
-        """(name in the engine, layer) of all layers that have weights."""
-        return [(name, layer) for name, layer in zip(self._whole.names, self._computing()) if layer.blobs]
-
-    def _make_weights(self, file):
-        """Gives every layer its weights, of a WeightsFile or None."""
-        self._in_engine = self._whole.load(file or {})
-        shared = {}  # by the name of the parameter
-        for name, layer in zip(self._whole.names, self._computing()):
-            params = layer.message.param
-            for i, values in enumerate(self._in_engine.get(name, [])):
-                parameter = params[i].name if i < len(params) else ""
-                blob = shared.get(parameter) or Blob(values.shape, values)
-                if parameter:
-                    shared[parameter] = blob
-                layer.blobs.append(blob)
-        given = self._given_by(file) if file else set()
-        self._warn_of_missing(file, given)
-        for _, layer in self._weighted():
-            for i, blob in enumerate(layer.blobs):
-                if id(blob) not in given:
-                    blob.data[...] = _fillers.initial(layer.message, i, blob.shape)
-                    given.add(id(blob))
-
-    def _given_by(self, file):
-        """Which blobs a WeightsFile has, by id()."""
-        return {id(blob) for name, layer in self._weighted() if name in file.layers for blob in layer.blobs}
-
-    def _warn_of_missing(self, file, given):
-        lacking = [layer.name for _, layer in self._weighted() if any(id(blob) not in given for blob in layer.blobs)]
-        if file and lacking:
-            warnings.warn(
-                f"{file.path}: no weights for the layers {', '.join(lacking)}: they keep what they have, which is "
-                "what their fillers say in a new net",
-                stacklevel=5,
-            )
-
     def copy_from(self, weights):
         """Takes the weights of the layers that a .caffemodel or HDF5 file has, by name.
 
-        Layers of the file that the net lacks are ignored. Of layers that the file lacks a warning tells, and they
-        keep the weights they have.
+        Layers of the file that the net lacks are ignored. Of layers that the file lacks a warning
+        tells, and they keep the weights they have.
 
         Raises:
             OSError: the file cannot be read.
             revisit.InputError: it is no file of weights, or those of a layer do not fit.
         """
-        file = _engine.WeightsFile(weights)
-        self._in_engine = self._whole.load(file)
+        self._weights.copy_from(_engine.WeightsFile(weights))
         self._ranges.clear()
-        given = self._given_by(file)
-        self._warn_of_missing(file, given)
-        for name, layer in self._weighted():
-            for blob, values in zip(layer.blobs, self._in_engine[name]):
-                if id(blob) in given:
-                    blob.take(values)
-                else:  # the engine has zeros
-                    blob.may_be_written = True
 
     def share_with(self, other):
-        """Uses the weights of the layers of `other` that have the same name: writing to one changes both."""
-        theirs = {layer.name: layer for layer in reversed(other.layers) if layer.blobs}
-        for layer in self.layers:
-            if not layer.blobs or layer.name not in theirs:
-                continue
-            source = theirs[layer.name]
-            if [blob.shape for blob in layer.blobs] != [blob.shape for blob in source.blobs]:
-                raise ValueError(
-                    f"layer '{layer.name}' has weights of {[blob.shape for blob in layer.blobs]}, the other net's "
-                    f"has {[blob.shape for blob in source.blobs]}: they cannot be shared"
-                )
-            layer.blobs[:] = source.blobs
-            for blob in layer.blobs:
-                blob.is_shared = blob.may_be_written = True
+        """Uses the weights of the layers of `other` that have the same name, from now on both's.
 
-    def _weights_changed(self):
-        """Whether a script wrote to weights since the engine got them."""
-        changed = False
-        for name, layer in self._weighted():
-            for blob, known in zip(layer.blobs, self._in_engine[name]):
-                if not blob.may_be_written or blob.read() is known:
-                    continue
-                if not _same_bits(blob.read(), known):
-                    changed = True
-                elif not blob.is_shared and not blob.is_held:
-                    blob.may_be_written = False
-        return changed
+        Raises:
+            ValueError: layers of one name have weights of different shapes.
+        """
+        self._weights.share_with(other._weights)
 
     def _update_weights(self):
-        """Gives the engine the weights as they are now."""
-        if not self._weights_changed():
-            return
-        arrays = {name: [blob.read() for blob in layer.blobs] for name, layer in self._weighted()}
-        self._in_engine = self._whole.load(arrays)
-        self._ranges.clear()
-        for name, layer in self._weighted():
-            for blob, values in zip(layer.blobs, self._in_engine[name]):
-                if not blob.is_own:  # lets go of the old net
-                    blob.take(values)
+        if self._weights.update():
+            self._ranges.clear()
 
     def save(self, path):
         """Writes a caffemodel of all layers and weights."""
@@ -205,13 +119,13 @@ class Net:
             if layer.message is not None:
                 message.CopyFrom(layer.message)
             message.name, message.type, message.phase = layer.name, layer.type, caffe_pb2.TEST
-            for field, names in (("bottom", layer.bottoms), ("top", layer.tops)):
+            for field, names in (('bottom', layer.bottoms), ('top', layer.tops)):
                 message.ClearField(field)
                 getattr(message, field).extend(names)
-            message.ClearField("blobs")
+            message.ClearField('blobs')
             layers.append((message, [blob.read() for blob in layer.blobs]))
-        chunks = _weights.caffemodel(self._name, layers)
-        with open(path, "wb") as file:
+        chunks = _caffemodel.caffemodel(self._name, layers)
+        with open(path, 'wb') as file:
             for chunk in chunks:
                 file.write(chunk)
 
@@ -220,9 +134,9 @@ class Net:
         try:
             import h5py
         except ImportError as error:
-            raise ImportError("save_hdf5() needs the package h5py: pip install h5py") from error
-        with h5py.File(path, "w") as file:
-            data = file.create_group("data")
+            raise ImportError('save_hdf5() needs the package h5py: pip install h5py') from error
+        with h5py.File(path, 'w') as file:
+            data = file.create_group('data')
             for layer in self.layers:
                 if layer.blobs:
                     group = data.create_group(layer.name)
@@ -281,7 +195,9 @@ class Net:
     # -- Running.
 
     def _range(self, first, last):
-        return Range(self.layers[first : last + 1], lambda blob: self.blobs[blob].shape, self._prototxt)
+        return Range(
+            self.layers[first : last + 1], lambda blob: self.blobs[blob].shape, self._prototxt
+        )
 
     def _shapes(self, range_):
         return {blob: tuple(self.blobs[blob].shape) for blob in range_.inputs}
@@ -294,6 +210,8 @@ class Net:
 
     def _forward(self, first, last):
         """Runs layers first to last, inclusive. Returns the loss, 0: it is for training."""
+        if self._phase == caffe_pb2.TRAIN:
+            raise TrainingError('forward() of a net in the phase caffe.TRAIN')
         self._update_weights()
         if (first, last) == (0, len(self.layers) - 1):
             range_ = self._whole
@@ -311,12 +229,16 @@ class Net:
         return 0.0
 
     def _weights_of(self, range_, first, last):
-        layers = zip(range_.names, self._computing(first, last))
-        return {name: [blob.read() for blob in layer.blobs] for name, layer in layers if layer.blobs}
+        layers = zip(range_.names, computing(self.layers[first : last + 1]))
+        return {
+            name: [blob.read() for blob in layer.blobs] for name, layer in layers if layer.blobs
+        }
 
     def _index(self, layer):
         if layer not in self._layer_names:
-            raise ValueError(f"the net has no layer '{layer}'; its layers are {', '.join(self._layer_names)}")
+            raise ValueError(
+                f"the net has no layer '{layer}'; its layers are {', '.join(self._layer_names)}"
+            )
         return self._layer_names.index(layer)
 
     def forward(self, blobs=None, start=None, end=None, **inputs):
@@ -340,11 +262,15 @@ class Net:
 
     def _set_inputs(self, inputs):
         if set(inputs) != set(self.inputs):
-            raise ValueError(f"expected arrays for the inputs {sorted(self.inputs)}, found {sorted(inputs)}")
+            raise ValueError(
+                f'expected arrays for the inputs {sorted(self.inputs)}, found {sorted(inputs)}'
+            )
         for name, array in inputs.items():
             blob, found = self.blobs[name], np.shape(array)
             if not found or not blob.shape or found[0] != blob.shape[0]:
-                raise ValueError(f"input '{name}': expected a batch of shape {blob.shape}, found {list(found)}")
+                raise ValueError(
+                    f"input '{name}': expected a batch of shape {blob.shape}, found {list(found)}"
+                )
             blob.data[...] = array
 
     def forward_all(self, blobs=None, **inputs):
@@ -363,7 +289,8 @@ class Net:
             for name, values in self.forward(blobs=blobs, **batch).items():
                 collected[name].extend(values.copy())
         return {
-            name: np.asarray(rows[: len(rows) * n_images // (n_images + n_padding)]) for name, rows in collected.items()
+            name: np.asarray(rows[: len(rows) * n_images // (n_images + n_padding)])
+            for name, rows in collected.items()
         }
 
     def _batch(self, inputs):
@@ -375,20 +302,24 @@ class Net:
             for name, images in inputs.items():
                 rows = np.asarray(images[begin : begin + size])
                 missing = size - len(rows)
-                batch[name] = np.concatenate([rows, np.zeros((missing, *rows.shape[1:]))]) if missing else rows
+                batch[name] = (
+                    np.concatenate([rows, np.zeros((missing, *rows.shape[1:]))])
+                    if missing
+                    else rows
+                )
             yield batch
 
     # -- Training.
 
     def backward(self, diffs=None, start=None, end=None, **gradients):
         """For training: raises TrainingError."""
-        raise TrainingError("Net.backward()")
+        raise TrainingError('Net.backward()')
 
     _backward = backward
 
     def forward_backward_all(self, blobs=None, diffs=None, **inputs):
         """For training: raises TrainingError."""
-        raise TrainingError("Net.forward_backward_all()")
+        raise TrainingError('Net.forward_backward_all()')
 
     def clear_param_diffs(self):
         """Sets the gradients of all weights to zero, which they are unless a script wrote to them."""
@@ -399,6 +330,6 @@ class Net:
     def set_input_arrays(self, data, labels):
         """Of MemoryData layers, which are inputs here."""
         raise NotImplementedError(
-            f"a MemoryData layer is an input here: call forward({', '.join(self.inputs)}=...) instead of "
-            "set_input_arrays()"
+            f'a MemoryData layer is an input here: call forward({", ".join(self.inputs)}=...) instead of '
+            'set_input_arrays()'
         )

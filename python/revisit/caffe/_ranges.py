@@ -9,7 +9,7 @@ from collections import OrderedDict
 from . import _engine
 from .proto import caffe_pb2
 
-_BOUNDARY = "what earlier layers wrote"
+_BOUNDARY = 'what earlier layers wrote'
 _MOST_PASSES = 4  # kept, of different input shapes: each takes the memory of all blobs
 
 
@@ -50,7 +50,7 @@ class Range:
     """
 
     def __init__(self, layers, shape_of, prototxt):
-        self.net = caffe_pb2.NetParameter(name="net")
+        self.net = caffe_pb2.NetParameter(name='net')
         self.inputs = []  # names of blobs
         self.written = {}  # blob -> name of the engine's value that it holds in the end
         messages = [layer.message for layer in layers if layer.message is not None]
@@ -73,22 +73,24 @@ class Range:
             self._add_input(_BOUNDARY, self.inputs, shape_of)
 
     def _add_input(self, name, blobs, shape_of):
-        layer = self.net.layer.add(name=name, type="Input")
+        layer = self.net.layer.add(name=name, type='Input')
         layer.top.extend(blobs)
         for blob in blobs:
             layer.input_param.shape.add().dim.extend(shape_of(blob))
 
     def _add(self, message, shape_of, names):
-        if message.type == "Input":
+        if message.type == 'Input':
             self._add_input(message.name, message.top, shape_of)
             self.inputs.extend(message.top)
             return
         layer = self.net.layer.add()
         layer.CopyFrom(message)
-        for field in ("include", "exclude", "blobs"):
+        for field in ('include', 'exclude', 'blobs'):
             layer.ClearField(field)
-        while layer.name in names:  # legal in Caffe; the engine keeps values by the name of their layer
-            layer.name += " (again)"
+        while (
+            layer.name in names
+        ):  # legal in Caffe; the engine keeps values by the name of their layer
+            layer.name += ' (again)'
         names.add(layer.name)
         for i, blob in enumerate(layer.top):
             self.written[blob] = _engine.port_name(layer.name, i)
@@ -96,7 +98,7 @@ class Range:
     @property
     def names(self):
         """What the engine calls the layers that compute, in order."""
-        return [layer.name for layer in self.net.layer if layer.type != "Input"]
+        return [layer.name for layer in self.net.layer if layer.type != 'Input']
 
     @property
     def is_loaded(self):

@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+from ..errors import InputError
 from ._blob import BlobVec
 
 
@@ -17,7 +18,7 @@ class Layer:
         self.blobs = BlobVec()
 
 
-def with_splits(messages):
+def with_splits(messages, prototxt):
     """The layers of a file with the Split layers that Caffe puts in.
 
     Where several layers read an array, Caffe inserts a Split layer behind the layer that wrote it, and each reader
@@ -25,8 +26,11 @@ def with_splits(messages):
 
     Args:
         messages: LayerParameter of every layer, in order.
+        prototxt: the file's name, for messages.
     Returns:
         The layers, and a dict from the names of the copies to the names of what they are copies of.
+    Raises:
+        revisit.InputError: a layer reads what no layer before it writes.
     """
     messages = list(messages)
     writer = {}  # blob -> (layer, top) that wrote it last
@@ -35,7 +39,9 @@ def with_splits(messages):
     for i, message in enumerate(messages):
         for j, blob in enumerate(message.bottom):
             if blob not in writer:
-                raise ValueError(f"layer '{message.name}' reads '{blob}', which no layer before it writes")
+                raise InputError(
+                    f"{prototxt}: layer '{message.name}' reads '{blob}', which no layer before it writes"
+                )
             sources[i, j] = writer[blob]
             reads[writer[blob]] += 1
         for j, blob in enumerate(message.top):
@@ -46,16 +52,16 @@ def with_splits(messages):
 
     def split_name(source):
         layer, top = source
-        return f"{messages[layer].top[top]}_{messages[layer].name}_{top}_split"
+        return f'{messages[layer].top[top]}_{messages[layer].name}_{top}_split'
 
     layers, copies = [], {}
     given = Counter()  # copies that have a reader
     for i, message in enumerate(messages):
         bottoms = list(message.bottom)
-        for j, blob in enumerate(bottoms):
+        for j in range(len(bottoms)):
             source = sources[i, j]
             if reads[source] > 1:
-                bottoms[j] = f"{split_name(source)}_{given[source]}"
+                bottoms[j] = f'{split_name(source)}_{given[source]}'
                 given[source] += 1
         layers.append(Layer(message.name, message.type, bottoms, message.top, message))
         for j, blob in enumerate(message.top):
@@ -63,8 +69,8 @@ def with_splits(messages):
                 continue
             if j < len(message.loss_weight) and message.loss_weight[j]:
                 given[i, j] += 1
-            tops = [f"{split_name((i, j))}_{k}" for k in range(reads[i, j])]
-            layers.append(Layer(split_name((i, j)), "Split", [blob], tops))
+            tops = [f'{split_name((i, j))}_{k}' for k in range(reads[i, j])]
+            layers.append(Layer(split_name((i, j)), 'Split', [blob], tops))
             copies.update((top, blob) for top in tops)
     return layers, copies
 
@@ -85,4 +91,4 @@ def outputs(layers):
 
 def inputs(layers):
     """The tops of Input layers."""
-    return [top for layer in layers if layer.type == "Input" for top in layer.tops]
+    return [top for layer in layers if layer.type == 'Input' for top in layer.tops]

@@ -45,7 +45,9 @@ class Classifier(Net):
         super().__init__(model_file, TEST, weights=pretrained_file)
         self.transformer = transformer_for(self, mean, input_scale, raw_scale, channel_swap)
         self.crop_dims = np.array(self.blobs[self.inputs[0]].data.shape[2:])
-        self.image_dims = self.crop_dims if image_dims is None or not len(image_dims) else image_dims
+        self.image_dims = (
+            self.crop_dims if image_dims is None or not len(image_dims) else image_dims
+        )
 
     def predict(self, inputs, oversample=True):
         """The net's output for every image, [n][classes].
@@ -59,7 +61,9 @@ class Classifier(Net):
             images = io.oversample(images, self.crop_dims)
         else:
             middle = np.array(self.image_dims) / 2
-            (top, left), (bottom, right) = ((middle + sign * self.crop_dims / 2).astype(int) for sign in (-1, 1))
+            (top, left), (bottom, right) = (
+                (middle + sign * self.crop_dims / 2).astype(int) for sign in (-1, 1)
+            )
             images = images[:, top:bottom, left:right]
         name = self.inputs[0]
         batch = np.array([self.transformer.preprocess(name, image) for image in images], np.float32)

@@ -45,13 +45,15 @@ class Detector(Net):
         for filename, windows in images_windows:
             image = io.load_image(filename)
             for window in windows:
-                batch.append(self.transformer.preprocess(name, self.crop(image, np.asarray(window))))
-                found.append({"window": window, "filename": filename})
+                batch.append(
+                    self.transformer.preprocess(name, self.crop(image, np.asarray(window)))
+                )
+                found.append({'window': window, 'filename': filename})
         if not found:
             return found
         predictions = self.forward_all(**{name: np.array(batch, np.float32)})[self.outputs[0]]
         for entry, prediction in zip(found, predictions):
-            entry["prediction"] = prediction
+            entry['prediction'] = prediction
         return found
 
     def detect_selective_search(self, image_fnames):
@@ -61,7 +63,9 @@ class Detector(Net):
         import selective_search_ijcv_with_python as selective_search
 
         files = [os.path.abspath(name) for name in image_fnames]
-        return self.detect_windows(list(zip(files, selective_search.get_windows(files, cmd="selective_search_rcnn"))))
+        return self.detect_windows(
+            list(zip(files, selective_search.get_windows(files, cmd='selective_search_rcnn')))
+        )
 
     def crop(self, im, window):
         """The pixels of a window; with context_pad, of the net's input size with what surrounds it.
@@ -82,7 +86,9 @@ class Detector(Net):
         inside = np.minimum(np.round((end - begin + 1) * zoom).astype(int), size - pad)
         (y, x), (bottom, right) = begin.astype(int), end.astype(int)
         crop = np.ones(self.crop_dims, np.float32) * self.crop_mean
-        crop[pad[0] : pad[0] + inside[0], pad[1] : pad[1] + inside[1]] = io.resize_image(im[y:bottom, x:right], inside)
+        crop[pad[0] : pad[0] + inside[0], pad[1] : pad[1] + inside[1]] = io.resize_image(
+            im[y:bottom, x:right], inside
+        )
         return crop
 
     def configure_crop(self, context_pad):

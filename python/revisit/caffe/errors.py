@@ -9,6 +9,6 @@ class TrainingError(NotImplementedError):
 
     def __init__(self, what):
         super().__init__(
-            f"{what} is for training, and this package only runs trained networks. Train with the original "
-            "Caffe and load the caffemodel with caffe.Net(prototxt, caffe.TEST, weights=...)."
+            f'{what} is for training, and this package only runs trained networks. Train with the original '
+            'Caffe and load the caffemodel with caffe.Net(prototxt, caffe.TEST, weights=...).'
         )

@@ -5,13 +5,15 @@ Images are arrays [h][w][c] of float32, mostly in [0, 1], channels in the order 
 
 import numpy as np
 
+from ._resizing import oversample, resize_image
+from ._transformer import Transformer
 from .proto import caffe_pb2
 
 
 def blobproto_to_array(blob, return_diff=False):
     """The values of a BlobProto, or its gradients, in its shape; num, channels, height, width where it has these."""
     values = np.array(blob.diff if return_diff else blob.data)
-    if any(blob.HasField(name) for name in ("num", "channels", "height", "width")):
+    if any(blob.HasField(name) for name in ('num', 'channels', 'height', 'width')):
         return values.reshape(blob.num, blob.channels, blob.height, blob.width)
     return values.reshape(tuple(blob.shape.dim))
 
@@ -39,7 +41,9 @@ def blobprotovector_str_to_arraylist(str):
 def array_to_datum(arr, label=None):
     """A Datum of an array [c][h][w]: bytes of uint8, else numbers."""
     if arr.ndim != 3:
-        raise ValueError(f"expected an array of 3 axes (channels, height, width), found the shape {arr.shape}")
+        raise ValueError(
+            f'expected an array of 3 axes (channels, height, width), found the shape {arr.shape}'
+        )
     datum = caffe_pb2.Datum(channels=arr.shape[0], height=arr.shape[1], width=arr.shape[2])
     if arr.dtype == np.uint8:
         datum.data = arr.tobytes()
@@ -53,117 +57,14 @@ def array_to_datum(arr, label=None):
 def datum_to_array(datum):
     """The array [c][h][w] of a Datum: uint8 of bytes, else float64. The label is datum.label."""
     if datum.encoded:
-        raise ValueError("this Datum holds an encoded image: decode datum.data with an image library")
+        raise ValueError(
+            'this Datum holds an encoded image: decode datum.data with an image library'
+        )
     if datum.data:
         values = np.frombuffer(datum.data, np.uint8).copy()
     else:
         values = np.array(datum.float_data, float)
     return values.reshape(datum.channels, datum.height, datum.width)
-
-
-class Transformer:
-    """Makes what a net wants of an image.
-
-    Args:
-        inputs: the shapes of the net's inputs (n, c, h, w), by name.
-    """
-
-    def __init__(self, inputs):
-        self.inputs = inputs
-        self.transpose = {}
-        self.channel_swap = {}
-        self.raw_scale = {}
-        self.mean = {}
-        self.input_scale = {}
-
-    def _check(self, in_):
-        if in_ not in self.inputs:
-            raise ValueError(f"'{in_}' is none of the inputs {sorted(self.inputs)}")
-
-    def preprocess(self, in_, data):
-        """An image [h][w][c] of any size as the input `in_` wants it, mostly [c][h][w]; float32, a new array.
-
-        In this order: resized, transposed, channels swapped, times raw_scale, minus the mean, times input_scale.
-        """
-        self._check(in_)
-        size = tuple(self.inputs[in_][2:])
-        image = np.asarray(data).astype(np.float32)
-        if image.shape[:2] != size:
-            image = resize_image(image, size)
-        if in_ in self.transpose:
-            image = image.transpose(self.transpose[in_])
-        if in_ in self.channel_swap:
-            image = image[list(self.channel_swap[in_])]
-        if self.raw_scale.get(in_) is not None:
-            image *= self.raw_scale[in_]
-        if in_ in self.mean:
-            image -= self.mean[in_]
-        if self.input_scale.get(in_) is not None:
-            image *= self.input_scale[in_]
-        return image
-
-    def deprocess(self, in_, data):
-        """preprocess() backwards, except for the size. Axes of size 1 go."""
-        self._check(in_)
-        image = np.array(data).squeeze()
-        if self.input_scale.get(in_) is not None:
-            image /= self.input_scale[in_]
-        if in_ in self.mean:
-            image += self.mean[in_]
-        if self.raw_scale.get(in_) is not None:
-            image /= self.raw_scale[in_]
-        if in_ in self.channel_swap:
-            image = image[np.argsort(self.channel_swap[in_])]
-        if in_ in self.transpose:
-            image = image.transpose(np.argsort(self.transpose[in_]))
-        return image
-
-    def set_transpose(self, in_, order):
-        """The order of the axes: (2, 0, 1) makes [c][h][w] of [h][w][c]."""
-        self._check(in_)
-        n_axes = len(self.inputs[in_]) - 1
-        if len(order) != n_axes:
-            raise ValueError(f"expected an order of the {n_axes} axes of an image of '{in_}', found {tuple(order)}")
-        self.transpose[in_] = order
-
-    def set_channel_swap(self, in_, order):
-        """The order of the channels, which are the first axis by then: (2, 1, 0) makes BGR of RGB."""
-        self._check(in_)
-        if len(order) != self.inputs[in_][1]:
-            raise ValueError(f"expected an order of {self.inputs[in_][1]} channels of '{in_}', found {tuple(order)}")
-        self.channel_swap[in_] = order
-
-    def set_raw_scale(self, in_, scale):
-        """A factor before the mean is subtracted: 255 for a net trained on images of 0 to 255."""
-        self._check(in_)
-        self.raw_scale[in_] = scale
-
-    def set_mean(self, in_, mean):
-        """What is subtracted: a number for each channel, or an image [c][h][w], which is resized where needed."""
-        self._check(in_)
-        channels, *size = self.inputs[in_][1:]
-        mean = np.asarray(mean)
-        if mean.ndim == 1:
-            if len(mean) != channels:
-                raise ValueError(f"expected a mean of the {channels} channels of '{in_}', found {len(mean)}")
-            mean = mean[:, np.newaxis, np.newaxis]
-        elif mean.ndim not in (2, 3):
-            raise ValueError(f"expected a mean of 1 to 3 axes, found the shape {mean.shape}")
-        elif mean.shape[-2:] != tuple(size) or (mean.ndim == 3 and mean.shape[0] != channels):
-            mean = self._resized_mean(mean[np.newaxis] if mean.ndim == 2 else mean, size)
-        self.mean[in_] = mean
-
-    @staticmethod
-    def _resized_mean(mean, size):
-        low, high = mean.min(), mean.max()
-        spread = high - low if high > low else 1
-        image = ((mean - low) / spread).transpose(1, 2, 0)
-        return resize_image(image, tuple(size)).transpose(2, 0, 1) * spread + low
-
-    def set_input_scale(self, in_, scale):
-        """A factor after the mean was subtracted."""
-        self._check(in_)
-        self.input_scale[in_] = scale
 
 
 def load_image(filename, color=True):
@@ -174,7 +75,7 @@ def load_image(filename, color=True):
     try:
         from PIL import Image
     except ImportError as error:
-        raise ImportError("load_image() needs the package pillow: pip install pillow") from error
+        raise ImportError('load_image() needs the package pillow: pip install pillow') from error
     with Image.open(filename) as file:
         pixels = _pixels(file)
     values = pixels.astype(np.float32) / np.float32(65535 if pixels.dtype == np.uint16 else 255)
@@ -182,113 +83,17 @@ def load_image(filename, color=True):
         return np.repeat(values[:, :, np.newaxis], 3 if color else 1, axis=2)
     if color:
         return values
-    return (values @ np.float32([0.2125, 0.7154, 0.0721]))[:, :, np.newaxis]  # luminance of ITU-R BT.709
+    return (values @ np.float32([0.2125, 0.7154, 0.0721]))[
+        :, :, np.newaxis
+    ]  # luminance of ITU-R BT.709
 
 
 def _pixels(image):
     """uint8 or uint16, [h][w] of gray or [h][w][3]."""
-    if image.mode.startswith("I"):
+    if image.mode.startswith('I'):
         return np.asarray(image).astype(np.uint16)
-    if image.mode in ("1", "L", "LA"):
-        return np.asarray(image.convert("L"))
-    if image.mode == "RGBA":  # convert() would do the same
+    if image.mode in ('1', 'L', 'LA'):
+        return np.asarray(image.convert('L'))
+    if image.mode == 'RGBA':  # convert() would do the same
         return np.asarray(image)[:, :, :3]
-    return np.asarray(image.convert("RGB"))
-
-
-def _line_weights(n_in, n_out):
-    """Where the pixels of a resized line lie in the line: two indices and two weights each; 0 beyond its ends.
-
-    Pixels are areas: the middle of pixel i is at i + 0.5.
-    """
-    place = (np.arange(n_out) + 0.5) * (n_in / n_out) - 0.5
-    low = np.floor(place).astype(int)
-    fraction = place - low
-    inside = lambda index: (index >= 0) & (index < n_in)
-    return (
-        np.clip(low, 0, n_in - 1),
-        np.clip(low + 1, 0, n_in - 1),
-        (1 - fraction) * inside(low),
-        fraction * inside(low + 1),
-    )
-
-
-def _corner_weights(n_in, n_out):
-    """The same for lines whose first and last pixels stay where they are."""
-    place = np.arange(n_out) * ((n_in - 1) / (n_out - 1) if n_out > 1 else 0)
-    low = np.minimum(place.astype(int), max(n_in - 2, 0))
-    fraction = place - low
-    return low, np.minimum(low + 1, n_in - 1), 1 - fraction, fraction
-
-
-def _resampled(image, size, weights):
-    rows, columns = weights(image.shape[0], size[0]), weights(image.shape[1], size[1])
-    low, high, a, b = columns
-    image = image[:, low] * a[:, np.newaxis] + image[:, high] * b[:, np.newaxis]
-    low, high, a, b = rows
-    return image[low] * a[:, np.newaxis, np.newaxis] + image[high] * b[:, np.newaxis, np.newaxis]
-
-
-def _nearest(image, size):
-    rows, columns = (
-        np.clip(np.rint((np.arange(n_out) + 0.5) * (n_in / n_out) - 0.5).astype(int), 0, n_in - 1)
-        for n_in, n_out in zip(image.shape, size)
-    )
-    return image[rows][:, columns]
-
-
-def _by_splines(image, size, order):
-    try:
-        from scipy.ndimage import zoom
-    except ImportError as error:
-        raise ImportError(
-            f"resize_image() with interp_order={order} needs the package scipy: pip install scipy (orders 0 and 1 do not)"
-        ) from error
-    scale = (size[0] / image.shape[0], size[1] / image.shape[1], 1)
-    return zoom(image, scale, order=order, mode="grid-constant", grid_mode=True)
-
-
-def resize_image(im, new_dims, interp_order=1):
-    """An image [h][w][c] resized to new_dims = (h, w), float32. Nothing is blurred before an image is made smaller.
-
-    With 1 or 3 channels pixels are areas, and beyond the image is its darkest value: that darkens the edge of an
-    image that is made larger. With other numbers of channels the corner pixels stay at the corners. Both as pycaffe
-    with scikit-image of its time does.
-    """
-    im = np.asarray(im)
-    size = (int(new_dims[0]), int(new_dims[1]))
-    if im.ndim != 3 or 0 in im.shape or min(size) < 1:
-        raise ValueError(f"expected an image of 3 axes and a size of at least 1 x 1, found {im.shape} and {size}")
-    if im.shape[2] not in (1, 3) and interp_order == 1:
-        return _resampled(im.astype(float), size, _corner_weights).astype(np.float32)
-    low, high = float(im.min()), float(im.max())
-    if high <= low:
-        return np.full((*size, im.shape[2]), low, np.float32)
-    image = (im.astype(float) - low) / (high - low)
-    if interp_order == 0:
-        image = _nearest(image, size)
-    elif interp_order == 1:
-        image = _resampled(image, size, _line_weights)
-    else:
-        image = np.clip(_by_splines(image, size, interp_order), 0, 1)
-    return (image * (high - low) + low).astype(np.float32)
-
-
-def oversample(images, crop_dims):
-    """The four corners and the middle of every image, and these mirrored: [10 n][h][w][c] of images [h][w][c].
-
-    Args:
-        images: of one size.
-        crop_dims: (h, w) of the crops.
-    """
-    crop_h, crop_w = (int(size) for size in crop_dims)
-    h, w = images[0].shape[:2]
-    if crop_h > h or crop_w > w:
-        raise ValueError(f"crops of {crop_h} x {crop_w} do not fit in images of {h} x {w}")
-    begins = [(y, x) for y in (0, h - crop_h) for x in (0, w - crop_w)]
-    begins.append((int(h / 2 - crop_h / 2), int(w / 2 - crop_w / 2)))
-    crops = []
-    for image in images:
-        upright = [image[y : y + crop_h, x : x + crop_w] for y, x in begins]
-        crops += upright + [crop[:, ::-1] for crop in upright]
-    return np.array(crops, np.float32)
+    return np.asarray(image.convert('RGB'))

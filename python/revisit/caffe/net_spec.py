@@ -1,11 +1,11 @@
 """Networks written in Python: caffe.NetSpec, caffe.layers and caffe.params.
 
-    from revisit.caffe import NetSpec, layers as L, params as P
-    n = NetSpec()
-    n.data = L.Input(shape=dict(dim=[1, 3, 227, 227]))
-    n.conv1 = L.Convolution(n.data, kernel_size=11, num_output=96, stride=4)
-    n.pool1 = L.Pooling(n.conv1, kernel_size=3, stride=2, pool=P.Pooling.MAX)
-    print(n.to_proto())
+from revisit.caffe import NetSpec, layers as L, params as P
+n = NetSpec()
+n.data = L.Input(shape=dict(dim=[1, 3, 227, 227]))
+n.conv1 = L.Convolution(n.data, kernel_size=11, num_output=96, stride=4)
+n.pool1 = L.Pooling(n.conv1, kernel_size=3, stride=2, pool=P.Pooling.MAX)
+print(n.to_proto())
 """
 
 from collections import Counter, OrderedDict
@@ -16,9 +16,9 @@ from .proto import caffe_pb2
 def _params_by_type():
     """Which field of LayerParameter has the parameters of a layer type, by the name of the field's message."""
     return {
-        field.message_type.name.removesuffix("Parameter"): field.name
+        field.message_type.name.removesuffix('Parameter'): field.name
         for field in caffe_pb2.LayerParameter.DESCRIPTOR.fields
-        if field.name.endswith("_param")
+        if field.name.endswith('_param')
     }
 
 
@@ -30,7 +30,7 @@ def assign_proto(proto, name, val):
     field = proto.DESCRIPTOR.fields_by_name.get(name)
     if field is None:
         raise AttributeError(f"{proto.DESCRIPTOR.name} has no field '{name}'")
-    repeated = hasattr(getattr(proto, name), "extend")
+    repeated = hasattr(getattr(proto, name), 'extend')
     if repeated:
         for item in val if isinstance(val, (list, tuple)) else [val]:
             if isinstance(item, dict):
@@ -67,12 +67,12 @@ class Function:
     def __init__(self, type_name, inputs, params):
         for index, source in enumerate(inputs):
             if not isinstance(source, Top):
-                raise TypeError(f"{type_name} input {index} is not a Top (type is {type(source)})")
+                raise TypeError(f'{type_name} input {index} is not a Top (type is {type(source)})')
         self.type_name = type_name
         self.inputs = inputs
         self.params = dict(params)
-        self.ntop = self.params.pop("ntop", 1)
-        self.in_place = self.params.pop("in_place", False)
+        self.ntop = self.params.pop('ntop', 1)
+        self.in_place = self.params.pop('in_place', False)
         self.tops = tuple(Top(self, n) for n in range(self.ntop))
 
     def fill(self, layer):
@@ -80,7 +80,11 @@ class Function:
         layer.type = self.type_name
         own = _PARAMS.get(self.type_name)
         for name, value in self.params.items():
-            is_own = own and not name.endswith("param") and name in getattr(layer, own).DESCRIPTOR.fields_by_name
+            is_own = (
+                own
+                and not name.endswith('param')
+                and name in getattr(layer, own).DESCRIPTOR.fields_by_name
+            )
             assign_proto(getattr(layer, own) if is_own else layer, name, value)
 
 
@@ -96,7 +100,7 @@ class _Writer:
     def _name(self, what, type_name):
         if what not in self._names:
             self._numbers[type_name] += 1
-            self._names[what] = f"{type_name}{self._numbers[type_name]}"
+            self._names[what] = f'{type_name}{self._numbers[type_name]}'
         return self._names[what]
 
     def write(self, fn):
@@ -137,7 +141,7 @@ class NetSpec:
     """Outputs with names: attributes, or items."""
 
     def __init__(self):
-        super().__setattr__("tops", OrderedDict())
+        super().__setattr__('tops', OrderedDict())
 
     def __setattr__(self, name, value):
         self.tops[name] = value
@@ -173,7 +177,7 @@ class _Layers:
     """layers.Convolution(bottom, kernel_size=3) is the output of such a layer."""
 
     def __getattr__(self, type_name):
-        if type_name.startswith("__"):
+        if type_name.startswith('__'):
             raise AttributeError(type_name)
 
         def layer(*inputs, **params):
@@ -187,9 +191,9 @@ class _Params:
     """params.Pooling.MAX is the constant of PoolingParameter."""
 
     def __getattr__(self, name):
-        if name.startswith("__"):
+        if name.startswith('__'):
             raise AttributeError(name)
-        return getattr(caffe_pb2, name + "Parameter")
+        return getattr(caffe_pb2, name + 'Parameter')
 
 
 layers = _Layers()

@@ -40,16 +40,16 @@ message_type {
 def _file():
     schema = _descriptor_pb2.FileDescriptorProto.FromString(_proto.schema())
     for message in schema.message_type:
-        _renamed(message, f".{schema.package}.", ".caffe.")
-    schema.name, schema.package = "caffe.proto", "caffe"
+        _renamed(message, f'.{schema.package}.', '.caffe.')
+    schema.name, schema.package = 'caffe.proto', 'caffe'
     _text_format.Merge(_LABELS, schema)
     pool = _descriptor_pool.DescriptorPool()
     pool.AddSerializedFile(schema.SerializeToString())
-    return pool, pool.FindFileByName("caffe.proto")
+    return pool, pool.FindFileByName('caffe.proto')
 
 
 def _class_of(descriptor):
-    if hasattr(_message_factory, "GetMessageClass"):
+    if hasattr(_message_factory, 'GetMessageClass'):
         return _message_factory.GetMessageClass(descriptor)
     return _message_factory.MessageFactory(_pool).GetPrototype(descriptor)  # protobuf before 4.22
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from .proto import caffe_pb2
 
-_LAYER = caffe_pb2.NetParameter.DESCRIPTOR.fields_by_name["layer"].number
-_BLOBS = caffe_pb2.LayerParameter.DESCRIPTOR.fields_by_name["blobs"].number
-_DATA = caffe_pb2.BlobProto.DESCRIPTOR.fields_by_name["data"].number
+_LAYER = caffe_pb2.NetParameter.DESCRIPTOR.fields_by_name['layer'].number
+_BLOBS = caffe_pb2.LayerParameter.DESCRIPTOR.fields_by_name['blobs'].number
+_DATA = caffe_pb2.BlobProto.DESCRIPTOR.fields_by_name['data'].number
 _LARGEST = 2**31 - 1  # [bytes] of a message
 
 
@@ -30,10 +30,10 @@ def _field(number, chunks):
 
 
 def _blob(array):
-    array = np.ascontiguousarray(array, "<f4")
+    array = np.ascontiguousarray(array, '<f4')
     head = caffe_pb2.BlobProto()
     head.shape.dim.extend(array.shape)
-    return [head.SerializeToString(), *_field(_DATA, [memoryview(array.reshape(-1)).cast("B")])]
+    return [head.SerializeToString(), *_field(_DATA, [memoryview(array.reshape(-1)).cast('B')])]
 
 
 def caffemodel(name, layers):
@@ -53,7 +53,9 @@ def caffemodel(name, layers):
         chunks += _field(_LAYER, parts)
     size = sum(len(chunk) for chunk in chunks)
     if size > _LARGEST:
-        raise ValueError(f"a caffemodel has at most {_LARGEST} bytes, these weights take {size}; use save_hdf5()")
+        raise ValueError(
+            f'a caffemodel has at most {_LARGEST} bytes, these weights take {size}; use save_hdf5()'
+        )
     return chunks
 
 
@@ -61,4 +63,4 @@ def in_memory(arrays):
     """The bytes of a caffemodel for the engine. `arrays`: lists of arrays by name of layer."""
     layers = [(caffe_pb2.LayerParameter(name=name), blobs) for name, blobs in arrays.items()]
     # A file without layers is no caffemodel.
-    return b"".join(caffemodel("net", layers or [(caffe_pb2.LayerParameter(name="none"), [])]))
+    return b''.join(caffemodel('net', layers or [(caffe_pb2.LayerParameter(name='none'), [])]))
