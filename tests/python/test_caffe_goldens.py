@@ -10,6 +10,7 @@ import numpy as np
 
 import caffe_needs  # noqa: F401
 
+import revisit
 import revisit.caffe as caffe
 
 ROOT = Path(__file__).parents[2]
@@ -84,6 +85,31 @@ class Goldens(unittest.TestCase):
                 self.check_outputs(
                     folder, 1e-4
                 )  # a Softmax of large scores: MTCNN's even differs by 6e-5 with plain sums
+
+
+class Verdicts(unittest.TestCase):
+    """Odd prototxts: what Caffe makes of them, or that it refuses them."""
+
+    STRICTER = {'net_inplace_conv', 'net_inplace_pool', 'net_inplace_lrn'}  # docs/STRICTER.md
+    OTHER = {'engine_cudnn'}  # a Caffe without CUDA refuses it
+
+    def test_every_one(self):
+        folder = ROOT / 'tests/golden/parse'
+        for name, verdict in json.loads((folder / 'index.json').read_text()).items():
+            file = str(folder / f'{name}.prototxt')
+            with self.subTest(name), warnings.catch_warnings():
+                warnings.simplefilter('ignore')
+                if name in self.OTHER:
+                    caffe.Net(file, caffe.TEST)
+                elif name in self.STRICTER or not verdict['accept']:
+                    with self.assertRaises(revisit.Error):
+                        caffe.Net(file, caffe.TEST)
+                else:
+                    net = caffe.Net(file, caffe.TEST)
+                    shapes = {name: blob.shape for name, blob in net.blobs.items()}
+                    self.assertEqual(shapes, verdict['blobs'])
+                    self.assertEqual(net._layer_names, verdict['layers'])
+                    self.assertEqual(net.outputs, verdict['outputs'])
 
 
 class Structure(unittest.TestCase):

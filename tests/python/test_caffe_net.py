@@ -221,6 +221,22 @@ class Passes(Scripts):
         self.assertFalse(net.blobs['sum'].data.any())
         self.assertEqual(list(net.forward(end='data')), ['data'])
 
+    def test_inputs_need_not_be_in_the_range(self):
+        net = self.net(WEIGHTED)
+        self.assertIs(net._ranges.get(1, 3), net._ranges.whole)
+        self.assertEqual(net.forward(start='conv')['fc'].shape, (1, 5))
+
+    def test_ranges_are_forgotten(self):
+        net = self.net(WEIGHTED)
+        net.blobs['data'].data[...] = IMAGE
+        for _ in range(2):
+            for end in ('conv', 'relu', 'fc'):
+                net.forward(start='conv', end=end)
+                net.forward(start='relu', end='fc')
+        kept = net._ranges._kept.values()
+        self.assertLessEqual(sum(r.weight_bytes for r in kept), 2 * net._ranges.whole.weight_bytes)
+        np.testing.assert_allclose(net.blobs['fc'].data, convolved(net)[1], rtol=1e-5, atol=1e-5)
+
     def test_a_layer_that_is_not_there(self):
         with self.assertRaisesRegex(ValueError, 'plus'):
             self.net().forward(start='pluss')
@@ -289,13 +305,13 @@ class Weights(Scripts):
     def test_an_engine_is_loaded_only_after_writes(self):
         net = self.net(WEIGHTED)
         net.forward()
-        loaded = net._whole._engine
+        loaded = net._ranges.whole._engine
         array = net.params['fc'][0].data
         net.forward()
-        self.assertIs(net._whole._engine, loaded)
+        self.assertIs(net._ranges.whole._engine, loaded)
         array[0, 0] += 1
         net.forward()
-        self.assertIsNot(net._whole._engine, loaded)
+        self.assertIsNot(net._ranges.whole._engine, loaded)
 
     def test_save_and_load(self):
         net = self.net(WEIGHTED)

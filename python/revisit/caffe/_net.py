@@ -9,8 +9,8 @@ import numpy as np
 from ..errors import InputError
 from . import _caffemodel, _engine, _structure
 from ._blob import Blob
-from ._net_weights import NetWeights, computing
-from ._ranges import Range
+from ._net_weights import NetWeights
+from ._ranges import Ranges
 from .errors import TrainingError
 from .proto import caffe_pb2
 
@@ -59,10 +59,9 @@ class Net:
         self.outputs = _structure.outputs(self.layers)
         self.blobs = OrderedDict()
         self._make_inputs(net.layer)
-        self._whole = self._range(0, len(self.layers) - 1)
-        self._ranges = {}
+        self._ranges = Ranges(self.layers, lambda blob: self.blobs[blob].shape, self._prototxt)
         file = None if weights is None else _engine.WeightsFile(weights)
-        self._weights = NetWeights(self.layers, self._whole, file)
+        self._weights = NetWeights(self.layers, self._ranges.whole, file)
         self.reshape()
 
     def _make_inputs(self, messages):
@@ -194,18 +193,14 @@ class Net:
 
     # -- Running.
 
-    def _range(self, first, last):
-        return Range(
-            self.layers[first : last + 1], lambda blob: self.blobs[blob].shape, self._prototxt
-        )
-
     def _shapes(self, range_):
         return {blob: tuple(self.blobs[blob].shape) for blob in range_.inputs}
 
     def reshape(self):
         """Gives all blobs the shapes that follow from those of the inputs."""
         self._update_weights()
-        for blob, shape in self._whole.plan(self._shapes(self._whole)).shapes().items():
+        whole = self._ranges.whole
+        for blob, shape in whole.plan(self._shapes(whole)).shapes().items():
             self.blobs[blob].become(shape)
 
     def _forward(self, first, last):
@@ -213,26 +208,13 @@ class Net:
         if self._phase == caffe_pb2.TRAIN:
             raise TrainingError('forward() of a net in the phase caffe.TRAIN')
         self._update_weights()
-        if (first, last) == (0, len(self.layers) - 1):
-            range_ = self._whole
-        else:
-            if (first, last) not in self._ranges:
-                self._ranges[first, last] = self._range(first, last)
-            range_ = self._ranges[first, last]
-        if not range_.written:  # Input and Split layers only
+        range_ = self._ranges.get(first, last)
+        if range_ is None:
             return 0.0
-        if not range_.is_loaded:
-            range_.load(self._weights_of(range_, first, last))
         values = {blob: self.blobs[blob].read() for blob in range_.inputs}
         for blob, array in range_.plan(self._shapes(range_)).forward(values).items():
             self.blobs[blob].take(array)
         return 0.0
-
-    def _weights_of(self, range_, first, last):
-        layers = zip(range_.names, computing(self.layers[first : last + 1]))
-        return {
-            name: [blob.read() for blob in layer.blobs] for name, layer in layers if layer.blobs
-        }
 
     def _index(self, layer):
         if layer not in self._layer_names:

@@ -6,11 +6,7 @@ import numpy as np
 
 from . import _fillers
 from ._blob import Blob
-
-
-def computing(layers):
-    """The layers that the engine runs, in order."""
-    return [layer for layer in layers if layer.message is not None and layer.type != 'Input']
+from ._structure import computing
 
 
 def _same_bits(a, b):

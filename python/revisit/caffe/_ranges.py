@@ -7,6 +7,7 @@ pass over a net of these layers only, whose inputs are what the blobs hold that 
 from collections import OrderedDict
 
 from . import _engine
+from ._structure import computing
 from .proto import caffe_pb2
 
 _BOUNDARY = 'what earlier layers wrote'
@@ -61,6 +62,7 @@ class Range:
         self._prototxt = prototxt
         self._engine = None
         self._passes = OrderedDict()
+        self.weight_bytes = 0
 
     def _add_boundary(self, messages, shape_of):
         written = set()
@@ -100,15 +102,13 @@ class Range:
         """What the engine calls the layers that compute, in order."""
         return [layer.name for layer in self.net.layer if layer.type != 'Input']
 
-    @property
-    def is_loaded(self):
-        return self._engine is not None
-
     def load(self, weights):
         """Loads the engine's net, as _engine.load(). Returns the arrays it then has, lists by name of layer."""
         self._engine = _engine.load(self.net, weights, self._prototxt)
         self._passes.clear()
-        return self._engine.weights
+        arrays = self._engine.weights
+        self.weight_bytes = sum(array.nbytes for some in arrays.values() for array in some)
+        return arrays
 
     def plan(self, shapes):
         """The pass for inputs of these shapes, by blob."""
@@ -122,3 +122,54 @@ class Range:
             self._passes[key] = Pass(plan, self.written)
         self._passes.move_to_end(key)
         return self._passes[key]
+
+
+class Ranges:
+    """The whole of a net, and ranges of its layers that were run lately.
+
+    Each has weights of its own in memory. Ranges are forgotten once they have more than twice the
+    weights of the net together.
+
+    Args:
+        layers, shape_of, prototxt: as of Range.
+    """
+
+    def __init__(self, layers, shape_of, prototxt):
+        self.whole = Range(layers, shape_of, prototxt)
+        self._layers = layers
+        self._context = shape_of, prototxt
+        self._kept = OrderedDict()  # oldest first
+
+    def clear(self):
+        """Forgets all but the whole: the weights have changed."""
+        self._kept.clear()
+
+    def get(self, first, last):
+        """The layers with these indices, inclusive, ready to run; None where none of them computes."""
+        start, end = (len(computing(self._layers[:index])) for index in (first, last + 1))
+        layers = computing(self._layers)
+        if start >= end:
+            return None
+        if end - start == len(layers):
+            return self.whole
+        if (start, end) not in self._kept:
+            range_ = Range(layers[start:end], *self._context)
+            named = zip(range_.names, layers[start:end])
+            range_.load(
+                {
+                    name: [blob.read() for blob in layer.blobs]
+                    for name, layer in named
+                    if layer.blobs
+                }
+            )
+            self._kept[start, end] = range_
+            self._forget()
+        self._kept.move_to_end((start, end))
+        return self._kept[start, end]
+
+    def _forget(self):
+        while (
+            len(self._kept) > 1
+            and sum(kept.weight_bytes for kept in self._kept.values()) > 2 * self.whole.weight_bytes
+        ):
+            self._kept.popitem(last=False)

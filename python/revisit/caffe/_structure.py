@@ -92,3 +92,8 @@ def outputs(layers):
 def inputs(layers):
     """The tops of Input layers."""
     return [top for layer in layers if layer.type == 'Input' for top in layer.tops]
+
+
+def computing(layers):
+    """The layers that the engine runs, in order."""
+    return [layer for layer in layers if layer.message is not None and layer.type != 'Input']
