@@ -1,8 +1,10 @@
 """revisit.caffe.Net: what pycaffe's nets do, on nets small enough to compute by hand."""
 
+import gc
 import tempfile
 import unittest
 import warnings
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -197,6 +199,17 @@ class Blobs(Scripts):
         del net
         np.testing.assert_array_equal(blob.data, DOUBLE + 10)
         np.testing.assert_array_equal(array, 2 * DOUBLE)
+
+
+    def test_a_net_goes_when_it_is_let_go(self):
+        gc.disable()
+        self.addCleanup(gc.enable)
+        net = self.net(WEIGHTED)
+        net.forward()
+        net.forward(start='relu')
+        engine = weakref.ref(net._ranges.whole)
+        del net
+        self.assertIsNone(engine())
 
 
 class Passes(Scripts):

@@ -59,7 +59,8 @@ class Net:
         self.outputs = _structure.outputs(self.layers)
         self.blobs = OrderedDict()
         self._make_inputs(net.layer)
-        self._ranges = Ranges(self.layers, lambda blob: self.blobs[blob].shape, self._prototxt)
+        blobs = self.blobs  # not self: a net goes when the script lets go of it, without a cycle
+        self._ranges = Ranges(self.layers, lambda name: blobs[name].shape, self._prototxt)
         file = None if weights is None else _engine.WeightsFile(weights)
         self._weights = NetWeights(self.layers, self._ranges.whole, file)
         self.reshape()
@@ -117,7 +118,7 @@ class Net:
             message = caffe_pb2.LayerParameter()
             if layer.message is not None:
                 message.CopyFrom(layer.message)
-            message.name, message.type, message.phase = layer.name, layer.type, caffe_pb2.TEST
+            message.name, message.type, message.phase = layer.name, layer.type, self._phase
             for field, names in (('bottom', layer.bottoms), ('top', layer.tops)):
                 message.ClearField(field)
                 getattr(message, field).extend(names)
