@@ -200,7 +200,6 @@ class Blobs(Scripts):
         np.testing.assert_array_equal(blob.data, DOUBLE + 10)
         np.testing.assert_array_equal(array, 2 * DOUBLE)
 
-
     def test_a_net_goes_when_it_is_let_go(self):
         gc.disable()
         self.addCleanup(gc.enable)

@@ -13,6 +13,7 @@ from ._engine import layer_types as _layer_types
 from ._engine import set_threads
 from ._fillers import set_random_seed
 from ._net import Net
+from ._scripts import Layer
 from .classifier import Classifier
 from .detector import Detector
 from .errors import TrainingError
@@ -63,10 +64,6 @@ def init_log(level=0, stderr=True):
 def log(message):
     """Prints a message to the standard error output."""
     print(message, file=_sys.stderr)
-
-
-class Layer:
-    """The base of layers written in Python. Nets that have such layers are refused; scripts may define them."""
 
 
 class Timer:

@@ -2,4 +2,4 @@
 
 from ._blob import Blob, BlobVec
 from ._net import Net
-from ._structure import Layer
+from ._scripts import Layer

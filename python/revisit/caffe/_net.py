@@ -7,10 +7,10 @@ from collections import OrderedDict
 import numpy as np
 
 from ..errors import InputError
-from . import _caffemodel, _engine, _structure
+from . import _caffemodel, _engine, _scripts, _structure
 from ._blob import Blob
 from ._net_weights import NetWeights
-from ._ranges import Ranges
+from ._ranges import Range, Ranges
 from .errors import TrainingError
 from .proto import caffe_pb2
 
@@ -59,6 +59,7 @@ class Net:
         self.outputs = _structure.outputs(self.layers)
         self.blobs = OrderedDict()
         self._make_inputs(net.layer)
+        self._set_up_scripts()
         blobs = self.blobs  # not self: a net goes when the script lets go of it, without a cycle
         self._ranges = Ranges(self.layers, lambda name: blobs[name].shape, self._prototxt)
         file = None if weights is None else _engine.WeightsFile(weights)
@@ -83,6 +84,27 @@ class Net:
             # A copy that a Split makes is the same memory as what it is a copy of, as in Caffe.
             source = self._copies.get(name)
             self.blobs[name] = self.blobs[source] if source else Blob(shapes.get(name, (0,)))
+
+    def _set_up_scripts(self):
+        """Makes the layers written in Python, which say the shapes of what they write."""
+        if all(layer.type != 'Python' for layer in self.layers):
+            return
+        for step in _structure.steps(self.layers, 0, len(self.layers) - 1):
+            if isinstance(step, _structure.Layer):
+                step.message.phase = self._phase
+                step.script = _scripts.make(step.message, self._prototxt)
+                step.blobs = step.script.blobs
+                step.script.setup(*self._blobs_of(step))
+                step.script.reshape(*self._blobs_of(step))
+                continue
+            layers = _structure.computing(self.layers[step[0] : step[1] + 1])
+            if layers:
+                range_ = Range(layers, lambda name: self.blobs[name].shape, self._prototxt)
+                range_.load({})
+                self._take_shapes(range_)
+
+    def _blobs_of(self, layer):
+        return [[self.blobs[name] for name in names] for names in (layer.bottoms, layer.tops)]
 
     # -- Weights.
 
@@ -197,25 +219,42 @@ class Net:
     def _shapes(self, range_):
         return {blob: tuple(self.blobs[blob].shape) for blob in range_.inputs}
 
+    def _take_shapes(self, range_):
+        for blob, shape in range_.plan(self._shapes(range_)).shapes().items():
+            self.blobs[blob].become(shape)
+
     def reshape(self):
         """Gives all blobs the shapes that follow from those of the inputs."""
         self._update_weights()
-        whole = self._ranges.whole
-        for blob, shape in whole.plan(self._shapes(whole)).shapes().items():
-            self.blobs[blob].become(shape)
+        for step in _structure.steps(self.layers, 0, len(self.layers) - 1):
+            if isinstance(step, _structure.Layer):
+                step.script.reshape(*self._blobs_of(step))
+                continue
+            range_ = self._ranges.get(*step)
+            if range_ is not None:
+                self._take_shapes(range_)
 
     def _forward(self, first, last):
         """Runs layers first to last, inclusive. Returns the loss, 0: it is for training."""
         if self._phase == caffe_pb2.TRAIN:
             raise TrainingError('forward() of a net in the phase caffe.TRAIN')
         self._update_weights()
-        range_ = self._ranges.get(first, last)
-        if range_ is None:
-            return 0.0
-        values = {blob: self.blobs[blob].read() for blob in range_.inputs}
-        for blob, array in range_.plan(self._shapes(range_)).forward(values).items():
-            self.blobs[blob].take(array)
+        for step in _structure.steps(self.layers, first, last):
+            if isinstance(step, _structure.Layer):
+                blobs = self._blobs_of(step)
+                step.script.reshape(*blobs)
+                step.script.forward(*blobs)
+                continue
+            range_ = self._ranges.get(*step)
+            if range_ is not None:
+                self._run(range_)
         return 0.0
+
+    def _run(self, range_):
+        values = {blob: self.blobs[blob].read() for blob in range_.inputs}
+        written = range_.plan(self._shapes(range_)).forward(values)
+        for blob, array in written.items():
+            self.blobs[blob].take(array)
 
     def _index(self, layer):
         if layer not in self._layer_names:

@@ -54,7 +54,11 @@ class Range:
         self.net = caffe_pb2.NetParameter(name='net')
         self.inputs = []  # names of blobs
         self.written = {}  # blob -> name of the engine's value that it holds in the end
-        messages = [layer.message for layer in layers if layer.message is not None]
+        messages = [
+            layer.message
+            for layer in layers
+            if layer.message is not None and layer.type != 'Python'
+        ]
         self._add_boundary(messages, shape_of)
         names = set()
         for message in messages:

@@ -16,6 +16,7 @@ class Layer:
         self.tops = list(tops)
         self.message = message  # None: a Split that no file has
         self.blobs = BlobVec()
+        self.script = None  # of the type Python: the object that runs
 
 
 def with_splits(messages, prototxt):
@@ -96,4 +97,22 @@ def inputs(layers):
 
 def computing(layers):
     """The layers that the engine runs, in order."""
-    return [layer for layer in layers if layer.message is not None and layer.type != 'Input']
+    return [
+        layer
+        for layer in layers
+        if layer.message is not None and layer.type not in ('Input', 'Python')
+    ]
+
+
+def steps(layers, first, last):
+    """What layers first to last, inclusive, are run as: pairs of indices, and layers written in Python."""
+    begin = first
+    for i in range(first, last + 1):
+        if layers[i].type != 'Python':
+            continue
+        if begin < i:
+            yield begin, i - 1
+        yield layers[i]
+        begin = i + 1
+    if begin <= last:
+        yield begin, last

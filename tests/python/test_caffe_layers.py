@@ -1,0 +1,107 @@
+"""Layers written in Python, in nets of revisit.caffe."""
+
+import sys
+import tempfile
+import types
+import unittest
+from pathlib import Path
+
+import caffe_needs  # noqa: F401
+import numpy as np
+
+import revisit
+import revisit.caffe as caffe
+
+# x -> 2 x -> the rows with a positive sum, times what param_str says -> products with weights.
+NET = """
+layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 3 dim: 2 } } }
+layer { name: "double" type: "Power" bottom: "data" top: "double" power_param { scale: 2 } }
+layer { name: "choose" type: "Python" bottom: "double" top: "chosen"
+        python_param { module: "test_caffe_layers_module" layer: "Choose" param_str: "{'factor': 10}" } }
+layer { name: "fc" type: "InnerProduct" bottom: "chosen" top: "fc"
+        inner_product_param { num_output: 4 weight_filler { type: "gaussian" } bias_filler { value: 3 } } }
+layer { name: "relu" type: "ReLU" bottom: "fc" top: "fc" }
+"""
+X = np.array([[1, 2], [-3, 1], [4, -1]], np.float32)
+
+
+class Choose(caffe.Layer):
+    def setup(self, bottom, top):
+        self.factor = eval(self.param_str)['factor']
+        self.phases = self.phase
+
+    def reshape(self, bottom, top):
+        top[0].reshape(1, bottom[0].shape[1])
+
+    def forward(self, bottom, top):
+        rows = bottom[0].data[bottom[0].data.sum(axis=1) > 0]
+        top[0].reshape(*rows.shape)
+        top[0].data[...] = rows * self.factor
+
+    def backward(self, top, propagate_down, bottom):
+        raise AssertionError('nobody trains')
+
+
+class Layers(unittest.TestCase):
+    def setUp(self):
+        module = types.ModuleType('test_caffe_layers_module')
+        module.Choose, module.NoLayer, module.__file__ = Choose, dict, 'module.py'
+        sys.modules[module.__name__] = module
+        self.addCleanup(sys.modules.pop, module.__name__)
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def net(self, text=NET, **options):
+        (self.folder / 'net.prototxt').write_text(text)
+        return caffe.Net(str(self.folder / 'net.prototxt'), caffe.TEST, **options)
+
+    def expected(self, net, x):
+        chosen = 20 * x[x.sum(axis=1) > 0]
+        weights, bias = (blob.data for blob in net.params['fc'])
+        return chosen, np.maximum(chosen @ weights.T + bias, 0)
+
+    def check(self, net, x=X):
+        net.blobs['data'].reshape(*x.shape)
+        out = net.forward(data=x)
+        chosen, fc = self.expected(net, x)
+        np.testing.assert_allclose(net.blobs['chosen'].data, chosen)
+        np.testing.assert_allclose(out['fc'], fc, rtol=1e-5)
+
+    def test_run_in_their_place(self):
+        net = self.net()
+        self.assertEqual([layer.type for layer in net.layers][2], 'Python')
+        self.assertEqual([net.blobs[name].shape for name in ('chosen', 'fc')], [[1, 2], [1, 4]])
+        self.check(net)
+        self.check(net, np.ones((5, 2), np.float32))
+        net.params['fc'][0].data[...] = 2
+        self.check(net)
+        self.assertEqual(net.layers[2].script.phases, caffe.TEST)
+
+    def test_weights_are_saved_and_read(self):
+        net = self.net()
+        net.save(str(self.folder / 'saved.caffemodel'))
+        again = self.net(weights=str(self.folder / 'saved.caffemodel'))
+        np.testing.assert_array_equal(again.params['fc'][0].data, net.params['fc'][0].data)
+        self.check(again)
+
+    def test_parts_of_the_net(self):
+        net = self.net()
+        net.blobs['data'].data[...] = X
+        net.forward(end='double')
+        np.testing.assert_array_equal(net.blobs['double'].data, 2 * X)
+        self.assertFalse(net.blobs['chosen'].data.any())
+        net.forward(start='choose')
+        np.testing.assert_allclose(net.blobs['fc'].data, self.expected(net, X)[1], rtol=1e-5)
+
+    def test_mistakes(self):
+        for found, wanted in (
+            ('test_caffe_layers_module', 'no_such_module'),
+            ('Choose"', 'NoLayer"'),
+        ):
+            with self.assertRaisesRegex(revisit.InputError, "layer 'choose'"):
+                self.net(NET.replace(found, wanted))
+
+
+if __name__ == '__main__':
+    unittest.main()
