@@ -94,6 +94,40 @@ class Layers(unittest.TestCase):
         net.forward(start='choose')
         np.testing.assert_allclose(net.blobs['fc'].data, self.expected(net, X)[1], rtol=1e-5)
 
+    def test_a_net_of_them_only(self):
+        only = NET[NET.index('layer { name: "choose"') : NET.index('layer { name: "fc"')]
+        dummy = 'layer { name: "d" type: "DummyData" top: "double" dummy_data_param { shape { dim: 2 dim: 3 } } }'
+        net = self.net(dummy + only)
+        net.blobs['double'].data[...] = [[1, 2, 3], [-1, 0, 0]]
+        np.testing.assert_array_equal(net.forward()['chosen'], [[10, 20, 30]])
+
+    def test_dummy_data(self):
+        net = self.net(
+            """
+layer { name: "made" type: "DummyData" top: "noise" top: "three"
+        dummy_data_param { shape { dim: 50 dim: 20 } shape { dim: 2 }
+                           data_filler { type: "uniform" min: 5 max: 6 } data_filler { value: 3 } } }
+layer { name: "old" type: "DummyData" top: "zero" dummy_data_param { num: 1 channels: 2 height: 3 width: 4 } }
+layer { name: "double" type: "Power" bottom: "noise" top: "double" power_param { scale: 2 } }
+"""
+        )
+        self.assertEqual(net.blobs['zero'].shape, [1, 2, 3, 4])
+        self.assertEqual(net.inputs, [])
+        first = net.forward()['double'].copy()
+        self.assertTrue(10 <= first.min() < first.max() <= 12)
+        np.testing.assert_array_equal(net.blobs['three'].data, [3, 3])
+        net.blobs['three'].data[...] = 7  # stays, as in Caffe
+        self.assertTrue((net.forward()['double'] != first).any())
+        np.testing.assert_array_equal(net.blobs['three'].data, [7, 7])
+        for wrong in (
+            'shape { dim: 1 } shape { dim: 2 }',
+            'num: 1',
+            'shape { dim: 1 } data_filler { type: "odd" }',
+        ):
+            text = 'layer { name: "a" type: "DummyData" top: "a" dummy_data_param { %s } }' % wrong
+            with self.assertRaises(revisit.InputError, msg=wrong):
+                self.net(text).forward()
+
     def test_mistakes(self):
         for found, wanted in (
             ('test_caffe_layers_module', 'no_such_module'),

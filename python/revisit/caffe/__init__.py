@@ -46,10 +46,12 @@ def set_device(device):
 
 
 def layer_type_list():
-    """The names of the layer types that nets may have, sorted. Those that read training data become inputs."""
-    return sorted(
-        [*_layer_types(), 'Input', 'Data', 'HDF5Data', 'ImageData', 'MemoryData', 'WindowData']
-    )
+    """The names of the layer types that nets may have, sorted.
+
+    Layers that read training data become inputs.
+    """
+    reading = ['Data', 'HDF5Data', 'ImageData', 'MemoryData', 'WindowData']
+    return sorted([*_layer_types(), 'Input', 'Python', *reading])
 
 
 def has_nccl():

@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 
+from ..errors import InputError
+
 _random = np.random.default_rng()
 
 
@@ -39,7 +41,7 @@ def _unit_ball(shape):
 
 def _bilinear(shape):
     if len(shape) != 4 or shape[2] != shape[3]:
-        raise ValueError(
+        raise InputError(
             f"the filler 'bilinear' is for square kernels of 4 axes, found {list(shape)}"
         )
     half = math.ceil(shape[3] / 2)
@@ -60,7 +62,7 @@ def fill(filler, shape):
         'bilinear': lambda: _bilinear(shape),
     }
     if filler.type not in kinds:
-        raise ValueError(f"unknown filler '{filler.type}', expected one of {', '.join(kinds)}")
+        raise InputError(f"unknown filler '{filler.type}', expected one of {', '.join(kinds)}")
     return kinds[filler.type]().astype(np.float32)
 
 

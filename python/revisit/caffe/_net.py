@@ -86,8 +86,8 @@ class Net:
             self.blobs[name] = self.blobs[source] if source else Blob(shapes.get(name, (0,)))
 
     def _set_up_scripts(self):
-        """Makes the layers written in Python, which say the shapes of what they write."""
-        if all(layer.type != 'Python' for layer in self.layers):
+        """Makes the layers that run in Python, which say the shapes of what they write."""
+        if all(layer.type not in _structure.IN_PYTHON for layer in self.layers):
             return
         for step in _structure.steps(self.layers, 0, len(self.layers) - 1):
             if isinstance(step, _structure.Layer):

@@ -7,7 +7,7 @@ pass over a net of these layers only, whose inputs are what the blobs hold that 
 from collections import OrderedDict
 
 from . import _engine
-from ._structure import computing
+from ._structure import IN_PYTHON, computing
 from .proto import caffe_pb2
 
 _BOUNDARY = 'what earlier layers wrote'
@@ -57,7 +57,7 @@ class Range:
         messages = [
             layer.message
             for layer in layers
-            if layer.message is not None and layer.type != 'Python'
+            if layer.message is not None and layer.type not in IN_PYTHON
         ]
         self._add_boundary(messages, shape_of)
         names = set()
@@ -108,6 +108,8 @@ class Range:
 
     def load(self, weights):
         """Loads the engine's net, as _engine.load(). Returns the arrays it then has, lists by name of layer."""
+        if not self.net.layer:  # all of them run in Python
+            return {}
         self._engine = _engine.load(self.net, weights, self._prototxt)
         self._passes.clear()
         arrays = self._engine.weights

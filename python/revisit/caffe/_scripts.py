@@ -1,11 +1,10 @@
-"""Layers that scripts bring along: prototxt layers of the type Python."""
+"""Layers that run in Python: those that scripts bring along, and DummyData."""
 
 import importlib
 
 from ..errors import InputError
+from . import _fillers
 from ._blob import BlobVec
-
-TYPE = 'Python'
 
 
 class Layer:
@@ -36,12 +35,64 @@ class Layer:
         raise NotImplementedError(f'{type(self).__name__} does not define forward(bottom, top)')
 
 
+class DummyData(Layer):
+    """Constants, which are filled in once, and random numbers, which are new in every pass."""
+
+    def __init__(self, param):
+        super().__init__(param)
+        self._n_tops = len(param.top)
+        self._is_filled = False
+        dummy = param.dummy_data_param
+        self._fillers = self._for_each(list(dummy.data_filler) or [None], 'data_filler')
+        if dummy.shape:
+            self._shapes = [tuple(shape.dim) for shape in self._for_each(dummy.shape, 'shape')]
+        else:
+            axes = (
+                self._for_each(getattr(dummy, name), name)
+                for name in ('num', 'channels', 'height', 'width')
+            )
+            self._shapes = list(zip(*axes))
+
+    def _for_each(self, given, name):
+        if len(given) not in (1, self._n_tops):
+            raise InputError(
+                f'{name} is given {len(given)} times; expected once, or once for each of {self._n_tops} outputs'
+            )
+        return [given[0 if len(given) == 1 else i] for i in range(self._n_tops)]
+
+    def reshape(self, bottom, top):
+        for blob, shape in zip(top, self._shapes):
+            blob.reshape(*shape)
+        if not self._is_filled:
+            self._is_filled = True
+            self._fill(top, constant=True)
+
+    def forward(self, bottom, top):
+        self._fill(top, constant=False)
+
+    def _fill(self, top, constant):
+        for blob, filler in zip(top, self._fillers):
+            if filler is not None and (filler.type == 'constant') == constant:
+                blob.data[...] = _fillers.fill(filler, blob.shape)
+
+
 def make(message, prototxt):
-    """The layer that a LayerParameter of the type Python names; its module is looked for as by `import`.
+    """The object for a layer of a type in _structure.IN_PYTHON.
+
+    The module of a layer of the type Python is looked for as by `import`.
 
     Raises:
-        revisit.InputError: no such module or class.
+        revisit.InputError: no such module or class, or parameters that do not fit.
     """
+    if message.type == 'DummyData':
+        try:
+            return DummyData(message)
+        except InputError as error:
+            raise InputError(f"{prototxt}: layer '{message.name}' (DummyData): {error}") from None
+    return _make_script(message, prototxt)
+
+
+def _make_script(message, prototxt):
     where = f"{prototxt}: layer '{message.name}' (Python)"
     param = message.python_param
     try:

@@ -16,7 +16,10 @@ class Layer:
         self.tops = list(tops)
         self.message = message  # None: a Split that no file has
         self.blobs = BlobVec()
-        self.script = None  # of the type Python: the object that runs
+        self.script = None  # of a type in IN_PYTHON: the object that runs
+
+
+IN_PYTHON = ('DummyData', 'Python')  # layer types that _scripts runs, not the engine
 
 
 def with_splits(messages, prototxt):
@@ -100,15 +103,15 @@ def computing(layers):
     return [
         layer
         for layer in layers
-        if layer.message is not None and layer.type not in ('Input', 'Python')
+        if layer.message is not None and layer.type not in ('Input', *IN_PYTHON)
     ]
 
 
 def steps(layers, first, last):
-    """What layers first to last, inclusive, are run as: pairs of indices, and layers written in Python."""
+    """What layers first to last, inclusive, are run as: pairs of indices, and layers of _scripts."""
     begin = first
     for i in range(first, last + 1):
-        if layers[i].type != 'Python':
+        if layers[i].type not in IN_PYTHON:
             continue
         if begin < i:
             yield begin, i - 1
