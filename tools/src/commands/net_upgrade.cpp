@@ -53,29 +53,34 @@ proto::NetFile read_hdf5(const fs::path& path, const proto::Limits& limits) {
 int net_upgrade_command(const Arguments& arguments) {
   fs::path in;
   std::optional<fs::path> out;
-  bool force = false;
-  proto::NetReadOptions read{.keep_training = true};
+  bool force = false, inference = false;
+  proto::NetReadOptions read;
   LimitOptions limits;
   Parser parser("revisit net upgrade", "IN [OUT]",
                 "Write a prototxt, a caffemodel or an HDF5 weights file of any age in the current "
                 "format of Caffe (V2): prototxt as text, weights as a binary caffemodel. What a "
-                "file is, its content says. Nothing is left out: training layers stay. Without "
-                "OUT, text goes to the standard output.",
+                "file is, its content says. Nothing is left out: training layers stay, unless "
+                "--inference is given. Without OUT, text goes to the standard output.",
                 "  revisit net upgrade old.prototxt new.prototxt\n"
+                "  revisit net upgrade --inference train_val.prototxt deploy.prototxt\n"
                 "  revisit net upgrade old.caffemodel new.caffemodel\n"
                 "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n");
   parser.positional("IN", &in);
   parser.optional_positional("OUT", &out);
   parser.flag("force", "overwrite OUT", &force);
+  parser.flag("inference", "of a prototxt, keep what inference runs", &inference);
   parser.flag("allow-unknown", "unknown prototxt fields are dropped with a warning",
               &read.allow_unknown_fields);
   limits.declare(parser);
   parser.parse(arguments);
   read.limits = limits.limits();
+  read.keep_training = !inference;
 
   const Kind kind = kind_of(in);
   if (!out && kind != Kind::kText)
     throw UsageError(str(in.string(), " holds weights: give the file to write after it"));
+  if (inference && kind != Kind::kText)
+    throw UsageError(str("--inference is for a prototxt, ", in.string(), " holds weights"));
   const bool replaces = out && writing_of(*out) == Writing::kReplaces && fs::exists(*out);
   if (replaces && !force) throw UsageError(str(out->string(), " exists; --force overwrites it"));
 

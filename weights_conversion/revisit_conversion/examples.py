@@ -1,0 +1,90 @@
+"""Inputs to compare networks on."""
+
+import re
+
+import numpy as np
+
+from .errors import InputError, UsageError
+from .files import existing
+
+# Layers some of whose inputs are not pictures but indices or marks: random numbers would mean nothing.
+SPECIAL = {'BatchReindex': {1}, 'Embed': {0}, 'Filter': {-1}, 'LSTM': {1}, 'RNN': {1}, 'ROIPooling': {1}}
+
+
+def inputs_of(graph):
+    """The inputs of a graph, {blob: shape}; the shape is None where the file does not say it."""
+    found = {}
+    for layer in graph.layers:
+        if layer.type != 'Input':
+            continue
+        shapes = [tuple(shape.dim) for shape in layer.message.input_param.shape]
+        for i, blob in enumerate(layer.message.top):
+            found[blob] = shapes[i if len(shapes) > 1 else 0] if shapes else None
+    return found
+
+
+def arrays(graph, shape_options, array_options):
+    """An array for every input, {blob: float32}: those given, or else random numbers in the shape given or of the file.
+
+    The options are lists of '[BLOB=]1x3x227x227' and '[BLOB=]FILE.npy'.
+    """
+    known = inputs_of(graph)
+    shapes = {blob: shape_of(text) for blob, text in _by_blob('--input-shape', shape_options, known).items()}
+    files = _by_blob('--input', array_options, known)
+    result = {}
+    for i, (blob, shape) in enumerate(known.items()):
+        if blob in files:
+            result[blob] = load(files[blob])
+            continue
+        _not_special(graph, blob)
+        shape = shapes.get(blob, shape)
+        if not shape:
+            raise UsageError(f"the file does not say the shape of the input '{blob}': --input-shape {blob}=1x3x227x227")
+        result[blob] = random(shape, seed=i)
+    return result
+
+
+def random(shape, seed=0):
+    """Normally distributed numbers of deviation 50, like the pixels of a picture less their mean."""
+    return np.random.default_rng(seed).normal(0, 50, shape).astype(np.float32)
+
+
+def load(path):
+    """A float32 array of a file.npy."""
+    try:
+        array = np.load(existing(path), allow_pickle=False)
+        if array.dtype.kind not in 'fiu':
+            raise ValueError(f'holds {array.dtype}, expected numbers')
+        return array.astype(np.float32)
+    except (ValueError, OSError, EOFError) as error:
+        raise InputError(f'{path}: not a readable npy file: {error}') from None
+
+
+def _by_blob(option, texts, known):
+    result = {}
+    for text in texts:
+        blob, equals, value = text.partition('=')
+        if not equals:
+            if len(known) != 1:
+                raise UsageError(f'{option} {text}: the net has {len(known)} inputs; say which one: BLOB={text}')
+            blob, value = next(iter(known)), text
+        if blob not in known:
+            raise UsageError(f"{option}: the net has no input '{blob}'; it has {', '.join(known) or 'none'}")
+        result[blob] = value
+    return result
+
+
+def shape_of(text):
+    """The sizes of '1x3x227x227'."""
+    if not re.fullmatch(r'[1-9][0-9]{0,9}(x[1-9][0-9]{0,9})*', text):
+        raise UsageError(f"--input-shape: expected sizes like 1x3x227x227, found '{text}'")
+    return tuple(map(int, text.split('x')))
+
+
+def _not_special(graph, blob):
+    for layer in graph.layers:
+        places = SPECIAL.get(layer.type, ())
+        for place, value in enumerate(layer.inputs):
+            if graph.blobs[value] == blob and (place in places or place - len(layer.inputs) in places):
+                raise UsageError(f"the input '{blob}' holds indices or marks for '{layer.name}' ({layer.type}): "
+                                 f'give some: --input {blob}=FILE.npy')

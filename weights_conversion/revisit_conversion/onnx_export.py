@@ -1,0 +1,184 @@
+"""A Caffe network as an ONNX model, and whether the model computes the same."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import onnx
+import onnxruntime
+from onnx import TensorProto, helper
+
+from . import compare, engine, examples, weights
+from .errors import CheckFailed, ConversionError, InputError, UnsupportedError, UsageError
+from .graph import resolve, truncate
+from .onnx_builder import IR_VERSION, OPSET, Builder
+from .onnx_layers import EMIT, Site
+
+AXES = ('n', 'c', 'h', 'w')
+MOST_BYTES = 2**31 - 1  # of one protobuf file
+
+
+def export(options, out):
+    """Writes the network that `options` names to `out` and compares the two, as the command `onnx` says."""
+    truncation = [word for flag in ('end', 'graft') if getattr(options, flag)
+                  for word in (f'--{flag}', getattr(options, flag))]
+    graph = truncate(resolve(engine.read_net(options.prototxt)), options.end, options.graft)
+    _refuse_unknown(graph)
+    blobs = weights.read(options.weights) if options.weights else {}
+    inputs = examples.arrays(graph, options.input_shape, options.input)
+    with tempfile.TemporaryDirectory() as folder:
+        file = options.weights and weights.for_engine(options.weights, folder)
+        if file and options.float16:
+            blobs = {name: [a.astype(np.float32) for a in arrays] for name, arrays in weights.to_float16(blobs).items()}
+            file = Path(folder) / 'rounded.caffemodel'
+            weights.write_caffemodel(file, blobs)
+
+        def expected(arrays):
+            return engine.forward(options.prototxt, file, arrays, truncation)
+
+        values = engine.layer_outputs(options.prototxt, file, inputs, truncation)
+        values = {value: values[engine.file_name(port)] for layer in graph.layers
+                  for port, value in zip(layer.ports(), layer.outputs)}
+        model, names = build(graph, blobs, values, inputs, options.fixed, options.float16)
+        if model.ByteSize() > MOST_BYTES:
+            raise ConversionError(f'the model takes {model.ByteSize()} bytes, one ONNX file has at most 2^31-1; --float16 halves it')
+        onnx.checker.check_model(model)
+        onnx.save(model, out)
+        if options.check:
+            _check_layers(model, names, inputs, values, options.tolerance)
+            _check_outputs(out, graph, inputs, expected, options)
+
+
+def _refuse_unknown(graph):
+    for layer in graph.layers:
+        if layer.type != 'Input' and layer.type not in EMIT and layer.type != 'PriorBox':
+            raise UnsupportedError(f"layer '{layer.name}' ({layer.type}): this type cannot be said in ONNX here; "
+                                   'docs/CONVERSION.md lists those that can, --end cuts the net off before')
+
+
+def build(graph, blobs, values, inputs, fixed, float16=False):
+    """The ONNX model of a graph, and {value: name of its tensor}.
+
+    `blobs` {layer: arrays}; `inputs` {blob: array} are an example, `values` {value: array} what they become. With `fixed`,
+    the sizes of the example are the only ones; without, any that the network itself takes.
+    """
+    g, names, declared = Builder(), {}, []
+    shapes = {value: array.shape for value, array in values.items()}
+    for layer in graph.layers:
+        if layer.type == 'Input':
+            for value in layer.outputs:
+                names[value] = graph.blobs[value]
+                declared.append(_input(names[value], inputs[names[value]].shape, fixed))
+            continue
+        site = Site(layer, [names[v] for v in layer.inputs], [shapes[v] for v in layer.inputs],
+                    [shapes[v] for v in layer.outputs], blobs.get(layer.name, []), fixed)
+        names.update(zip(layer.outputs, EMIT[layer.type](g, site)))
+    outputs = _name_values(g, graph, names, {i.name for i in declared})
+    results = [helper.make_tensor_value_info(name, TensorProto.FLOAT, shapes[value] if fixed else [None] * len(shapes[value]))
+               for name, value in outputs]
+    tensors, casts = g.initializers(float16)
+    onnx_graph = helper.make_graph(casts + g.nodes, 'caffe', declared, results, tensors)
+    model = helper.make_model(onnx_graph, producer_name='revisit', ir_version=IR_VERSION,
+                              opset_imports=[helper.make_opsetid('', OPSET)])
+    return model, names
+
+
+def _input(name, shape, fixed):
+    sizes = list(shape)
+    if not fixed:
+        sizes = [f'{name}_{AXES[i] if len(shape) == 4 else i}' if i != 1 or len(shape) != 4 else size
+                 for i, size in enumerate(shape)]
+    return helper.make_tensor_value_info(name, TensorProto.FLOAT, sizes)
+
+
+def _name_values(g, graph, names, taken):
+    """Gives the values that people know their names, also in `names`; returns the outputs as (name, value)."""
+    outputs, new_names, made = [], {}, {name for node in g.nodes for name in node.output}
+    for name, value in graph.outputs:
+        unique = name if name not in taken else f'{name}.out'
+        taken.add(unique)
+        if names[value] in made and names[value] not in new_names:
+            new_names[names[value]] = unique
+        else:  # an input or a constant, or an output under two names
+            g.nodes.append(helper.make_node('Identity', [names[value]], [unique], name=f'{unique}#same'))
+        outputs.append((unique, value))
+    for layer in graph.layers:
+        for port, value in zip(layer.ports(), layer.outputs):
+            if names[value] in made and names[value] not in new_names and port not in taken:
+                new_names[names[value]] = port
+                taken.add(port)
+    for node in g.nodes:
+        for field in (node.input, node.output):
+            for i, name in enumerate(field):
+                field[i] = new_names.get(name, name)
+    for value, name in names.items():
+        names[value] = new_names.get(name, name)
+    return outputs
+
+
+def _check_layers(model, names, inputs, values, tolerance):
+    """Compares every layer: what a softmax or a threshold hides, its input shows."""
+    everything = onnx.ModelProto()
+    everything.CopyFrom(model)
+    made = {name for node in model.graph.node for name in node.output}
+    expected = {name: values[value] for value, name in names.items() if name in made}
+    known = {output.name for output in model.graph.output}
+    everything.graph.output.extend(helper.make_tensor_value_info(name, TensorProto.FLOAT, None)
+                                   for name in expected if name not in known)
+    compare.require('every layer', Model(everything.SerializeToString()).run(inputs, list(expected)), expected, tolerance)
+
+
+def _check_outputs(file, graph, inputs, expected, options):
+    """Compares ONNX Runtime with the engine, also at another size when sizes are free."""
+    model = Model(str(file))
+
+    def require(what, arrays, outputs):
+        compare.require(what, model.run(arrays, list(outputs)), outputs, options.tolerance)
+    require(f'ONNX Runtime {onnxruntime.__version__} and the engine', inputs, _named(graph, expected(inputs)))
+    if options.fixed or options.input:
+        return
+    for larger in _larger(inputs):
+        try:
+            outputs = _named(graph, expected(larger))
+        except (UsageError, InputError):
+            continue
+        require('another size', larger, outputs)
+        return
+    print('not checked: another size; the network takes no other')
+
+
+def _named(graph, outputs):
+    """The engine's outputs by the names that the model gives them."""
+    inputs = examples.inputs_of(graph)
+    return {(f'{name}.out' if name in inputs else name): outputs[engine.file_name(name)] for name, _ in graph.outputs}
+
+
+def _larger(inputs):
+    """Inputs of other sizes: more images with more rows and columns, then only more images."""
+    for grow in ((1, 0, 5, 7), (1, 0, 0, 0)):
+        yield {blob: examples.random([size + more for size, more in zip(a.shape, grow if a.ndim == 4 else (1,) + (0,) * 9)], 7)
+               for blob, a in inputs.items()}
+
+
+class Model:
+    """A model, by its file's name or its bytes, in ONNX Runtime."""
+
+    def __init__(self, model):
+        options = onnxruntime.SessionOptions()
+        options.log_severity_level = 4  # its errors are raised as well
+        try:
+            self._session = onnxruntime.InferenceSession(model, options, providers=['CPUExecutionProvider'])
+        except Exception as error:  # it has no type of its own
+            raise CheckFailed(f'check failed: ONNX Runtime does not load the model: {_one_line(error)}') from None
+
+    def run(self, inputs, names):
+        """{output: array} for the inputs {blob: array}."""
+        used = {i.name for i in self._session.get_inputs()}
+        try:
+            return dict(zip(names, self._session.run(names, {k: v for k, v in inputs.items() if k in used})))
+        except Exception as error:
+            raise CheckFailed(f'check failed: ONNX Runtime does not run the model: {_one_line(error)}') from None
+
+
+def _one_line(error):
+    return ' '.join(str(error).split())[:300]

@@ -1,0 +1,70 @@
+"""Layers that sum over many values: normalisations, softmax, reductions."""
+
+import numpy as np
+
+
+def _batch_norm(g, site):
+    p, rank = site.message.batch_norm_param, len(site.shapes[0])
+    if p.HasField('use_global_stats') and not p.use_global_stats:
+        axes = [axis for axis in range(rank) if axis != 1]
+        centred, variance = _centred(g, site.x[0], axes)
+        return [g.node('Div', centred, g.node('Sqrt', g.affine(variance, shift=p.eps)))]
+    sums, square_sums, weight = (blob.ravel() for blob in site.blobs[:3])
+    factor = np.float32(0 if weight[0] == 0 else 1 / weight[0])  # 0: nothing was summed
+    ones, zeros = np.ones_like(sums), np.zeros_like(sums)
+    return [g.node('BatchNormalization', site.x[0], *map(g.constant, (ones, zeros, factor * sums, factor * square_sums)),
+                   epsilon=p.eps)]
+
+
+def _centred(g, x, axes):
+    """x less its mean over `axes`, and its variance."""
+    centred = g.node('Sub', x, g.node('ReduceMean', x, axes=axes, keepdims=1))
+    return centred, g.node('ReduceMean', g.node('Mul', centred, centred), axes=axes, keepdims=1)
+
+
+def _mvn(g, site):
+    p, rank = site.message.mvn_param, len(site.shapes[0])
+    first = min(1 if p.across_channels else 2, rank)
+    if first == rank:
+        site.refuse('an input without axes to normalise over')
+    centred, variance = _centred(g, site.x[0], list(range(first, rank)))
+    if not p.normalize_variance:
+        return [centred]
+    return [g.node('Div', centred, g.affine(g.node('Sqrt', variance), shift=p.eps))]
+
+
+def _lrn(g, site):
+    p = site.message.lrn_param
+    if p.norm_region == p.ACROSS_CHANNELS:
+        return [g.node('LRN', site.x[0], size=p.local_size, alpha=p.alpha, beta=p.beta, bias=p.k)]
+    squares, side, pad = g.node('Mul', site.x[0], site.x[0]), p.local_size, p.local_size // 2
+    means = g.node('AveragePool', squares, kernel_shape=[side, side], pads=[pad] * 4, count_include_pad=1)
+    return [g.node('Mul', site.x[0], g.node('Pow', g.affine(means, p.alpha, 1), g.constant(-p.beta)))]
+
+
+def _normalize(g, site):
+    p, rank = site.message.norm_param, len(site.shapes[0])
+    axes = list(range(1, rank)) if p.across_spatial else [1]
+    norm = g.node('Sqrt', g.affine(g.node('ReduceSumSquare', site.x[0], axes=axes, keepdims=1), shift=p.eps))
+    scale = site.blobs[0].ravel().reshape((-1,) + (1,) * (rank - 2))
+    return [g.node('Mul', g.node('Div', site.x[0], norm), g.constant(scale))]
+
+
+def _softmax(g, site):
+    return [g.node('Softmax', site.x[0], axis=site.message.softmax_param.axis)]
+
+
+def _reduction(g, site):
+    p = site.message.reduction_param
+    axis = site.axis(p.axis)
+    rows = g.reshape(site.x[0], *[0] * axis, -1)
+    if p.operation == p.SUM:
+        y = g.node('ReduceSum', rows, g.integers(axis), keepdims=0)
+    else:
+        op = {p.ASUM: 'ReduceL1', p.SUMSQ: 'ReduceSumSquare', p.MEAN: 'ReduceMean'}[p.operation]
+        y = g.node(op, rows, axes=[axis], keepdims=0)
+    return [g.affine(y, p.coeff)]
+
+
+EMIT = {'BatchNorm': _batch_norm, 'LRN': _lrn, 'MVN': _mvn, 'Normalize': _normalize, 'Reduction': _reduction,
+        'Softmax': _softmax}

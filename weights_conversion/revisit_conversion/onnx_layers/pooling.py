@@ -1,0 +1,93 @@
+"""Pooling, exactly as Caffe does it, for every input size.
+
+Caffe has ceil((H + 2p - k) / s) + 1 windows, and if some pad is not zero one less when the last would start at or beyond
+H + p (docs/SEMANTICS.md section 1). The same number comes out of the usual floor formula with the pad p before and
+e = min(p + s - 1, k - 1) after. So no operator's own idea of rounding up is needed, and e does not depend on H.
+"""
+
+import numpy as np
+
+LOWEST = np.finfo(np.float32).min
+
+
+def _axes(p):
+    """(kernel, stride, pad), each (rows, columns)."""
+    kernel = (p.kernel_h, p.kernel_w) if p.HasField('kernel_h') else (p.kernel_size,) * 2
+    stride = (p.stride_h, p.stride_w) if p.HasField('stride_h') else (p.stride,) * 2
+    pad = (p.pad_h, p.pad_w) if p.HasField('pad_h') else (p.pad,) * 2
+    return kernel, stride, pad
+
+
+def _end(kernel, stride, pad, floor, clips):
+    if floor:
+        return pad
+    end = pad + stride - 1
+    return min(end, kernel - 1) if clips else end
+
+
+def _pooling(g, site):
+    p = site.message.pooling_param
+    if p.global_pooling:
+        if len(site.layer.outputs) > 1:
+            site.refuse('the mask of global pooling')
+        return [g.node('GlobalMaxPool' if p.pool == p.MAX else 'GlobalAveragePool', site.x[0])]
+    floor = not p.ceil_mode if p.HasField('ceil_mode') else p.round_mode == p.FLOOR
+    return pool(g, site, p.pool == p.MAX, *_axes(p), floor)
+
+
+def pool(g, site, is_max, kernel, stride, pad, floor=False):
+    """The nodes of a pooling with these windows."""
+    end = tuple(_end(k, s, q, floor, any(pad)) for k, s, q in zip(kernel, stride, pad))
+    sizes = dict(kernel_shape=kernel, strides=stride)
+    if is_max:
+        return _max(g, site, sizes, pad, end)
+    return [_average(g, site.x[0], sizes, pad, end)]
+
+
+def _max(g, site, sizes, pad, end):
+    x = site.x[0]
+    masked = len(site.layer.outputs) > 1
+    if any(e >= k for e, k in zip(end, sizes['kernel_shape'])):  # a window may see nothing
+        if masked:
+            site.refuse('the mask of windows that may lie outside of the image')
+        x, pad, end = g.pad(x, pad, end, LOWEST), (0, 0), (0, 0)
+    if not masked:
+        return [g.node('MaxPool', x, pads=(*pad, *end), **sizes)]
+    y, places = g.node('MaxPool', x, pads=(*pad, *end), n_outputs=2, **sizes)
+    pixels = g.node('ReduceProd', g.shape(x, 2, 4), axes=[0], keepdims=1)
+    return [y, g.to_float(g.node('Mod', places, pixels))]  # of the plane, not of the whole array
+
+
+def _average(g, x, sizes, pad, end):
+    """The sum divided by the size of the window clipped to the padded image: pad counts, what lies beyond does not."""
+    if not any(pad) and any(e >= k for e, k in zip(end, sizes['kernel_shape'])):
+        return g.node('Div', *(g.node('AveragePool', g.pad(y, pad, end, 0), **sizes) for y in (x, _ones(g, x))))
+    if pad == end:
+        return g.node('AveragePool', x, pads=(*pad, *end), count_include_pad=1, **sizes)
+    if any(pad):
+        x = g.pad(x, pad, pad, 0)
+        end = tuple(e - q for e, q in zip(end, pad))
+    return g.node('AveragePool', x, pads=(0, 0, *end), count_include_pad=0, **sizes)
+
+
+def _ones(g, x):
+    ones = g.node('ConstantOfShape', g.node('Concat', g.integers(1, 1), g.shape(x, 2, 4), axis=0))
+    return g.affine(ones, shift=1)
+
+
+def _spp(g, site):
+    p, (_, _, h, w) = site.message.spp_param, site.shapes[0]
+    if not site.fixed:
+        site.refuse('its windows depend on the size of the input; export with --fixed')
+    levels = []
+    for level in range(p.pyramid_height):
+        bins = 2**level
+        kernel = tuple(-(-size // bins) for size in (h, w))
+        pad = tuple((k * bins - size + 1) // 2 for k, size in zip(kernel, (h, w)))
+        levels += pool(g, site, p.pool == p.MAX, kernel, kernel, pad)
+    if len(levels) == 1:
+        return levels
+    return [g.node('Concat', *(g.reshape(level, 0, -1) for level in levels), axis=1)]
+
+
+EMIT = {'Pooling': _pooling, 'SPP': _spp}

@@ -1,0 +1,70 @@
+"""LSTM and RNN. Caffe's continuation indicators reset the state within a sequence, which ONNX's own operators cannot: a
+Scan runs the cell step by step. Without expose_hidden Caffe remembers the state from one pass to the next; a model of
+ONNX starts every pass from zero, as Caffe does in its first.
+"""
+
+from onnx import TensorProto, helper, numpy_helper
+
+from ..onnx_builder import Builder
+
+
+def _recurrent(g, site, cell, n_states):
+    p = site.message.recurrent_param
+    n, weights = p.num_output, list(site.blobs)
+    exposed = n_states if p.expose_hidden else 0
+    has_static = len(site.x) > 2 + exposed
+    gates = n if n_states == 1 else 4 * n
+    x = g.reshape(site.x[0], 0, 0, -1)
+    terms = g.node('MatMul', x, g.constant(weights[0].reshape(gates, -1).T))
+    terms = g.node('Add', terms, g.constant(weights[1].ravel()))
+    if has_static:
+        fixed = g.reshape(site.x[2], 0, -1)
+        terms = g.node('Add', terms, g.node('MatMul', fixed, g.constant(weights[2].reshape(gates, -1).T)))
+        del weights[2]
+    continues = g.reshape(site.x[1], 0, 0, 1)
+    if exposed:
+        states = [g.reshape(state, g.shape(site.x[0], 1, 2), n) for state in site.x[-exposed:]]
+    else:
+        size = g.node('Concat', g.shape(site.x[0], 1, 2), g.integers(n), axis=0)
+        states = [g.node('ConstantOfShape', size)] * n_states
+    body = _body(cell, n_states, [array.reshape(-1, n).T for array in weights[2:3]] + _rest(weights, n), site.layer.name)
+    results = g.node('Scan', *states, terms, continues, body=body, num_scan_inputs=2, n_outputs=n_states + 1)
+    last = [g.node('Unsqueeze', state, g.integers(0)) for state in results[:exposed]]
+    return [results[-1], *last]
+
+
+def _rest(weights, n):
+    return [weights[3].reshape(n, n).T, weights[4].ravel()] if len(weights) > 3 else []
+
+
+def _body(cell, n_states, weights, prefix):
+    """The graph of one step: states, the input's part of the gates, continues -> states, output."""
+    b = Builder(f'{prefix}/step')
+    states = [f'{prefix}/state{i}' for i in range(n_states)]
+    terms, continues = f'{prefix}/terms', f'{prefix}/continues'
+    after, y = cell(b, states, terms, continues, [b.constant(w) for w in weights])
+    outputs = [b.node('Identity', name) for name in (*after, y)]  # an output has one name
+    def info(name):
+        return helper.make_tensor_value_info(name, TensorProto.FLOAT, [None, None])
+    return helper.make_graph(b.nodes, 'step', [info(name) for name in (*states, terms, continues)],
+                             [info(name) for name in outputs],
+                             [numpy_helper.from_array(array, name) for name, array in b.constants.items()])
+
+
+def _lstm_cell(b, states, terms, continues, weights):
+    hidden, memory = states
+    gates = b.node('Add', terms, b.node('MatMul', b.node('Mul', hidden, continues), weights[0]))
+    i, f, o, g = b.node('Split', gates, axis=1, n_outputs=4)
+    kept = b.node('Mul', b.node('Mul', b.node('Sigmoid', f), continues), memory)
+    memory = b.node('Add', kept, b.node('Mul', b.node('Sigmoid', i), b.node('Tanh', g)))
+    hidden = b.node('Mul', b.node('Sigmoid', o), b.node('Tanh', memory))
+    return [hidden, memory], hidden
+
+
+def _rnn_cell(b, states, terms, continues, weights):
+    from_hidden, to_output, bias = weights
+    hidden = b.node('Tanh', b.node('Add', terms, b.node('MatMul', b.node('Mul', states[0], continues), from_hidden)))
+    return [hidden], b.node('Tanh', b.node('Add', b.node('MatMul', hidden, to_output), bias))
+
+
+EMIT = {'LSTM': lambda g, site: _recurrent(g, site, _lstm_cell, 2), 'RNN': lambda g, site: _recurrent(g, site, _rnn_cell, 1)}

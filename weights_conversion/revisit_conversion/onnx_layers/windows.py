@@ -1,0 +1,107 @@
+"""Convolution and what multiplies by a matrix."""
+
+import numpy as np
+
+
+def _per_axis(field, n, absent):
+    values = list(field) or [absent]
+    return values * n if len(values) == 1 else values
+
+
+def _sizes(p, n):
+    """(kernel, stride, pad, dilation), each a list over the n spatial axes."""
+    def of(name, repeated, absent):
+        if p.HasField(f'{name}_h') or p.HasField(f'{name}_w'):
+            return [getattr(p, f'{name}_h'), getattr(p, f'{name}_w')]
+        return _per_axis(repeated, n, absent)
+    return (of('kernel', p.kernel_size, 0), of('stride', p.stride, 1), of('pad', p.pad, 0),
+            _per_axis(p.dilation, n, 1))
+
+
+def _each_input(g, site, compute):
+    """A layer with several inputs applies the same weights to each. Axes before the channels are all batch."""
+    axis, shape = site.axis(site.message.convolution_param.axis), site.shapes[0]
+    spatial = shape[axis + 1:]
+    if not spatial:
+        site.refuse('an input without spatial axes')
+    outputs = []
+    for x in site.x:
+        batch = None
+        if axis != 1:
+            batch = g.shape(x, 0, axis)
+            x = g.reshape(x, -1, g.shape(x, axis))
+        y = compute(x, spatial, shape[axis])
+        outputs.append(y if batch is None else g.reshape(y, batch, g.shape(y, 1)))
+    return outputs
+
+
+def _bias(g, site, p):
+    return [g.constant(site.blobs[1].ravel())] if p.bias_term else []
+
+
+def _convolution(g, site):
+    p = site.message.convolution_param
+
+    def compute(x, spatial, channels):
+        kernel, stride, pad, dilation = _sizes(p, len(spatial))
+        group = channels if site.layer.type in ('ConvolutionDepthwise', 'DepthwiseConvolution') else p.group
+        weights = g.constant(site.blobs[0].reshape(p.num_output, channels // group, *kernel))
+        return g.node('Conv', x, weights, *_bias(g, site, p), kernel_shape=kernel, strides=stride,
+                      pads=_pads(site, spatial, kernel, stride, pad, dilation), dilations=dilation, group=group)
+    return _each_input(g, site, compute)
+
+
+def _pads(site, spatial, kernel, stride, pad, dilation):
+    """Caffe lets a kernel reach past the padding by less than a stride when there is but one window; zeros are there."""
+    ends = []
+    for size, k, s, q, d in zip(spatial, kernel, stride, pad, dilation):
+        missing = (k - 1) * d + 1 - size - 2 * q
+        if missing > 0 and not site.fixed:
+            site.refuse(f'a kernel of {k} does not fit into {size} + 2 x {q}; export with a larger input, or --fixed')
+        ends.append(q + max(missing, 0))
+    return [*pad, *ends]
+
+
+def _deconvolution(g, site):
+    p = site.message.convolution_param
+
+    def compute(x, spatial, channels):
+        kernel, stride, pad, dilation = _sizes(p, len(spatial))
+        weights = g.constant(site.blobs[0].reshape(channels, p.num_output // p.group, *kernel))
+        return g.node('ConvTranspose', x, weights, *_bias(g, site, p), kernel_shape=kernel, strides=stride,
+                      pads=pad * 2, dilations=dilation, group=p.group)
+    return _each_input(g, site, compute)
+
+
+def _im2col(g, site):
+    """Every window position is a channel: a convolution of each channel with kernels of a single one."""
+    p = site.message.convolution_param
+
+    def compute(x, spatial, channels):
+        kernel, stride, pad, dilation = _sizes(p, len(spatial))
+        taps = int(np.prod(kernel))
+        one_hot = np.tile(np.eye(taps, dtype=np.float32).reshape(taps, 1, *kernel), (channels,) + (1,) * (1 + len(kernel)))
+        return g.node('Conv', x, g.constant(one_hot), kernel_shape=kernel, strides=stride,
+                      pads=_pads(site, spatial, kernel, stride, pad, dilation), dilations=dilation, group=channels)
+    return _each_input(g, site, compute)
+
+
+def _inner_product(g, site):
+    p = site.message.inner_product_param
+    axis, rank, n = site.axis(p.axis), len(site.shapes[0]), p.num_output
+    x = site.x[0] if (axis, rank) == (1, 2) else g.node('Flatten', site.x[0], axis=axis)
+    weights = site.blobs[0].reshape((-1, n) if p.transpose else (n, -1))
+    y = g.node('Gemm', x, g.constant(weights), *_bias(g, site, p), transB=0 if p.transpose else 1)
+    if axis == 1:
+        return [y]
+    return [g.reshape(y, g.shape(site.x[0], 0, axis), n) if axis else g.reshape(y, n)]
+
+
+def _roi_pooling(g, site):
+    p = site.message.roi_pooling_param
+    return [g.node('MaxRoiPool', *site.x, pooled_shape=[p.pooled_h, p.pooled_w], spatial_scale=p.spatial_scale)]
+
+
+EMIT = {'Convolution': _convolution, 'ConvolutionDepthwise': _convolution, 'Deconvolution': _deconvolution,
+        'DepthwiseConvolution': _convolution, 'Im2col': _im2col, 'InnerProduct': _inner_product,
+        'ROIPooling': _roi_pooling}

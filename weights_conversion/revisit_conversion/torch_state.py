@@ -1,0 +1,54 @@
+"""State dicts of PyTorch, read without running what a file may hold."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from .errors import ConversionError, InputError
+from .files import existing
+
+
+def read(path):
+    """{key: array} of a .safetensors, .npz or PyTorch file (.pth, .pt; needs torch)."""
+    path = existing(path)
+    ending = path.suffix.lower()
+    readers = {'.safetensors': _safetensors, '.npz': _npz}
+    state = readers.get(ending, _torch)(path)
+    if not state:
+        raise InputError(f'{path}: holds no arrays')
+    return state
+
+
+def _safetensors(path):
+    from safetensors import SafetensorError
+    from safetensors.numpy import load_file
+    try:
+        return load_file(str(path))
+    except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f'{path}: not a readable safetensors file: {error}') from None
+
+
+def _npz(path):
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {key: file[key] for key in file.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f'{path}: not a readable npz file: {error}') from None
+
+
+def _torch(path):
+    try:
+        import torch
+    except ImportError:
+        raise ConversionError(f'{path}: reading it needs PyTorch (pip install torch); .safetensors and .npz do not') from None
+    try:
+        state = torch.load(path, map_location='cpu', weights_only=True)  # refuses everything but numbers
+    except Exception as error:  # pickle, zip and torch have many
+        raise InputError(f'{path}: not a state dict that holds numbers only: {" ".join(str(error).split())[:200]}') from None
+    if isinstance(state, dict) and isinstance(state.get('state_dict'), dict):
+        state = state['state_dict']  # a checkpoint of a training
+    if not isinstance(state, dict) or not all(isinstance(value, torch.Tensor) for value in state.values()):
+        raise InputError(f'{path}: expected a state dict (names and tensors), found {type(state).__name__}')
+    return {key.removeprefix('module.'): value.detach().to('cpu').float().numpy()
+            if value.is_floating_point() else value.cpu().numpy() for key, value in state.items()}
