@@ -113,7 +113,7 @@ def write_npz(path, weights):
 def _read_npz(path):
     weights = {}
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open('rb') as opened, np.load(opened, allow_pickle=False) as file:
             for key in file.files:
                 name, _, index = key.rpartition('/')
                 arrays = weights.setdefault(name, [])

@@ -19,7 +19,7 @@ class Site:
     layer: object  # graph.Layer
     x: list  # names of its inputs
     shapes: list  # of its inputs
-    out_shapes: list
+    results: list  # its outputs for the example
     blobs: list  # its weights, as in the file
     fixed: bool  # the sizes of the example are the only ones
 

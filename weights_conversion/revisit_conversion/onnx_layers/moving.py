@@ -1,7 +1,5 @@
 """Layers that move, choose and repeat values."""
 
-import numpy as np
-
 from ..onnx_builder import INT_MAX
 
 
@@ -136,18 +134,23 @@ def _upsample(g, site):
 
 
 def _parameter(g, site):
-    return [g.constant(site.blobs[0].reshape(site.out_shapes[0]))]
+    return [g.constant(site.blobs[0].reshape(site.results[0].shape))]
 
 
-def _dummy_data(g, site):
-    fillers = site.message.dummy_data_param.data_filler
-    values = [fillers[i if len(fillers) > 1 else 0].value if fillers else 0 for i in range(len(site.out_shapes))]
-    return [g.constant(np.full(shape, value, np.float32)) for shape, value in zip(site.out_shapes, values)]
+def _constants(g, site):
+    """What a layer without inputs gives is always the same."""
+    return [g.constant(result) for result in site.results]
+
+
+def _prior_box(g, site):
+    if not site.fixed:
+        site.refuse('its boxes depend on the size of the input; export with --fixed')
+    return _constants(g, site)
 
 
 EMIT = {
-    'ArgMax': _argmax, 'BatchReindex': _batch_reindex, 'Concat': _concat, 'Crop': _crop, 'DummyData': _dummy_data,
+    'ArgMax': _argmax, 'BatchReindex': _batch_reindex, 'Concat': _concat, 'Crop': _crop, 'DummyData': _constants,
     'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Interp': _interp, 'Parameter': _parameter,
-    'Permute': _permute, 'Reshape': _reshape, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Tile': _tile,
+    'Permute': _permute, 'PriorBox': _prior_box, 'Reshape': _reshape, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Tile': _tile,
     'Upsample': _upsample,
 }

@@ -41,7 +41,7 @@ def pool(g, site, is_max, kernel, stride, pad, floor=False):
     sizes = dict(kernel_shape=kernel, strides=stride)
     if is_max:
         return _max(g, site, sizes, pad, end)
-    return [_average(g, site.x[0], sizes, pad, end)]
+    return [_average(g, site, sizes, pad, end)]
 
 
 def _max(g, site, sizes, pad, end):
@@ -58,21 +58,35 @@ def _max(g, site, sizes, pad, end):
     return [y, g.to_float(g.node('Mod', places, pixels))]  # of the plane, not of the whole array
 
 
-def _average(g, x, sizes, pad, end):
+def _average(g, site, sizes, pad, end):
     """The sum divided by the size of the window clipped to the padded image: pad counts, what lies beyond does not."""
-    if not any(pad) and any(e >= k for e, k in zip(end, sizes['kernel_shape'])):
-        return g.node('Div', *(g.node('AveragePool', g.pad(y, pad, end, 0), **sizes) for y in (x, _ones(g, x))))
+    pads, x = (*pad, *end), site.x[0]
     if pad == end:
-        return g.node('AveragePool', x, pads=(*pad, *end), count_include_pad=1, **sizes)
-    if any(pad):
-        x = g.pad(x, pad, pad, 0)
-        end = tuple(e - q for e, q in zip(end, pad))
-    return g.node('AveragePool', x, pads=(0, 0, *end), count_include_pad=0, **sizes)
+        return g.node('AveragePool', x, pads=pads, count_include_pad=1, **sizes)
+    kernel = sizes['kernel_shape']
+    gaps = any(e >= k for e, k in zip(end, kernel))  # a window may see nothing, which AveragePool does not take
+    if not any(pad) and not gaps:
+        return g.node('AveragePool', x, pads=pads, count_include_pad=0, **sizes)
+    if gaps:
+        channels = site.shapes[0][1]
+        sums = g.node('Conv', x, g.constant(np.ones((channels, 1, *kernel))), pads=pads, group=channels, **sizes)
+    else:
+        means = g.node('AveragePool', x, pads=pads, count_include_pad=1, **sizes)
+        sums = g.affine(means, float(np.prod(kernel)))
+    return g.node('Div', sums, _area(g, x, sums, sizes, pad))
 
 
-def _ones(g, x):
-    ones = g.node('ConstantOfShape', g.node('Concat', g.integers(1, 1), g.shape(x, 2, 4), axis=0))
-    return g.affine(ones, shift=1)
+def _area(g, x, y, sizes, pad):
+    """The sizes of the windows of y as Caffe counts them, [rows][columns]. Beyond the image they are 0 or negative."""
+    lengths = []
+    for axis, kernel, stride, before in zip((2, 3), sizes['kernel_shape'], sizes['strides'], pad):
+        n_windows = g.reshape(g.shape(y, axis, axis + 1))
+        steps = g.node('Range', g.constant(0, np.int64), n_windows, g.constant(1, np.int64))
+        begin = g.node('Sub', g.node('Mul', steps, g.integers(stride)), g.integers(before))
+        last = g.node('Add', g.shape(x, axis, axis + 1), g.integers(before))
+        stop = g.node('Min', g.node('Add', begin, g.integers(kernel)), last)
+        lengths.append(g.to_float(g.node('Sub', stop, begin)))
+    return g.node('Mul', g.reshape(lengths[0], -1, 1), lengths[1])
 
 
 def _spp(g, site):

@@ -1,0 +1,138 @@
+"""ONNX models of layers that are not in the zoo, and at other sizes than the exported one, against the engine."""
+
+import itertools
+
+import numpy as np
+
+from revisit_conversion import compare, engine, onnx_export
+from support import ConversionTest, input_layer, layer, numbers
+
+# Each: the input's shape, the layer after the input (type, parameters), its weights, further options.
+LAYERS = {
+    'axis of an inner product': ((2, 3, 4, 5), 'InnerProduct', 'inner_product_param { num_output: 6 axis: 2 }',
+                                 [numbers(6, 20), numbers(6)]),
+    'transposed': ((2, 12), 'InnerProduct', 'inner_product_param { num_output: 6 transpose: true bias_term: false }', [numbers(12, 6)]),
+    'whole input as a vector': ((2, 12), 'InnerProduct', 'inner_product_param { num_output: 6 axis: 0 bias_term: false }',
+                                [numbers(6, 24)]),
+    'convolution along a line': ((2, 3, 9), 'Convolution', 'convolution_param { num_output: 4 kernel_size: 3 pad: 1 stride: 2 }',
+                                 [numbers(4, 3, 3), numbers(4)]),
+    'channels on a later axis': ((2, 2, 3, 9, 8), 'Convolution', 'convolution_param { num_output: 4 kernel_size: 3 axis: 2 }',
+                                 [numbers(4, 3, 3, 3), numbers(4)]),
+    'depthwise': ((2, 4, 7, 8), 'ConvolutionDepthwise', 'convolution_param { num_output: 4 kernel_size: 3 bias_term: false }',
+                  [numbers(4, 1, 3, 3)]),
+    'kernel and pads by axis': ((1, 2, 9, 8), 'Convolution',
+                                'convolution_param { num_output: 2 kernel_h: 1 kernel_w: 5 pad_h: 0 pad_w: 2 stride_h: 2 stride_w: 1 }',
+                                [numbers(2, 2, 1, 5), numbers(2)]),
+    'kernel larger than the image': ((1, 2, 4, 4), 'Convolution', 'convolution_param { num_output: 2 kernel_size: 5 stride: 3 }',
+                                     [numbers(2, 2, 5, 5), numbers(2)], '--fixed'),
+    'deconvolution': ((1, 4, 5, 6), 'Deconvolution', 'convolution_param { num_output: 6 group: 2 kernel_size: 3 stride: 2 pad: 1 dilation: 2 }',
+                      [numbers(4, 3, 3, 3), numbers(6)]),
+    'im2col': ((2, 3, 7, 6), 'Im2col', 'convolution_param { kernel_size: 3 pad: 1 stride: 2 }', []),
+    'permute': ((2, 3, 4, 5), 'Permute', 'permute_param { order: 0 order: 2 }', []),
+    'shuffled channels': ((2, 6, 4, 5), 'ShuffleChannel', 'shuffle_channel_param { group: 3 }', []),
+    'flatten in the middle': ((2, 3, 4, 5), 'Flatten', 'flatten_param { axis: 1 end_axis: 2 }', []),
+    'reshape in the middle': ((2, 6, 4, 5), 'Reshape', 'reshape_param { shape { dim: 3 dim: -1 } axis: 1 num_axes: 1 }', []),
+    'normalised pixels': ((2, 3, 4, 5), 'Normalize', 'norm_param { across_spatial: false channel_shared: false }', [numbers(3)]),
+    'normalised images': ((2, 3, 4, 5), 'Normalize', '', [np.float32(1.5)]),
+    'statistics of the batch': ((3, 2, 4, 5), 'BatchNorm', 'batch_norm_param { use_global_stats: false }',
+                                [numbers(2), numbers(2), numbers(1)]),
+    'zoom': ((1, 2, 5, 6), 'Interp', 'interp_param { zoom_factor: 3 }', []),
+    'shrink of a part': ((1, 2, 9, 11), 'Interp', 'interp_param { shrink_factor: 2 pad_beg: -1 pad_end: -2 }', []),
+    'size of an image': ((1, 2, 5, 6), 'Interp', 'interp_param { height: 9 width: 4 }', []),
+    'repeated pixels': ((1, 2, 3, 4), 'Upsample', 'upsample_param { scale: 3 }', []),
+    'relu6': ((2, 3, 4, 5), 'ReLU6', 'relu6_param { negative_slope: 0.1 }', []),
+    'prelu of a vector': ((2, 3), 'PReLU', '', [numbers(3)]),
+    'sum of squares': ((2, 3, 4), 'Reduction', 'reduction_param { operation: SUMSQ axis: 1 coeff: 0.5 }', []),
+    'several largest': ((2, 6, 3), 'ArgMax', 'argmax_param { top_k: 3 axis: 1 }', []),
+    'pyramid': ((2, 3, 9, 13), 'SPP', 'spp_param { pyramid_height: 3 }', [], '--fixed'),
+}
+
+
+def recurrent(kind, n, gates, exposed=False, static=False):
+    """A recurrent layer with marks that begin sequences anew, as (text, weights, inputs)."""
+    steps, streams, size = 5, 3, 4
+    shapes = {'data': (steps, streams, size), 'cont': (steps, streams)}
+    if static:
+        shapes['static'] = (streams, 2)
+    if exposed:
+        shapes |= {f'state{i}': (1, streams, n) for i in range(2 if kind == 'LSTM' else 1)}
+    text = ''.join(input_layer(*shape).replace('"data"', f'"{blob}"') for blob, shape in shapes.items())
+    tops = ['y'] + [f'last{i}' for i in range(len(shapes) - 2 - static)]
+    text += layer('cell', kind, list(shapes), tops,
+                  f'recurrent_param {{ num_output: {n} expose_hidden: {str(exposed).lower()} }}')
+    arrays = [numbers(gates * n, size), numbers(gates * n)] + ([numbers(gates * n, 2)] if static else []) + [numbers(gates * n, n, seed=1)]
+    if kind == 'RNN':
+        arrays += [numbers(n, n, seed=2), numbers(n, seed=3)]
+    inputs = {blob: numbers(*shape, seed=i) for i, (blob, shape) in enumerate(shapes.items())}
+    inputs['cont'] = (numbers(steps, streams, seed=9) > -0.5).astype(np.float32)
+    return text, {'cell': arrays}, inputs
+
+
+class Layers(ConversionTest):
+    def test_against_the_engine_at_two_sizes(self):
+        for name, (shape, kind, parameters, arrays, *options) in LAYERS.items():
+            with self.subTest(name):
+                prototxt, model = self.net(input_layer(*shape) + layer('it', kind, parameters=parameters), {'it': arrays} if arrays else {})
+                printed = self.convert('onnx', prototxt, *([model] if arrays else []), self.path('net.onnx'), '--force',
+                                       '--tolerance', 1e-5, *options)
+                self.assertIn('checked: ONNX Runtime', printed)
+                if not options:
+                    self.assertIn('another size', printed)
+
+    def export(self, text, blobs, inputs, *options):
+        """Exports a net, compared on these inputs."""
+        prototxt, model = self.net(text, blobs)
+        words = []
+        for blob, array in inputs.items():
+            np.save(self.path(f'{blob}.npy'), array)
+            words += ['--input', f'{blob}={self.path(blob)}.npy']
+        return self.convert('onnx', prototxt, *([model] if blobs else []), self.path('net.onnx'), '--force', '--tolerance', 1e-5,
+                            *words, *options)
+
+    def test_recurrent(self):
+        for kind, gates in (('LSTM', 4), ('RNN', 1)):
+            for exposed, static in itertools.product((False, True), repeat=2):
+                with self.subTest(kind, exposed=exposed, static=static):
+                    self.export(*recurrent(kind, 6, gates, exposed, static))
+
+    def test_masks_lead_back(self):
+        pooling = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { kernel_size: 3 stride: 2 pad: 1 }')
+        back = layer('up', 'Upsample', ['pool', 'mask'], parameters='upsample_param { upsample_h: 9 upsample_w: 7 }')
+        self.export(input_layer(2, 3, 9, 7) + pooling + back, {}, {'data': numbers(2, 3, 9, 7)})
+
+    def test_several_inputs(self):
+        two = input_layer(3, 2, 6, 7) + input_layer(3).replace('"data"', '"marks"')
+        data, marks = numbers(3, 2, 6, 7), np.array([1, 0, 1], np.float32)
+        self.export(two + layer('it', 'Filter', ['data', 'marks']), {}, {'data': data, 'marks': marks})
+        self.export(two + layer('it', 'BatchReindex', ['data', 'marks']), {}, {'data': data, 'marks': marks})
+        axpy = input_layer(3, 2, 1, 1).replace('"data"', '"a"') + input_layer(3, 2, 6, 7) + layer('it', 'Axpy', ['a', 'data', 'data'])
+        self.export(axpy, {}, {'a': numbers(3, 2, 1, 1), 'data': data})
+        rois = input_layer(3, 2, 6, 7) + input_layer(2, 5).replace('"data"', '"rois"') + layer(
+            'it', 'ROIPooling', ['data', 'rois'], parameters='roi_pooling_param { pooled_h: 2 pooled_w: 3 spatial_scale: 0.5 }')
+        self.export(rois, {}, {'data': data, 'rois': np.array([[0, 0, 0, 9, 7], [2, 3, 1, 13, 11]], np.float32)})
+        boxes = input_layer(1, 2, 3, 4) + input_layer(1, 3, 30, 40).replace('"data"', '"image"') + layer(
+            'it', 'PriorBox', ['data', 'image'], parameters='prior_box_param { min_size: 10 max_size: 20 aspect_ratio: 2 }')
+        given = {'data': numbers(1, 2, 3, 4), 'image': numbers(1, 3, 30, 40)}
+        self.export(boxes, {}, given, '--fixed')
+
+    def test_pooling_at_every_size(self):
+        """One net of many poolings, exported at one size, run at others."""
+        text = input_layer(1, 2, 12, 17)
+        windows = [(k, s, p) for k in (1, 2, 3, 5) for s in (1, 2, 3, 4) for p in (0, 1, 2) if p < k]
+        for i, (k, s, p) in enumerate(windows):
+            for pool, mode in (('MAX', 'CEIL'), ('AVE', 'CEIL'), ('AVE', 'FLOOR')):
+                text += layer(f'{pool}_{mode}_{i}', 'Pooling', parameters=f'pooling_param {{ pool: {pool} kernel_size: {k} stride: {s} '
+                                                                           f'pad: {p} round_mode: {mode} }}')
+        prototxt, _ = self.net(text, {})
+        self.convert('onnx', prototxt, self.path('net.onnx'), '--no-check')
+        model = onnx_export.Model(str(self.path('net.onnx')))
+        names = model.output_names()
+        self.assertEqual(len(names), 3 * len(windows))
+        for size in ((12, 17), (5, 6), (7, 8), (9, 10), (13, 11), (16, 19)):
+            inputs = {'data': numbers(2, 2, *size)}
+            expected = engine.forward(prototxt, None, inputs)
+            found = model.run(inputs, names)
+            for name in names:
+                k, s, p = windows[int(name.rsplit('_', 1)[1])]
+                with self.subTest(name, size=size, kernel=k, stride=s, pad=p):
+                    self.assertLess(compare.difference(found[name], expected[name]), 1e-6)

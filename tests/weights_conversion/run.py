@@ -1,0 +1,51 @@
+#!/usr/bin/env python3
+"""Runs the tests of the converters (weights_conversion/revisit_conversion) in a virtual environment of their own.
+
+  tests/weights_conversion/run.py PROGRAM VENV [TEST...]
+
+PROGRAM is `revisit`. VENV is made where it is not there, with requirements.txt; it is kept. Exit code 77: skipped, because the
+packages cannot be installed.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+REQUIREMENTS = HERE / 'requirements.txt'
+SKIPPED = 77
+
+
+def python_of(venv):
+    """The interpreter of a virtual environment with the packages installed, or None."""
+    python, installed = venv / 'bin' / 'python', venv / 'requirements.txt'
+    if installed.exists() and installed.read_text() == REQUIREMENTS.read_text():
+        return python
+    shutil.rmtree(venv, ignore_errors=True)
+    for words in ([sys.executable, '-m', 'venv', str(venv)],
+                  [str(python), '-m', 'pip', 'install', '--quiet', '--disable-pip-version-check', '-r', str(REQUIREMENTS)]):
+        done = subprocess.run(words, capture_output=True, text=True)
+        if done.returncode != 0:
+            print(f'skipped: {" ".join(words[:4])} ... failed: {(done.stderr or done.stdout).strip()[-300:]}')
+            return None
+    shutil.copy(REQUIREMENTS, installed)
+    return python
+
+
+def main():
+    if len(sys.argv) < 3:
+        sys.exit(__doc__)
+    program, venv = sys.argv[1], Path(sys.argv[2]).resolve()
+    python = python_of(venv)
+    if python is None:
+        return SKIPPED
+    environment = os.environ | {'REVISIT_PROGRAM': str(Path(program).resolve()), 'PYTHONDONTWRITEBYTECODE': '1',
+                                'PYTHONPATH': str(HERE.parents[1] / 'weights_conversion')}
+    tests = sys.argv[3:] or ['discover', '--pattern', '*_test.py']
+    return subprocess.run([python, '-m', 'unittest', *tests], cwd=HERE, env=environment).returncode
+
+
+if __name__ == '__main__':
+    sys.exit(main())

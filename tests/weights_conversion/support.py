@@ -1,0 +1,70 @@
+"""What the tests of the converters share."""
+
+import contextlib
+import io
+import os
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+from revisit_conversion.__main__ import main
+
+ROOT = Path(__file__).resolve().parents[2]
+GOLDEN = ROOT / 'tests' / 'golden'
+SHARED = Path(os.environ.get('REVISIT_TEST_DATA', ROOT.parent / 'shared'))
+
+
+class ConversionTest(unittest.TestCase):
+    """A test with a folder of its own, in which `convert` runs revisit-convert."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def path(self, name):
+        return self.folder / name
+
+    def convert(self, *words, code=0):
+        """Runs a command line, which must end with `code`; returns what it printed, on both streams."""
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+            try:
+                found = main(list(map(str, words)))
+            except SystemExit as end:  # argparse
+                found = end.code
+        self.assertEqual(found, code, printed.getvalue())
+        self.assertNotIn('Traceback', printed.getvalue())
+        return printed.getvalue()
+
+    def refused(self, code, message, *words):
+        """Runs a command line that must end with `code` and one plain line that holds `message`."""
+        printed = self.convert(*words, code=code)
+        lines = [line for line in printed.splitlines() if line.startswith('revisit-convert: ')]
+        self.assertEqual(len(lines), 1, printed)
+        self.assertIn(message, lines[0])
+
+    def net(self, text, blobs, name='net'):
+        """Writes a prototxt and a caffemodel {layer: arrays}; returns both paths."""
+        from revisit_conversion import weights
+        prototxt, model = self.path(f'{name}.prototxt'), self.path(f'{name}.caffemodel')
+        prototxt.write_text(text)
+        weights.write_caffemodel(model, {layer: [np.asarray(a, np.float32) for a in arrays] for layer, arrays in blobs.items()})
+        return prototxt, model
+
+
+def input_layer(*shape):
+    return 'layer { name: "data" type: "Input" top: "data" input_param { shape { ' + \
+        ' '.join(f'dim: {size}' for size in shape) + ' } } }\n'
+
+
+def layer(name, kind, bottom='data', top=None, parameters=''):
+    bottoms = ' '.join(f'bottom: "{blob}"' for blob in ([bottom] if isinstance(bottom, str) else bottom))
+    tops = ' '.join(f'top: "{blob}"' for blob in ([top or name] if not isinstance(top, list) else top))
+    return f'layer {{ name: "{name}" type: "{kind}" {bottoms} {tops} {parameters} }}\n'
+
+
+def numbers(*shape, seed=0):
+    return np.random.default_rng(seed).normal(0, 1, shape).astype(np.float32)

@@ -1,0 +1,97 @@
+"""The commands `weights` and `mean`."""
+
+import unittest
+
+import h5py
+import numpy as np
+
+from revisit_conversion import engine, means, weights
+from revisit_conversion.schema import messages
+from support import GOLDEN, ConversionTest, input_layer, layer, numbers
+
+TEXT = input_layer(1, 3, 5, 6) + layer('a/1x1', 'Convolution', parameters='convolution_param { num_output: 2 kernel_size: 1 }')
+BLOBS = {'a/1x1': [numbers(2, 3, 1, 1), numbers(2)]}
+
+
+class Weights(ConversionTest):
+    def setUp(self):
+        super().setUp()
+        self.prototxt, self.model = self.net(TEXT, BLOBS)
+
+    def test_round_trip_keeps_every_bit(self):
+        first = self.model
+        for name in ('net.h5', 'net.npz', 'other.h5', 'other.caffemodel'):
+            self.convert('weights', first, self.path(name))
+            first = self.path(name)
+        self.assertEqual(weights.read(first).keys(), BLOBS.keys())
+        weights.require_same(weights.read(first), BLOBS)
+
+    def test_hdf5_is_in_caffes_layout(self):
+        self.assertIn("the original Caffe does not find 'a/1x1'", self.convert('weights', self.model, self.path('net.h5')))
+        with h5py.File(self.path('net.h5')) as file:
+            np.testing.assert_array_equal(file['data/a/1x1/0'], BLOBS['a/1x1'][0])
+            self.assertEqual(file['data/a/1x1/1'].dtype, np.float32)
+        inputs = {'data': numbers(1, 3, 5, 6)}
+        np.testing.assert_array_equal(engine.forward(self.prototxt, self.path('net.h5'), inputs)['a_1x1'],
+                                      engine.forward(self.prototxt, self.model, inputs)['a_1x1'])
+
+    def test_files_of_every_generation(self):
+        """What Caffe computed with each is the same; so the arrays must be."""
+        folder = GOLDEN / 'formats'
+        expected = weights.read(folder / 'mini_v2.caffemodel')
+        for name in ('mini_v0', 'mini_v1', 'mini_v1_shape', 'mini_v2_legacydims', 'mini_v2_unpacked', 'mini_v2_unknown_fields'):
+            with self.subTest(name):
+                self.convert('weights', folder / f'{name}.caffemodel', self.path('old.h5'), '--force')
+                weights.require_same(weights.read(self.path('old.h5')), expected)
+
+    def test_float16(self):
+        self.convert('weights', self.model, self.path('half.npz'), '--float16')
+        with np.load(self.path('half.npz')) as file:
+            self.assertEqual(file['a/1x1/0'].dtype, np.float16)
+        rounded = weights.read(self.path('half.npz'))['a/1x1'][0]
+        np.testing.assert_array_equal(rounded, BLOBS['a/1x1'][0].astype(np.float16).astype(np.float32))
+        self.refused(2, '--float16 is for .npz', 'weights', self.model, self.path('half.h5'), '--float16')
+
+    def test_files_that_cannot_be_read(self):
+        out = self.path('out.caffemodel')
+        self.refused(3, 'cannot open', 'weights', self.path('none.npz'), out)
+        self.refused(2, 'must end in', 'weights', self.model, self.path('net.txt'))
+        self.convert('weights', self.model, self.path('net.npz'))
+        content = self.path('net.npz').read_bytes()
+        for n in (0, 3, 100, len(content) - 30):
+            self.path('cut.npz').write_bytes(content[:n])
+            self.refused(3, 'not a readable npz', 'weights', self.path('cut.npz'), out)
+        np.savez(self.path('keys.npz'), weights=numbers(2))
+        self.refused(3, "'weights' is not LAYER/INDEX", 'weights', self.path('keys.npz'), out)
+        np.savez(self.path('objects.npz'), **{'a/0': np.array([{}])})
+        self.refused(3, 'npz', 'weights', self.path('objects.npz'), out)
+        self.assertFalse(out.exists())
+
+
+class Means(ConversionTest):
+    def test_there_and_back(self):
+        np.save(self.path('mean.npy'), numbers(3, 4, 5))
+        self.convert('mean', self.path('mean.npy'), self.path('mean.binaryproto'))
+        self.convert('mean', self.path('mean.binaryproto'), self.path('again.npy'))
+        np.testing.assert_array_equal(np.load(self.path('again.npy')), numbers(3, 4, 5))
+
+    def test_files_of_caffe(self):
+        folder = GOLDEN / 'formats'
+        expected = means.read(folder / 'mean.npy')
+        for name in ('mean_legacy', 'mean_shape'):
+            np.testing.assert_array_equal(means.read(folder / f'{name}.binaryproto'), expected)
+
+    def test_files_that_cannot_be_read(self):
+        out = self.path('out.npy')
+        for content in (b'', b'\xff\xff', messages.BlobProto(num=1, channels=2, height=1, width=1, data=[1]).SerializeToString(),
+                        messages.BlobProto(num=-1, channels=-1, height=1, width=1, data=[1]).SerializeToString()):
+            self.path('bad.binaryproto').write_bytes(content)
+            self.refused(3, 'not a', 'mean', self.path('bad.binaryproto'), out)
+        self.path('bad.npy').write_bytes(b'\x93NUMPY')
+        self.refused(3, 'not a readable npy', 'mean', self.path('bad.npy'), out)
+        np.save(self.path('flat.npy'), numbers(3, 4))
+        self.refused(3, '[channels][height][width]', 'mean', self.path('flat.npy'), out)
+
+
+if __name__ == '__main__':
+    unittest.main()
