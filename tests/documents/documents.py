@@ -122,6 +122,10 @@ class Checker:
         name = words[0]
         if name == 'revisit':
             return self.check_revisit(words[1:])
+        if name == 'revisit-convert':
+            text = self.help_of(str(ROOT / 'weights_conversion' / 'revisit-convert'), *words[1:2])
+            unknown = self.unknown_options(text or '', words[2:])
+            return f'`revisit-convert {" ".join(words[1:2])}` has no {", ".join(unknown) or "help"}' if unknown or not text else None
         if name in ('cmake', 'ctest') and '--preset' in words:
             preset = words[words.index('--preset') + 1]
             return None if preset in self.presets else f'there is no preset {preset}'

@@ -137,6 +137,25 @@ TEST_F(NetUpgrade, TrainingLayersStay) {
   EXPECT_EQ(result.err, "");
 }
 
+TEST_F(NetUpgrade, TrainingLayersGoWhenInferenceIsAskedFor) {
+  test::write_file(dir_ / "train.prototxt",
+                   "layers { name: 'd' type: DATA top: 'x' top: 'y' data_param { batch_size: 2 } "
+                   "transform_param { crop_size: 3 } }"
+                   "layers { name: 'l' type: SOFTMAX_LOSS bottom: 'x' bottom: 'y' top: 'l' }");
+  const auto result = run_revisit("net upgrade --inference " + path("train.prototxt"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_TRUE(MessageDifferencer::Equals(
+      text_net(result.out),
+      text_net("layer { name: 'd' type: 'Input' top: 'x' input_param { shape { dim: 2 dim: 3 dim: "
+               "3 dim: 3 } } } layer { name: 'prob' type: 'Softmax' bottom: 'x' top: 'prob' }")))
+      << result.out;
+  EXPECT_NE(result.err.find("is now the input"), std::string::npos) << result.err;
+
+  expect_failure(
+      2, "--inference " + test::golden("formats").string() + "/mini_v1.caffemodel " + path("out"),
+      "--inference");
+}
+
 TEST_F(NetUpgrade, OverwritesOnlyWhenForced) {
   test::write_file(dir_ / "in", "layers { name: 'r' type: RELU bottom: 'x' top: 'x' }");
   test::write_file(dir_ / "out", "mine");

@@ -4,9 +4,11 @@
   tests/weights_conversion/goldens.py FOLDER...
 
 Each folder, or each folder in it, holds a prototxt, weights (if the net has some), in_BLOB.npy (or in.npy for the one input)
-and out_OUTPUT.npy. Needs revisit-convert's packages and REVISIT_PROGRAM; run.py's VENV has the packages.
+and out_OUTPUT.npy; or it is one of golden/slim and golden/nets. The trunks of golden/nets are exported with another size than
+they run at. Needs revisit-convert's packages and REVISIT_PROGRAM; run.py's VENV has the packages.
 """
 
+import json
 import sys
 import tempfile
 from pathlib import Path
@@ -25,24 +27,26 @@ def only(folder, *patterns):
     return next((path for pattern in patterns for path in sorted(folder.glob(pattern))), None)
 
 
-def measure(prototxt, weights, inputs, outputs, words=()):
+def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
     """Exports a net and runs the model.
 
-    `inputs` {blob: file}, `outputs` {output: file}. Returns the largest differences of the model from Caffe and from the engine.
+    `inputs` {blob: file}, `outputs` {output: file}, `truncation` the options --end and --graft; `example` is a size to export it
+    with, 'NxCxHxW', other than that of the inputs. Returns the largest differences of the model from Caffe and from the engine.
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / 'net.onnx'
         given = [word for blob, path in inputs.items() for word in ('--input', f'{blob}={path}')]
-        options = parser().parse_args(['onnx', str(prototxt), *([str(weights)] if weights else []), str(file),
-                                       '--no-check', *given, *words])
+        if example:
+            given = ['--input-shape', example]
+        options = parser().parse_args(['onnx', str(prototxt), *([str(weights)] if weights else []), str(file), '--no-check',
+                                       *given, *truncation])
         onnx_export.export(options, file)
         arrays = {blob: np.load(path) for blob, path in inputs.items()}
         caffe = {name: np.load(path) for name, path in outputs.items()}
-        ours = engine.forward(prototxt, weights, arrays, [word for word in words if word != '--fixed'])
+        ours = engine.forward(prototxt, weights, arrays, truncation)
         model = onnx_export.Model(str(file))
         names = model.output_names()
-        found = model.run(arrays, names)
-        found = {engine.file_name(name).removesuffix('.out'): array for name, array in found.items()}
+        found = {engine.file_name(name).removesuffix('.out'): array for name, array in model.run(arrays, names).items()}
         return (max(compare.difference(found[name], array) for name, array in caffe.items()),
                 max(compare.difference(found[name], array) for name, array in ours.items()))
 
@@ -56,17 +60,37 @@ def case(folder):
     return prototxt, only(folder, 'weights.caffemodel*'), inputs, {p.stem[4:]: p for p in folder.glob('out_*.npy')}
 
 
+def cases(folder):
+    """(name, what `measure` takes) for all nets of a folder: cases, whole nets (golden/slim) or trunks (golden/nets)."""
+    for each in [folder] if only(folder, '*.prototxt') else sorted(path for path in folder.iterdir() if path.is_dir()):
+        manifest = each / 'manifest.json'
+        if not manifest.exists():
+            if only(each, '*.prototxt'):
+                yield each.name, case(each)
+            continue
+        inputs = each.parents[1] / 'inputs'
+        facts = json.loads(manifest.read_text())
+        if 'input' in facts:
+            prototxt, weights, _, outputs = case(each)
+            yield each.name, (prototxt, weights, {'data': inputs / Path(facts['input']).name}, outputs)
+            continue
+        for output in sorted(each.glob('out_*.npy')):
+            variant, size = output.stem[4:].rsplit('_', 1)
+            end, _, graft = variant.partition('+')
+            yield f'{each.name} {variant}, {size}', (
+                each / 'pool5.prototxt', (each / facts['weights']).resolve(), {'data': inputs / f'in_1x3x{size}.npy'}, {variant: output},
+                ['--end', end] + (['--graft', graft] if graft else []), '1x3x64x200')
+
+
 def main(folders):
     print('| net | from Caffe | from the engine |\n|---|---|---|')
     for folder in map(Path, folders):
-        for each in [folder] if only(folder, '*.prototxt') else sorted(folder.iterdir()):
-            if not each.is_dir() or not only(each, '*.prototxt'):
-                continue
+        for name, arguments in cases(folder):
             try:
-                caffe, ours = measure(*case(each))
-                print(f'| {each.name} | {caffe:.2g} | {ours:.2g} |', flush=True)
+                caffe, ours = measure(*arguments)
+                print(f'| {name} | {caffe:.2g} | {ours:.2g} |', flush=True)
             except ConversionError as error:
-                print(f'| {each.name} | {error} | |', flush=True)
+                print(f'| {name} | {error} | |', flush=True)
 
 
 if __name__ == '__main__':

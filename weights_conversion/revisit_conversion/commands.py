@@ -1,12 +1,10 @@
-"""The subcommands of revisit-convert. What they need beyond NumPy is imported when they run."""
+"""The subcommands of revisit-convert. What they need is imported when they run: help needs no packages."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Callable
 
-import numpy as np
-
-from . import compare, files, weights
+from . import files
 from .errors import CheckFailed, UsageError
 
 TOLERANCE = 1e-4  # of the largest number of an output: what Winograd's convolutions differ by among libraries
@@ -36,6 +34,7 @@ def _declare_weights(parser):
 
 
 def _run_weights(options):
+    from . import weights
     kind = weights.kind_of(options.output)
     if options.float16 and kind != 'npz':
         raise UsageError('--float16 is for .npz: a caffemodel holds float32 only, and so does the HDF5 of revisit')
@@ -60,6 +59,7 @@ def _declare_mean(parser):
 
 
 def _run_mean(options):
+    import numpy as np
     from . import means
     if Path(options.output).suffix.lower() not in ('.npy', '.binaryproto'):
         raise UsageError(f'{options.output}: the name must end in .npy or .binaryproto')
@@ -82,7 +82,7 @@ def _declare_fold(parser):
 
 
 def _run_fold(options):
-    from . import fold
+    from . import fold, weights
     weights.kind_of(options.out_weights)
     files.may_write(options.force, options.out_prototxt, options.out_weights)
     fold.convert(options)
@@ -132,7 +132,7 @@ def _declare_matconvnet(parser):
 
 
 def _run_matconvnet(options):
-    from . import to_caffe
+    from . import to_caffe, weights
     weights.kind_of(options.out_weights)
     if options.mean and Path(options.mean).suffix.lower() not in ('.npy', '.binaryproto'):
         raise UsageError(f'{options.mean}: the name must end in .npy or .binaryproto')
@@ -149,7 +149,7 @@ def _declare_torch(parser):
 
 
 def _run_torch(options):
-    from . import to_caffe
+    from . import to_caffe, weights
     weights.kind_of(options.out_weights)
     files.may_write(options.force, options.out_prototxt, options.out_weights)
     to_caffe.torch(options)
