@@ -43,7 +43,7 @@ def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
         onnx_export.export(options, file)
         arrays = {blob: np.load(path) for blob, path in inputs.items()}
         caffe = {name: np.load(path) for name, path in outputs.items()}
-        ours = engine.forward(prototxt, weights, arrays, truncation)
+        ours = engine.forward(prototxt, weights, arrays, *truncation[1::2])
         model = onnx_export.Model(str(file))
         names = model.output_names()
         found = {engine.file_name(name).removesuffix('.out'): array for name, array in model.run(arrays, names).items()}

@@ -20,8 +20,7 @@ MOST_BYTES = 2**31 - 1  # of one protobuf file
 
 def export(options, out):
     """Writes the network that `options` names to `out` and compares the two, as the command `onnx` says."""
-    truncation = [word for flag in ('end', 'graft') if getattr(options, flag)
-                  for word in (f'--{flag}', getattr(options, flag))]
+    truncation = dict(end=options.end, graft=options.graft)
     graph = truncate(resolve(engine.read_net(options.prototxt)), options.end, options.graft)
     _refuse_unknown(graph)
     blobs = weights.read(options.weights) if options.weights else {}
@@ -34,9 +33,9 @@ def export(options, out):
             weights.write_caffemodel(file, blobs)
 
         def expected(arrays):
-            return engine.forward(options.prototxt, file, arrays, truncation)
+            return engine.forward(options.prototxt, file, arrays, **truncation)
 
-        values = engine.layer_outputs(options.prototxt, file, inputs, truncation)
+        values = engine.layer_outputs(options.prototxt, file, inputs, **truncation)
         values = {value: values[engine.file_name(port)] for layer in graph.layers
                   for port, value in zip(layer.ports(), layer.outputs)}
         model, names = build(graph, blobs, values, inputs, options.fixed, options.float16)

@@ -1,4 +1,4 @@
-"""The messages of Caffe's files, made from the project's own schema (proto/caffe_schema.proto) when imported.
+"""The messages of Caffe's files, made from the project's own schema when this is imported.
 
 `messages` are the messages as they are. In `raw_messages` the numbers of a BlobProto are bytes: packed floats are bytes
 on the wire, so an array of a hundred million numbers is read without making a Python object of each.
@@ -13,15 +13,22 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
 from .errors import ConversionError
 
-PACKAGED = Path(__file__).with_name('caffe_schema.desc')  # made by the build, for installed packages
 SOURCE = Path(__file__).resolve().parents[2] / 'proto' / 'caffe_schema.proto'
 NUMBERS = ('data', 'diff', 'double_data', 'double_diff')
 
 
 def _descriptors():
-    """The compiled schema."""
-    if PACKAGED.exists():
-        return descriptor_pb2.FileDescriptorSet.FromString(PACKAGED.read_bytes())
+    """The compiled schema: that of the Python package `revisit`, or from the sources."""
+    try:
+        from .engine_module import schema
+    except ImportError:
+        return _compiled_sources()
+    compiled = descriptor_pb2.FileDescriptorSet()
+    compiled.file.add().ParseFromString(schema())
+    return compiled
+
+
+def _compiled_sources():
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / 'schema.desc'
         try:

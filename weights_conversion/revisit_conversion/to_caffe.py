@@ -46,10 +46,10 @@ def write(options, net, reference, end=None):
         weights.require_same(weights.read(model), net.blobs)
         if not options.check:
             return
-        x = examples.random(shape) / 50
+        x = examples.random(shape) / 10  # scaled pixels
         expected = reference(x) if reference else None
         found = engine.forward(prototxt, weights.for_engine(model, prototxt.parent), {'data': x[:, ::-1] if options.bgr else x},
-                               ('--end', end) if end else ())
+                               end)
         if len(found) != 1:
             raise CheckFailed(f'check failed: the network has {len(found)} outputs, expected one')
         if expected is None:
