@@ -34,11 +34,14 @@ def main(words=None):
     except ConversionError as error:
         print(f'revisit-convert: {error}', file=sys.stderr)
         return error.code
-    except (MemoryError, OSError, ImportError) as error:
-        print(f'revisit-convert: {error or "out of memory"}', file=sys.stderr)
-        return 1
     except KeyboardInterrupt:
         return 130
+    except ModuleNotFoundError as error:
+        print(f"revisit-convert: needs the Python package '{error.name}' (pip install {error.name})", file=sys.stderr)
+        return 1
+    except Exception as error:  # a fault of ours, or of the machine: one line all the same
+        print(f'revisit-convert: {type(error).__name__}: {" ".join(str(error).split())}', file=sys.stderr)
+        return 1
     return 0
 
 

@@ -1,11 +1,13 @@
 """Reading old files and running networks, which revisit itself does: its Python module, or where that is not installed its program."""
 
 from google.protobuf import text_format
+from google.protobuf.message import DecodeError
 
 try:
     from . import engine_module as revisit
 except ImportError:
     from . import engine_program as revisit
+from .errors import InputError
 from .schema import messages, raw_messages
 
 
@@ -16,7 +18,10 @@ def read_net(prototxt):
 
 def read_weights(file):
     """The layers of a caffemodel of any age or of an HDF5 file, in the current format (a NetParameter of raw_messages)."""
-    return raw_messages.NetParameter.FromString(revisit.weights_bytes(file))
+    try:
+        return raw_messages.NetParameter.FromString(revisit.weights_bytes(file))
+    except DecodeError:
+        raise InputError(f'{file}: holds no weights') from None
 
 
 def forward(prototxt, weights, inputs, end=None, graft=None):

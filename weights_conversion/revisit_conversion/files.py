@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from .errors import ConversionError, InputError, UsageError
@@ -22,6 +22,8 @@ def existing(path):
 def may_write(force, *paths):
     """Ends early when an output exists and may not be replaced."""
     for path in map(Path, paths):
+        if path.exists() and not path.is_file():
+            raise UsageError(f'{path} is no file that can be replaced')
         if path.exists() and not force:
             raise UsageError(f'{path} exists; --force overwrites it')
         if not path.parent.is_dir():
@@ -31,10 +33,11 @@ def may_write(force, *paths):
 @contextmanager
 def appearing(*paths):
     """Temporary paths, one for each of `paths`, that take their places when the block ends well."""
-    paths = [Path(path) for path in paths]
+    paths = [Path(path).resolve() for path in paths]
     try:
-        with tempfile.TemporaryDirectory(dir=paths[0].parent, prefix='.revisit-convert-') as folder:
-            parts = [Path(folder) / f'{i}{path.suffix}' for i, path in enumerate(paths)]
+        with ExitStack() as stack:
+            parts = [Path(stack.enter_context(tempfile.TemporaryDirectory(dir=path.parent, prefix='.revisit-convert-'))) / path.name
+                     for path in paths]
             yield parts
             for part, path in zip(parts, paths):
                 os.replace(part, path)

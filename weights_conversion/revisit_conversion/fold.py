@@ -15,7 +15,10 @@ def convert(options):
     """Folds the network that `options` names and compares both, as the command `fold` says."""
     net = engine.read_net(options.prototxt)
     blobs, types = weights.read_with_types(options.weights)
-    folded, new_blobs, pairs = fold(net, blobs)
+    try:
+        folded, new_blobs, pairs = fold(net, blobs)
+    except (ValueError, IndexError) as error:
+        raise InputError(f'{options.weights}: its arrays do not fit the net: {error}') from None
     if not pairs:
         raise UnsupportedError(f'{options.prototxt}: no BatchNorm stands alone after a Convolution or InnerProduct')
     for gone, into in pairs:

@@ -14,6 +14,9 @@ from .files import existing
 from .net_writer import NetWriter
 
 
+MOST_PIXELS = 1000  # of pads, strides and windows
+
+
 def load(path):
     """The layers of a file and its normalisation, as (list of SimpleNamespace, struct of SciPy)."""
     path = existing(path)
@@ -48,22 +51,24 @@ def _layer(path, index, layer):
         if kind in ('conv', 'bnorm'):
             arrays = [get('filters'), get('biases')] if get('weights') is None else np.ravel(get('weights'))
             result.arrays = [np.asarray(array, np.float32) for array in arrays]
-        result.pad = _numbers(get('pad', 0), 4)
+        result.pad = _numbers(get('pad', 0), 4, least=0)
         result.stride = _numbers(get('stride', 1), 2)
         result.dilate = _numbers(get('dilate', 1), 2)
         result.pool = _numbers(get('pool', 1), 2)
         result.method = _only(get('method', 'max'))
         result.leak = float(_only(get('leak', 0)))
         result.param = [float(value) for value in np.ravel(get('param', [5, 1, 0.0001 / 5, 0.75]))]
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: layer '{name}' ({kind}): {error}") from None
     return result
 
 
-def _numbers(value, n):
+def _numbers(value, n, least=1):
     values = [int(v) for v in np.ravel(value)]
     if len(values) not in (1, n) or any(v != w for v, w in zip(values, np.ravel(value))):
         raise ValueError(f'expected a whole number, or {n}, found {value}')
+    if min(values) < least or max(values) > MOST_PIXELS:
+        raise ValueError(f'expected numbers from {least} to {MOST_PIXELS}, found {value}')
     return values * n if len(values) == 1 else values
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from google.protobuf import text_format
 
+from .errors import InputError
 from .schema import messages
 
 
@@ -27,7 +28,10 @@ class NetWriter:
         """Weights [outputs][inputs / groups][h][w]; the group is found from the number of channels of `bottom`."""
         outputs, per_group, h, w = weights.shape
         stride, pad = _pair(stride), _pair(pad)
-        p = dict(num_output=outputs, bias_term=bias is not None, group=self.channels(bottom) // per_group)
+        channels = self.channels(bottom)
+        if channels % per_group:
+            raise InputError(f"layer '{name}': weights for {per_group} channels do not fit an input of {channels}")
+        p = dict(num_output=outputs, bias_term=bias is not None, group=channels // per_group)
         p.update(dict(kernel_size=[h]) if h == w else dict(kernel_h=h, kernel_w=w))
         for field, values in (('stride', stride), ('pad', pad)):
             if values[0] == values[1]:

@@ -41,7 +41,10 @@ def export(options, out):
         model, names = build(graph, blobs, values, inputs, options.fixed, options.float16)
         if model.ByteSize() > MOST_BYTES:
             raise ConversionError(f'the model takes {model.ByteSize()} bytes, one ONNX file has at most 2^31-1; --float16 halves it')
-        onnx.checker.check_model(model)
+        try:
+            onnx.checker.check_model(model, full_check=True)
+        except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
+            raise CheckFailed(f'check failed: the checker of ONNX does not take the model: {_one_line(error)}') from None
         onnx.save(model, out)
         if options.check:
             _check_layers(model, names, inputs, values, options.tolerance)

@@ -30,7 +30,7 @@ class Writer(NetWriter):
 
     def conv(self, key, x, stride=1, pad=0, norm=None, eps=1e-5, relu=True):
         weights = self.take(f'{key}.weight')
-        if weights.ndim != 4 or self.channels(x) % weights.shape[1]:
+        if weights.ndim != 4 or weights.size == 0 or self.channels(x) % weights.shape[1]:
             raise InputError(f"'{key}.weight' has the shape {list(weights.shape)}, for an input of {self.channels(x)} channels")
         bias = self.take(f'{key}.bias') if f'{key}.bias' in self.state else None
         x = self.convolution(key, x, weights, bias, stride, pad)
