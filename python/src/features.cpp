@@ -90,8 +90,9 @@ void bind_rings(nb::module_& module) {
       });
   module.def("shipped_ring_models", &shipped_ring_models,
              "The sensors whose models come with the library.");
-  module.def("shipped_ring_model", &shipped_ring_model, "sensor"_a,
-             "A model that comes with the library.");
+  module.def("shipped_ring_model", &shipped_ring_model, "sensor"_a, "weights_sha1"_a = "",
+             "A model that comes with the library: of one convolution with random weights, or with "
+             "the SHA-1 of SqueezeNet v1.0's weights of that.");
   module.def("read_ring_model", &read_ring_model, "file"_a,
              "A model that `revisit learn` wrote. InputError naming the file and what is wrong.");
   module.def(
