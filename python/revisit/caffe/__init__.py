@@ -7,6 +7,11 @@ import sys as _sys
 import time as _time
 import warnings as _warnings
 
+try:
+    import google.protobuf as _protobuf
+except ImportError as _error:
+    raise ImportError('revisit.caffe needs the package protobuf: pip install protobuf') from _error
+
 from . import _caffe, io, net_spec, proto
 from ._blob import Blob
 from ._engine import layer_types as _layer_types
