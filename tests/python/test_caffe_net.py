@@ -188,7 +188,7 @@ class Blobs(Scripts):
     def test_a_shape_that_no_weights_fit(self):
         net = self.net(WEIGHTED)
         net.blobs['data'].reshape(1, 2, 5, 5)
-        with self.assertRaisesRegex(revisit.InputError, 'fc'):
+        with self.assertRaisesRegex(revisit.InputError, "net.prototxt: layer 'fc'"):
             net.forward()
 
     def test_outlive_the_net(self):

@@ -1,11 +1,12 @@
 """The engine, and how many threads it uses."""
 
+import contextlib
 import os
 
 from google.protobuf import text_format
 
 from .. import engine, proto
-from ..errors import InputError
+from ..errors import Error, InputError
 from . import _caffemodel
 from .proto import caffe_pb2
 
@@ -92,25 +93,31 @@ class WeightsFile:
         self.layers = {name for name, n_arrays in layers if n_arrays > 0}
 
 
+@contextlib.contextmanager
+def named(prototxt, weights="the net's weights"):
+    """Puts names of files into messages of the engine, which had them in memory."""
+    try:
+        yield
+    except Error as error:
+        message = str(error).replace('<prototxt>', prototxt).replace('<weights>', weights)
+        raise type(error)(message) from None
+
+
 def load(net, weights, prototxt):
     """A net of the engine's.
 
     Args:
         net: a NetParameter of what is to run.
-        weights: a WeightsFile, or lists of arrays by name of layer. Layers that have none there get zeros.
+        weights: a WeightsFile, or lists of arrays by name of layer. Layers that have none there get
+            zeros.
         prototxt: the file's name, for messages.
     Raises:
         revisit.InputError: the layers do not fit each other or the weights.
         revisit.UnsupportedError: a type of layer that the engine lacks.
     """
-    is_file = isinstance(weights, WeightsFile)
-    try:
-        return engine.Net.load_from_memory(
-            text_format.MessageToString(net),
-            weights.content if is_file else _caffemodel.in_memory(weights),
-            allow_missing=True,
-        )
-    except Exception as error:
-        message = str(error).replace('<prototxt>', prototxt)
-        message = message.replace('<weights>', weights.path if is_file else "the net's weights")
-        raise type(error)(message) from None
+    text = text_format.MessageToString(net)
+    if isinstance(weights, WeightsFile):
+        with named(prototxt, weights.path):
+            return engine.Net.load_from_memory(text, weights.content, allow_missing=True)
+    with named(prototxt):
+        return engine.Net.load_from_memory(text, _caffemodel.in_memory(weights), allow_missing=True)

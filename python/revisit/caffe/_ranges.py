@@ -124,7 +124,8 @@ class Range:
             while len(self._passes) >= _MOST_PASSES:
                 self._passes.popitem(last=False)
             inputs = {blob: list(shapes[blob]) for blob in self.inputs}
-            plan = self._engine.plan(inputs, threads=threads, keep=list(self.written.values()))
+            with _engine.named(self._prototxt):
+                plan = self._engine.plan(inputs, threads=threads, keep=list(self.written.values()))
             self._passes[key] = Pass(plan, self.written)
         self._passes.move_to_end(key)
         return self._passes[key]
