@@ -154,5 +154,37 @@ class Structure(unittest.TestCase):
                 self.check(folder)
 
 
+class Parts(unittest.TestCase):
+    """AlexNet's first layers: what each wrote, before any layer in place that follows."""
+
+    def setUp(self):
+        folder = SHARED / 'golden/nets/alexnet'
+        if not folder.is_dir():
+            self.skipTest(f'no {folder}; REVISIT_TEST_DATA names the folder of test data')
+        self.wrote = {
+            file.name[4:].removesuffix('.0.npy'): np.load(file)
+            for file in sorted((folder / 'all_64x160').iterdir())
+        }
+        self.net = caffe.Net(
+            str(folder / 'pool5.prototxt'), str(folder / 'weights.caffemodel'), caffe.TEST
+        )
+        self.net.blobs['data'].reshape(*self.wrote['data'].shape)
+        self.net.reshape()
+
+    def test_up_to_every_layer(self):
+        self.net.blobs['data'].data[...] = self.wrote['data']
+        self.assertGreater(len(self.wrote), 10)
+        for layer, expected in self.wrote.items():
+            found = self.net.forward(end=layer)[self.net.top_names[layer][0]]
+            self.assertLess(error(found, expected), 1e-5, layer)
+
+    def test_from_every_layer(self):
+        layers = list(self.wrote)
+        for before, layer in zip(layers, layers[1:]):
+            self.net.blobs[self.net.bottom_names[layer][0]].data[...] = self.wrote[before]
+            found = self.net.forward(start=layer)['pool5']
+            self.assertLess(error(found, self.wrote['pool5']), 1e-5, layer)
+
+
 if __name__ == '__main__':
     unittest.main()
