@@ -119,6 +119,8 @@ layer { name: "double" type: "Power" bottom: "noise" top: "double" power_param {
         net.blobs['three'].data[...] = 7  # stays, as in Caffe
         self.assertTrue((net.forward()['double'] != first).any())
         np.testing.assert_array_equal(net.blobs['three'].data, [7, 7])
+        net.blobs['noise'].reshape(3, 2)  # so does another shape
+        self.assertEqual(net.forward()['double'].shape, (3, 2))
         for wrong in (
             'shape { dim: 1 } shape { dim: 2 }',
             'num: 1',

@@ -265,6 +265,8 @@ class Passes(Scripts):
         out = self.net().forward_all(data=images, blobs=['double'])
         np.testing.assert_array_equal(out['sum'], 4 * images)
         np.testing.assert_array_equal(out['double'], 2 * images)
+        with self.assertRaisesRegex(ValueError, 'data'):
+            self.net().forward_all()
 
     def test_partial_passes_have_the_weights(self):
         net = self.net(WEIGHTED)

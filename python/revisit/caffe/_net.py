@@ -304,6 +304,8 @@ class Net:
         Returns:
             Arrays with a row for each image, by name of blob. They are copies.
         """
+        if not inputs:
+            raise ValueError(f'expected arrays for the inputs {sorted(self.inputs)}, found none')
         n_images = len(next(iter(inputs.values())))
         n_padding = -n_images % next(iter(self.blobs.values())).shape[0]
         collected = {name: [] for name in dict.fromkeys([*self.outputs, *(blobs or ())])}

@@ -41,7 +41,6 @@ class DummyData(Layer):
     def __init__(self, param):
         super().__init__(param)
         self._n_tops = len(param.top)
-        self._is_filled = False
         dummy = param.dummy_data_param
         self._fillers = self._for_each(list(dummy.data_filler) or [None], 'data_filler')
         if dummy.shape:
@@ -60,12 +59,10 @@ class DummyData(Layer):
             )
         return [given[0 if len(given) == 1 else i] for i in range(self._n_tops)]
 
-    def reshape(self, bottom, top):
+    def setup(self, bottom, top):
         for blob, shape in zip(top, self._shapes):
             blob.reshape(*shape)
-        if not self._is_filled:
-            self._is_filled = True
-            self._fill(top, constant=True)
+        self._fill(top, constant=True)
 
     def forward(self, bottom, top):
         self._fill(top, constant=False)
