@@ -268,6 +268,21 @@ class Passes(Scripts):
         with self.assertRaisesRegex(ValueError, 'data'):
             self.net().forward_all()
 
+    def test_no_detection_is_a_row_for_each_image(self):
+        net = self.net("""
+layer { name: "in" type: "Input" top: "loc" top: "conf" top: "prior" input_param {
+        shape { dim: 2 dim: 4 } shape { dim: 2 dim: 2 } shape { dim: 1 dim: 2 dim: 4 } } }
+layer { name: "found" type: "DetectionOutput" bottom: "loc" bottom: "conf" bottom: "prior" top: "found"
+        detection_output_param { num_classes: 2 keep_top_k: 5 confidence_threshold: 0.5
+                                 nms_param { nms_threshold: 0.45 top_k: 5 } } }
+""")
+        net.blobs['prior'].data[...] = [[[0.1, 0.2, 0.3, 0.4], [1, 1, 1, 1]]]
+        net.blobs['conf'].data[...] = [[0, 0.9], [1, 0.1]]
+        np.testing.assert_allclose(net.forward()['found'], [[[[0, 1, 0.9, 0.1, 0.2, 0.3, 0.4]]]])
+        net.blobs['conf'].data[...] = 0
+        nothing = [-1] * 6
+        np.testing.assert_array_equal(net.forward()['found'], [[[[0, *nothing], [1, *nothing]]]])
+
     def test_partial_passes_have_the_weights(self):
         net = self.net(WEIGHTED)
         net.blobs['data'].data[...] = IMAGE
@@ -351,6 +366,14 @@ class Weights(Scripts):
         )
         self.assertEqual(list(file.layer[1].blobs[0].shape.dim), [3, 2, 1, 1])
         np.testing.assert_array_equal(file.layer[3].blobs[1].data, net.params['fc'][1].data)
+
+    def test_save_where_nothing_can_be(self):
+        net = self.net(WEIGHTED)
+        (self.folder / 'folder').mkdir()
+        for path in (self.folder / 'missing/file', self.folder / 'folder'):
+            with self.assertRaises(OSError):
+                net.save(path)
+        self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ['folder', 'net.prototxt'])
 
     def test_save_and_load_hdf5(self):
         try:

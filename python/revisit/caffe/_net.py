@@ -19,6 +19,13 @@ def _is_path(value):
     return isinstance(value, (str, bytes, os.PathLike))
 
 
+def _no_detections(n_images):
+    """What SSD's DetectionOutput writes then: a row of -1 for each image, with the image's index."""
+    rows = np.full((1, 1, n_images, 7), -1, np.float32)
+    rows[0, 0, :, 0] = np.arange(n_images)
+    return rows
+
+
 class Net:
     """A Caffe network on the CPU, as pycaffe has it.
 
@@ -59,6 +66,11 @@ class Net:
         self.outputs = _structure.outputs(self.layers)
         self.blobs = OrderedDict()
         self._make_inputs(net.layer)
+        self._detectors = {
+            layer.tops[0]: layer.bottoms[0]
+            for layer in self.layers
+            if layer.type == 'DetectionOutput'
+        }
         self._set_up_scripts()
         blobs = self.blobs  # not self: a net goes when the script lets go of it, without a cycle
         self._ranges = Ranges(self.layers, lambda name: blobs[name].shape, self._prototxt)
@@ -134,7 +146,7 @@ class Net:
             self._ranges.clear()
 
     def save(self, path):
-        """Writes a caffemodel of all layers and weights."""
+        """Writes a caffemodel of all layers and weights, which appears whole or not at all."""
         layers = []
         for layer in self.layers:
             message = caffe_pb2.LayerParameter()
@@ -147,9 +159,15 @@ class Net:
             message.ClearField('blobs')
             layers.append((message, [blob.read() for blob in layer.blobs]))
         chunks = _caffemodel.caffemodel(self._name, layers)
-        with open(path, 'wb') as file:
-            for chunk in chunks:
-                file.write(chunk)
+        part = os.fsdecode(path) + '.part'
+        try:
+            with open(part, 'wb') as file:
+                file.writelines(chunks)
+            os.replace(part, path)
+        except OSError:
+            if os.path.exists(part):
+                os.remove(part)
+            raise
 
     def save_hdf5(self, path):
         """Writes the weights as an HDF5 file in Caffe's layout. Needs the package h5py."""
@@ -254,6 +272,8 @@ class Net:
         values = {blob: self.blobs[blob].read() for blob in range_.inputs}
         written = range_.plan(self._shapes(range_)).forward(values)
         for blob, array in written.items():
+            if array.size == 0 and blob in self._detectors:
+                array = _no_detections(self.blobs[self._detectors[blob]].shape[0])
             self.blobs[blob].take(array)
 
     def _index(self, layer):
