@@ -13,7 +13,10 @@ from .schema import messages, raw_messages
 
 def read_net(prototxt):
     """The part of a prototxt of any age that inference runs, in the current format (a NetParameter)."""
-    return text_format.Parse(revisit.net_text(prototxt), messages.NetParameter())
+    try:
+        return text_format.Parse(revisit.net_text(prototxt), messages.NetParameter())
+    except (text_format.ParseError, UnicodeDecodeError) as error:  # names that are no text
+        raise InputError(f'{prototxt}: {" ".join(str(error).split())}') from None
 
 
 def read_weights(file):

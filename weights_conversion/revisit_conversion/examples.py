@@ -4,8 +4,8 @@ import re
 
 import numpy as np
 
-from .errors import InputError, UsageError
-from .files import existing
+from .errors import UsageError
+from .npy import read_npy
 
 # Layers some of whose inputs are not pictures but indices or marks: random numbers would mean nothing.
 SPECIAL = {'BatchReindex': {1}, 'Embed': {0}, 'Filter': {-1}, 'LSTM': {1}, 'RNN': {1}, 'ROIPooling': {1}}
@@ -34,7 +34,7 @@ def arrays(graph, shape_options, array_options):
     result = {}
     for i, (blob, shape) in enumerate(known.items()):
         if blob in files:
-            result[blob] = load(files[blob])
+            result[blob] = read_npy(files[blob])
             continue
         _not_special(graph, blob)
         shape = shapes.get(blob, shape)
@@ -48,17 +48,6 @@ def random(shape, seed=0):
     """Normally distributed numbers. Their deviation lies between those of the inputs that networks are made for: about 60 for
     pixels less their mean, 1 for pixels scaled. Much more, and a softmax would amplify rounding; much less, and biases prevail."""
     return np.random.default_rng(seed).normal(0, 10, shape).astype(np.float32)
-
-
-def load(path):
-    """A float32 array of a file.npy."""
-    try:
-        array = np.load(existing(path), allow_pickle=False)
-        if array.dtype.kind not in 'fiu':
-            raise ValueError(f'holds {array.dtype}, expected numbers')
-        return array.astype(np.float32)
-    except (ValueError, OSError, EOFError) as error:
-        raise InputError(f'{path}: not a readable npy file: {error}') from None
 
 
 def _by_blob(option, texts, known):

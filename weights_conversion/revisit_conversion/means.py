@@ -7,28 +7,19 @@ from google.protobuf.message import DecodeError
 
 from .errors import InputError
 from .files import existing
+from .npy import read_npy
 from .schema import messages
 
 
 def read(path):
     """A mean image as float32 [channels][height][width]."""
     path = existing(path)
-    array = _read_npy(path) if path.suffix.lower() == '.npy' else _read_binaryproto(path)
+    array = read_npy(path) if path.suffix.lower() == '.npy' else _read_binaryproto(path)
     if array.ndim == 4 and array.shape[0] == 1:
         array = array[0]
     if array.ndim not in (1, 3) or array.size == 0:
         raise InputError(f'{path}: a mean has the shape [channels][height][width], found {list(array.shape)}')
     return array.reshape(array.shape + (1,) * (3 - array.ndim))
-
-
-def _read_npy(path):
-    try:
-        array = np.load(path, allow_pickle=False)
-        if array.dtype.kind not in 'fiu':
-            raise ValueError(f'holds {array.dtype}, expected numbers')
-        return array.astype(np.float32)
-    except (ValueError, OSError, EOFError) as error:
-        raise InputError(f'{path}: not a readable npy file: {error}') from None
 
 
 def _read_binaryproto(path):

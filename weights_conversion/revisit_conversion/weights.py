@@ -44,8 +44,11 @@ def read_with_types(path):
     path = existing(path)
     if is_npz(path):
         return _read_npz(path), {}
-    net = engine.read_weights(path)
-    return of_net(net), {layer.name: layer.type for layer in net.layer}
+    try:
+        net = engine.read_weights(path)
+        return of_net(net), {layer.name: layer.type for layer in net.layer}
+    except UnicodeDecodeError as error:
+        raise InputError(f'{path}: the name of a layer is no text in UTF-8: {error}') from None
 
 
 def of_net(net):
