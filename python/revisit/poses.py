@@ -1,0 +1,178 @@
+"""Trajectories in KITTI's, TUM's and EuRoC's form, and whose axes they have.
+
+Poses are float64 [n][4][4], T_world_sensor, in metres. The world of all that this package keeps has the axes of KITTI's
+camera (x to the right, y down, z forward), so that a horizontal distance is one of x and z, whatever a file has.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from revisit.datasets import read_kitti_calibration, read_kitti_poses
+from revisit.errors import InputError, UsageError
+
+__all__ = ['AXES_OF_CAMERA', 'FORMATS', 'FRAMES', 'Trajectory', 'in_frame', 'in_kitti_world', 'matched', 'read_extrinsic',
+           'read_trajectory', 'rigid', 'tum_line']
+
+FORMATS = ('kitti', 'tum', 'euroc')
+FRAMES = ('lidar', 'camera')
+AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
+"""T_camera_lidar of a camera that looks ahead: lidars have x forward, y to the left, z up."""
+COLUMNS = {'kitti': '12 numbers: the rows of a 3 x 4 matrix', 'tum': 'time x y z qx qy qz qw',
+           'euroc': 'time [ns], x, y, z, qw, qx, qy, qz'}
+
+
+class Trajectory(NamedTuple):
+    file: str
+    times: np.ndarray | None
+    """[n], seconds; None in KITTI's form: pose i is that of frame i."""
+    poses: np.ndarray
+    """[n][4][4], as the file has them."""
+
+
+def rigid(translations, quaternions):
+    """[n][4][4] of translations [n][3] and quaternions [n][4] as x, y, z, w of any length but 0."""
+    x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
+    poses = np.zeros((len(x), 4, 4))
+    poses[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], 1)
+    poses[:, 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], 1)
+    poses[:, 2, :3] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], 1)
+    poses[:, :3, 3] = translations
+    poses[:, 3, 3] = 1
+    return poses
+
+
+def table_of(file, delimiter=None):
+    """The numbers of a text file, float64 [rows][columns]; lines that begin with # are none."""
+    try:
+        table = np.loadtxt(file, delimiter=delimiter, comments='#', ndmin=2)
+    except (OSError, ValueError) as error:
+        raise InputError(f'{file}: cannot be read as a table of numbers: {error}') from None
+    if not table.size:
+        raise InputError(f'{file}: is empty')
+    if not np.isfinite(table).all():
+        raise InputError(f'{file}: line {int(np.argmin(np.isfinite(table).all(1))) + 1} holds numbers that are not finite')
+    return table
+
+
+def guess(file):
+    """The form that the first line of numbers has."""
+    try:
+        lines = Path(file).read_text(errors='replace').splitlines()
+    except OSError as error:
+        raise InputError(f'{file}: {error.strerror}') from None
+    line = next((line for line in lines if line.strip() and not line.startswith('#')), '')
+    if ',' in line and len(line.split(',')) >= 8:
+        return 'euroc'
+    form = {12: 'kitti', 8: 'tum'}.get(len(line.split()))
+    if form:
+        return form
+    known = '; '.join(f'{name}: {columns}' for name, columns in COLUMNS.items())
+    raise InputError(f'{file}: no poses that are known ({known}); the first line is {line[:60]!r}')
+
+
+def read_trajectory(file, form=None) -> Trajectory:
+    """A file of poses; its form is guessed from what is in it when it is None. InputError naming the file."""
+    form = form or guess(file)
+    if form not in FORMATS:
+        raise UsageError(f'poses: expected one of {", ".join(FORMATS)}, found {form!r}')
+    if form == 'kitti':
+        return Trajectory(str(file), None, read_kitti_poses(file))
+    table = table_of(file, ',' if form == 'euroc' else None)
+    if table.shape[1] < 8 or (form == 'tum' and table.shape[1] > 8):
+        raise InputError(f'{file}: expected {COLUMNS[form]}, found {table.shape[1]} columns')
+    table = table[np.argsort(table[:, 0], kind='stable')]
+    quaternions = table[:, 4:8] if form == 'tum' else table[:, [5, 6, 7, 4]]
+    lengths = np.linalg.norm(quaternions, axis=1)
+    if abs(lengths - 1).max() > 0.01:
+        worst = int(abs(lengths - 1).argmax())
+        raise InputError(f'{file}: expected {COLUMNS[form]} with quaternions of length 1, '
+                         f'found one of length {lengths[worst]:.3f}')
+    return Trajectory(str(file), table[:, 0] * (1 if form == 'tum' else 1e-9), rigid(table[:, 1:4], quaternions))
+
+
+def read_extrinsic(file) -> np.ndarray:
+    """T_body_lidar: KITTI's calib.txt (Tr), or 3 or 4 rows of 4 numbers, or these in one line."""
+    try:
+        text = Path(file).read_text(errors='replace')
+    except OSError as error:
+        raise InputError(f'{file}: {error.strerror}') from None
+    if 'Tr' in text:
+        return read_kitti_calibration(file)
+    numbers = table_of(file).ravel()
+    if numbers.size not in (12, 16):
+        raise InputError(f'{file}: expected a calib.txt with Tr, or 3 x 4 or 4 x 4 numbers, found {numbers.size}')
+    T = np.eye(4)
+    T[:3] = numbers[:12].reshape(3, 4)
+    if abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or np.linalg.det(T[:3, :3]) < 0:
+        raise InputError(f'{file}: expected a rotation and a translation, found {T[:3].tolist()}')
+    return T
+
+
+def in_kitti_world(poses, frame, extrinsic=None) -> np.ndarray:
+    """T_world_lidar in KITTI's world, of poses as a file has them.
+
+    frame: 'lidar': the world has z up, and the poses are the lidar's. 'camera': the world has KITTI's axes already, and the
+    poses are the camera's. extrinsic: T_body_lidar, when the poses are of something else (IMU, another camera).
+    """
+    if frame not in FRAMES:
+        raise UsageError(f'frame of the poses: expected one of {", ".join(FRAMES)}, found {frame!r}')
+    if frame == 'camera':
+        return poses @ (AXES_OF_CAMERA if extrinsic is None else extrinsic)
+    return AXES_OF_CAMERA @ poses @ (np.eye(4) if extrinsic is None else extrinsic)
+
+
+def in_frame(pose, frame) -> np.ndarray:
+    """T_world_lidar of KITTI's world, in the world that a file of `frame` has."""
+    return pose if frame == 'camera' else AXES_OF_CAMERA.T @ pose
+
+
+def nearest(times, wanted):
+    """Index of the time nearest to each wanted one, and how far it is away. times: ascending."""
+    after = np.clip(np.searchsorted(times, wanted), 1, max(1, len(times) - 1))
+    after = np.minimum(after, len(times) - 1)
+    before = np.maximum(after - 1, 0)
+    index = np.where(abs(times[before] - wanted) <= abs(times[after] - wanted), before, after)
+    return index, abs(times[index] - wanted)
+
+
+def matched(trajectory, frames, times, max_gap) -> np.ndarray:
+    """The trajectory's pose of every scan, [n][4][4]. InputError saying how many scans have none.
+
+    frames: of the scans, ascending. times: of the scans [s], or None. max_gap: [s].
+    """
+    if trajectory.times is None:
+        if frames[-1] >= len(trajectory.poses):
+            raise InputError(f'{trajectory.file}: holds {len(trajectory.poses)} poses (frames 0 to '
+                             f'{len(trajectory.poses) - 1}), but the last scan is frame {frames[-1]}')
+        return trajectory.poses[np.asarray(frames)]
+    if times is None or any(time is None for time in times):
+        raise InputError(f'{trajectory.file}: its poses belong to times, and the scans have none; give poses in KITTI\'s form')
+    times = np.asarray(times)
+    index, gaps = nearest(trajectory.times, times)
+    lost = gaps > max_gap
+    if lost.any():
+        worst = int(gaps.argmax())
+        raise InputError(
+            f'{trajectory.file}: {lost.sum()} of {len(times)} scans have no pose within {max_gap:g} s; frame {frames[worst]} is '
+            f'{gaps[worst]:.3f} s off. The scans are from {times.min():.3f} to {times.max():.3f} s, the poses from '
+            f'{trajectory.times[0]:.3f} to {trajectory.times[-1]:.3f} s')
+    return trajectory.poses[index]
+
+
+def tum_line(time, pose) -> str:
+    """time x y z qx qy qz qw"""
+    R = pose[:3, :3]
+    # the largest of the four squares, so that nothing is divided by a small number
+    squares = np.array([1 + 2 * R[i, i] - np.trace(R) for i in range(3)] + [1 + np.trace(R)])
+    i = int(squares.argmax())
+    q = np.empty(4)
+    q[i] = squares[i]
+    if i == 3:
+        q[:3] = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    else:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[3], q[j], q[k] = R[k, j] - R[j, k], R[j, i] + R[i, j], R[k, i] + R[i, k]
+    q /= np.linalg.norm(q) * (-1 if q[3] < 0 else 1)
+    return ' '.join([f'{time:.6f}', *(f'{value:.6f}' for value in pose[:3, 3]), *(f'{value:.9f}' for value in q)])

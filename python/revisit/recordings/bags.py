@@ -1,0 +1,138 @@
+"""ROS 1 bags, ROS 2 bags and MCAP files, read with the package rosbags. ROS is not needed."""
+
+import contextlib
+import functools
+import heapq
+import struct
+
+from revisit.errors import Error, InputError, UsageError
+from revisit.recordings.point_cloud2 import fields_of, points_of
+from revisit.recordings.recording import Recording, Scan, package
+
+ENDINGS = ('.bag', '.db3', '.mcap')
+CLOUD = 'sensor_msgs/msg/PointCloud2'
+CLOUDS = (CLOUD, 'sensor_msgs/PointCloud2')
+
+
+def detects(path):
+    return path.suffix in ENDINGS if path.is_file() else bool(files_of(path))
+
+
+def files_of(path):
+    """What a reader is made for: a ROS 2 bag's folder, or files; a ROS 1 recording may be split into several."""
+    if path.is_file() or (path / 'metadata.yaml').is_file():
+        return [path]
+    for ending in ENDINGS:
+        files = sorted(path.glob(f'*{ending}'))
+        if files:
+            return files
+    return []
+
+
+@contextlib.contextmanager
+def errors_of(path):
+    """What the package stumbles over in a broken file, as our error."""
+    try:
+        yield
+    except Error:
+        raise
+    except Exception as error:  # whatever bytes are in the file: the package has no one error for them
+        advice = '; `rosbag reindex` may mend it' if 'index' in str(error) else ''
+        raise InputError(f'{path}: cannot be read as a bag: {str(error) or type(error).__name__}{advice}') from error
+
+
+@contextlib.contextmanager
+def opened(path):
+    package('rosbags', 'rosbags', f'{path}: reading bags')
+    from rosbags.rosbag1 import Reader as Reader1
+    from rosbags.rosbag2 import Reader as Reader2
+    files = files_of(path)
+    if not files:
+        raise InputError(f'{path}: no .bag, .db3 or .mcap files and no metadata.yaml here')
+    ending = files[0].suffix
+    if files[0].is_file() and ending != '.bag' and ending not in getattr(Reader2, 'STORAGE_PLUGINS', {}):
+        raise Error(f'{path}: a {ending} file without the metadata.yaml of its bag needs a newer rosbags: '
+                    'pip install -U rosbags (ouster-sdk asks for an old one: take another environment)')
+    with contextlib.ExitStack() as stack:
+        yield [stack.enter_context((Reader1 if file.suffix == '.bag' else Reader2)(file)) for file in files]
+
+
+def choose(path, readers, topic):
+    """The name of the topic asked for, or of the only one of PointCloud2."""
+    connections = [connection for reader in readers for connection in reader.connections]
+    clouds = [connection for connection in connections if connection.msgtype in CLOUDS]
+    topics = sorted({connection.topic for connection in clouds})
+    if topic is not None and topic not in topics:
+        raise UsageError(f'{path}: no topic {topic} of PointCloud2; there are {", ".join(topics) or "none"}')
+    if not topics:
+        others = ', '.join(sorted({f'{c.topic} ({c.msgtype})' for c in connections})) or 'none at all'
+        raise InputError(f'{path}: no topic of PointCloud2 (sensor_msgs); the topics are: {others}')
+    if topic is None:
+        topics = [name for name in topics if any(c.topic == name and c.msgcount != 0 for c in clouds)] or topics
+        if len(topics) > 1:
+            raise UsageError(f'{path}: several topics of PointCloud2; choose one of {", ".join(topics)} with --topic')
+    return topics[0] if topic is None else topic
+
+
+def connections_of(reader, topic):
+    return [c for c in reader.connections if c.topic == topic and c.msgtype in CLOUDS]
+
+
+def is_ros1(connection):
+    ext = connection.ext
+    return type(ext).__name__ == 'ConnectionExtRosbag1' or getattr(ext, 'serialization_format', '') == 'ros1'
+
+
+def messages(path, topic):
+    """(time of recording [s], in ROS 1's form, bytes) by time over all files."""
+    with errors_of(path), opened(path) as readers:
+        of = [reader.messages(connections=connections_of(reader, topic)) for reader in readers if connections_of(reader, topic)]
+        for connection, nanoseconds, data in heapq.merge(*of, key=lambda message: message[1]):
+            yield nanoseconds * 1e-9, is_ros1(connection), data
+
+
+@functools.cache
+def store_of(ros1):
+    from rosbags.typesys import Stores, get_typestore
+    return get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
+
+
+def decode(path, ros1, data):
+    """The message. Its definition is the one that ROS has had since 2009, whatever else the bag defines."""
+    with errors_of(path):
+        store = store_of(ros1)
+        return (store.deserialize_ros1 if ros1 else store.deserialize_cdr)(data, CLOUD)
+
+
+def time_of(path, recorded, ros1, data):
+    """Of the header [s], which is at the beginning; when it has none the time of recording."""
+    with errors_of(path):
+        if ros1:
+            seconds, nano = struct.unpack_from('<4xII', data)
+        else:
+            seconds, nano = struct.unpack_from('<iI' if data[1] & 1 else '>iI', data, 4)
+    return seconds + nano * 1e-9 or recorded
+
+
+def open_bag(path, options) -> Recording:
+    with errors_of(path), opened(path) as readers:
+        topic = choose(path, readers, options.topic)
+        count = sum(connection.msgcount for reader in readers for connection in connections_of(reader, topic))
+    _, *first = next(messages(path, topic), [None])
+    if not first:
+        raise InputError(f'{path}: the topic {topic} holds no messages')
+    try:
+        fields_of(decode(path, *first))  # before the work of describing
+    except InputError as error:
+        raise InputError(f'{path}: {topic}: {error}') from None
+
+    def scans():
+        for frame, (recorded, ros1, data) in enumerate(messages(path, topic)):
+            yield Scan(frame, time_of(path, recorded, ros1, data), None,
+                       lambda ros1=ros1, data=data: points_of(decode(path, ros1, data)), f'{path}, frame {frame}')
+
+    def times():
+        found = [time_of(path, *message) for message in messages(path, topic)]
+        return list(range(len(found))), found
+
+    return Recording(path.stem, count or None, scans, times)

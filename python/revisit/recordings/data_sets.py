@@ -1,0 +1,160 @@
+"""MulRan, HeLiPR and NCLT as they are downloaded: a file a scan, named by its time, and poses by time."""
+
+import numpy as np
+
+from revisit.errors import InputError, UsageError
+from revisit.poses import in_kitti_world, nearest, rigid, table_of
+from revisit.recordings.recording import Scan, files_in, is_numbered, read_records, recording_of
+
+MAX_GAP = 0.1
+"""[s] between a scan and its pose. A scan farther from any has none."""
+
+
+def record(*types):
+    """x, y, z and what follows, without gaps."""
+    return np.dtype([(str(i), f'<{name}') for i, name in enumerate(types)])
+
+
+MULRAN = record(*['f4'] * 4)
+HELIPR = {  # as HeLiPR's file player reads them
+    'Ouster': record('f4', 'f4', 'f4', 'f4', 'u4', 'u2', 'u2', 'u2'),
+    'Velodyne': record('f4', 'f4', 'f4', 'f4', 'u2', 'f4'),
+    'Avia': record('f4', 'f4', 'f4', 'u1', 'u1', 'u1', 'u4'),
+    'Aeva': record('f4', 'f4', 'f4', 'f4', 'f4', 'i4', 'u1', 'f4'),
+}
+AEVA_WITHOUT_INTENSITY, AEVA_CHANGED = record('f4', 'f4', 'f4', 'f4', 'f4', 'i4', 'u1'), 1691936557946849179
+NCLT = np.dtype([('xyz', '<u2', 3), ('intensity', 'u1'), ('laser', 'u1')])
+Z_UP_OF_NCLT = np.diag([1.0, -1, -1, 1])
+"""NCLT's body and world have z down."""
+
+
+def euler(angles):
+    """Rz(yaw) Ry(pitch) Rx(roll), [n][3][3], of roll, pitch and yaw [n][3] in rad."""
+    def about(axis, angle):
+        half = np.zeros((len(angle), 4))
+        half[:, axis], half[:, 3] = np.sin(angle / 2), np.cos(angle / 2)
+        return rigid(np.zeros((len(angle), 3)), half)[:, :3, :3]
+    roll, pitch, yaw = np.asarray(angles, np.float64).T
+    return about(2, yaw) @ about(1, pitch) @ about(0, roll)
+
+
+MULRAN_EXTRINSIC = np.eye(4)
+"""T_base_ouster, of the data set's calib_base2ouster.txt."""
+MULRAN_EXTRINSIC[:3, :3] = euler(np.radians([[0.0001, 0.0003, 179.6654]]))[0]
+MULRAN_EXTRINSIC[:3, 3] = 1.7042, -0.021, 1.8047
+
+
+def timed(name, files, unit, read, table, poses_of):
+    """A recording of files whose names are times in `unit` seconds.
+
+    table: of the poses, the time in the same unit first, or None. poses_of: its other columns -> T_world_lidar [n][4][4].
+    """
+    times = [int(file.stem) * unit for file in files]
+    poses, warnings = [None] * len(files), []
+    if table is not None:
+        table = table[np.argsort(table[:, 0], kind='stable')]
+        all_poses = poses_of(table[:, 1:])
+        index, gaps = nearest(table[:, 0] * unit, np.asarray(times))
+        poses = [all_poses[i] if gap <= MAX_GAP else None for i, gap in zip(index, gaps)]
+        if lost := sum(pose is None for pose in poses):
+            warnings.append(f'{lost} of {len(files)} scans have no pose within {MAX_GAP} s')
+    return recording_of(name, [Scan(i, time, pose, lambda file=file: read(file), str(file))
+                               for i, (file, time, pose) in enumerate(zip(files, times, poses))], warnings)
+
+
+def first_table(files, delimiter, columns):
+    for file in files:
+        if file.is_file():
+            table = table_of(file, delimiter)
+            if table.shape[1] < columns:
+                raise InputError(f'{file}: expected {columns} columns, found {table.shape[1]}')
+            return table
+    return None
+
+
+def holds_scans(folder):
+    return any(is_numbered(file) for file in folder.glob('*.bin'))
+
+
+# MulRan: Ouster/TIME.bin [ns], global_pose.csv: time, the rows of the base's 3 x 4 pose in a world with z up
+
+def mulran_folder(path):
+    return next((folder for folder in (path / 'Ouster', path / 'sensor_data' / 'Ouster') if holds_scans(folder)), None)
+
+
+def detects_mulran(path):
+    return mulran_folder(path) is not None
+
+
+def open_mulran(path, options):
+    folder = mulran_folder(path)
+    if folder is None:
+        raise InputError(f'{path}: no MulRan: looked for Ouster/TIME.bin')
+
+    def poses_of(rows):
+        poses = np.tile(np.eye(4), (len(rows), 1, 1))
+        poses[:, :3] = rows[:, :12].reshape(-1, 3, 4)
+        return in_kitti_world(poses, 'lidar', MULRAN_EXTRINSIC)
+
+    return timed(path.name, files_in(folder, '.bin'), 1e-9, lambda file: read_records(file, MULRAN),
+                 first_table([path / 'global_pose.csv'], ',', 13), poses_of)
+
+
+# HeLiPR: LiDAR/SENSOR/TIME.bin [ns], LiDAR_GT/global_SENSOR_gt.txt: time [ns] and the lidar's pose as TUM has it
+
+def helipr_sensors(path):
+    return [name for name in HELIPR if holds_scans(path / 'LiDAR' / name)]
+
+
+def detects_helipr(path):
+    return bool(helipr_sensors(path))
+
+
+def open_helipr(path, options):
+    there = helipr_sensors(path)
+    if not there:
+        raise InputError(f'{path}: no HeLiPR: looked for LiDAR/Ouster, Velodyne, Avia and Aeva with files TIME.bin')
+    if options.sequence not in there and (options.sequence or len(there) > 1):
+        raise UsageError(f'{path}: choose the lidar with --sequence: {", ".join(there)}')
+    sensor = options.sequence or there[0]
+
+    def read(file):
+        old = sensor == 'Aeva' and int(file.stem) <= AEVA_CHANGED
+        return read_records(file, AEVA_WITHOUT_INTENSITY if old else HELIPR[sensor])
+
+    truth = path / 'LiDAR_GT'
+    return timed(f'{path.name}-{sensor}', files_in(path / 'LiDAR' / sensor, '.bin'), 1e-9, read,
+                 first_table([truth / f'global_{sensor}_gt.txt', truth / f'{sensor}_gt.txt'], None, 8),
+                 lambda rows: in_kitti_world(rigid(rows[:, :3], rows[:, 3:7]), 'lidar'))
+
+
+# NCLT: velodyne_sync/TIME.bin [us], groundtruth_DATE.csv: time, x, y, z, roll, pitch, yaw
+
+def detects_nclt(path):
+    return holds_scans(path / 'velodyne_sync')
+
+
+def read_nclt(file):
+    """Its integers are 5 mm from -100 m on; what is there has z down."""
+    try:
+        data = np.fromfile(file, np.uint8)
+    except OSError as error:
+        raise InputError(f'{file}: {error.strerror}') from None
+    if data.size == 0 or data.size % NCLT.itemsize:
+        raise InputError(f'{file}: expected points of {NCLT.itemsize} bytes each, found {data.size} bytes')
+    points = data.view(NCLT)['xyz'] * np.float32(0.005) - np.float32(100)
+    return points * np.float32([1, -1, -1])
+
+
+def open_nclt(path, options):
+    truth = f'groundtruth_{path.resolve().name}.csv'
+
+    def poses_of(rows):
+        poses = np.tile(np.eye(4), (len(rows), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = euler(rows[:, 3:6]), rows[:, :3]
+        return in_kitti_world(Z_UP_OF_NCLT @ poses @ Z_UP_OF_NCLT, 'lidar')
+
+    table = first_table([path / truth, path.parent / 'ground_truth' / truth], ',', 7)
+    if table is not None:
+        table = table[np.isfinite(table).all(1)]
+    return timed(path.resolve().name, files_in(path / 'velodyne_sync', '.bin'), 1e-6, read_nclt, table, poses_of)

@@ -1,0 +1,48 @@
+"""KITTI's odometry layout and folders of .bin, .pcd, .ply (read by the C++ library) and .npy files."""
+
+import numpy as np
+
+from revisit.datasets import open_dataset, read_kitti_calibration, read_scan
+from revisit.errors import InputError
+from revisit.poses import in_kitti_world
+from revisit.recordings.recording import Scan, recording_of
+
+
+def detects(path):
+    return path.is_dir()
+
+
+def detects_npy(path):
+    return path.is_dir() and any(path.glob('*.npy'))
+
+
+def open_scans(path, options):
+    dataset = open_dataset(path, options.sequence)
+    scans = dataset.scans
+    calibration = scans[0].file.parent.parent / 'calib.txt'
+    extrinsic = read_kitti_calibration(calibration) if dataset.has_poses and calibration.is_file() else None
+    return recording_of(dataset.sequence, [
+        Scan(scan.frame, scan.time, None if scan.pose is None else in_kitti_world(scan.pose, 'camera', extrinsic),
+             lambda file=scan.file: read_scan(file), str(scan.file)) for scan in scans], dataset.warnings)
+
+
+def read_npy(file):
+    """Floating-point [n][3 or more], or a structured array with such fields x, y, z."""
+    try:
+        points = np.load(file, mmap_mode='r', allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f'{file}: cannot be read as an array: {error}') from None
+    if points.dtype.names and {'x', 'y', 'z'} <= set(points.dtype.names) and points.ndim == 1:
+        points = np.stack([points[axis] for axis in 'xyz'], -1)
+    if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind != 'f':
+        raise InputError(f'{file}: expected floating-point numbers [n][3 or more], '
+                         f'found {points.dtype} of shape {points.shape}')
+    return points[:, :3].astype(np.float32, copy=False)
+
+
+def open_npy(path, options):
+    files = sorted(path.glob('*.npy'), key=lambda file: (len(file.stem), file.stem))
+    if not files:
+        raise InputError(f'{path}: no .npy files here')
+    return recording_of(path.name, [Scan(frame, None, None, lambda file=file: read_npy(file), str(file))
+                                    for frame, file in enumerate(files)])

@@ -1,0 +1,92 @@
+"""nuScenes: the keyframes and sweeps of LIDAR_TOP, with poses when the tables of v1.0-* are there.
+
+The tables are JSON files, so its devkit is not needed.
+"""
+
+import json
+
+import numpy as np
+
+from revisit.errors import InputError, UsageError
+from revisit.poses import in_kitti_world, rigid
+from revisit.recordings.data_sets import record
+from revisit.recordings.recording import Scan, read_records, recording_of
+
+POINT = record(*['f4'] * 5)
+"""x, y, z, intensity, ring"""
+LIDAR = 'LIDAR_TOP'
+ENDING = '.pcd.bin'
+
+
+def tables_in(path):
+    return sorted(folder for folder in path.glob('v1.0-*') if (folder / 'sample_data.json').is_file())
+
+
+def detects(path):
+    return bool(tables_in(path)) or next(path.glob(f'*{ENDING}'), None) is not None or any(
+        (path / part / LIDAR).is_dir() for part in ('samples', 'sweeps'))
+
+
+def load(file):
+    try:
+        return json.loads(file.read_bytes())
+    except (OSError, ValueError) as error:
+        raise InputError(f'{file}: {error}') from None
+
+
+def pose_of(row):
+    w, x, y, z = row['rotation']
+    return rigid(np.array([row['translation']], np.float64), np.array([[x, y, z, w]], np.float64))[0]
+
+
+def scan_of(frame, file, time, pose):
+    return Scan(frame, time, pose, lambda: read_records(file, POINT), str(file))
+
+
+def open_nuscenes(path, options):
+    tables = tables_in(path)
+    if not tables:
+        return without_tables(path)
+    try:
+        return from_tables(path, tables, options.sequence)
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, UsageError):
+            raise
+        raise InputError(f'{tables[0]}: no tables of nuScenes: {type(error).__name__} {error}') from None
+
+
+def from_tables(path, tables, sequence):
+    scenes = {scene['name']: (folder, scene) for folder in tables for scene in load(folder / 'scene.json')}
+    name = f'scene-{sequence.zfill(4)}' if sequence.isdigit() else sequence
+    if name not in scenes and (sequence or len(scenes) != 1):
+        raise UsageError(f'{path}: choose the scene with --sequence: {", ".join(sorted(scenes)) or "there is none"}')
+    folder, scene = scenes[name or next(iter(scenes))]
+    samples = {row['token'] for row in load(folder / 'sample.json') if row['scene_token'] == scene['token']}
+    rows = [row for row in load(folder / 'sample_data.json')
+            if row['sample_token'] in samples and f'/{LIDAR}/' in row['filename']]
+    if not rows:
+        raise InputError(f'{folder}: no scans of {LIDAR} in {scene["name"]}')
+    sensors = {row['token']: row for row in load(folder / 'calibrated_sensor.json')}
+    places = {row['token']: row for row in load(folder / 'ego_pose.json')}
+
+    def pose(row):
+        T_world_car, T_car_lidar = pose_of(places[row['ego_pose_token']]), pose_of(sensors[row['calibrated_sensor_token']])
+        return in_kitti_world(T_world_car, 'lidar', T_car_lidar)
+
+    rows.sort(key=lambda row: row['timestamp'])
+    return recording_of(scene['name'], [scan_of(i, path / row['filename'], row['timestamp'] * 1e-6, pose(row))
+                                        for i, row in enumerate(rows)])
+
+
+def without_tables(path):
+    """Of the folder itself, or of samples/LIDAR_TOP and sweeps/LIDAR_TOP, by the time in the names [us]."""
+    folders = [folder for folder in (path, path / 'samples' / LIDAR, path / 'sweeps' / LIDAR) if folder.is_dir()]
+    files = []
+    for file in (file for folder in folders for file in folder.glob(f'*{ENDING}')):
+        stamp = file.name.removesuffix(ENDING).rpartition('__')[2]
+        if not stamp.isdigit():
+            raise InputError(f'{file}: expected a name that ends in __MICROSECONDS{ENDING}')
+        files.append((int(stamp), file))
+    if not files:
+        raise InputError(f'{path}: no nuScenes: looked for v1.0-*/sample_data.json and *{ENDING}')
+    return recording_of(path.name, [scan_of(i, file, stamp * 1e-6, None) for i, (stamp, file) in enumerate(sorted(files))])

@@ -1,0 +1,74 @@
+"""What sensors send over the network, as it was recorded: Ouster's by ouster-sdk, Velodyne's by velodyne-decoder."""
+
+import numpy as np
+
+from revisit.errors import Error, InputError
+from revisit.recordings.recording import Recording, Scan, package
+
+
+def metadata_of(path):
+    """The .json file beside a .pcap whose name begins most like it."""
+    def alike(file):
+        return next((i for i, (a, b) in enumerate(zip(file.name, path.name)) if a != b), len(path.stem))
+    return max(path.parent.glob('*.json'), key=alike, default=None)
+
+
+def detects_ouster(path):
+    return path.suffix == '.osf' or (path.suffix == '.pcap' and metadata_of(path) is not None)
+
+
+def detects_velodyne(path):
+    return path.suffix == '.pcap'
+
+
+def from_iterator(path, name, frames, count=None) -> Recording:
+    """frames(): gives (time, points); it is asked again for every pass."""
+    def scans():
+        try:
+            for frame, (time, points) in enumerate(frames()):
+                yield Scan(frame, time, None, lambda points=points: points, f'{path}, frame {frame}')
+        except Error:
+            raise
+        except Exception as error:  # the packages have no one error for broken files
+            raise InputError(f'{path}: cannot be read as packets: {str(error) or type(error).__name__}') from error
+
+    def times():
+        found = [scan.time for scan in scans()]
+        return list(range(len(found))), found
+
+    if next(scans(), None) is None:
+        raise InputError(f'{path}: no scans in these packets')
+    return Recording(name, count, scans, times)
+
+
+def open_ouster(path, options) -> Recording:
+    sdk = package('ouster.sdk', 'ouster-sdk', f'{path}: reading what an Ouster sent')
+    core = package('ouster.sdk.core', 'ouster-sdk', f'{path}: reading what an Ouster sent')
+    meta = options.meta or (metadata_of(path) if path.suffix == '.pcap' else None)
+
+    def frames():
+        tables = {}
+        for item in sdk.open_source(str(path), **({'meta': [str(meta)]} if meta else {})):
+            for frame in item:
+                if frame is None:
+                    continue
+                info = frame.sensor_info
+                if info.sn not in tables:
+                    tables[info.sn] = core.XYZLut(info)
+                seen = frame.field(core.ChanField.RANGE) != 0
+                stamps = np.asarray(frame.timestamp)[np.asarray(frame.status) & 1 == 1]
+                yield stamps[0] * 1e-9 if len(stamps) else None, tables[info.sn](frame)[seen].astype(np.float32)
+                break  # one sensor: the first
+
+    return from_iterator(path, path.stem, frames)
+
+
+def open_velodyne(path, options) -> Recording:
+    decoder = package('velodyne_decoder', 'velodyne-decoder',
+                      f'{path}: reading what a Velodyne sent (an Ouster has a .json file of metadata beside it)')
+
+    def frames():
+        for stamp, points in decoder.read_pcap(str(path)):
+            yield float(getattr(stamp, 'host', stamp)), points
+
+    return from_iterator(path, path.stem, frames)

@@ -1,0 +1,50 @@
+"""The points of a sensor_msgs/PointCloud2, read where they are in the message."""
+
+import numpy as np
+
+from revisit.errors import InputError
+
+FLOATS = {7: 'f4', 8: 'f8'}
+TYPES = {1: 'int8', 2: 'uint8', 3: 'int16', 4: 'uint16', 5: 'int32', 6: 'uint32', 7: 'float32', 8: 'float64'}
+
+
+def fields_of(message):
+    """Offset [bytes] and numpy's type of x, y and z. InputError when they are not there, or no floating-point numbers."""
+    by_name = {field.name: field for field in message.fields}
+    found = []
+    for axis in 'xyz':
+        field = by_name.get(axis)
+        if field is None:
+            raise InputError(f'a PointCloud2 without the field {axis}: it has {", ".join(by_name) or "none"}')
+        if field.datatype not in FLOATS or field.count > 1:
+            count = f' x {field.count}' if field.count > 1 else ''
+            raise InputError(f'a PointCloud2 whose field {axis} is {TYPES.get(field.datatype, field.datatype)}{count}: '
+                             'expected float32 or float64')
+        number = np.dtype(('>' if message.is_bigendian else '<') + FLOATS[field.datatype])
+        if field.offset + number.itemsize > message.point_step:
+            raise InputError(f'a PointCloud2 whose field {axis} ends at byte {field.offset + number.itemsize} '
+                             f'of points of {message.point_step} bytes')
+        found.append((field.offset, number))
+    return found
+
+
+def points_of(message) -> np.ndarray:
+    """float32 [n][3]. No copy when x, y, z are float32 in this machine's order, evenly apart, and no row is padded.
+
+    message: as rosbags or ROS has it. NaN stays NaN, an organised cloud is taken row by row. InputError for one cut short.
+    """
+    fields = fields_of(message)
+    width, height, step = message.width, message.height, message.point_step
+    if width * height == 0:
+        return np.empty((0, 3), np.float32)
+    row = message.row_step if height > 1 else width * step  # of one row nobody needs to know it
+    data = np.frombuffer(message.data, np.uint8)
+    if row < width * step or (height - 1) * row + width * step > data.size:
+        raise InputError(f'a PointCloud2 of {height} x {width} points of {step} bytes, rows of {row}: found {data.size} bytes')
+    (x, number), (y, of_y), (z, of_z) = fields
+    if number == of_y == of_z and y - x == z - y > 0:
+        shape, strides = (height, width, 3), (row, step, y - x)
+        points = np.ndarray(shape, number, data, x, strides)
+    else:
+        points = np.stack([np.ndarray((height, width), of, data, offset, (row, step)) for offset, of in fields], -1)
+    return points.reshape(-1, 3).astype(np.float32, copy=False)

@@ -1,0 +1,84 @@
+"""What a reader gives: scans, each with its frame, time and pose, whose points are read when they are asked for."""
+
+import importlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from revisit.errors import Error, InputError
+
+
+class Scan(NamedTuple):
+    frame: int
+    """Counted from 0, or the number that is the file's name."""
+    time: float | None
+    """[s]"""
+    pose: np.ndarray | None
+    """T_world_lidar, float64 [4][4], in KITTI's world: revisit.poses."""
+    points: Callable[[], np.ndarray]
+    """float32 [n][3 or more] in the lidar's frame [m], perhaps a view of what was read. InputError when they are no scan."""
+    source: str
+    """For people: the file, or the bag and the frame."""
+
+
+class Recording(NamedTuple):
+    name: str
+    """Of the drive."""
+    count: int | None
+    """Of the scans, when it is known before they are read."""
+    scans: Callable[[], Iterator[Scan]]
+    """From the first one again at every call. InputError when the recording ends in the middle of one."""
+    times: Callable[[], tuple[list[int], list[float | None]]]
+    """Frames and times of all scans; may read the recording once."""
+    warnings: list[str] = []
+
+
+class Reader(NamedTuple):
+    name: str
+    detects: Callable[[Path], bool]
+    opens: Callable[[Path, 'Options'], Recording]
+
+
+class Options(NamedTuple):
+    topic: str | None = None
+    sequence: str = ''
+    meta: str | None = None
+
+
+def package(name, install, what):
+    """A package that is not everywhere. Error saying what to install."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise Error(f'{what} needs the package {install}: pip install {install} ({error})') from None
+
+
+def recording_of(name, scans, warnings=()) -> Recording:
+    """Of scans that are all known beforehand."""
+    return Recording(name, len(scans), lambda: iter(scans),
+                     lambda: ([scan.frame for scan in scans], [scan.time for scan in scans]), list(warnings))
+
+
+def is_numbered(file) -> bool:
+    return file.stem.split('.')[0].isdigit()
+
+
+def files_in(folder, ending) -> list[Path]:
+    """By the number that is the name. InputError without any."""
+    files = [file for file in folder.glob(f'*{ending}') if is_numbered(file)]
+    if not files:
+        raise InputError(f'{folder}: no files NUMBER{ending} here')
+    return sorted(files, key=lambda file: int(file.stem.split('.')[0]))
+
+
+def read_records(file, record) -> np.ndarray:
+    """float32 [n][3], a view of a file of records whose first three fields are x, y, z as float32."""
+    try:
+        data = np.fromfile(file, np.uint8)
+    except OSError as error:
+        raise InputError(f'{file}: {error.strerror}') from None
+    if data.size == 0 or data.size % record.itemsize:
+        raise InputError(f'{file}: expected points of {record.itemsize} bytes each, found {data.size} bytes')
+    return np.ndarray((data.size // record.itemsize, 3), '<f4', data, strides=(record.itemsize, 4))

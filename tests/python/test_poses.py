@@ -1,0 +1,123 @@
+"""revisit.poses: one trajectory in three forms and two frames is the same trajectory."""
+
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import revisit
+from revisit import poses
+
+N = 40
+
+
+def trajectory():
+    """[n][4][4] of a lidar in a world with z up: a circle of 20 m that climbs 6 m, tilted as a road is."""
+    angle = np.linspace(0, 2 * np.pi, N)
+    quaternions = np.stack([0.05 * np.sin(angle), 0.03 * np.cos(angle), np.sin(angle / 2), np.cos(angle / 2)], 1)
+    return poses.rigid(np.stack([20 * np.sin(angle), 20 - 20 * np.cos(angle), angle], 1), quaternions)
+
+
+def horizontal(given):
+    """Distance of every scan to the first on the ground of the world that is kept."""
+    apart = given[:, :3, 3] - given[0, :3, 3]
+    return np.hypot(apart[:, 0], apart[:, 2])
+
+
+class Poses(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.times = 100 + 0.1 * np.arange(N)
+
+    def write(self, form, given):
+        file = self.folder / form
+        if form == 'kitti':
+            lines = [' '.join(map(repr, pose[:3].ravel().tolist())) for pose in given]
+        else:
+            lines = [poses.tum_line(time, pose) for time, pose in zip(self.times, given)]
+        if form == 'euroc':
+            rows = [line.split() for line in lines]
+            lines = ['#timestamp [ns],p_x,p_y,p_z,q_w,q_x,q_y,q_z,v'] + [
+                ','.join([f'{round(float(t) * 1e9)}', x, y, z, qw, qx, qy, qz, '0']) for t, x, y, z, qx, qy, qz, qw in rows]
+        file.write_text('\n'.join(lines) + '\n')
+        return file
+
+    def read(self, file, frame, extrinsic=None, form=None):
+        read = poses.read_trajectory(file, form)
+        scans = poses.matched(read, list(range(N)), self.times + 0.01, 0.05)
+        return poses.in_kitti_world(scans, frame, extrinsic)
+
+    def test_forms_and_frames_are_one_trajectory(self):
+        lidar = trajectory()
+        camera = poses.AXES_OF_CAMERA @ lidar @ poses.AXES_OF_CAMERA.T
+        expected = poses.AXES_OF_CAMERA @ lidar
+        self.assertGreater(horizontal(expected).max(), 39)
+        for form in poses.FORMATS:
+            for frame, given in (('lidar', lidar), ('camera', camera)):
+                for told in (None, form):
+                    read = self.read(self.write(form, given), frame, form=told)
+                    np.testing.assert_allclose(read, expected, atol=2e-6, err_msg=f'{form} {frame}')
+                    np.testing.assert_allclose(horizontal(read), np.hypot(*(lidar[:, :2, 3] - lidar[0, :2, 3]).T), atol=2e-6)
+
+    def test_of_another_sensor(self):
+        T_imu_lidar = poses.rigid(np.array([[0.5, -0.2, 0.3]]), np.array([[0.1, -0.2, 0.7, 0.6]]))[0]
+        imu = trajectory() @ np.linalg.inv(T_imu_lidar)
+        file = self.folder / 'extrinsic.txt'
+        np.savetxt(file, T_imu_lidar[:3])
+        read = self.read(self.write('tum', imu), 'lidar', poses.read_extrinsic(file))
+        np.testing.assert_allclose(read, poses.AXES_OF_CAMERA @ trajectory(), atol=2e-6)
+        calib = self.folder / 'calib.txt'
+        calib.write_text('P0: ' + '1 ' * 12 + '\nTr: ' + ' '.join(map(repr, T_imu_lidar[:3].ravel().tolist())) + '\n')
+        np.testing.assert_allclose(poses.read_extrinsic(calib), T_imu_lidar)
+        file.write_text('1 2 3\n')
+        with self.assertRaisesRegex(revisit.InputError, 'found 3'):
+            poses.read_extrinsic(file)
+        np.savetxt(file, 2 * T_imu_lidar[:3])
+        with self.assertRaisesRegex(revisit.InputError, 'expected a rotation'):
+            poses.read_extrinsic(file)
+
+    def test_what_goes_out_comes_in(self):
+        for pose in [*trajectory(), *poses.rigid(np.zeros((4, 3)), np.eye(4))]:
+            file = self.folder / 'line'
+            file.write_text(poses.tum_line(7.5, pose) + '\n')
+            back = poses.read_trajectory(file)
+            self.assertEqual(back.times[0], 7.5)
+            np.testing.assert_allclose(back.poses[0], pose, atol=2e-6)
+            np.testing.assert_allclose(poses.in_frame(poses.in_kitti_world(pose, 'lidar'), 'lidar'), pose)
+
+    def test_order_does_not_matter(self):
+        file = self.write('tum', trajectory())
+        lines = file.read_text().splitlines()
+        file.write_text('# time x y z\n' + '\n'.join(lines[::-1]) + '\n')
+        np.testing.assert_allclose(self.read(file, 'lidar'), poses.AXES_OF_CAMERA @ trajectory(), atol=2e-6)
+
+    def test_scans_without_a_pose_are_counted(self):
+        read = poses.read_trajectory(self.write('tum', trajectory()))
+        frames = list(range(N))
+        with self.assertRaisesRegex(revisit.InputError, r'3 of 40 scans have no pose within 0.05 s; frame 39 is 0.300 s off'):
+            poses.matched(read, frames, self.times + 0.3, 0.05)
+        with self.assertRaisesRegex(revisit.InputError, 'the scans have none'):
+            poses.matched(read, frames, [None] * N, 0.05)
+        with self.assertRaisesRegex(revisit.InputError, r'40 poses .* but the last scan is frame 40'):
+            poses.matched(poses.read_trajectory(self.write('kitti', trajectory())), [0, 40], None, 0.05)
+
+    def test_what_is_no_trajectory_is_refused(self):
+        file = self.folder / 'poses'
+        for text, says in (('', 'no poses that are known'), ('1 2 3\n', "the first line is '1 2 3'"),
+                           ('1 2 3 4 0 0 0 1\n1 2 x 4 0 0 0 1\n', 'table of numbers'), ('1 2 3 4 0 0 0 0\n', 'length 0.000'),
+                           ('1 2 nan 4 0 0 0 1\n', 'not finite'), ('# only a comment\n', 'no poses'),
+                           ('1,2,3,4,5,6,7,8\n', 'length')):
+            file.write_text(text)
+            with self.assertRaisesRegex(revisit.InputError, says, msg=text):
+                poses.read_trajectory(file)
+        with self.assertRaisesRegex(revisit.InputError, 'nowhere'):
+            poses.read_trajectory(self.folder / 'nowhere')
+        with self.assertRaises(revisit.UsageError):
+            poses.in_kitti_world(np.eye(4), 'world')
+
+
+if __name__ == '__main__':
+    unittest.main()

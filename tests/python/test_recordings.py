@@ -1,0 +1,356 @@
+"""revisit.recordings: what each data set is written like is read back, bit for bit."""
+
+import importlib.util
+import json
+import struct
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import revisit
+from bags import HAVE_ROSBAGS, KINDS, START, packed, write_bag
+from revisit import datasets
+from revisit.recordings import open_recording
+from revisit.recordings.point_cloud2 import points_of
+
+T0 = 1560000000000000000
+
+
+def have(name):
+    try:
+        return importlib.util.find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def some_points(seed, n=200):
+    return np.random.default_rng(seed).uniform(-20, 20, (n, 3)).astype(np.float32)
+
+
+class Folders(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def put(self, name, content):
+        file = self.folder / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return file
+
+    def check(self, points, times=None, path=None, atol=0, **options):
+        """The scans there have these points and times. Returns them."""
+        recording = open_recording(path or self.folder, **options)
+        scans = list(recording.scans())
+        self.assertEqual(len(scans), len(points))
+        self.assertEqual(recording.count, len(points))
+        for scan, expected in zip(scans, points):
+            read = scan.points()
+            self.assertEqual(read.dtype, np.float32)
+            np.testing.assert_allclose(read[:, :3], expected, rtol=0, atol=atol)
+        if times is not None:
+            np.testing.assert_allclose([scan.time for scan in scans], times, rtol=0, atol=1e-6)
+        self.assertEqual(recording.times(), ([scan.frame for scan in scans], [scan.time for scan in scans]))
+        return scans
+
+
+class PointCloud2(unittest.TestCase):
+    points = some_points(1)
+
+    def test_any_layout_is_read(self):
+        layouts = {
+            'packed': {}, 'padded points': {'step': 32}, 'odd offsets': {'offsets': (3, 7, 11), 'step': 22},
+            'apart': {'offsets': (0, 8, 16), 'step': 24}, 'out of order': {'offsets': (8, 0, 4)},
+            'double': {'offsets': (0, 8, 16), 'step': 26, 'types': 'ddd'}, 'mixed': {'offsets': (0, 4, 12), 'types': 'fdf'},
+            'big-endian': {'order': '>'}, 'organised': {'height': 10}, 'padded rows': {'height': 10, 'pad': 5},
+            'big-endian doubles in padded rows': {'offsets': (0, 8, 16), 'step': 24, 'types': 'ddd', 'order': '>',
+                                                  'height': 20, 'pad': 3}}
+        for name, layout in layouts.items():
+            read = points_of(packed(self.points, **layout))
+            self.assertEqual(read.dtype, np.float32)
+            np.testing.assert_array_equal(read, self.points, name)
+
+    def test_nothing_is_copied_when_it_need_not_be(self):
+        for layout in ({}, {'step': 22}, {'height': 10}):
+            cloud = packed(self.points, **layout)
+            self.assertTrue(np.shares_memory(points_of(cloud), cloud.data), layout)
+
+    def test_nan_stays(self):
+        holes = self.points.copy()
+        holes[::3] = np.nan
+        np.testing.assert_array_equal(points_of(packed(holes, height=4)), holes)
+        self.assertEqual(points_of(packed(self.points[:0])).shape, (0, 3))
+
+    def test_what_is_none_is_refused(self):
+        def wrong(says, **change):
+            cloud = packed(self.points, height=2)
+            for name, value in change.items():
+                setattr(cloud, name, value)
+            with self.assertRaisesRegex(revisit.InputError, says):
+                points_of(cloud)
+        wrong('without the field z', fields=packed(self.points).fields[:2])
+        wrong('field y is int32', fields=packed(self.points, types='fif').fields)
+        wrong('ends at byte 12 of points of 10', point_step=10)
+        wrong('found 3100 bytes', data=packed(self.points).data[:3100])
+        wrong('rows of 5', row_step=5)
+
+
+@unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
+class Bags(Folders):
+    clouds = [some_points(seed) for seed in range(4)]
+
+    def test_points_come_back_bit_for_bit(self):
+        for kind in KINDS:
+            with self.subTest(kind), tempfile.TemporaryDirectory() as folder:
+                path = write_bag(Path(folder), kind, {'/points': [packed(cloud, step=22) for cloud in self.clouds]})
+                scans = self.check(self.clouds, [START + 0.1 * i for i in range(4)], path)
+                self.assertEqual([scan.frame for scan in scans], [0, 1, 2, 3])
+                for scan, cloud in zip(scans, self.clouds):
+                    self.assertEqual(scan.points().tobytes(), cloud.tobytes())
+
+    def test_without_a_stamp_the_time_of_recording_counts(self):
+        path = write_bag(self.folder, 'ros1', {'/points': [packed(cloud) for cloud in self.clouds]}, stamped=False)
+        self.check(self.clouds, [START + 0.1 * i + 0.005 for i in range(4)], path)
+
+    def test_split_recordings_are_one(self):
+        for part in range(2):
+            (self.folder / f'{part}').mkdir()
+            path = write_bag(self.folder / f'{part}', 'ros1', {'/points': [packed(cloud) for cloud in self.clouds]})
+            path.rename(self.folder / f'part_{part}.bag')
+        self.assertEqual(len(list(open_recording(self.folder).scans())), 8)
+
+    def test_a_topic_is_chosen(self):
+        path = write_bag(self.folder, 'mcap', {'/a': [packed(self.clouds[0])], '/b': [packed(self.clouds[1])] * 2})
+        with self.assertRaisesRegex(revisit.UsageError, 'choose one of /a, /b with --topic'):
+            open_recording(path)
+        self.check([self.clouds[1]] * 2, path=path, topic='/b')
+        with self.assertRaisesRegex(revisit.UsageError, 'no topic /c'):
+            open_recording(path, topic='/c')
+
+    def test_a_broken_message_is_one_scan(self):
+        cut = packed(self.clouds[1])
+        cut.data = cut.data[:100]
+        path = write_bag(self.folder, 'mcap', {'/a': [packed(self.clouds[0]), cut, packed(self.clouds[2])]})
+        first, broken, last = open_recording(path).scans()
+        with self.assertRaisesRegex(revisit.InputError, 'found 100 bytes'):
+            broken.points()
+        np.testing.assert_array_equal(last.points(), self.clouds[2])
+
+
+class Layouts(Folders):
+    """Two or three tiny scans in the form that each data set documents."""
+    points = [some_points(seed, 50) for seed in range(3)]
+
+    def with_columns(self, points, *more):
+        return np.concatenate([points, *[np.full((len(points), 1), value, np.float32) for value in more]], 1)
+
+    def test_kitti(self):
+        for i, points in enumerate(self.points):
+            self.put(f'sequences/03/velodyne/{i:06}.bin', self.with_columns(points, 0.5).tobytes())
+        self.put('sequences/03/times.txt', '0.0\n0.1\n0.2\n')
+        self.put('sequences/03/calib.txt', 'P0: ' + '1 ' * 12 + '\nTr: 0 -1 0 0.1 0 0 -1 0.2 1 0 0 0.3\n')
+        self.put('poses/03.txt', ''.join(f'1 0 0 0 0 1 0 0 0 0 1 {z}\n' for z in (0, 1, 2)))
+        scans = self.check(self.points, [0, 0.1, 0.2], sequence='03')
+        np.testing.assert_allclose(scans[2].pose, [[0, -1, 0, 0.1], [0, 0, -1, 0.2], [1, 0, 0, 2.3], [0, 0, 0, 1]])
+
+    def test_plain_folders(self):
+        for i, points in enumerate(self.points):
+            datasets.write_kitti_scan(self.folder / f'{i}.bin', points)
+        self.check(self.points)
+
+    def test_ply_and_pcd(self):
+        for i, points in enumerate(self.points):
+            header = f'ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\nproperty float x\nproperty float y\n' \
+                     'property float z\nend_header\n'
+            self.put(f'ply/{i}.ply', header.encode() + points.tobytes())
+            header = f'VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {len(points)}\nHEIGHT 1\n' \
+                     f'POINTS {len(points)}\nDATA binary\n'
+            self.put(f'pcd/{i}.pcd', header.encode() + points.tobytes())
+        for kind in ('ply', 'pcd'):
+            self.check(self.points, path=self.folder / kind)
+
+    def test_npy(self):
+        structured = np.zeros(50, [('x', 'f8'), ('i', 'u1'), ('y', 'f8'), ('z', 'f8')])
+        for axis, column in zip('xyz', self.points[2].T):
+            structured[axis] = column
+        for name, array in (('9', self.points[0]), ('10', self.with_columns(self.points[1], 1).astype(np.float64)), ('11', structured)):
+            np.save(self.folder / f'{name}.npy', array)
+        self.check(self.points)
+        np.save(self.folder / '12.npy', np.zeros((5, 2)))
+        with self.assertRaisesRegex(revisit.InputError, r'12.npy: expected .* found float64 of shape \(5, 2\)'):
+            list(open_recording(self.folder).scans())[-1].points()
+
+    def test_kitti_360(self):
+        drive = '2013_05_28_drive_0003_sync'
+        for i, points in enumerate(self.points):
+            self.put(f'data_3d_raw/{drive}/velodyne_points/data/{i:010}.bin', self.with_columns(points, 0.5).tobytes())
+        self.put(f'data_3d_raw/{drive}/velodyne_points/timestamps.txt',
+                 ''.join(f'2013-05-28 08:46:02.{i}00000000\n' for i in range(3)))
+        self.put(f'data_poses/{drive}/poses.txt', '1 1 0 0 5 0 1 0 6 0 0 1 7\n')
+        self.put('calibration/calib_cam_to_pose.txt', 'image_00: 0 0 1 1 1 0 0 2 0 1 0 3\nimage_01: ' + '0 ' * 12 + '\n')
+        self.put('calibration/calib_cam_to_velo.txt', '0 0 1 0.5 -1 0 0 0.25 0 -1 0 0\n')
+        for path, options in ((self.folder, {'sequence': '3'}), (self.folder / 'data_3d_raw' / drive, {})):
+            scans = self.check(self.points, [1369730762 + 0.1 * i for i in range(3)], path, **options)
+            self.assertIsNone(scans[0].pose)
+            # the IMU's is x forward, y right, z down; the camera is 1, 2, 3 from it and 0.5, 0.25, 0 from the velodyne;
+            # in KITTI's axes the place 5 + 0.5, 6 + 2 + 0.25, 7 + 3 has y to the left first
+            np.testing.assert_allclose(scans[1].pose[:3, 3], [-8.25, -10, 5.5])
+
+    def write_mulran(self, folder='Ouster'):
+        for i, points in enumerate(self.points):
+            self.put(f'{folder}/{T0 + i * 10**8}.bin', self.with_columns(points, 100).tobytes())
+
+    def test_mulran(self):
+        self.write_mulran()
+        self.put('global_pose.csv', ''.join(
+            f'{T0 + i * 11 * 10**7},1,0,0,{353000 + i},0,1,0,4026000,0,0,1,20\n' for i in range(2)))
+        scans = self.check(self.points, [T0 / 1e9 + 0.1 * i for i in range(3)])
+        # the lidar is 1.7042 ahead, 0.021 to the right, 1.8047 above the base, and turned by 179.6654 degrees
+        np.testing.assert_allclose(scans[1].pose[:3, 3], [-4026000 + 0.021, -20 - 1.8047, 353001 + 1.7042], atol=1e-4)
+        np.testing.assert_allclose(scans[1].pose[2, 0], np.cos(np.radians(179.6654)), atol=1e-6)
+        self.assertIsNotNone(scans[2].pose)  # 0.09 s from the last one
+        self.put('global_pose.csv', f'{T0 + 10**7},1,0,0,0,0,1,0,0,0,0,1,0\n')
+        recording = open_recording(self.folder)
+        self.assertEqual([scan.pose is None for scan in recording.scans()], [False, False, True])
+        self.assertIn('1 of 3 scans have no pose', recording.warnings[0])
+
+    def test_helipr(self):
+        layouts = {'Ouster': ('<ffffIHHH', (1.5, 7, 8, 9, 10)), 'Velodyne': ('<ffffHf', (1.5, 3, 0.1)),
+                   'Avia': ('<fffBBBI', (1, 2, 3, 4)), 'Aeva': ('<fffffiBf', (0.5, -2.0, 5, 6, 0.7))}
+        for sensor, (form, rest) in layouts.items():
+            for i, points in enumerate(self.points):
+                self.put(f'LiDAR/{sensor}/{1691936557946849180 + i * 10**8}.bin',
+                         b''.join(struct.pack(form, *point, *rest) for point in points.tolist()))
+        self.put('LiDAR_GT/global_Ouster_gt.txt', f'{1691936557946849180 + 10**8} 1 2 3 0 0 0.7071068 0.7071068\n')
+        times = [1691936557.946849180 + 0.1 * i for i in range(3)]
+        for sensor in layouts:
+            scans = self.check(self.points, times, sequence=sensor)
+            self.assertEqual(scans[1].pose is not None, sensor == 'Ouster')
+        scans = self.check(self.points, times, sequence='Ouster')
+        np.testing.assert_allclose(scans[1].pose[:3, 3], [-2, -3, 1])
+        np.testing.assert_allclose(scans[1].pose[:3, 0], [-1, 0, 0], atol=1e-6)  # it looks to the left
+        with self.assertRaisesRegex(revisit.UsageError, '--sequence: Ouster, Velodyne, Avia, Aeva'):
+            open_recording(self.folder)
+        old = b''.join(struct.pack('<fffffiB', *point, 0.5, -2.0, 5, 6) for point in self.points[0].tolist())
+        self.put('LiDAR/Aeva/1691936557946849179.bin', old)
+        self.check([self.points[0], *self.points], sequence='Aeva')
+
+    def test_nclt(self):
+        day = self.folder / '2012-01-08'
+        stored = [np.random.default_rng(i).integers(0, 65536, (50, 3), np.uint16) for i in range(3)]
+        for i, integers in enumerate(stored):
+            self.put(f'{day.name}/velodyne_sync/{1326030975000000 + i * 200000}.bin',
+                     b''.join(struct.pack('<HHHBB', *point, 50, 3) for point in integers.tolist()))
+        self.put('ground_truth/groundtruth_2012-01-08.csv', ''.join(
+            f'{1326030975000000 + i * 200000},{i},2,3,0,0,{np.pi / 2}\n' for i in range(3)))
+        metres = [(integers * 0.005 - 100.0) * [1, -1, -1] for integers in stored]
+        scans = self.check(metres, [1326030975 + 0.2 * i for i in range(3)], day, atol=4e-5)
+        # its world has x to the north, y to the east, z down
+        np.testing.assert_allclose(scans[1].pose[:3, 3], [2, 3, 1])
+        np.testing.assert_allclose(scans[1].pose[:3, 0], [1, 0, 0], atol=1e-6)
+
+    def test_nuscenes(self):
+        name = 'n015-2018-07-24-11-22-45+0800__LIDAR_TOP__{}.pcd.bin'
+        stamps = [1532402927647951 + 50000 * i for i in range(3)]
+        files = [f'{"samples" if i == 0 else "sweeps"}/LIDAR_TOP/{name.format(stamp)}' for i, stamp in enumerate(stamps)]
+        for file, points in zip(files, self.points):
+            self.put(file, self.with_columns(points, 12, 3).tobytes())
+        times = [stamp / 1e6 for stamp in stamps]
+        self.assertIsNone(self.check(self.points, times)[0].pose)
+        self.check(self.points[1:], times[1:], self.folder / 'sweeps/LIDAR_TOP')
+        tables = {
+            'scene': [{'token': 's', 'name': 'scene-0061'}, {'token': 't', 'name': 'scene-0103'}],
+            'sample': [{'token': 'a', 'scene_token': 's'}, {'token': 'b', 'scene_token': 't'}],
+            'calibrated_sensor': [{'token': 'c', 'translation': [1, 0, 1.8], 'rotation': [0.7071068, 0, 0, -0.7071068]}],
+            'ego_pose': [{'token': f'e{i}', 'translation': [10 + i, 20, 0], 'rotation': [1, 0, 0, 0]} for i in range(3)],
+            'sample_data': [{'token': f'd{i}', 'sample_token': 'a', 'ego_pose_token': f'e{i}', 'calibrated_sensor_token': 'c',
+                             'timestamp': stamps[i], 'filename': files[i]} for i in (2, 0, 1)]
+            + [{'sample_token': 'a', 'filename': 'samples/CAM_FRONT/x.jpg'}, {'sample_token': 'b', 'filename': files[0]}]}
+        for table, rows in tables.items():
+            self.put(f'v1.0-mini/{table}.json', json.dumps(rows))
+        for sequence in ('61', 'scene-0061'):
+            scans = self.check(self.points, times, sequence=sequence)
+            np.testing.assert_allclose(scans[2].pose[:3, 3], [-20, -1.8, 13])
+            np.testing.assert_allclose(scans[2].pose[:3, 1], [0, 0, 1], atol=1e-6)  # its y is forward
+        with self.assertRaisesRegex(revisit.UsageError, 'scene-0061, scene-0103'):
+            open_recording(self.folder)
+
+    def test_a_file_cut_off_is_one_scan(self):
+        self.write_mulran()
+        file = sorted((self.folder / 'Ouster').iterdir())[1]
+        file.write_bytes(file.read_bytes()[:-3])
+        scans = list(open_recording(self.folder).scans())
+        with self.assertRaisesRegex(revisit.InputError, 'points of 16 bytes each, found 797 bytes'):
+            scans[1].points()
+        np.testing.assert_array_equal(scans[2].points(), self.points[2])
+
+    def test_others_are_refused(self):
+        with self.assertRaisesRegex(revisit.InputError, 'no such file'):
+            open_recording(self.folder / 'nowhere')
+        with self.assertRaisesRegex(revisit.InputError, 'nothing that is known'):
+            open_recording(self.put('notes.txt', 'hello'))
+        with self.assertRaisesRegex(revisit.InputError, 'no scans here'):
+            open_recording(self.folder)
+        with self.assertRaisesRegex(revisit.UsageError, 'rosbag, ouster'):
+            open_recording(self.folder, format='rosbags')
+
+
+class Packets(Folders):
+    def write_vlp16(self, points_away=10.0):
+        """Two revolutions of a VLP-16 in a wall of 10 m: 24-byte header of pcap, then Ethernet, IPv4 and UDP around 1206 bytes."""
+        out = [struct.pack('<IHHiIII', 0xa1b2c3d4, 2, 4, 0, 0, 65535, 1)]
+        azimuth = 0
+        for packet in range(160):
+            payload = b''
+            for _ in range(12):
+                payload += struct.pack('<HH', 0xeeff, azimuth) + struct.pack('<HB', int(points_away / 0.002), 50) * 32
+                azimuth = (azimuth + 40) % 36000
+            time = packet * 1327
+            payload += struct.pack('<IBB', time, 0x37, 0x22)
+            udp = struct.pack('>HHHH', 2368, 2368, 8 + len(payload), 0) + payload
+            ip = struct.pack('>BBHHHBBH4s4s', 0x45, 0, 20 + len(udp), 0, 0, 64, 17, 0, b'\0' * 4, b'\xff' * 4) + udp
+            frame = b'\0' * 12 + b'\x08\0' + ip
+            out.append(struct.pack('<IIII', START + time // 10**6, time % 10**6, len(frame), len(frame)) + frame)
+        return self.put('drive.pcap', b''.join(out))
+
+    def test_velodyne(self):
+        path = self.write_vlp16()
+        if not have('velodyne_decoder'):
+            with self.assertRaisesRegex(revisit.Error, 'pip install velodyne-decoder'):
+                open_recording(path)
+            self.skipTest('without the package velodyne-decoder')
+        scans = list(open_recording(path).scans())
+        self.assertGreaterEqual(len(scans), 2)
+        middle = scans[1].points()
+        self.assertGreater(len(middle), 20000)
+        np.testing.assert_allclose(np.linalg.norm(middle[:, :3], axis=1), 10, atol=0.1)
+        with self.assertRaisesRegex(revisit.InputError, 'packets'):
+            open_recording(self.put('empty.pcap', b'not a pcap'))
+
+    def test_ouster(self):
+        if not have('ouster.sdk.osf'):
+            with self.assertRaisesRegex(revisit.Error, 'pip install ouster-sdk'):
+                open_recording(self.put('drive.osf', b''))
+            self.skipTest('without the package ouster-sdk')
+        from ouster.sdk import core, osf
+        info = core.SensorInfo.from_default(core.LidarMode._1024x10)
+        path = self.folder / 'drive.osf'
+        with osf.Writer(str(path), info) as writer:
+            for i in range(2):
+                frame = core.LidarFrame(info)
+                frame.field(core.ChanField.RANGE)[:, 10:] = 10000
+                frame.status[:], frame.timestamp[:] = 1, 10**9 * (START + i)
+                frame.frame_id = i
+                writer.save(0, frame)
+        scans = list(open_recording(path).scans())
+        self.assertEqual([scan.time for scan in scans], [START, START + 1])
+        points = scans[1].points()
+        self.assertEqual(points.shape, (64 * 1014, 3))
+        np.testing.assert_allclose(np.linalg.norm(points, axis=1), 10, atol=0.1)
+
+
+if __name__ == '__main__':
+    unittest.main()
