@@ -1,0 +1,234 @@
+"""revisit-loops: places seen before, in a bag, in packets, in a data set or in a folder of scans."""
+
+import argparse
+import contextlib
+import itertools
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import revisit
+from revisit import poses, recognition
+from revisit.errors import Error, InputError, Interrupted, UnsupportedError, UsageError
+from revisit.loops import lines, live, show
+from revisit.loops.progress import scans_told
+from revisit.loops.recognise import Exclusion, recognise
+from revisit.recordings import READERS, open_recording
+
+OK, FAILED, USAGE, INPUT, UNSUPPORTED, LEFT_OUT, INTERRUPTED = 0, 1, 2, 3, 4, 6, 130
+SCANS_THAT_SHOW_THE_SENSOR = 3
+EXAMPLES = """\
+examples:
+  revisit-loops drive.bag --threshold 0.6                              # ROS 1; the only topic of PointCloud2
+  revisit-loops drive_ros2/ --topic /ouster/points -o loops.csv        # ROS 2: a folder, .db3 or .mcap
+  revisit-loops drive.mcap --poses kiss_icp_tum.txt --pose-frame lidar --exclusion metres=50
+  revisit-loops KITTI --sequence 00 --threshold 0.6 --report loops.html
+  revisit-loops MulRan/KAIST01 --sensor ouster-os1-64 --map kaist.map --plot loops.png
+
+exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 6 done, but some scans could not be
+described; 130 interrupted (what was found is kept).
+"""
+
+
+def positive(text):
+    value = int(text)
+    if value < 1:
+        raise ValueError
+    return value
+
+
+def make_parser():
+    parser = argparse.ArgumentParser(
+        'revisit-loops', formatter_class=argparse.RawDescriptionHelpFormatter, epilog=EXAMPLES,
+        description='Places seen before, found online: every scan is described, compared with what was there before it,\n'
+                    'printed as a line when it is recognised, and added. docs/BAGS.md has what is read.')
+    parser.add_argument('data', metavar='DATA', help='a bag, packets, a data set, or a folder of scans')
+    data = parser.add_argument_group('data')
+    data.add_argument('--reader', choices=[reader.name for reader in READERS], help='default: told by looking')
+    data.add_argument('--topic', help='of a bag that has several of PointCloud2')
+    data.add_argument('--sequence', default='', help='of a data set with several: 00, scene-0061, Ouster')
+    data.add_argument('--meta', metavar='FILE', help="of Ouster's packets (default: the .json file beside them)")
+    data.add_argument('--every', type=positive, default=1, metavar='N', help='only frames whose number is a multiple of N')
+    data.add_argument('--sensor', default='auto', help='whose ring model is taken: '
+                      f'{", ".join(recognition.shipped_ring_models())} (default auto: from the first scans)')
+    data.add_argument('--ring', metavar='FILE', help='a ring model that `revisit learn` wrote, instead')
+    where = parser.add_argument_group('poses')
+    where.add_argument('--poses', metavar='FILE', help='of the scans (default: those of the data set)')
+    where.add_argument('--pose-format', choices=poses.FORMATS, help='default: told by looking')
+    where.add_argument('--pose-frame', choices=poses.FRAMES,
+                       help='lidar: z is up in the world; camera: x to the right, y down, z forward. Needed with --poses')
+    where.add_argument('--calib', metavar='FILE', help='T_body_lidar when the poses are not the lidar\'s: calib.txt of KITTI, '
+                       'or 3 x 4 numbers (default with camera: one that looks ahead)')
+    where.add_argument('--max-gap', type=float, default=0.1, metavar='SECONDS',
+                       help='between a scan and its pose (default %(default)s)')
+    where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
+    loops = parser.add_argument_group('loops')
+    loops.add_argument('--threshold', type=float, metavar='S', help="a loop from this score on (default: the map's)")
+    loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='what of the drive is of the same moment: '
+                       'frames=50 (default), seconds=30, metres=50 or none')
+    loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
+                       '(default %(default)s)')
+    loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
+    loops.add_argument('--drive', metavar='NAME', help='what this drive is called in the map (default: the name of the data)')
+    loops.add_argument('--threads', type=positive, default=len(os.sched_getaffinity(0)), metavar='N', help='of one scan')
+    out = parser.add_argument_group('output')
+    out.add_argument('--format', choices=['csv', 'jsonl'], default='csv', help='a line a loop (default csv)')
+    out.add_argument('--all', action='store_true', help='a line for every scan, not for accepted loops alone')
+    out.add_argument('-o', '--output', metavar='FILE', help='for the loops (default: standard output)')
+    out.add_argument('--report', metavar='FILE.html', help='the page of `revisit report`, which must be on PATH')
+    out.add_argument('--plot', metavar='FILE.png', help='a picture (needs matplotlib)')
+    out.add_argument('--rerun', nargs='?', const='', metavar='FILE.rrd', help='a live view, or a file for one (needs rerun-sdk)')
+    out.add_argument('-q', '--quiet', action='store_true', help='only errors')
+    return parser
+
+
+def parse(arguments):
+    o = make_parser().parse_args(arguments)
+    o.exclusion = Exclusion.parse(o.exclusion)
+    if o.poses and not o.pose_frame:
+        raise UsageError('--poses: say whose axes they have with --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or camera '
+                         "(z forward, y down; KITTI's poses)")
+    for name in ('pose_format', 'pose_frame', 'calib'):
+        if getattr(o, name) and not o.poses:
+            raise UsageError(f'--{name.replace("_", "-")} is about --poses, which is not given')
+    if not (o.max_gap >= 0):
+        raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
+    return o
+
+
+def say(o, message):
+    if not o.quiet:
+        print(f'revisit-loops: {message}', file=sys.stderr)
+
+
+def with_poses(o, recording):
+    """The recording's scans, with the poses of --poses instead of their own."""
+    if not o.poses:
+        return recording.scans()
+    trajectory = poses.read_trajectory(o.poses, o.pose_format)
+    extrinsic = None if o.calib is None else poses.read_extrinsic(o.calib)
+    frames, times = recording.times()
+    kept = [i for i, frame in enumerate(frames) if frame % o.every == 0]
+    if not kept:
+        return recording.scans()
+    frames, times = [frames[i] for i in kept], [times[i] for i in kept]
+    given = poses.in_kitti_world(poses.matched(trajectory, frames, times, o.max_gap), o.pose_frame, extrinsic)
+    if trajectory.times is None and o.every == 1 and len(trajectory.poses) != frames[-1] + 1:
+        say(o, f'{trajectory.file}: holds {len(trajectory.poses)} poses where the last scan is frame {frames[-1]}; if a line was '
+               'lost on the way, all later scans have the pose of another')
+    by_frame = dict(zip(frames, given))
+    return (scan._replace(pose=by_frame.get(scan.frame)) for scan in recording.scans())
+
+
+def sensor_of(o, first):
+    """The sensor whose model is taken, from the first scans that can be read."""
+    if o.ring or o.sensor != 'auto':
+        return o.sensor
+    clouds = []
+    for scan in first:
+        with contextlib.suppress(InputError):
+            clouds.append(np.ascontiguousarray(scan.points()[:, :3]))
+    found = recognition.find_sensor(clouds).name if clouds else ''
+    if found not in recognition.shipped_ring_models():
+        raise UsageError(f'no ring model for {f"the sensor {found}" if found else "the sensor of these scans"}: give --sensor '
+                         f'({", ".join(recognition.shipped_ring_models())}), or --ring with one that `revisit learn` wrote')
+    say(o, f'sensor: {found}, from the first {len(clouds)} scans')
+    return found
+
+
+def open_output(name, stack):
+    if name is None:
+        return sys.stdout
+    try:
+        return stack.enter_context(open(name, 'w', encoding='utf-8'))
+    except OSError as error:
+        raise Error(f'{name}: cannot be written: {error.strerror}') from None
+
+
+def finish(o, seen, jsonl):
+    """Pictures of what was seen, also of a part of it."""
+    if o.plot and seen:
+        show.plot(seen, o.plot)
+    if o.report:
+        jsonl.flush()
+        show.report(jsonl.name, o.report)
+
+
+def work(o):
+    if o.report:
+        show.need_program()
+    if o.plot:
+        show.need_matplotlib()
+    view = None if o.rerun is None else live.viewer(o.rerun or None)
+    recording = open_recording(o.data, format=o.reader, topic=o.topic, sequence=o.sequence, meta=o.meta)
+    for warning in recording.warnings:
+        say(o, warning)
+    scans = (scan for scan in with_poses(o, recording) if scan.frame % o.every == 0)
+    first = list(itertools.islice(scans, SCANS_THAT_SHOW_THE_SENSOR))
+    if not first:
+        raise InputError(f'{o.data}: there are no scans')
+    recognizer = revisit.open_map(
+        o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
+        first_stretch=o.first_stretch, threads=o.threads)
+    every_line = o.all or recognizer.threshold is None
+    if every_line and not o.all:
+        say(o, 'no threshold: every scan is printed; give --threshold, or a map that `revisit loops --calibrate` has calibrated')
+    drive = recording.name if o.drive is None else o.drive
+    if o.poses_out and first[0].pose is None:
+        raise UsageError('--poses-out: the scans have no poses; give --poses')
+    count = recording.count and -(-recording.count // o.every)
+    n, left_out, accepted, seen = 0, 0, 0, []
+    with contextlib.ExitStack() as stack:
+        write = lines.writer(open_output(o.output, stack), o.format)
+        trajectory = open_output(o.poses_out, stack) if o.poses_out else None
+        jsonl = stack.enter_context(tempfile.NamedTemporaryFile('w', suffix='.jsonl')) if o.report else None
+        write_all = lines.writer(jsonl, 'jsonl') if jsonl else None
+        try:
+            told = scans_told(itertools.chain(first, scans), count, False if o.quiet else None)
+            for visit in recognise(told, recognizer, o.exclusion, drive):
+                n += 1
+                if view:
+                    view(visit)
+                if visit.position is None:
+                    left_out += 1
+                    say(o, f'{visit.why_not}; this scan is left out')
+                    continue
+                line = lines.line_of(visit, drive)
+                is_loop = visit.loop is not None and visit.loop.accepted
+                accepted += is_loop
+                if is_loop or every_line:
+                    write(line)
+                if write_all:
+                    write_all(line)
+                if o.plot:
+                    seen.append(line)
+                if trajectory and is_loop and visit.scan.pose is not None:
+                    time = visit.scan.frame if visit.scan.time is None else visit.scan.time
+                    pose = poses.in_frame(visit.scan.pose, o.pose_frame or 'lidar')
+                    print(poses.tum_line(time, pose), file=trajectory, flush=True)
+        finally:
+            finish(o, seen, jsonl)
+    say(o, f'{n} scans, {accepted} loops accepted{f", {left_out} scans left out" if left_out else ""}, '
+           f'{len(recognizer)} places known')
+    return LEFT_OUT if left_out else OK
+
+
+CODES = [(UsageError, USAGE), (InputError, INPUT), (UnsupportedError, UNSUPPORTED), (Interrupted, INTERRUPTED), (Error, FAILED)]
+
+
+def main(arguments=None) -> int:
+    """The command. Returns the exit code; argparse exits by itself for --help and what it does not know."""
+    try:
+        return work(parse(arguments))
+    except KeyboardInterrupt:
+        print('revisit-loops: interrupted; what was found is kept', file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # whoever read has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except (Error, OSError) as error:
+        print(f'revisit-loops: {error}', file=sys.stderr)
+        return next((code for kind, code in CODES if isinstance(error, kind)), FAILED)

@@ -1,0 +1,72 @@
+"""What a scan looks like, a line each: the columns and fields of `revisit loops`, docs/LOOPS.md."""
+
+import csv
+import json
+import math
+
+COLUMNS = ('frame time match_drive match_frame match_time similarity runner_up score yaw_deg accepted registered '
+           'x y z qx qy qz qw inliers fitness here_x here_y here_z match_x match_y match_z').split()
+DIGITS = {'yaw_deg': 2, 'here_x': 3, 'here_y': 3, 'here_z': 3, 'match_x': 3, 'match_y': 3, 'match_z': 3}
+POSITIONS = {'position': 'here', 'match_position': 'match'}
+
+
+def position_of(pose):
+    return dict(zip('xyz', map(float, pose[:3, 3])))
+
+
+def line_of(visit, drive) -> dict:
+    """The fields of the JSON line. Registration is the C++ program's alone."""
+    scan, loop = visit.scan, visit.loop
+    line = {'frame': scan.frame, 'time': scan.time}
+    if loop is not None:
+        line |= {'match_drive': loop.drive, 'match_frame': loop.frame, 'match_time': loop.time, 'similarity': loop.similarity,
+                 'runner_up': loop.runner_up, 'score': loop.score,
+                 'yaw_deg': None if loop.turn is None else math.degrees(loop.turn), 'accepted': loop.accepted}
+    if scan.pose is not None:
+        line['position'] = position_of(scan.pose)
+    if loop is not None and loop.pose is not None:
+        line['match_position'] = position_of(loop.pose)
+    line['drive'] = drive or None
+    return {name: value for name, value in line.items() if value is not None}
+
+
+def json_text(line) -> str:
+    """As protobuf has it, whose NaN is a string."""
+    return json.dumps({name: repr_of(value) for name, value in line.items()}, separators=(',', ':'))
+
+
+def repr_of(value):
+    if isinstance(value, float) and not math.isfinite(value):
+        return 'NaN' if math.isnan(value) else 'Infinity' if value > 0 else '-Infinity'
+    return value
+
+
+def cell(name, value) -> str:
+    if value is None or value != value:
+        return ''
+    if isinstance(value, bool):
+        return str(int(value))
+    return f'{value:.{DIGITS.get(name, 6)}f}' if isinstance(value, float) else str(value)
+
+
+def cells_of(line) -> list[str]:
+    flat = dict(line)
+    for name, prefix in POSITIONS.items():
+        flat |= {f'{prefix}_{axis}': value for axis, value in line.get(name, {}).items()}
+    return [cell(name, flat.get(name)) for name in [*COLUMNS, 'drive']]
+
+
+def writer(out, form):
+    """A function that writes a line at once, so that a killed run leaves what it found. form: 'csv' or 'jsonl'."""
+    rows = csv.writer(out, lineterminator='\n')
+    if form == 'csv':
+        rows.writerow([*COLUMNS, 'drive'])
+        out.flush()
+
+    def write(line):
+        if form == 'csv':
+            rows.writerow(cells_of(line))
+        else:
+            out.write(json_text(line) + '\n')
+        out.flush()
+    return write

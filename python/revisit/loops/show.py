@@ -1,0 +1,67 @@
+"""Pictures of the loops: the report of the C++ program, or one drawn with matplotlib."""
+
+import math
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+from revisit.errors import Error
+
+
+def program() -> str | None:
+    """`revisit`, on PATH or in the package."""
+    bundled = Path(__file__).parents[1] / 'bin' / 'revisit'
+    return str(bundled) if os.access(bundled, os.X_OK) else shutil.which('revisit')
+
+
+def need_program():
+    if program() is None:
+        raise Error('the report needs the program revisit, which is not on PATH: build it (README.md), or take --plot FILE.png')
+
+
+def need_matplotlib():
+    try:
+        import matplotlib
+    except ImportError as error:
+        raise Error(f'the plot needs the package matplotlib: pip install matplotlib ({error})') from None
+    matplotlib.use('Agg')
+
+
+def report(lines_file, page):
+    """Makes the HTML page of a file of JSON lines. Error with what the program says."""
+    done = subprocess.run([program(), 'report', str(lines_file), '-o', str(page), '--quiet'], text=True, capture_output=True)
+    if done.returncode:
+        raise Error(f'revisit report: {done.stderr.strip() or f"exit code {done.returncode}"}')
+
+
+def plot(lines, file):
+    """With poses a map: x to the right, z upwards. Without, which scan looks like which."""
+    need_matplotlib()
+    from matplotlib import pyplot
+    figure, axes = pyplot.subplots(figsize=(7, 7), layout='constrained')
+    loops = [line for line in lines if line.get('accepted')]
+    if any('position' in line for line in lines):
+        def ground(line, name='position'):
+            at = line.get(name)
+            return (at['x'], at['z']) if at else (math.nan, math.nan)
+        axes.plot(*zip(*map(ground, lines)), '.-', color='lightgray', markersize=2, label='scans')
+        for line in loops:
+            axes.plot(*zip(ground(line), ground(line, 'match_position')), color='tab:green', linewidth=1)
+        if loops:
+            axes.plot(*zip(*map(ground, loops)), '.', color='tab:green', label='recognised')
+        axes.set_aspect('equal', adjustable='datalim')
+        axes.set_xlabel('[m]')
+        axes.set_ylabel('[m]')
+    else:
+        axes.plot([line['frame'] for line in loops], [line['match_frame'] for line in loops], '.', color='tab:green',
+                  label='recognised')
+        axes.set_xlabel('frame')
+        axes.set_ylabel('frame that it looks like')
+    axes.legend()
+    axes.set_title(f'{len(loops)} loops')
+    try:
+        figure.savefig(file)
+    except (OSError, ValueError) as error:
+        raise Error(f'{file}: cannot be written: {error}') from None
+    pyplot.close(figure)

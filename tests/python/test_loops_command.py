@@ -1,0 +1,296 @@
+"""revisit-loops: bags, data sets and the C++ program find the same loops; whatever is wrong is one plain line."""
+
+import contextlib
+import csv
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+import revisit
+from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
+from revisit import datasets, poses, simulation
+from revisit.loops import Exclusion, command, lines, progress
+from scans import room
+
+PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
+SAME_MOMENT = ['--exclusion', 'frames=12', '--threshold', '0.4', '--drive', 'd', '--sensor', 'vlp16']
+
+
+def run(*arguments):
+    """Exit code, standard output, standard error."""
+    out, said = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
+        try:
+            code = command.main([str(word) for word in arguments])
+        except SystemExit as left:
+            code = left.code
+    return code, out.getvalue(), said.getvalue()
+
+
+class Command(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def loops(self, *arguments, code=0):
+        """The JSON lines."""
+        left, out, said = run(*arguments, '--format', 'jsonl')
+        self.assertEqual(left, code, said)
+        return [json.loads(line) for line in out.splitlines()]
+
+    def fails(self, code, says, *arguments):
+        """One plain line on standard error, and nothing on standard output."""
+        left, out, said = run(*arguments)
+        self.assertEqual((left, out), (code, ''), said)
+        self.assertEqual(said.count('\n'), 1, said)
+        self.assertRegex(said, f'^revisit-loops: .*{says}')
+
+
+class Drives(Command):
+    """A simulated drive that comes back, as scans of a VLP-16."""
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.town = Path(folder.name) / 'town'
+        simulation.simulate(cls.town, length=300, sensor='vlp16', every=12, route='both')
+        drive = datasets.open_dataset(cls.town, poses=True).scans
+        cls.scans = [datasets.read_scan(ref.file)[:, :3] for ref in drive]
+        cls.camera = np.array([ref.pose for ref in drive])
+        cls.plain = Path(folder.name) / 'plain'
+        cls.plain.mkdir()
+        for i, points in enumerate(cls.scans):
+            datasets.write_kitti_scan(cls.plain / f'{i:06}.bin', points)
+        _, out, _ = run(cls.plain, *SAME_MOMENT, '--format', 'jsonl')
+        cls.found = [json.loads(line) for line in out.splitlines()]
+
+    def without(self, found, *names):
+        return [{name: value for name, value in line.items() if name not in names} for line in found]
+
+    def test_loops_are_of_places_driven_before(self):
+        self.assertGreater(len(self.found), 5)
+        for line in self.found:
+            self.assertTrue(line['accepted'])
+            self.assertGreater(line['frame'], line['match_frame'] + 12)
+        apart = [np.linalg.norm((self.camera[line['frame']] - self.camera[line['match_frame']])[[0, 2], 3]) for line in self.found]
+        self.assertLess(np.median(apart), 5)
+
+    @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
+    def test_bags_have_the_same_loops(self):
+        for kind in KINDS[:3]:
+            with self.subTest(kind):
+                path = write_bag(self.folder, kind, {'/points': [packed(points) for points in self.scans]})
+                found = self.loops(path, *SAME_MOMENT)
+                self.assertEqual(self.without(found, 'time', 'match_time'), self.found)
+
+    @unittest.skipUnless(PROGRAM, 'without the C++ program: REVISIT_PROGRAM is not set')
+    def test_the_program_finds_the_same(self):
+        readers = {'jsonl': lambda text: [json.loads(line) for line in text.splitlines()],
+                   'csv': lambda text: list(csv.DictReader(io.StringIO(text), restkey='drive'))}
+        for form, options in (('jsonl', ['--all']), ('csv', ['--every', '3', '--exclusion', 'frames=9'])):
+            options = [*SAME_MOMENT, *options, '--format', form]
+            done = subprocess.run([PROGRAM, 'loops', self.plain, *options], text=True, capture_output=True, check=True)
+            theirs, ours = ([line for line in readers[form](text) if line.get('match_frame') is not None]
+                            for text in (done.stdout, run(self.plain, *options)[1]))
+            self.assertGreater(len(theirs), 2)
+            self.assertEqual([line['frame'] for line in theirs], [line['frame'] for line in ours])
+            for one, other in zip(theirs, ours):
+                self.assertLessEqual(one.keys(), other.keys())
+                for name in one.keys() - {'drive'}:
+                    if name in ('similarity', 'runner_up', 'score', 'yaw_deg') and one[name] not in ('', 'NaN'):
+                        self.assertAlmostEqual(float(one[name]), float(other[name]), delta=0.02 if name == 'yaw_deg' else 1e-4)
+                    else:
+                        self.assertEqual(one[name], other[name], name)
+
+    def test_poses_are_the_same_in_every_form(self):
+        calib = self.town / 'sequences/00/calib.txt'
+        lidar = poses.AXES_OF_CAMERA.T @ self.camera @ datasets.read_kitti_calibration(calib)
+        given = {'camera': (self.camera, ['--calib', calib]), 'lidar': (lidar, [])}
+        far = ['--exclusion', 'metres=60', *SAME_MOMENT[2:]]
+        own = self.loops(self.town, *far)
+        self.assertGreater(len(own), 5)
+        apart = [np.hypot(*(line['position'][axis] - line['match_position'][axis] for axis in 'xz')) for line in own]
+        self.assertLess(np.median(apart), 5)
+        for frame, (matrices, more) in given.items():
+            file = self.folder / 'poses.txt'
+            np.savetxt(file, matrices[:, :3].reshape(-1, 12), fmt='%.12g')
+            found = self.loops(self.plain, *far, '--poses', file, '--pose-frame', frame, *more,
+                               '--poses-out', self.folder / 'out.txt')
+            self.assertEqual(len(found), len(own))
+            for one, other in zip(own, found):
+                self.assertEqual(one['match_frame'], 12 * other['match_frame'])
+                for axis in 'xyz':
+                    self.assertAlmostEqual(one['position'][axis], other['position'][axis], places=6)
+            out = poses.read_trajectory(self.folder / 'out.txt')
+            frames = [line['frame'] for line in found]
+            np.testing.assert_allclose(out.times, frames)
+            of_lidar = lidar if frame == 'lidar' else poses.AXES_OF_CAMERA @ lidar
+            np.testing.assert_allclose(out.poses, of_lidar[frames], atol=1e-5)
+
+    def test_maps_are_kept(self):
+        place = ['--map', self.folder / 'town.map', *SAME_MOMENT[:4]]
+        self.loops(self.plain, *place, '--drive', 'first')
+        again = self.loops(self.plain, *place, '--drive', 'second')
+        self.assertEqual(len(again), len(self.scans))
+        self.assertTrue(all(line['match_drive'] == 'first' and line['match_frame'] == line['frame'] for line in again))
+
+    def test_pictures(self):
+        with contextlib.suppress(ImportError):
+            import matplotlib  # noqa: F401
+            for data in (self.plain, self.town):
+                file = self.folder / 'loops.png'
+                self.assertEqual(run(data, *SAME_MOMENT, '--every', 24, '--plot', file, '-q')[0], 0)
+                self.assertEqual(file.read_bytes()[1:4], b'PNG')
+                file.unlink()
+        with mock.patch.dict(sys.modules, {'matplotlib': None}):
+            self.fails(1, 'pip install matplotlib', self.plain, '--plot', 'x.png')
+        with mock.patch.dict(sys.modules, {'rerun': None}):
+            self.fails(1, 'pip install rerun-sdk', self.plain, '--rerun')
+        with mock.patch.dict(os.environ, {'PATH': ''}):
+            self.fails(1, 'the program revisit, which is not on PATH', self.plain, '--report', 'x.html')
+        if PROGRAM:
+            page = self.folder / 'loops.html'
+            with mock.patch('revisit.loops.show.program', lambda: PROGRAM):
+                self.assertEqual(run(self.plain, *SAME_MOMENT, '--every', 5, '--report', page, '-q')[0], 0)
+            self.assertIn('jsonl', page.read_text())
+
+    def test_ctrl_c_keeps_what_was_found(self):
+        out = self.folder / 'loops.csv'
+        went = subprocess.Popen([sys.executable, '-m', 'revisit.loops', self.plain, '--all', '-o', out], stderr=subprocess.PIPE)
+        for _ in range(600):
+            if out.exists() and out.read_text().count('\n') > 3:
+                break
+            time.sleep(0.05)
+        went.send_signal(signal.SIGINT)
+        said = went.communicate()[1].decode()
+        self.assertEqual(went.returncode, 130, said)
+        self.assertIn('interrupted; what was found is kept', said)
+        kept = out.read_text()
+        self.assertGreater(kept.count('\n'), 3)
+        self.assertTrue(kept.endswith('\n'))
+
+
+class Faults(Command):
+    def setUp(self):
+        super().setUp()
+        self.scans = self.folder / 'scans'
+        self.scans.mkdir()
+        for i in range(4):
+            datasets.write_kitti_scan(self.scans / f'{i}.bin', room(i))
+
+    def test_help_has_examples(self):
+        code, out, _ = run('--help')
+        self.assertEqual(code, 0)
+        self.assertIn('revisit-loops drive.bag --threshold 0.6', out)
+        self.assertEqual(run(self.scans, '--nonsense')[0], 2)
+
+    def test_what_cannot_be_is_said(self):
+        self.fails(2, "exclusion: expected .* found 'frames=x'", self.scans, '--exclusion', 'frames=x')
+        self.fails(2, 'seconds: the scans have no times', self.scans, '--exclusion', 'seconds=3', '--sensor', 'hdl64', '-q', '-o',
+                   self.folder / 'out')
+        self.fails(2, '--pose-frame', self.scans, '--poses', 'x')
+        self.fails(2, '--calib is about --poses', self.scans, '--calib', 'x')
+        self.fails(2, '--poses-out: the scans have no poses', self.scans, '--sensor', 'hdl64', '--threshold', 1, '--poses-out', 'x')
+        self.fails(2, "no ring model for the sensor 'os7'", self.scans, '--sensor', 'os7')
+        self.fails(3, 'no such file', self.folder / 'nowhere')
+        self.fails(3, 'nowhere', self.scans, '--poses', self.folder / 'nowhere', '--pose-frame', 'lidar')
+        self.fails(3, 'nowhere.ring', self.scans, '--ring', self.folder / 'nowhere.ring')
+        self.fails(1, 'cannot be written', self.scans, '--sensor', 'hdl64', '--threshold', 1, '-o', self.folder / 'no' / 'where')
+        (self.folder / 'empty').mkdir()
+        self.fails(3, 'no scans here', self.folder / 'empty')
+
+    def test_poses_of_another_time_are_no_poses(self):
+        file = self.folder / 'poses.txt'
+        file.write_text('0 0 0 0 0 0 0 1\n')
+        self.fails(3, 'the scans have none', self.scans, '--poses', file, '--pose-frame', 'lidar')
+        file.write_text('1 0 0 0 0 1 0 0 0 0 1 0\n')
+        self.fails(3, '1 poses .* frame 3', self.scans, '--poses', file, '--pose-frame', 'camera')
+
+    def test_scans_that_are_none_are_left_out(self):
+        (self.scans / '2.bin').write_bytes(b'12345')
+        code, out, said = run(self.scans)
+        self.assertEqual(code, 6)
+        self.assertEqual(len(out.splitlines()), 4)
+        self.assertRegex(said, r'2\.bin.*left out')
+        self.assertIn('4 scans, 0 loops accepted, 1 scans left out, 3 places known', said)
+
+    @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
+    def test_bags_that_are_none(self):
+        cloud, few = packed(room(1)[:500, :3]), ['-q', '--sensor', 'hdl64']
+        for kind in KINDS:
+            with self.subTest(kind):
+                folder = self.folder / kind.replace(' ', '_')
+
+                def bag(name, topics, kind=kind, folder=folder):
+                    (folder / name).mkdir(parents=True)
+                    return write_bag(folder / name, kind, topics)
+                self.fails(3, r'no topic of PointCloud2 .* /chatter \(std_msgs/msg/String\)', bag('none', {}), *few)
+                self.fails(3, '/p holds no messages', bag('empty', {'/p': []}), *few)
+                two = bag('two', {'/p': [cloud], '/q': [cloud]})
+                self.fails(2, 'choose one of /p, /q with --topic', two, *few)
+                self.fails(2, 'no topic /r', two, '--topic', '/r', *few)
+                self.fails(3, 'field x is int32', bag('integers', {'/p': [packed(room(1)[:500, :3], types='iff')]}), *few)
+                path = bag('cut', {'/p': [cloud] * 20})
+                file = path if path.is_file() else next(f for f in path.iterdir() if f.suffix in ('.mcap', '.db3'))
+                whole = file.read_bytes()
+                file.write_bytes(whole[:len(whole) * 2 // 3])
+                code, out, said = run(path, *few, '--all', '-o', folder / 'out.csv')
+                self.assertEqual((code, out, said.count('\n')), (3, '', 1), said)
+                self.assertRegex(said, '^revisit-loops: .*cannot be read as a bag')
+                file.write_bytes(b'')
+                self.fails(3, 'cannot be read as a bag', path, *few)
+
+    @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
+    def test_poses_by_time(self):
+        path = write_bag(self.folder, 'mcap', {'/p': [packed(room(i)[:, :3]) for i in range(3)]})
+        file = self.folder / 'poses.txt'
+        few = [path, '--sensor', 'hdl64', '--threshold', -9, '--poses', file, '--pose-frame', 'lidar', '--exclusion', 'none']
+        file.write_text(''.join(f'{1700000000 + 0.1 * i + 0.01:.2f} {i} 5 7 0 0 0 1\n' for i in range(3)))
+        found = self.loops(*few)
+        self.assertEqual([line['position'] for line in found], [{'x': -5, 'y': -7, 'z': i} for i in (1, 2)])
+        self.fails(3, '3 of 3 scans have no pose within 0.001 s', *few, '--max-gap', 0.001)
+
+    def test_without_rosbags_it_says_what_to_install(self):
+        file = self.folder / 'x.bag'
+        file.touch()
+        with mock.patch.dict(sys.modules, {'rosbags': None}):
+            self.fails(1, 'pip install rosbags', file)
+
+
+class Pieces(unittest.TestCase):
+    def test_exclusions(self):
+        self.assertEqual(Exclusion.parse('seconds=2.5'), ('seconds', 2.5))
+        self.assertEqual(Exclusion.parse('none').kind, 'none')
+        for wrong in ('', 'frames', 'frames=', 'frames=2.5', 'frames=-1', 'seconds=nan', 'seconds=inf', 'none=3', 'hours=1'):
+            with self.assertRaisesRegex(revisit.UsageError, 'expected frames=N'):
+                Exclusion.parse(wrong)
+
+    def test_lines(self):
+        self.assertEqual(lines.json_text({'frame': 3, 'score': float('nan')}), '{"frame":3,"score":"NaN"}')
+        cells = dict(zip([*lines.COLUMNS, 'drive'], lines.cells_of(
+            {'frame': 3, 'time': 0.5, 'accepted': True, 'yaw_deg': 12.346, 'position': {'x': 1.0, 'y': 2.0, 'z': 3.5}, 'drive': 'a'})))
+        self.assertEqual((cells['time'], cells['accepted'], cells['yaw_deg'], cells['here_z'], cells['match_x'], cells['drive']),
+                         ('0.500000', '1', '12.35', '3.500', '', 'a'))
+
+    def test_progress(self):
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said), mock.patch.object(progress, 'EVERY', 0):
+            self.assertEqual(list(progress.scans_told(range(4), 4, True)), [0, 1, 2, 3])
+            self.assertEqual(list(progress.scans_told(range(4), None, False)), [0, 1, 2, 3])
+        self.assertRegex(said.getvalue(), r'recognising 2/4 scans, [\d.]+ a second, 0:00 to go')
+
+
+if __name__ == '__main__':
+    unittest.main()
