@@ -6,7 +6,7 @@
 - Every fenced block names its language. Blocks of ```sh are run by bash in a folder made for the document
   (below), in the order of the text, and must succeed.
 - A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
-  a Python script must know the options. So is what stands between backquotes and begins with `revisit `.
+  a Python script and `revisit-loops` must know the options. So is what stands between backquotes and begins with `revisit `.
 - A page has at most two screens of prose: MOST_WORDS outside of blocks and tables.
 - Programs of ```cpp pass the compiler's checks, with the public headers of the engine, of recognition and of maps.
 - Links and pictures lead to files and headings that are there. Files of the sources that are named between backquotes are there.
@@ -127,6 +127,10 @@ class Checker:
             text = self.help_of(str(ROOT / 'weights_conversion' / 'revisit-convert'), *words[1:2])
             unknown = self.unknown_options(text or '', words[2:])
             return f'`revisit-convert {" ".join(words[1:2])}` has no {", ".join(unknown) or "help"}' if unknown or not text else None
+        if name == 'revisit-loops':  # of the Python package, which need not be built
+            text = (ROOT / 'python/revisit/loops/command.py').read_text()
+            unknown = self.unknown_options(text, words[1:])
+            return f'revisit-loops has no {", ".join(unknown)}' if unknown else None
         if name in ('cmake', 'ctest') and '--preset' in words:
             preset = words[words.index('--preset') + 1]
             return None if preset in self.presets else f'there is no preset {preset}'

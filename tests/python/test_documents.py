@@ -1,5 +1,6 @@
 """The programs of docs/PYTHON.md run, in the order of the text, in a folder that has what they speak of."""
 
+import importlib
 import os
 import re
 import subprocess
@@ -53,6 +54,9 @@ class Documents(unittest.TestCase):
         for name in ('datasets', 'engine', 'maps', 'proto', 'recognition', 'simulation'):
             self.assertIn(f'| `revisit.{name}` |', text)
             self.assertTrue(hasattr(revisit, name))
+        for name in ('loops', 'poses', 'recordings'):  # these are imported when they are needed
+            self.assertIn(f'| `revisit.{name}` |', text)
+            importlib.import_module(f'revisit.{name}')
 
 
 if __name__ == '__main__':

@@ -1,6 +1,7 @@
 """Run with the interpreter of an environment that has the wheel and numpy only: it works, and by itself."""
 
 import re
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -58,7 +59,16 @@ def stands_alone():
     assert own in Path(revisit.__file__).resolve().parents, revisit.__file__
 
 
+def has_the_command():
+    """revisit-loops, which needs numpy only for folders of scans."""
+    with tempfile.TemporaryDirectory() as folder:
+        simulation.simulate(folder, length=300, every=100)
+        done = subprocess.run([Path(sys.executable).with_name('revisit-loops'), folder, '--all'], text=True, capture_output=True)
+    assert done.returncode == 0 and done.stdout.startswith('frame,time,'), done.stdout + done.stderr
+
+
 classifies()
 finds_a_loop()
+has_the_command()
 stands_alone()
 print(f'revisit {revisit.__version__} with numpy {np.__version__} works')

@@ -4,6 +4,19 @@ from revisit.recordings.recording import package
 
 MOST_POINTS = 20000
 """Of a scan that are shown."""
+PART = 256
+"""What grows is logged in parts of so many, because each part is logged again whenever it grows."""
+
+
+def grower(log, name, make):
+    """A function that adds one thing to an entity that shows all of them."""
+    things = []
+
+    def add(thing):
+        things.append(thing)
+        part = (len(things) - 1) // PART
+        log(f'{name}/{part}', make(things[part * PART:]))
+    return add
 
 
 def viewer(file=None):
@@ -12,7 +25,12 @@ def viewer(file=None):
     rr.init('revisit-loops', spawn=file is None)
     if file is not None:
         rr.save(file)
-    path, loops, pairs = [], [], []
+    rr.log('scan', rr.ViewCoordinates.FLU, static=True)
+    rr.log('map', rr.ViewCoordinates.RDF, static=True)
+    green = [0, 158, 115]
+    path = grower(rr.log, 'map/path', lambda positions: rr.Points3D(positions, colors=[160, 160, 160]))
+    loops = grower(rr.log, 'map/loops', lambda pairs: rr.LineStrips3D(pairs, colors=green))
+    frames = grower(rr.log, 'frames', lambda pairs: rr.Points2D(pairs, colors=green))
 
     def show(visit):
         scan, loop = visit.scan, visit.loop
@@ -21,14 +39,10 @@ def viewer(file=None):
             rr.log('scan', rr.Points3D(visit.points[:: max(1, len(visit.points) // MOST_POINTS), :3]))
         if loop is not None:
             rr.log('score', rr.Scalars(loop.score))
-        accepted = loop is not None and loop.accepted
         if scan.pose is not None:
-            path.append(scan.pose[:3, 3])
-            rr.log('map/path', rr.LineStrips3D([path], colors=[160, 160, 160]))
-            if accepted and loop.pose is not None:
-                loops.append([scan.pose[:3, 3], loop.pose[:3, 3]])
-                rr.log('map/loops', rr.LineStrips3D(loops, colors=[0, 158, 115]))
-        if accepted:
-            pairs.append([scan.frame, loop.frame])
-            rr.log('frames', rr.Points2D(pairs, colors=[0, 158, 115]))
+            path(scan.pose[:3, 3])
+        if loop is not None and loop.accepted:
+            frames([scan.frame, loop.frame])
+            if scan.pose is not None and loop.pose is not None:
+                loops([scan.pose[:3, 3], loop.pose[:3, 3]])
     return show
