@@ -1,7 +1,9 @@
 """revisit.recordings: what each data set is written like is read back, bit for bit."""
 
+import contextlib
 import importlib.util
 import json
+import sqlite3
 import struct
 import tempfile
 import unittest
@@ -129,6 +131,18 @@ class Bags(Folders):
         self.check([self.clouds[1]] * 2, path=path, topic='/b')
         with self.assertRaisesRegex(revisit.UsageError, 'no topic /c'):
             open_recording(path, topic='/c')
+
+    def test_lost_messages_are_missed(self):
+        path = write_bag(self.folder, 'sqlite3', {'/points': [packed(cloud) for cloud in self.clouds]})
+        file, = path.glob('*.db3')
+        with contextlib.closing(sqlite3.connect(file)) as base:
+            base.execute('DELETE FROM messages WHERE id = (SELECT max(id) FROM messages)')
+            base.commit()
+        scans = open_recording(path).scans()
+        for _ in range(3):
+            next(scans).points()
+        with self.assertRaisesRegex(revisit.InputError, 'holds 3 messages, where .* tells of 4'):
+            next(scans)
 
     def test_a_broken_message_is_one_scan(self):
         cut = packed(self.clouds[1])
