@@ -308,6 +308,10 @@ class Layouts(Folders):
             open_recording(self.put('notes.txt', 'hello'))
         with self.assertRaisesRegex(revisit.InputError, 'no scans here'):
             open_recording(self.folder)
+        self.put('scans/1.bin', self.points[0].tobytes())
+        self.put('scans/1.npy', 'notes')
+        with self.assertRaisesRegex(revisit.UsageError, 'topic /p: what kitti reads has none'):
+            open_recording(self.folder / 'scans', topic='/p')
         with self.assertRaisesRegex(revisit.UsageError, 'rosbag, ouster'):
             open_recording(self.folder, format='rosbags')
 

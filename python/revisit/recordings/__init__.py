@@ -13,16 +13,16 @@ from revisit.recordings.recording import Options, Reader, Recording, Scan
 __all__ = ['READERS', 'Options', 'Reader', 'Recording', 'Scan', 'open_recording']
 
 READERS = [
-    Reader('rosbag', bags.detects, bags.open_bag),
-    Reader('ouster', packets.detects_ouster, packets.open_ouster),
+    Reader('rosbag', bags.detects, bags.open_bag, ('topic',)),
+    Reader('ouster', packets.detects_ouster, packets.open_ouster, ('meta',)),
     Reader('velodyne', packets.detects_velodyne, packets.open_velodyne),
-    Reader('nuscenes', nuscenes.detects, nuscenes.open_nuscenes),
-    Reader('kitti360', kitti_360.detects, kitti_360.open_kitti_360),
-    Reader('helipr', data_sets.detects_helipr, data_sets.open_helipr),
+    Reader('nuscenes', nuscenes.detects, nuscenes.open_nuscenes, ('sequence',)),
+    Reader('kitti360', kitti_360.detects, kitti_360.open_kitti_360, ('sequence',)),
+    Reader('helipr', data_sets.detects_helipr, data_sets.open_helipr, ('sequence',)),
     Reader('mulran', data_sets.detects_mulran, data_sets.open_mulran),
     Reader('nclt', data_sets.detects_nclt, data_sets.open_nclt),
     Reader('npy', folders.detects_npy, folders.open_npy),
-    Reader('kitti', folders.detects, folders.open_scans),
+    Reader('kitti', folders.detects, folders.open_scans, ('sequence',)),
 ]
 """In the order they are asked. The last takes what is left: KITTI's layout, and folders of .bin, .pcd and .ply files."""
 
@@ -41,7 +41,11 @@ def open_recording(path, *, format=None, topic=None, sequence='', meta=None) -> 
     names = [reader.name for reader in READERS]
     if format is not None and format not in names:
         raise UsageError(f'format of the data: expected one of {", ".join(names)}, found {format!r}')
+    options = Options(topic, str(sequence or ''), meta)
     for reader in READERS:
         if reader.name == format or (format is None and reader.detects(path)):
-            return reader.opens(path, Options(topic, str(sequence or ''), meta))
+            for name, value in options._asdict().items():
+                if value and name not in reader.takes:
+                    raise UsageError(f'{path}: {name} {value}: what {reader.name} reads has none; leave it out')
+            return reader.opens(path, options)
     raise InputError(f'{path}: nothing that is known: expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), or a folder')

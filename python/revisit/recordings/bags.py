@@ -11,6 +11,7 @@ from revisit.recordings.recording import Recording, Scan, package
 
 ENDINGS = ('.bag', '.db3', '.mcap')
 CLOUD = 'sensor_msgs/msg/PointCloud2'
+MENDED_BY = {'index': 'rosbag reindex', 'end magic': 'mcap recover', 'malformed': 'sqlite3 FILE .recover'}
 CLOUDS = (CLOUD, 'sensor_msgs/PointCloud2')
 
 
@@ -37,8 +38,9 @@ def errors_of(path):
     except Error:
         raise
     except Exception as error:  # whatever bytes are in the file: the package has no one error for them
-        advice = '; `rosbag reindex` may mend it' if 'index' in str(error) else ''
-        raise InputError(f'{path}: cannot be read as a bag: {str(error) or type(error).__name__}{advice}') from error
+        text = str(error) or type(error).__name__
+        advice = next((f'; `{program}` may mend it' for word, program in MENDED_BY.items() if word in text), '')
+        raise InputError(f'{path}: cannot be read as a bag: {text}{advice}') from error
 
 
 @contextlib.contextmanager

@@ -13,7 +13,8 @@ def detects(path):
 
 
 def detects_npy(path):
-    return path.is_dir() and any(path.glob('*.npy'))
+    endings = {file.suffix.lower() for file in path.iterdir()} if path.is_dir() else set()
+    return '.npy' in endings and not endings & {'.bin', '.pcd', '.ply'}
 
 
 def open_scans(path, options):

@@ -39,6 +39,8 @@ class Reader(NamedTuple):
     name: str
     detects: Callable[[Path], bool]
     opens: Callable[[Path, 'Options'], Recording]
+    takes: tuple[str, ...] = ()
+    """Which of the options mean something to it."""
 
 
 class Options(NamedTuple):
