@@ -4,9 +4,14 @@ set -euo pipefail
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 cd "$root"
 build=build/tidy  # configured only: clang cannot read the precompiled headers of g++
-[ -f $build/compile_commands.json ] || cmake --preset dev -B $build -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON >/dev/null
+python=()  # with nanobind, where tests/run.sh has been
+[ ! -x build/venv/bin/python ] || python=("-DPython_EXECUTABLE=$root/build/venv/bin/python")
+[ -f $build/compile_commands.json ] ||
+  cmake --preset dev -B $build -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON "${python[@]}" >/dev/null
 cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
 files=("$@")
-[ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' ':!tests/**')
+left_out=(':!tests/**')
+grep -q /python/src/ $build/compile_commands.json || left_out+=(':!python/**')
+[ $# -gt 0 ] || mapfile -t files < <(git ls-files '*.cpp' "${left_out[@]}")
 printf '%s\n' "${files[@]}" |
   xargs -P "$(nproc)" -n 4 clang-tidy -p $build --quiet --extra-arg=-Wno-unknown-warning-option 2>/dev/null

@@ -64,9 +64,9 @@ GivenPoints::GivenPoints(nb::handle points) : owner_(nb::borrow(points)) {
     offsets = {0, column, 2 * column};
   }
   const nb::object interface = points.attr("__array_interface__");
-  const auto address = nb::cast<uintptr_t>(interface["data"][0]);
-  take_columns(reinterpret_cast<const char*>(address), nb::cast<int64_t>(shape[0]),
-               nb::cast<int64_t>(strides[0]), offsets);
+  const nb::object address = interface["data"][0];
+  take_columns(static_cast<const char*>(PyLong_AsVoidPtr(address.ptr())),
+               nb::cast<int64_t>(shape[0]), nb::cast<int64_t>(strides[0]), offsets);
 }
 
 void GivenPoints::take_axes(nb::handle points) {

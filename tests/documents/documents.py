@@ -33,7 +33,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 # Commands of blocks that are not run and that are no business of ours.
-FOREIGN = {'apt', 'apt-get', 'cd', 'cpack', 'dpkg', 'dpkg-deb', 'for', 'g++', 'git', 'grep', 'man', 'pip',
+FOREIGN = {'apt', 'apt-get', 'cd', 'cpack', 'dpkg', 'dpkg-deb', 'env', 'for', 'g++', 'git', 'grep', 'man', 'pip',
            'pkg-config', 'python3', 'source', 'sudo', 'xargs'}
 POSES_OF_KITTI_00 = 4541
 MOST_WORDS = 900

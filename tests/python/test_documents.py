@@ -53,7 +53,7 @@ class Documents(unittest.TestCase):
         import revisit
         text = (ROOT / 'docs/PYTHON.md').read_text()
         for name in ('datasets', 'engine', 'maps', 'proto', 'recognition', 'simulation'):
-            self.assertIn(f'| `revisit.{name}` |', text)
+            self.assertIn(f'| `{name}` |', text)
             self.assertTrue(hasattr(revisit, name))
         for name in ('loops', 'poses', 'recordings'):  # these are imported when they are needed
             self.assertIn(f'| `revisit.{name}` |', text)
