@@ -23,7 +23,12 @@ def _our_errors():
         raise next(ours for theirs, ours in kinds if isinstance(error, theirs))(str(error)) from None
 
 
-def _say(warnings):
+def _say(net):
+    """Passes on the warnings of a net or file, once each."""
+    try:
+        warnings = net.warnings
+    except UnicodeDecodeError:  # of names that are no text
+        return
     for warning in warnings:
         if warning not in _said:
             _said.add(warning)
@@ -38,7 +43,7 @@ def schema():
 def net_text(prototxt):
     with _our_errors():
         net = revisit.proto.read_net(prototxt)
-    _say(net.warnings)
+    _say(net)
     return net.text()
 
 
@@ -71,7 +76,7 @@ def outputs(prototxt, weights, inputs, end, graft, every_layer):
         else:
             read = revisit.proto.read_net(prototxt)  # its bytes are weights without any
             net = revisit.engine.Net.load_from_memory(read.text(), read.to_bytes(), **options)
-        _say(net.warnings)
+        _say(net)
         run = net.plan(keep_all=every_layer, accuracy=revisit.engine.Accuracy.STRICT).run()
         run.forward({blob: np.ascontiguousarray(array, np.float32) for blob, array in inputs.items()})
         if not every_layer:
