@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from revisit_conversion import weights
+from conversion import weights
 from support import ConversionTest, input_layer, layer, numbers
 
 NORM = [numbers(4, seed=1), np.abs(numbers(4, seed=2)) + 0.1, [2.0]]

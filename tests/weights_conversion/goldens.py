@@ -17,9 +17,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'weights_conversion'))
 
-from revisit_conversion import compare, engine, onnx_export  # noqa: E402
-from revisit_conversion.__main__ import parser  # noqa: E402
-from revisit_conversion.errors import ConversionError  # noqa: E402
+from conversion import compare, engine, onnx_export  # noqa: E402
+from conversion.__main__ import parser  # noqa: E402
+from conversion.errors import ConversionError  # noqa: E402
 
 
 def only(folder, *patterns):

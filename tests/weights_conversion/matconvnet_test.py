@@ -5,7 +5,7 @@ import unittest
 import numpy as np
 import scipy.io
 
-from revisit_conversion import means
+from conversion import means
 from support import ConversionTest, numbers
 
 

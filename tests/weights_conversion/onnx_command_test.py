@@ -3,7 +3,7 @@
 import numpy as np
 import onnx
 
-from revisit_conversion import compare, onnx_export
+from conversion import compare, onnx_export
 from support import ConversionTest, input_layer, layer, numbers
 
 NET = (input_layer(1, 3, 14, 16) + layer('conv1', 'Convolution', parameters='convolution_param { num_output: 4 kernel_size: 3 }')

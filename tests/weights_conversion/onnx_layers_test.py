@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from revisit_conversion import compare, engine, onnx_export
+from conversion import compare, engine, onnx_export
 from support import ConversionTest, input_layer, layer, numbers
 
 # Each: the input's shape, the layer after the input (type, parameters), its weights, further options.

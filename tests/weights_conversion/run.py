@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs the tests of the converters (weights_conversion/revisit_conversion) in a virtual environment of their own.
+"""Runs the tests of the converters (weights_conversion/conversion) in a virtual environment of their own.
 
   tests/weights_conversion/run.py PROGRAM VENV [TEST...]
 

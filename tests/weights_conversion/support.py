@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from revisit_conversion.__main__ import main
+from conversion.__main__ import main
 
 ROOT = Path(__file__).resolve().parents[2]
 GOLDEN = ROOT / 'tests' / 'golden'
@@ -48,7 +48,7 @@ class ConversionTest(unittest.TestCase):
 
     def net(self, text, blobs, name='net'):
         """Writes a prototxt and a caffemodel {layer: arrays}; returns both paths."""
-        from revisit_conversion import weights
+        from conversion import weights
         prototxt, model = self.path(f'{name}.prototxt'), self.path(f'{name}.caffemodel')
         prototxt.write_text(text)
         weights.write_caffemodel(model, {layer: [np.asarray(a, np.float32) for a in arrays] for layer, arrays in blobs.items()})

@@ -7,7 +7,7 @@ import unittest
 import numpy as np
 from safetensors.numpy import save_file
 
-from revisit_conversion import weights
+from conversion import weights
 from support import ConversionTest, numbers
 
 HAS_TORCH = all(importlib.util.find_spec(name) for name in ('torch', 'torchvision'))

@@ -5,8 +5,8 @@ import unittest
 import h5py
 import numpy as np
 
-from revisit_conversion import engine, means, weights
-from revisit_conversion.schema import messages
+from conversion import engine, means, weights
+from conversion.schema import messages
 from support import GOLDEN, ConversionTest, input_layer, layer, numbers
 
 TEXT = input_layer(1, 3, 5, 6) + layer('a/1x1', 'Convolution', parameters='convolution_param { num_output: 2 kernel_size: 1 }')
