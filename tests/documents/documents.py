@@ -128,7 +128,7 @@ class Checker:
             unknown = self.unknown_options(text or '', words[2:])
             return f'`revisit-convert {" ".join(words[1:2])}` has no {", ".join(unknown) or "help"}' if unknown or not text else None
         if name == 'revisit-loops':  # of the Python package, which need not be built
-            text = (ROOT / 'python/revisit/loops/command.py').read_text()
+            text = (ROOT / 'python/revisit/loops/options.py').read_text()
             unknown = self.unknown_options(text, words[1:])
             return f'revisit-loops has no {", ".join(unknown)}' if unknown else None
         if name in ('cmake', 'ctest') and '--preset' in words:

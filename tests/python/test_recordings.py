@@ -14,7 +14,7 @@ import numpy as np
 import revisit
 from bags import HAVE_ROSBAGS, KINDS, START, packed, write_bag
 from revisit import datasets
-from revisit.recordings import open_recording
+from revisit.recordings import open_recording, packets
 from revisit.recordings.point_cloud2 import points_of
 
 T0 = 1560000000000000000
@@ -317,14 +317,14 @@ class Layouts(Folders):
 
 
 class Packets(Folders):
-    def write_vlp16(self, points_away=10.0):
+    def write_vlp16(self, metres=10.0):
         """Two revolutions of a VLP-16 in a wall of 10 m: 24-byte header of pcap, then Ethernet, IPv4 and UDP around 1206 bytes."""
         out = [struct.pack('<IHHiIII', 0xa1b2c3d4, 2, 4, 0, 0, 65535, 1)]
         azimuth = 0
         for packet in range(160):
             payload = b''
             for _ in range(12):
-                payload += struct.pack('<HH', 0xeeff, azimuth) + struct.pack('<HB', int(points_away / 0.002), 50) * 32
+                payload += struct.pack('<HH', 0xeeff, azimuth) + struct.pack('<HB', int(metres / 0.002), 50) * 32
                 azimuth = (azimuth + 40) % 36000
             time = packet * 1327
             payload += struct.pack('<IBB', time, 0x37, 0x22)
@@ -342,11 +342,21 @@ class Packets(Folders):
             self.skipTest('without the package velodyne-decoder')
         scans = list(open_recording(path).scans())
         self.assertGreaterEqual(len(scans), 2)
+        self.assertLess(abs(scans[1].time - START), 1)
+        self.assertLess(scans[0].time, scans[1].time)
         middle = scans[1].points()
         self.assertGreater(len(middle), 20000)
         np.testing.assert_allclose(np.linalg.norm(middle[:, :3], axis=1), 10, atol=0.1)
         with self.assertRaisesRegex(revisit.InputError, 'packets'):
             open_recording(self.put('empty.pcap', b'not a pcap'))
+
+    def test_metadata_tell_an_ouster(self):
+        path = self.put('drive_1.pcap', b'')
+        self.put('drive_1.json', '{"notes": 1}')
+        self.assertIsNone(packets.metadata_of(path))
+        for name in ('drive_2.json', 'drive_1_meta.json', 'other.json'):
+            self.put(name, '{"beam_altitude_angles": []}')
+        self.assertEqual(packets.metadata_of(path).name, 'drive_1_meta.json')
 
     def test_ouster(self):
         if not have('ouster.sdk.osf'):

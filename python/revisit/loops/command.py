@@ -1,12 +1,10 @@
 """revisit-loops: places seen before, in a bag, in packets, in a data set or in a folder of scans."""
 
-import argparse
 import contextlib
 import itertools
 import os
 import sys
 import tempfile
-from pathlib import Path
 
 import numpy as np
 
@@ -14,94 +12,19 @@ import revisit
 from revisit import poses, recognition
 from revisit.errors import Error, InputError, Interrupted, UnsupportedError, UsageError
 from revisit.loops import lines, live, show
+from revisit.loops.options import parse
 from revisit.loops.progress import scans_told
-from revisit.loops.recognise import Exclusion, recognise
-from revisit.recordings import READERS, open_recording
+from revisit.loops.recognise import recognise
+from revisit.recordings import open_recording
 
 OK, FAILED, USAGE, INPUT, UNSUPPORTED, LEFT_OUT, INTERRUPTED = 0, 1, 2, 3, 4, 6, 130
 SCANS_THAT_SHOW_THE_SENSOR = 3
-EXAMPLES = """\
-examples:
-  revisit-loops drive.bag --threshold 0.6                              # ROS 1; the only topic of PointCloud2
-  revisit-loops drive_ros2/ --topic /ouster/points -o loops.csv        # ROS 2: a folder, .db3 or .mcap
-  revisit-loops drive.mcap --poses kiss_icp_tum.txt --pose-frame lidar --exclusion metres=50
-  revisit-loops KITTI --sequence 00 --threshold 0.6 --report loops.html
-  revisit-loops MulRan/KAIST01 --sensor ouster-os1-64 --map kaist.map --plot loops.png
-
-exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 6 done, but some scans could not be
-described; 130 interrupted (what was found is kept).
-"""
-
-
-def positive(text):
-    value = int(text)
-    if value < 1:
-        raise ValueError
-    return value
-
-
-def make_parser():
-    parser = argparse.ArgumentParser(
-        'revisit-loops', formatter_class=argparse.RawDescriptionHelpFormatter, epilog=EXAMPLES,
-        description='Places seen before, found online: every scan is described, compared with what was there before it,\n'
-                    'printed as a line when it is recognised, and added. docs/BAGS.md has what is read.')
-    parser.add_argument('data', metavar='DATA', help='a bag, packets, a data set, or a folder of scans')
-    data = parser.add_argument_group('data')
-    data.add_argument('--reader', choices=[reader.name for reader in READERS], help='default: told by looking')
-    data.add_argument('--topic', help='of a bag that has several of PointCloud2')
-    data.add_argument('--sequence', default='', help='of a data set with several: 00, scene-0061, Ouster')
-    data.add_argument('--meta', metavar='FILE', help="of Ouster's packets (default: the .json file beside them)")
-    data.add_argument('--every', type=positive, default=1, metavar='N', help='only frames whose number is a multiple of N')
-    data.add_argument('--sensor', default='auto', help='whose ring model is taken: '
-                      f'{", ".join(recognition.shipped_ring_models())} (default auto: from the first scans)')
-    data.add_argument('--ring', metavar='FILE', help='a ring model that `revisit learn` wrote, instead')
-    where = parser.add_argument_group('poses')
-    where.add_argument('--poses', metavar='FILE', help='of the scans (default: those of the data set)')
-    where.add_argument('--pose-format', choices=poses.FORMATS, help='default: told by looking')
-    where.add_argument('--pose-frame', choices=poses.FRAMES,
-                       help='lidar: z is up in the world; camera: x to the right, y down, z forward. Needed with --poses')
-    where.add_argument('--calib', metavar='FILE', help='T_body_lidar when the poses are not the lidar\'s: calib.txt of KITTI, '
-                       'or 3 x 4 numbers (default with camera: one that looks ahead)')
-    where.add_argument('--max-gap', type=float, default=0.1, metavar='SECONDS',
-                       help='between a scan and its pose (default %(default)s)')
-    where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
-    loops = parser.add_argument_group('loops')
-    loops.add_argument('--threshold', type=float, metavar='S', help="a loop from this score on (default: the map's)")
-    loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='what of the drive is of the same moment: '
-                       'frames=50 (default), seconds=30, metres=50 or none')
-    loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
-                       '(default %(default)s)')
-    loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
-    loops.add_argument('--drive', metavar='NAME', help='what this drive is called in the map (default: the name of the data)')
-    loops.add_argument('--threads', type=positive, default=len(os.sched_getaffinity(0)), metavar='N', help='of one scan')
-    out = parser.add_argument_group('output')
-    out.add_argument('--format', choices=['csv', 'jsonl'], default='csv', help='a line a loop (default csv)')
-    out.add_argument('--all', action='store_true', help='a line for every scan, not for accepted loops alone')
-    out.add_argument('-o', '--output', metavar='FILE', help='for the loops (default: standard output)')
-    out.add_argument('--report', metavar='FILE.html', help='the page of `revisit report`, which must be on PATH')
-    out.add_argument('--plot', metavar='FILE.png', help='a picture (needs matplotlib)')
-    out.add_argument('--rerun', nargs='?', const='', metavar='FILE.rrd', help='a live view, or a file for one (needs rerun-sdk)')
-    out.add_argument('-q', '--quiet', action='store_true', help='only errors')
-    return parser
-
-
-def parse(arguments):
-    o = make_parser().parse_args(arguments)
-    o.exclusion = Exclusion.parse(o.exclusion)
-    if o.poses and not o.pose_frame:
-        raise UsageError('--poses: say whose axes they have with --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or camera '
-                         "(z forward, y down; KITTI's poses)")
-    for name in ('pose_format', 'pose_frame', 'calib'):
-        if getattr(o, name) and not o.poses:
-            raise UsageError(f'--{name.replace("_", "-")} is about --poses, which is not given')
-    if not (o.max_gap >= 0):
-        raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
-    return o
 
 
 def say(o, message):
     if not o.quiet:
-        print(f'revisit-loops: {message}', file=sys.stderr)
+        over = '\r\033[K' if sys.stderr.isatty() else ''  # the line of the progress
+        print(f'{over}revisit-loops: {message}', file=sys.stderr)
 
 
 def with_poses(o, recording):

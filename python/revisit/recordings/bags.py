@@ -134,7 +134,7 @@ def open_bag(path, options) -> Recording:
             yield Scan(frame, time_of(path, recorded, ros1, data), None,
                        lambda ros1=ros1, data=data: points_of(decode(path, ros1, data)), f'{path}, frame {frame}')
         if frame + 1 < count:
-            raise InputError(f'{path}: {topic} holds {frame + 1} messages, where the bag\'s index tells of {count}: it is damaged')
+            raise InputError(f"{path}: {topic} holds {frame + 1} messages, where the bag's index tells of {count}: it is damaged")
 
     def times():
         found = [time_of(path, *message) for message in messages(path, topic)]

@@ -7,10 +7,11 @@ from revisit.recordings.recording import Recording, Scan, package
 
 
 def metadata_of(path):
-    """The .json file beside a .pcap whose name begins most like it."""
+    """The .json file of an Ouster beside a .pcap: the one whose name begins most like it."""
     def alike(file):
         return next((i for i, (a, b) in enumerate(zip(file.name, path.name)) if a != b), len(path.stem))
-    return max(path.parent.glob('*.json'), key=alike, default=None)
+    files = [file for file in path.parent.glob('*.json') if file.is_file() and b'beam_altitude_angles' in file.read_bytes()]
+    return max(files, key=alike, default=None)
 
 
 def detects_ouster(path):
