@@ -56,7 +56,7 @@ class Documents(unittest.TestCase):
             self.assertIn(f'| `{name}` |', text)
             self.assertTrue(hasattr(revisit, name))
         for name in ('loops', 'poses', 'recordings'):  # these are imported when they are needed
-            self.assertIn(f'| `revisit.{name}` |', text)
+            self.assertIn(f'| `{name}` |', text)
             importlib.import_module(f'revisit.{name}')
 
 
