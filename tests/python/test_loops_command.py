@@ -25,7 +25,7 @@ from scans import room
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
 if not os.access(PROGRAM, os.X_OK):
     PROGRAM = ''
-SAME_MOMENT = ['--exclusion', 'frames=12', '--threshold', '0.4', '--drive', 'd', '--sensor', 'vlp16']
+SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0.4', '--drive', 'd', '--sensor', 'vlp16']
 
 
 def run(*arguments):
@@ -67,7 +67,7 @@ class Drives(Command):
         folder = tempfile.TemporaryDirectory()
         cls.addClassCleanup(folder.cleanup)
         cls.town = Path(folder.name) / 'town'
-        simulation.simulate(cls.town, length=300, sensor='vlp16', every=12, route='both')
+        simulation.simulate(cls.town, length=300, sensor='vlp16', every=20, route='both')
         drive = datasets.open_dataset(cls.town, poses=True).scans
         cls.scans = [datasets.read_scan(ref.file)[:, :3] for ref in drive]
         cls.camera = np.array([ref.pose for ref in drive])
@@ -85,7 +85,7 @@ class Drives(Command):
         self.assertGreater(len(self.found), 5)
         for line in self.found:
             self.assertTrue(line['accepted'])
-            self.assertGreater(line['frame'], line['match_frame'] + 12)
+            self.assertGreater(line['frame'], line['match_frame'] + 7)
         apart = [np.linalg.norm((self.camera[line['frame']] - self.camera[line['match_frame']])[[0, 2], 3]) for line in self.found]
         self.assertLess(np.median(apart), 5)
 
@@ -101,7 +101,7 @@ class Drives(Command):
     def test_the_program_finds_the_same(self):
         readers = {'jsonl': lambda text: [json.loads(line) for line in text.splitlines()],
                    'csv': lambda text: list(csv.DictReader(io.StringIO(text), restkey='drive'))}
-        for form, options in (('jsonl', ['--all']), ('csv', ['--every', '3', '--exclusion', 'frames=9'])):
+        for form, options in (('jsonl', ['--all']), ('csv', ['--every', '2', '--exclusion', 'frames=7'])):
             options = [*SAME_MOMENT, *options, '--format', form]
             done = subprocess.run([PROGRAM, 'loops', self.plain, *options], text=True, capture_output=True, check=True)
             theirs, ours = ([line for line in readers[form](text) if line.get('match_frame') is not None]
@@ -132,7 +132,7 @@ class Drives(Command):
                                '--poses-out', self.folder / 'out.txt')
             self.assertEqual(len(found), len(own))
             for one, other in zip(own, found):
-                self.assertEqual(one['match_frame'], 12 * other['match_frame'])
+                self.assertEqual(one['match_frame'], 20 * other['match_frame'])
                 for axis in 'xyz':
                     self.assertAlmostEqual(one['position'][axis], other['position'][axis], places=6)
             out = poses.read_trajectory(self.folder / 'out.txt')
