@@ -178,9 +178,10 @@ std::vector<LayerWeights> Net::weights() const {
     const Node& node = impl_->graph.nodes[i];
     if (node.weights.empty()) continue;
     if (impl_->releasable.has(i))
-      throw UsageError(str(impl_->file, ": layer '", node.name,
-                           "': its weights may have been released; load the net without "
-                           "LoadOptions::release_weights to see them"));
+      throw UsageError(
+          str(impl_->file, ": layer '", node.name,
+              "': its weights may have been released; load a net that keeps them to see "
+              "them"));
     LayerWeights& layer = weights.emplace_back(LayerWeights{node.name, {}});
     for (const Tensor& weight : node.weights)
       layer.blobs.push_back({weight.values.data(), weight.shape});

@@ -271,7 +271,7 @@ TEST_F(NetTest, WeightsThatAreNotThereAreNotGiven) {
   expect_error<UsageError>([&] { (void)Net::load_without_weights(prototxt()).weights(); },
                            {"net.prototxt", "without weights"});
   const Net net = Net::load(prototxt(), weights(), {.release_weights = true});
-  expect_error<UsageError>([&] { (void)net.weights(); }, {"'conv'", "release_weights"});
+  expect_error<UsageError>([&] { (void)net.weights(); }, {"'conv'", "keeps them"});
 }
 
 TEST_F(NetTest, RandomWeightsAreTheSameForTheSameSeed) {

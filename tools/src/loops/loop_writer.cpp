@@ -50,7 +50,7 @@ Table csv_table() {
                 "runner_up", "score",   "yaw_deg",     "accepted",    "registered", "x",
                 "y",         "z",       "qx",          "qy",          "qz",         "qw",
                 "inliers",   "fitness", "here_x",      "here_y",      "here_z",     "match_x",
-                "match_y",   "match_z"});
+                "match_y",   "match_z", "drive"});
 }
 
 template <class Message>
