@@ -74,7 +74,7 @@ def main():
         run(python, '-I', ROOT / 'tests' / 'python' / 'wheel_check.py', cwd=folder)
         if not o.built:
             (ROOT / 'dist').mkdir(exist_ok=True)
-            wheel.rename(ROOT / 'dist' / wheel.name)
+            shutil.move(wheel, ROOT / 'dist' / wheel.name)
     return 0
 
 
