@@ -59,16 +59,18 @@ def stands_alone():
     assert own in Path(revisit.__file__).resolve().parents, revisit.__file__
 
 
-def has_the_command():
-    """revisit-loops, which needs numpy only for folders of scans."""
+def has_the_commands():
+    """revisit-loops, which needs numpy only for folders of scans, and revisit-convert."""
     with tempfile.TemporaryDirectory() as folder:
         simulation.simulate(folder, length=300, every=100)
         done = subprocess.run([Path(sys.executable).with_name('revisit-loops'), folder, '--all'], text=True, capture_output=True)
     assert done.returncode == 0 and done.stdout.startswith('frame,time,'), done.stdout + done.stderr
+    done = subprocess.run([Path(sys.executable).with_name('revisit-convert'), '--help'], text=True, capture_output=True)
+    assert done.returncode == 0 and 'onnx' in done.stdout, done.stdout + done.stderr
 
 
 classifies()
 finds_a_loop()
-has_the_command()
+has_the_commands()
 stands_alone()
 print(f'revisit {revisit.__version__} with numpy {np.__version__} works')
