@@ -9,7 +9,7 @@ namespace {
 
 BlockedSize size_of(const Binding& binding) {
   const Shape& shape = binding.outputs[0];
-  return {shape[0], shape[1], shape.product(2, shape.rank()), binding.threads};
+  return {shape[0], shape[1], shape.product(2, shape.rank()), binding.threads, binding.precision};
 }
 
 Kernel bind_activation(const Activating& activation, const Binding& binding) {

@@ -98,14 +98,16 @@ class Placer {
     return buffer;
   }
 
-  /// Whether the inputs can lie one after another in the output, each on a cache line.
+  /// Whether the inputs can lie one after another in the output, each from a whole block on or, if
+  /// plain, on a cache line.
   bool can_join(const Step& step) const {
     std::vector<int> seen;
     for (size_t i = 0; i < step.inputs.size(); ++i) {
       const int b = buffer_of_[step.inputs[i]];
       const bool is_input = static_cast<size_t>(b) < n_inputs_;
       if (is_input || buffers_[b].parent >= 0 || std::count(seen.begin(), seen.end(), b) > 0 ||
-          (i + 1 < step.inputs.size() && buffers_[b].bytes % kAlignment != 0))
+          (i + 1 < step.inputs.size() && buffers_[b].bytes % kAlignment != 0 &&
+           schedule_.stored[step.inputs[i]].layout == Layout::kNchw))
         return false;
       seen.push_back(b);
     }

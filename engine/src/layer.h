@@ -72,6 +72,9 @@ struct Binding {
   const std::vector<Tensor>& weights;
   int threads = 1;
   bool reference_kernels = false;
+  Precision precision = Precision::kFloat32;  // of blocked values
+  bool bf16_weights = false;                  // of inner products
+  int64_t most_packed_bytes = 0;              // of those
   /// The layouts that the inputs are in. Empty: this must be a kernel on plain values.
   std::vector<Layout> layouts = {};
   bool blocked(size_t input) const {

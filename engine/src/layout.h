@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "revisit/engine/precision.h"
+
 namespace revisit::engine {
 
 /// Memory. Planning counts in bytes: only who makes the numbers knows their type.
@@ -14,11 +16,16 @@ constexpr Bytes floats(int64_t n) {
   return Bytes(n * static_cast<int64_t>(sizeof(float)));
 }
 
+/// Of a number of a blocked value.
+constexpr int64_t value_bytes(Precision values) {
+  return values == Precision::kBf16 ? 2 : 4;
+}
+
 /// How the numbers of a value `[n][c][h][w]` lie in memory.
 enum class Layout {
   kNchw,     // [n][c][h][w]: "plain"
-  kNChw16c,  // "blocked": [n][ceil(c / kLanes)][h][w][kLanes], lanes beyond c are zero, 64-byte
-             // aligned
+  kNChw16c,  // "blocked": [n][ceil(c / kLanes)][h][w][kLanes], lanes beyond c are zero, blocks
+             // aligned to their size; of the plan's Precision, while plain ones are float32
 };
 
 /// Channels of a block, on every CPU: one AVX-512 register, two of AVX2, four of NEON.

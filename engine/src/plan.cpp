@@ -63,6 +63,9 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   Operations operations = operations_of(net, shapes, kept);
   if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
   limit_rounding(options.accuracy, &operations);
+  for (Operation& operation : operations.list)
+    if (auto* const convolving = std::get_if<Convolving>(&operation.form))
+      convolving->problem.values = options.precision;
   return merge ? fuse(std::move(operations), most_packed_bytes) : operations;
 }
 

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <memory>
 #include <new>
@@ -25,7 +26,7 @@ float* floats_at(std::byte* memory) {
 /// A read of memory that nothing wrote shows. Elsewhere pages stay untouched until a kernel's
 /// threads write them: then they are near those threads, and only as many as are needed.
 void poison(std::byte* arena, int64_t bytes) {
-  if (kPoison) std::fill_n(floats_at(arena), bytes / static_cast<int64_t>(sizeof(float)), kNan);
+  if (kPoison) std::memset(arena, 0xFF, static_cast<size_t>(bytes));  // NaN of every type
 }
 
 template <class Slots>

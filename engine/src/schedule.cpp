@@ -10,12 +10,17 @@
 namespace revisit::engine {
 namespace {
 
-Kernel reorder_kernel(const Shape& shape, Layout to, int threads) {
-  const BlockedSize size{shape[0], shape[1], shape.product(2, shape.rank()), threads};
-  auto* const run = to == Layout::kNChw16c ? reorder_to_blocked : reorder_to_plain;
+Kernel reorder_kernel(const Shape& shape, Layout to, const PlanOptions& options) {
+  const BlockedSize size{shape[0], shape[1], shape.product(2, shape.rank()), options.threads,
+                         options.precision};
   Kernel kernel;
   kernel.name = "reorder";
-  kernel.run = [size, run](const Call& call) { run(size, call.inputs[0], call.outputs[0]); };
+  kernel.run = [size, to](const Call& call) {
+    if (to == Layout::kNChw16c)
+      reorder_to_blocked(size, call.inputs[0], call.outputs[0]);
+    else
+      reorder_to_plain(size, call.inputs[0], call.outputs[0]);
+  };
   return kernel;
 }
 
@@ -60,9 +65,11 @@ class Scheduler {
 
   size_t store(ValueId id, Layout layout) {
     const Shape shape = operations_.gray_input == id ? shapes_[id].with(1, 1) : shapes_[id];
-    int64_t elements = shape.elements();
-    if (layout == Layout::kNChw16c) elements = elements / shape[1] * padded_channels(shape[1]);
-    result_.stored.push_back({id, layout, shape, floats(elements).count});
+    const int64_t bytes = layout == Layout::kNchw
+                              ? floats(shape.elements()).count
+                              : shape.elements() / shape[1] * padded_channels(shape[1]) *
+                                    value_bytes(options_.precision);
+    result_.stored.push_back({id, layout, shape, bytes});
     place(id, layout) = result_.stored.size() - 1;
     return result_.stored.size() - 1;
   }
@@ -79,7 +86,7 @@ class Scheduler {
     const size_t from = place(id, other).value();
     const size_t to = store(id, layout);
     result_.steps.push_back({layer,
-                             reorder_kernel(result_.stored[from].shape, layout, options_.threads),
+                             reorder_kernel(result_.stored[from].shape, layout, options_),
                              OutputMemory::kOwn,
                              {from},
                              {to},
@@ -97,10 +104,8 @@ class Scheduler {
       step.kernel = bind(operation, convolution, inputs, outputs);
       step.why = why(operation, convolution);
       result_.packed_bytes += step.kernel.packed.count;
-      if (chooses(operation)) {
-        packed_left_ -= step.kernel.packed.count;
-        weights_left_ -= weights_of(operation);
-      }
+      if (!operation.convolution) packed_left_ -= step.kernel.packed.count;
+      if (chooses(operation)) weights_left_ -= weights_of(operation);
     }
     for (size_t i = 0; i < operation.inputs.size(); ++i)
       step.inputs.push_back(require(
@@ -121,6 +126,10 @@ class Scheduler {
       for (const ValueId id : operation.inputs)
         binding.layouts.push_back(blocked_[id] ? Layout::kNChw16c : Layout::kNchw);
     binding.fusion = operation.fusion;
+    binding.precision = options_.precision;
+    binding.bf16_weights = !options_.reference_kernels &&
+                           (options_.bf16_weights || options_.precision == Precision::kBf16);
+    binding.most_packed_bytes = packed_left_;
     binding.cache = &net_.packed_weights;
     binding.layer = operation.node;
     if (net_.releasable.has(operation.node))

@@ -28,6 +28,7 @@ struct PackedWeightsKey {
   std::vector<uint32_t> gray_offsets;  // Fusion::gray_offsets, their bits
   bool has_constants;                  // FusedConvolution::has_constants()
   std::string kernel;                  // that wants this order
+  Precision values;                    // ConvolutionProblem::values
   // NOLINTNEXTLINE(modernize-use-nullptr): clang-tidy 14 takes the comparison with 0 for a pointer
   friend auto operator<=>(const PackedWeightsKey&, const PackedWeightsKey&) = default;
 };

@@ -112,7 +112,7 @@ TEST_P(BlockedPooling, GivesTheNumbersOfThePlainKernel) {
   struct Pair {
     const char* name;
     Plain plain;
-    void (*blocked)(const PoolingProblem&, int64_t, const float*, float*);
+    void (*blocked)(const PoolingProblem&, int64_t, const void*, void*);
   };
   const Plain plain_max = [](const PoolingProblem& p, const float* in, float* out) {
     max_pool(p, in, out, nullptr);

@@ -50,6 +50,21 @@ std::vector<float> to_plain(int64_t n, int64_t c, int64_t pixels, std::span<cons
   return plain;
 }
 
+AlignedFloats rounded_to_bf16(const AlignedFloats& blocked) {
+  AlignedFloats result(static_cast<int64_t>(blocked.values().size()) / 2, 0);
+  auto* to = reinterpret_cast<engine::BFloat16*>(result.data());
+  for (const float x : blocked.values()) *to++ = engine::to_bfloat16(x);
+  return result;
+}
+
+AlignedFloats widened(const AlignedFloats& bf16) {
+  AlignedFloats result(static_cast<int64_t>(bf16.values().size()) * 2, 0);
+  const auto* from = reinterpret_cast<const engine::BFloat16*>(bf16.data());
+  for (int64_t i = 0; i < static_cast<int64_t>(result.values().size()); ++i)
+    result.data()[i] = engine::to_float(from[i]);
+  return result;
+}
+
 int64_t find_dirty_tail(int64_t n, int64_t c, int64_t pixels, std::span<const float> blocked) {
   for (int64_t i = 0; i < n; ++i)
     for (int64_t j = c; j < engine::padded_channels(c); ++j)

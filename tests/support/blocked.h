@@ -4,6 +4,7 @@
 #include <span>
 #include <vector>
 
+#include "bfloat16.h"
 #include "layout.h"
 
 /// Blocked values for tests of kernels.
@@ -29,6 +30,10 @@ class AlignedFloats {
 /// `[n][c][pixels]` in Layout::kNChw16c, and back; both written from the definition.
 AlignedFloats to_blocked(int64_t n, int64_t c, int64_t pixels, std::span<const float> plain);
 std::vector<float> to_plain(int64_t n, int64_t c, int64_t pixels, std::span<const float> blocked);
+
+/// Each number as a BFloat16, two in the room of a float; and back.
+AlignedFloats rounded_to_bf16(const AlignedFloats& blocked);
+AlignedFloats widened(const AlignedFloats& bf16);
 
 /// The first lane beyond `c` that is not zero, or -1.
 int64_t find_dirty_tail(int64_t n, int64_t c, int64_t pixels, std::span<const float> blocked);

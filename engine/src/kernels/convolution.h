@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "revisit/engine/precision.h"
+
 namespace revisit::engine {
 
 /// A 2-D cross-correlation (Caffe's convolution): input `[n][c_in][h][w]`, weights
@@ -14,6 +16,7 @@ struct ConvolutionProblem {
   int64_t pad_h = 0, pad_w = 0, dilation_h = 1, dilation_w = 1;
   int64_t group = 1;
   int threads = 1;
+  Precision values = Precision::kFloat32;  // of blocked arrays
 
   int64_t c_in_per_group() const { return c_in / group; }
   int64_t c_out_per_group() const { return c_out / group; }

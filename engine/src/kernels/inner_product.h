@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <span>
 
+#include "bfloat16.h"
+
 namespace revisit::engine {
 
 /// output[m][n] = input[m][k] * weights + bias[n]; weights are [n][k], or [k][n] when `transposed`.
@@ -28,7 +30,11 @@ const InnerProductKernel& choose_inner_product(const InnerProductProblem& proble
 void inner_product(const InnerProductProblem& problem, const float* input, const float* weights,
                    const float* bias, float* output);
 
-extern const InnerProductKernel kInnerProductGemv;       // few inputs: the weights are read once
+extern const InnerProductKernel kInnerProductGemv;  // few inputs: the weights are read once
+/// As kInnerProductGemv, for what that supports, of weights in half the memory; sums in float32.
+void inner_product_bf16(const InnerProductProblem& problem, const float* input,
+                        const BFloat16* weights, const float* bias, float* output);
+
 extern const InnerProductKernel kInnerProductGemm;       // a matrix product
 extern const InnerProductKernel kInnerProductReference;  // the definition, in double precision
 

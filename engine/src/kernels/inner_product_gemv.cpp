@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "bfloat16.h"
 #include "kernels/inner_product.h"
 #include "kernels/parallel.h"
 
@@ -21,10 +22,25 @@ using Wide = hn::ScalableTag<float>;
 /// hide the latency of a multiply-add.
 constexpr int kOutputs = 4;
 
+HWY_INLINE hn::Vec<Wide> load(const float* from) {
+  return hn::LoadU(Wide(), from);
+}
+
+HWY_INLINE hn::Vec<Wide> load(const BFloat16* from) {
+  const hn::Rebind<uint32_t, Wide> bits;
+  const auto half = hn::LoadU(hn::Rebind<uint16_t, Wide>(), &from->bits);
+  return hn::BitCast(Wide(), hn::ShiftLeft<16>(hn::PromoteTo(bits, half)));
+}
+
+HWY_INLINE float to_float(float x) {
+  return x;
+}
+using engine::to_float;
+
 /// `kCount` outputs of one input: rows `weights + i * k`.
-template <int kCount>
-HWY_INLINE void dot_products(int64_t k, const float* input, const float* weights, const float* bias,
-                             float* output) {
+template <int kCount, class Weight>
+HWY_INLINE void dot_products(int64_t k, const float* input, const Weight* weights,
+                             const float* bias, float* output) {
   const Wide d;
   const auto lanes = static_cast<int64_t>(hn::Lanes(d));
   hn::Vec<Wide> even[kCount], odd[kCount];
@@ -35,34 +51,45 @@ HWY_INLINE void dot_products(int64_t k, const float* input, const float* weights
     const auto x0 = hn::LoadU(d, input + j), x1 = hn::LoadU(d, input + j + lanes);
 #pragma GCC unroll 4
     for (int i = 0; i < kCount; ++i) {
-      even[i] = hn::MulAdd(x0, hn::LoadU(d, weights + i * k + j), even[i]);
-      odd[i] = hn::MulAdd(x1, hn::LoadU(d, weights + i * k + j + lanes), odd[i]);
+      even[i] = hn::MulAdd(x0, load(weights + i * k + j), even[i]);
+      odd[i] = hn::MulAdd(x1, load(weights + i * k + j + lanes), odd[i]);
     }
   }
 #pragma GCC unroll 4
   for (int i = 0; i < kCount; ++i) {
     float sum = hn::GetLane(hn::SumOfLanes(d, hn::Add(even[i], odd[i])));
-    for (int64_t rest = j; rest < k; ++rest) sum += input[rest] * weights[i * k + rest];
+    for (int64_t rest = j; rest < k; ++rest) sum += input[rest] * to_float(weights[i * k + rest]);
     output[i] = bias ? sum + bias[i] : sum;
   }
 }
 
-}  // namespace
-
-void gemv(const InnerProductProblem& p, const float* input, const float* weights, const float* bias,
-          float* output) {
+template <class Weight>
+void multiply(const InnerProductProblem& p, const float* input, const Weight* weights,
+              const float* bias, float* output) {
   constexpr int64_t kFloats = 65536;  // of the weights, per item of work
   const int64_t outputs = std::max<int64_t>(kFloats / p.k / kOutputs, 1) * kOutputs;
   parallel_ranges(p.n, outputs, p.threads, [&](int64_t begin, int64_t end) HWY_ATTR {
     for (int64_t i = begin; i < end;) {
       const bool whole = i + kOutputs <= end;
       for (int64_t m = 0; m < p.m; ++m)
-        (whole ? dot_products<kOutputs> : dot_products<1>)(p.k, input + m * p.k, weights + i * p.k,
-                                                           bias ? bias + i : nullptr,
-                                                           output + m * p.n + i);
+        (whole ? dot_products<kOutputs, Weight>
+               : dot_products<1, Weight>)(p.k, input + m * p.k, weights + i * p.k,
+                                          bias ? bias + i : nullptr, output + m * p.n + i);
       i += whole ? kOutputs : 1;
     }
   });
+}
+
+}  // namespace
+
+void gemv(const InnerProductProblem& p, const float* input, const float* weights, const float* bias,
+          float* output) {
+  multiply(p, input, weights, bias, output);
+}
+
+void gemv_bf16(const InnerProductProblem& p, const float* input, const BFloat16* weights,
+               const float* bias, float* output) {
+  multiply(p, input, weights, bias, output);
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -72,6 +99,7 @@ HWY_AFTER_NAMESPACE();
 namespace revisit::engine {
 
 HWY_EXPORT(gemv);
+HWY_EXPORT(gemv_bf16);
 
 namespace {
 
@@ -88,6 +116,11 @@ void run(const InnerProductProblem& p, const float* input, const float* weights,
 }  // namespace
 
 const InnerProductKernel kInnerProductGemv = {"gemv", supports, run};
+
+void inner_product_bf16(const InnerProductProblem& p, const float* input, const BFloat16* weights,
+                        const float* bias, float* output) {
+  HWY_DYNAMIC_DISPATCH(gemv_bf16)(p, input, weights, bias, output);
+}
 
 }  // namespace revisit::engine
 #endif  // HWY_ONCE

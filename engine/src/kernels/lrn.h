@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "revisit/engine/precision.h"
+
 namespace revisit::engine {
 
 /// Local response normalisation of `[n][c][h * w]` over `size` (odd) neighbouring channels:
@@ -11,6 +13,7 @@ struct LrnProblem {
   int64_t size = 5;
   float alpha = 1, beta = 0.75F, k = 1;
   int threads = 1;
+  Precision values = Precision::kFloat32;  // of blocked arrays
 };
 
 void lrn_across_channels(const LrnProblem& problem, const float* input, float* output);

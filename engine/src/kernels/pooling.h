@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "revisit/engine/precision.h"
+
 namespace revisit::engine {
 
 /// 2-D pooling of `planes` independent images `[h][w]` to `[out_h][out_w]`.
@@ -9,6 +11,7 @@ struct PoolingProblem {
   int64_t planes = 1, h = 1, w = 1, out_h = 1, out_w = 1;
   int64_t kernel_h = 1, kernel_w = 1, stride_h = 1, stride_w = 1, pad_h = 0, pad_w = 0;
   int threads = 1;
+  Precision values = Precision::kFloat32;  // of blocked arrays
 };
 
 /// Largest value of each window, clipped to the image; -FLT_MAX for an empty window. NaN never

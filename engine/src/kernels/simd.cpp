@@ -11,4 +11,13 @@ std::string simd_target() {
   return name.starts_with("AVX3") ? "AVX-512" : name;
 }
 
+bool has_bf16_instructions() {
+#if HWY_ARCH_X86
+  static const bool kHas = __builtin_cpu_supports("avx512bf16") != 0;
+  return kHas && (hwy::SupportedTargets() & HWY_AVX3) != 0;
+#else
+  return false;
+#endif
+}
+
 }  // namespace revisit::engine

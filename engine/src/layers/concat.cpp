@@ -37,7 +37,8 @@ class Concat : public Layer {
     const bool blocked = joins_blocks(binding, axis);
     std::vector<int64_t> runs;  // floats that are contiguous in each input
     for (const Shape& input : binding.inputs)
-      runs.push_back(blocked ? padded_channels(input[1]) * input[2] * input[3]
+      runs.push_back(blocked ? padded_channels(input[1]) * input[2] * input[3] *
+                                   value_bytes(binding.precision) / floats(1).count
                              : input.product(axis, input.rank()));
     const int64_t outer = output.product(0, axis);
     Kernel kernel{"copy", [outer, runs = std::move(runs)](const Call& call) {

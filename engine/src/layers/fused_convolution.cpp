@@ -75,7 +75,8 @@ int64_t FusedConvolution::most_packed_bytes(int64_t limit) const {
 }
 
 PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
-  PackedWeightsKey key{layer, fusion_.affine_layers, {}, has_constants_, std::move(kernel)};
+  PackedWeightsKey key{layer,          fusion_.affine_layers, {},
+                       has_constants_, std::move(kernel),     problem_.values};
   if (fusion_.gray_offsets)
     for (const float offset : *fusion_.gray_offsets)
       key.gray_offsets.push_back(std::bit_cast<uint32_t>(offset));

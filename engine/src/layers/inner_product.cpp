@@ -1,6 +1,9 @@
 #include "kernels/inner_product.h"
 
+#include <algorithm>
+
 #include "layers/layers.h"
+#include "weight_cache.h"
 
 namespace revisit::engine {
 namespace {
@@ -37,6 +40,9 @@ class InnerProduct : public OneToOneLayer {
                                       binding.threads};
     const float* weights = binding.weights[0].values.data();
     const float* bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
+    if (binding.bf16_weights && kInnerProductGemv.supports(problem) &&
+        packed_size(problem).count <= binding.most_packed_bytes)
+      return bind_bf16(problem, binding);
     const InnerProductKernel& kernel =
         binding.reference_kernels ? kInnerProductReference : choose_inner_product(problem);
     return {kernel.name,
@@ -48,6 +54,33 @@ class InnerProduct : public OneToOneLayer {
   }
 
  private:
+  static Bytes packed_size(const InnerProductProblem& p) { return floats((p.n * p.k + 1) / 2); }
+
+  Kernel bind_bf16(const InnerProductProblem& problem, const Binding& binding) const {
+    Kernel kernel;
+    kernel.name = "gemv bf16";
+    kernel.macs = problem.m * problem.n * problem.k;
+    kernel.packed = packed_size(problem);
+    kernel.hold =
+        [size = kernel.packed, &weights = binding.weights, cache = binding.cache,
+         key = PackedWeightsKey{binding.layer, {}, {}, false, kernel.name, Precision::kBf16}] {
+          const auto packed = cache->get(key, [&] {
+            PackedWeights made{AlignedFloats(size.count / floats(1).count), {}};
+            std::transform(weights[0].values.begin(), weights[0].values.end(),
+                           reinterpret_cast<BFloat16*>(made.weights.data()), to_bfloat16);
+            return made;
+          });
+          return HeldWeights{packed->weights.data(), nullptr, nullptr, packed};
+        };
+    const float* const bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
+    kernel.run = [problem, bias](const Call& call) {
+      inner_product_bf16(problem, call.inputs[0],
+                         reinterpret_cast<const BFloat16*>(call.weights->weights), bias,
+                         call.outputs[0]);
+    };
+    return kernel;
+  }
+
   size_t first_axis(const Shape& input) const {
     return input.canonical_axis(param_.axis(), "inner product axis");
   }

@@ -33,6 +33,7 @@ class Lrn : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override {
     LrnProblem problem = problem_of(binding.inputs[0]);
     problem.threads = binding.threads;
+    problem.values = binding.precision;
     if (!across())
       return {"lrn-within", [problem](const Call& call) {
                 lrn_within_channel(problem, call.inputs[0], call.outputs[0]);
@@ -54,6 +55,7 @@ class Lrn : public OneToOneLayer {
  private:
   static Kernel bind_with_pooling(const LrnProblem& lrn, PoolingProblem pooling) {
     pooling.threads = lrn.threads;
+    pooling.values = lrn.values;
     return blocked_kernel(
         "lrn + max-pool", 1,
         [lrn, pooling](const Call& call) {

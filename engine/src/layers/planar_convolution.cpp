@@ -34,7 +34,8 @@ struct RunBlocked {
 
   ConvolutionMaxPool with_pooling() const { return {problem, lrn ? &*lrn : nullptr, *pooling}; }
   std::string name() const {
-    return str(chosen.name, lrn ? " + lrn" : "", pooling ? " + max-pool" : "");
+    const bool bf16 = chosen.multiplies_values && problem.values == Precision::kBf16;
+    return str(chosen.name, bf16 ? " bf16" : "", lrn ? " + lrn" : "", pooling ? " + max-pool" : "");
   }
   int64_t scratch_floats() const {
     return pooling ? blocked_convolution_max_pool_scratch_floats(with_pooling())
@@ -97,7 +98,8 @@ int64_t packed_bytes(const ConvolutionProblem& problem, const Fusion& fusion,
   return FusedConvolution(problem, fusion).packed_size(kernel).count;
 }
 
-Kernel bind_blocked_convolution(const ConvolutionProblem& problem, const Binding& binding) {
+Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& binding) {
+  problem.values = binding.precision;
   const FusedConvolution convolution(problem, binding.fusion);
   const BlockedConvolutionKernel& chosen = *binding.convolution;
   const Fusion& fusion = convolution.fusion();

@@ -19,7 +19,7 @@ int64_t packed_bytes(const ConvolutionProblem& problem, const Fusion& fusion,
                      const BlockedConvolutionKernel& kernel);
 
 /// Binding::convolution for the inputs, with all that is fused. Its weights are held, not bound.
-Kernel bind_blocked_convolution(const ConvolutionProblem& problem, const Binding& binding);
+Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& binding);
 
 /// A kernel on plain values with all that is fused but pooling. Of a gray input it writes out all
 /// channels: it is for the few convolutions that no blocked kernel takes.

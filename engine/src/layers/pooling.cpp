@@ -34,6 +34,7 @@ class Pooling : public Layer {
   Kernel bind(const Binding& binding) const override {
     PoolingProblem problem = window_.problem(binding.inputs[0]);
     problem.threads = binding.threads;
+    problem.values = binding.precision;
     if (binding.blocked(0) && binding.outputs.size() == 1)  // there is no mask in blocked layout
       return bind_blocked(problem, binding.inputs[0][1]);
     if (!window_.is_max())

@@ -31,6 +31,7 @@ struct NetOptions {
   int threads = 1;
   bool allow_missing = false, allow_unknown = false, keep_denormals = false;
   engine::Accuracy accuracy = engine::Accuracy::kUsual;
+  engine::Precision precision = engine::Precision::kFloat32;
   LimitOptions limits;
   int64_t run_mb = engine::PlanOptions{}.max_run_bytes >> 20;
 
@@ -41,6 +42,9 @@ struct NetOptions {
   /// Names of the net's inputs, in order.
   std::vector<std::string> input_blobs() const;
 };
+
+/// Adds --precision float32|bf16.
+void declare_precision(Parser& parser, engine::Precision* precision);
 
 /// Adds --accuracy usual|strict.
 void declare_accuracy(Parser& parser, engine::Accuracy* accuracy);

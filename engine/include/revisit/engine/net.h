@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "revisit/engine/precision.h"
 #include "revisit/engine/tensor.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/limits.h"
@@ -95,6 +96,11 @@ struct PlanOptions {
   /// back after the pass.
   bool flush_denormals = true;
   Accuracy accuracy = Accuracy::kUsual;
+  /// Not with reference_kernels, which are of float32.
+  Precision precision = Precision::kFloat32;
+  /// Also with float32: the weights of inner products of up to 8 inputs in bfloat16, which takes
+  /// half the time where reading them is what takes it. They are in memory beside the file's.
+  bool bf16_weights = false;
   /// The caller promises that all channels of the net's only image input are one picture, up to a
   /// constant: channel c is the picture plus gray_offsets[c]. The run's input then is the picture,
   /// of one channel, and the first convolution is that much cheaper.

@@ -7,7 +7,9 @@
 #define REVISIT_BLOCK_INL_H_
 #endif
 
+#include "bfloat16.h"
 #include "kernels/blocked/simd_traits-inl.h"
+#include "revisit/engine/simd.h"
 
 // Loops over registers must be unrolled completely: a register has no index.
 #ifndef REVISIT_UNROLL
@@ -16,6 +18,55 @@
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
+
+using Bits = hn::Rebind<uint32_t, Tag>;
+using HalfBits = hn::Rebind<uint16_t, Tag>;
+
+/// BFloat16 on a CPU with instructions for it, which take a denormal for zero.
+struct NativeBf16 : BFloat16 {};
+
+HWY_INLINE Vector load_vector(const float* from) {
+  return hn::Load(Tag(), from);
+}
+
+HWY_INLINE Vector load_vector(const BFloat16* from) {
+  const auto half = hn::Load(HalfBits(), &from->bits);
+  return hn::BitCast(Tag(), hn::ShiftLeft<16>(hn::PromoteTo(Bits(), half)));
+}
+
+HWY_INLINE void store_vector(Vector v, float* to) {
+  hn::Store(v, Tag(), to);
+}
+
+/// As to_bfloat16().
+HWY_INLINE void store_vector(Vector v, BFloat16* to) {
+  const Bits d;
+  const auto bits = hn::BitCast(d, v);
+  const auto odd = hn::And(hn::ShiftRight<16>(bits), hn::Set(d, 1));
+  const auto rounded = hn::Add(bits, hn::Add(odd, hn::Set(d, 0x7FFF)));
+  const auto is_number = hn::RebindMask(d, hn::Eq(v, v));
+  const auto whole = hn::IfThenElse(is_number, rounded, hn::Or(bits, hn::Set(d, 1 << 22)));
+  hn::Store(hn::TruncateTo(HalfBits(), hn::ShiftRight<16>(whole)), HalfBits(), &to->bits);
+}
+
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+// The instructions are newer than Highway's targets, and need no more of the compiler so.
+HWY_INLINE void store_vector(Vector v, NativeBf16* to) {
+  __m256i half;
+  asm("vcvtneps2bf16 %1, %0" : "=v"(half) : "v"(v.raw));
+  _mm256_store_si256(reinterpret_cast<__m256i*>(to), half);
+}
+#endif
+
+/// Calls `work(T())` with the type of blocked values.
+template <class Work>
+HWY_INLINE void with_type(Precision values, const Work& work) {
+  if (values == Precision::kFloat32) return work(float());
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  if (has_bf16_instructions()) return work(NativeBf16());
+#endif
+  work(BFloat16());
+}
 
 struct Block {
   HWY_INLINE Block() {}  // g++ would make its own outside of the target that NEON registers need
@@ -29,16 +80,18 @@ HWY_INLINE Block zero_block() {
   return r;
 }
 
-HWY_INLINE Block load_block(const float* from) {
+template <class T>
+HWY_INLINE Block load_block(const T* from) {
   Block r;
   REVISIT_UNROLL
-  for (int i = 0; i < kVectors; ++i) r.v[i] = hn::Load(Tag(), from + i * kVectorLanes);
+  for (int i = 0; i < kVectors; ++i) r.v[i] = load_vector(from + i * kVectorLanes);
   return r;
 }
 
-HWY_INLINE void store_block(const Block& b, float* to) {
+template <class T>
+HWY_INLINE void store_block(const Block& b, T* to) {
   REVISIT_UNROLL
-  for (int i = 0; i < kVectors; ++i) hn::Store(b.v[i], Tag(), to + i * kVectorLanes);
+  for (int i = 0; i < kVectors; ++i) store_vector(b.v[i], to + i * kVectorLanes);
 }
 
 HWY_INLINE Block operator+(Block a, const Block& b) {

@@ -10,14 +10,15 @@ namespace revisit::engine {
 
 /// Zeroes the lanes beyond channel `c` of `pixels` pixels of one plane, `block` being its number:
 /// the promise of Layout::kNChw16c, kept by every kernel whose result for zero is not zero.
-inline void clear_tail_lanes(int64_t c, int64_t block, int64_t pixels, float* output) {
+template <class T>
+void clear_tail_lanes(int64_t c, int64_t block, int64_t pixels, T* output) {
   const int64_t used = std::clamp<int64_t>(c - block * kLanes, 0, kLanes);
   if (used == kLanes) return;
   for (int64_t i = 0; i < pixels; ++i)
-    std::fill(output + i * kLanes + used, output + (i + 1) * kLanes, 0.0F);
+    std::fill(output + i * kLanes + used, output + (i + 1) * kLanes, T{});
 }
 
-/// Calls `work(block, begin, end)` for pieces of planes that together cover the value: the floats
+/// Calls `work(block, begin, end)` for pieces of planes that together cover the value: the numbers
 /// [begin, end) belong to the channels of block number `block` of their image.
 template <class Work>
 void for_each_piece(const BlockedSize& size, const Work& work) {

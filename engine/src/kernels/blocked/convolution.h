@@ -10,14 +10,14 @@
 
 namespace revisit::engine {
 
-/// All arrays are 64-byte aligned and do not overlap.
+/// All arrays are 64-byte aligned and do not overlap. Blocked ones are of the problem's `values`.
 struct BlockedConvolutionArguments {
-  const float* input;   // in BlockedConvolutionKernel::input's layout
+  const void* input;    // in BlockedConvolutionKernel::input's layout
   const float* packed;  // what `pack` wrote
   const float* bias;    // [padded_channels(c_out)], zeros where there is none
-  const float* addend;  // added before the activation, layout and shape of the output; or null
+  const void* addend;   // added before the activation, layout and shape of the output; or null
   Epilogue epilogue;
-  float* output;   // blocked
+  void* output;    // blocked
   float* scratch;  // scratch_floats() of them, any content
   /// Of kernels on plain input with one channel: what each tap outside the image adds, packed like
   /// the weights; or null.
@@ -25,20 +25,22 @@ struct BlockedConvolutionArguments {
 };
 
 /// A convolution with blocked output: fast, with bias, addend and activation in one pass. The
-/// result is the same bit for bit for any number of threads.
+/// result is the same bit for bit for any number of threads. Plain input is float32.
 struct BlockedConvolutionKernel {
   const char* name;
   Layout input;
   bool (*supports)(const ConvolutionProblem&);
   /// Of a small cost model: meaningful against other kernels' only.
   double (*predicted_ms)(const ConvolutionProblem&);
-  /// Packing depends on c_in, c_out, kernel_h, kernel_w and group only.
+  /// Packing depends on c_in, c_out, kernel_h, kernel_w, group and values only.
   int64_t (*packed_floats)(const ConvolutionProblem&);
   void (*pack)(const ConvolutionProblem&, const float* weights, float* packed);
   int64_t (*scratch_floats)(const ConvolutionProblem&);  // of all threads together
   void (*run)(const ConvolutionProblem&, const BlockedConvolutionArguments&);
   /// Of a line of its Winograd transform, 0 for others: rounding grows quickly with it.
   int transform_points = 0;
+  /// Its products are of the problem's `values`, weights included; others' are of float32.
+  bool multiplies_values = false;
 };
 
 constexpr int kAnyPoints = 99;

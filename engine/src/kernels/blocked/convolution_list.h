@@ -16,4 +16,10 @@ inline bool groups_are_whole_blocks(const ConvolutionProblem& p) {
   return p.group == 1 || (p.c_in_per_group() % kLanes == 0 && p.c_out_per_group() % kLanes == 0);
 }
 
+/// With one tap, which sees each pixel once.
+inline bool is_pointwise(const ConvolutionProblem& p) {
+  return groups_are_whole_blocks(p) && p.kernel_h == 1 && p.kernel_w == 1 && p.stride_h == 1 &&
+         p.stride_w == 1 && p.pad_h == 0 && p.pad_w == 0;
+}
+
 }  // namespace revisit::engine

@@ -38,8 +38,9 @@ struct ConvolutionMaxPoolScratch {
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-void convolution_max_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArguments& a) {
-  const PlainInput convolution(p.convolution, a);
+template <class T>
+void convolve_and_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArguments& a) {
+  const PlainInput<float> convolution(p.convolution, a);
   const ConvolutionMaxPoolScratch size(p);
   const PoolingPieces pieces = pieces_of(p);
   float* const scratch = a.scratch + pieces.scratch_floats();
@@ -59,17 +60,23 @@ void convolution_max_pool(const ConvolutionMaxPool& p, const BlockedConvolutionA
       if (!p.lrn) return;
       const LrnSquares layout(*p.lrn);
       for (int64_t x = 0; x < range.end - range.begin; x += layout.pixels)
-        normalise(*p.lrn, layout,
-                  {.input = row + x * kLanes,
-                   .input_step = step,
-                   .output = row + x * kLanes,
-                   .output_step = step,
-                   .pixels = std::min(layout.pixels, range.end - range.begin - x),
-                   .ahead = 0,
-                   .squares = squares});
+        normalise(
+            *p.lrn, layout,
+            LrnTile<float, float>{.input = row + x * kLanes,
+                                  .input_step = step,
+                                  .output = row + x * kLanes,
+                                  .output_step = step,
+                                  .pixels = std::min(layout.pixels, range.end - range.begin - x),
+                                  .ahead = 0,
+                                  .squares = squares});
     };
   };
-  pool_pieces(p.pooling, p.convolution.c_out, pieces, a.output, a.scratch, rows_of);
+  pool_pieces(p.pooling, p.convolution.c_out, pieces, static_cast<T*>(a.output), a.scratch,
+              rows_of);
+}
+
+void convolution_max_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArguments& a) {
+  with_type(p.convolution.values, [&](auto type) { convolve_and_pool<decltype(type)>(p, a); });
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "kernels/blocked/direct_shape.h"
+#include "revisit/engine/simd.h"
 
 namespace revisit::engine {
 namespace {
@@ -12,14 +13,12 @@ constexpr double kCyclesPerMs = 3.4e6;
 /// Cycles of multiply-adds for `depth` input channels, every panel of columns, every output block.
 /// A channel takes two blocks times the columns of a panel at two multiply-adds a cycle; fewer than
 /// kLatency of them wait for each other.
-double multiply_cycles(int64_t columns, int64_t depth, int64_t out_blocks) {
+double multiply_cycles(int64_t columns, double depth, int64_t out_blocks) {
   constexpr double kLatency = 8, kPerCycle = 2, kPerTile = 60, kLoads = 0.03;
   const auto panels = static_cast<double>(panels_of(columns).parts);
   const double width = static_cast<double>(columns) / panels;
   const auto tile = [&](double blocks) {
-    return static_cast<double>(depth) * std::max(blocks * width, kLatency) / kPerCycle *
-               (1 + kLoads) +
-           kPerTile;
+    return depth * std::max(blocks * width, kLatency) / kPerCycle * (1 + kLoads) + kPerTile;
   };
   const int64_t pairs = out_blocks / 2, odd = out_blocks % 2;
   return panels * (static_cast<double>(pairs) * tile(2) + static_cast<double>(odd) * tile(1));
@@ -27,15 +26,19 @@ double multiply_cycles(int64_t columns, int64_t depth, int64_t out_blocks) {
 
 /// Cycles that multiplying waits for weights, read once a chunk from the L3 cache or from memory;
 /// a part of the reading hides behind the multiplying.
-double weights_cycles(double floats, int64_t chunks, double multiply) {
+double weights_cycles(double bytes, int64_t chunks, double multiply) {
   constexpr double kL2 = 1.2e6, kL3 = 16e6;                  // bytes of weights it keeps
   constexpr double kL3PerCycle = 14, kMemoryPerCycle = 8.8;  // bytes
   constexpr double kHidden = 0.4, kSlowed = 0.05;
-  const double bytes = floats * sizeof(float);
   if (bytes < kL2) return 0;
   const double read =
       bytes * static_cast<double>(chunks) / (bytes < kL3 ? kL3PerCycle : kMemoryPerCycle);
   return std::max(read - kHidden * multiply, 0.0) + kSlowed * read;
+}
+
+/// Of an input channel in units of a float32's: bfloat16 go in pairs, or are taken apart first.
+double channel_cost(Precision values) {
+  return values == Precision::kFloat32 ? 1 : has_bf16_instructions() ? 0.5 : 2;
 }
 
 /// The choice of a kernel must not depend on the number of threads: results would.
@@ -48,7 +51,8 @@ ConvolutionProblem on_one_thread(ConvolutionProblem p) {
 
 double plain_input_ms(const ConvolutionProblem& p) {
   const auto rows = static_cast<double>(p.n * p.out_h);
-  return rows * multiply_cycles(p.out_w, p.depth(), channel_blocks(p.c_out)) / kCyclesPerMs;
+  return rows * multiply_cycles(p.out_w, static_cast<double>(p.depth()), channel_blocks(p.c_out)) /
+         kCyclesPerMs;
 }
 
 double depthwise_ms(const ConvolutionProblem& p) {
@@ -62,10 +66,14 @@ double depthwise_ms(const ConvolutionProblem& p) {
 double pointwise_ms(const ConvolutionProblem& problem) {
   const ConvolutionProblem p = on_one_thread(problem);
   const DirectShape s(p);
-  const double multiply = static_cast<double>(s.images) *
-                          multiply_cycles(p.out_pixels(), s.depth() * kLanes, s.out_blocks);
-  return (multiply + weights_cycles(static_cast<double>(s.out_blocks * s.weights_floats()),
-                                    s.images * s.chunks.columns.parts, multiply)) /
+  const double multiply =
+      static_cast<double>(s.images) *
+      multiply_cycles(p.out_pixels(),
+                      channel_cost(p.values) * static_cast<double>(s.depth() * kLanes),
+                      s.out_blocks);
+  const int64_t bytes = s.out_blocks * s.weights() * value_bytes(p.values);
+  return (multiply +
+          weights_cycles(static_cast<double>(bytes), s.images * s.chunks.columns.parts, multiply)) /
          kCyclesPerMs;
 }
 
@@ -87,9 +95,10 @@ double winograd_ms(const WinogradVariant& v, const ConvolutionProblem& problem) 
                             (kInputPoint * static_cast<double>(s.in_blocks) +
                              kOutputPoint * static_cast<double>(s.out_blocks));
   const int64_t depth = s.in_blocks_per_group() * kLanes;
-  const double multiply = points * static_cast<double>(s.group) *
-                          multiply_cycles(s.tiles(), depth, s.out_blocks_per_group());
-  const double weights = points * static_cast<double>(depth * s.out_blocks * kLanes);
+  const double multiply =
+      points * static_cast<double>(s.group) *
+      multiply_cycles(s.tiles(), static_cast<double>(depth), s.out_blocks_per_group());
+  const double weights = points * static_cast<double>(floats(depth * s.out_blocks * kLanes).count);
   return (transforms + multiply + weights_cycles(weights, s.chunks.columns.parts, multiply)) /
          kCyclesPerMs;
 }

@@ -22,6 +22,7 @@ inline Taps taps_inside(int64_t start, int64_t size, int64_t kernel, int64_t dil
 }
 
 /// One filter a channel: as many independent products as there are channels.
+template <class T>
 class Depthwise {
  public:
   Depthwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) : p_(p), a_(a) {}
@@ -40,12 +41,13 @@ class Depthwise {
     const BlockEpilogue epilogue(a_.epilogue, a_.bias, block, p_.c_out);
     const int64_t y0 = y * p_.stride_h - p_.pad_h;
     const Taps rows = taps_inside(y0, p_.h, p_.kernel_h, p_.dilation_h);
-    const float* in = a_.input + plane * p_.h * p_.w * kLanes;
+    const T* in = static_cast<const T*>(a_.input) + plane * p_.h * p_.w * kLanes;
     const float* weights = a_.packed + block * p_.kernel_h * p_.kernel_w * kLanes;
     const int64_t offset = (plane * p_.out_h + y) * p_.out_w * kLanes;
     const auto finish = [&](int64_t x, const Block& sum) HWY_ATTR {
       const int64_t at = offset + x * kLanes;
-      epilogue.finish(sum, a_.addend ? a_.addend + at : nullptr, a_.output + at);
+      const auto* addend = static_cast<const T*>(a_.addend);
+      epilogue.finish(sum, addend ? addend + at : nullptr, static_cast<T*>(a_.output) + at);
     };
     for (int64_t x = 0; x < p_.out_w;) {
       const int64_t x0 = x * p_.stride_w - p_.pad_w;
@@ -67,15 +69,14 @@ class Depthwise {
 
   /// Pixels `stride_w` apart from input column `x0` on, over taps inside the image for all of them.
   template <int kCount>
-  HWY_INLINE void accumulate(const float* in, const float* weights, int64_t y0, int64_t x0,
-                             Taps rows, Taps columns, Block (&sums)[kCount]) const {
+  HWY_INLINE void accumulate(const T* in, const float* weights, int64_t y0, int64_t x0, Taps rows,
+                             Taps columns, Block (&sums)[kCount]) const {
     REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i) sums[i] = zero_block();
     for (int64_t ky = rows.first; ky < rows.end; ++ky)
       for (int64_t kx = columns.first; kx < columns.end; ++kx) {
         const Block w = load_block(weights + (ky * p_.kernel_w + kx) * kLanes);
-        const float* from =
-            in + ((y0 + ky * p_.dilation_h) * p_.w + x0 + kx * p_.dilation_w) * kLanes;
+        const T* from = in + ((y0 + ky * p_.dilation_h) * p_.w + x0 + kx * p_.dilation_w) * kLanes;
         REVISIT_UNROLL
         for (int i = 0; i < kCount; ++i)
           sums[i] = mul_add(load_block(from + i * p_.stride_w * kLanes), w, sums[i]);
@@ -87,7 +88,7 @@ class Depthwise {
 };
 
 void run_depthwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  Depthwise(p, a).run();
+  with_type(p.values, [&](auto type) { Depthwise<decltype(type)>(p, a).run(); });
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE

@@ -15,6 +15,7 @@ namespace revisit::engine::HWY_NAMESPACE {
 
 /// A convolution as a matrix product. The columns of a panel of pixels are copied together block by
 /// block, which costs little beside the product; a pointwise convolution finds them in the input.
+template <class T>
 class Direct {
  public:
   Direct(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
@@ -26,8 +27,8 @@ class Direct {
     parallel_for(shape_.images * chunks * parts, p_.threads, [&](int64_t item, int) {
       const int64_t chunk = item / parts % chunks, image = item / parts / chunks;
       const Split cut = {slices, parts};
-      const float* pixels =
-          a_.input +
+      const T* pixels =
+          input() +
           (image * shape_.in_blocks * p_.h * p_.w + shape_.chunks.columns.begin(chunk)) * kLanes;
       for (int64_t slice = cut.begin(item % parts); slice < cut.end(item % parts); ++slice)
         multiply_slice(image, chunk, slice, [&](int64_t first, int64_t) {
@@ -41,13 +42,13 @@ class Direct {
     if (shape_.chunks.per_thread) {
       parallel_for(shape_.images * chunks, p_.threads, [&](int64_t item, int thread) {
         const int64_t chunk = item % chunks, image = item / chunks;
-        float* const columns = a_.scratch + thread * shape_.columns_floats();
+        T* const columns = scratch() + thread * shape_.columns_numbers();
         for (int64_t i = 0; i < unfold_items(chunk); ++i) unfold(image, chunk, i, columns);
         for (int64_t i = 0; i < shape_.slices(); ++i) multiply_unfolded(image, chunk, i, columns);
       });
       return;
     }
-    float* const columns = a_.scratch;
+    T* const columns = scratch();
     for (int64_t image = 0; image < shape_.images; ++image)
       for (int64_t chunk = 0; chunk < chunks; ++chunk) {
         parallel_for(unfold_items(chunk), p_.threads,
@@ -58,9 +59,12 @@ class Direct {
   }
 
  private:
-  /// Of a panel: [depth][pixel][kLanes], `step` floats from one block of the depth to the next.
+  const T* input() const { return static_cast<const T*>(a_.input); }
+  T* scratch() const { return reinterpret_cast<T*>(a_.scratch); }
+
+  /// Of a panel: [depth][pixel][kLanes], `step` numbers from one block of the depth to the next.
   struct Columns {
-    const float* data;
+    const T* data;
     int64_t step;
   };
 
@@ -74,13 +78,13 @@ class Direct {
   }
 
   /// Writes [panel][block][tap][pixel][kLanes].
-  void unfold(int64_t image, int64_t chunk, int64_t item, float* columns) const {
+  void unfold(int64_t image, int64_t chunk, int64_t item, T* columns) const {
     const Split panels = panels_of_chunk(chunk);
     const int64_t panel = item / shape_.in_blocks, block = item % shape_.in_blocks;
-    const float* in = a_.input + (image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
+    const T* in = input() + (image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
     const int64_t width = panels.width(panel);
     const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
-    float* to =
+    T* to =
         columns + (panels.begin(panel) * shape_.in_blocks + block * width) * shape_.taps * kLanes;
     for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
       for (int64_t kx = 0; kx < p_.kernel_w; ++kx, to += width * kLanes)
@@ -88,8 +92,7 @@ class Direct {
   }
 
   /// The pixels under one tap for `width` output pixels from `first` on; zero outside the image.
-  void unfold_tap(const float* in, int64_t ky, int64_t kx, int64_t first, int64_t width,
-                  float* to) const {
+  void unfold_tap(const T* in, int64_t ky, int64_t kx, int64_t first, int64_t width, T* to) const {
     int64_t y = first / p_.out_w, x = first % p_.out_w;
     for (int64_t done = 0; done < width; ++y, x = 0) {
       const int64_t run = std::min(p_.out_w - x, width - done);
@@ -100,17 +103,17 @@ class Direct {
           inside ? std::clamp<int64_t>((-ix + p_.stride_w - 1) / p_.stride_w, 0, run) : run;
       const int64_t end =
           inside ? std::clamp((p_.w - ix + p_.stride_w - 1) / p_.stride_w, begin, run) : run;
-      for (int64_t i = 0; i < begin; ++i) store_block(zero_block(), to + i * kLanes);
-      const float* from = in + (iy * p_.w + ix) * kLanes;
+      std::fill_n(to, begin * kLanes, T{});
+      const T* from = in + (iy * p_.w + ix) * kLanes;
       for (int64_t i = begin; i < end; ++i)
-        store_block(load_block(from + i * p_.stride_w * kLanes), to + i * kLanes);
-      for (int64_t i = end; i < run; ++i) store_block(zero_block(), to + i * kLanes);
+        std::copy_n(from + i * p_.stride_w * kLanes, kLanes, to + i * kLanes);
+      std::fill_n(to + end * kLanes, (run - end) * kLanes, T{});
       to += run * kLanes;
       done += run;
     }
   }
 
-  void multiply_unfolded(int64_t image, int64_t chunk, int64_t slice, const float* columns) const {
+  void multiply_unfolded(int64_t image, int64_t chunk, int64_t slice, const T* columns) const {
     multiply_slice(image, chunk, slice, [&](int64_t first, int64_t width) {
       return Columns{columns + first * shape_.depth() * kLanes, width * kLanes};
     });
@@ -131,16 +134,13 @@ class Direct {
     for (int64_t panel = 0; panel < panels.parts; ++panel) {
       const int64_t first = panels.begin(panel), width = panels.width(panel);
       const Columns columns = columns_of(first, width);
-      const Factors factors = {shape_.depth(),
-                               columns.data,
-                               columns.step,
-                               a_.packed + block * shape_.weights_floats(),
-                               shape_.weights_floats(),
-                               prefetched(block, slice, panels.parts - 1 - panel)};
+      const Factors<T> factors = {
+          shape_.depth(), columns.data,     columns.step,
+          weights(block), shape_.weights(), prefetched(block, slice, panels.parts - 1 - panel)};
       const int64_t offset = (image * shape_.out_blocks + begin) * image_step +
                              (shape_.chunks.columns.begin(chunk) + first) * kLanes;
-      float* const output = a_.output + offset;
-      const float* const addend = a_.addend ? a_.addend + offset : nullptr;
+      T* const output = static_cast<T*>(a_.output) + offset;
+      const T* const addend = a_.addend ? static_cast<const T*>(a_.addend) + offset : nullptr;
       multiply(factors, blocks, width,
                [=, &epilogues](int64_t b, int64_t column, const Block& sum) HWY_ATTR {
                  const int64_t at = b * image_step + column * kLanes;
@@ -152,12 +152,16 @@ class Direct {
   /// The weights to prefetch while one panel of a slice that starts at `block` is multiplied,
   /// `left` panels before the last: the last panels prefetch a block each of what this thread
   /// likely takes next; deep layers' are in L3 or in memory.
-  const float* prefetched(int64_t block, int64_t slice, int64_t left) const {
+  const T* prefetched(int64_t block, int64_t slice, int64_t left) const {
     const int64_t next = slice + (shape_.chunks.per_thread ? 1 : p_.threads);
     const int64_t ahead = (next - slice) * DirectShape::kSliceBlocks + left;
     const bool there = left < DirectShape::kSliceBlocks &&
                        slice * DirectShape::kSliceBlocks + ahead < shape_.out_blocks;
-    return a_.packed + (block + (there ? ahead : 0)) * shape_.weights_floats();
+    return weights(block + (there ? ahead : 0));
+  }
+
+  const T* weights(int64_t block) const {
+    return reinterpret_cast<const T*>(a_.packed) + block * shape_.weights();
   }
 
   const ConvolutionProblem& p_;
@@ -166,11 +170,10 @@ class Direct {
 };
 
 void run_direct(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  Direct(p, a).run();
-}
-
-void run_pointwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  Direct(p, a).run_pointwise();
+  with_type(p.values, [&](auto type) {
+    const Direct<decltype(type)> direct(p, a);
+    is_pointwise(p) ? direct.run_pointwise() : direct.run();
+  });
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -181,66 +184,66 @@ namespace revisit::engine {
 namespace {
 
 HWY_EXPORT(run_direct);
-HWY_EXPORT(run_pointwise);
 
-bool is_pointwise(const ConvolutionProblem& p) {
-  return groups_are_whole_blocks(p) && p.kernel_h == 1 && p.kernel_w == 1 && p.stride_h == 1 &&
-         p.stride_w == 1 && p.pad_h == 0 && p.pad_w == 0;
-}
-
-int64_t packed_floats(const ConvolutionProblem& p) {
+int64_t packed_numbers(const ConvolutionProblem& p) {
   const DirectShape shape(p);
-  return p.group * shape.out_blocks * shape.weights_floats();
+  return p.group * shape.out_blocks * shape.weights();
 }
 
-/// Writes [output block][input block][tap][input channel][kLanes].
-void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
+/// Writes [output block][input block][tap][input channel / step][kLanes][step].
+template <class T, class Convert>
+void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
+  constexpr int64_t kStep = sizeof(float) / sizeof(T);
   const DirectShape shape(p);
   const int64_t in_per_group = p.c_in_per_group(), out_per_group = p.c_out_per_group();
   parallel_for(p.group * shape.out_blocks, p.threads, [&](int64_t item, int) {
     const int64_t group = item / shape.out_blocks, first = item % shape.out_blocks * kLanes;
-    float* to = packed + item * shape.weights_floats();
+    T* to = packed + item * shape.weights();
     for (int64_t block = 0; block < shape.in_blocks; ++block)
       for (int64_t tap = 0; tap < shape.taps; ++tap)
-        for (int64_t channel = 0; channel < kLanes; ++channel)
-          for (int64_t lane = 0; lane < kLanes; ++lane) {
-            const int64_t ci = block * kLanes + channel, co = first + lane;
-            *to++ =
-                ci < in_per_group && co < out_per_group
-                    ? weights[((group * out_per_group + co) * in_per_group + ci) * shape.taps + tap]
-                    : 0.0F;
-          }
+        for (int64_t i = 0; i < kLanes * kLanes; ++i) {
+          const int64_t step = i / (kLanes * kStep), co = first + i / kStep % kLanes;
+          const int64_t ci = block * kLanes + step * kStep + i % kStep;
+          const int64_t from =
+              ((group * out_per_group + co) * in_per_group + ci) * shape.taps + tap;
+          *to++ = ci < in_per_group && co < out_per_group ? convert(weights[from]) : T{};
+        }
   });
+}
+
+constexpr BlockedConvolutionKernel direct(const char* name,
+                                          bool (*supports)(const ConvolutionProblem&),
+                                          double (*predicted_ms)(const ConvolutionProblem&)) {
+  return {name,
+          Layout::kNChw16c,
+          supports,
+          predicted_ms,
+          [](const ConvolutionProblem& p) {
+            return packed_numbers(p) * value_bytes(p.values) / value_bytes(Precision::kFloat32);
+          },
+          [](const ConvolutionProblem& p, const float* weights, float* packed) {
+            if (p.values == Precision::kBf16)
+              pack(p, weights, reinterpret_cast<BFloat16*>(packed), to_bfloat16);
+            else
+              pack(p, weights, packed, [](float x) { return x; });
+          },
+          [](const ConvolutionProblem& p) {
+            if (is_pointwise(p)) return int64_t{0};
+            const DirectShape shape(p);
+            return (shape.chunks.per_thread ? p.threads : 1) * shape.columns_numbers();
+          },
+          [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+            HWY_DYNAMIC_DISPATCH(run_direct)(p, a);
+          },
+          0,
+          true};
 }
 
 }  // namespace
 
-const BlockedConvolutionKernel kBlockedDirect = {
-    "direct",
-    Layout::kNChw16c,
-    groups_are_whole_blocks,
-    direct_ms,
-    packed_floats,
-    pack,
-    [](const ConvolutionProblem& p) {
-      const DirectShape shape(p);
-      return (shape.chunks.per_thread ? p.threads : 1) * shape.columns_floats();
-    },
-    [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-      HWY_DYNAMIC_DISPATCH(run_direct)(p, a);
-    }};
-
-const BlockedConvolutionKernel kBlockedPointwise = {
-    "pointwise",
-    Layout::kNChw16c,
-    is_pointwise,
-    pointwise_ms,
-    packed_floats,
-    pack,
-    [](const ConvolutionProblem&) { return int64_t{0}; },
-    [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-      HWY_DYNAMIC_DISPATCH(run_pointwise)(p, a);
-    }};
+const BlockedConvolutionKernel kBlockedDirect =
+    direct("direct", groups_are_whole_blocks, direct_ms);
+const BlockedConvolutionKernel kBlockedPointwise = direct("pointwise", is_pointwise, pointwise_ms);
 
 }  // namespace revisit::engine
 #endif

@@ -28,8 +28,8 @@ struct DirectShape {
             p.threads)) {}
 
   int64_t depth() const { return taps * in_blocks; }
-  int64_t weights_floats() const { return depth() * kLanes * kLanes; }  // of an output block
-  int64_t columns_floats() const { return chunks.columns.widest() * kLanes * depth(); }
+  int64_t weights() const { return depth() * kLanes * kLanes; }  // of an output block
+  int64_t columns_numbers() const { return chunks.columns.widest() * kLanes * depth(); }
   int64_t slices() const { return (out_blocks + kSliceBlocks - 1) / kSliceBlocks; }
 
  private:

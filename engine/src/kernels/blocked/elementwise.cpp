@@ -12,10 +12,10 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// output = activation(compute(place, channel)) where `place` counts floats of the value and
+/// output = activation(compute(place, channel)) where `place` counts numbers of the value and
 /// `channel` is the first of the block there.
-template <class Compute>
-HWY_INLINE void for_each_block(const BlockedSize& size, const Epilogue& epilogue, float* output,
+template <class T, class Compute>
+HWY_INLINE void for_each_block(const BlockedSize& size, const Epilogue& epilogue, T* output,
                                const Compute& compute) {
   for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
     const int64_t channel = block * kLanes;
@@ -40,49 +40,73 @@ HWY_INLINE Block greater(const Block& a, Block b) {
   return b;
 }
 
-}  // namespace
-
-void activation(const BlockedSize& size, const Epilogue& epilogue, const float* input,
-                float* output) {
+template <class T>
+void activate_all(const BlockedSize& size, const Epilogue& epilogue, const T* input, T* output) {
   for_each_block(size, epilogue, output,
                  [&](int64_t i, int64_t) HWY_ATTR { return load_block(input + i); });
 }
 
-void scale_shift(const BlockedSize& size, const float* scale, const float* shift,
-                 const Epilogue& epilogue, const float* input, float* output) {
+template <class T>
+void scale_all(const BlockedSize& size, const float* scale, const float* shift,
+               const Epilogue& epilogue, const T* input, T* output) {
   for_each_block(size, epilogue, output, [&](int64_t i, int64_t channel) HWY_ATTR {
     return mul_add(load_block(input + i), load_block(scale + channel), load_block(shift + channel));
   });
 }
 
-void eltwise(const BlockedSize& size, const BlockedEltwise& e, std::span<const float* const> inputs,
-             float* output) {
+template <class T>
+void combine(const BlockedSize& size, const BlockedEltwise& e,
+             std::span<const float* const> operands, T* output) {
+  const auto input = [&](size_t k) HWY_ATTR { return reinterpret_cast<const T*>(operands[k]); };
   switch (e.operation) {
     case BlockedEltwise::Operation::kSum:
       for_each_block(size, e.epilogue, output, [&](int64_t i, int64_t) HWY_ATTR {
         Block sum = zero_block();
-        for (size_t k = 0; k < inputs.size(); ++k)
+        for (size_t k = 0; k < operands.size(); ++k)
           if (e.coefficients[k] != 0)
-            sum = mul_add(hn::Set(Tag(), e.coefficients[k]), load_block(inputs[k] + i), sum);
+            sum = mul_add(hn::Set(Tag(), e.coefficients[k]), load_block(input(k) + i), sum);
         return sum;
       });
       break;
     case BlockedEltwise::Operation::kProduct:
       for_each_block(size, e.epilogue, output, [&](int64_t i, int64_t) HWY_ATTR {
-        Block product = load_block(inputs[0] + i);
-        for (const float* input : inputs.subspan(1)) product = product * load_block(input + i);
+        Block product = load_block(input(0) + i);
+        for (size_t k = 1; k < operands.size(); ++k) product = product * load_block(input(k) + i);
         return product;
       });
       break;
     case BlockedEltwise::Operation::kMaximum:
       // As in Caffe: of the first two a NaN in the second wins, then NaN neither wins nor loses.
       for_each_block(size, e.epilogue, output, [&](int64_t i, int64_t) HWY_ATTR {
-        Block best = greater(load_block(inputs[0] + i), load_block(inputs[1] + i));
-        for (const float* input : inputs.subspan(2)) best = greater(load_block(input + i), best);
+        Block best = greater(load_block(input(0) + i), load_block(input(1) + i));
+        for (size_t k = 2; k < operands.size(); ++k) best = greater(load_block(input(k) + i), best);
         return best;
       });
       break;
   }
+}
+
+}  // namespace
+
+void activation(const BlockedSize& size, const Epilogue& epilogue, const void* in, void* out) {
+  with_type(size.values, [&](auto type) {
+    using T = decltype(type);
+    activate_all(size, epilogue, static_cast<const T*>(in), static_cast<T*>(out));
+  });
+}
+
+void scale_shift(const BlockedSize& size, const float* scale, const float* shift,
+                 const Epilogue& epilogue, const void* in, void* out) {
+  with_type(size.values, [&](auto type) {
+    using T = decltype(type);
+    scale_all(size, scale, shift, epilogue, static_cast<const T*>(in), static_cast<T*>(out));
+  });
+}
+
+void eltwise(const BlockedSize& size, const BlockedEltwise& e, std::span<const float* const> inputs,
+             void* output) {
+  with_type(size.values,
+            [&](auto type) { combine(size, e, inputs, static_cast<decltype(type)*>(output)); });
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -95,18 +119,18 @@ HWY_EXPORT(activation);
 HWY_EXPORT(scale_shift);
 HWY_EXPORT(eltwise);
 
-void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const float* input,
-                        float* output) {
+void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const void* input,
+                        void* output) {
   HWY_DYNAMIC_DISPATCH(activation)(size, epilogue, input, output);
 }
 
 void blocked_scale(const BlockedSize& size, const float* scale, const float* shift,
-                   const Epilogue& epilogue, const float* input, float* output) {
+                   const Epilogue& epilogue, const void* input, void* output) {
   HWY_DYNAMIC_DISPATCH(scale_shift)(size, scale, shift, epilogue, input, output);
 }
 
 void blocked_eltwise(const BlockedSize& size, const BlockedEltwise& eltwise,
-                     std::span<const float* const> inputs, float* output) {
+                     std::span<const float* const> inputs, void* output) {
   HWY_DYNAMIC_DISPATCH(eltwise)(size, eltwise, inputs, output);
 }
 

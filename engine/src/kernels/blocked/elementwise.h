@@ -5,19 +5,20 @@
 #include "kernels/blocked/blocked_size.h"
 #include "kernels/epilogue.h"
 
-// Kernels on each element of blocked values by itself. All arrays are 64-byte aligned; the output
-// may be one of the inputs.
+// Kernels on each element of blocked values by itself, of `size.values`. All arrays are aligned to
+// their blocks; the output may be one of the inputs.
 namespace revisit::engine {
 
 /// The activation of `epilogue` alone.
-void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const float* input,
-                        float* output);
+void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const void* input,
+                        void* output);
 
 /// input * scale[c] + shift[c], then the epilogue; both are `[padded_channels(c)]`.
 void blocked_scale(const BlockedSize& size, const float* scale, const float* shift,
-                   const Epilogue& epilogue, const float* input, float* output);
+                   const Epilogue& epilogue, const void* input, void* output);
 
-/// At least two inputs, combined as Caffe's Eltwise does, then the epilogue.
+/// At least two inputs (of `size.values`, whatever their pointers), combined as Caffe's Eltwise
+/// does, then the epilogue.
 struct BlockedEltwise {
   enum class Operation { kSum, kProduct, kMaximum };
   Operation operation = Operation::kSum;
@@ -26,6 +27,6 @@ struct BlockedEltwise {
   Epilogue epilogue = {};
 };
 void blocked_eltwise(const BlockedSize& size, const BlockedEltwise& eltwise,
-                     std::span<const float* const> inputs, float* output);
+                     std::span<const float* const> inputs, void* output);
 
 }  // namespace revisit::engine

@@ -82,7 +82,8 @@ class BlockEpilogue {
         lanes_(std::min(channels - block * kLanes, kLanes)) {}
 
   /// `addend` is null or that of this pixel.
-  HWY_INLINE void finish(Block sum, const float* addend, float* output) const {
+  template <class T>
+  HWY_INLINE void finish(Block sum, const T* addend, T* output) const {
     sum = sum + bias_;
     if (addend) sum = sum + load_block(addend);
     sum = activate(epilogue_, slopes_, sum);

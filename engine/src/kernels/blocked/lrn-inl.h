@@ -62,14 +62,16 @@ struct AnyPower {
   }
 };
 
-/// Some pixels, all their channels: `step` floats from one block of channels to the next.
+/// Some pixels, all their channels: `step` numbers from one block of channels to the next.
+template <class In, class Out>
 struct LrnTile {
-  const float* input;
+  const In* input;
   int64_t input_step;
-  float* output;
+  Out* output;
   int64_t output_step;
   int64_t pixels;
-  int64_t ahead;  // floats from the input to what will be needed next: fetched into cache meanwhile
+  int64_t
+      ahead;  // numbers from the input to what will be needed next: fetched into cache meanwhile
   float* squares;  // [pixels][pitch], zero in the margins
 };
 
@@ -81,14 +83,15 @@ HWY_INLINE void clear_margins(const LrnSquares& s, float* squares) {
 }
 
 /// `taps`: p.size clipped to the channels, of a type that may tell it at compile time.
-template <class Power, class Taps>
-HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps, const LrnTile& t) {
+template <class Power, class Taps, class In, class Out>
+HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps,
+                          const LrnTile<In, Out>& t) {
   const Tag d;
   const int64_t blocks = channel_blocks(p.c);
   for (int64_t block = 0; block < blocks; ++block)
     for (int64_t i = 0; i < t.pixels; ++i)
       for (int64_t part = 0; part < kLanes; part += kVectorLanes) {
-        const auto x = hn::Load(d, t.input + block * t.input_step + i * kLanes + part);
+        const auto x = load_vector(t.input + block * t.input_step + i * kLanes + part);
         hn::Store(hn::Mul(x, x), d, t.squares + i * s.pitch + s.margin + block * kLanes + part);
       }
   const Power power(p.beta);
@@ -99,15 +102,16 @@ HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, Taps taps, c
         const float* window = t.squares + i * s.pitch + s.margin + block * kLanes + part - s.half;
         auto sum = hn::LoadU(d, window);
         for (int64_t j = 1; j < taps; ++j) sum = hn::Add(sum, hn::LoadU(d, window + j));
-        const float* pixel = t.input + block * t.input_step + i * kLanes + part;
+        const In* pixel = t.input + block * t.input_step + i * kLanes + part;
         if (part == 0) hwy::Prefetch(pixel + t.ahead);
-        const auto x = hn::Load(d, pixel);
-        hn::Store(power(x, hn::MulAdd(factor, sum, k)), d,
-                  t.output + block * t.output_step + i * kLanes + part);
+        const auto x = load_vector(pixel);
+        store_vector(power(x, hn::MulAdd(factor, sum, k)),
+                     t.output + block * t.output_step + i * kLanes + part);
       }
 }
 
-HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, const LrnTile& tile) {
+template <class In, class Out>
+HWY_INLINE void normalise(const LrnProblem& p, const LrnSquares& s, const LrnTile<In, Out>& tile) {
   constexpr std::integral_constant<int64_t, 5> kUsual;
   const bool usual = 2 * s.half + 1 == kUsual;
   if (usual && p.beta == 0.75F)

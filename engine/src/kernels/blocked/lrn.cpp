@@ -11,7 +11,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-void lrn(const LrnProblem& p, const float* input, float* output, float* scratch) {
+template <class T>
+void normalise_all(const LrnProblem& p, const T* input, T* output, float* scratch) {
   constexpr int64_t kPixels = 256;  // of an item: enough to be worth clearing the margins
   const LrnSquares s(p);
   const int64_t blocks = channel_blocks(p.c), pixels = p.h * p.w, step = pixels * kLanes;
@@ -23,10 +24,19 @@ void lrn(const LrnProblem& p, const float* input, float* output, float* scratch)
     const int64_t image = item / pieces * blocks * step;
     for (int64_t i = first; i < last; i += s.pixels) {
       const int64_t at = image + i * kLanes, count = std::min(s.pixels, last - i);
-      normalise(p, s, {input + at, step, output + at, step, count, s.pixels * kLanes, squares});
+      normalise(
+          p, s,
+          LrnTile<T, T>{input + at, step, output + at, step, count, s.pixels * kLanes, squares});
     }
-    float* const tail = output + image + (blocks - 1) * step + first * kLanes;
+    T* const tail = output + image + (blocks - 1) * step + first * kLanes;
     clear_tail_lanes(p.c, blocks - 1, last - first, tail);
+  });
+}
+
+void lrn(const LrnProblem& p, const void* in, void* out, float* scratch) {
+  with_type(p.values, [&](auto type) {
+    using T = decltype(type);
+    normalise_all(p, static_cast<const T*>(in), static_cast<T*>(out), scratch);
   });
 }
 
@@ -42,7 +52,7 @@ int64_t blocked_lrn_scratch_floats(const LrnProblem& p) {
   return p.threads * LrnSquares(p).floats();
 }
 
-void blocked_lrn(const LrnProblem& p, const float* input, float* output, float* scratch) {
+void blocked_lrn(const LrnProblem& p, const void* input, void* output, float* scratch) {
   HWY_DYNAMIC_DISPATCH(lrn)(p, input, output, scratch);
 }
 

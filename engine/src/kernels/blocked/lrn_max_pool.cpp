@@ -11,29 +11,38 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-void lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& p, const float* input, float* output,
-                  float* scratch) {
+template <class T>
+void normalise_and_pool(const LrnProblem& lrn, const PoolingProblem& p, const T* input, T* output,
+                        float* scratch) {
   const LrnSquares layout(lrn);
   const PoolingPieces pieces(p, lrn.c, p.threads);
   float* const all_squares = scratch + pieces.scratch_floats();
   const int64_t step = lrn.h * lrn.w * kLanes;
   const auto rows_of = [&](int64_t n, int thread) HWY_ATTR {
-    const float* image = input + n * pieces.blocks * step;
+    const T* image = input + n * pieces.blocks * step;
     float* const squares = all_squares + thread * layout.floats();
     clear_margins(layout, squares);
     return [&, image, squares](const PixelRange& range, float* row, int64_t row_step) HWY_ATTR {
       for (int64_t x = range.begin; x < range.end; x += layout.pixels)
         normalise(lrn, layout,
-                  {.input = image + (range.y * lrn.w + x) * kLanes,
-                   .input_step = step,
-                   .output = row + (x - range.begin) * kLanes,
-                   .output_step = row_step,
-                   .pixels = std::min(layout.pixels, range.end - x),
-                   .ahead = lrn.w * kLanes,
-                   .squares = squares});
+                  LrnTile<T, float>{.input = image + (range.y * lrn.w + x) * kLanes,
+                                    .input_step = step,
+                                    .output = row + (x - range.begin) * kLanes,
+                                    .output_step = row_step,
+                                    .pixels = std::min(layout.pixels, range.end - x),
+                                    .ahead = lrn.w * kLanes,
+                                    .squares = squares});
     };
   };
   pool_pieces(p, lrn.c, pieces, output, scratch, rows_of);
+}
+
+void lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& p, const void* in, void* out,
+                  float* scratch) {
+  with_type(lrn.values, [&](auto type) {
+    using T = decltype(type);
+    normalise_and_pool(lrn, p, static_cast<const T*>(in), static_cast<T*>(out), scratch);
+  });
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -49,8 +58,8 @@ int64_t blocked_lrn_max_pool_scratch_floats(const LrnProblem& lrn, const Pooling
          pooling.threads * LrnSquares(lrn).floats();
 }
 
-void blocked_lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& pooling, const float* input,
-                          float* output, float* scratch) {
+void blocked_lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& pooling, const void* input,
+                          void* output, float* scratch) {
   HWY_DYNAMIC_DISPATCH(lrn_max_pool)(lrn, pooling, input, output, scratch);
 }
 

@@ -11,6 +11,7 @@
 #include <hwy/cache_control.h>
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 #include "kernels/blocked/block-inl.h"
@@ -22,14 +23,79 @@ namespace revisit::engine::HWY_NAMESPACE {
 constexpr int kTileBlocks = sum_tile(kRegisters, kVectors).blocks;
 constexpr int kTileColumns = sum_tile(kRegisters, kVectors).columns;
 
-/// Factors of a product, in steps of floats.
+/// How the input channels of a block are multiplied: one at a time, or two of a number of 4 bytes.
+/// Both ways are the same in counts of T: of `kStep` channels the weights are [kLanes][kStep].
+template <class T>
+constexpr int64_t kStep = sizeof(float) / sizeof(T);
+
+HWY_INLINE Vector broadcast(const float* channel) {
+  return hn::Set(Tag(), *channel);
+}
+
+HWY_INLINE Vector broadcast(const BFloat16* channels) {
+  uint32_t pair;
+  std::memcpy(&pair, channels, sizeof(pair));
+  return hn::BitCast(Tag(), hn::Set(Bits(), pair));
+}
+
+HWY_INLINE Block load_weights(const float* weights) {
+  return load_block(weights);
+}
+
+HWY_INLINE Block load_weights(const BFloat16* weights) {
+  Block r;
+  REVISIT_UNROLL
+  for (int i = 0; i < kVectors; ++i) {
+#if HWY_TARGET == HWY_SCALAR
+    r.v[i] = broadcast(weights + 2 * i);
+#else
+    const uint16_t* const halves = &weights[2 * i * kVectorLanes].bits;
+    r.v[i] = hn::BitCast(Tag(), hn::Load(hn::Repartition<uint16_t, Tag>(), halves));
+#endif
+  }
+  return r;
+}
+
+/// The sum with the products of kStep<T> channels.
+HWY_INLINE Block add_products(float /*type*/, Vector input, const Block& weights, Block sum) {
+  return mul_add(input, weights, sum);
+}
+
+HWY_INLINE Vector odd_half(Vector pair) {
+  const Bits d;
+  return hn::BitCast(Tag(), hn::And(hn::BitCast(d, pair), hn::Set(d, 0xFFFF0000)));
+}
+
+HWY_INLINE Vector even_half(Vector pair) {
+  return hn::BitCast(Tag(), hn::ShiftLeft<16>(hn::BitCast(Bits(), pair)));
+}
+
+/// The bits of the instruction below: a product of two BFloat16 is exact.
+HWY_INLINE Block add_products(BFloat16 /*type*/, Vector input, const Block& weights, Block sum) {
+  REVISIT_UNROLL
+  for (int i = 0; i < kVectors; ++i) {
+    const Vector odd = hn::MulAdd(odd_half(input), odd_half(weights.v[i]), sum.v[i]);
+    sum.v[i] = hn::MulAdd(even_half(input), even_half(weights.v[i]), odd);
+  }
+  return sum;
+}
+
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+HWY_INLINE Block add_products(NativeBf16 /*type*/, Vector input, const Block& weights, Block sum) {
+  asm("vdpbf16ps %2, %1, %0" : "+v"(sum.v[0].raw) : "v"(weights.v[0].raw), "v"(input.raw));
+  return sum;
+}
+#endif
+
+/// Factors of a product, in steps of T.
+template <class T>
 struct Factors {
-  int64_t in_blocks;        // of the sum
-  const float* inputs;      // [in_blocks][columns][kLanes]
-  int64_t inputs_step;      // from block to block; columns are kLanes apart
-  const float* weights;     // [output block][in_blocks * kLanes][kLanes]
-  int64_t weights_step;     // from output block to output block
-  const float* prefetched;  // meanwhile into the cache, as much as one output block's weights
+  int64_t in_blocks;     // of the sum
+  const T* inputs;       // [in_blocks][columns][kLanes]
+  int64_t inputs_step;   // from block to block; columns are kLanes apart
+  const T* weights;      // [output block][in_blocks * kLanes / kStep][kLanes][kStep]
+  int64_t weights_step;  // from output block to output block
+  const T* prefetched;   // meanwhile into the cache, as much as one output block's weights
 };
 
 /// A sink that stores [output block][column][kLanes].
@@ -43,31 +109,31 @@ struct StoreProducts {
 };
 
 /// Calls `sink(output block, column, sum)` for `kBlocks` x `kColumns` sums.
-template <int kBlocks, int kColumns, class Sink>
-void multiply_tile(const Factors& f, const Sink& sink) {
-  const Tag d;
+template <int kBlocks, int kColumns, class T, class Sink>
+void multiply_tile(const Factors<T>& f, const Sink& sink) {
   Block sums[kBlocks][kColumns];
   REVISIT_UNROLL
   for (int b = 0; b < kBlocks; ++b) {
     REVISIT_UNROLL
     for (int c = 0; c < kColumns; ++c) sums[b][c] = zero_block();
   }
-  const float* HWY_RESTRICT weights = f.weights;
-  const float* HWY_RESTRICT inputs = f.inputs;
-  const float* prefetched = f.prefetched;
+  constexpr int64_t kWeights = kLanes * kStep<T>;  // of a step
+  const T* HWY_RESTRICT weights = f.weights;
+  const T* HWY_RESTRICT inputs = f.inputs;
+  const T* prefetched = f.prefetched;
   for (int64_t block = 0; block < f.in_blocks; ++block, inputs += f.inputs_step) {
     for (int64_t channel = 0; channel < kLanes;
-         ++channel, weights += kLanes, prefetched += kLanes) {
+         channel += kStep<T>, weights += kWeights, prefetched += kWeights) {
       hwy::Prefetch(prefetched);
       hwy::Prefetch(inputs + f.inputs_step + std::min<int64_t>(channel, kColumns - 1) * kLanes);
       Block w[kBlocks];
       REVISIT_UNROLL
-      for (int b = 0; b < kBlocks; ++b) w[b] = load_block(weights + b * f.weights_step);
+      for (int b = 0; b < kBlocks; ++b) w[b] = load_weights(weights + b * f.weights_step);
       REVISIT_UNROLL
       for (int c = 0; c < kColumns; ++c) {
-        const Vector input = hn::Set(d, inputs[c * kLanes + channel]);
+        const Vector input = broadcast(inputs + c * kLanes + channel);
         REVISIT_UNROLL
-        for (int b = 0; b < kBlocks; ++b) sums[b][c] = mul_add(input, w[b], sums[b][c]);
+        for (int b = 0; b < kBlocks; ++b) sums[b][c] = add_products(T(), input, w[b], sums[b][c]);
       }
     }
   }
@@ -78,23 +144,23 @@ void multiply_tile(const Factors& f, const Sink& sink) {
   }
 }
 
-template <int kBlocks, class Sink, size_t... kIndex>
-void multiply_columns(const Factors& f, int64_t columns, const Sink& sink,
+template <int kBlocks, class T, class Sink, size_t... kIndex>
+void multiply_columns(const Factors<T>& f, int64_t columns, const Sink& sink,
                       std::index_sequence<kIndex...>) {
-  using Function = void (*)(const Factors&, const Sink&);
-  static constexpr Function kFunctions[] = {multiply_tile<kBlocks, kIndex + 1, Sink>...};
+  using Function = void (*)(const Factors<T>&, const Sink&);
+  static constexpr Function kFunctions[] = {multiply_tile<kBlocks, kIndex + 1, T, Sink>...};
   kFunctions[columns - 1](f, sink);
 }
 
 /// The same for `blocks` output blocks and up to kMaxColumns columns.
-template <class Sink>
-void multiply(const Factors& f, int64_t blocks, int64_t columns, const Sink& sink) {
+template <class T, class Sink>
+void multiply(const Factors<T>& f, int64_t blocks, int64_t columns, const Sink& sink) {
   const int64_t parts = (columns + kTileColumns - 1) / kTileColumns;
   const int64_t width = parts == 1 ? columns : (columns + parts - 1) / parts;
   for (int64_t b = 0; b < blocks; b += kTileBlocks) {
     for (int64_t first = 0; first < columns; first += width) {
       const int64_t count = std::min(width, columns - first);
-      Factors here = f;
+      Factors<T> here = f;
       here.weights += b * f.weights_step;
       here.inputs += first * kLanes;
       const auto shifted = [=](int block, int column, const Block& sum)

@@ -23,6 +23,8 @@ struct InputView {
 };
 
 /// A convolution of few channels, one plane each: every input value is broadcast as it is read.
+/// Its output is of T.
+template <class T>
 class PlainInput {
  public:
   PlainInput(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) : p_(p), a_(a) {}
@@ -30,9 +32,9 @@ class PlainInput {
   /// The output pixels [begin, end) of one row of an image, from block 0 on.
   struct Row {
     int64_t n, y, begin, end;
-    float* output;
+    T* output;
     int64_t output_step;  // from block to block
-    const float* addend;  // steps as output's; or null
+    const T* addend;      // steps as output's; or null
     float* patch;         // scratch: plain_input_patch_floats()
   };
 
@@ -151,7 +153,7 @@ class PlainInput {
     const int64_t d = p_.dilation_h;
     const int64_t first_ky = std::clamp<int64_t>((-y0 + d - 1) / d, 0, p_.kernel_h);
     const int64_t end_ky = std::clamp((p_.h - y0 + d - 1) / d, first_ky, p_.kernel_h);
-    const float* image = a_.input + n * p_.c_in * p_.h * p_.w;
+    const float* image = static_cast<const float*>(a_.input) + n * p_.c_in * p_.h * p_.w;
     const int64_t width = span(pixels);
     if (x0 >= 0 && x0 + width <= p_.w)
       return {image + (y0 + first_ky * d) * p_.w + x0, p_.h * p_.w, d * p_.w, first_ky, end_ky};

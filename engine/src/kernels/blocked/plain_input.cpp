@@ -11,15 +11,22 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-void run_plain_input(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  const PlainInput convolution(p, a);
+template <class T>
+void convolve(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+  const PlainInput<T> convolution(p, a);
+  const auto* const addend = static_cast<const T*>(a.addend);
   const int64_t blocks = channel_blocks(p.c_out), step = p.out_pixels() * kLanes;
   parallel_for(p.n * p.out_h, p.threads, [&](int64_t item, int thread) {
     const int64_t n = item / p.out_h, y = item % p.out_h;
     const int64_t at = n * blocks * step + y * p.out_w * kLanes;
-    convolution.run_row({n, y, 0, p.out_w, a.output + at, step, a.addend ? a.addend + at : nullptr,
+    convolution.run_row({n, y, 0, p.out_w, static_cast<T*>(a.output) + at, step,
+                         addend ? addend + at : nullptr,
                          a.scratch + thread * plain_input_patch_floats(p)});
   });
+}
+
+void run_plain_input(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+  with_type(p.values, [&](auto type) { convolve<decltype(type)>(p, a); });
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE

@@ -47,42 +47,42 @@ struct Mean {
 };
 
 /// Rows of a plane, all or some of them, that one row of windows reads, and what to do with them.
+template <class In, class Out>
 struct RowOfWindows {
-  const float* in;       // the first row, from column `first_column` on
+  const In* in;          // the first row, from column `first_column` on
   int64_t first_column;  // of the image
-  int64_t row_floats;    // from one row to the next
+  int64_t row_step;      // from one row to the next
   int64_t rows;
   int64_t height;      // of the windows, clipped to image and padding: what a mean is taken over
   int64_t begin, end;  // the windows wanted, of the whole row of `out_w`
-  float* out;          // window `begin`
+  Out* out;            // window `begin`
   bool continued;      // further rows of windows that `out` already has something of
 };
 
 /// `kCount` windows from `in` on, each of `columns` pixels.
-template <class Operation, int kCount>
-HWY_INLINE void pool_windows(const RowOfWindows& row, const float* in, int64_t step,
-                             int64_t columns, float area, float* out) {
-  const Tag d;
+template <class Operation, int kCount, class In, class Out>
+HWY_INLINE void pool_windows(const RowOfWindows<In, Out>& row, const In* in, int64_t step,
+                             int64_t columns, float area, Out* out) {
   for (int64_t part = 0; part < kLanes; part += kVectorLanes) {
     Vector result[kCount];
     REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i)
-      result[i] = row.continued ? hn::Load(d, out + i * kLanes + part) : Operation::first();
+      result[i] = row.continued ? load_vector(out + i * kLanes + part) : Operation::first();
     for (int64_t y = 0; y < row.rows; ++y)
       for (int64_t x = 0; x < columns; ++x) {
-        const float* pixel = in + y * row.row_floats + x * kLanes + part;
+        const In* pixel = in + y * row.row_step + x * kLanes + part;
         REVISIT_UNROLL
         for (int i = 0; i < kCount; ++i)
-          result[i] = Operation::add(result[i], hn::Load(d, pixel + i * step));
+          result[i] = Operation::add(result[i], load_vector(pixel + i * step));
       }
     REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i)
-      hn::Store(Operation::last(result[i], area), d, out + i * kLanes + part);
+      store_vector(Operation::last(result[i], area), out + i * kLanes + part);
   }
 }
 
-template <class Operation>
-HWY_INLINE void pool_row(const PoolingProblem& p, const RowOfWindows& row) {
+template <class Operation, class In, class Out>
+HWY_INLINE void pool_row(const PoolingProblem& p, const RowOfWindows<In, Out>& row) {
   constexpr int kCount = 8;
   // The windows that lie in the image from left to right are those from `whole_begin` to
   // `whole_end`.

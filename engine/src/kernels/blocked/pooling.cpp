@@ -13,34 +13,43 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-template <class Operation>
-void pool(const PoolingProblem& p, int64_t channels, const float* input, float* output) {
+template <class Operation, class T>
+void pool(const PoolingProblem& p, int64_t channels, const T* input, T* output) {
   const int64_t blocks = channel_blocks(channels);
   parallel_for(p.planes / channels * blocks * p.out_h, p.threads, [&](int64_t item, int) HWY_ATTR {
     const int64_t plane = item / p.out_h, y = item % p.out_h;
     const WindowRange rows = window_range(y, p.stride_h, p.pad_h, p.kernel_h, p.h);
     const int64_t height = std::min(rows.start + p.kernel_h, p.h + p.pad_h) - rows.start;
-    float* out = output + item * p.out_w * kLanes;
-    pool_row<Operation>(p, {.in = input + (plane * p.h + rows.begin) * p.w * kLanes,
-                            .first_column = 0,
-                            .row_floats = p.w * kLanes,
-                            .rows = rows.end - rows.begin,
-                            .height = height,
-                            .begin = 0,
-                            .end = p.out_w,
-                            .out = out,
-                            .continued = false});
+    T* out = output + item * p.out_w * kLanes;
+    pool_row<Operation>(p,
+                        RowOfWindows<T, T>{.in = input + (plane * p.h + rows.begin) * p.w * kLanes,
+                                           .first_column = 0,
+                                           .row_step = p.w * kLanes,
+                                           .rows = rows.end - rows.begin,
+                                           .height = height,
+                                           .begin = 0,
+                                           .end = p.out_w,
+                                           .out = out,
+                                           .continued = false});
     clear_tail_lanes(channels, plane % blocks, p.out_w, out);
+  });
+}
+
+template <class Operation>
+void pool(const PoolingProblem& p, int64_t channels, const void* in, void* out) {
+  with_type(p.values, [&](auto type) {
+    using T = decltype(type);
+    pool<Operation>(p, channels, static_cast<const T*>(in), static_cast<T*>(out));
   });
 }
 
 }  // namespace
 
-void max_pool(const PoolingProblem& p, int64_t channels, const float* input, float* output) {
+void max_pool(const PoolingProblem& p, int64_t channels, const void* input, void* output) {
   pool<Largest>(p, channels, input, output);
 }
 
-void average_pool(const PoolingProblem& p, int64_t channels, const float* input, float* output) {
+void average_pool(const PoolingProblem& p, int64_t channels, const void* input, void* output) {
   pool<Mean>(p, channels, input, output);
 }
 
@@ -53,13 +62,12 @@ namespace revisit::engine {
 HWY_EXPORT(max_pool);
 HWY_EXPORT(average_pool);
 
-void blocked_max_pool(const PoolingProblem& p, int64_t channels, const float* input,
-                      float* output) {
+void blocked_max_pool(const PoolingProblem& p, int64_t channels, const void* input, void* output) {
   HWY_DYNAMIC_DISPATCH(max_pool)(p, channels, input, output);
 }
 
-void blocked_average_pool(const PoolingProblem& p, int64_t channels, const float* input,
-                          float* output) {
+void blocked_average_pool(const PoolingProblem& p, int64_t channels, const void* input,
+                          void* output) {
   HWY_DYNAMIC_DISPATCH(average_pool)(p, channels, input, output);
 }
 

@@ -20,13 +20,14 @@ struct PixelRange {
 };
 
 /// Some windows side by side, on some rows of one image.
+template <class T>
 struct PoolingPiece {
   const PoolingProblem& pooling;
   int64_t channels;
   int64_t begin, end;          // windows of a row
   int64_t first_row, end_row;  // of pixels
-  float* output;               // of the image
-  float* continued;            // [row of windows][block][window][kLanes]: began above first_row
+  T* output;                   // of the image
+  T* continued;                // [row of windows][block][window][kLanes]: began above first_row
   float* row;                  // scratch: one row of pixels of all channels
 
   WindowRange columns(int64_t x) const {
@@ -43,9 +44,9 @@ struct PoolingPiece {
     return first;
   }
 
-  /// Where a row of windows is written: `step` floats from block to block.
+  /// Where a row of windows is written: `step` numbers from block to block.
   struct Place {
-    float* at;
+    T* at;
     int64_t step;
   };
   Place in_output(int64_t y) const {
@@ -62,15 +63,15 @@ struct PoolingPiece {
   HWY_INLINE void add(int64_t y, int64_t count, bool has_some, int64_t left, int64_t right) const {
     const Place to = place(y);
     for (int64_t block = 0; block < channel_blocks(channels); ++block)
-      pool_row<Largest>(pooling, {.in = row + block * (right - left) * kLanes,
-                                  .first_column = left,
-                                  .row_floats = 0,
-                                  .rows = count,
-                                  .height = 0,
-                                  .begin = begin,
-                                  .end = end,
-                                  .out = to.at + block * to.step,
-                                  .continued = has_some});
+      pool_row<Largest>(pooling, RowOfWindows<float, T>{.in = row + block * (right - left) * kLanes,
+                                                        .first_column = left,
+                                                        .row_step = 0,
+                                                        .rows = count,
+                                                        .height = 0,
+                                                        .begin = begin,
+                                                        .end = end,
+                                                        .out = to.at + block * to.step,
+                                                        .continued = has_some});
   }
 
   HWY_INLINE void clear_tail(int64_t y) const {
@@ -82,8 +83,8 @@ struct PoolingPiece {
 
 /// `make_row(range, row, step)` writes the pixels of the range to `row`, `step` floats from block
 /// to block; it is called for the rows that some window has, from top to bottom.
-template <class MakeRow>
-HWY_INLINE void pool_piece(const PoolingPiece& piece, const MakeRow& make_row) {
+template <class T, class MakeRow>
+HWY_INLINE void pool_piece(const PoolingPiece<T>& piece, const MakeRow& make_row) {
   const PoolingProblem& p = piece.pooling;
   const int64_t left = piece.columns(piece.begin).begin, right = piece.columns(piece.end - 1).end;
   int64_t first = piece.first_below(piece.first_row);  // may still need the present row
@@ -104,40 +105,40 @@ HWY_INLINE void pool_piece(const PoolingPiece& piece, const MakeRow& make_row) {
 }
 
 /// Adds what a piece has of the windows that began above it.
-HWY_INLINE void join_continued(const PoolingPiece& piece) {
-  const Tag d;
+template <class T>
+HWY_INLINE void join_continued(const PoolingPiece<T>& piece) {
   for (int64_t y = piece.first_below(piece.first_row);
        y < piece.pooling.out_h && piece.continues(y); ++y) {
-    const PoolingPiece::Place from = piece.in_continued(y), to = piece.in_output(y);
+    const typename PoolingPiece<T>::Place from = piece.in_continued(y), to = piece.in_output(y);
     for (int64_t block = 0; block < channel_blocks(piece.channels); ++block)
       for (int64_t i = 0; i < (piece.end - piece.begin) * kLanes; i += kVectorLanes) {
-        float* const best = to.at + block * to.step + i;
-        hn::Store(Largest::add(hn::Load(d, best), hn::Load(d, from.at + block * from.step + i)), d,
-                  best);
+        T* const best = to.at + block * to.step + i;
+        store_vector(Largest::add(load_vector(best), load_vector(from.at + block * from.step + i)),
+                     best);
       }
   }
 }
 
 /// Max pooling piece by piece. `rows_of(image, thread)` gives the function that makes the rows of a
 /// piece, for pool_piece(). `scratch`: PoolingPieces::scratch_floats().
-template <class RowsOf>
-void pool_pieces(const PoolingProblem& p, int64_t channels, const PoolingPieces& pieces,
-                 float* output, float* scratch, const RowsOf& rows_of) {
+template <class T, class RowsOf>
+void pool_pieces(const PoolingProblem& p, int64_t channels, const PoolingPieces& pieces, T* output,
+                 float* scratch, const RowsOf& rows_of) {
   const int64_t bands = pieces.bands.parts;
   float* const rows = scratch;
-  float* const continued = scratch + pieces.threads * pieces.row_floats();
+  T* const continued = reinterpret_cast<T*>(scratch + pieces.threads * pieces.row_floats());
   const auto piece_of = [&](int64_t image, int64_t strip, int64_t band, int thread) HWY_ATTR {
-    return PoolingPiece{.pooling = p,
-                        .channels = channels,
-                        .begin = strip * pieces.windows,
-                        .end = std::min((strip + 1) * pieces.windows, p.out_w),
-                        .first_row = pieces.bands.begin(band),
-                        .end_row = pieces.bands.end(band),
-                        .output = output + image * pieces.blocks * kLanes * p.out_h * p.out_w,
-                        .continued = continued + ((image * pieces.strips + strip) * (bands - 1) +
-                                                  std::max<int64_t>(band - 1, 0)) *
-                                                     pieces.continued_floats(),
-                        .row = rows + thread * pieces.row_floats()};
+    return PoolingPiece<T>{.pooling = p,
+                           .channels = channels,
+                           .begin = strip * pieces.windows,
+                           .end = std::min((strip + 1) * pieces.windows, p.out_w),
+                           .first_row = pieces.bands.begin(band),
+                           .end_row = pieces.bands.end(band),
+                           .output = output + image * pieces.blocks * kLanes * p.out_h * p.out_w,
+                           .continued = continued + ((image * pieces.strips + strip) * (bands - 1) +
+                                                     std::max<int64_t>(band - 1, 0)) *
+                                                        pieces.continued_numbers(),
+                           .row = rows + thread * pieces.row_floats()};
   };
   parallel_for(pieces.count(), pieces.threads, [&](int64_t item, int thread) HWY_ATTR {
     const int64_t image = item / bands / pieces.strips;

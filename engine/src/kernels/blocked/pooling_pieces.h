@@ -41,9 +41,9 @@ struct PoolingPieces {
 
   int64_t row_floats() const { return columns * blocks * kLanes; }  // of one row of pixels
   /// What a piece has of the windows that began above its band.
-  int64_t continued_floats() const { return continued * windows * blocks * kLanes; }
+  int64_t continued_numbers() const { return continued * windows * blocks * kLanes; }
   int64_t scratch_floats() const {
-    return images * strips * (bands.parts - 1) * continued_floats() + threads * row_floats();
+    return images * strips * (bands.parts - 1) * continued_numbers() + threads * row_floats();
   }
 
  private:

@@ -6,16 +6,17 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/reorder.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
-#include <hwy/highway.h>
+#include "kernels/blocked/block-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-namespace hn = hwy::HWY_NAMESPACE;
-
 /// Side of the square that is transposed in registers: what every SIMD target can do.
 constexpr int64_t kSide = 4;
+
+/// Pixels that are converted at a time.
+constexpr int64_t kFew = 64;
 
 /// to[column][row] = from[row][column] for a kSide x kSide square; the steps are those of rows.
 HWY_INLINE void transpose_square(const float* from, int64_t from_step, float* to, int64_t to_step) {
@@ -62,22 +63,70 @@ Piece piece_of(const BlockedSize& size, int64_t block, int64_t begin, int64_t en
           (image * size.c + block * kLanes) * size.pixels + first};
 }
 
-}  // namespace
+/// Of a piece.
+void write_blocks(const Piece& piece, int64_t pixels, const float* plain, float* blocked) {
+  transpose(piece.channels, piece.pixels, plain, pixels, blocked, kLanes);
+}
 
-void to_blocked(const BlockedSize& size, const float* plain, float* blocked) {
+void write_plain(const Piece& piece, int64_t pixels, const float* blocked, float* plain) {
+  transpose(piece.pixels, piece.channels, blocked, kLanes, plain, pixels);
+}
+
+/// Calls `work(first, rest)` for a few pixels of a piece at a time: from which on, and a piece of
+/// them.
+template <class Work>
+void for_each_few(const Piece& piece, const Work& work) {
+  for (int64_t first = 0; first < piece.pixels; first += kFew)
+    work(first, Piece{piece.channels, std::min(kFew, piece.pixels - first), 0});
+}
+
+template <class T>
+void write_blocks(const Piece& piece, int64_t pixels, const float* plain, T* blocked) {
+  HWY_ALIGN float few[kFew * kLanes] = {};
+  for_each_few(piece, [&](int64_t first, const Piece& part) HWY_ATTR {
+    write_blocks(part, pixels, plain + first, few);
+    for (int64_t i = 0; i < part.pixels * kLanes; i += kLanes)
+      store_block(load_block(few + i), blocked + first * kLanes + i);
+  });
+}
+
+template <class T>
+void write_plain(const Piece& piece, int64_t pixels, const T* blocked, float* plain) {
+  HWY_ALIGN float few[kFew * kLanes];
+  for_each_few(piece, [&](int64_t first, const Piece& part) HWY_ATTR {
+    for (int64_t i = 0; i < part.pixels * kLanes; i += kLanes)
+      store_block(load_block(blocked + first * kLanes + i), few + i);
+    write_plain(part, pixels, few, plain + first);
+  });
+}
+
+template <class T>
+void all_to_blocked(const BlockedSize& size, const float* plain, T* blocked) {
   for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
     const Piece piece = piece_of(size, block, begin, end);
-    transpose(piece.channels, piece.pixels, plain + piece.plain, size.pixels, blocked + begin,
-              kLanes);
+    write_blocks(piece, size.pixels, plain + piece.plain, blocked + begin);
     clear_tail_lanes(size.c, block, piece.pixels, blocked + begin);
   });
 }
 
-void to_plain(const BlockedSize& size, const float* blocked, float* plain) {
+template <class T>
+void all_to_plain(const BlockedSize& size, const T* blocked, float* plain) {
   for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
     const Piece piece = piece_of(size, block, begin, end);
-    transpose(piece.pixels, piece.channels, blocked + begin, kLanes, plain + piece.plain,
-              size.pixels);
+    write_plain(piece, size.pixels, blocked + begin, plain + piece.plain);
+  });
+}
+
+}  // namespace
+
+void to_blocked(const BlockedSize& size, const float* plain, void* blocked) {
+  with_type(size.values,
+            [&](auto type) { all_to_blocked(size, plain, static_cast<decltype(type)*>(blocked)); });
+}
+
+void to_plain(const BlockedSize& size, const void* blocked, float* plain) {
+  with_type(size.values, [&](auto type) {
+    all_to_plain(size, static_cast<const decltype(type)*>(blocked), plain);
   });
 }
 
@@ -90,11 +139,11 @@ namespace revisit::engine {
 HWY_EXPORT(to_blocked);
 HWY_EXPORT(to_plain);
 
-void reorder_to_blocked(const BlockedSize& size, const float* plain, float* blocked) {
+void reorder_to_blocked(const BlockedSize& size, const float* plain, void* blocked) {
   HWY_DYNAMIC_DISPATCH(to_blocked)(size, plain, blocked);
 }
 
-void reorder_to_plain(const BlockedSize& size, const float* blocked, float* plain) {
+void reorder_to_plain(const BlockedSize& size, const void* blocked, float* plain) {
   HWY_DYNAMIC_DISPATCH(to_plain)(size, blocked, plain);
 }
 

@@ -4,10 +4,11 @@
 
 namespace revisit::engine {
 
-/// `[n][c][pixels]` to `[n][ceil(c / kLanes)][pixels][kLanes]`, lanes beyond c zero.
-void reorder_to_blocked(const BlockedSize& size, const float* plain, float* blocked);
+/// `[n][c][pixels]` to `[n][ceil(c / kLanes)][pixels][kLanes]`, lanes beyond c zero: float32
+/// there, `size.values` here.
+void reorder_to_blocked(const BlockedSize& size, const float* plain, void* blocked);
 
 /// The way back.
-void reorder_to_plain(const BlockedSize& size, const float* blocked, float* plain);
+void reorder_to_plain(const BlockedSize& size, const void* blocked, float* plain);
 
 }  // namespace revisit::engine

@@ -27,7 +27,7 @@ constexpr WinogradVariant kVariants[] = {
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-template <size_t kVariant>
+template <size_t kVariant, class T>
 class Winograd {
  public:
   Winograd(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
@@ -91,19 +91,19 @@ class Winograd {
         inputs + (panels.begin(panel) * shape_.in_blocks + block * width) * kPoints * kLanes;
     for (int64_t t = 0; t < width; ++t) {
       const Tile tile = locate(first + t);
-      const float* image =
-          a_.input + (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
+      const T* image = static_cast<const T*>(a_.input) +
+                       (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
       transform_input(image, tile.y - p_.pad_h, tile.x - p_.pad_w, to + t * kLanes, width * kLanes);
     }
   }
 
   /// Point (i, j) goes to `to + (i * kColumns + j) * step`. Columns of the tile are transformed
   /// first, each on its own.
-  void transform_input(const float* image, int64_t y0, int64_t x0, float* to, int64_t step) const {
-    alignas(64) static constexpr float kZeros[kColumns * kLanes] = {};
+  void transform_input(const T* image, int64_t y0, int64_t x0, float* to, int64_t step) const {
+    alignas(64) static constexpr T kZeros[kColumns * kLanes] = {};
     const int64_t x_begin = std::clamp<int64_t>(-x0, 0, kColumns);
     const int64_t x_end = std::clamp<int64_t>(p_.w - x0, x_begin, kColumns);
-    const float* rows[kRows];
+    const T* rows[kRows];
     for (int i = 0; i < kRows; ++i) {
       const int64_t y = y0 + i;
       rows[i] = y >= 0 && y < p_.h ? image + (y * p_.w + x0 + x_begin) * kLanes : kZeros;
@@ -204,8 +204,8 @@ class Winograd {
             ? weights(products.first_block + products.begin(next) + left, products.point(next))
             : here;
     const int64_t offset = point * panel.width * kLanes, block_floats = panel.block_floats;
-    multiply({shape_.in_blocks_per_group(), panel.inputs + offset, block_floats, here,
-              kPoints * weights_floats(), prefetched},
+    multiply(Factors<float>{shape_.in_blocks_per_group(), panel.inputs + offset, block_floats, here,
+                            kPoints * weights_floats(), prefetched},
              products.count(step), panel.width,
              StoreProducts{panel.products + begin * block_floats + offset, block_floats});
   }
@@ -225,6 +225,8 @@ class Winograd {
     const int64_t offset =
         (((tile.image * shape_.out_blocks + block) * p_.out_h + tile.y) * p_.out_w + tile.x) *
         kLanes;
+    const auto* const addend = static_cast<const T*>(a_.addend);
+    auto* const output = static_cast<T*>(a_.output);
     for (int64_t j = 0; j < columns; ++j) {
       Block line[kRows];
       REVISIT_UNROLL
@@ -233,7 +235,7 @@ class Winograd {
       transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR {
         if (i >= rows) return;
         const int64_t pixel = at + i * p_.out_w * kLanes;
-        epilogue.finish(b, a_.addend ? a_.addend + pixel : nullptr, a_.output + pixel);
+        epilogue.finish(b, addend ? addend + pixel : nullptr, output + pixel);
       });
     }
   }
@@ -249,7 +251,8 @@ void run_variant(size_t variant, const ConvolutionProblem& p, const BlockedConvo
   using Function = void (*)(const ConvolutionProblem&, const BlockedConvolutionArguments&);
   static constexpr Function kRun[] = {
       [](const ConvolutionProblem& problem, const BlockedConvolutionArguments& arguments) {
-        Winograd<kVariant>(problem, arguments).run();
+        with_type(problem.values,
+                  [&](auto type) { Winograd<kVariant, decltype(type)>(problem, arguments).run(); });
       }...};
   kRun[variant](p, a);
 }

@@ -1,0 +1,378 @@
+// Precision::kBf16: the number type, every blocked kernel with it, and whole nets.
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <functional>
+
+#include "bfloat16.h"
+#include "blocked.h"
+#include "compare.h"
+#include "kernels/blocked/convolution.h"
+#include "kernels/blocked/convolution_list.h"
+#include "kernels/blocked/convolution_max_pool.h"
+#include "kernels/blocked/elementwise.h"
+#include "kernels/blocked/lrn.h"
+#include "kernels/blocked/pooling.h"
+#include "kernels/blocked/reorder.h"
+#include "net_case.h"
+#include "problems.h"
+#include "simd_targets.h"
+#include "single_layer.h"
+
+namespace revisit::engine {
+namespace {
+
+using test::random_floats;
+
+constexpr unsigned kSeed = 20261123;
+constexpr unsigned char kNan = 0xFF, kDirty = 0xA5;
+constexpr float kStep = 1.0F / 256;  // between neighbours, at most, of a number of magnitude 1
+
+TEST(BFloat16, IsTheNearestOfTwo) {
+  const auto bits = [](float x) { return to_bfloat16(x).bits; };
+  EXPECT_EQ(bits(1), 0x3F80);
+  EXPECT_EQ(bits(-2.5F), 0xC020);
+  EXPECT_EQ(bits(1 + kStep), 0x3F80);      // half way: to the even one
+  EXPECT_EQ(bits(1 + 3 * kStep), 0x3F82);  // half way: to the even one
+  EXPECT_EQ(bits(std::nextafter(1 + kStep, 2.0F)), 0x3F81);
+  EXPECT_EQ(bits(0.0F), 0);
+  EXPECT_EQ(bits(-0.0F), 0x8000);
+  EXPECT_EQ(bits(INFINITY), 0x7F80);
+  EXPECT_EQ(bits(3.4e38F), 0x7F80);  // nearer to what would be next than to the largest
+  EXPECT_EQ(bits(1e-40F), 0x0001);
+  for (const uint32_t nan : {0x7F800001U, 0xFFFFFFFFU, 0x7FC00000U})
+    EXPECT_TRUE(std::isnan(to_float(to_bfloat16(std::bit_cast<float>(nan))))) << nan;
+  for (const float x : random_floats(1000, kSeed)) {
+    const float y = to_float(to_bfloat16(x));
+    EXPECT_LE(std::abs(x - y), std::abs(x) * kStep);
+    EXPECT_EQ(bits(y), bits(x));
+  }
+}
+
+testing::AssertionResult same_bits(const test::AlignedFloats& a, const test::AlignedFloats& b) {
+  if (a.values().size() == b.values().size() &&
+      std::memcmp(a.data(), b.data(), a.values().size_bytes()) == 0)
+    return testing::AssertionSuccess();
+  return testing::AssertionFailure() << "not the same bits";
+}
+
+/// A blocked value that BFloat16 can hold, in both types.
+struct Value {
+  test::AlignedFloats bf16, float32;
+
+  explicit Value(test::AlignedFloats blocked)
+      : bf16(test::rounded_to_bf16(blocked)), float32(test::widened(bf16)) {}
+  Value(int64_t n, int64_t c, int64_t pixels, unsigned seed)
+      : Value(test::to_blocked(n, c, pixels, random_floats(n * c * pixels, seed))) {}
+
+  const float* of(Precision precision) const {
+    return (precision == Precision::kBf16 ? bf16 : float32).data();
+  }
+};
+
+/// `count` numbers that nothing wrote.
+test::AlignedFloats room(int64_t count, Precision precision) {
+  return {precision == Precision::kBf16 ? count / 2 : count, kNan};
+}
+
+/// What `run(precision, output)` writes in bfloat16 must be what it writes in float32, rounded: the
+/// kernel calculates in float32. With every set of instructions, each giving the same numbers.
+void expect_rounded(int64_t count, const std::function<void(Precision, float*)>& run) {
+  test::for_each_simd_target([&] {
+    test::AlignedFloats wide = room(count, Precision::kFloat32);
+    run(Precision::kFloat32, wide.data());
+    test::AlignedFloats narrow = room(count, Precision::kBf16);
+    run(Precision::kBf16, narrow.data());
+    EXPECT_TRUE(same_bits(narrow, test::rounded_to_bf16(wide)));
+  });
+}
+
+TEST(Bf16Kernels, PoolingRoundsOnce) {
+  for (const auto& [name, problem] : test::pooling_problems()) {
+    SCOPED_TRACE(name);
+    const auto& [n, c, window] = problem;
+    const Value input(n, c, window.h * window.w, kSeed);
+    for (auto* const pool : {blocked_max_pool, blocked_average_pool})
+      expect_rounded(n * padded_channels(c) * window.out_h * window.out_w,
+                     [&, c = c, window = window](Precision precision, float* output) {
+                       PoolingProblem p = window;
+                       p.values = precision;
+                       p.threads = 2;
+                       pool(p, c, input.of(precision), output);
+                     });
+  }
+}
+
+TEST(Bf16Kernels, NormalisationRoundsOnceAlsoWithPooling) {
+  for (const auto& [name, problem] : test::lrn_problems()) {
+    SCOPED_TRACE(name);
+    const Value input(problem.n, problem.c, problem.h * problem.w, kSeed);
+    const auto with = [&p = problem](Precision precision) {
+      LrnProblem lrn = p;
+      lrn.values = precision;
+      return lrn;
+    };
+    expect_rounded(problem.n * padded_channels(problem.c) * problem.h * problem.w,
+                   [&](Precision precision, float* output) {
+                     const LrnProblem p = with(precision);
+                     test::AlignedFloats scratch(blocked_lrn_scratch_floats(p), kDirty);
+                     blocked_lrn(p, input.of(precision), output, scratch.data());
+                   });
+    PoolingProblem pooling;
+    pooling.planes = problem.n * problem.c;
+    pooling.h = problem.h, pooling.w = problem.w;
+    pooling.kernel_h = std::min<int64_t>(3, problem.h);
+    pooling.kernel_w = std::min<int64_t>(2, problem.w);
+    pooling.out_h = problem.h - pooling.kernel_h + 1;
+    pooling.out_w = problem.w - pooling.kernel_w + 1;
+    expect_rounded(problem.n * padded_channels(problem.c) * pooling.out_h * pooling.out_w,
+                   [&](Precision precision, float* output) {
+                     const LrnProblem p = with(precision);
+                     test::AlignedFloats scratch(blocked_lrn_max_pool_scratch_floats(p, pooling),
+                                                 kDirty);
+                     blocked_lrn_max_pool(p, pooling, input.of(precision), output, scratch.data());
+                   });
+  }
+}
+
+TEST(Bf16Kernels, ElementwiseRoundsOnce) {
+  const int64_t n = 2, c = 35, pixels = 700, count = n * padded_channels(c) * pixels;
+  const Value a(n, c, pixels, kSeed), b(n, c, pixels, kSeed + 1);
+  const auto scale = test::to_blocked(1, c, 1, random_floats(c, kSeed + 2));
+  const Epilogue leaky{.activation = Epilogue::Activation::kRelu, .slope = 0.3F};
+  const auto size = [&](Precision precision) { return BlockedSize{n, c, pixels, 2, precision}; };
+  expect_rounded(count, [&](Precision precision, float* output) {
+    blocked_activation(size(precision), leaky, a.of(precision), output);
+  });
+  expect_rounded(count, [&](Precision precision, float* output) {
+    blocked_scale(size(precision), scale.data(), scale.data(), leaky, a.of(precision), output);
+  });
+  const std::vector<float> coefficients = {0.7F, -1.3F, 0.1F};
+  using Operation = BlockedEltwise::Operation;
+  for (const Operation operation : {Operation::kSum, Operation::kProduct, Operation::kMaximum})
+    expect_rounded(count, [&](Precision precision, float* output) {
+      const std::vector<const float*> inputs = {a.of(precision), b.of(precision), a.of(precision)};
+      blocked_eltwise(size(precision), {operation, coefficients, leaky}, inputs, output);
+    });
+}
+
+TEST(Bf16Kernels, ReorderRoundsThereAndIsExactBack) {
+  for (const auto& [n, c, pixels] :
+       {std::array<int64_t, 3>{1, 1, 1}, {2, 3, 7}, {1, 16, 64}, {3, 37, 1029}, {2, 32, 65}}) {
+    SCOPED_TRACE(testing::Message() << n << " x " << c << " x " << pixels);
+    const std::vector<float> plain = random_floats(n * c * pixels, kSeed);
+    const Value value(test::to_blocked(n, c, pixels, plain));
+    expect_rounded(n * padded_channels(c) * pixels,
+                   [&, n = n, c = c, pixels = pixels](Precision precision, float* output) {
+                     reorder_to_blocked({n, c, pixels, 2, precision}, plain.data(), output);
+                   });
+    test::for_each_simd_target([&, n = n, c = c, pixels = pixels] {
+      std::vector<float> back(plain.size(), NAN);
+      reorder_to_plain({n, c, pixels, 2, Precision::kBf16}, value.bf16.data(), back.data());
+      EXPECT_EQ(back, test::to_plain(n, c, pixels, value.float32.values()));
+    });
+  }
+}
+
+/// A convolution whose input, weights and addend BFloat16 can hold.
+struct Case {
+  ConvolutionProblem p;
+  std::vector<float> plain, weights;
+  Value input, addend;
+  test::AlignedFloats bias;
+
+  explicit Case(const ConvolutionProblem& problem)
+      : p(problem),
+        plain(random_floats(p.n * p.c_in * p.h * p.w, kSeed)),
+        weights(random_floats(p.c_out * p.depth(), kSeed + 1)),
+        input(test::to_blocked(p.n, p.c_in, p.h * p.w, plain)),
+        addend(p.n, p.c_out, p.out_pixels(), kSeed + 2),
+        bias(test::to_blocked(1, p.c_out, 1, random_floats(p.c_out, kSeed + 3))) {
+    for (float& w : weights) w = to_float(to_bfloat16(w));
+  }
+
+  int64_t outputs() const { return p.n * padded_channels(p.c_out) * p.out_pixels(); }
+
+  void run(const BlockedConvolutionKernel& kernel, Precision precision, int threads,
+           float* output) const {
+    ConvolutionProblem q = p;
+    q.values = precision;
+    q.threads = threads;
+    test::AlignedFloats packed(kernel.packed_floats(q), kNan);
+    kernel.pack(q, weights.data(), packed.data());
+    test::AlignedFloats scratch(kernel.scratch_floats(q), kDirty);
+    kernel.run(q, {kernel.input == Layout::kNchw ? plain.data() : input.of(precision),
+                   packed.data(),
+                   bias.data(),
+                   addend.of(precision),
+                   {.activation = Epilogue::Activation::kRelu, .slope = 0.1F},
+                   output,
+                   scratch.data()});
+  }
+};
+
+class Bf16Convolution : public testing::TestWithParam<test::NamedConvolution> {};
+
+/// Kernels that calculate in float32 round once. The others' products of two bfloat16 are exact and
+/// their sums those of float32 in another order; they give the same bits with every set of
+/// instructions, those made for bfloat16 among them, and for any number of threads.
+TEST_P(Bf16Convolution, IsThatOfFloat32Rounded) {
+  const Case c(GetParam().problem);
+  for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
+    if (!kernel.supports(c.p)) continue;
+    SCOPED_TRACE(kernel.name);
+    if (!kernel.multiplies_values) {
+      expect_rounded(c.outputs(), [&](Precision precision, float* output) {
+        c.run(kernel, precision, 2, output);
+      });
+      continue;
+    }
+    test::AlignedFloats wanted = room(c.outputs(), Precision::kFloat32);
+    c.run(kernel, Precision::kFloat32, 1, wanted.data());
+    float largest = 0;
+    for (const float x : wanted.values()) largest = std::max(largest, std::abs(x));
+    test::AlignedFloats first = room(c.outputs(), Precision::kBf16);
+    c.run(kernel, Precision::kBf16, 1, first.data());
+    const test::AlignedFloats wide = test::widened(first);
+    for (size_t i = 0; i < wide.values().size(); ++i)
+      ASSERT_LE(std::abs(wide.values()[i] - wanted.values()[i]),
+                std::abs(wanted.values()[i]) * kStep + largest * 5e-6F)
+          << i;
+    test::for_each_simd_target([&] {
+      for (const int threads : {1, 3}) {
+        test::AlignedFloats again = room(c.outputs(), Precision::kBf16);
+        c.run(kernel, Precision::kBf16, threads, again.data());
+        EXPECT_TRUE(same_bits(again, first)) << threads << " threads";
+      }
+    });
+  }
+}
+
+/// Few enough to compute with slow instructions, too.
+std::vector<test::NamedConvolution> small_problems() {
+  auto problems = test::convolution_problems();
+  std::erase_if(problems, [](const auto& named) { return named.problem.macs() > 8'000'000; });
+  return problems;
+}
+
+INSTANTIATE_TEST_SUITE_P(Problems, Bf16Convolution, testing::ValuesIn(small_problems()),
+                         [](const auto& instance) { return test::test_name(instance.param); });
+
+TEST(Bf16Kernels, FirstConvolutionWithPoolingRoundsOnce) {
+  for (const bool with_lrn : {false, true}) {
+    ConvolutionProblem p;
+    p.c_in = 3, p.h = 33, p.w = 61, p.c_out = 20, p.kernel_h = p.kernel_w = 5, p.stride_h = 2,
+    p.stride_w = 2, p.out_h = 15, p.out_w = 29;
+    const LrnProblem lrn{1, p.c_out, p.out_h, p.out_w, 5, 0.1F, 0.75F, 2};
+    PoolingProblem pooling{p.c_out, p.out_h, p.out_w, 7, 14, 3, 3, 2, 2};
+    const std::vector<float> input = random_floats(p.c_in * p.h * p.w, kSeed),
+                             weights = random_floats(p.c_out * p.depth(), kSeed + 1);
+    const test::AlignedFloats bias(padded_channels(p.c_out), 0);
+    test::AlignedFloats packed(kBlockedPlainInput.packed_floats(p), kNan);
+    kBlockedPlainInput.pack(p, weights.data(), packed.data());
+    for (const int threads : {1, 5})
+      expect_rounded(
+          padded_channels(p.c_out) * pooling.out_h * pooling.out_w,
+          [&](Precision precision, float* output) {
+            ConvolutionMaxPool fused{p, with_lrn ? &lrn : nullptr, pooling};
+            fused.convolution.values = precision;
+            fused.convolution.threads = threads;
+            test::AlignedFloats scratch(blocked_convolution_max_pool_scratch_floats(fused), kDirty);
+            blocked_convolution_max_pool(fused, {input.data(),
+                                                 packed.data(),
+                                                 bias.data(),
+                                                 nullptr,
+                                                 {.activation = Epilogue::Activation::kRelu},
+                                                 output,
+                                                 scratch.data()});
+          });
+  }
+}
+
+TEST(Bf16Kernels, InnerProductIsThatOfTheRoundedWeights) {
+  for (const auto& [name, p] : test::inner_product_problems()) {
+    if (!kInnerProductGemv.supports(p)) continue;
+    SCOPED_TRACE(name);
+    const std::vector<float> input = random_floats(p.m * p.k, kSeed),
+                             bias = random_floats(p.n, kSeed + 2);
+    std::vector<float> weights = random_floats(p.n * p.k, kSeed + 1);
+    std::vector<BFloat16> narrow(weights.size());
+    for (size_t i = 0; i < weights.size(); ++i) {
+      narrow[i] = to_bfloat16(weights[i]);
+      weights[i] = to_float(narrow[i]);
+    }
+    test::for_each_simd_target([&, p = p] {
+      std::vector<float> found(static_cast<size_t>(p.m * p.n), NAN), wanted = found;
+      kInnerProductGemv.run(p, input.data(), weights.data(), bias.data(), wanted.data());
+      inner_product_bf16(p, input.data(), narrow.data(), bias.data(), found.data());
+      EXPECT_EQ(found, wanted);
+    });
+  }
+}
+
+/// Blocks, plain layers, joins of odd maps, a residual and an inner product, of one net.
+Net mixed_net() {
+  return test::small_net(
+      {2, 3, 31, 29},
+      test::conv("a", "data", "num_output: 32 kernel_size: 3 stride: 2") +
+          test::in_place("r", "ReLU", "a") + test::conv("b", "a", "num_output: 48 kernel_size: 1") +
+          test::conv("c", "a", "num_output: 24 kernel_size: 3 pad: 1") +
+          test::layer("j", "Concat", {"b", "c"}, "") +
+          test::conv("d", "j", "num_output: 72 kernel_size: 1") +
+          test::layer("s", "Eltwise", {"d", "j"}, "") +
+          test::conv("w", "s", "num_output: 72 kernel_size: 3 group: 72 stride: 2") +
+          test::layer("p", "Pooling", {"w"}, "pooling_param { kernel_size: 2 stride: 2 }") +
+          test::layer("i", "InnerProduct", {"p"}, "inner_product_param { num_output: 10 }"),
+      {}, test::Weights::kRandom);
+}
+
+std::vector<float> output_of(const Net& net, const PlanOptions& options) {
+  Run run(net.plan({}, options));
+  const View<float> input = run.input("data");
+  const std::vector<float> values = random_floats(input.shape.elements(), kSeed);
+  std::copy(values.begin(), values.end(), input.data);
+  run.forward();
+  const View<const float> output = run.output("i");
+  return {output.data, output.data + output.shape.elements()};
+}
+
+TEST(Bf16Nets, AreCloseToFloat32AndTheSameForAnyNumberOfThreads) {
+  const Net net = mixed_net();
+  const std::vector<float> wanted = output_of(net, {});
+  const std::vector<float> found = output_of(net, {.precision = Precision::kBf16});
+  const double error = test::relative_error(found, wanted);
+  EXPECT_GT(error, 1e-5);  // else nothing was rounded
+  EXPECT_LT(error, 2e-2);
+  for (const int threads : {2, 3})
+    EXPECT_EQ(output_of(net, {.threads = threads, .precision = Precision::kBf16}), found);
+  const std::vector<float> weights_only = output_of(net, {.bf16_weights = true});
+  EXPECT_NE(weights_only, wanted);
+  EXPECT_LT(test::relative_error(weights_only, wanted), error + 1e-2);
+  EXPECT_LT(test::relative_error(output_of(net, {.keep_all = true, .precision = Precision::kBf16}),
+                                 wanted),
+            2e-2);
+  EXPECT_EQ(output_of(net, {.reference_kernels = true, .precision = Precision::kBf16}),
+            output_of(net, {.reference_kernels = true}));
+}
+
+TEST(Bf16Nets, TakeLessMemoryAndKeepToTheLimit) {
+  const Net net = mixed_net();
+  const Plan wide = net.plan(), narrow = net.plan({}, {.precision = Precision::kBf16});
+  EXPECT_LT(narrow.arena_bytes(), wide.arena_bytes());
+  const auto kernel_of = [](const Plan& plan, const std::string& name) {
+    for (const LayerCost& layer : plan.layers())
+      if (layer.name == name) return layer.kernel;
+    return std::string();
+  };
+  EXPECT_EQ(kernel_of(narrow, "b"), "pointwise bf16");
+  EXPECT_EQ(kernel_of(narrow, "i"), "gemv bf16");
+  const PlanOptions tight{.max_run_bytes = narrow.arena_bytes() + (64 << 10),
+                          .precision = Precision::kBf16};
+  const Plan limited = net.plan({}, tight);
+  EXPECT_LE(limited.arena_bytes() + limited.packed_weight_bytes(), tight.max_run_bytes);
+}
+
+}  // namespace
+}  // namespace revisit::engine
