@@ -62,7 +62,9 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   for (const auto& [name, id] : kept_values(net, options)) kept.push_back(id);
   Operations operations = operations_of(net, shapes, kept);
   if (options.gray_offsets) fold_gray_input(net, shapes, *options.gray_offsets, &operations);
-  limit_rounding(options.accuracy, &operations);
+  // What Winograd's transforms round is little beside bfloat16.
+  if (options.precision == Precision::kFloat32 || options.accuracy == Accuracy::kStrict)
+    limit_rounding(options.accuracy, &operations);
   for (Operation& operation : operations.list)
     if (auto* const convolving = std::get_if<Convolving>(&operation.form))
       convolving->problem.values = options.precision;

@@ -147,8 +147,8 @@ void bind_net(nb::module_& module) {
           "plan",
           [](const Net& net, const Shapes& inputs, int threads, bool keep_all,
              std::vector<std::string> keep, bool reference_kernels, int64_t max_run_bytes,
-             bool flush_denormals, engine::Accuracy accuracy,
-             std::optional<std::vector<float>> gray_offsets) {
+             bool flush_denormals, engine::Accuracy accuracy, engine::Precision precision,
+             bool bf16_weights, std::optional<std::vector<float>> gray_offsets) {
             const engine::PlanOptions options{.threads = threads,
                                               .keep_all = keep_all,
                                               .keep = std::move(keep),
@@ -156,6 +156,8 @@ void bind_net(nb::module_& module) {
                                               .max_run_bytes = max_run_bytes,
                                               .flush_denormals = flush_denormals,
                                               .accuracy = accuracy,
+                                              .precision = precision,
+                                              .bf16_weights = bf16_weights,
                                               .gray_offsets = std::move(gray_offsets)};
             const auto shapes = shapes_from(inputs);
             return without_lock([&] { return net.plan(shapes, options); });
@@ -164,6 +166,7 @@ void bind_net(nb::module_& module) {
           "keep_all"_a = false, "keep"_a = std::vector<std::string>(),
           "reference_kernels"_a = false, "max_run_bytes"_a = engine::PlanOptions().max_run_bytes,
           "flush_denormals"_a = true, "accuracy"_a = engine::Accuracy::kUsual,
+          "precision"_a = engine::Precision::kFloat32, "bf16_weights"_a = false,
           "gray_offsets"_a = nb::none(),
           "Chooses kernels and lays out memory.\n\n"
           "inputs: shapes by blob name; those that are not named stay as in the prototxt.\n"
@@ -172,6 +175,8 @@ void bind_net(nb::module_& module) {
           "max_run_bytes: the most that one run may take beside the weights.\n"
           "flush_denormals: numbers below 1.2e-38 count as zero while a pass runs.\n"
           "accuracy: how much kernels may round.\n"
+          "precision: of values between layers and of weights.\n"
+          "bf16_weights: those of inner products in bfloat16, also with float32.\n"
           "gray_offsets: a promise that channel c is one picture plus gray_offsets[c]; the input "
           "then is the picture.\n"
           "Raises InputError naming the layer that cannot take the shapes, UsageError for unknown "
@@ -258,6 +263,10 @@ void bind_plan(nb::module_& module) {
 }  // namespace
 
 void bind_engine(nb::module_& module) {
+  nb::enum_<engine::Precision>(module, "Precision", "The numbers a plan keeps between layers.")
+      .value("FLOAT32", engine::Precision::kFloat32)
+      .value("BF16", engine::Precision::kBf16,
+             "bfloat16; sums, normalisation and plain values stay in float32");
   nb::enum_<engine::Accuracy>(module, "Accuracy",
                               "How much kernels may round beyond a plain sum in float32.")
       .value("USUAL", engine::Accuracy::kUsual, "the fastest kernels")

@@ -23,10 +23,13 @@ using namespace nb::literals;
 using namespace pipeline;
 
 FeatureExtractor rings(const RingModel& model, const engine::Net* net, int numbers,
-                       double regularisation, double adapt, int64_t key_candidates, int threads) {
+                       double regularisation, double adapt, int64_t key_candidates, int threads,
+                       engine::Precision precision) {
   const RingOptions options{numbers, regularisation, adapt, key_candidates};
-  return without_lock(
-      [&] { return ring_recogniser(model, net ? *net : ring_net(model), options, threads); });
+  return without_lock([&] {
+    return ring_recogniser(model, net ? *net : ring_net(model), options,
+                           {.threads = threads, .precision = precision});
+  });
 }
 
 void bind_extractors(nb::module_& module) {
@@ -65,13 +68,15 @@ void bind_extractors(nb::module_& module) {
   module.def(
       "network_features",
       [](const engine::Net& net, const std::string& net_key, const std::array<double, 3>& mean_bgr,
-         const ImageGeometry& geometry, int threads, double input_scale) {
+         const ImageGeometry& geometry, int threads, engine::Precision precision,
+         double input_scale) {
         return without_lock([&] {
-          return network_features(net, net_key, mean_bgr, geometry, threads, input_scale);
+          return network_features(net, net_key, mean_bgr, geometry,
+                                  {.threads = threads, .precision = precision}, input_scale);
         });
       },
       "net"_a, "net_key"_a, nb::kw_only(), "mean_bgr"_a, "geometry"_a = ImageGeometry(),
-      "threads"_a = 1, "input_scale"_a = 1.0,
+      "threads"_a = 1, "precision"_a = engine::Precision::kFloat32, "input_scale"_a = 1.0,
       "The output of a network on the range image, flattened: the paper's feature. `net_key` "
       "identifies the weights.");
   module.def("range_vector_features", &range_vector_features, "geometry"_a = ImageGeometry(),
@@ -105,7 +110,7 @@ void bind_rings(nb::module_& module) {
   module.def("ring_recogniser", &rings, "model"_a, "net"_a.none() = nb::none(), nb::kw_only(),
              "numbers"_a = RingOptions().numbers, "regularisation"_a = RingOptions().regularisation,
              "adapt"_a = RingOptions().adapt, "key_candidates"_a = RingOptions().key_candidates,
-             "threads"_a = 1,
+             "threads"_a = 1, "precision"_a = engine::Precision::kFloat32,
              "Rings: places are found from either direction, and the heading between two scans.\n\n"
              "key_candidates: so many places are compared, those with the most similar keys; 0: "
              "all.");

@@ -78,7 +78,7 @@ TEST_F(DescribeTest, OneChannelStandsForAllBeforeAConvolution) {
 
   for (const int threads : {1, 2}) {
     const FeatureExtractor features =
-        network_features(net, "test", mean, options_.geometry, threads);
+        network_features(net, "test", mean, options_.geometry, {.threads = threads});
     ASSERT_EQ(features.dim, static_cast<int64_t>(expected.size()));
     std::vector<float> feature(expected.size());
     std::get<FeatureMaker<RangeImage>>(features.make)()(image, feature);
@@ -92,13 +92,16 @@ TEST_F(DescribeTest, OneChannelHasTheMeanOfTheGrayImageAndPixelsAScale) {
   test::write_file(dir_ / "net.prototxt", text);
   const engine::Net net = engine::Net::load_without_weights(dir_ / "net.prototxt");
   const FeatureExtractor features =
-      network_features(net, "test", {10, 20, 40}, options_.geometry, 1, 0.5);
+      network_features(net, "test", {10, 20, 40}, options_.geometry, {}, 0.5);
   ASSERT_EQ(features.dim, 4 * 16);
   RangeImage image{64, 16, std::vector<float>(64 * 16, 100.0F)};
   std::vector<float> feature(static_cast<size_t>(features.dim));
   std::get<FeatureMaker<RangeImage>>(features.make)()(image, feature);
   EXPECT_FLOAT_EQ(feature[0], (100 - (1.14F + 11.74F + 11.96F)) / 2);
   EXPECT_NE(features.key, network_features(net, "test", {10, 20, 40}, options_.geometry).key);
+  EXPECT_NE(features.key, network_features(net, "test", {10, 20, 40}, options_.geometry,
+                                           {.precision = engine::Precision::kBf16}, 0.5)
+                              .key);
 }
 
 TEST_F(DescribeTest, DataIsTheImageItself) {

@@ -14,7 +14,7 @@ std::string simd_target() {
 bool has_bf16_instructions() {
 #if HWY_ARCH_X86
   static const bool kHas = __builtin_cpu_supports("avx512bf16") != 0;
-  return kHas && (hwy::SupportedTargets() & HWY_AVX3) != 0;
+  return kHas;
 #else
   return false;
 #endif

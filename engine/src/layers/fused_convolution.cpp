@@ -31,6 +31,11 @@ std::vector<float> rounded(const Doubles& values) {
   return {values.begin(), values.end()};
 }
 
+ConvolutionProblem in_float32(ConvolutionProblem p) {
+  p.values = Precision::kFloat32;
+  return p;
+}
+
 /// The bias has the constants of all taps; `outside_taps` takes away those outside the image.
 void pack_constants(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p,
                     std::vector<float> constants, PackedWeights* packed) {
@@ -40,8 +45,8 @@ void pack_constants(const BlockedConvolutionKernel& kernel, const ConvolutionPro
         std::accumulate(constants.begin() + co * taps, constants.begin() + (co + 1) * taps,
                         double{packed->bias.data()[co]}));
   for (float& constant : constants) constant = -constant;
-  packed->outside_taps = AlignedFloats(kernel.packed_floats(p));
-  kernel.pack(p, constants.data(), packed->outside_taps.data());
+  packed->outside_taps = AlignedFloats(kernel.packed_floats(in_float32(p)));
+  kernel.pack(in_float32(p), constants.data(), packed->outside_taps.data());
 }
 
 bool reaches_beyond_image(const ConvolutionProblem& p) {
@@ -66,12 +71,14 @@ FusedConvolution::FusedConvolution(const ConvolutionProblem& problem, const Fusi
 }
 
 Bytes FusedConvolution::packed_size(const BlockedConvolutionKernel& kernel) const {
-  return floats((has_constants_ ? 2 : 1) * kernel.packed_floats(problem_) +
+  return floats(kernel.packed_floats(problem_) +
+                (has_constants_ ? kernel.packed_floats(in_float32(problem_)) : 0) +
                 padded_channels(problem_.c_out));
 }
 
 int64_t FusedConvolution::most_packed_bytes(int64_t limit) const {
-  return (limit - floats(padded_channels(problem_.c_out)).count) / (has_constants_ ? 2 : 1);
+  const int64_t copies = !has_constants_ ? 1 : problem_.values == Precision::kBf16 ? 3 : 2;
+  return (limit - floats(padded_channels(problem_.c_out)).count) / copies;
 }
 
 PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {

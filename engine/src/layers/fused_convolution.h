@@ -28,7 +28,7 @@ class FusedConvolution {
 
   /// Of packed(): the kernel's own for weights and constants, and the bias.
   Bytes packed_size(const BlockedConvolutionKernel& kernel) const;
-  /// The kernel's own where packed_size() is at most `limit`.
+  /// The kernel's own where packed_size() is at most `limit`. Constants are of float32.
   int64_t most_packed_bytes(int64_t limit) const;
   HeldWeights packed(const BlockedConvolutionKernel& kernel, const WeightSource& source) const;
 

@@ -14,6 +14,7 @@ namespace fs = std::filesystem;
 int net_verify_command(const Arguments& arguments) {
   std::vector<fs::path> folders;
   CompareOptions options;
+  bool layers = false;
   Parser parser("revisit net verify", "DIR...",
                 "Run networks and compare with outputs of the original, layer by layer where those "
                 "are there: the "
@@ -24,13 +25,16 @@ int net_verify_command(const Arguments& arguments) {
                 "kernels differ by d, a layer passes within 2d, at most 1e-4 ('rounding' counts "
                 "these layers). Folders are searched for cases.",
                 "  revisit net verify golden/zoo golden/slim\n  revisit net verify --tolerance "
-                "1e-4 my_model/\n");
+                "1e-4 my_model/\n  revisit net verify --precision bf16 --layers my_model/\n");
   parser.positional("DIR", &folders);
   parser.option("tolerance", "E",
-                "largest relative error of a layer (default 1e-5; 1e-4 where Winograd kernels run)",
+                "largest relative error of a layer (default 1e-5; 1e-4 where Winograd kernels run; "
+                "5e-2 in bf16)",
                 &options.tolerance);
   parser.option("threads", "N", "threads of one forward pass (default 1)", &options.threads);
   declare_accuracy(parser, &options.accuracy);
+  declare_precision(parser, &options.precision);
+  parser.flag("layers", "the error of each layer of each case, too", &layers);
   parser.flag("reference", "use the slow reference kernels", &options.reference_kernels);
   parser.parse(arguments);
   if (options.tolerance && !(*options.tolerance > 0))
@@ -43,17 +47,24 @@ int net_verify_command(const Arguments& arguments) {
   Progress progress("verifying", "cases");
   Table table(
       {"case", "verdict", "compared", "rounding", "worst error", "at", "first that diverges"});
+  Table errors({"case", "layer", "error"});
   int failed = 0;
   for (size_t i = 0; i < cases.size(); ++i) {
     progress.update(static_cast<int64_t>(i), static_cast<int64_t>(cases.size()));
     if (interrupted()) throw Interrupted(str("stopped after ", i, " of ", cases.size(), " cases"));
     const CaseVerdict verdict = compare_case(cases[i], options);
     failed += !verdict.passed();
+    for (const auto& [layer, error] : verdict.errors)
+      errors.row({cases[i].name, layer, str(error)});
     table.row({cases[i].name, verdict.passed() ? "ok" : "FAILED", str(verdict.compared),
                verdict.rounding ? str(verdict.rounding) : "", str(verdict.worst), verdict.worst_at,
                verdict.failure.empty() ? verdict.diverges_at : verdict.failure});
   }
   table.print(std::cout);
+  if (layers) {
+    std::cout << "\n";
+    errors.print(std::cout);
+  }
   std::cout << "\n"
             << cases.size() - static_cast<size_t>(failed) << " of " << cases.size()
             << " cases agree\n";

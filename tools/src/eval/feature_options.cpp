@@ -11,6 +11,7 @@
 #include "cli/interrupt.h"
 #include "cli/mean_file.h"
 #include "cli/messages.h"
+#include "cli/net_options.h"
 #include "cli/progress.h"
 #include "eval/competitors.h"
 #include "models/checksum.h"
@@ -170,6 +171,7 @@ void FeatureOptions::declare_describing(Parser& parser) {
       "threads that share one scan's network; fewer scans are then in flight, which takes "
       "less memory and more time (default 1)",
       &threads_per_scan);
+  declare_precision(parser, &precision);
   parser.option(
       "cache", "DIR",
       "where features and descriptors are kept (default: features only, in OUTPUT/features); "
@@ -246,8 +248,9 @@ FeatureSource open_network(const FeatureOptions& options) {
   for (const std::string& warning : net.warnings()) warn(warning);
   const std::string key = str("net ", models::file_sha1(model.prototxt), " ", model.weights_sha1);
   FeatureSource source;
-  source.extractor = pipeline::network_features(net, key, model.mean_bgr, options.image.geometry(),
-                                                options.threads_per_scan, options.input_scale);
+  source.extractor = pipeline::network_features(
+      net, key, model.mean_bgr, options.image.geometry(),
+      {.threads = options.threads_per_scan, .precision = options.precision}, options.input_scale);
   source.model = std::move(model);
   return source;
 }
@@ -273,8 +276,9 @@ FeatureSource open_ring(const FeatureOptions& options) {
   pipeline::RingOptions ring_options = options.ring_options;
   ring_options.key_candidates = options.ring_key_candidates;
   FeatureSource source;
-  source.extractor = pipeline::ring_recogniser(model, pipeline::ring_net(model, weights),
-                                               ring_options, options.threads_per_scan);
+  source.extractor = pipeline::ring_recogniser(
+      model, pipeline::ring_net(model, weights), ring_options,
+      {.threads = options.threads_per_scan, .precision = options.precision});
   return source;
 }
 

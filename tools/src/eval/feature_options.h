@@ -36,7 +36,8 @@ struct FeatureOptions {
   std::optional<std::string> align;  // absent: the feature's own way
   int threads = 0;                   // 0: all cores
   int threads_per_scan = 1;          // of one forward pass
-  std::string pca;                   // components(), as given
+  engine::Precision precision = engine::Precision::kFloat32;
+  std::string pca;  // components(), as given
   std::string pca_fit = "all";
   double memory_gb = 2;
   std::string cache;    // folder of the features; "" means below the output folder

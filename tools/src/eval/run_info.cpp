@@ -39,6 +39,7 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
   info.set_pca_fit(pca_fit);
   info.set_threads(options.thread_count());
   info.set_threads_per_scan(options.threads_per_scan);
+  info.set_precision(options.precision == engine::Precision::kBf16 ? "bf16" : "float32");
   for (const StageTimes& stage : stages_of(times)) {
     const engine::Timing timing = engine::summarize(stage.ms);
     reports::Stage& out = *info.add_stages();

@@ -84,7 +84,8 @@ bool only_moves_values(const engine::Plan& plan) {
                      });
 }
 
-double default_tolerance(const engine::Plan& plan) {
+double default_tolerance(const engine::Plan& plan, engine::Precision precision) {
+  if (precision == engine::Precision::kBf16) return 5e-2;
   const bool winograd = std::any_of(
       plan.layers().begin(), plan.layers().end(),
       [](const engine::LayerCost& layer) { return layer.kernel.starts_with("winograd"); });
@@ -144,14 +145,15 @@ double largest_error(const engine::Run& a, const engine::Run& b) {
 /// A case whose files are read, ready to run with different kernels.
 class Comparison {
  public:
-  Comparison(const GoldenCase& golden, engine::Accuracy accuracy)
-      : golden_(golden), accuracy_(accuracy), net_(load()) {}
+  Comparison(const GoldenCase& golden, const CompareOptions& options)
+      : golden_(golden), options_(options), net_(load()) {}
 
   engine::Run run(int threads, bool reference_kernels) const {
     engine::Run run(net_.plan({}, {.threads = threads,
                                    .keep_all = true,
                                    .reference_kernels = reference_kernels,
-                                   .accuracy = accuracy_}));
+                                   .accuracy = options_.accuracy,
+                                   .precision = options_.precision}));
     for (const auto& [name, array] : arrays_)
       std::copy(array.data.begin(), array.data.end(), run.input(name).data);
     run.forward();
@@ -184,7 +186,7 @@ class Comparison {
   }
 
   const GoldenCase& golden_;
-  const engine::Accuracy accuracy_;
+  const CompareOptions& options_;
   std::map<std::string, proto::NpyArray> arrays_;
   engine::Net net_;
 };
@@ -194,17 +196,20 @@ class Comparison {
 CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options) {
   CaseVerdict verdict;
   try {
-    const Comparison comparison(golden, options.accuracy);
+    const Comparison comparison(golden, options);
     const engine::Run run = comparison.run(options.threads, options.reference_kernels);
-    const double tolerance = only_moves_values(run.plan())
-                                 ? 0
-                                 : options.tolerance.value_or(default_tolerance(run.plan()));
+    const double tolerance =
+        only_moves_values(run.plan())
+            ? 0
+            : options.tolerance.value_or(default_tolerance(run.plan(), options.precision));
     const auto limit = [&](const LayerError& e) {
-      return e.is_probability ? std::min(kProbability, tolerance) : tolerance;
+      const bool strict = e.is_probability && options.precision == engine::Precision::kFloat32;
+      return strict ? std::min(kProbability, tolerance) : tolerance;
     };
     std::optional<double> rounding;  // what it does in this net; on demand
     for (const LayerError& e : comparison.errors(run)) {
       ++verdict.compared;
+      verdict.errors.emplace_back(e.layer, e.error);
       if (!(e.error <= verdict.worst)) verdict.worst = e.error, verdict.worst_at = e.layer;
       if (e.error <= limit(e)) continue;
       if (tolerance > 0 && e.error <= kMostRounding) {

@@ -2,6 +2,8 @@
 
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "golden_case.h"
 #include "revisit/engine/net.h"
@@ -14,21 +16,23 @@ struct CaseVerdict {
   int rounding = 0;  // of them, passed only as `amplified rounding`, see below
   double worst = 0;  // error, of `worst_at`
   std::string worst_at, diverges_at, failure;
+  std::vector<std::pair<std::string, double>> errors;  // of each layer compared, in order
   bool passed() const { return failure.empty() && diverges_at.empty() && compared > 0; }
 };
 
 struct CompareOptions {
   /// By default 1e-5, and 1e-4 for a plan with Winograd kernels, which round more
-  /// (tests/golden/README.md).
+  /// (tests/golden/README.md); in bf16 5e-2.
   std::optional<double> tolerance;
   int threads = 1;
   bool reference_kernels = false;
   engine::Accuracy accuracy = engine::Accuracy::kUsual;
+  engine::Precision precision = engine::Precision::kFloat32;
 };
 
 /// Runs a case and compares every layer that the original's outputs are there for. The error of a
-/// layer is max|a - b| / max|b|; of a Softmax, max|a - b|, with tolerance 1e-6; nets that only move
-/// values must agree exactly.
+/// layer is max|a - b| / max|b|; of a Softmax, max|a - b|, with tolerance 1e-6 (in bf16 that of the
+/// others); nets that only move values must agree exactly.
 ///
 /// Some nets amplify rounding (batch normalisation of channels with little variance; the softmax of
 /// large scores that nearly cancel): there two ways of summing in our own kernels, in single and in

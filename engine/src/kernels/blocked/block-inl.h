@@ -46,7 +46,7 @@ HWY_INLINE void store_vector(Vector v, BFloat16* to) {
   const auto rounded = hn::Add(bits, hn::Add(odd, hn::Set(d, 0x7FFF)));
   const auto is_number = hn::RebindMask(d, hn::Eq(v, v));
   const auto whole = hn::IfThenElse(is_number, rounded, hn::Or(bits, hn::Set(d, 1 << 22)));
-  hn::Store(hn::TruncateTo(HalfBits(), hn::ShiftRight<16>(whole)), HalfBits(), &to->bits);
+  hn::StoreU(hn::TruncateTo(HalfBits(), hn::ShiftRight<16>(whole)), HalfBits(), &to->bits);
 }
 
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
@@ -54,7 +54,7 @@ HWY_INLINE void store_vector(Vector v, BFloat16* to) {
 HWY_INLINE void store_vector(Vector v, NativeBf16* to) {
   __m256i half;
   asm("vcvtneps2bf16 %1, %0" : "=v"(half) : "v"(v.raw));
-  _mm256_store_si256(reinterpret_cast<__m256i*>(to), half);
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), half);
 }
 #endif
 

@@ -40,7 +40,7 @@ namespace revisit::engine::HWY_NAMESPACE {
 
 template <class T>
 void convolve_and_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArguments& a) {
-  const PlainInput<float> convolution(p.convolution, a);
+  const PlainInput<T, float> convolution(p.convolution, a);
   const ConvolutionMaxPoolScratch size(p);
   const PoolingPieces pieces = pieces_of(p);
   float* const scratch = a.scratch + pieces.scratch_floats();

@@ -51,7 +51,9 @@ ConvolutionProblem on_one_thread(ConvolutionProblem p) {
 
 double plain_input_ms(const ConvolutionProblem& p) {
   const auto rows = static_cast<double>(p.n * p.out_h);
-  return rows * multiply_cycles(p.out_w, static_cast<double>(p.depth()), channel_blocks(p.c_out)) /
+  return rows *
+         multiply_cycles(p.out_w, channel_cost(p.values) * static_cast<double>(p.depth()),
+                         channel_blocks(p.c_out)) /
          kCyclesPerMs;
 }
 

@@ -2,6 +2,7 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/depthwise.cpp"
 #include <hwy/foreach_target.h>  // includes this file again for every target
 
+#include "kernels/blocked/column_panels.h"
 #include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"
@@ -25,66 +26,141 @@ inline Taps taps_inside(int64_t start, int64_t size, int64_t kernel, int64_t dil
 template <class T>
 class Depthwise {
  public:
-  Depthwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) : p_(p), a_(a) {}
+  Depthwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
+      : p_(p), a_(a), whole_(whole_windows(p)) {}
 
+  /// An item is a band of rows of one block.
   void run() const {
-    parallel_for(p_.n * channel_blocks(p_.c_out) * p_.out_h, p_.threads,
-                 [&](int64_t item, int) { run_row(item / p_.out_h, item % p_.out_h); });
+    constexpr int64_t kGrain = 512;  // pixels
+    const int64_t planes = p_.n * channel_blocks(p_.c_out);
+    const Split bands = {p_.out_h, std::clamp<int64_t>(p_.out_pixels() / kGrain, 1, p_.out_h)};
+    parallel_for(planes * bands.parts, p_.threads, [&](int64_t item, int) {
+      const int64_t plane = item / bands.parts, band = item % bands.parts;
+      const BlockEpilogue epilogue(a_.epilogue, a_.bias, plane % channel_blocks(p_.c_out),
+                                   p_.c_out);
+      for (int64_t y = bands.begin(band); y < bands.end(band); ++y) run_row(plane, y, epilogue);
+    });
   }
 
  private:
   static constexpr int kPixels = kVectors == 1 ? 8 : 4;
 
-  /// `plane` counts the blocks of all images.
-  void run_row(int64_t plane, int64_t y) const {
-    const int64_t block = plane % channel_blocks(p_.c_out);
-    const BlockEpilogue epilogue(a_.epilogue, a_.bias, block, p_.c_out);
-    const int64_t y0 = y * p_.stride_h - p_.pad_h;
-    const Taps rows = taps_inside(y0, p_.h, p_.kernel_h, p_.dilation_h);
-    const T* in = static_cast<const T*>(a_.input) + plane * p_.h * p_.w * kLanes;
-    const float* weights = a_.packed + block * p_.kernel_h * p_.kernel_w * kLanes;
-    const int64_t offset = (plane * p_.out_h + y) * p_.out_w * kLanes;
-    const auto finish = [&](int64_t x, const Block& sum) HWY_ATTR {
-      const int64_t at = offset + x * kLanes;
-      const auto* addend = static_cast<const T*>(a_.addend);
-      epilogue.finish(sum, addend ? addend + at : nullptr, static_cast<T*>(a_.output) + at);
-    };
-    for (int64_t x = 0; x < p_.out_w;) {
-      const int64_t x0 = x * p_.stride_w - p_.pad_w;
-      const int64_t last = x0 + (kPixels - 1) * p_.stride_w + (p_.kernel_w - 1) * p_.dilation_w;
-      if (x0 >= 0 && last < p_.w && x + kPixels <= p_.out_w) {
-        Block sums[kPixels];
-        accumulate<kPixels>(in, weights, y0, x0, rows, {0, p_.kernel_w}, sums);
-        REVISIT_UNROLL
-        for (int i = 0; i < kPixels; ++i) finish(x + i, sums[i]);
-        x += kPixels;
-      } else {
-        Block sum[1];
-        accumulate<1>(in, weights, y0, x0, rows, taps_inside(x0, p_.w, p_.kernel_w, p_.dilation_w),
-                      sum);
-        finish(x++, sum[0]);
-      }
-    }
+  /// The output columns [first, end) whose windows lie in the image from left to right.
+  static Taps whole_windows(const ConvolutionProblem& p) {
+    const int64_t room = p.w + p.pad_w - (p.kernel_w - 1) * p.dilation_w - 1;
+    const int64_t end = room < 0 ? 0 : std::min(room / p.stride_w + 1, p.out_w);
+    return {std::min((p.pad_w + p.stride_w - 1) / p.stride_w, end), end};
   }
 
-  /// Pixels `stride_w` apart from input column `x0` on, over taps inside the image for all of them.
+  /// What the pixels of an output row have in common.
+  struct Row {
+    const T* in;  // of the plane
+    const float* weights;
+    int64_t y0;
+    Taps taps;
+    int64_t offset;  // of output and addend
+    const BlockEpilogue& epilogue;
+  };
+
+  /// `plane` counts the blocks of all images.
+  void run_row(int64_t plane, int64_t y, const BlockEpilogue& epilogue) const {
+    const int64_t block = plane % channel_blocks(p_.c_out), y0 = y * p_.stride_h - p_.pad_h;
+    const Row row = {static_cast<const T*>(a_.input) + plane * p_.h * p_.w * kLanes,
+                     a_.packed + block * p_.kernel_h * p_.kernel_w * kLanes,
+                     y0,
+                     taps_inside(y0, p_.h, p_.kernel_h, p_.dilation_h),
+                     (plane * p_.out_h + y) * p_.out_w * kLanes,
+                     epilogue};
+    for (int64_t x = 0; x < whole_.first; ++x) run_at_border(row, x);
+    for (int64_t x = whole_.first; x < whole_.end; x += kPixels)
+      run_pixels(row, x, std::min<int64_t>(kPixels, whole_.end - x),
+                 std::make_index_sequence<kPixels>());
+    for (int64_t x = whole_.end; x < p_.out_w; ++x) run_at_border(row, x);
+  }
+
+  void run_at_border(const Row& row, int64_t x) const {
+    const int64_t x0 = x * p_.stride_w - p_.pad_w;
+    Block sum[1] = {zero_block()};
+    accumulate<1>(row, x0, taps_inside(x0, p_.w, p_.kernel_w, p_.dilation_w), sum);
+    finish<1>(row, x, sum);
+  }
+
+  template <size_t... kIndex>
+  void run_pixels(const Row& row, int64_t x, int64_t count, std::index_sequence<kIndex...>) const {
+    using Function = void (Depthwise::*)(const Row&, int64_t) const;
+    static constexpr Function kFunctions[] = {&Depthwise::run_whole<kIndex + 1>...};
+    (this->*kFunctions[count - 1])(row, x);
+  }
+
   template <int kCount>
-  HWY_INLINE void accumulate(const T* in, const float* weights, int64_t y0, int64_t x0, Taps rows,
-                             Taps columns, Block (&sums)[kCount]) const {
+  void run_whole(const Row& row, int64_t x) const {
+    const int64_t x0 = x * p_.stride_w - p_.pad_w;
+    Block sums[kCount];
     REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i) sums[i] = zero_block();
-    for (int64_t ky = rows.first; ky < rows.end; ++ky)
+    const bool usual = p_.kernel_w == kUsualTaps && p_.dilation_w == 1;
+    if (usual && p_.stride_w == 1)
+      accumulate_usual<kCount, 1>(row, x0, sums);
+    else if (usual && p_.stride_w == 2)
+      accumulate_usual<kCount, 2>(row, x0, sums);
+    else
+      accumulate<kCount>(row, x0, {0, p_.kernel_w}, sums);
+    finish<kCount>(row, x, sums);
+  }
+
+  template <int kCount>
+  HWY_INLINE void finish(const Row& row, int64_t x, Block (&sums)[kCount]) const {
+    const auto* const addend = static_cast<const T*>(a_.addend);
+    auto* const output = static_cast<T*>(a_.output);
+    const int64_t at = row.offset + x * kLanes;
+    row.epilogue.finish(sums, addend ? addend + at : nullptr, output + at);
+  }
+
+  const T* input_row(const Row& row, int64_t ky, int64_t x0) const {
+    return row.in + ((row.y0 + ky * p_.dilation_h) * p_.w + x0) * kLanes;
+  }
+
+  /// Adds the products of pixels `stride_w` apart from input column `x0` on, over taps inside the
+  /// image for all of them.
+  template <int kCount>
+  HWY_INLINE void accumulate(const Row& row, int64_t x0, Taps columns,
+                             Block (&sums)[kCount]) const {
+    for (int64_t ky = row.taps.first; ky < row.taps.end; ++ky)
       for (int64_t kx = columns.first; kx < columns.end; ++kx) {
-        const Block w = load_block(weights + (ky * p_.kernel_w + kx) * kLanes);
-        const T* from = in + ((y0 + ky * p_.dilation_h) * p_.w + x0 + kx * p_.dilation_w) * kLanes;
+        const Block w = load_block(row.weights + (ky * p_.kernel_w + kx) * kLanes);
+        const T* from = input_row(row, ky, x0 + kx * p_.dilation_w);
         REVISIT_UNROLL
         for (int i = 0; i < kCount; ++i)
           sums[i] = mul_add(load_block(from + i * p_.stride_w * kLanes), w, sums[i]);
       }
   }
 
+  static constexpr int kUsualTaps = 3;
+
+  /// The same, in the same order, for kUsualTaps columns: each input is loaded once for all taps.
+  template <int kCount, int kStride>
+  HWY_INLINE void accumulate_usual(const Row& row, int64_t x0, Block (&sums)[kCount]) const {
+    for (int64_t ky = row.taps.first; ky < row.taps.end; ++ky) {
+      const T* from = input_row(row, ky, x0);
+      Block w[kUsualTaps];
+      REVISIT_UNROLL
+      for (int kx = 0; kx < kUsualTaps; ++kx)
+        w[kx] = load_block(row.weights + (ky * kUsualTaps + kx) * kLanes);
+      REVISIT_UNROLL
+      for (int j = 0; j < (kCount - 1) * kStride + kUsualTaps; ++j) {
+        const Block x = load_block(from + j * kLanes);
+        REVISIT_UNROLL
+        for (int kx = j % kStride; kx < kUsualTaps; kx += kStride) {
+          const int i = (j - kx) / kStride;
+          if (kx <= j && i < kCount) sums[i] = mul_add(x, w[kx], sums[i]);
+        }
+      }
+    }
+  }
+
   const ConvolutionProblem& p_;
   const BlockedConvolutionArguments& a_;
+  const Taps whole_;
 };
 
 void run_depthwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {

@@ -62,6 +62,20 @@ class Direct {
   const T* input() const { return static_cast<const T*>(a_.input); }
   T* scratch() const { return reinterpret_cast<T*>(a_.scratch); }
 
+  /// Writes the outputs of a slice for a panel of pixels, whose places these are.
+  struct FinishSums {
+    const BlockEpilogue* epilogues;
+    const T* addend;  // or null
+    T* output;
+    int64_t step;  // from output block to output block
+
+    template <int kCount>
+    HWY_INLINE void operator()(int64_t block, int64_t column, Block (&sums)[kCount]) const {
+      const int64_t at = block * step + column * kLanes;
+      epilogues[block].finish(sums, addend ? addend + at : nullptr, output + at);
+    }
+  };
+
   /// Of a panel: [depth][pixel][kLanes], `step` numbers from one block of the depth to the next.
   struct Columns {
     const T* data;
@@ -141,11 +155,7 @@ class Direct {
                              (shape_.chunks.columns.begin(chunk) + first) * kLanes;
       T* const output = static_cast<T*>(a_.output) + offset;
       const T* const addend = a_.addend ? static_cast<const T*>(a_.addend) + offset : nullptr;
-      multiply(factors, blocks, width,
-               [=, &epilogues](int64_t b, int64_t column, const Block& sum) HWY_ATTR {
-                 const int64_t at = b * image_step + column * kLanes;
-                 epilogues[b].finish(sum, addend ? addend + at : nullptr, output + at);
-               });
+      multiply(factors, blocks, width, FinishSums{epilogues, addend, output, image_step});
     }
   }
 

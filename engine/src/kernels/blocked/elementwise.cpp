@@ -20,8 +20,11 @@ HWY_INLINE void for_each_block(const BlockedSize& size, const Epilogue& epilogue
   for_each_piece(size, [&](int64_t block, int64_t begin, int64_t end) HWY_ATTR {
     const int64_t channel = block * kLanes;
     const float* slopes = epilogue.slopes ? epilogue.slopes + channel : nullptr;
-    for (int64_t i = begin; i < end; i += kLanes)
-      store_block(activate(epilogue, slopes, compute(i, channel)), output + i);
+    for (int64_t i = begin; i < end; i += kLanes) {
+      Block x[] = {compute(i, channel)};
+      activate(epilogue, slopes, x);
+      store_block(x[0], output + i);
+    }
     clear_tail_lanes(size.c, block, (end - begin) / kLanes, output + begin);
   });
 }

@@ -28,37 +28,50 @@ HWY_INLINE Vector leak(Vector slope, Vector x) {
   return hn::MulAdd(slope, x, hn::Zero(Tag()));
 }
 
-/// `slopes` are those of the channels of `x`.
-HWY_INLINE Block activate(const Epilogue& e, const float* slopes, Block x) {
+/// `function` of each register of some blocks.
+template <int kCount, class Function>
+HWY_INLINE void change_each(Block (&blocks)[kCount], const Function& function) {
+  REVISIT_UNROLL
+  for (Block& block : blocks) {
+    REVISIT_UNROLL
+    for (int i = 0; i < kVectors; ++i) block.v[i] = function(block.v[i], i);
+  }
+}
+
+/// `slopes` are those of the channels of the blocks.
+template <int kCount>
+HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)[kCount]) {
   using Activation = Epilogue::Activation;
   const Tag d;
   switch (e.activation) {
     case Activation::kNone:
       break;
-    case Activation::kRelu:
-      REVISIT_UNROLL
-      for (Vector& v : x.v) v = where_negative(v, leak(hn::Set(d, e.slope), v));
-      break;
-    case Activation::kPrelu: {
-      REVISIT_UNROLL
-      for (int i = 0; i < kVectors; ++i)
-        x.v[i] = where_negative(x.v[i], leak(hn::Load(d, slopes + i * kVectorLanes), x.v[i]));
+    case Activation::kRelu: {
+      const Vector slope = hn::Set(d, e.slope);
+      change_each(blocks,
+                  [=](Vector x, int) HWY_ATTR { return where_negative(x, leak(slope, x)); });
       break;
     }
-    case Activation::kElu:
-      for (Vector& v : x.v)
-        v = where_negative(v,
-                           leak(hn::Set(d, e.slope), hn::Sub(hn::CallExp(d, v), hn::Set(d, 1.0F))));
+    case Activation::kPrelu:
+      change_each(blocks, [=](Vector x, int i) HWY_ATTR {
+        return where_negative(x, leak(hn::Load(d, slopes + i * kVectorLanes), x));
+      });
       break;
-    case Activation::kClip:
-      REVISIT_UNROLL
-      for (Vector& v : x.v) {
-        const Vector low = hn::Set(d, e.low), high = hn::Set(d, e.high);
-        v = hn::IfThenElse(hn::Lt(v, low), low, hn::IfThenElse(hn::Gt(v, high), high, v));
-      }
+    case Activation::kElu: {
+      const Vector slope = hn::Set(d, e.slope), one = hn::Set(d, 1.0F);
+      for (Block& block : blocks)
+        for (Vector& x : block.v)
+          x = where_negative(x, leak(slope, hn::Sub(hn::CallExp(d, x), one)));
       break;
+    }
+    case Activation::kClip: {
+      const Vector low = hn::Set(d, e.low), high = hn::Set(d, e.high);
+      change_each(blocks, [=](Vector x, int) HWY_ATTR {
+        return hn::IfThenElse(hn::Lt(x, low), low, hn::IfThenElse(hn::Gt(x, high), high, x));
+      });
+      break;
+    }
   }
-  return x;
 }
 
 /// The first `lanes` lanes, zeros after them.
@@ -81,15 +94,22 @@ class BlockEpilogue {
         slopes_(epilogue.slopes ? epilogue.slopes + block * kLanes : nullptr),
         lanes_(std::min(channels - block * kLanes, kLanes)) {}
 
-  /// `addend` is null or that of this pixel.
-  template <class T>
-  HWY_INLINE void finish(Block sum, const T* addend, T* output) const {
-    sum = sum + bias_;
-    if (addend) sum = sum + load_block(addend);
-    sum = activate(epilogue_, slopes_, sum);
+  /// Of pixels side by side; `addend` is null or that of the first.
+  template <class T, int kCount>
+  HWY_INLINE void finish(Block (&sums)[kCount], const T* addend, T* output) const {
+    const Block bias = bias_;
+    REVISIT_UNROLL
+    for (Block& sum : sums) sum = sum + bias;
+    if (addend) {
+      REVISIT_UNROLL
+      for (int i = 0; i < kCount; ++i) sums[i] = sums[i] + load_block(addend + i * kLanes);
+    }
+    activate(epilogue_, slopes_, sums);
     // 0 * infinity and an activation of 0 need not be 0.
-    if (lanes_ < kLanes) sum = first_lanes(lanes_, sum);
-    store_block(sum, output);
+    if (lanes_ < kLanes)
+      for (Block& sum : sums) sum = first_lanes(lanes_, sum);
+    REVISIT_UNROLL
+    for (int i = 0; i < kCount; ++i) store_block(sums[i], output + i * kLanes);
   }
 
  private:

@@ -87,6 +87,16 @@ HWY_INLINE Block add_products(NativeBf16 /*type*/, Vector input, const Block& we
 }
 #endif
 
+/// Adds the products of kStep<T> channels of one pixel to the sums of its column.
+template <class T, int kBlocks, int kColumns>
+HWY_INLINE void add_column(const T* pixel, const Block (&weights)[kBlocks], int column,
+                           Block (&sums)[kBlocks][kColumns]) {
+  const Vector input = broadcast(pixel);
+  REVISIT_UNROLL
+  for (int b = 0; b < kBlocks; ++b)
+    sums[b][column] = add_products(T(), input, weights[b], sums[b][column]);
+}
+
 /// Factors of a product, in steps of T.
 template <class T>
 struct Factors {
@@ -103,14 +113,19 @@ struct StoreProducts {
   float* to;
   int64_t step;  // from output block to output block
 
-  HWY_INLINE void operator()(int64_t block, int64_t column, const Block& sum) const {
-    store_block(sum, to + block * step + column * kLanes);
+  template <int kCount>
+  HWY_INLINE void operator()(int64_t block, int64_t column, const Block (&sums)[kCount]) const {
+    REVISIT_UNROLL
+    for (int i = 0; i < kCount; ++i)
+      store_block(sums[i], to + block * step + (column + i) * kLanes);
   }
 };
 
-/// Calls `sink(output block, column, sum)` for `kBlocks` x `kColumns` sums.
+/// Calls `sink(output block, first column, sums)` for `kBlocks` x `kColumns` sums, block by block,
+/// which may change them.
 template <int kBlocks, int kColumns, class T, class Sink>
-void multiply_tile(const Factors<T>& f, const Sink& sink) {
+void multiply_tile(const Factors<T>& f, int64_t first_block, int64_t first_column,
+                   const Sink& sink) {
   Block sums[kBlocks][kColumns];
   REVISIT_UNROLL
   for (int b = 0; b < kBlocks; ++b) {
@@ -130,26 +145,19 @@ void multiply_tile(const Factors<T>& f, const Sink& sink) {
       REVISIT_UNROLL
       for (int b = 0; b < kBlocks; ++b) w[b] = load_weights(weights + b * f.weights_step);
       REVISIT_UNROLL
-      for (int c = 0; c < kColumns; ++c) {
-        const Vector input = broadcast(inputs + c * kLanes + channel);
-        REVISIT_UNROLL
-        for (int b = 0; b < kBlocks; ++b) sums[b][c] = add_products(T(), input, w[b], sums[b][c]);
-      }
+      for (int c = 0; c < kColumns; ++c) add_column(inputs + c * kLanes + channel, w, c, sums);
     }
   }
   REVISIT_UNROLL
-  for (int b = 0; b < kBlocks; ++b) {
-    REVISIT_UNROLL
-    for (int c = 0; c < kColumns; ++c) sink(b, c, sums[b][c]);
-  }
+  for (int b = 0; b < kBlocks; ++b) sink(first_block + b, first_column, sums[b]);
 }
 
 template <int kBlocks, class T, class Sink, size_t... kIndex>
-void multiply_columns(const Factors<T>& f, int64_t columns, const Sink& sink,
-                      std::index_sequence<kIndex...>) {
-  using Function = void (*)(const Factors<T>&, const Sink&);
+void multiply_columns(const Factors<T>& f, int64_t columns, int64_t first_block,
+                      int64_t first_column, const Sink& sink, std::index_sequence<kIndex...>) {
+  using Function = void (*)(const Factors<T>&, int64_t, int64_t, const Sink&);
   static constexpr Function kFunctions[] = {multiply_tile<kBlocks, kIndex + 1, T, Sink>...};
-  kFunctions[columns - 1](f, sink);
+  kFunctions[columns - 1](f, first_block, first_column, sink);
 }
 
 /// The same for `blocks` output blocks and up to kMaxColumns columns.
@@ -163,13 +171,11 @@ void multiply(const Factors<T>& f, int64_t blocks, int64_t columns, const Sink& 
       Factors<T> here = f;
       here.weights += b * f.weights_step;
       here.inputs += first * kLanes;
-      const auto shifted = [=](int block, int column, const Block& sum)
-                               HWY_ATTR { sink(b + block, first + column, sum); };
       constexpr auto kColumns = std::make_index_sequence<kTileColumns>();
       if (kTileBlocks > 1 && blocks - b > 1)
-        multiply_columns<kTileBlocks>(here, count, shifted, kColumns);
+        multiply_columns<kTileBlocks>(here, count, b, first, sink, kColumns);
       else
-        multiply_columns<1>(here, count, shifted, kColumns);
+        multiply_columns<1>(here, count, b, first, sink, kColumns);
     }
   }
 }

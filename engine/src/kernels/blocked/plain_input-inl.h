@@ -10,21 +10,23 @@
 #include "kernels/blocked/convolution.h"
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/multiply-inl.h"
+#include "kernels/blocked/plain_input_scratch.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
 /// The input under a tile of pixels of one output row: its first row inside the image, its steps in
-/// floats, and the rows of the kernel that meet the image.
+/// numbers, and the rows of the kernel that meet the image.
+template <class In>
 struct InputView {
-  const float* data;
+  const In* data;
   int64_t channel_step, row_step;
   int64_t first_ky, end_ky;
 };
 
-/// A convolution of few channels, one plane each: every input value is broadcast as it is read.
-/// Its output is of T.
-template <class T>
+/// A convolution of few channels, one plane each: every input value is broadcast as it is read, of
+/// BFloat16 two neighbours of a row at a time. Its products are of `In`, its output of `Out`.
+template <class In, class Out>
 class PlainInput {
  public:
   PlainInput(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) : p_(p), a_(a) {}
@@ -32,13 +34,14 @@ class PlainInput {
   /// The output pixels [begin, end) of one row of an image, from block 0 on.
   struct Row {
     int64_t n, y, begin, end;
-    T* output;
+    Out* output;
     int64_t output_step;  // from block to block
-    const T* addend;      // steps as output's; or null
+    const Out* addend;    // steps as output's; or null
     float* patch;         // scratch: plain_input_patch_floats()
   };
 
   void run_row(const Row& row) const {
+    if constexpr (!kReadsImage) round_input(row);
     switch (p_.stride_w) {
       case 1:
         return run_blocks<1>(row);
@@ -53,10 +56,11 @@ class PlainInput {
 
  private:
   static constexpr int kPixels = kTileColumns;
+  static constexpr bool kReadsImage = std::is_same_v<In, float>;
 
-  int64_t weights_step() const { return p_.depth() * kLanes; }
-  int64_t span(int64_t pixels) const {
-    return (pixels - 1) * p_.stride_w + (p_.kernel_w - 1) * p_.dilation_w + 1;
+  /// Of an output block, and from one to the next.
+  int64_t weights_step() const {
+    return p_.c_in * p_.kernel_h * plain_input_steps(p_) * kStep<In> * kLanes;
   }
 
   template <int kStride>
@@ -84,57 +88,66 @@ class PlainInput {
 
   template <int kBlocks, int kTile, int kStride>
   void run_tile(const Row& row, int64_t x, int64_t block) const {
-    const InputView view = view_of(row.n, row.y, x, kTile, row.patch);
+    const InputView<In> view = view_of(row, x, kTile);
+    const In* const weights = reinterpret_cast<const In*>(a_.packed) + block * weights_step();
     Block sums[kBlocks][kTile];
-    accumulate<kBlocks, kTile, kStride>(view, a_.packed + block * weights_step(), sums);
+    accumulate<kBlocks, kTile, kStride>(view, weights, sums);
     if (a_.outside_taps && reaches_outside(view, x, kTile)) add_outside(view, x, block, sums);
     REVISIT_UNROLL
     for (int b = 0; b < kBlocks; ++b) {
       const BlockEpilogue epilogue(a_.epilogue, a_.bias, block + b, p_.c_out);
       const int64_t at = (block + b) * row.output_step + (x - row.begin) * kLanes;
-      REVISIT_UNROLL
-      for (int i = 0; i < kTile; ++i)
-        epilogue.finish(sums[b][i], row.addend ? row.addend + at + i * kLanes : nullptr,
-                        row.output + at + i * kLanes);
+      epilogue.finish(sums[b], row.addend ? row.addend + at : nullptr, row.output + at);
     }
   }
 
   template <int kBlocks, int kTile, int kStride>
-  HWY_INLINE void accumulate(const InputView& view, const float* weights,
-                             Block (&sums)[kBlocks][kTile]) const {
-    const Tag d;
+  HWY_INLINE void accumulate(const InputView<In>& view, const In* weights,
+                             Block (&result)[kBlocks][kTile]) const {
     const int64_t stride = kStride > 0 ? kStride : p_.stride_w, step = weights_step();
+    const int64_t steps = plain_input_steps(p_), last = p_.kernel_w - kStep<In>;
+    Block sums[kBlocks][kTile];  // whose address nobody has: they stay in registers
     REVISIT_UNROLL
     for (int b = 0; b < kBlocks; ++b) {
       REVISIT_UNROLL
       for (int i = 0; i < kTile; ++i) sums[b][i] = zero_block();
     }
-    for (int64_t c = 0; c < p_.c_in; ++c)
-      for (int64_t ky = view.first_ky; ky < view.end_ky; ++ky) {
-        const float* in = view.data + c * view.channel_step + (ky - view.first_ky) * view.row_step;
-        const float* w = weights + (c * p_.kernel_h + ky) * p_.kernel_w * kLanes;
-        for (int64_t kx = 0; kx < p_.kernel_w; ++kx, in += p_.dilation_w, w += kLanes) {
-          Block factors[kBlocks];
-          REVISIT_UNROLL
-          for (int b = 0; b < kBlocks; ++b) factors[b] = load_block(w + b * step);
-          REVISIT_UNROLL
-          for (int i = 0; i < kTile; ++i) {
-            const Vector value = hn::Set(d, in[i * stride]);
-            REVISIT_UNROLL
-            for (int b = 0; b < kBlocks; ++b) sums[b][i] = mul_add(value, factors[b], sums[b][i]);
-          }
-        }
-      }
+    const int64_t rows = view.end_ky - view.first_ky, row_weights = steps * kStep<In> * kLanes;
+    const In* row = view.data;
+    const In* w = weights + view.first_ky * row_weights;
+    // One loop over channels, rows and steps: between nested ones the sums would leave registers.
+    for (int64_t n = p_.c_in * rows * steps, s = 0, y = 0; n > 0; --n, w += kStep<In> * kLanes) {
+      const In* in = row + std::min(s * kStep<In>, last) * p_.dilation_w;
+      Block factors[kBlocks];
+      REVISIT_UNROLL
+      for (int b = 0; b < kBlocks; ++b) factors[b] = load_weights(w + b * step);
+      REVISIT_UNROLL
+      for (int i = 0; i < kTile; ++i) add_column(in + i * stride, factors, i, sums);
+      if (++s < steps) continue;
+      s = 0;
+      row += view.row_step;
+      if (++y < rows) continue;
+      y = 0;
+      row += view.channel_step - rows * view.row_step;
+      w += (p_.kernel_h - rows) * row_weights;
+    }
+    REVISIT_UNROLL
+    for (int b = 0; b < kBlocks; ++b) {
+      REVISIT_UNROLL
+      for (int i = 0; i < kTile; ++i) result[b][i] = sums[b][i];
+    }
   }
 
-  bool reaches_outside(const InputView& view, int64_t x, int64_t pixels) const {
+  bool reaches_outside(const InputView<In>& view, int64_t x, int64_t pixels) const {
     const int64_t x0 = x * p_.stride_w - p_.pad_w;
-    return view.first_ky > 0 || view.end_ky < p_.kernel_h || x0 < 0 || x0 + span(pixels) > p_.w;
+    return view.first_ky > 0 || view.end_ky < p_.kernel_h || x0 < 0 ||
+           x0 + plain_input_span(p_, pixels) > p_.w;
   }
 
   template <int kBlocks, int kTile>
-  void add_outside(const InputView& view, int64_t x, int64_t block,
+  void add_outside(const InputView<In>& view, int64_t x, int64_t block,
                    Block (&sums)[kBlocks][kTile]) const {
+    const int64_t step = p_.depth() * kLanes;
     for (int i = 0; i < kTile; ++i)
       for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
         for (int64_t kx = 0; kx < p_.kernel_w; ++kx) {
@@ -142,32 +155,68 @@ class PlainInput {
           const bool inside = ky >= view.first_ky && ky < view.end_ky && ix >= 0 && ix < p_.w;
           if (inside) continue;
           for (int b = 0; b < kBlocks; ++b)
-            sums[b][i] = sums[b][i] + load_block(a_.outside_taps + (block + b) * weights_step() +
+            sums[b][i] = sums[b][i] + load_block(a_.outside_taps + (block + b) * step +
                                                  (ky * p_.kernel_w + kx) * kLanes);
         }
   }
 
-  /// Into the image itself, or into `patch` where the tile reaches over its left or right border.
-  InputView view_of(int64_t n, int64_t y, int64_t x, int64_t pixels, float* patch) const {
-    const int64_t y0 = y * p_.stride_h - p_.pad_h, x0 = x * p_.stride_w - p_.pad_w;
-    const int64_t d = p_.dilation_h;
+  /// Into the image itself, or into the patch where the tile reaches over its left or right border;
+  /// of BFloat16 always into the patch, which round_input() has filled.
+  InputView<In> view_of(const Row& row, int64_t x, int64_t pixels) const {
+    if constexpr (kReadsImage) {
+      InputView<In> view = rows_inside(row);
+      const int64_t x0 = x * p_.stride_w - p_.pad_w, width = plain_input_span(p_, pixels);
+      view.data += x0;
+      if (x0 >= 0 && x0 + width <= p_.w) return view;
+      return copy(
+          view, x0, width, width, row.patch,
+          [](const float* from, int64_t count, float* to) { std::copy_n(from, count, to); });
+    } else {
+      const int64_t pitch = plain_input_pitch(p_);
+      const InputView<float> view = rows_inside(row);
+      return {reinterpret_cast<const In*>(row.patch) + (x - row.begin) * p_.stride_w,
+              (view.end_ky - view.first_ky) * pitch, pitch, view.first_ky, view.end_ky};
+    }
+  }
+
+  void round_input(const Row& row) const {
+    InputView<float> view = rows_inside(row);
+    const int64_t x0 = row.begin * p_.stride_w - p_.pad_w;
+    view.data += x0;
+    copy(view, x0, plain_input_span(p_, row.end - row.begin), plain_input_pitch(p_),
+         reinterpret_cast<In*>(row.patch), [](const float* from, int64_t count, In* to) HWY_ATTR {
+           int64_t i = 0;
+           for (; i + kVectorLanes <= count; i += kVectorLanes)
+             store_vector(hn::LoadU(Tag(), from + i), to + i);
+           for (; i < count; ++i) to[i].bits = to_bfloat16(from[i]).bits;
+         });
+  }
+
+  /// Of the input under an output row, from column 0 of the image on.
+  InputView<float> rows_inside(const Row& row) const {
+    const int64_t y0 = row.y * p_.stride_h - p_.pad_h, d = p_.dilation_h;
     const int64_t first_ky = std::clamp<int64_t>((-y0 + d - 1) / d, 0, p_.kernel_h);
     const int64_t end_ky = std::clamp((p_.h - y0 + d - 1) / d, first_ky, p_.kernel_h);
-    const float* image = static_cast<const float*>(a_.input) + n * p_.c_in * p_.h * p_.w;
-    const int64_t width = span(pixels);
-    if (x0 >= 0 && x0 + width <= p_.w)
-      return {image + (y0 + first_ky * d) * p_.w + x0, p_.h * p_.w, d * p_.w, first_ky, end_ky};
+    const float* image = static_cast<const float*>(a_.input) + row.n * p_.c_in * p_.h * p_.w;
+    return {image + (y0 + first_ky * d) * p_.w, p_.h * p_.w, d * p_.w, first_ky, end_ky};
+  }
+
+  /// The `width` columns from `x0` on to `to`, rows `pitch` apart, zeros outside the image.
+  template <class T, class Copy>
+  InputView<T> copy(const InputView<float>& view, int64_t x0, int64_t width, int64_t pitch, T* to,
+                    const Copy& copy_run) const {
     const int64_t begin = std::clamp<int64_t>(-x0, 0, width);
     const int64_t end = std::clamp(p_.w - x0, begin, width);
-    float* to = patch;
+    const int64_t rows = view.end_ky - view.first_ky;
     for (int64_t c = 0; c < p_.c_in; ++c)
-      for (int64_t ky = first_ky; ky < end_ky; ++ky, to += width) {
-        const float* row = image + (c * p_.h + y0 + ky * d) * p_.w;
-        std::fill(to, to + begin, 0.0F);
-        std::copy(row + x0 + begin, row + x0 + end, to + begin);
-        std::fill(to + end, to + width, 0.0F);
+      for (int64_t i = 0; i < rows; ++i) {
+        const float* from = view.data + c * view.channel_step + i * view.row_step;
+        T* const row = to + (c * rows + i) * pitch;
+        std::fill(row, row + begin, T{});
+        copy_run(from + begin, end - begin, row + begin);
+        std::fill(row + end, row + width, T{});
       }
-    return {patch, (end_ky - first_ky) * width, width, first_ky, end_ky};
+    return {to, rows * pitch, pitch, view.first_ky, view.end_ky};
   }
 
   const ConvolutionProblem& p_;

@@ -13,7 +13,7 @@ namespace revisit::engine::HWY_NAMESPACE {
 
 template <class T>
 void convolve(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  const PlainInput<T> convolution(p, a);
+  const PlainInput<T, T> convolution(p, a);
   const auto* const addend = static_cast<const T*>(a.addend);
   const int64_t blocks = channel_blocks(p.c_out), step = p.out_pixels() * kLanes;
   parallel_for(p.n * p.out_h, p.threads, [&](int64_t item, int thread) {
@@ -38,12 +38,21 @@ namespace {
 
 HWY_EXPORT(run_plain_input);
 
-/// Writes [output block][input channel][tap][kLanes].
-void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
+/// Writes [output block][input channel][row of taps][step][kLanes][tap of the step].
+template <class T, class Convert>
+void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
+  constexpr int64_t kStep = sizeof(float) / sizeof(T);
+  const int64_t rows = p.c_in * p.kernel_h;
   for (int64_t block = 0; block < channel_blocks(p.c_out); ++block)
-    for (int64_t k = 0; k < p.depth(); ++k)
-      for (int64_t co = block * kLanes; co < (block + 1) * kLanes; ++co)
-        *packed++ = co < p.c_out ? weights[co * p.depth() + k] : 0.0F;
+    for (int64_t row = 0; row < rows; ++row)
+      for (int64_t step = 0; step < plain_input_steps(p); ++step)
+        for (int64_t i = 0; i < kLanes * kStep; ++i) {
+          const int64_t co = block * kLanes + i / kStep, first = step * kStep;
+          const int64_t kx = std::min(first, p.kernel_w - kStep) + i % kStep;
+          *packed++ = co < p.c_out && kx >= first  // below: the step before has it
+                          ? convert(weights[(co * rows + row) * p.kernel_w + kx])
+                          : T{};
+        }
 }
 
 }  // namespace
@@ -52,15 +61,26 @@ const BlockedConvolutionKernel kBlockedPlainInput = {
     "direct plain-input",
     Layout::kNchw,
     [](const ConvolutionProblem& p) {
-      return p.c_in <= 4 && p.group == 1 && plain_input_patch_fits(p);
+      const bool in_pairs = p.kernel_w > 1 && p.dilation_w == 1;
+      return p.c_in <= 4 && p.group == 1 && plain_input_patch_fits(p) &&
+             (p.values == Precision::kFloat32 || in_pairs);
     },
     plain_input_ms,
-    [](const ConvolutionProblem& p) { return padded_channels(p.c_out) * p.depth(); },
-    pack,
+    [](const ConvolutionProblem& p) {
+      return padded_channels(p.c_out) * p.c_in * p.kernel_h * plain_input_steps(p);
+    },
+    [](const ConvolutionProblem& p, const float* weights, float* packed) {
+      if (p.values == Precision::kBf16)
+        pack(p, weights, reinterpret_cast<BFloat16*>(packed), to_bfloat16);
+      else
+        pack(p, weights, packed, [](float x) { return x; });
+    },
     [](const ConvolutionProblem& p) { return p.threads * plain_input_patch_floats(p); },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
       HWY_DYNAMIC_DISPATCH(run_plain_input)(p, a);
-    }};
+    },
+    0,
+    true};
 
 }  // namespace revisit::engine
 #endif

@@ -2,17 +2,33 @@
 
 #include "kernels/blocked/column_panels.h"
 #include "kernels/convolution.h"
+#include "layout.h"
 
 namespace revisit::engine {
 
-/// The pixels that a tile sees of a row. Strides, kernels and dilations are below 2^31.
-inline int64_t plain_input_span(const ConvolutionProblem& p) {
-  return (kMaxColumns - 1) * p.stride_w + (p.kernel_w - 1) * p.dilation_w + 1;
+/// The pixels of a row that so many outputs side by side see. Strides, kernels and dilations are
+/// below 2^31.
+inline int64_t plain_input_span(const ConvolutionProblem& p, int64_t outputs) {
+  return (outputs - 1) * p.stride_w + (p.kernel_w - 1) * p.dilation_w + 1;
 }
 
-/// What a thread copies of the input where a tile of pixels reaches over its border.
+/// Products of a row of the kernel: of BFloat16 they go in pairs. Of an odd number the last pair
+/// has its first tap a second time, with weight 0.
+inline int64_t plain_input_steps(const ConvolutionProblem& p) {
+  return p.values == Precision::kBf16 ? (p.kernel_w + 1) / 2 : p.kernel_w;
+}
+
+/// From one row of rounded input to the next.
+inline int64_t plain_input_pitch(const ConvolutionProblem& p) {
+  return padded_channels(plain_input_span(p, p.out_w));
+}
+
+/// What a thread copies of the input: where a tile of pixels reaches over its border, or, to round
+/// it, all that an output row sees.
 inline int64_t plain_input_patch_floats(const ConvolutionProblem& p) {
-  return p.c_in * p.kernel_h * plain_input_span(p);
+  return p.c_in * p.kernel_h *
+         (p.values == Precision::kBf16 ? plain_input_pitch(p) / 2
+                                       : plain_input_span(p, kMaxColumns));
 }
 
 /// False for strides and kernels beyond all use, whose patches would take gigabytes, or more floats
@@ -20,7 +36,8 @@ inline int64_t plain_input_patch_floats(const ConvolutionProblem& p) {
 inline bool plain_input_patch_fits(const ConvolutionProblem& p) {
   constexpr int64_t kMostFloats = 1 << 24;
   int64_t floats = 0;
-  return !__builtin_mul_overflow(p.c_in * p.kernel_h, plain_input_span(p), &floats) &&
+  return !__builtin_mul_overflow(p.c_in * p.kernel_h,
+                                 plain_input_span(p, std::max(kMaxColumns, p.out_w)), &floats) &&
          floats <= kMostFloats;
 }
 

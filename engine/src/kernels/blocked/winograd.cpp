@@ -235,7 +235,8 @@ class Winograd {
       transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR {
         if (i >= rows) return;
         const int64_t pixel = at + i * p_.out_w * kLanes;
-        epilogue.finish(b, addend ? addend + pixel : nullptr, output + pixel);
+        Block sum[] = {b};
+        epilogue.finish(sum, addend ? addend + pixel : nullptr, output + pixel);
       });
     }
   }

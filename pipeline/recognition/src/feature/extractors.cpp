@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "feature/image_plan.h"
+#include "feature/precision_key.h"
 #include "revisit/proto/text.h"
 #include "revisit/recognition/feature.h"
 
@@ -20,9 +21,11 @@ std::string geometry_key(const ImageGeometry& g) {
 
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,
-                                  const ImageGeometry& geometry, int threads, double input_scale) {
-  const ImagePlan images = plan_for_images(net, geometry.height, geometry.width, mean_bgr,
-                                           input_scale, {.threads = threads});
+                                  const ImageGeometry& geometry, const Forward& forward,
+                                  double input_scale) {
+  const ImagePlan images =
+      plan_for_images(net, geometry.height, geometry.width, mean_bgr, input_scale,
+                      {.threads = forward.threads, .precision = forward.precision});
   const engine::Plan& plan = images.plan;
   if (plan.outputs().size() != 1)
     throw UsageError(str("the net '", net.name(), "' has ", plan.outputs().size(),
@@ -32,7 +35,7 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
   extractor.dim = plan.outputs()[0].shape.elements();
   extractor.key = str(net_key, "\nlayer ", extractor.name, "\nmean_bgr ", exact(mean_bgr[0]), " ",
                       exact(mean_bgr[1]), " ", exact(mean_bgr[2]), " scale ", exact(input_scale),
-                      "\n", geometry_key(geometry));
+                      "\n", geometry_key(geometry), precision_key(forward.precision));
   extractor.make = [images]() -> FeatureFunction<RangeImage> {
     auto run = std::make_shared<engine::Run>(images.plan);
     return [run, images](const RangeImage& image, std::span<float> feature) {

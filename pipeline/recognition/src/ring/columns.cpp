@@ -47,12 +47,13 @@ ColumnMap map_of(const engine::LayerCost& layer, int width, int margin, int sect
 }  // namespace
 
 ColumnPlan::ColumnPlan(const RingModel& model, const std::vector<std::string>& layers, int sectors,
-                       const engine::Net& net, int threads)
+                       const engine::Net& net, const Forward& forward)
     : geometry_(model.image),
       layers_(layers),
       margin_(model.image.width / kMarginShare),
-      images_(plan_for_images(net, model.image.height, model.image.width + 2 * margin_,
-                              model.mean_bgr, 1, {.threads = threads, .keep = layers})) {
+      images_(plan_for_images(
+          net, model.image.height, model.image.width + 2 * margin_, model.mean_bgr, 1,
+          {.threads = forward.threads, .keep = layers, .precision = forward.precision})) {
   check_geometry(geometry_);
   for (const std::string& layer : layers_)
     maps_.push_back(map_of(layer_of(images_.plan, layer), geometry_.width, margin_, sectors));

@@ -22,7 +22,7 @@ class ColumnPlan {
  public:
   /// Throws what ring_features() throws.
   ColumnPlan(const RingModel& model, const std::vector<std::string>& layers, int sectors,
-             const engine::Net& net, int threads);
+             const engine::Net& net, const Forward& forward);
   const std::vector<ColumnMap>& maps() const { return maps_; }
 
   /// Takes one scan after another through the network. Refers to the plan.

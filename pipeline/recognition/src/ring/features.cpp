@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "feature/precision_key.h"
 #include "revisit/proto/file_content.h"
 #include "revisit/proto/text.h"
 #include "revisit/recognition/ring/learn.h"
@@ -55,9 +56,10 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
       {.truncation = {.end = model.layers.empty() ? "" : model.layers.back().layer}});
 }
 
-FeatureExtractor ring_features(const RingModel& model, const engine::Net& net, int threads) {
+FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
+                               const Forward& forward) {
   const auto plan = std::make_shared<const ColumnPlan>(model, layer_names(model),
-                                                       model.columns.sectors, net, threads);
+                                                       model.columns.sectors, net, forward);
   for (size_t i = 0; i < model.layers.size(); ++i)
     if (model.layers[i].directions.d != plan->maps()[i].rows)
       throw InputError(str("layer '", model.layers[i].layer, "' has columns of ",
@@ -66,7 +68,8 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net, i
   FeatureExtractor extractor;
   extractor.name = "ring";
   extractor.dim = model.dim();
-  extractor.key = "ring " + short_name_of(extraction_content(model));
+  extractor.key =
+      str("ring ", short_name_of(extraction_content(model)), precision_key(forward.precision));
   const auto reductions = std::make_shared<const std::vector<ColumnReduction>>(model.layers.begin(),
                                                                                model.layers.end());
   extractor.make = [plan, reductions, grid = model.heights,
@@ -109,9 +112,9 @@ Basis basis_of(const RingModel& fitted, const RingOptions& options) {
 }  // namespace
 
 FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
-                                 const RingOptions& options, int threads) {
+                                 const RingOptions& options, const Forward& forward) {
   check_options(options);
-  FeatureExtractor extractor = ring_features(model, net, threads);
+  FeatureExtractor extractor = ring_features(model, net, forward);
   extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> learn_from) {
     RingModel fitted = model;
     fit_to_map(fitted, rings, learn_from, options.adapt);

@@ -105,7 +105,7 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
   if (recipe.layers.empty()) throw UsageError("RingRecipe::layers: expected at least one");
   std::vector<std::string> names;
   for (const auto& [name, numbers] : recipe.layers) names.push_back(name);
-  const ColumnPlan plan(model, names, recipe.sectors, net, 1);
+  const ColumnPlan plan(model, names, recipe.sectors, net, {});
   ColumnPlan::Runner runner(plan);
   std::vector<ColumnSums> sums;
   for (size_t i = 0; i < names.size(); ++i) {

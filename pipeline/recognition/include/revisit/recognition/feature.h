@@ -61,15 +61,21 @@ struct FeatureExtractor {
   }
 };
 
+/// How a network runs for a feature.
+struct Forward {
+  int threads = 1;  // of one pass
+  engine::Precision precision = engine::Precision::kFloat32;
+};
+
 /// The output of a network, flattened. The gray image is given to every input channel, minus that
 /// channel's mean (`mean_bgr`, in pixel values; paper section III-C; a net of one channel gets the
 /// mean of the gray image, 0.114 B + 0.587 G + 0.299 R), times `input_scale`; where a convolution
-/// sees it first, it is given once and stands for all channels. `net_key` identifies the weights,
-/// `threads` are those of one forward pass. Throws InputError when the net has not one input of 1
+/// sees it first, it is given once and stands for all channels. `net_key` identifies the weights.
+/// Throws InputError when the net has not one input of 1
 /// or 3 channels, or cannot take the image size, and UsageError when it has not exactly one output.
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,
-                                  const ImageGeometry& geometry, int threads = 1,
+                                  const ImageGeometry& geometry, const Forward& forward = {},
                                   double input_scale = 1);
 
 /// The range image itself as a vector: the paper's `data`, for comparison.

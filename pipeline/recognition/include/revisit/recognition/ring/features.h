@@ -19,12 +19,13 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 /// mean (and with options.adapt the spread) from the scans it is told to. Throws UsageError for
 /// options that are none.
 FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
-                                 const RingOptions& options, int threads = 1);
+                                 const RingOptions& options, const Forward& forward = {});
 
 /// Both rings of a scan, RingModel::dim() floats, from its points in the sensor frame. The range
 /// image is continued by an eighth of a turn on both sides, so that the net's padding is far from
-/// what is kept. `threads` are those of one forward pass. Throws InputError when the net does not
+/// what is kept. Throws InputError when the net does not
 /// take the image or has no such layer, or a layer's columns do not divide the image evenly.
-FeatureExtractor ring_features(const RingModel& model, const engine::Net& net, int threads = 1);
+FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
+                               const Forward& forward = {});
 
 }  // namespace revisit::pipeline

@@ -1,0 +1,12 @@
+#pragma once
+
+#include "revisit/engine/precision.h"
+
+namespace revisit::pipeline {
+
+/// What FeatureExtractor::key ends with.
+inline const char* precision_key(engine::Precision precision) {
+  return precision == engine::Precision::kBf16 ? "\nbf16" : "";
+}
+
+}  // namespace revisit::pipeline
