@@ -102,10 +102,10 @@ void bind_rings(nb::module_& module) {
              "A model that `revisit learn` wrote. InputError naming the file and what is wrong.");
   module.def(
       "ring_net",
-      [](const RingModel& model, const fs::path& weights) {
-        return without_lock([&] { return ring_net(model, weights); });
+      [](const RingModel& model, const std::optional<fs::path>& weights) {
+        return without_lock([&] { return ring_net(model, weights.value_or("")); });
       },
-      "model"_a, "weights"_a = fs::path(),
+      "model"_a, "weights"_a.none() = nb::none(),
       "The net of a model: its own, or from the weights file given.");
   module.def("ring_recogniser", &rings, "model"_a, "net"_a.none() = nb::none(), nb::kw_only(),
              "numbers"_a = RingOptions().numbers, "regularisation"_a = RingOptions().regularisation,

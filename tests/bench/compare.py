@@ -5,8 +5,11 @@
   tests/bench/compare.py layers                time and share of the measured FMA peak of every layer
   tests/bench/compare.py scaling               how time grows with width, threads and batch
   tests/bench/compare.py all -o results        all of it
+  tests/bench/compare.py peers --python PYTHON ONNX Runtime and OpenVINO, float32 and bf16
 
-Nothing but Python's own modules is needed, and the packages of tools/bench_packages.txt.
+Nothing but Python's own modules is needed, and the packages of tools/bench_packages.txt. Peers need
+a Python with theirs, and are not among `all`:
+  python3 -m venv peers && peers/bin/pip install numpy protobuf onnx onnxruntime openvino
 """
 
 import argparse
@@ -35,6 +38,17 @@ CASES = [('alexnet', *RANGE_IMAGE, True),
          ('resnet50', 224, 224, False),
          ('resnet50', 112, 4000, True)]
 PAPER_CASES = CASES[:3]
+# Net, channels (one stands for all three of a range image), height, width.
+PEER_CASES = [('alexnet', 1, *RANGE_IMAGE),
+              ('vgg_cnn_s', 1, *RANGE_IMAGE),
+              ('places_cnds8', 1, *RANGE_IMAGE),
+              ('whole_alexnet', 3, 227, 227),
+              ('whole_vgg16', 3, 224, 224),
+              ('googlenet', 3, 224, 224),
+              ('whole_squeezenet', 3, 227, 227),
+              ('mobilenet_v1', 3, 224, 224),
+              ('mobilenet_v2', 3, 224, 224),
+              ('resnet50', 3, 224, 224)]
 WIDTHS = (1000, 2000, 4000, 8000, 16000)
 BATCHES = (1, 2, 4)
 NOTES = {('opencv', 'vgg_cnn_s'): "wrong result: OpenCV's importer of Caffe nets ignores k of LRN"}
@@ -64,17 +78,29 @@ class Programs:
     def bench(self, name):
         return self.build / 'tests' / 'bench' / name
 
-    def net(self, name, batch, height, width):
+    def net(self, name, batch, height, width, channels=3):
         """Prototxt and random weights, the same at every size: all layers there are at 224 x 224."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        prototxt = self.folder / f'{name}_{batch}x3x{height}x{width}.prototxt'
-        prototxt.write_text(NETS[name](batch, 3, height, width))
-        weights = self.folder / f'{name}.caffemodel'
+        prototxt = self.folder / f'{name}_{batch}x{channels}x{height}x{width}.prototxt'
+        prototxt.write_text(NETS[name](batch, channels, height, width))
+        whole_size = max(224, min(height, width))  # inner products are of one size
+        weights = self.folder / f'{name}_{channels}.caffemodel'
         if not weights.exists():
-            whole = self.folder / f'{name}.prototxt'
-            whole.write_text(NETS[name](1, 3, 224, 224))
+            whole = self.folder / f'{name}_{channels}.prototxt'
+            whole.write_text(NETS[name](1, channels, whole_size, whole_size))
             run([self.bench('revisit_random_weights'), whole, 1, weights])
         return prototxt, weights
+
+    def peers(self, case, threads, options):
+        name, channels, height, width = case
+        prototxt, weights = self.net(name, 1, height, width, channels)
+        revisit, onnx = self.build / 'tools' / 'revisit', prototxt.with_suffix('.onnx')
+        if not onnx.exists():
+            run([options.python, ROOT / 'weights_conversion' / 'revisit-convert', 'onnx', prototxt, weights,
+                 onnx, '--fixed', '--no-check'], stdout=subprocess.DEVNULL,
+                env={**os.environ, 'REVISIT_PROGRAM': str(revisit)})
+        return output_of([options.python, ROOT / 'tests' / 'bench' / 'peers.py', revisit, prototxt, weights,
+                          onnx, '--threads', threads, '--repeat', options.repeat])
 
     def compare(self, case, threads, repeat, extra=()):
         net, height, width, gray = case
@@ -137,6 +163,32 @@ def scaling_table(results):
     return table(['net', 'threads', 'batch', 'width', 'min ms', 'ns a column'], rows)
 
 
+def peers_table(results):
+    """Times, and how many times longer a peer takes than revisit in the same precision."""
+    rows = []
+    for result in results:
+        ours = {e['precision']: e for e in result['engines'] if e['engine'] == 'revisit'}
+        for engine in result['engines']:
+            ratios = [f"{engine[key] / ours[engine['precision']][key]:.2f}" for key in ('min_ms', 'median_ms')]
+            rows.append([result['net'], 'x'.join(map(str, result['input'])), str(result['threads']),
+                         engine['engine'], engine['precision'], f"{engine['min_ms']:.2f}",
+                         f"{engine['median_ms']:.2f}", *ratios])
+    return table(['net', 'input', 'threads', 'engine', 'precision', 'min ms', 'median ms', 'min / ours',
+                  'median / ours'], rows)
+
+
+def measure_peers(programs, options):
+    results = []
+    for case in PEER_CASES:
+        if not re.search(options.nets, f'{case[0]} {case[2]}x{case[3]}'):
+            continue
+        for threads in options.threads:
+            results.append({'net': case[0], 'input': [1, *case[1:]], 'threads': threads,
+                            'engines': programs.peers(case, threads, options)})
+            print(f'{case[0]}, {threads} threads: done', file=sys.stderr)
+    return results
+
+
 def measure_engines(programs, options):
     results = []
     for case in options.cases:
@@ -171,7 +223,7 @@ def machine():
 def parse_options():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('what', choices=['engines', 'layers', 'scaling', 'all'])
+    parser.add_argument('what', choices=['engines', 'layers', 'scaling', 'peers', 'all'])
     parser.add_argument('-b', '--build', type=Path, default=ROOT / 'build' / 'bench',
                         help='build folder (default: build/bench)')
     parser.add_argument('-o', '--output', type=Path,
@@ -181,6 +233,8 @@ def parse_options():
     parser.add_argument('--all-sizes', action='store_true',
                         help="every net and input size (default: the paper's three nets)")
     parser.add_argument('--engines', help='of revisit,original,onednn,opencv; revisit first')
+    parser.add_argument('--python', type=Path, default=Path(sys.executable),
+                        help='for peers: with numpy, protobuf, onnx, onnxruntime and openvino')
     parser.add_argument('--threads', default='1,2', help='default: 1,2')
     parser.add_argument('--repeat', type=int, default=20, help='passes (default: 20)')
     parser.add_argument('-j', '--jobs', type=int, default=os.cpu_count(), help='of the build')
@@ -189,6 +243,7 @@ def parse_options():
     options.cases = [case for case in (CASES if options.all_sizes else PAPER_CASES)
                      if re.search(options.nets, f'{case[0]} {case[1]}x{case[2]}')]
     options.build = options.build.absolute()
+    options.python = options.python.absolute()
     options.output = (options.output or options.build).absolute()
     return options
 
@@ -208,6 +263,9 @@ def main():
     if options.what in ('layers', 'all'):
         report['layers'] = measure_layers(programs, options)
         text.append(layers_table(report['layers'], peak))
+    if options.what == 'peers':
+        report['peers'] = measure_peers(programs, options)
+        text.append(peers_table(report['peers']))
     if options.what in ('scaling', 'all'):
         report['scaling'] = measure_scaling(programs, options)
         text.append(scaling_table(report['scaling']))

@@ -142,5 +142,142 @@ def resnet50(n, c, h, w):
     return net.text
 
 
+def classifier(net, hidden=()):
+    """Inner products of these sizes and the 1000 classes."""
+    for i, outputs in enumerate(hidden):
+        net.layer('InnerProduct', f'fc{i + 6}', f'inner_product_param {{ num_output: {outputs} }}')
+        net.relu()
+    net.layer('InnerProduct', 'classes', 'inner_product_param { num_output: 1000 }')
+    net.layer('Softmax', 'prob')
+    return net.text
+
+
+def global_pool(net):
+    return net.layer('Pooling', 'pool_global', 'pooling_param { pool: AVE global_pooling: true }')
+
+
+def whole_alexnet(n, c, h, w):
+    """Krizhevsky et al. 2012, the whole classifier."""
+    net = Net('alexnet', n, c, h, w)
+    for stage, outputs, kernel, stride, pad, group in ((1, 96, 11, 4, 0, 1), (2, 256, 5, 1, 2, 2)):
+        net.conv_relu(f'conv{stage}', outputs, kernel, stride, pad, group)
+        net.lrn(f'norm{stage}', 1e-4, 1)
+        net.pool(f'pool{stage}', 3, 2)
+    net.conv_relu('conv3', 384, 3, 1, 1)
+    net.conv_relu('conv4', 384, 3, 1, 1, 2)
+    net.conv_relu('conv5', 256, 3, 1, 1, 2)
+    net.pool('pool5', 3, 2)
+    return classifier(net, (4096, 4096))
+
+
+def whole_vgg16(n, c, h, w):
+    """Simonyan and Zisserman 2014, the whole classifier."""
+    net = Net('vgg16', n, c, h, w)
+    for stage, outputs, count in ((1, 64, 2), (2, 128, 2), (3, 256, 3), (4, 512, 3), (5, 512, 3)):
+        for i in range(1, count + 1):
+            net.conv_relu(f'conv{stage}_{i}', outputs, 3, 1, 1)
+        net.pool(f'pool{stage}', 2, 2)
+    return classifier(net, (4096, 4096))
+
+
+def googlenet(n, c, h, w):
+    """Szegedy et al. 2014, the whole classifier."""
+    net = Net('googlenet', n, c, h, w)
+
+    def inception(name, a, b1, b2, c1, c2, d):
+        start = net.last
+        parts = [net.conv_relu(name + '/1x1', a, 1)]
+        net.conv_relu(name + '/3x3_reduce', b1, 1, bottom=start)
+        parts.append(net.conv_relu(name + '/3x3', b2, 3, 1, 1))
+        net.conv_relu(name + '/5x5_reduce', c1, 1, bottom=start)
+        parts.append(net.conv_relu(name + '/5x5', c2, 5, 1, 2))
+        net.last = start
+        net.pool(name + '/pool', 3, 1, pad=1)
+        parts.append(net.conv_relu(name + '/pool_proj', d, 1))
+        net.layer('Concat', name + '/output', bottoms=parts)
+
+    net.conv_relu('conv1', 64, 7, 2, 3)
+    net.pool('pool1', 3, 2)
+    net.lrn('norm1', 1e-4, 1)
+    net.conv_relu('conv2_reduce', 64, 1)
+    net.conv_relu('conv2', 192, 3, 1, 1)
+    net.lrn('norm2', 1e-4, 1)
+    net.pool('pool2', 3, 2)
+    inception('3a', 64, 96, 128, 16, 32, 32)
+    inception('3b', 128, 128, 192, 32, 96, 64)
+    net.pool('pool3', 3, 2)
+    inception('4a', 192, 96, 208, 16, 48, 64)
+    inception('4b', 160, 112, 224, 24, 64, 64)
+    inception('4c', 128, 128, 256, 24, 64, 64)
+    inception('4d', 112, 144, 288, 32, 64, 64)
+    inception('4e', 256, 160, 320, 32, 128, 128)
+    net.pool('pool4', 3, 2)
+    inception('5a', 256, 160, 320, 32, 128, 128)
+    inception('5b', 384, 192, 384, 48, 128, 128)
+    global_pool(net)
+    return classifier(net)
+
+
+def whole_squeezenet(n, c, h, w):
+    """Iandola et al. 2016, version 1.1, the whole classifier."""
+    net = Net('squeezenet_v1.1', n, c, h, w)
+    net.conv_relu('conv1', 64, 3, 2)
+    for fire, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128),
+                                  (6, 48, 192), (7, 48, 192), (8, 64, 256), (9, 64, 256)):
+        if fire in (2, 4, 6):
+            net.pool(f'pool{fire - 1}', 3, 2)
+        squeezed = net.conv_relu(f'fire{fire}/squeeze1x1', squeeze, 1)
+        parts = [net.conv_relu(f'fire{fire}/expand1x1', expand, 1, bottom=squeezed),
+                 net.conv_relu(f'fire{fire}/expand3x3', expand, 3, 1, 1, bottom=squeezed)]
+        net.layer('Concat', f'fire{fire}/concat', bottoms=parts)
+    net.conv_relu('conv10', 1000, 1)
+    global_pool(net)
+    net.layer('Softmax', 'prob')
+    return net.text
+
+
+def mobilenet_v1(n, c, h, w):
+    """Howard et al. 2017, the whole classifier."""
+    net = Net('mobilenet_v1', n, c, h, w)
+    net.conv_relu('conv1', 32, 3, 2, 1)
+    channels = 32
+    for i, (outputs, stride) in enumerate(((64, 1), (128, 2), (128, 1), (256, 2), (256, 1), (512, 2))
+                                          + ((512, 1),) * 5 + ((1024, 2), (1024, 1))):
+        net.conv_relu(f'conv{i + 2}/dw', channels, 3, stride, 1, channels)
+        net.conv_relu(f'conv{i + 2}/sep', outputs, 1)
+        channels = outputs
+    global_pool(net)
+    return classifier(net)
+
+
+def mobilenet_v2(n, c, h, w):
+    """Sandler et al. 2018, the whole classifier."""
+    net = Net('mobilenet_v2', n, c, h, w)
+
+    def conv_relu6(*args, **keys):
+        net.conv(*args, **keys)
+        return net.layer('ReLU6', net.last + '_relu', top=net.last)
+
+    conv_relu6('conv1', 32, 3, 2, 1)
+    channels, block = 32, 0
+    for expansion, outputs, count, stride in ((1, 16, 1, 1), (6, 24, 2, 2), (6, 32, 3, 2), (6, 64, 4, 2),
+                                              (6, 96, 3, 1), (6, 160, 3, 2), (6, 320, 1, 1)):
+        for i in range(count):
+            start, inner = net.last, channels * expansion
+            if expansion > 1:
+                conv_relu6(f'block{block}/expand', inner, 1)
+            conv_relu6(f'block{block}/dw', inner, 3, stride if i == 0 else 1, 1, inner)
+            net.conv(f'block{block}/linear', outputs, 1)
+            if i > 0:
+                net.layer('Eltwise', f'block{block}', bottoms=[start, net.last])
+            channels, block = outputs, block + 1
+    conv_relu6('conv_last', 1280, 1)
+    global_pool(net)
+    return classifier(net)
+
+
 NETS = {'alexnet': alexnet, 'vgg_cnn_s': vgg_cnn_s, 'places_cnds8': places_cnds8,
-        'squeezenet': squeezenet, 'vgg16': vgg16, 'resnet50': resnet50}
+        'squeezenet': squeezenet, 'vgg16': vgg16, 'resnet50': resnet50,
+        'whole_alexnet': whole_alexnet, 'whole_vgg16': whole_vgg16, 'googlenet': googlenet,
+        'whole_squeezenet': whole_squeezenet, 'mobilenet_v1': mobilenet_v1,
+        'mobilenet_v2': mobilenet_v2}

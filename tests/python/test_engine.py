@@ -9,7 +9,7 @@ import numpy as np
 
 import revisit
 from nets import CONVOLVE, SCALE, folder_with
-from revisit.engine import Accuracy, Net, Run, profile
+from revisit.engine import Accuracy, Net, Precision, Run, profile
 from revisit.proto import parse_net
 
 
@@ -154,6 +154,17 @@ class Running(unittest.TestCase):
         for result in results[1:]:
             np.testing.assert_allclose(result, results[0], rtol=1e-5)
         np.testing.assert_array_equal(results[3], results[0])
+
+    def test_bf16_is_close(self):
+        image = np.random.default_rng(3).standard_normal((1, 3, 8, 10), np.float32)
+        results = []
+        for options in ({}, {'precision': Precision.BF16}, {'bf16_weights': True}):
+            run = small_net().plan(**options).run()
+            run.forward({'data': image})
+            results.append(run.output('prob').copy())
+        for result in results[1:]:
+            self.assertFalse(np.array_equal(result, results[0]))
+            np.testing.assert_allclose(result, results[0], rtol=0.05)
 
     def test_nothing_is_converted(self):
         run = scale_run()

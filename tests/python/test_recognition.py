@@ -10,6 +10,7 @@ import numpy as np
 import revisit
 from nets import CONVOLVE, folder_with
 from revisit import datasets, recognition
+from revisit.engine import Precision
 from scans import room
 
 
@@ -126,6 +127,8 @@ class Features(unittest.TestCase):
         self.assertIn('hdl64', recognition.shipped_ring_models())
         model = recognition.shipped_ring_model('hdl64')
         self.assertEqual(recognition.ring_recogniser(model).dim, model.dim)
+        bf16 = recognition.ring_recogniser(model, recognition.ring_net(model), precision=Precision.BF16)
+        self.assertNotEqual(bf16.key, recognition.ring_recogniser(model).key)
         with self.assertRaises(revisit.InputError):
             recognition.read_ring_model('nowhere.ring')
 

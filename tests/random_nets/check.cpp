@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <set>
 
 #include "reference.h"
 #include "revisit/proto/error.h"
@@ -20,6 +21,8 @@ using engine::Tensor;
 
 /// tests/golden/README.md: sums in any order, and kernels that transform.
 constexpr double kNoise = 1e-5, kWinogradNoise = 1e-4;
+/// Of inputs, weights and the output in bfloat16, each by up to 2^-9.
+constexpr double kBf16Noise = 1e-2;
 constexpr std::array kThreads{1, 2, 3, 7, 16};
 
 /// One way to plan a net.
@@ -27,6 +30,7 @@ struct Way {
   std::string name;
   PlanOptions options;
   bool little_memory = false;  // kernels pack half of what the fastest do
+  bool is_bf16() const { return options.precision == engine::Precision::kBf16; }
 };
 
 bool same_bits(const Values& a, const Values& b) {
@@ -48,7 +52,9 @@ class Check {
              {"keep_all", {.keep_all = true}},
              {"strict", {.accuracy = engine::Accuracy::kStrict}},
              {"little memory", {}, true},
-             {"keep", {.keep = some_layers()}}};
+             {"keep", {.keep = some_layers()}},
+             {"bf16", {.precision = engine::Precision::kBf16}},
+             {"bf16, keep_all", {.keep_all = true, .precision = engine::Precision::kBf16}}};
     is_gray_ = !random_net.gray_offsets.empty() && net_.takes_gray_input();
     if (is_gray_) {
       ways_.push_back({"gray", {.gray_offsets = random_net.gray_offsets}});
@@ -183,7 +189,7 @@ class Check {
     return forward(run, c.of(way));
   }
 
-  /// By layer: what its kernel may round by, in any plan.
+  /// By layer: what its kernel may round by, in any plan of float32.
   std::map<std::string, double> noise_of(const Case& c) const {
     std::map<std::string, double> noise;
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
@@ -194,6 +200,7 @@ class Check {
     }
     test::for_each_simd_target([&] {
       for (const Way& way : ways_) {
+        if (way.is_bf16()) continue;
         const Plan planned = plan(c, way);
         for (const engine::LayerCost& layer : planned.layers())
           if (layer.kernel.starts_with("winograd")) noise[layer.name] = kWinogradNoise;
@@ -202,8 +209,22 @@ class Check {
     return noise;
   }
 
+  /// In bfloat16 also what moves values of blocks rounds them. Decisions are not values.
+  std::map<std::string, double> bf16_noise() const {
+    const std::set<std::string> decide = {"ArgMax", "Filter", "Accuracy", "DetectionOutput"};
+    std::map<std::string, double> noise;
+    for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
+      if (decide.contains(layer.type())) continue;
+      noise[layer.name()] = kBf16Noise;
+      if (layer.name() == random_net_.truncation.graft)
+        noise[random_net_.truncation.name()] = kBf16Noise;
+    }
+    return noise;
+  }
+
   std::string compare_with_reference(const Case& c) {
-    Reference reference(net_, c.full, noise_of(c));
+    Reference reference(net_, c.full, noise_of(c)), wide(net_, c.full, bf16_noise());
+    int64_t insensitive_in_bf16 = 0;  // what cancels out: not counted
     if (!reference.is_far_from_overflow()) {
       ++statistics_.too_large;
       return "";
@@ -214,8 +235,10 @@ class Check {
         for (const auto& [name, tensor] : run(c, way)) {
           // A gray net's input is not what the reference has.
           if (way.options.gray_offsets && name == "layer " + net_.inputs()[0].name) continue;
-          ++statistics_.outputs;
-          const std::string fault = reference.compare(name, tensor, statistics_.insensitive);
+          statistics_.outputs += !way.is_bf16();
+          const std::string fault = way.is_bf16()
+                                        ? wide.compare(name, tensor, insensitive_in_bf16)
+                                        : reference.compare(name, tensor, statistics_.insensitive);
           if (!fault.empty())
             return str(hwy::TargetName(target), ", ", way.name, ", sizes ", &c - cases_.data(),
                        ": ", fault);
