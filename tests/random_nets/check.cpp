@@ -22,7 +22,7 @@ using engine::Tensor;
 /// tests/golden/README.md: sums in any order, and kernels that transform.
 constexpr double kNoise = 1e-5, kWinogradNoise = 1e-4;
 /// Of inputs, weights and the output in bfloat16, each by up to 2^-9.
-constexpr double kBf16Noise = 1e-2;
+constexpr double kBf16Noise = 1e-2, kBf16Terms = 0.5;
 constexpr std::array kThreads{1, 2, 3, 7, 16};
 
 /// One way to plan a net.
@@ -223,7 +223,8 @@ class Check {
   }
 
   std::string compare_with_reference(const Case& c) {
-    Reference reference(net_, c.full, noise_of(c)), wide(net_, c.full, bf16_noise());
+    Reference reference(net_, c.full, {noise_of(c)}),
+        wide(net_, c.full, {bf16_noise(), kBf16Terms});
     int64_t insensitive_in_bf16 = 0;  // what cancels out: not counted
     if (!reference.is_far_from_overflow()) {
       ++statistics_.too_large;

@@ -72,7 +72,7 @@ TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
   const engine::Net net = engine::Net::load_without_weights(folder / "net.prototxt");
   Values inputs{{"x", {{1, 2, 4, 4}, {}}}};
   for (int i = 0; i < 32; ++i) inputs.at("x").values.push_back(static_cast<float>(i % 7) - 3);
-  Reference reference(net, inputs, {{"p", 1e-5}});
+  Reference reference(net, inputs, {{{"p", 1e-5}}});
   int64_t insensitive = 0;
   for (const std::string name : {"p", "m"}) {
     const engine::Tensor right = reference.values().at(name);

@@ -52,16 +52,16 @@ double largest_of(std::span<const float> values) {
 /// Adds noise to what a layer has just written.
 class Disturb : public engine::StepObserver {
  public:
-  Disturb(const engine::Run& run, const std::map<std::string, double>& noise, uint64_t seed)
+  Disturb(const engine::Run& run, const Noise& noise, uint64_t seed)
       : run_(run), noise_(noise), random_(seed) {}
 
   void before(size_t) override {}
   void after(size_t layer) override {
     const engine::LayerCost& cost = run_.plan().layers()[layer];
-    const auto noise = noise_.find(cost.name);
-    if (noise == noise_.end()) return;
-    // A sum of few, or of a constant, may be near zero by chance. What its terms round, a hundredth
-    // of the noise, is of the size of the inputs.
+    const auto noise = noise_.of_layers.find(cost.name);
+    if (noise == noise_.of_layers.end()) return;
+    // A sum of few, or of a constant, may be near zero by chance. What its terms round is of the
+    // size of the inputs.
     double of_inputs = 0;
     for (const size_t from : cost.input_layers) {
       const engine::LayerCost& source = run_.plan().layers()[from];
@@ -72,7 +72,8 @@ class Disturb : public engine::StepObserver {
     }
     for (size_t port = 0; port < cost.outputs.size(); ++port) {
       const auto view = run_.layer_output(engine::port_name(cost.name, port));
-      const std::vector<double> sizes = magnitudes(view.values(), view.shape, of_inputs / 100);
+      const std::vector<double> sizes =
+          magnitudes(view.values(), view.shape, of_inputs * noise_.of_terms);
       const Channels channels(view.shape);
       auto* values = const_cast<float*>(view.data);  // in the arena of a run of our own
       for (size_t i = 0; i < view.values().size(); ++i)
@@ -83,7 +84,7 @@ class Disturb : public engine::StepObserver {
 
  private:
   const engine::Run& run_;
-  const std::map<std::string, double>& noise_;
+  const Noise& noise_;
   Random random_;
 };
 
@@ -134,8 +135,7 @@ std::vector<double> differences(const Tensor& a, const Tensor& b) {
   return result;
 }
 
-Reference::Reference(const engine::Net& net, const Values& inputs,
-                     std::map<std::string, double> noise)
+Reference::Reference(const engine::Net& net, const Values& inputs, Noise noise)
     : run_([&] {
         std::map<std::string, Shape> shapes;
         for (const engine::Port& port : net.inputs())

@@ -19,11 +19,18 @@ Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* obs
 /// Largest difference within each channel (axis 1; of fewer axes: everything).
 std::vector<double> differences(const engine::Tensor& a, const engine::Tensor& b);
 
+/// How far kernels may round.
+struct Noise {
+  /// By layer that rounds, relative to the largest value of each channel of its output.
+  std::map<std::string, double> of_layers;
+  /// What the terms of a sum round, in parts of that and relative to the layer's inputs.
+  double of_terms = 0.01;
+};
+
 /// What the reference kernels give, and how far off rounding may be.
 class Reference {
  public:
-  /// `noise`: by layer that rounds, relative to the largest value of each channel of its output.
-  Reference(const engine::Net& net, const Values& inputs, std::map<std::string, double> noise);
+  Reference(const engine::Net& net, const Values& inputs, Noise noise);
 
   const Values& values() const { return values_; }
   /// No NaN, no infinity and nothing that another order of a sum may take there
@@ -38,7 +45,7 @@ class Reference {
 
   engine::Run run_;
   const Values& inputs_;
-  std::map<std::string, double> noise_;
+  Noise noise_;
   Values values_;
   std::map<std::string, std::vector<double>> deviations_;
   int runs_ = 0;
