@@ -18,6 +18,13 @@ TEST(GoldenVerifyProject, EveryCaseAgrees) {
   for (const char* folder : {"zoo", "formats"}) expect_all_agree(test::golden(folder));
 }
 
+TEST(GoldenVerifyProject, Bf16ReportsEachLayer) {
+  const auto result = test::run_revisit("net verify --precision bf16 --layers " +
+                                        test::golden("formats").string());
+  EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
+  EXPECT_NE(result.out.find("error\n"), std::string::npos) << result.out;
+}
+
 class GoldenVerify : public testing::TestWithParam<const char*> {};
 
 TEST_P(GoldenVerify, EveryCaseAgrees) {

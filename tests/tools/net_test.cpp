@@ -144,6 +144,22 @@ TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {
   expect_failure(2, "net inspect --accuracy loose " + model(), "usual or strict");
 }
 
+TEST_F(NetCommand, PrecisionIsAnOptionAndWhatTookItIsSaid) {
+  test::write_file(dir_ / "wide.prototxt",
+                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+                   "dim: 64 dim: 9 dim: 9 } } } layer { name: 'c' type: 'Convolution' bottom: "
+                   "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 1 } } layer { "
+                   "name: 'd' type: 'Convolution' bottom: 'c' top: 'd' convolution_param { "
+                   "num_output: 64 kernel_size: 1 } }");
+  const std::string net = " " + path("wide.prototxt") + " --repeat 1 --precision bf16";
+  const auto table = run_revisit("net profile" + net);
+  EXPECT_EQ(table.exit_code, 0) << table.err;
+  EXPECT_NE(table.out.find("BF16"), std::string::npos) << table.out;
+  EXPECT_NE(run_revisit("net profile --format json" + net).out.find("\"pointwise bf16\""),
+            std::string::npos);
+  expect_failure(2, "net profile --precision half " + path("wide.prototxt"), "float32 or bf16");
+}
+
 TEST_F(NetCommand, DenormalsAreKeptWhenAsked) {
   test::write_file(dir_ / "tiny.prototxt",
                    "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "

@@ -152,6 +152,15 @@ void add_buffers(const engine::Plan& plan, reports::NetReport* report) {
   }
 }
 
+/// That the kernels use, and what does the products of bfloat16.
+std::string instructions(engine::Precision precision) {
+  const std::string simd = engine::simd_target();
+  if (precision == engine::Precision::kFloat32) return simd;
+  return simd + (engine::has_bf16_instructions()
+                     ? " with BF16"
+                     : " (no BF16: its products take longer than those of float32)");
+}
+
 reports::NetReport net_report(const NetFindings& findings) {
   const auto& [options, weights, net, plan, profile, with_buffers] = findings;
   reports::NetReport report;
@@ -166,7 +175,7 @@ reports::NetReport net_report(const NetFindings& findings) {
   report.set_arena_bytes(static_cast<double>(plan.arena_bytes()));
   report.set_weight_bytes(static_cast<double>(plan.weight_bytes()));
   report.set_packed_weight_bytes(static_cast<double>(plan.packed_weight_bytes()));
-  report.set_simd(engine::simd_target());
+  report.set_simd(instructions(options.precision));
   const auto add_port = [](const engine::Port& port, reports::NamedShape* out) {
     out->set_name(port.name);
     set_shape(port.shape, out->mutable_shape());
