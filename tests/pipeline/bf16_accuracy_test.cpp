@@ -7,6 +7,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/engine/net.h"
 #include "revisit/evaluation/precision_recall.h"
+#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/pca.h"
 #include "revisit/recognition/retrieve.h"
 #include "test_data.h"
@@ -16,14 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-double cosine(std::span<const float> a, std::span<const float> b) {
-  double ab = 0, aa = 0, bb = 0;
-  for (size_t i = 0; i < a.size(); ++i) {
-    ab += double{a[i]} * b[i];
-    aa += double{a[i]} * a[i];
-    bb += double{b[i]} * b[i];
-  }
-  return ab / std::sqrt(aa * bb);
+double cosine_of(std::span<const float> a, std::span<const float> b) {
+  return cosine(a, length_of(a), b, length_of(b));
 }
 
 TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
@@ -49,8 +44,8 @@ TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
   ASSERT_EQ(found.n, 12);
   double least_of_features = 1, least_of_descriptors = 1;
   for (int64_t i = 0; i < found.n; ++i) {
-    least_of_features = std::min(least_of_features, cosine(float32.row(i), bf16.row(i)));
-    least_of_descriptors = std::min(least_of_descriptors, cosine(wanted.row(i), found.row(i)));
+    least_of_features = std::min(least_of_features, cosine_of(float32.row(i), bf16.row(i)));
+    least_of_descriptors = std::min(least_of_descriptors, cosine_of(wanted.row(i), found.row(i)));
   }
   EXPECT_GE(least_of_features, 0.998);
   EXPECT_GE(least_of_descriptors, 0.9995);

@@ -8,6 +8,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
+#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/pca.h"
 #include "test_data.h"
@@ -36,14 +37,8 @@ std::vector<float> reference_feature(const engine::Net& net, const RangeImage& i
   return {values.begin(), values.end()};
 }
 
-double cosine(std::span<const float> a, std::span<const float> b) {
-  double ab = 0, aa = 0, bb = 0;
-  for (size_t i = 0; i < a.size(); ++i) {
-    ab += double{a[i]} * b[i];
-    aa += double{a[i]} * a[i];
-    bb += double{b[i]} * b[i];
-  }
-  return ab / std::sqrt(aa * bb);
+double cosine_of(std::span<const float> a, std::span<const float> b) {
+  return cosine(a, length_of(a), b, length_of(b));
 }
 
 TEST(FastDescriptor, IsTheReferencesOnRealScans) {
@@ -75,7 +70,7 @@ TEST(FastDescriptor, IsTheReferencesOnRealScans) {
   for (int64_t i = n; i < 2 * n; ++i) options.fit_rows.push_back(i);
   const FloatMatrix descriptors = fit_pca({&file}, options).descriptors;
   for (int64_t i = 0; i < n; ++i)
-    EXPECT_GE(cosine(descriptors.row(i), descriptors.row(n + i)), 0.999999) << "scan " << i;
+    EXPECT_GE(cosine_of(descriptors.row(i), descriptors.row(n + i)), 0.999999) << "scan " << i;
 }
 
 }  // namespace

@@ -1,28 +1,84 @@
 #include "kernels/softmax.h"
 
 #include <algorithm>
-#include <cmath>
 
-namespace revisit::engine {
+#include "kernels/parallel.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/softmax.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/contrib/math/math-inl.h>
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// Along one line of `classes` values, `stride` apart.
-void normalise(const float* in, int64_t classes, int64_t stride, float* out) {
-  float largest = in[0];
-  for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * stride]);
-  float sum = 0;
-  for (int64_t c = 0; c < classes; ++c) sum += out[c * stride] = std::exp(in[c * stride] - largest);
-  for (int64_t c = 0; c < classes; ++c) out[c * stride] /= sum;
+namespace hn = hwy::HWY_NAMESPACE;
+
+using Wide = hn::ScalableTag<float>;
+using Numbers = hn::Vec<Wide>;
+
+/// e^x for x <= 0; NaN stays.
+HWY_INLINE Numbers exp_of(Numbers x) {
+  return hn::IfThenElse(hn::Eq(x, x), hn::Exp(Wide(), x), x);
+}
+
+/// Lines side by side, of `classes` values `step` apart: the first `count` lanes.
+void normalise(const float* in, int64_t classes, int64_t step, size_t count, float* out) {
+  const Wide d;
+  const auto lanes = hn::FirstN(d, count);
+  const auto load = [&](const float* from) HWY_ATTR {
+    return count == hn::Lanes(d) ? hn::LoadU(d, from) : hn::MaskedLoad(lanes, d, from);
+  };
+  const auto store = [&](Numbers x, float* to) HWY_ATTR {
+    if (count == hn::Lanes(d)) return hn::StoreU(x, d, to);
+    hn::BlendedStore(x, lanes, d, to);
+  };
+  Numbers largest = load(in);
+  for (int64_t c = 1; c < classes; ++c) {
+    const Numbers x = load(in + c * step);
+    largest = hn::IfThenElse(hn::Lt(largest, x), x, largest);
+  }
+  Numbers sum = hn::Zero(d);
+  for (int64_t c = 0; c < classes; ++c) {
+    const Numbers e = exp_of(hn::Sub(load(in + c * step), largest));
+    store(e, out + c * step);
+    sum = hn::Add(sum, e);
+  }
+  for (int64_t c = 0; c < classes; ++c) store(hn::Div(load(out + c * step), sum), out + c * step);
 }
 
 }  // namespace
 
-void softmax(const float* in, const ClassLines& lines, float* out) {
-  for (int64_t o = 0; o < lines.outer; ++o)
-    for (int64_t i = 0; i < lines.inner; ++i) {
-      const int64_t first = o * lines.classes * lines.inner + i;
-      normalise(in + first, lines.classes, lines.inner, out + first);
-    }
+/// A piece is of whole vectors, of about kParallelGrain values.
+void softmax_lines(const float* in, const ClassLines& lines, float* out, int threads) {
+  const auto lanes = static_cast<int64_t>(hn::Lanes(Wide()));
+  const int64_t size = lines.classes * lines.inner;
+  const int64_t vectors =
+      std::max<int64_t>(kParallelGrain / std::max<int64_t>(lines.classes, 1) / lanes, 1);
+  const int64_t width = vectors * lanes, pieces = (lines.inner + width - 1) / width;
+  parallel_for(lines.outer * pieces, threads, [&](int64_t item, int) HWY_ATTR {
+    const int64_t begin = item % pieces * width, end = std::min(begin + width, lines.inner);
+    const int64_t at = item / pieces * size;
+    for (int64_t i = begin; i < end; i += lanes)
+      normalise(in + at + i, lines.classes, lines.inner,
+                static_cast<size_t>(std::min(lanes, end - i)), out + at + i);
+  });
+}
+
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit::engine {
+
+HWY_EXPORT(softmax_lines);
+
+void softmax(const float* in, const ClassLines& lines, float* out, int threads) {
+  if (lines.classes > 0) HWY_DYNAMIC_DISPATCH(softmax_lines)(in, lines, out, threads);
 }
 
 }  // namespace revisit::engine
+#endif  // HWY_ONCE

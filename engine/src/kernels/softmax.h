@@ -9,7 +9,8 @@ struct ClassLines {
   int64_t outer = 0, classes = 0, inner = 0;
 };
 
-/// exp(x - max) / sum along the classes. `out` may be `in`.
-void softmax(const float* in, const ClassLines& lines, float* out);
+/// exp(x - max) / sum along the classes; a line with a NaN, or with +infinity, is NaN. `out` may be
+/// `in`. The same bits for any number of threads.
+void softmax(const float* in, const ClassLines& lines, float* out, int threads = 1);
 
 }  // namespace revisit::engine

@@ -67,6 +67,8 @@ HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)
     case Activation::kClip: {
       const Vector low = hn::Set(d, e.low), high = hn::Set(d, e.high);
       change_each(blocks, [=](Vector x, int) HWY_ATTR {
+        // NaN stays: x is what both give where nothing is greater or less.
+        if constexpr (kMaxIsFirstIfGreater) return hn::Min(high, hn::Max(low, x));
         return hn::IfThenElse(hn::Lt(x, low), low, hn::IfThenElse(hn::Gt(x, high), high, x));
       });
       break;

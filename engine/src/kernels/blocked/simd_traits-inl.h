@@ -35,8 +35,9 @@ constexpr int kRegisters = HWY_ARCH_X86_32 ? 8
 /// Whether ApproximateReciprocalSqrt() is good to 14 bits, not 8 to 12.
 constexpr bool kHasReciprocalRoot14 = kIsAvx512;
 
-/// Whether Max(a, b) is `a > b ? a : b`: b where one is NaN or both are zeros. It is one
-/// instruction of x86; elsewhere, and where vectors are only emulated, it is something else.
+/// Whether Max(a, b) is `a > b ? a : b`: b where one is NaN or both are zeros; and Min(a, b)
+/// likewise `a < b ? a : b`. It is one instruction of x86; elsewhere, and where vectors are only
+/// emulated, it is something else.
 constexpr bool kMaxIsFirstIfGreater =
     HWY_ARCH_X86 && HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128;
 

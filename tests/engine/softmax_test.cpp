@@ -1,0 +1,77 @@
+// The softmax kernel against its definition, with every set of instructions.
+#include "kernels/softmax.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "compare.h"
+#include "simd_targets.h"
+#include "single_layer.h"
+
+namespace revisit::engine {
+namespace {
+
+constexpr unsigned kSeed = 20261123;
+
+std::vector<double> definition(const std::vector<float>& in, const ClassLines& lines) {
+  std::vector<double> out(in.size());
+  for (int64_t line = 0; line < lines.outer * lines.inner; ++line) {
+    const int64_t first = line / lines.inner * lines.classes * lines.inner + line % lines.inner;
+    double largest = -INFINITY, sum = 0;
+    for (int64_t c = 0; c < lines.classes; ++c)
+      largest = std::max<double>(largest, in[static_cast<size_t>(first + c * lines.inner)]);
+    for (int64_t c = 0; c < lines.classes; ++c)
+      sum += std::exp(in[static_cast<size_t>(first + c * lines.inner)] - largest);
+    for (int64_t c = 0; c < lines.classes; ++c) {
+      const auto at = static_cast<size_t>(first + c * lines.inner);
+      out[at] = std::exp(in[at] - largest) / sum;
+    }
+  }
+  return out;
+}
+
+TEST(Softmax, IsItsDefinitionInPlaceToo) {
+  for (const ClassLines lines :
+       {ClassLines{1, 1000, 1}, ClassLines{3, 2, 1}, ClassLines{1, 1, 5}, ClassLines{2, 21, 1037},
+        ClassLines{1, 3, 16}, ClassLines{2, 7, 19}, ClassLines{0, 4, 4}, ClassLines{1, 400, 3}}) {
+    SCOPED_TRACE(testing::Message()
+                 << lines.outer << " x " << lines.classes << " x " << lines.inner);
+    std::vector<float> in = test::random_floats(lines.outer * lines.classes * lines.inner, kSeed);
+    for (float& x : in) x *= 30;
+    const std::vector<double> wanted = definition(in, lines);
+    test::for_each_simd_target([&] {
+      std::vector<float> first(in.size(), NAN);
+      softmax(in.data(), lines, first.data(), 1);
+      for (size_t i = 0; i < in.size(); ++i)
+        ASSERT_NEAR(first[i], wanted[i], 2e-6 * wanted[i] + 1e-30) << i;
+      for (const int threads : {1, 2, 3, 7}) {
+        std::vector<float> in_place = in;
+        softmax(in_place.data(), lines, in_place.data(), threads);
+        EXPECT_EQ(in_place, first) << threads << " threads";
+      }
+    });
+  }
+}
+
+TEST(Softmax, OfNumbersThatAreNotFinite) {
+  const float inf = INFINITY;
+  // Columns: a NaN, two infinities, a minus infinity, all minus infinity, large ones.
+  const std::vector<float> in = {1,   2,   -inf, -inf, 3e38F,   //
+                                 NAN, inf, 0,    -inf, -3e38F,  //
+                                 3,   inf, 0,    -inf, 0};
+  test::for_each_simd_target([&] {
+    std::vector<float> out(in.size());
+    softmax(in.data(), {1, 3, 5}, out.data());
+    for (const size_t line : {0, 1, 3})
+      for (const size_t c : {0, 1, 2})
+        EXPECT_TRUE(std::isnan(out[c * 5 + line])) << line << ", " << c;
+    EXPECT_EQ(out[2], 0);
+    EXPECT_FLOAT_EQ(out[7], 0.5F);
+    EXPECT_EQ(out[4], 1);
+    EXPECT_EQ(out[9], 0);
+  });
+}
+
+}  // namespace
+}  // namespace revisit::engine
