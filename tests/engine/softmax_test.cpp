@@ -18,15 +18,14 @@ std::vector<double> definition(const std::vector<float>& in, const ClassLines& l
   std::vector<double> out(in.size());
   for (int64_t line = 0; line < lines.outer * lines.inner; ++line) {
     const int64_t first = line / lines.inner * lines.classes * lines.inner + line % lines.inner;
-    double largest = -INFINITY, sum = 0;
-    for (int64_t c = 0; c < lines.classes; ++c)
-      largest = std::max<double>(largest, in[static_cast<size_t>(first + c * lines.inner)]);
-    for (int64_t c = 0; c < lines.classes; ++c)
-      sum += std::exp(in[static_cast<size_t>(first + c * lines.inner)] - largest);
-    for (int64_t c = 0; c < lines.classes; ++c) {
-      const auto at = static_cast<size_t>(first + c * lines.inner);
-      out[at] = std::exp(in[at] - largest) / sum;
-    }
+    float largest = -INFINITY;
+    double sum = 0;
+    const auto at = [&](int64_t c) { return static_cast<size_t>(first + c * lines.inner); };
+    // The difference is one of floats; what its rounding does is no error of the exponential.
+    const auto power = [&](int64_t c) { return std::exp(double{in[at(c)] - largest}); };
+    for (int64_t c = 0; c < lines.classes; ++c) largest = std::max(largest, in[at(c)]);
+    for (int64_t c = 0; c < lines.classes; ++c) sum += power(c);
+    for (int64_t c = 0; c < lines.classes; ++c) out[at(c)] = power(c) / sum;
   }
   return out;
 }

@@ -203,7 +203,7 @@ int64_t packed_numbers(const ConvolutionProblem& p) {
 /// Writes [output block][input block][tap][input channel / step][kLanes][step].
 template <class T, class Convert>
 void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
-  constexpr int64_t kStep = sizeof(float) / sizeof(T);
+  constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
   const DirectShape shape(p);
   const int64_t in_per_group = p.c_in_per_group(), out_per_group = p.c_out_per_group();
   parallel_for(p.group * shape.out_blocks, p.threads, [&](int64_t item, int) {

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <type_traits>
 #include <utility>
 
 #include "kernels/blocked/block-inl.h"
@@ -26,7 +27,7 @@ constexpr int kTileColumns = sum_tile(kRegisters, kVectors).columns;
 /// How the input channels of a block are multiplied: one at a time, or two of a number of 4 bytes.
 /// Both ways are the same in counts of T: of `kStep` channels the weights are [kLanes][kStep].
 template <class T>
-constexpr int64_t kStep = sizeof(float) / sizeof(T);
+constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
 
 HWY_INLINE Vector broadcast(const float* channel) {
   return hn::Set(Tag(), *channel);

@@ -41,7 +41,7 @@ HWY_EXPORT(run_plain_input);
 /// Writes [output block][input channel][row of taps][step][kLanes][tap of the step].
 template <class T, class Convert>
 void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
-  constexpr int64_t kStep = sizeof(float) / sizeof(T);
+  constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
   const int64_t rows = p.c_in * p.kernel_h;
   for (int64_t block = 0; block < channel_blocks(p.c_out); ++block)
     for (int64_t row = 0; row < rows; ++row)
