@@ -19,8 +19,8 @@ TEST(GoldenVerifyProject, EveryCaseAgrees) {
 }
 
 TEST(GoldenVerifyProject, Bf16ReportsEachLayer) {
-  const auto result = test::run_revisit("net verify --precision bf16 --layers " +
-                                        test::golden("formats").string());
+  const auto result =
+      test::run_revisit("net verify --precision bf16 --layers " + test::golden("formats").string());
   EXPECT_EQ(result.exit_code, 0) << result.out << result.err;
   EXPECT_NE(result.out.find("error\n"), std::string::npos) << result.out;
 }
