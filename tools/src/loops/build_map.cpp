@@ -1,5 +1,6 @@
 #include "build_map.h"
 
+#include <chrono>
 #include <thread>
 #include <unordered_map>
 
@@ -19,6 +20,7 @@ using pipeline::ScanRef;
 constexpr int64_t kScansAtOnce = 8;
 /// Others have the last scans: when one of them ends before it has added its own, they come back.
 constexpr std::chrono::milliseconds kOthersAtWork{250};
+constexpr std::chrono::seconds kBetweenCounts{1};
 
 Description describe(const pipeline::PlaceRecognizer& recognizer, const ScanRef& scan) {
   try {
@@ -53,16 +55,22 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
   recognizer.expect(options.drive, frames);
   const int64_t missing = recognizer.expected(options.drive);
   Built built;
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point next_count;  // counting takes longer the more is left: now and then is enough
   while (true) {
-    const int64_t left = recognizer.expected(options.drive);
-    options.done(missing - left, missing);
-    if (left == 0) return built;
+    if (Clock::now() >= next_count) {
+      const int64_t left = recognizer.expected(options.drive);
+      options.done(missing - left, missing);
+      if (left == 0) return built;
+      next_count = Clock::now() + kBetweenCounts;
+    }
     if (options.stop())
       throw Interrupted("stopped; what was added is kept; the same command goes on");
     try {
       const auto claim = recognizer.claim(options.drive, kScansAtOnce * options.threads);
-      if (claim == nullptr) {
-        std::this_thread::sleep_for(kOthersAtWork);
+      if (claim == nullptr) {  // all is done, or in the hands of others
+        if (recognizer.expected(options.drive) > 0) std::this_thread::sleep_for(kOthersAtWork);
+        next_count = {};
         continue;
       }
       std::vector<const ScanRef*> claimed;

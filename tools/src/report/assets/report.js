@@ -346,7 +346,7 @@
     const text = line => [`scan ${line.frame}`, ...(line.match_frame === undefined ? [] : [`like ${line.match_drive || ""} ${line.match_frame}`, `score ${number(line.score, 4)}`,
       ...(line.yaw_deg === undefined ? [] : [`turned by ${number(line.yaw_deg, 1)} degrees`]), ...(Number.isFinite(apart(line)) ? [`${number(apart(line), 1)} m apart by the poses`] : [])])];
     const label = item => text(lines[item.raw.scan]);
-    const point = (line, x, y) => ({ x, y, scan: lines.indexOf(line) });
+    const positions = new Map(lines.map((line, i) => [line, i])), point = (line, x, y) => ({ x, y, scan: positions.get(line) });
     const ground = line => point(line, line.position.x || 0, line.position.z || 0), place = line => ({ x: line.match_position.x || 0, y: line.match_position.z || 0 });
     const placed = lines.filter(line => line.position), xs = placed.map(line => line.position.x || 0), zs = placed.map(line => line.position.z || 0);
     const onMap = found.filter(line => line.position && line.match_position);
@@ -360,7 +360,7 @@
       options: { scales: { x: axis("scan"), y: axis("score") }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     return el("section", { id: `loops${index + 1}` }, el("h2", {}, `Loops: ${name}`),
       table([["scans in the file", "n"], ["loops", "n"], ["did not fit when registered", "n"], ["median score", "n"], ["apart by the poses, median [m]", "n"], ["largest [m]", "n"]],
-        [[String(lines.length), String(found.length), String(rejected.length), number(middle(found.map(line => line.score))), number(middle(distances), 2), number(distances.reduce((a, b) => Math.max(a, b), -1) < 0 ? NaN : Math.max(...distances), 2)]]),
+        [[String(lines.length), String(found.length), String(rejected.length), number(middle(found.map(line => line.score))), number(middle(distances), 2), number(distances.length ? distances.reduce((a, b) => Math.max(a, b)) : NaN, 2)]]),
       placed.length ? el("div", { class: "card map" }, groundPlot(`map of loops, ${name}`, [...xs, ...onMap.map(line => place(line).x)], [...zs, ...onMap.map(line => place(line).y)], [
         dots("recognised", found.filter(line => line.position).map(ground), kRight, 2.5), dots("scans", placed.map(ground), kPath, 1.2),
         joined("recognised", onMap.flatMap(line => [ground(line), place(line), { x: NaN, y: NaN }]), kRight + "80"), joined("scans", pathOf(xs, zs), kPath + "80", 1.4)], label))
