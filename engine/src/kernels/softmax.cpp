@@ -1,6 +1,7 @@
 #include "kernels/softmax.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "kernels/parallel.h"
 
@@ -76,8 +77,27 @@ namespace revisit::engine {
 
 HWY_EXPORT(softmax_lines);
 
+namespace {
+
+/// A classifier's: too few lines to lie side by side.
+void normalise_line(const float* in, int64_t classes, int64_t step, float* out) {
+  float largest = in[0];
+  for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * step]);
+  float sum = 0;
+  for (int64_t c = 0; c < classes; ++c) sum += out[c * step] = std::exp(in[c * step] - largest);
+  for (int64_t c = 0; c < classes; ++c) out[c * step] /= sum;
+}
+
+}  // namespace
+
 void softmax(const float* in, const ClassLines& lines, float* out, int threads) {
-  if (lines.classes > 0) HWY_DYNAMIC_DISPATCH(softmax_lines)(in, lines, out, threads);
+  constexpr int64_t kFewLines = 4;
+  if (lines.classes == 0) return;
+  if (lines.inner >= kFewLines) return HWY_DYNAMIC_DISPATCH(softmax_lines)(in, lines, out, threads);
+  for (int64_t line = 0; line < lines.outer * lines.inner; ++line) {
+    const int64_t first = line / lines.inner * lines.classes * lines.inner + line % lines.inner;
+    normalise_line(in + first, lines.classes, lines.inner, out + first);
+  }
 }
 
 }  // namespace revisit::engine
