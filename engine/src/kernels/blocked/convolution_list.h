@@ -1,5 +1,6 @@
 #pragma once
 
+#include "bfloat16.h"
 #include "kernels/blocked/convolution.h"
 
 namespace revisit::engine {
@@ -14,6 +15,15 @@ std::span<const BlockedConvolutionKernel> winograd_kernels();  // one for each s
 /// Whether no block holds channels of two groups.
 inline bool groups_are_whole_blocks(const ConvolutionProblem& p) {
   return p.group == 1 || (p.c_in_per_group() % kLanes == 0 && p.c_out_per_group() % kLanes == 0);
+}
+
+/// Calls `pack(to, convert)`: `packed` as numbers of `values`, and what makes one of a float.
+template <class Pack>
+void pack_as(Precision values, float* packed, const Pack& pack) {
+  if (values == Precision::kBf16)
+    pack(reinterpret_cast<BFloat16*>(packed), to_bfloat16);
+  else
+    pack(packed, [](float x) { return x; });
 }
 
 /// With one tap, which sees each pixel once.

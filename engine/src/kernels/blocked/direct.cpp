@@ -232,10 +232,8 @@ constexpr BlockedConvolutionKernel direct(const char* name,
             return packed_numbers(p) * value_bytes(p.values) / value_bytes(Precision::kFloat32);
           },
           [](const ConvolutionProblem& p, const float* weights, float* packed) {
-            if (p.values == Precision::kBf16)
-              pack(p, weights, reinterpret_cast<BFloat16*>(packed), to_bfloat16);
-            else
-              pack(p, weights, packed, [](float x) { return x; });
+            pack_as(p.values, packed,
+                    [&](auto* to, const auto& convert) { pack(p, weights, to, convert); });
           },
           [](const ConvolutionProblem& p) {
             if (is_pointwise(p)) return int64_t{0};

@@ -70,10 +70,8 @@ const BlockedConvolutionKernel kBlockedPlainInput = {
       return padded_channels(p.c_out) * p.c_in * p.kernel_h * plain_input_steps(p);
     },
     [](const ConvolutionProblem& p, const float* weights, float* packed) {
-      if (p.values == Precision::kBf16)
-        pack(p, weights, reinterpret_cast<BFloat16*>(packed), to_bfloat16);
-      else
-        pack(p, weights, packed, [](float x) { return x; });
+      pack_as(p.values, packed,
+              [&](auto* to, const auto& convert) { pack(p, weights, to, convert); });
     },
     [](const ConvolutionProblem& p) { return p.threads * plain_input_patch_floats(p); },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
