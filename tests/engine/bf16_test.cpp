@@ -238,14 +238,14 @@ TEST_P(Bf16Convolution, IsThatOfFloat32Rounded) {
     narrow.values = Precision::kBf16;
     if (!kernel.supports(narrow)) continue;
     SCOPED_TRACE(kernel.name);
-    if (!kernel.multiplies_values) {
+    if (kernel.products == Products::kFloat32) {
       expect_rounded(c.outputs(), [&](Precision precision, float* output) {
         c.run(kernel, precision, 2, output);
       });
       continue;
     }
     test::AlignedFloats wanted = room(c.outputs(), Precision::kFloat32);
-    c.run(kernel, Precision::kFloat32, 1, wanted.data());
+    c.run(kernel.supports(c.p) ? kernel : kBlockedDirect, Precision::kFloat32, 1, wanted.data());
     test::AlignedFloats first = room(c.outputs(), Precision::kBf16);
     c.run(kernel, Precision::kBf16, 1, first.data());
     expect_close(first, wanted);
@@ -256,6 +256,61 @@ TEST_P(Bf16Convolution, IsThatOfFloat32Rounded) {
         EXPECT_TRUE(same_bits(again, first)) << threads << " threads";
       }
     });
+  }
+}
+
+/// What Intel's manual says of TDPBF16PS, for one output: of every 32 inputs the sums of the even
+/// ones and of the odd ones, each from zero on, are added to each other and then to the result.
+float sum_in_tiles(const std::vector<float>& inputs, const std::vector<float>& weights) {
+  float sum = 0;
+  for (size_t first = 0; first < inputs.size(); first += 32) {
+    float even = 0, odd = 0;
+    for (size_t i = first; i < std::min(first + 32, inputs.size()); ++i)
+      (i % 2 == 0 ? even : odd) = std::fma(inputs[i], weights[i], i % 2 == 0 ? even : odd);
+    sum += even + odd;
+  }
+  return sum;
+}
+
+/// The inputs under every tap of one output, block of channels by block of channels.
+TEST_P(Bf16Convolution, InTilesSumsAsAmxDoes) {
+  ConvolutionProblem p = GetParam().problem;
+  p.values = Precision::kBf16;
+  if (!kBlockedTiles.supports(p)) GTEST_SKIP() << "groups that share blocks";
+  const Case c(p);
+  test::AlignedFloats packed(kBlockedTiles.packed_floats(p), kNan);
+  kBlockedTiles.pack(p, c.weights.data(), packed.data());
+  test::AlignedFloats scratch(kBlockedTiles.scratch_floats(p), kDirty);
+  test::AlignedFloats bias(padded_channels(p.c_out), 0), output = room(c.outputs(), p.values);
+  kBlockedTiles.run(p, {c.input.of(p.values),
+                        packed.data(),
+                        bias.data(),
+                        nullptr,
+                        {},
+                        output.data(),
+                        scratch.data()});
+  const std::vector<float> found =
+      test::to_plain(p.n, p.c_out, p.out_pixels(), test::widened(output).values());
+
+  const int64_t depth = channel_blocks(p.c_in_per_group()) * p.kernel_h * p.kernel_w * kLanes;
+  std::vector<float> inputs(depth), weights(depth);
+  for (int64_t at = 0; at < static_cast<int64_t>(found.size()); ++at) {
+    const int64_t x = at % p.out_w, y = at / p.out_w % p.out_h, co = at / p.out_pixels() % p.c_out,
+                  n = at / p.out_pixels() / p.c_out;
+    const int64_t group = co / p.c_out_per_group();
+    for (int64_t i = 0; i < depth; ++i) {
+      const int64_t kx = i / kLanes % p.kernel_w, ky = i / kLanes / p.kernel_w % p.kernel_h;
+      const int64_t ci = i / kLanes / p.kernel_w / p.kernel_h * kLanes + i % kLanes;
+      const int64_t iy = y * p.stride_h - p.pad_h + ky * p.dilation_h;
+      const int64_t ix = x * p.stride_w - p.pad_w + kx * p.dilation_w;
+      const bool there = ci < p.c_in_per_group() && iy >= 0 && iy < p.h && ix >= 0 && ix < p.w;
+      const int64_t channel = group * p.c_in_per_group() + ci;
+      inputs[i] = there ? c.plain[((n * p.c_in + channel) * p.h + iy) * p.w + ix] : 0;
+      weights[i] =
+          there ? c.weights[((co * p.c_in_per_group() + ci) * p.kernel_h + ky) * p.kernel_w + kx]
+                : 0;
+    }
+    ASSERT_EQ(found[at], to_float(to_bfloat16(sum_in_tiles(inputs, weights)))) << at;
   }
 }
 
@@ -277,8 +332,8 @@ TEST(Bf16Kernels, FirstConvolutionWithPoolingRoundsItsOutputOnce) {
     const LrnProblem lrn{1, p.c_out, p.out_h, p.out_w, 5, 0.1F, 0.75F, 2};
     PoolingProblem pooling{p.c_out, p.out_h, p.out_w, 7, 14, 3, 3, 2, 2};
     const Case c(p);
-    const auto run = [&](Precision precision, int threads) {
-      ConvolutionMaxPool fused{p, with_lrn ? &lrn : nullptr, pooling};
+    const auto run = [&](Precision precision, int threads, bool in_tiles = false) {
+      ConvolutionMaxPool fused{p, with_lrn ? &lrn : nullptr, pooling, in_tiles};
       fused.convolution.values = precision;
       fused.convolution.threads = threads;
       test::AlignedFloats packed(kBlockedPlainInput.packed_floats(fused.convolution), kNan);
@@ -295,14 +350,16 @@ TEST(Bf16Kernels, FirstConvolutionWithPoolingRoundsItsOutputOnce) {
                                            scratch.data()});
       return output;
     };
-    const test::AlignedFloats wanted = run(Precision::kFloat32, 1),
-                              first = run(Precision::kBf16, 1);
-    expect_close(first, wanted);
-    test::for_each_simd_target([&] {
-      expect_close(run(Precision::kBf16, 1), wanted);
-      if (with_lrn) return;  // roots differ by a bit from CPU to CPU
-      EXPECT_TRUE(same_bits(run(Precision::kBf16, 5), first));
-    });
+    const test::AlignedFloats wanted = run(Precision::kFloat32, 1);
+    for (const bool in_tiles : {false, true}) {
+      const test::AlignedFloats first = run(Precision::kBf16, 1, in_tiles);
+      expect_close(first, wanted);
+      test::for_each_simd_target([&] {
+        expect_close(run(Precision::kBf16, 1, in_tiles), wanted);
+        if (with_lrn) return;  // roots differ by a bit from CPU to CPU
+        EXPECT_TRUE(same_bits(run(Precision::kBf16, 5, in_tiles), first));
+      });
+    }
   }
 }
 

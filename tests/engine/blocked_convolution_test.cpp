@@ -148,9 +148,12 @@ void for_each_kernel(const Check& check) {
 }
 
 TEST(BlockedConvolutionSmall, EveryKernelIsThere) {
-  const auto problems = small_problems();
-  for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels())
+  for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
+    auto problems = small_problems();
+    if (kernel.products == Products::kTiles)  // Bf16Convolution has their problems
+      for (ConvolutionProblem& p : problems) p.values = Precision::kBf16;
     EXPECT_TRUE(std::any_of(problems.begin(), problems.end(), kernel.supports)) << kernel.name;
+  }
 }
 
 float activated(const Epilogue& e, int64_t channel, float x) {

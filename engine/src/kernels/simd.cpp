@@ -2,7 +2,34 @@
 
 #include <hwy/highway.h>
 
+#if HWY_ARCH_X86_64 && defined(__linux__)
+#include <sys/syscall.h>
+#include <unistd.h>
+#endif
+
 namespace revisit::engine {
+namespace {
+
+bool has_amx() {
+#if HWY_ARCH_X86_64 && defined(__linux__)
+  return __builtin_cpu_supports("amx-bf16") != 0;
+#else
+  return false;
+#endif
+}
+
+/// Tiles are 8 KB of state for every thread, which Linux saves for a process that has asked for it
+/// (Documentation/arch/x86/xstate.rst).
+bool tiles_are_permitted() {
+#if HWY_ARCH_X86_64 && defined(__linux__)
+  constexpr long kRequestPermission = 0x1023, kTileData = 18;
+  return syscall(SYS_arch_prctl, kRequestPermission, kTileData) == 0;
+#else
+  return false;
+#endif
+}
+
+}  // namespace
 
 std::string simd_target() {
   // Highway gives better targets lower bits and calls AVX-512 AVX3.
@@ -18,6 +45,18 @@ bool has_bf16_instructions() {
 #else
   return false;
 #endif
+}
+
+bool has_bf16_tiles() {
+  static const bool kHas = has_amx() && has_bf16_instructions() && tiles_are_permitted();
+  return kHas;
+}
+
+std::string bf16_instructions() {
+  if (has_bf16_tiles()) return "AMX tiles";
+  if (has_bf16_instructions())
+    return has_amx() ? "AVX512-BF16 (the operating system refuses AMX tiles)" : "AVX512-BF16";
+  return "";
 }
 
 }  // namespace revisit::engine

@@ -32,9 +32,11 @@ struct RunBlocked {
   std::optional<LrnProblem> lrn;
   std::optional<PoolingProblem> pooling;
 
-  ConvolutionMaxPool with_pooling() const { return {problem, lrn ? &*lrn : nullptr, *pooling}; }
+  ConvolutionMaxPool with_pooling() const {
+    return {problem, lrn ? &*lrn : nullptr, *pooling, chosen.products == Products::kTiles};
+  }
   std::string name() const {
-    const bool bf16 = chosen.multiplies_values && problem.values == Precision::kBf16;
+    const bool bf16 = chosen.products != Products::kFloat32 && problem.values == Precision::kBf16;
     return str(chosen.name, bf16 ? " bf16" : "", lrn ? " + lrn" : "", pooling ? " + max-pool" : "");
   }
   int64_t scratch_floats() const {

@@ -154,11 +154,10 @@ void add_buffers(const engine::Plan& plan, reports::NetReport* report) {
 
 /// That the kernels use, and what does the products of bfloat16.
 std::string instructions(engine::Precision precision) {
-  const std::string simd = engine::simd_target();
+  const std::string simd = engine::simd_target(), bf16 = engine::bf16_instructions();
   if (precision == engine::Precision::kFloat32) return simd;
-  return simd + (engine::has_bf16_instructions()
-                     ? " with BF16"
-                     : " (no BF16: its products take longer than those of float32)");
+  return simd + (bf16.empty() ? " (no BF16: its products take longer than those of float32)"
+                              : " with " + bf16);
 }
 
 reports::NetReport net_report(const NetFindings& findings) {

@@ -11,4 +11,11 @@ std::string simd_target();
 /// same numbers, but its products take longer than those of float32.
 bool has_bf16_instructions();
 
+/// Whether it also multiplies whole tiles of them (AMX-BF16), and the operating system lets this
+/// process, of which the first call asks it.
+bool has_bf16_tiles();
+
+/// What multiplies bfloat16 on this CPU, for people: "AMX tiles", "AVX512-BF16", or "" for nothing.
+std::string bf16_instructions();
+
 }  // namespace revisit::engine

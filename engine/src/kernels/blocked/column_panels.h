@@ -5,14 +5,16 @@
 
 namespace revisit::engine {
 
-/// `items` things cut into `parts` parts, equal to within one.
+/// `items` things cut into `parts` parts, equal to within one `unit`, of which only the last of all
+/// may not be whole.
 struct Split {
-  int64_t items, parts;
+  int64_t items, parts, unit = 1;
 
-  int64_t begin(int64_t part) const { return items * part / parts; }
+  int64_t units() const { return (items + unit - 1) / unit; }
+  int64_t begin(int64_t part) const { return std::min(units() * part / parts * unit, items); }
   int64_t end(int64_t part) const { return begin(part + 1); }
   int64_t width(int64_t part) const { return end(part) - begin(part); }
-  int64_t widest() const { return (items + parts - 1) / parts; }
+  int64_t widest() const { return (units() + parts - 1) / parts * unit; }
 };
 
 /// Columns of a matrix product that are summed in registers at a time: with two blocks of output
@@ -34,9 +36,15 @@ constexpr SumTile sum_tile(int registers, int vectors) {
   return {blocks, std::clamp((registers - 1) / (blocks * vectors) - 1, 2, kColumns)};
 }
 
-/// The fewest panels, of at most kMaxColumns columns each.
-inline Split panels_of(int64_t columns) {
-  return {columns, (columns + kMaxColumns - 1) / kMaxColumns};
+/// Columns that are multiplied together: at most `columns` of them, cut between whole `unit`s.
+struct Panel {
+  int64_t columns, unit;
+};
+constexpr Panel kRegisterPanel = {kMaxColumns, 1};
+
+/// The fewest panels.
+inline Split panels_of(int64_t columns, Panel panel = kRegisterPanel) {
+  return {columns, (columns + panel.columns - 1) / panel.columns, panel.unit};
 }
 
 /// Columns are worked on in chunks that stay in cache.
@@ -47,13 +55,14 @@ struct Chunks {
 
 /// Of `products` products alike, in chunks of at most `panels` panels. Where threads have at least
 /// one each, there are as many for each.
-inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t panels, int threads) {
-  int64_t chunks = panels_of(columns).parts;
+inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t panels, int threads,
+                              Panel panel = kRegisterPanel) {
+  int64_t chunks = panels_of(columns, panel).parts;
   chunks = (chunks + panels - 1) / panels;
-  if (products * chunks < threads) return {{columns, chunks}, false};
+  if (products * chunks < threads) return {{columns, chunks, panel.unit}, false};
   if (products * chunks < 4 * threads)
     while (products * chunks % threads != 0) ++chunks;
-  return {{columns, chunks}, true};
+  return {{columns, chunks, panel.unit}, true};
 }
 
 }  // namespace revisit::engine

@@ -8,8 +8,9 @@ namespace revisit::engine {
 
 std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
   static const std::vector<BlockedConvolutionKernel> kList = [] {
-    std::vector<BlockedConvolutionKernel> list = {kBlockedPlainInput, kBlockedDepthwise,
-                                                  kBlockedPointwise, kBlockedDirect};
+    std::vector<BlockedConvolutionKernel> list = {kBlockedPlainInput, kBlockedPlainInputTiles,
+                                                  kBlockedDepthwise,  kBlockedPointwise,
+                                                  kBlockedDirect,     kBlockedTiles};
     const auto winograd = winograd_kernels();
     list.insert(list.end(), winograd.begin(), winograd.end());
     return list;

@@ -24,6 +24,10 @@ struct BlockedConvolutionArguments {
   const float* outside_taps = nullptr;
 };
 
+/// What a kernel multiplies: float32 whatever the input is, numbers of the problem's `values`, or
+/// tiles of them.
+enum class Products { kFloat32, kValues, kTiles };
+
 /// A convolution with blocked output: fast, with bias, addend and activation in one pass. The
 /// result is the same bit for bit for any number of threads. Plain input is float32.
 struct BlockedConvolutionKernel {
@@ -39,8 +43,7 @@ struct BlockedConvolutionKernel {
   void (*run)(const ConvolutionProblem&, const BlockedConvolutionArguments&);
   /// Of a line of its Winograd transform, 0 for others: rounding grows quickly with it.
   int transform_points = 0;
-  /// Its products are of the problem's `values`, weights included; others' are of float32.
-  bool multiplies_values = false;
+  Products products = Products::kFloat32;
 };
 
 constexpr int kAnyPoints = 99;

@@ -7,9 +7,11 @@ namespace revisit::engine {
 
 // The kernels, one kind a file.
 extern const BlockedConvolutionKernel kBlockedPlainInput;
+extern const BlockedConvolutionKernel kBlockedPlainInputTiles;
 extern const BlockedConvolutionKernel kBlockedDepthwise;
 extern const BlockedConvolutionKernel kBlockedPointwise;
 extern const BlockedConvolutionKernel kBlockedDirect;
+extern const BlockedConvolutionKernel kBlockedTiles;
 std::span<const BlockedConvolutionKernel> winograd_kernels();  // one for each size of tile
 
 /// Whether no block holds channels of two groups.

@@ -22,13 +22,14 @@ PoolingPieces pieces_of(const ConvolutionMaxPool& p) {
 
 /// What one thread needs beside the pieces', one behind the other.
 struct ConvolutionMaxPoolScratch {
-  int64_t patch, squares;
+  int64_t patch, columns, squares;
 
   explicit ConvolutionMaxPoolScratch(const ConvolutionMaxPool& p)
       : patch(padded_channels(plain_input_patch_floats(p.convolution))),
+        columns(p.in_tiles ? plain_input_columns_floats(p.convolution) : 0),
         squares(p.lrn ? LrnSquares(*p.lrn).floats() : 0) {}
 
-  int64_t floats() const { return patch + squares; }
+  int64_t floats() const { return patch + columns + squares; }
 };
 
 }  // namespace
@@ -46,9 +47,11 @@ void convolve_and_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArgu
   float* const scratch = a.scratch + pieces.scratch_floats();
   const auto rows_of = [&](int64_t image, int thread) HWY_ATTR {
     float* const patch = scratch + thread * size.floats();
-    float* const squares = patch + size.patch;
+    float* const columns = patch + size.patch;
+    float* const squares = columns + size.columns;
     if (p.lrn) clear_margins(LrnSquares(*p.lrn), squares);
-    return [&, image, patch, squares](const PixelRange& range, float* row, int64_t step) HWY_ATTR {
+    return [&, image, patch, columns, squares](const PixelRange& range, float* row,
+                                               int64_t step) HWY_ATTR {
       convolution.run_row({.n = image,
                            .y = range.y,
                            .begin = range.begin,
@@ -56,7 +59,8 @@ void convolve_and_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArgu
                            .output = row,
                            .output_step = step,
                            .addend = nullptr,
-                           .patch = patch});
+                           .patch = patch,
+                           .columns = columns});
       if (!p.lrn) return;
       const LrnSquares layout(*p.lrn);
       for (int64_t x = 0; x < range.end - range.begin; x += layout.pixels)
@@ -76,7 +80,8 @@ void convolve_and_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArgu
 }
 
 void convolution_max_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArguments& a) {
-  with_type(p.convolution.values, [&](auto type) { convolve_and_pool<decltype(type)>(p, a); });
+  const auto run = [&](auto type) { convolve_and_pool<decltype(type)>(p, a); };
+  p.in_tiles ? with_tile_type(run) : with_type(p.convolution.values, run);
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE

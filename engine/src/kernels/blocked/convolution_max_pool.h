@@ -6,13 +6,15 @@
 
 namespace revisit::engine {
 
-/// The first layers of a net as one: the convolution kBlockedPlainInput with its epilogue, then
+/// The first layers of a net as one: a convolution of few channels with its epilogue, then
 /// blocked_lrn() where there is one, then blocked_max_pool(); the same bits. What is between them,
 /// the largest values of these nets, stays in cache.
 struct ConvolutionMaxPool {
-  ConvolutionProblem convolution;   // one that kBlockedPlainInput supports; its threads count
+  ConvolutionProblem convolution;   // that `in_tiles` or else kBlockedPlainInput supports; its
+                                    // threads count
   const LrnProblem* lrn = nullptr;  // of the convolution's output; or null
   PoolingProblem pooling;           // of the convolution's output
+  bool in_tiles = false;            // as kBlockedPlainInputTiles
 };
 
 /// `arguments` as of the convolution, without addend; the output is that of the pooling.

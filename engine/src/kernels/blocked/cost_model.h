@@ -9,9 +9,11 @@ namespace revisit::engine {
 // of the layers in tests/problems/convolution.txt; on other CPUs the ratios between kernels are
 // close enough.
 double plain_input_ms(const ConvolutionProblem& p);
+double plain_input_tiles_ms(const ConvolutionProblem& p);
 double depthwise_ms(const ConvolutionProblem& p);
 double pointwise_ms(const ConvolutionProblem& p);
 double direct_ms(const ConvolutionProblem& p);
+double tiles_ms(const ConvolutionProblem& p);
 double winograd_ms(const WinogradVariant& v, const ConvolutionProblem& p);
 
 }  // namespace revisit::engine

@@ -8,6 +8,7 @@
 #include "kernels/blocked/direct_shape.h"
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/multiply-inl.h"
+#include "kernels/blocked/tiles-inl.h"
 #include "kernels/parallel.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -19,7 +20,7 @@ template <class T>
 class Direct {
  public:
   Direct(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
-      : p_(p), a_(a), shape_(p) {}
+      : p_(p), a_(a), shape_(p, kInTiles<T> ? kTilePanel : kRegisterPanel) {}
 
   void run_pointwise() const {
     const int64_t chunks = shape_.chunks.columns.parts, slices = shape_.slices();
@@ -76,14 +77,22 @@ class Direct {
     }
   };
 
-  /// Of a panel: [depth][pixel][kLanes], `step` numbers from one block of the depth to the next.
+  /// Of a panel: [depth][pixel][kLanes], `step` numbers from one block of the depth to the next. In
+  /// tiles, where two blocks are one: [depth / 2][pixel][2][kLanes].
   struct Columns {
     const T* data;
     int64_t step;
   };
+  static constexpr int64_t kBlocks = kInTiles<T> ? kTileDepth / kLanes : 1;
+  static constexpr int64_t kPixel = kBlocks * kLanes;  // from pixel to pixel
 
   Split panels_of_chunk(int64_t chunk) const {
-    return panels_of(shape_.chunks.columns.width(chunk));
+    return panels_of(shape_.chunks.columns.width(chunk), shape_.panel);
+  }
+
+  /// From block to block, of a panel of so many pixels.
+  int64_t columns_step(int64_t width) const {
+    return Split{width, 1, shape_.panel.unit}.widest() * kPixel;
   }
 
   /// An item is one panel of pixels and one block of input channels.
@@ -96,13 +105,21 @@ class Direct {
     const Split panels = panels_of_chunk(chunk);
     const int64_t panel = item / shape_.in_blocks, block = item % shape_.in_blocks;
     const T* in = input() + (image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
-    const int64_t width = panels.width(panel);
+    const int64_t width = panels.width(panel), step = columns_step(width);
     const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
-    T* to =
-        columns + (panels.begin(panel) * shape_.in_blocks + block * width) * shape_.taps * kLanes;
+    T* const to = columns + panels.begin(panel) * shape_.packed_depth * kLanes;
+    const auto at = [&](int64_t depth) {
+      return to + depth / kBlocks * step + depth % kBlocks * kLanes;
+    };
+    int64_t depth = block * shape_.taps;
     for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
-      for (int64_t kx = 0; kx < p_.kernel_w; ++kx, to += width * kLanes)
-        unfold_tap(in, ky, kx, first, width, to);
+      for (int64_t kx = 0; kx < p_.kernel_w; ++kx, ++depth)
+        unfold_tap(in, ky, kx, first, width, at(depth));
+    if (depth == shape_.depth() && depth % kBlocks != 0) fill_pixels(at(depth), width);
+  }
+
+  static void fill_pixels(T* to, int64_t count) {
+    for (int64_t i = 0; i < count; ++i) std::fill_n(to + i * kPixel, kLanes, T{});
   }
 
   /// The pixels under one tap for `width` output pixels from `first` on; zero outside the image.
@@ -117,19 +134,19 @@ class Direct {
           inside ? std::clamp<int64_t>((-ix + p_.stride_w - 1) / p_.stride_w, 0, run) : run;
       const int64_t end =
           inside ? std::clamp((p_.w - ix + p_.stride_w - 1) / p_.stride_w, begin, run) : run;
-      std::fill_n(to, begin * kLanes, T{});
+      fill_pixels(to, begin);
       const T* from = in + (iy * p_.w + ix) * kLanes;
       for (int64_t i = begin; i < end; ++i)
-        std::copy_n(from + i * p_.stride_w * kLanes, kLanes, to + i * kLanes);
-      std::fill_n(to + end * kLanes, (run - end) * kLanes, T{});
-      to += run * kLanes;
+        std::copy_n(from + i * p_.stride_w * kLanes, kLanes, to + i * kPixel);
+      fill_pixels(to + end * kPixel, run - end);
+      to += run * kPixel;
       done += run;
     }
   }
 
   void multiply_unfolded(int64_t image, int64_t chunk, int64_t slice, const T* columns) const {
     multiply_slice(image, chunk, slice, [&](int64_t first, int64_t width) {
-      return Columns{columns + first * shape_.depth() * kLanes, width * kLanes};
+      return Columns{columns + first * shape_.packed_depth * kLanes, columns_step(width)};
     });
   }
 
@@ -145,17 +162,23 @@ class Direct {
         BlockEpilogue(a_.epilogue, a_.bias, block, p_.c_out),
         BlockEpilogue(a_.epilogue, a_.bias, block + blocks - 1, p_.c_out)};
     const Split panels = panels_of_chunk(chunk);
+    [[maybe_unused]] TilesOf<T> tiles;
     for (int64_t panel = 0; panel < panels.parts; ++panel) {
       const int64_t first = panels.begin(panel), width = panels.width(panel);
       const Columns columns = columns_of(first, width);
-      const Factors<T> factors = {
-          shape_.depth(), columns.data,     columns.step,
-          weights(block), shape_.weights(), prefetched(block, slice, panels.parts - 1 - panel)};
       const int64_t offset = (image * shape_.out_blocks + begin) * image_step +
                              (shape_.chunks.columns.begin(chunk) + first) * kLanes;
       T* const output = static_cast<T*>(a_.output) + offset;
       const T* const addend = a_.addend ? static_cast<const T*>(a_.addend) + offset : nullptr;
-      multiply(factors, blocks, width, FinishSums{epilogues, addend, output, image_step});
+      const FinishSums finish = {epilogues, addend, output, image_step};
+      if constexpr (kInTiles<T>)
+        multiply_in_tiles(TileFactors<T>{shape_.packed_depth / kBlocks, columns.data, columns.step,
+                                         kPixel, weights(block), shape_.weights()},
+                          blocks, width, tiles, finish);
+      else
+        multiply(Factors<T>{shape_.depth(), columns.data, columns.step, weights(block),
+                            shape_.weights(), prefetched(block, slice, panels.parts - 1 - panel)},
+                 blocks, width, finish);
     }
   }
 
@@ -186,6 +209,10 @@ void run_direct(const ConvolutionProblem& p, const BlockedConvolutionArguments& 
   });
 }
 
+void run_in_tiles(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+  with_tile_type([&](auto type) { Direct<decltype(type)>(p, a).run(); });
+}
+
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -194,13 +221,15 @@ namespace revisit::engine {
 namespace {
 
 HWY_EXPORT(run_direct);
+HWY_EXPORT(run_in_tiles);
 
 int64_t packed_numbers(const ConvolutionProblem& p) {
   const DirectShape shape(p);
   return p.group * shape.out_blocks * shape.weights();
 }
 
-/// Writes [output block][input block][tap][input channel / step][kLanes][step].
+/// Writes [output block][input block][tap][input channel / step][kLanes][step], with zeros between
+/// depth and packed depth.
 template <class T, class Convert>
 void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
   constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
@@ -218,12 +247,27 @@ void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Co
               ((group * out_per_group + co) * in_per_group + ci) * shape.taps + tap;
           *to++ = ci < in_per_group && co < out_per_group ? convert(weights[from]) : T{};
         }
+    std::fill(to, packed + (item + 1) * shape.weights(), T{});
   });
 }
 
+int64_t unfolded_floats(const ConvolutionProblem& p, const DirectShape& shape) {
+  return (shape.chunks.per_thread ? p.threads : 1) * shape.columns_numbers() *
+         value_bytes(p.values) / value_bytes(Precision::kFloat32);
+}
+
+void run_direct_here(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+  HWY_DYNAMIC_DISPATCH(run_direct)(p, a);
+}
+
+/// Kernels that differ in how they multiply.
 constexpr BlockedConvolutionKernel direct(const char* name,
                                           bool (*supports)(const ConvolutionProblem&),
-                                          double (*predicted_ms)(const ConvolutionProblem&)) {
+                                          double (*predicted_ms)(const ConvolutionProblem&),
+                                          int64_t (*scratch_floats)(const ConvolutionProblem&),
+                                          void (*run)(const ConvolutionProblem&,
+                                                      const BlockedConvolutionArguments&),
+                                          Products products = Products::kValues) {
   return {name,
           Layout::kNChw16c,
           supports,
@@ -235,23 +279,36 @@ constexpr BlockedConvolutionKernel direct(const char* name,
             pack_as(p.values, packed,
                     [&](auto* to, const auto& convert) { pack(p, weights, to, convert); });
           },
-          [](const ConvolutionProblem& p) {
-            if (is_pointwise(p)) return int64_t{0};
-            const DirectShape shape(p);
-            return (shape.chunks.per_thread ? p.threads : 1) * shape.columns_numbers();
-          },
-          [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-            HWY_DYNAMIC_DISPATCH(run_direct)(p, a);
-          },
+          scratch_floats,
+          run,
           0,
-          true};
+          products};
 }
 
 }  // namespace
 
-const BlockedConvolutionKernel kBlockedDirect =
-    direct("direct", groups_are_whole_blocks, direct_ms);
-const BlockedConvolutionKernel kBlockedPointwise = direct("pointwise", is_pointwise, pointwise_ms);
+const BlockedConvolutionKernel kBlockedDirect = direct(
+    "direct", groups_are_whole_blocks, direct_ms,
+    [](const ConvolutionProblem& p) {
+      return is_pointwise(p) ? 0 : unfolded_floats(p, DirectShape(p));
+    },
+    run_direct_here);
+
+const BlockedConvolutionKernel kBlockedPointwise = direct(
+    "pointwise", is_pointwise, pointwise_ms, [](const ConvolutionProblem&) { return int64_t{0}; },
+    run_direct_here);
+
+const BlockedConvolutionKernel kBlockedTiles = direct(
+    "tiles",
+    [](const ConvolutionProblem& p) {
+      return p.values == Precision::kBf16 && groups_are_whole_blocks(p);
+    },
+    tiles_ms,
+    [](const ConvolutionProblem& p) { return unfolded_floats(p, DirectShape(p, kTilePanel)); },
+    [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+      HWY_DYNAMIC_DISPATCH(run_in_tiles)(p, a);
+    },
+    Products::kTiles);
 
 }  // namespace revisit::engine
 #endif

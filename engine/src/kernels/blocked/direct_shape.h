@@ -15,25 +15,29 @@ struct DirectShape {
 
   int64_t taps, in_blocks, out_blocks;  // of a group
   int64_t images;                       // and groups, each a product of its own
-  Chunks chunks;                        // of the pixels of an image
+  int64_t packed_depth;  // of the weights: bfloat16 go in whole tiles, whoever multiplies them
+  Panel panel;           // of pixels
+  Chunks chunks;         // of the pixels of an image
 
-  explicit DirectShape(const ConvolutionProblem& p)
+  explicit DirectShape(const ConvolutionProblem& p, Panel panel_of_pixels = kRegisterPanel)
       : taps(p.kernel_h * p.kernel_w),
         in_blocks(channel_blocks(p.c_in_per_group())),
         out_blocks(channel_blocks(p.c_out_per_group())),
         images(p.n * p.group),
+        packed_depth(p.values == Precision::kBf16 ? (depth() + 1) / 2 * 2 : depth()),
+        panel(panel_of_pixels),
         chunks(cut_into_chunks(
             images, p.out_pixels(),
-            std::clamp<int64_t>(kChunkFloats / (kMaxColumns * kLanes * depth()), 1, kMostPanels),
-            p.threads)) {}
+            std::clamp<int64_t>(kChunkNumbers / (panel.columns * kLanes * depth()), 1, kMostPanels),
+            p.threads, panel)) {}
 
   int64_t depth() const { return taps * in_blocks; }
-  int64_t weights() const { return depth() * kLanes * kLanes; }  // of an output block
-  int64_t columns_numbers() const { return chunks.columns.widest() * kLanes * depth(); }
+  int64_t weights() const { return packed_depth * kLanes * kLanes; }  // of an output block
+  int64_t columns_numbers() const { return chunks.columns.widest() * kLanes * packed_depth; }
   int64_t slices() const { return (out_blocks + kSliceBlocks - 1) / kSliceBlocks; }
 
  private:
-  static constexpr int64_t kChunkFloats = 256 * 1024, kMostPanels = 8;
+  static constexpr int64_t kChunkNumbers = 256 * 1024, kMostPanels = 8;
 };
 
 }  // namespace revisit::engine

@@ -11,6 +11,7 @@
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/multiply-inl.h"
 #include "kernels/blocked/plain_input_scratch.h"
+#include "kernels/blocked/tiles-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
@@ -38,10 +39,12 @@ class PlainInput {
     int64_t output_step;  // from block to block
     const Out* addend;    // steps as output's; or null
     float* patch;         // scratch: plain_input_patch_floats()
+    float* columns;       // scratch for tiles: plain_input_columns_floats(); or null
   };
 
   void run_row(const Row& row) const {
     if constexpr (!kReadsImage) round_input(row);
+    if constexpr (kInTiles<In>) return run_in_tiles(row);
     switch (p_.stride_w) {
       case 1:
         return run_blocks<1>(row);
@@ -59,8 +62,47 @@ class PlainInput {
   static constexpr bool kReadsImage = std::is_same_v<In, float>;
 
   /// Of an output block, and from one to the next.
-  int64_t weights_step() const {
-    return p_.c_in * p_.kernel_h * plain_input_steps(p_) * kStep<In> * kLanes;
+  int64_t weights_step() const { return plain_input_weights(p_); }
+
+  const In* weights(int64_t block) const {
+    return reinterpret_cast<const In*>(a_.packed) + block * weights_step();
+  }
+
+  void run_in_tiles(const Row& row) const {
+    In* const columns = reinterpret_cast<In*>(row.columns);
+    const int64_t depth = weights_step() / kLanes, blocks = channel_blocks(p_.c_out);
+    TilesOf<In> tiles;
+    for (int64_t x = row.begin; x < row.end; x += kTilePanel.columns) {
+      const int64_t pixels = std::min(kTilePanel.columns, row.end - x);
+      const InputView<In> view = view_of(row, x, pixels);
+      for (int64_t i = 0; i < pixels; ++i)
+        unfold_pixel(view, i * p_.stride_w, depth, columns + i * depth);
+      for (int64_t block = 0; block < blocks; block += 2)
+        multiply_in_tiles(TileFactors<In>{depth / kTileDepth, columns, kTileDepth, depth,
+                                          weights(block), weights_step()},
+                          std::min<int64_t>(2, blocks - block), pixels, tiles,
+                          [&](int64_t b, int64_t first, auto& sums)
+                              HWY_ATTR { finish(row, view, x + first, block + b, sums); });
+    }
+  }
+
+  /// What one pixel sees, in the order of the weights.
+  void unfold_pixel(const InputView<In>& view, int64_t x, int64_t depth, In* to) const {
+    const int64_t pairs = plain_input_steps(p_), width = 2 * pairs;
+    const In* const end = to + depth;
+    for (int64_t c = 0; c < p_.c_in; ++c) {
+      const In* from = view.data + c * view.channel_step + x;
+      for (int64_t ky = 0; ky < p_.kernel_h; ++ky, to += width) {
+        if (ky < view.first_ky || ky >= view.end_ky) {
+          std::fill_n(to, width, In{});
+          continue;
+        }
+        std::copy_n(from, width - 2, to);
+        std::copy_n(from + p_.kernel_w - 2, 2, to + width - 2);
+        from += view.row_step;
+      }
+    }
+    std::fill_n(to, end - to, In{});
   }
 
   template <int kStride>
@@ -89,16 +131,20 @@ class PlainInput {
   template <int kBlocks, int kTile, int kStride>
   void run_tile(const Row& row, int64_t x, int64_t block) const {
     const InputView<In> view = view_of(row, x, kTile);
-    const In* const weights = reinterpret_cast<const In*>(a_.packed) + block * weights_step();
     Block sums[kBlocks][kTile];
-    accumulate<kBlocks, kTile, kStride>(view, weights, sums);
-    if (a_.outside_taps && reaches_outside(view, x, kTile)) add_outside(view, x, block, sums);
+    accumulate<kBlocks, kTile, kStride>(view, weights(block), sums);
     REVISIT_UNROLL
-    for (int b = 0; b < kBlocks; ++b) {
-      const BlockEpilogue epilogue(a_.epilogue, a_.bias, block + b, p_.c_out);
-      const int64_t at = (block + b) * row.output_step + (x - row.begin) * kLanes;
-      epilogue.finish(sums[b], row.addend ? row.addend + at : nullptr, row.output + at);
-    }
+    for (int b = 0; b < kBlocks; ++b) finish(row, view, x, block + b, sums[b]);
+  }
+
+  /// Of pixels from `x` on, and one block.
+  template <int kCount>
+  HWY_INLINE void finish(const Row& row, const InputView<In>& view, int64_t x, int64_t block,
+                         Block (&sums)[kCount]) const {
+    if (a_.outside_taps && reaches_outside(view, x, kCount)) add_outside(view, x, block, sums);
+    const BlockEpilogue epilogue(a_.epilogue, a_.bias, block, p_.c_out);
+    const int64_t at = block * row.output_step + (x - row.begin) * kLanes;
+    epilogue.finish(sums, row.addend ? row.addend + at : nullptr, row.output + at);
   }
 
   template <int kBlocks, int kTile, int kStride>
@@ -144,19 +190,17 @@ class PlainInput {
            x0 + plain_input_span(p_, pixels) > p_.w;
   }
 
-  template <int kBlocks, int kTile>
+  template <int kCount>
   void add_outside(const InputView<In>& view, int64_t x, int64_t block,
-                   Block (&sums)[kBlocks][kTile]) const {
-    const int64_t step = p_.depth() * kLanes;
-    for (int i = 0; i < kTile; ++i)
+                   Block (&sums)[kCount]) const {
+    const float* const taps = a_.outside_taps + block * p_.depth() * kLanes;
+    for (int i = 0; i < kCount; ++i)
       for (int64_t ky = 0; ky < p_.kernel_h; ++ky)
         for (int64_t kx = 0; kx < p_.kernel_w; ++kx) {
           const int64_t ix = (x + i) * p_.stride_w - p_.pad_w + kx * p_.dilation_w;
           const bool inside = ky >= view.first_ky && ky < view.end_ky && ix >= 0 && ix < p_.w;
           if (inside) continue;
-          for (int b = 0; b < kBlocks; ++b)
-            sums[b][i] = sums[b][i] + load_block(a_.outside_taps + (block + b) * step +
-                                                 (ky * p_.kernel_w + kx) * kLanes);
+          sums[i] = sums[i] + load_block(taps + (ky * p_.kernel_w + kx) * kLanes);
         }
   }
 

@@ -11,22 +11,29 @@
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
+/// `columns` floats a thread are behind the patches.
 template <class T>
-void convolve(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+void convolve(const ConvolutionProblem& p, const BlockedConvolutionArguments& a,
+              int64_t columns = 0) {
   const PlainInput<T, T> convolution(p, a);
   const auto* const addend = static_cast<const T*>(a.addend);
   const int64_t blocks = channel_blocks(p.c_out), step = p.out_pixels() * kLanes;
+  const int64_t patch = padded_channels(plain_input_patch_floats(p));
   parallel_for(p.n * p.out_h, p.threads, [&](int64_t item, int thread) {
     const int64_t n = item / p.out_h, y = item % p.out_h;
     const int64_t at = n * blocks * step + y * p.out_w * kLanes;
+    float* const scratch = a.scratch + thread * (patch + columns);
     convolution.run_row({n, y, 0, p.out_w, static_cast<T*>(a.output) + at, step,
-                         addend ? addend + at : nullptr,
-                         a.scratch + thread * plain_input_patch_floats(p)});
+                         addend ? addend + at : nullptr, scratch, scratch + patch});
   });
 }
 
 void run_plain_input(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
   with_type(p.values, [&](auto type) { convolve<decltype(type)>(p, a); });
+}
+
+void run_plain_input_in_tiles(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+  with_tile_type([&](auto type) { convolve<decltype(type)>(p, a, plain_input_columns_floats(p)); });
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -37,13 +44,29 @@ namespace revisit::engine {
 namespace {
 
 HWY_EXPORT(run_plain_input);
+HWY_EXPORT(run_plain_input_in_tiles);
 
-/// Writes [output block][input channel][row of taps][step][kLanes][tap of the step].
+bool takes_few_channels(const ConvolutionProblem& p) {
+  return p.c_in <= 4 && p.group == 1 && plain_input_patch_fits(p);
+}
+
+bool goes_in_pairs(const ConvolutionProblem& p) {
+  return p.kernel_w > 1 && p.dilation_w == 1;
+}
+
+int64_t packed_floats(const ConvolutionProblem& p) {
+  return channel_blocks(p.c_out) * plain_input_weights(p) * value_bytes(p.values) /
+         value_bytes(Precision::kFloat32);
+}
+
+/// Writes [output block][input channel][row of taps][step][kLanes][tap of the step], and zeros up
+/// to whole tiles.
 template <class T, class Convert>
 void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Convert& convert) {
   constexpr int64_t kStep = std::is_same_v<T, float> ? 1 : 2;
   const int64_t rows = p.c_in * p.kernel_h;
-  for (int64_t block = 0; block < channel_blocks(p.c_out); ++block)
+  for (int64_t block = 0; block < channel_blocks(p.c_out); ++block) {
+    const T* const end = packed + plain_input_weights(p);
     for (int64_t row = 0; row < rows; ++row)
       for (int64_t step = 0; step < plain_input_steps(p); ++step)
         for (int64_t i = 0; i < kLanes * kStep; ++i) {
@@ -53,6 +76,12 @@ void pack(const ConvolutionProblem& p, const float* weights, T* packed, const Co
                           ? convert(weights[(co * rows + row) * p.kernel_w + kx])
                           : T{};
         }
+    packed = std::fill_n(packed, end - packed, T{});
+  }
+}
+
+void pack_values(const ConvolutionProblem& p, const float* weights, float* packed) {
+  pack_as(p.values, packed, [&](auto* to, const auto& convert) { pack(p, weights, to, convert); });
 }
 
 }  // namespace
@@ -61,24 +90,38 @@ const BlockedConvolutionKernel kBlockedPlainInput = {
     "direct plain-input",
     Layout::kNchw,
     [](const ConvolutionProblem& p) {
-      const bool in_pairs = p.kernel_w > 1 && p.dilation_w == 1;
-      return p.c_in <= 4 && p.group == 1 && plain_input_patch_fits(p) &&
-             (p.values == Precision::kFloat32 || in_pairs);
+      return takes_few_channels(p) && (p.values == Precision::kFloat32 || goes_in_pairs(p));
     },
     plain_input_ms,
+    packed_floats,
+    pack_values,
     [](const ConvolutionProblem& p) {
-      return padded_channels(p.c_out) * p.c_in * p.kernel_h * plain_input_steps(p);
+      return p.threads * padded_channels(plain_input_patch_floats(p));
     },
-    [](const ConvolutionProblem& p, const float* weights, float* packed) {
-      pack_as(p.values, packed,
-              [&](auto* to, const auto& convert) { pack(p, weights, to, convert); });
-    },
-    [](const ConvolutionProblem& p) { return p.threads * plain_input_patch_floats(p); },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
       HWY_DYNAMIC_DISPATCH(run_plain_input)(p, a);
     },
     0,
-    true};
+    Products::kValues};
+
+const BlockedConvolutionKernel kBlockedPlainInputTiles = {
+    "tiles plain-input",
+    Layout::kNchw,
+    [](const ConvolutionProblem& p) {
+      return p.values == Precision::kBf16 && takes_few_channels(p) && goes_in_pairs(p);
+    },
+    plain_input_tiles_ms,
+    packed_floats,
+    pack_values,
+    [](const ConvolutionProblem& p) {
+      return p.threads *
+             (padded_channels(plain_input_patch_floats(p)) + plain_input_columns_floats(p));
+    },
+    [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+      HWY_DYNAMIC_DISPATCH(run_plain_input_in_tiles)(p, a);
+    },
+    0,
+    Products::kTiles};
 
 }  // namespace revisit::engine
 #endif

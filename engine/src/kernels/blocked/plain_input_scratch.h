@@ -1,6 +1,7 @@
 #pragma once
 
 #include "kernels/blocked/column_panels.h"
+#include "kernels/blocked/tile_shape.h"
 #include "kernels/convolution.h"
 #include "layout.h"
 
@@ -18,6 +19,13 @@ inline int64_t plain_input_steps(const ConvolutionProblem& p) {
   return p.values == Precision::kBf16 ? (p.kernel_w + 1) / 2 : p.kernel_w;
 }
 
+/// Weights of an output block: bfloat16 go in whole tiles, whoever multiplies them.
+inline int64_t plain_input_weights(const ConvolutionProblem& p) {
+  const int64_t steps = p.c_in * p.kernel_h * plain_input_steps(p);
+  if (p.values == Precision::kFloat32) return steps * kLanes;
+  return Split{2 * steps, 1, kTileDepth}.widest() * kLanes;
+}
+
 /// From one row of rounded input to the next.
 inline int64_t plain_input_pitch(const ConvolutionProblem& p) {
   return padded_channels(plain_input_span(p, p.out_w));
@@ -29,6 +37,11 @@ inline int64_t plain_input_patch_floats(const ConvolutionProblem& p) {
   return p.c_in * p.kernel_h *
          (p.values == Precision::kBf16 ? plain_input_pitch(p) / 2
                                        : plain_input_span(p, kMaxColumns));
+}
+
+/// What a thread unfolds for tiles: the input under a panel of pixels.
+inline int64_t plain_input_columns_floats(const ConvolutionProblem& p) {
+  return kTilePanel.columns * plain_input_weights(p) / kLanes / 2;
 }
 
 /// False for strides and kernels beyond all use, whose patches would take gigabytes, or more floats
