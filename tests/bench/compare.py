@@ -5,6 +5,7 @@
   tests/bench/compare.py layers                time and share of the measured FMA peak of every layer
   tests/bench/compare.py scaling               how time grows with width, threads and batch
   tests/bench/compare.py all -o results        all of it
+  tests/bench/compare.py threads               how busy 8 and 16 threads would be, by counting pieces of work
   tests/bench/compare.py peers --python PYTHON ONNX Runtime and OpenVINO, float32 and bf16
 
 Nothing but Python's own modules is needed, and the packages of tools/bench_packages.txt. Peers need
@@ -49,6 +50,7 @@ PEER_CASES = [('alexnet', 1, *RANGE_IMAGE),
               ('mobilenet_v1', 3, 224, 224),
               ('mobilenet_v2', 3, 224, 224),
               ('resnet50', 3, 224, 224)]
+BUSY_THREADS = (2, 8, 16)
 WIDTHS = (1000, 2000, 4000, 8000, 16000)
 BATCHES = (1, 2, 4)
 NOTES = {('opencv', 'vgg_cnn_s'): "wrong result: OpenCV's importer of Caffe nets ignores k of LRN"}
@@ -73,16 +75,20 @@ class Programs:
         run(['cmake', '-S', ROOT, '-B', build, '-G', 'Ninja', '-DREVISIT_BENCH=ON', '-DREVISIT_PIPELINE=OFF',
              '-DCMAKE_BUILD_TYPE=Release'], stdout=subprocess.DEVNULL)
         run(['cmake', '--build', build, '-j', jobs, '--target', 'revisit', 'revisit_compare',
-             'revisit_random_weights', 'revisit_fma_peak'], stdout=subprocess.DEVNULL)
+             'revisit_random_weights', 'revisit_fma_peak', 'revisit_busy_threads'], stdout=subprocess.DEVNULL)
 
     def bench(self, name):
         return self.build / 'tests' / 'bench' / name
 
+    def prototxt(self, name, batch, channels, height, width):
+        self.folder.mkdir(parents=True, exist_ok=True)
+        path = self.folder / f'{name}_{batch}x{channels}x{height}x{width}.prototxt'
+        path.write_text(NETS[name](batch, channels, height, width))
+        return path
+
     def net(self, name, batch, height, width, channels=3):
         """Prototxt and random weights, the same at every size: all layers there are at 224 x 224."""
-        self.folder.mkdir(parents=True, exist_ok=True)
-        prototxt = self.folder / f'{name}_{batch}x{channels}x{height}x{width}.prototxt'
-        prototxt.write_text(NETS[name](batch, channels, height, width))
+        prototxt = self.prototxt(name, batch, channels, height, width)
         whole_size = max(224, min(height, width))  # inner products are of one size
         weights = self.folder / f'{name}_{channels}.caffemodel'
         if not weights.exists():
@@ -177,6 +183,30 @@ def peers_table(results):
                   'median / ours'], rows)
 
 
+def threads_table(results):
+    rows = []
+    for result in results:
+        loss = result['losses'][0]
+        rows.append([result['net'], f"{result['threads']:.0f}", f"{result['one_thread_ms']:.2f}",
+                     f"{result['scheduled_ms']:.2f}", f"{result['one_thread_ms'] / result['scheduled_ms']:.1f}",
+                     f"{100 * result['scarce_share']:.1f}", f"{100 * result['serial_share']:.1f}",
+                     f"{loss['layer']} ({loss['kernel']}), {loss['pieces']:.0f} pieces, {loss['lost_ms']:.2f} ms"])
+    return table(['net', 'threads', 'ms on one', 'ms if memory keeps up', 'times as fast',
+                  '% in fewer pieces than threads', '% outside of pieces', 'what loses most'], rows)
+
+
+def measure_threads(programs, options):
+    results = []
+    for net, channels, height, width in PEER_CASES:
+        if not re.search(options.nets, f'{net} {height}x{width}'):
+            continue
+        prototxt = programs.prototxt(net, 1, 3, height, width)
+        for threads in BUSY_THREADS:
+            command = [programs.bench('revisit_busy_threads'), prototxt, threads]
+            results.append({'net': net, **output_of(command + (['gray'] if channels == 1 else []))})
+    return results
+
+
 def measure_peers(programs, options):
     results = []
     for case in PEER_CASES:
@@ -223,7 +253,7 @@ def machine():
 def parse_options():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('what', choices=['engines', 'layers', 'scaling', 'peers', 'all'])
+    parser.add_argument('what', choices=['engines', 'layers', 'scaling', 'threads', 'peers', 'all'])
     parser.add_argument('-b', '--build', type=Path, default=ROOT / 'build' / 'bench',
                         help='build folder (default: build/bench)')
     parser.add_argument('-o', '--output', type=Path,
@@ -266,6 +296,9 @@ def main():
     if options.what == 'peers':
         report['peers'] = measure_peers(programs, options)
         text.append(peers_table(report['peers']))
+    if options.what in ('threads', 'all'):
+        report['threads'] = measure_threads(programs, options)
+        text.append(threads_table(report['threads']))
     if options.what in ('scaling', 'all'):
         report['scaling'] = measure_scaling(programs, options)
         text.append(scaling_table(report['scaling']))

@@ -10,13 +10,28 @@
 
 namespace revisit::engine {
 
+/// Sees what the thread that sets `here` would share with others: it then does all items itself,
+/// one after the other, while their number is that for all threads.
+class RegionObserver {
+ public:
+  virtual ~RegionObserver() = default;
+  virtual void before_region() = 0;
+  virtual void after_item() = 0;
+  static inline thread_local RegionObserver* here = nullptr;
+};
+
 /// Calls `work(item, thread)` for every item in [0, items), on up to `threads` threads. Items must
 /// be independent, and no value may depend on how many there are: their number may depend on the
 /// number of threads. Every thread calculates in the FloatMode of the calling one.
 template <class Work>
 void parallel_for(int64_t items, int threads, const Work& work) {
-  if (threads <= 1 || items <= 1) {
-    for (int64_t item = 0; item < items; ++item) work(item, 0);
+  RegionObserver* const observer = RegionObserver::here;
+  if (threads <= 1 || items <= 1 || observer) {
+    if (observer) observer->before_region();
+    for (int64_t item = 0; item < items; ++item) {
+      work(item, 0);
+      if (observer) observer->after_item();
+    }
     return;
   }
   RegionForSanitizer region;

@@ -1,0 +1,176 @@
+// How busy more threads would be than the machine has, by counting: a plan for so many threads runs
+// on one, which times every piece of every parallel region.
+//   revisit_busy_threads NET.prototxt THREADS [gray]
+// As JSON: what a dynamic schedule of the pieces would take if memory kept up, the share of the
+// time in regions of fewer pieces than threads and outside of regions, and the layers that lose
+// most.
+#include <google/protobuf/struct.pb.h>
+#include <google/protobuf/util/json_util.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <numeric>
+#include <queue>
+
+#include "kernels/parallel.h"
+#include "revisit/engine/net.h"
+
+namespace {
+
+using namespace revisit::engine;
+
+double now_ms() {
+  using namespace std::chrono;
+  return duration<double, std::milli>(steady_clock::now().time_since_epoch()).count();
+}
+
+using Region = std::vector<double>;  // the milliseconds of its pieces
+
+/// When the last piece ends, each being taken in turn by the first thread that is free.
+double scheduled_ms(const Region& pieces, int threads) {
+  std::priority_queue<double, std::vector<double>, std::greater<>> free_at;
+  for (int i = 0; i < threads; ++i) free_at.push(0);
+  double end = 0;
+  for (const double ms : pieces) {
+    const double done = free_at.top() + ms;
+    free_at.pop();
+    free_at.push(done);
+    end = std::max(end, done);
+  }
+  return end;
+}
+
+struct LayerRegions {
+  double ms = 0;  // in all
+  std::vector<Region> regions;
+
+  double parallel_ms() const {
+    double sum = 0;
+    for (const Region& region : regions) sum = std::accumulate(region.begin(), region.end(), sum);
+    return sum;
+  }
+  double serial_ms() const { return std::max(ms - parallel_ms(), 0.0); }
+  double scheduled_ms(int threads) const {
+    double sum = serial_ms();
+    for (const Region& region : regions) sum += ::scheduled_ms(region, threads);
+    return sum;
+  }
+};
+
+/// The smaller time of each piece in two passes, which have the same ones.
+void keep_faster(const std::vector<LayerRegions>& pass, std::vector<LayerRegions>* fastest) {
+  for (size_t i = 0; i < pass.size(); ++i) {
+    LayerRegions& best = (*fastest)[i];
+    const double serial = std::min(best.serial_ms(), pass[i].serial_ms());
+    for (size_t r = 0; r < pass[i].regions.size(); ++r)
+      for (size_t k = 0; k < pass[i].regions[r].size(); ++k)
+        best.regions[r][k] = std::min(best.regions[r][k], pass[i].regions[r][k]);
+    best.ms = serial + best.parallel_ms();
+  }
+}
+
+/// One pass.
+class Watch : public StepObserver, public RegionObserver {
+ public:
+  explicit Watch(size_t layers) : layers_(layers) {}
+
+  void before(size_t layer) override {
+    layer_ = layer;
+    start_ = now_ms();
+    here = this;
+  }
+  void after(size_t layer) override {
+    here = nullptr;
+    layers_[layer].ms += now_ms() - start_;
+  }
+  void before_region() override {
+    layers_[layer_].regions.emplace_back();
+    piece_ = now_ms();
+  }
+  void after_item() override {
+    const double now = now_ms();
+    layers_[layer_].regions.back().push_back(now - piece_);
+    piece_ = now;
+  }
+  const std::vector<LayerRegions>& layers() const { return layers_; }
+
+ private:
+  std::vector<LayerRegions> layers_;
+  size_t layer_ = 0;
+  double start_ = 0, piece_ = 0;
+};
+
+double total_ms(const std::vector<LayerRegions>& layers) {
+  return std::accumulate(layers.begin(), layers.end(), 0.0,
+                         [](double sum, const LayerRegions& layer) { return sum + layer.ms; });
+}
+
+google::protobuf::Struct report(const Plan& plan, const std::vector<LayerRegions>& layers,
+                                int threads) {
+  double scheduled = 0, serial = 0, scarce = 0;
+  std::vector<std::pair<double, size_t>> lost;  // against all threads busy
+  for (size_t i = 0; i < layers.size(); ++i) {
+    scheduled += layers[i].scheduled_ms(threads);
+    serial += layers[i].serial_ms();
+    for (const Region& region : layers[i].regions)
+      if (region.size() < static_cast<size_t>(threads))
+        scarce = std::accumulate(region.begin(), region.end(), scarce);
+    lost.emplace_back(layers[i].scheduled_ms(threads) - layers[i].ms / threads, i);
+  }
+  std::sort(lost.rbegin(), lost.rend());
+
+  google::protobuf::Struct out;
+  const double all = total_ms(layers);
+  auto& fields = *out.mutable_fields();
+  fields["threads"].set_number_value(threads);
+  fields["one_thread_ms"].set_number_value(all);
+  fields["scheduled_ms"].set_number_value(scheduled);
+  fields["scarce_share"].set_number_value(scarce / all);
+  fields["serial_share"].set_number_value(serial / all);
+  for (size_t k = 0; k < std::min<size_t>(3, lost.size()); ++k) {
+    const auto [ms, i] = lost[k];
+    size_t pieces = 0;
+    for (const Region& region : layers[i].regions) pieces = std::max(pieces, region.size());
+    auto& entry = *fields["losses"].mutable_list_value()->add_values()->mutable_struct_value();
+    (*entry.mutable_fields())["layer"].set_string_value(plan.layers()[i].name);
+    (*entry.mutable_fields())["kernel"].set_string_value(plan.layers()[i].kernel);
+    (*entry.mutable_fields())["pieces"].set_number_value(static_cast<double>(pieces));
+    (*entry.mutable_fields())["lost_ms"].set_number_value(ms);
+  }
+  return out;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) try {
+  if (argc < 3) {
+    std::fprintf(stderr, "usage: %s PROTOTXT THREADS [gray]\n", argv[0]);
+    return 2;
+  }
+  const int threads = std::stoi(argv[2]);
+  const Net net = Net::load_with_random_weights(argv[1], 1);
+  PlanOptions options{.threads = threads};
+  if (argc > 3) options.gray_offsets = std::vector<float>(net.inputs()[0].shape[1], 0.0F);
+  Run run(net.plan({}, options));
+  for (float& x : run.input(run.plan().inputs()[0].name).values()) x = 1;
+
+  std::vector<LayerRegions> fastest;
+  for (int pass = 0; pass < 12; ++pass) {
+    Watch watch(run.plan().layers().size());
+    run.forward(watch);
+    if (fastest.empty())
+      fastest = watch.layers();
+    else
+      keep_faster(watch.layers(), &fastest);
+  }
+  std::string json;
+  if (!google::protobuf::util::MessageToJsonString(report(run.plan(), fastest, threads), &json)
+           .ok())
+    throw std::runtime_error("cannot write the report");
+  std::puts(json.c_str());
+  return 0;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s\n", error.what());
+  return 1;
+}
