@@ -53,6 +53,31 @@ struct Chunks {
   bool per_thread;  // every thread takes chunks of its own; else all work on the same one
 };
 
+/// Panels of a chunk with a slice of output blocks.
+struct Piece {
+  int64_t slice, first_panel, end_panel;
+};
+
+/// Of a chunk that `sharing` threads work on: enough for each to have some. One thread alone takes
+/// all panels with a slice, whose weights it reads once.
+class Pieces {
+ public:
+  Pieces(int64_t slices, int64_t panels, int sharing)
+      : slices_(slices),
+        cut_{panels, std::clamp(kPerThread * (sharing - 1) / slices, int64_t{1}, panels)} {}
+
+  int64_t count() const { return slices_ * cut_.parts; }
+  Piece operator[](int64_t i) const {
+    const int64_t part = i % cut_.parts;
+    return {i / cut_.parts, cut_.begin(part), cut_.end(part)};
+  }
+
+ private:
+  static constexpr int64_t kPerThread = 2;
+  int64_t slices_;
+  Split cut_;
+};
+
 /// Of `products` products alike, in chunks of at most `panels` panels. Where threads have at least
 /// one each, there are as many for each.
 inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t panels, int threads,

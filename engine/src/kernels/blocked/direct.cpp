@@ -23,19 +23,21 @@ class Direct {
       : p_(p), a_(a), shape_(p, kInTiles<T> ? kTilePanel : kRegisterPanel) {}
 
   void run_pointwise() const {
-    const int64_t chunks = shape_.chunks.columns.parts, slices = shape_.slices();
-    const int64_t parts = shape_.chunks.per_thread ? 1 : slices;
-    parallel_for(shape_.images * chunks * parts, p_.threads, [&](int64_t item, int) {
-      const int64_t chunk = item / parts % chunks, image = item / parts / chunks;
-      const Split cut = {slices, parts};
-      const T* pixels =
-          input() +
-          (image * shape_.in_blocks * p_.h * p_.w + shape_.chunks.columns.begin(chunk)) * kLanes;
-      for (int64_t slice = cut.begin(item % parts); slice < cut.end(item % parts); ++slice)
-        multiply_slice(image, chunk, slice, [&](int64_t first, int64_t) {
-          return Columns{pixels + first * kLanes, p_.h * p_.w * kLanes};
-        });
-    });
+    const int64_t chunks = shape_.chunks.columns.parts;
+    if (shape_.chunks.per_thread) {
+      parallel_for(shape_.images * chunks, p_.threads, [&](int64_t item, int) {
+        const int64_t chunk = item % chunks, image = item / chunks;
+        const Pieces pieces = pieces_of(chunk, 1);
+        for (int64_t i = 0; i < pieces.count(); ++i) multiply_pixels(image, chunk, pieces[i]);
+      });
+      return;
+    }
+    for (int64_t image = 0; image < shape_.images; ++image)
+      for (int64_t chunk = 0; chunk < chunks; ++chunk) {
+        const Pieces pieces = pieces_of(chunk, p_.threads);
+        parallel_for(pieces.count(), p_.threads,
+                     [&](int64_t i, int) { multiply_pixels(image, chunk, pieces[i]); });
+      }
   }
 
   void run() const {
@@ -45,7 +47,9 @@ class Direct {
         const int64_t chunk = item % chunks, image = item / chunks;
         T* const columns = scratch() + thread * shape_.columns_numbers();
         for (int64_t i = 0; i < unfold_items(chunk); ++i) unfold(image, chunk, i, columns);
-        for (int64_t i = 0; i < shape_.slices(); ++i) multiply_unfolded(image, chunk, i, columns);
+        const Pieces pieces = pieces_of(chunk, 1);
+        for (int64_t i = 0; i < pieces.count(); ++i)
+          multiply_unfolded(image, chunk, pieces[i], columns);
       });
       return;
     }
@@ -54,8 +58,9 @@ class Direct {
       for (int64_t chunk = 0; chunk < chunks; ++chunk) {
         parallel_for(unfold_items(chunk), p_.threads,
                      [&](int64_t i, int) { unfold(image, chunk, i, columns); });
-        parallel_for(shape_.slices(), p_.threads,
-                     [&](int64_t i, int) { multiply_unfolded(image, chunk, i, columns); });
+        const Pieces pieces = pieces_of(chunk, p_.threads);
+        parallel_for(pieces.count(), p_.threads,
+                     [&](int64_t i, int) { multiply_unfolded(image, chunk, pieces[i], columns); });
       }
   }
 
@@ -144,16 +149,31 @@ class Direct {
     }
   }
 
-  void multiply_unfolded(int64_t image, int64_t chunk, int64_t slice, const T* columns) const {
-    multiply_slice(image, chunk, slice, [&](int64_t first, int64_t width) {
+  Pieces pieces_of(int64_t chunk, int sharing) const {
+    return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
+  }
+
+  /// Of a pointwise convolution, whose columns are its input.
+  void multiply_pixels(int64_t image, int64_t chunk, const Piece& piece) const {
+    const int64_t step = p_.h * p_.w * kLanes;
+    const T* const pixels =
+        input() + image * shape_.in_blocks * step + shape_.chunks.columns.begin(chunk) * kLanes;
+    multiply_piece(image, chunk, piece, [&](int64_t first, int64_t) {
+      return Columns{pixels + first * kLanes, step};
+    });
+  }
+
+  void multiply_unfolded(int64_t image, int64_t chunk, const Piece& piece, const T* columns) const {
+    multiply_piece(image, chunk, piece, [&](int64_t first, int64_t width) {
       return Columns{columns + first * shape_.packed_depth * kLanes, columns_step(width)};
     });
   }
 
   /// `columns_of(first, width)` gives a panel of the chunk.
   template <class ColumnsOf>
-  void multiply_slice(int64_t image, int64_t chunk, int64_t slice,
+  void multiply_piece(int64_t image, int64_t chunk, const Piece& piece,
                       const ColumnsOf& columns_of) const {
+    const int64_t slice = piece.slice;
     const int64_t begin = slice * DirectShape::kSliceBlocks;
     const int64_t blocks = std::min(DirectShape::kSliceBlocks, shape_.out_blocks - begin);
     const int64_t block = image % p_.group * shape_.out_blocks + begin;  // of all groups
@@ -163,7 +183,7 @@ class Direct {
         BlockEpilogue(a_.epilogue, a_.bias, block + blocks - 1, p_.c_out)};
     const Split panels = panels_of_chunk(chunk);
     [[maybe_unused]] TilesOf<T> tiles;
-    for (int64_t panel = 0; panel < panels.parts; ++panel) {
+    for (int64_t panel = piece.first_panel; panel < piece.end_panel; ++panel) {
       const int64_t first = panels.begin(panel), width = panels.width(panel);
       const Columns columns = columns_of(first, width);
       const int64_t offset = (image * shape_.out_blocks + begin) * image_step +
@@ -176,9 +196,10 @@ class Direct {
                                          kPixel, weights(block), shape_.weights()},
                           blocks, width, tiles, finish);
       else
-        multiply(Factors<T>{shape_.depth(), columns.data, columns.step, weights(block),
-                            shape_.weights(), prefetched(block, slice, panels.parts - 1 - panel)},
-                 blocks, width, finish);
+        multiply(
+            Factors<T>{shape_.depth(), columns.data, columns.step, weights(block), shape_.weights(),
+                       prefetched(block, slice, piece.end_panel - 1 - panel)},
+            blocks, width, finish);
     }
   }
 

@@ -40,8 +40,9 @@ class Winograd {
       parallel_for(chunks, p_.threads, [&](int64_t chunk, int thread) {
         float* const inputs = a_.scratch + thread * floats;
         for (int64_t i = 0; i < input_items(chunk); ++i) transform_inputs(chunk, i, inputs);
-        for (int64_t i = 0; i < shape_.slices(); ++i)
-          compute_slice(chunk, i, inputs, inputs + shape_.inputs_floats());
+        const Pieces pieces = pieces_of(chunk, 1);
+        for (int64_t i = 0; i < pieces.count(); ++i)
+          compute(chunk, pieces[i], inputs, inputs + shape_.inputs_floats());
       });
       return;
     }
@@ -50,8 +51,9 @@ class Winograd {
     for (int64_t chunk = 0; chunk < chunks; ++chunk) {
       parallel_for(input_items(chunk), p_.threads,
                    [&](int64_t i, int) { transform_inputs(chunk, i, inputs); });
-      parallel_for(shape_.slices(), p_.threads, [&](int64_t i, int thread) {
-        compute_slice(chunk, i, inputs, products + thread * shape_.products_floats());
+      const Pieces pieces = pieces_of(chunk, p_.threads);
+      parallel_for(pieces.count(), p_.threads, [&](int64_t i, int thread) {
+        compute(chunk, pieces[i], inputs, products + thread * shape_.products_floats());
       });
     }
   }
@@ -74,6 +76,10 @@ class Winograd {
 
   Split panels_of_chunk(int64_t chunk) const {
     return panels_of(shape_.chunks.columns.width(chunk));
+  }
+
+  Pieces pieces_of(int64_t chunk, int sharing) const {
+    return {shape_.slices(), panels_of_chunk(chunk).parts, sharing};
   }
 
   /// An item is one panel of tiles and one block of input channels.
@@ -130,22 +136,24 @@ class Winograd {
     }
   }
 
-  /// Multiplies for every point, then transforms the products back while they are in cache:
-  /// [panel][block][point][tile][kLanes].
-  void compute_slice(int64_t chunk, int64_t slice, const float* inputs, float* products) const {
-    const int64_t group = slice / shape_.slices_per_group();
-    const int64_t begin = slice % shape_.slices_per_group() * shape_.slice_blocks;
+  /// Multiplies for every point, then transforms the products back while
+  /// they are in cache: [panel][block][point][tile][kLanes].
+  void compute(int64_t chunk, const Piece& piece, const float* inputs, float* products) const {
+    const int64_t group = piece.slice / shape_.slices_per_group();
+    const int64_t begin = piece.slice % shape_.slices_per_group() * shape_.slice_blocks;
     const int64_t blocks = std::min(shape_.slice_blocks, shape_.out_blocks_per_group() - begin);
     const int64_t first_block = group * shape_.out_blocks_per_group() + begin;
 
     const Split cut = panels_of_chunk(chunk);
-    const int64_t n_panels = cut.parts;
+    const int64_t n_panels = piece.end_panel - piece.first_panel;
     ChunkPanel panels[WinogradShape::kMostChunkPanels];
     for (int64_t i = 0; i < n_panels; ++i) {
-      const int64_t block_floats = kPoints * cut.width(i) * kLanes;
-      const int64_t before = cut.begin(i) * kPoints * kLanes;
+      const int64_t first = cut.begin(piece.first_panel + i);
+      const int64_t width = cut.width(piece.first_panel + i);
+      const int64_t block_floats = kPoints * width * kLanes;
+      const int64_t before = first * kPoints * kLanes;
       panels[i] = {
-          shape_.chunks.columns.begin(chunk) + cut.begin(i), cut.width(i), block_floats,
+          shape_.chunks.columns.begin(chunk) + first, width, block_floats,
           inputs + before * shape_.in_blocks + group * shape_.in_blocks_per_group() * block_floats,
           products + before * blocks};
     }
