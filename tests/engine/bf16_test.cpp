@@ -18,6 +18,7 @@
 #include "kernels/blocked/reorder.h"
 #include "net_case.h"
 #include "problems.h"
+#include "revisit/engine/simd.h"
 #include "simd_targets.h"
 #include "single_layer.h"
 
@@ -455,7 +456,7 @@ TEST(Bf16Nets, TakeLessMemoryAndKeepToTheLimit) {
       if (layer.name == name) return layer.kernel;
     return std::string();
   };
-  EXPECT_EQ(kernel_of(narrow, "b"), "pointwise bf16");
+  EXPECT_EQ(kernel_of(narrow, "b"), has_bf16_tiles() ? "tiles bf16" : "pointwise bf16");
   EXPECT_EQ(kernel_of(narrow, "i"), "gemv bf16");
   const PlanOptions tight{.max_run_bytes = narrow.arena_bytes() + (64 << 10),
                           .precision = Precision::kBf16};

@@ -3,6 +3,7 @@
 #include <hwy/highway.h>
 
 #if HWY_ARCH_X86_64 && defined(__linux__)
+#include <cpuid.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 #endif
@@ -12,7 +13,11 @@ namespace {
 
 bool has_amx() {
 #if HWY_ARCH_X86_64 && defined(__linux__)
-  return __builtin_cpu_supports("amx-bf16") != 0;
+  // Compilers that do know the instructions do not all know them in __builtin_cpu_supports().
+  constexpr unsigned kAmxBf16 = 1U << 22, kAmxTile = 1U << 24;
+  unsigned eax = 0, ebx = 0, ecx = 0, edx = 0;
+  return __get_cpuid_count(7, 0, &eax, &ebx, &ecx, &edx) != 0 && (edx & kAmxBf16) != 0 &&
+         (edx & kAmxTile) != 0;
 #else
   return false;
 #endif

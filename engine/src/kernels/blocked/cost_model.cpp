@@ -42,8 +42,9 @@ double weights_cycles(double bytes, int64_t chunks, double multiply) {
 double channel_cost(Precision values) {
   if (values == Precision::kFloat32) return 1;
   if (!has_bf16_instructions()) return 2;
-  // CPUs with tiles do half as many of the other products in a cycle (uops.info, VDPBF16PS).
-  return has_bf16_tiles() ? 1 : 0.5;
+  // Beside tiles the other instruction is slow: docs/PERFORMANCE.md has Sapphire Rapids' 58 against
+  // 115 in float32.
+  return has_bf16_tiles() ? 2 : 0.5;
 }
 
 /// Cycles of products in tiles, of so many steps of kTileDepth channels.
@@ -123,7 +124,7 @@ double plain_input_tiles_ms(const ConvolutionProblem& p) {
 
 double tiles_ms(const ConvolutionProblem& problem) {
   const ConvolutionProblem p = on_one_thread(problem);
-  const DirectShape s(p, kTilePanel);
+  const DirectShape s(p, kTileCut);
   const double steps = static_cast<double>(s.packed_depth * kLanes / kTileDepth);
   const double multiply =
       static_cast<double>(s.images) * tile_cycles(p.out_pixels(), steps, s.out_blocks);

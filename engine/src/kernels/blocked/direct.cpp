@@ -20,7 +20,7 @@ template <class T>
 class Direct {
  public:
   Direct(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
-      : p_(p), a_(a), shape_(p, kInTiles<T> ? kTilePanel : kRegisterPanel) {}
+      : p_(p), a_(a), shape_(p, kInTiles<T> ? kTileCut : kRegisterCut) {}
 
   void run_pointwise() const {
     const int64_t chunks = shape_.chunks.columns.parts;
@@ -325,7 +325,7 @@ const BlockedConvolutionKernel kBlockedTiles = direct(
       return p.values == Precision::kBf16 && groups_are_whole_blocks(p);
     },
     tiles_ms,
-    [](const ConvolutionProblem& p) { return unfolded_floats(p, DirectShape(p, kTilePanel)); },
+    [](const ConvolutionProblem& p) { return unfolded_floats(p, DirectShape(p, kTileCut)); },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
       HWY_DYNAMIC_DISPATCH(run_in_tiles)(p, a);
     },

@@ -3,10 +3,20 @@
 #include <algorithm>
 
 #include "kernels/blocked/column_panels.h"
+#include "kernels/blocked/tile_shape.h"
 #include "kernels/convolution.h"
 #include "layout.h"
 
 namespace revisit::engine {
+
+/// What is multiplied together: a panel of pixels at a time, of a chunk of so many unfolded numbers
+/// that stays in the L2 cache. Tiles are there where it has 2 MB.
+struct DirectCut {
+  Panel panel;
+  int64_t chunk_numbers;
+};
+constexpr DirectCut kRegisterCut = {kRegisterPanel, 256 * 1024};
+constexpr DirectCut kTileCut = {kTilePanel, 640 * 1024};
 
 /// How a convolution is cut up as one matrix product per image and group: its columns are output
 /// pixels, its depth the blocks of input channels under every tap.
@@ -19,16 +29,17 @@ struct DirectShape {
   Panel panel;           // of pixels
   Chunks chunks;         // of the pixels of an image
 
-  explicit DirectShape(const ConvolutionProblem& p, Panel panel_of_pixels = kRegisterPanel)
+  explicit DirectShape(const ConvolutionProblem& p, const DirectCut& cut = kRegisterCut)
       : taps(p.kernel_h * p.kernel_w),
         in_blocks(channel_blocks(p.c_in_per_group())),
         out_blocks(channel_blocks(p.c_out_per_group())),
         images(p.n * p.group),
         packed_depth(p.values == Precision::kBf16 ? (depth() + 1) / 2 * 2 : depth()),
-        panel(panel_of_pixels),
+        panel(cut.panel),
         chunks(cut_into_chunks(
             images, p.out_pixels(),
-            std::clamp<int64_t>(kChunkNumbers / (panel.columns * kLanes * depth()), 1, kMostPanels),
+            std::clamp<int64_t>(cut.chunk_numbers / (panel.columns * kLanes * depth()), 1,
+                                kMostPanels),
             p.threads, panel)) {}
 
   int64_t depth() const { return taps * in_blocks; }
@@ -37,7 +48,7 @@ struct DirectShape {
   int64_t slices() const { return (out_blocks + kSliceBlocks - 1) / kSliceBlocks; }
 
  private:
-  static constexpr int64_t kChunkNumbers = 256 * 1024, kMostPanels = 8;
+  static constexpr int64_t kMostPanels = 8;
 };
 
 }  // namespace revisit::engine
