@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "held_post_ops.h"
+#include "kernels/blocked/gate.h"
 
 namespace revisit::engine {
 namespace {
@@ -51,14 +52,39 @@ Kernel bind_combination(const Combining& combining, const Binding& binding) {
       });
 }
 
+/// The factors are few: they are read as plain values, which need no padding.
+Kernel bind_gate(const Gating& gating, const Binding& binding) {
+  std::optional<size_t> addend = gating.addend;
+  if (binding.fusion.adds_last_input) addend = binding.inputs.size() - 1;
+  Kernel kernel = blocked_kernel(
+      addend ? "gate + sum" : "gate", binding.inputs.size(),
+      [size = size_of(binding), gating, addend,
+       activation = binding.fusion.activation](const Call& call) {
+        blocked_gate(size,
+                     {call.inputs[gating.factors], addend ? call.inputs[*addend] : nullptr,
+                      gating.zero_hides, activation.epilogue},
+                     call.inputs[gating.x], call.outputs[0]);
+      });
+  kernel.reads[gating.factors] = Layout::kNchw;
+  return kernel;
+}
+
+/// Whether more than the factors is there in blocks.
+bool gates_blocks(const Gating& gating, const Binding& binding) {
+  for (size_t i = 0; i < binding.inputs.size(); ++i)
+    if (i != gating.factors && binding.blocked(i)) return true;
+  return false;
+}
+
 /// A kernel on plain values with what is fused to it done afterwards, in place.
 Kernel finished(Kernel kernel, const Binding& binding) {
   const Fusion& fusion = binding.fusion;
-  if (!fusion.affine && fusion.activation.epilogue.activation == Epilogue::Activation::kNone)
+  if (!fusion.affine && !fusion.adds_last_input &&
+      fusion.activation.epilogue.activation == Epilogue::Activation::kNone)
     return kernel;
   kernel.run = [run = std::move(kernel.run), post_ops = HeldPostOps(binding)](const Call& call) {
     run(call);
-    post_ops(nullptr, call.outputs[0]);
+    post_ops(call.inputs.back(), call.outputs[0]);
   };
   return kernel;
 }
@@ -76,6 +102,8 @@ Kernel bind_operation(const Layer& layer, const Form& form, const Binding& bindi
       return bind_affine(*affine, binding);
     if (const auto* combining = std::get_if<Combining>(&form))
       return bind_combination(*combining, binding);
+    const auto* gating = std::get_if<Gating>(&form);
+    if (gating && gates_blocks(*gating, binding)) return bind_gate(*gating, binding);
   }
   return finished(layer.bind(binding), binding);
 }

@@ -39,11 +39,19 @@ struct Combining {
   std::vector<float> coefficients;  // of a sum, one for each input
 };
 
-using Form = std::variant<std::monostate, Convolving, Activating, ChannelAffine, Combining,
+/// a[n][c] * x, plus y where there is one: which inputs these are.
+struct Gating {
+  size_t x = 0, factors = 0;
+  std::optional<size_t> addend = std::nullopt;
+  bool zero_hides = false;  // BlockedGate::zero_hides
+};
+
+using Form = std::variant<std::monostate, Convolving, Activating, ChannelAffine, Combining, Gating,
                           LrnProblem /* across channels */, PoolingProblem /* maximum */>;
 
 /// What an operation does beside what its layer says, in this order. All of it is for convolutions;
-/// ChannelAffine takes scale and shift and activations, Combining activations, LrnProblem pooling.
+/// ChannelAffine takes scale and shift and activations, Combining activations, Gating an addend and
+/// activations, LrnProblem pooling.
 struct Fusion {
   /// The input holds one channel, x, which stands for channels x + offset.
   std::optional<std::vector<float>> gray_offsets;

@@ -89,7 +89,7 @@ class Fuser {
     if (!maker || is_activated(*maker)) return false;
     const Form& form = maker->form;
     if (!std::holds_alternative<Convolving>(form) && !std::holds_alternative<ChannelAffine>(form) &&
-        !std::holds_alternative<Combining>(form))
+        !std::holds_alternative<Combining>(form) && !std::holds_alternative<Gating>(form))
       return false;
     maker->fusion.activation = activation;
     absorb(maker, operation);
@@ -105,13 +105,19 @@ class Fuser {
     ValueId sums = operation.inputs[0], addend = operation.inputs[1];
     if (made_at(sums) < made_at(addend)) std::swap(sums, addend);
     Operation* const maker = only_maker(sums);
-    if (!maker || is_activated(*maker) || maker->fusion.adds_last_input ||
-        !std::holds_alternative<Convolving>(maker->form))
+    if (!maker || is_activated(*maker) || maker->fusion.adds_last_input || !can_add(*maker, addend))
       return false;
     maker->fusion.adds_last_input = true;
     maker->inputs.push_back(addend);
     absorb(maker, operation);
     return true;
+  }
+
+  /// A gate may work in place: on plain values it has overwritten its input before it adds.
+  static bool can_add(const Operation& maker, ValueId addend) {
+    const auto* gating = std::get_if<Gating>(&maker.form);
+    return std::holds_alternative<Convolving>(maker.form) ||
+           (gating && !gating->addend && maker.inputs[gating->x] != addend);
   }
 
   static bool is_sum_of_two(const Combining& combining) {

@@ -54,10 +54,45 @@ TEST(Layouts, StayBlockedToTheEnd) {
   EXPECT_EQ(steps["m2"], 2) << "the output is plain";
 }
 
+/// Squeeze and excitation, in both forms that there are of it.
+TEST(Layouts, GatesStayBlocked) {
+  const std::string squeeze =
+      conv("c", "data") +
+      layer("g", "Pooling", {"c"}, "pooling_param { pool: AVE global_pooling: true }") +
+      conv("e", "g", "num_output: 32 kernel_size: 1") + layer("s", "Sigmoid", {"e"});
+  const std::string end = in_place("r", "ReLU", "sum") + conv("d", "sum");
+  for (const int64_t n : {1, 3}) {
+    const Net axpy = small_net(
+        {n, 32, 9, 11}, conv("a", "data") + squeeze + layer("sum", "Axpy", {"s", "c", "a"}) + end);
+    EXPECT_EQ(kernel_of(expect_as_reference(axpy), "sum"), "gate + sum");
+    const Net scale =
+        small_net({n, 32, 9, 11}, conv("a", "data") + squeeze + layer("f", "Flatten", {"s"}) +
+                                      layer("x", "Scale", {"c", "f"}, "scale_param { axis: 0 }") +
+                                      layer("sum", "Eltwise", {"x", "a"}) + end);
+    EXPECT_EQ(kernel_of(expect_as_reference(scale), "x"), "gate + sum");
+    for (const char* absorbed : {"sum", "r"})
+      EXPECT_EQ(kernel_of(scale.plan(), absorbed), "in x") << absorbed;
+    StepCounter steps(scale, {});
+    EXPECT_EQ(steps["x"], 1);
+    EXPECT_EQ(steps["c"], 1) << "the input is in blocks by now";
+  }
+  // The addend is what the gate overwrites on plain values.
+  expect_as_reference(
+      small_net({2, 32, 9, 11}, squeeze + layer("f", "Flatten", {"s"}) +
+                                    layer("x", "Scale", {"data", "f"}, "scale_param { axis: 0 }") +
+                                    layer("sum", "Eltwise", {"x", "data"})));
+  // On plain values, too, sums are merged.
+  expect_as_reference(small_net(
+      {2, 6}, layer("a", "InnerProduct", {"data"}, "inner_product_param { num_output: 6 }") +
+                  layer("b", "InnerProduct", {"data"}, "inner_product_param { num_output: 6 }") +
+                  layer("x", "Scale", {"a", "b"}, "scale_param { axis: 0 }") +
+                  layer("sum", "Eltwise", {"x", "data"}) + in_place("r", "ReLU", "sum")));
+}
+
 TEST(Layouts, PlainLayersInBetween) {
   const std::string layers =
-      conv("c1", "data") + in_place("t", "TanH", "c1") + conv("c2", "c1") +
-      layer("flat", "Flatten", {"c2"}) +
+      conv("c1", "data") + in_place("t", "Power", "c1", "power_param { power: 2 }") +
+      conv("c2", "c1") + layer("flat", "Flatten", {"c2"}) +
       layer("ip", "InnerProduct", {"flat"}, "inner_product_param { num_output: 5 }");
   for (const int64_t n : {1, 3}) {
     const Net net = small_net({n, 16, 9, 11}, layers);
@@ -73,7 +108,7 @@ TEST(Layouts, PlainLayersInBetween) {
 
 TEST(Layouts, ValuesThatAreNeededInBoth) {
   const Net net =
-      small_net(kData, conv("c", "data") + layer("s", "Sigmoid", {"c"}) +
+      small_net(kData, conv("c", "data") + layer("s", "AbsVal", {"c"}) +
                            layer("p", "Power", {"c"}, "power_param { power: 2 }") + conv("d", "c") +
                            conv("e", "s") + layer("sum", "Eltwise", {"e", "d", "p"}));
   expect_as_reference(net);

@@ -34,7 +34,7 @@ class Affine : public Layer {
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
-    if (inputs.size() == 2) return {};
+    if (inputs.size() == 2) return gating(inputs);
     return channel_affine(runs(inputs), inputs[0], scales_ ? &weights.front().values : nullptr,
                           has_bias_ ? &weights.back().values : nullptr);
   }
@@ -61,8 +61,18 @@ class Affine : public Layer {
   }
 
  private:
+  /// One factor for each image and channel.
+  Form gating(const std::vector<Shape>& inputs) const {
+    const Shape& x = inputs[0];
+    if (!scales_ || has_bias_ || x.rank() < 2) return {};
+    const ChannelRuns factors = runs(inputs);
+    if (factors.outer != 1 || factors.channels != x[0] * x[1]) return {};
+    return Gating{.x = 0, .factors = 1};
+  }
+
+  /// The second input, which a merged addend may follow, or what is learned.
   Shape operand(const std::vector<Shape>& inputs) const {
-    return inputs.size() == 2 ? inputs[1] : learned_operand(inputs[0], axis_, axes_);
+    return inputs.size() == 1 ? learned_operand(inputs[0], axis_, axes_) : inputs[1];
   }
   ChannelRuns runs(const std::vector<Shape>& inputs) const {
     return lay_over(operand(inputs), inputs[0], axis_);

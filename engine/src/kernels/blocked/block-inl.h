@@ -124,6 +124,12 @@ HWY_INLINE Block mul_add(const Block& a, const Block& b, Block sum) {
   return sum;
 }
 
+HWY_INLINE Block operator*(Block a, const Block& b) {
+  REVISIT_UNROLL
+  for (int i = 0; i < kVectors; ++i) a.v[i] = hn::Mul(a.v[i], b.v[i]);
+  return a;
+}
+
 HWY_INLINE Block operator*(Vector factor, Block a) {
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) a.v[i] = hn::Mul(factor, a.v[i]);

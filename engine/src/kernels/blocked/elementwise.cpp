@@ -29,12 +29,6 @@ HWY_INLINE void for_each_block(const BlockedSize& size, const Epilogue& epilogue
   });
 }
 
-HWY_INLINE Block operator*(Block a, const Block& b) {
-  REVISIT_UNROLL
-  for (int i = 0; i < kVectors; ++i) a.v[i] = hn::Mul(a.v[i], b.v[i]);
-  return a;
-}
-
 /// a where a > b, else b: of a NaN and another number, b.
 HWY_INLINE Block greater(const Block& a, Block b) {
   REVISIT_UNROLL
