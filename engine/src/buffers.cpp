@@ -47,19 +47,21 @@ class Placer {
     Step& step = schedule_.steps[index];
     const std::string& name = net_.graph.nodes[step.layer].name;
     const bool joined = step.kernel.joins_inputs && can_join(step);
-    const size_t n_before = buffers_.size();
+    const size_t n_cut = step.kernel.cuts_input ? cut(step, index) : 0;
+    int64_t bytes = 0;
     for (size_t port = 0; port < step.outputs.size(); ++port) {
       const size_t output = step.outputs[port];
-      if (step.memory == OutputMemory::kViewOfInput || (port == 0 && may_overwrite(step, index)))
+      if (buffer_of_[output] >= 0) continue;
+      if (step.memory == OutputMemory::kViewOfInput || (port == 0 && may_overwrite(step, index))) {
         share(output, step.inputs[0]);
-      else
+      } else {
         add_buffer(output, index, name);
+        bytes += schedule_.stored[output].bytes;
+      }
     }
     if (joined) join(step);
-    int64_t bytes = 0;
-    for (size_t b = n_before; b < buffers_.size(); ++b) bytes += buffers_[b].bytes;
     step.new_bytes = joined ? 0 : bytes;
-    step.runs = step.memory != OutputMemory::kViewOfInput && !joined;
+    step.runs = step.memory != OutputMemory::kViewOfInput && !joined && n_cut < step.outputs.size();
     scratch_.push_back(add(name + " (scratch)", step.kernel.scratch.count, index, index));
     state_.push_back(add(name + " (state)", step.kernel.state.count, kBefore, end_));
   }
@@ -75,8 +77,13 @@ class Placer {
 
   void share(size_t id, size_t with) {
     buffer_of_[id] = buffer_of_[with];
-    for (int b = buffer_of_[id]; b >= 0; b = buffers_[b].parent)
-      buffers_[b].last = std::max(buffers_[b].last, last_use_[id]);
+    outlive(buffer_of_[id], last_use_[id]);
+  }
+
+  /// The buffer and all that it is a part of are used until `step`, at least.
+  void outlive(int buffer, int step) {
+    for (int b = buffer; b >= 0; b = buffers_[b].parent)
+      buffers_[b].last = std::max(buffers_[b].last, step);
   }
 
   /// Whether the first output can be where the first input is: nothing reads that buffer later, nor
@@ -125,6 +132,37 @@ class Placer {
       buffers_[whole].first = std::min(buffers_[whole].first, part.first);
       buffers_[whole].last = std::max(buffers_[whole].last, part.last);
     }
+  }
+
+  /// Whether an output can be the part of the input from `offset` on: from a whole block on or, if
+  /// plain, on a cache line, and where no later step joins it to others, which would move it.
+  bool can_cut(size_t id, int64_t offset, int index) const {
+    const bool plain = schedule_.stored[id].layout == Layout::kNchw;
+    return (!plain || offset % kAlignment == 0) &&
+           std::none_of(schedule_.steps.begin() + index, schedule_.steps.end(),
+                        [&](const Step& later) {
+                          return later.kernel.joins_inputs &&
+                                 std::count(later.inputs.begin(), later.inputs.end(), id) > 0;
+                        });
+  }
+
+  /// Makes what can be parts of the input so, and counts them.
+  size_t cut(const Step& step, int index) {
+    size_t count = 0;
+    int64_t offset = 0;
+    for (const size_t id : step.outputs) {
+      const int64_t bytes = schedule_.stored[id].bytes;
+      if (can_cut(id, offset, index)) {
+        add_buffer(id, index, net_.graph.nodes[step.layer].name);
+        Buffer& part = buffers_[buffer_of_[id]];
+        part.parent = buffer_of_[step.inputs[0]];
+        part.offset = offset;
+        outlive(part.parent, part.last);
+        ++count;
+      }
+      offset += bytes;
+    }
+    return count;
   }
 
   void lay_out() {

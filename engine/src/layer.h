@@ -48,6 +48,9 @@ struct Kernel {
   Layout writes = Layout::kNchw;
   /// The output is the inputs one after another: where they already lie so, nothing has to run.
   bool joins_inputs = false;
+  /// The outputs are the input, one after another: they may be parts of it. Of those that are not,
+  /// it makes copies.
+  bool cuts_input = false;
   Bytes packed = {};  // weights in its own order, beside those of the net
   /// Of kernels with packed weights, or weights that a net may release: makes them, or takes those
   /// that are there. To be called once, when it is known that there is memory for them.

@@ -170,5 +170,14 @@ TEST(BlockedGate, AgreesWithScaleAndAxpy) {
   }
 }
 
+TEST(BlockedSlice, CopiesWholeBlocks) {
+  for (const auto& [channels, points] :
+       {std::pair<int64_t, const char*>{48, "slice_point: 16 slice_point: 32"},
+        {64, "slice_point: 16 slice_point: 48"},
+        {43, "slice_point: 16 slice_point: 32"}})
+    for (const int64_t n : {1, 2})
+      expect_as_plain({"Slice", str("slice_param { ", points, " }"), {{n, channels, 5, 67}}, 3});
+}
+
 }  // namespace
 }  // namespace revisit::engine

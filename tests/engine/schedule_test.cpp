@@ -89,6 +89,34 @@ TEST(Layouts, GatesStayBlocked) {
                   layer("sum", "Eltwise", {"x", "data"}) + in_place("r", "ReLU", "sum")));
 }
 
+TEST(Layouts, SlicesAreParts) {
+  const std::string slices = conv("c", "data", "num_output: 64 kernel_size: 1") +
+                             "layer { name: 's' type: 'Slice' bottom: 'c' top: 'x' top: 'y' "
+                             "top: 'z' slice_param { slice_point: 16 slice_point: 48 } }" +
+                             in_place("r", "ReLU", "y") + layer("p", "PReLU", {"y"}) +
+                             conv("d", "p") + conv("e", "z");
+  const std::string read = layer("m", "Eltwise", {"x", "z"}, "eltwise_param { operation: MAX }");
+  const std::string joined = layer("both", "Concat", {"p", "x", "z"}) + conv("f", "both");
+  for (const int64_t n : {1, 2})
+    for (const std::string& end : {read, joined, read + joined}) {
+      const Net net = small_net({n, 16, 9, 11}, slices + end);
+      expect_as_reference(net);
+      expect_as_reference(net, {.keep_all = true});
+      const bool lie_there = n == 1 && end == read;
+      EXPECT_EQ(StepCounter(net, {})["s"], lie_there ? 0 : 1) << "of one image, unless joined";
+    }
+  // A part is not where a later reader of the whole would miss it, nor are plain parts off a cache
+  // line.
+  for (const char* points : {"slice_point: 3 slice_point: 7", "slice_point: 4 slice_point: 8"})
+    expect_as_reference(small_net(
+        {1, 12, 4, 4}, str("layer { name: 's' type: 'Slice' bottom: 'data' top: 'x' top: 'y' "
+                           "top: 'z' slice_param { ",
+                           points, " } }") +
+                           in_place("t", "TanH", "x") + in_place("u", "Sigmoid", "y") +
+                           layer("v", "TanH", {"data"}) + layer("all", "Concat", {"x", "y", "z"}) +
+                           layer("sum", "Eltwise", {"v", "all"})));
+}
+
 TEST(Layouts, PlainLayersInBetween) {
   const std::string layers =
       conv("c1", "data") + in_place("t", "Power", "c1", "power_param { power: 2 }") +

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "kernels/strided_copy.h"
 #include "layers/layers.h"
 
@@ -49,21 +51,38 @@ class Slice : public Layer {
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const size_t axis = slice_axis(input);
-    const int64_t outer = input.product(0, axis), run = input.product(axis, input.rank());
+    const bool blocked = cuts_between_blocks(binding, axis);
+    const auto run_of = [&](const Shape& shape) {  // floats that are contiguous
+      return blocked ? padded_channels(shape[1]) * shape[2] * shape[3] *
+                           value_bytes(binding.precision) / floats(1).count
+                     : shape.product(axis, shape.rank());
+    };
+    const int64_t outer = input.product(0, axis);
     std::vector<StridedCopyProblem> copies;
     int64_t offset = 0;
     for (const Shape& output : binding.outputs) {
-      const int64_t size = output.product(axis, output.rank());
-      copies.push_back({{outer, size}, {run, 1}, offset, binding.threads});
+      const int64_t size = run_of(output);
+      copies.push_back({{outer, size}, {run_of(input), 1}, offset, binding.threads});
       offset += size;
     }
-    return {"copy", [copies = std::move(copies)](const Call& call) {
-              for (size_t i = 0; i < copies.size(); ++i)
-                strided_copy(copies[i], call.inputs[0], call.outputs[i]);
-            }};
+    const auto run = [copies = std::move(copies)](const Call& call) {
+      for (size_t i = 0; i < copies.size(); ++i)
+        if (call.outputs[i] != call.inputs[0] + copies[i].offset)
+          strided_copy(copies[i], call.inputs[0], call.outputs[i]);
+    };
+    Kernel kernel = blocked ? blocked_kernel("copy", 1, run) : Kernel{"copy", run};
+    kernel.cuts_input = outer == 1 && !binding.reference_kernels;
+    return kernel;
   }
 
  private:
+  /// Every output but the last fills its blocks.
+  static bool cuts_between_blocks(const Binding& binding, size_t axis) {
+    return binding.blocked(0) && axis == 1 &&
+           std::all_of(binding.outputs.begin(), binding.outputs.end() - 1,
+                       [](const Shape& output) { return output[1] % kLanes == 0; });
+  }
+
   size_t slice_axis(const Shape& input) const {
     return input.canonical_axis(
         param_.has_slice_dim() ? static_cast<int64_t>(param_.slice_dim()) : param_.axis(),
