@@ -179,5 +179,14 @@ TEST(BlockedSlice, CopiesWholeBlocks) {
       expect_as_plain({"Slice", str("slice_param { ", points, " }"), {{n, channels, 5, 67}}, 3});
 }
 
+TEST(BlockedShuffle, AgreesWithTheLayer) {
+  for (const auto& [channels, group] :
+       {std::pair<int64_t, int>{48, 3}, {20, 2}, {35, 5}, {64, 64}, {34, 17}, {7, 1}})
+    for (const int64_t n : {1, 3})
+      expect_as_plain({"ShuffleChannel",
+                       str("shuffle_channel_param { group: ", group, " }"),
+                       {{n, channels, 3, 401}}});
+}
+
 }  // namespace
 }  // namespace revisit::engine

@@ -117,6 +117,24 @@ TEST(Layouts, SlicesAreParts) {
                            layer("sum", "Eltwise", {"v", "all"})));
 }
 
+/// The unit of ShuffleNet v2.
+TEST(Layouts, ShuffledChannelsStayBlocked) {
+  for (const int64_t n : {1, 2}) {
+    const Net net = small_net(
+        {n, 16, 9, 11},
+        conv("c", "data", "num_output: 64 kernel_size: 1") +
+            "layer { name: 's' type: 'Slice' bottom: 'c' top: 'x' top: 'y' }" + conv("d", "y") +
+            layer("both", "Concat", {"x", "d"}) +
+            layer("mixed", "ShuffleChannel", {"both"}, "shuffle_channel_param { group: 2 }") +
+            conv("e", "mixed"));
+    expect_as_reference(net);
+    expect_as_reference(net, {.keep_all = true});
+    StepCounter steps(net, {});
+    for (const char* name : {"s", "d", "mixed"}) EXPECT_EQ(steps[name], 1) << name;
+    EXPECT_EQ(steps["both"], n == 1 ? 0 : 1);
+  }
+}
+
 TEST(Layouts, PlainLayersInBetween) {
   const std::string layers =
       conv("c1", "data") + in_place("t", "Power", "c1", "power_param { power: 2 }") +

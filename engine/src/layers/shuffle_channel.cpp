@@ -1,3 +1,4 @@
+#include "kernels/blocked/shuffle.h"
 #include "kernels/strided_copy.h"
 #include "layers/layers.h"
 
@@ -25,6 +26,15 @@ class ShuffleChannel : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const int64_t inner = input.product(2, input.rank()), per_group = input[1] / groups_;
+    if (binding.blocked(0)) {
+      const BlockedSize size{input[0], input[1], inner, binding.threads, binding.precision};
+      std::vector<int64_t> sources;
+      for (int64_t c = 0; c < input[1]; ++c)
+        sources.push_back(c % groups_ * per_group + c / groups_);
+      return blocked_kernel("transpose", 1, [size, sources = std::move(sources)](const Call& call) {
+        blocked_shuffle(size, sources, call.inputs[0], call.outputs[0]);
+      });
+    }
     return {"transpose", [copy = StridedCopyProblem{{input[0], per_group, groups_, inner},
                                                     {input[1] * inner, inner, per_group * inner, 1},
                                                     0,
