@@ -169,6 +169,14 @@ float activated(const Epilogue& e, int64_t channel, float x) {
       return x < 0 ? e.slope * std::expm1(x) : x;
     case Activation::kClip:
       return x < e.low ? e.low : x > e.high ? e.high : x;
+    case Activation::kSigmoid:
+      return 1 / (1 + std::exp(-x));
+    case Activation::kSwish:
+      return x / (1 + std::exp(-e.slope * x));
+    case Activation::kTanh:
+      return std::tanh(x);
+    case Activation::kBnll:
+      return std::log1p(std::exp(x));
   }
   return x;
 }
@@ -203,6 +211,28 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
   });
 }
 
+/// Of the kernel's own sums: what these are off by shrinks or not, and is checked above.
+TEST(BlockedConvolutionSmall, SmoothActivations) {
+  using Activation = Epilogue::Activation;
+  for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
+    Case c(p);
+    const test::AlignedFloats packed = pack(kernel, c);
+    const std::vector<float> sums = plain(c, run(kernel, c, packed));
+    for (const Epilogue& epilogue :
+         {Epilogue{.activation = Activation::kSigmoid},
+          Epilogue{.activation = Activation::kSwish, .slope = 0.7F},
+          Epilogue{.activation = Activation::kTanh}, Epilogue{.activation = Activation::kBnll}}) {
+      c.epilogue = epilogue;
+      std::vector<float> wanted = sums;
+      for (float& x : wanted) x = activated(epilogue, 0, x);
+      const test::AlignedFloats output = run(kernel, c, packed);
+      EXPECT_LE(test::relative_error(plain(c, output), wanted), 1e-6)
+          << "activation " << static_cast<int>(epilogue.activation);
+      EXPECT_EQ(test::find_dirty_tail(p.n, p.c_out, p.out_pixels(), output.values()), -1);
+    }
+  });
+}
+
 /// A sum that is not a number stays so under every activation, as in Caffe, and does not reach the
 /// lanes beyond the channels.
 TEST(BlockedConvolutionSmall, NanStaysNan) {
@@ -216,6 +246,9 @@ TEST(BlockedConvolutionSmall, NanStaysNan) {
          {Epilogue{}, Epilogue{.activation = Activation::kRelu},
           Epilogue{.activation = Activation::kPrelu, .slopes = slopes.data()},
           Epilogue{.activation = Activation::kElu, .slope = 1},
+          Epilogue{.activation = Activation::kSigmoid},
+          Epilogue{.activation = Activation::kSwish, .slope = 1},
+          Epilogue{.activation = Activation::kTanh}, Epilogue{.activation = Activation::kBnll},
           Epilogue{.activation = Activation::kClip, .low = -1, .high = 1}}) {
       c.epilogue = epilogue;
       const test::AlignedFloats output = run(kernel, c, pack(kernel, c));

@@ -364,7 +364,7 @@ const Result kSizes[] = {{1, 16, 1}, {2, 5, 37}, {1, 35, 1500}};
 std::vector<float> layer_result(const Result& r, const std::string& type, const std::string& param,
                                 const std::vector<std::vector<float>>& inputs,
                                 const std::vector<std::vector<float>>& weights = {}) {
-  test::SingleLayer layer{type, param, {}, weights};
+  test::SingleLayer layer{.type = type, .param = param, .weights = weights, .reference = true};
   for (const std::vector<float>& input : inputs)
     layer.inputs.push_back({{r.n, r.c, 1, r.pixels}, input});
   return test::run_layer(layer)[0].values;
@@ -402,6 +402,9 @@ TEST(BlockedActivation, AgreesWithTheLayers) {
           Case{{Activation::kRelu, 0.25F}, "ReLU", "relu_param { negative_slope: 0.25 }"},
           Case{{Activation::kPrelu, 0, 0, 0, padded_slopes.data()}, "PReLU", "", {slopes}},
           Case{{Activation::kElu, 1.5F}, "ELU", "elu_param { alpha: 1.5 }"},
+          Case{{Activation::kSigmoid}, "Sigmoid", ""},
+          Case{{Activation::kSwish, 2}, "Swish", "swish_param { beta: 2 }"},
+          Case{{Activation::kTanh}, "TanH", ""}, Case{{Activation::kBnll}, "BNLL", ""},
           Case{{Activation::kClip, 0, -1, 6}, "Clip", "clip_param { min: -1 max: 6 }"}}) {
       SCOPED_TRACE(c.type);
       std::vector<float> input = with_specials(r.n * r.c * r.pixels, kSeed);

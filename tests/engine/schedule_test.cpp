@@ -117,6 +117,33 @@ TEST(Layouts, SlicesAreParts) {
                            layer("sum", "Eltwise", {"v", "all"})));
 }
 
+TEST(Layouts, SmoothActivationsAreMerged) {
+  for (const char* type : {"Sigmoid", "TanH", "Swish", "BNLL", "ELU"}) {
+    SCOPED_TRACE(type);
+    const Net net =
+        small_net({2, 21, 9, 11},
+                  conv("c", "data", "num_output: 19 kernel_size: 3") + in_place("a", type, "c") +
+                      layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 2 }") +
+                      layer("b", type, {"p"}) + conv("d", "b", "num_output: 19 kernel_size: 3"));
+    EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "in c");
+    StepCounter steps(net, {});
+    EXPECT_EQ(steps["b"], 1);
+    expect_as_reference(net, {.keep_all = true});
+  }
+}
+
+/// As in concatenated ReLUs.
+TEST(Layouts, PowerOfOneIsAScale) {
+  const std::string minus = "power_param { scale: -1 shift: 0.25 }";
+  const Net net = small_net({2, 16, 9, 11}, conv("c", "data", "num_output: 19 kernel_size: 3") +
+                                                layer("p", "Power", {"c"}, minus) +
+                                                layer("m", "Eltwise", {"p", "c"}) + conv("d", "m") +
+                                                in_place("q", "Power", "d", minus));
+  const Plan plan = expect_as_reference(net);
+  EXPECT_EQ(kernel_of(plan, "p"), "scale");
+  EXPECT_EQ(kernel_of(plan, "q"), "in d");
+}
+
 /// The unit of ShuffleNet v2.
 TEST(Layouts, ShuffledChannelsStayBlocked) {
   for (const int64_t n : {1, 2}) {

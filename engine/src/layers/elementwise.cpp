@@ -1,14 +1,17 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/activation.h"
 #include "kernels/post_ops.h"
+#include "layers/broadcast.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
 namespace {
 
 /// One function of one number, applied to every element. The expressions below are Caffe's own
-/// where they decide about NaN and infinity, or round in double.
+/// where they decide about NaN and infinity, or round in double; of activations they are the
+/// reference, which kernels compute in SIMD.
 template <class Function>
 class Elementwise : public OneToOneLayer {
  public:
@@ -20,17 +23,28 @@ class Elementwise : public OneToOneLayer {
   Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const override { return form_; }
 
   Kernel bind(const Binding& binding) const override {
+    const auto* activating = std::get_if<Activating>(&form_);
+    if (activating && !binding.reference_kernels)
+      return on_ranges(
+          binding, [epilogue = activating->epilogue](const float* in, int64_t count, float* out) {
+            activate(epilogue, count, in, out);
+          });
+    return on_ranges(binding, [function = function_](const float* in, int64_t count, float* out) {
+      std::transform(in, in + count, out, function);
+    });
+  }
+
+ private:
+  template <class Change>
+  Kernel on_ranges(const Binding& binding, Change change) const {
     return {name_, [elements = binding.inputs[0].elements(), threads = binding.threads,
-                    function = function_](const Call& call) {
-              const float* in = call.inputs[0];
-              float* out = call.outputs[0];
+                    change](const Call& call) {
               parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
-                for (int64_t i = begin; i < end; ++i) out[i] = function(in[i]);
+                change(call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
               });
             }};
   }
 
- private:
   const char* name_;
   Function function_;
   bool in_place_;
@@ -59,6 +73,32 @@ float neutral_if_zero(float shift) {
   return shift == 0 ? -0.0F : shift;
 }
 
+/// Power without a power: a Scale of one number for all channels.
+class PowerOfOne : public OneToOneLayer {
+ public:
+  PowerOfOne(float scale, float shift) : scale_(scale), shift_(shift) {}
+
+  OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    const std::vector<float> scale{scale_}, shift{shift_};
+    return channel_affine({1, 1, inputs[0].elements()}, inputs[0], &scale, &shift);
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    return {"affine", [elements = binding.inputs[0].elements(), threads = binding.threads,
+                       scale = scale_, shift = shift_](const Call& call) {
+              parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
+                std::transform(call.inputs[0] + begin, call.inputs[0] + end,
+                               call.outputs[0] + begin, [=](float x) { return x * scale + shift; });
+              });
+            }};
+  }
+
+ private:
+  float scale_, shift_;
+};
+
 /// ln(base) of Exp and Log, where a base of -1 stands for e.
 float log_of_base(float base) {
   if (base == -1) return 1;
@@ -78,10 +118,12 @@ std::unique_ptr<Layer> make_abs_val(const caffe::LayerParameter&) {
 }
 
 std::unique_ptr<Layer> make_bnll(const caffe::LayerParameter&) {
-  return elementwise("bnll", [](float x) {
-    return static_cast<float>(x > 0 ? x + std::log(1.0 + std::exp(-x))
-                                    : std::log(1.0 + std::exp(x)));
-  });
+  return activation("bnll",
+                    [](float x) {
+                      return static_cast<float>(x > 0 ? x + std::log(1.0 + std::exp(-x))
+                                                      : std::log(1.0 + std::exp(x)));
+                    },
+                    {.activation = Epilogue::Activation::kBnll});
 }
 
 std::unique_ptr<Layer> make_clip(const caffe::LayerParameter& param) {
@@ -119,7 +161,7 @@ std::unique_ptr<Layer> make_power(const caffe::LayerParameter& param) {
     const float value = power == 0 ? 1 : std::pow(p.shift(), power);
     return elementwise("constant", [value](float) { return value; });
   }
-  if (power == 1) return elementwise("affine", [=](float x) { return x * scale + shift; });
+  if (power == 1) return std::make_unique<PowerOfOne>(scale, shift);
   return elementwise("power", [=](float x) { return std::pow(x * scale + shift, power); });
 }
 
@@ -140,16 +182,18 @@ std::unique_ptr<Layer> make_relu6(const caffe::LayerParameter& param) {
 }
 
 std::unique_ptr<Layer> make_sigmoid(const caffe::LayerParameter&) {
-  return elementwise("sigmoid", sigmoid);
+  return activation("sigmoid", sigmoid, {.activation = Epilogue::Activation::kSigmoid});
 }
 
 std::unique_ptr<Layer> make_swish(const caffe::LayerParameter& param) {
   const float beta = param.swish_param().beta();
-  return elementwise("swish", [beta](float x) { return x * sigmoid(beta * x); });
+  return activation("swish", [beta](float x) { return x * sigmoid(beta * x); },
+                    {.activation = Epilogue::Activation::kSwish, .slope = beta});
 }
 
 std::unique_ptr<Layer> make_tanh(const caffe::LayerParameter&) {
-  return elementwise("tanh", [](float x) { return std::tanh(x); });
+  return activation("tanh", [](float x) { return std::tanh(x); },
+                    {.activation = Epilogue::Activation::kTanh});
 }
 
 std::unique_ptr<Layer> make_threshold(const caffe::LayerParameter& param) {

@@ -7,12 +7,11 @@
 #define REVISIT_EPILOGUE_INL_H_
 #endif
 
-#include <hwy/contrib/math/math-inl.h>
-
 #include <algorithm>
 
 #include "kernels/blocked/block-inl.h"
 #include "kernels/epilogue.h"
+#include "kernels/functions-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
@@ -35,6 +34,24 @@ HWY_INLINE void change_each(Block (&blocks)[kCount], const Function& function) {
   for (Block& block : blocks) {
     REVISIT_UNROLL
     for (int i = 0; i < kVectors; ++i) block.v[i] = function(block.v[i], i);
+  }
+}
+
+/// Activations of many instructions, which kernels that unroll call.
+inline HWY_NOINLINE Vector smooth(const Epilogue& e, Vector x) {
+  using Activation = Epilogue::Activation;
+  const Tag d;
+  switch (e.activation) {
+    case Activation::kSigmoid:
+      return sigmoid(d, x);
+    case Activation::kSwish:
+      return hn::Mul(x, sigmoid(d, hn::Mul(hn::Set(d, e.slope), x)));
+    case Activation::kTanh:
+      return tanh(d, x);
+    case Activation::kBnll:
+      return softplus(d, x);
+    default:
+      return x;
   }
 }
 
@@ -64,6 +81,13 @@ HWY_INLINE void activate(const Epilogue& e, const float* slopes, Block (&blocks)
           x = where_negative(x, leak(slope, hn::Sub(hn::CallExp(d, x), one)));
       break;
     }
+    case Activation::kSigmoid:
+    case Activation::kSwish:
+    case Activation::kTanh:
+    case Activation::kBnll:
+      for (Block& block : blocks)
+        for (Vector& x : block.v) x = smooth(e, x);
+      break;
     case Activation::kClip: {
       const Vector low = hn::Set(d, e.low), high = hn::Set(d, e.high);
       change_each(blocks, [=](Vector x, int) HWY_ATTR {
