@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "expect_error.h"
+#include "simd_targets.h"
 #include "single_layer.h"
 
 namespace revisit::engine {
@@ -51,15 +52,15 @@ struct SlowLstm {
   }
 };
 
-SlowLstm random_lstm(int64_t fixed) {
-  SlowLstm l{5, 3, 4, 2, fixed, {}, {}, {}, {}, {}, {}, {}};
+SlowLstm random_lstm(int64_t fixed, int64_t output = 2) {
+  SlowLstm l{5, 3, 4, output, fixed, {}, {}, {}, {}, {}, {}, {}};
   l.x = random_floats(5 * 3 * 4, 1);
   l.cont = {0, 1, 1, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1, 0.5F, 1};
   l.x_static = random_floats(3 * fixed, 2);
-  l.xc = random_floats(8 * 4, 3);
-  l.bc = random_floats(8, 4);
-  l.x_c_static = random_floats(8 * fixed, 5);
-  l.hc = random_floats(8 * 2, 6);
+  l.xc = random_floats(4 * output * 4, 3);
+  l.bc = random_floats(4 * output, 4);
+  l.x_c_static = random_floats(4 * output * fixed, 5);
+  l.hc = random_floats(4 * output * output, 6);
   return l;
 }
 
@@ -87,6 +88,21 @@ TEST(Lstm, FollowsTheEquationsAndRemembersBetweenPasses) {
                                   .passes = passes});
     EXPECT_EQ(found[0].shape, (Shape{5, 3, 2}));
     expect_near(found[0].values, wanted, 1e-6F);
+  }
+}
+
+TEST(Lstm, UnitsThatDoAndDoNotFillAVector) {
+  for (const int64_t units : {1, 15, 16, 37}) {
+    const SlowLstm l = random_lstm(0, units);
+    std::vector<float> h(static_cast<size_t>(3 * units), 0), c = h;
+    const std::vector<float> wanted = l.run(h, c);
+    test::for_each_simd_target([&] {
+      const auto found = run_layer({.type = "LSTM",
+                                    .param = str("recurrent_param { num_output: ", units, " }"),
+                                    .inputs = {{Shape{5, 3, 4}, l.x}, {Shape{5, 3}, l.cont}},
+                                    .weights = {l.xc, l.bc, l.hc}});
+      expect_near(found[0].values, wanted, 1e-6F);
+    });
   }
 }
 

@@ -1,15 +1,16 @@
 #include "kernels/recurrent.h"
 
 #include <algorithm>
-#include <cmath>
 
+#include "kernels/activation.h"
+#include "kernels/gates.h"
 #include "kernels/inner_product.h"
 
 namespace revisit::engine {
 namespace {
 
-float sigmoid(float x) {
-  return static_cast<float>(1.0 / (1.0 + std::exp(-static_cast<double>(x))));
+void apply_tanh(int64_t count, const float* in, float* out) {
+  activate({.activation = Epilogue::Activation::kTanh}, count, in, out);
 }
 
 /// What every step computes before its nonlinearity, `width` numbers a stream.
@@ -71,16 +72,9 @@ void lstm(const RecurrentProblem& p, const LstmWeights& w, const RecurrentOperan
   StepInput input(p, 4 * width, o, w.xc, w.b_c, w.x_static, w.hc);
   for (int64_t t = 0; t < p.steps; ++t) {
     const float* gates = input.at(t, o.state.h);
-    for (int64_t n = 0; n < p.streams; ++n, gates += 4 * width) {
-      const float cont = o.cont[t * p.streams + n];
-      float* c = o.state.c + n * width;
-      float* h = o.state.h + n * width;
-      for (int64_t d = 0; d < width; ++d) {
-        const float forget = cont == 0 ? 0 : cont * sigmoid(gates[width + d]);
-        c[d] = forget * c[d] + sigmoid(gates[d]) * std::tanh(gates[3 * width + d]);
-        h[d] = sigmoid(gates[2 * width + d]) * std::tanh(c[d]);
-      }
-    }
+    for (int64_t n = 0; n < p.streams; ++n, gates += 4 * width)
+      lstm_cell(width, o.cont[t * p.streams + n], gates, o.state.c + n * width,
+                o.state.h + n * width);
     std::copy_n(o.state.h, p.streams * width, o.y + t * p.streams * width);
   }
 }
@@ -94,10 +88,10 @@ void rnn(const RecurrentProblem& p, const RnnWeights& w, const RecurrentOperands
   StepInput input(p, p.output, o, w.xh, w.b_h, w.x_static, w.hh);
   for (int64_t t = 0; t < p.steps; ++t) {
     const float* sum = input.at(t, o.state.h);
-    for (int64_t i = 0; i < floats; ++i) o.state.h[i] = std::tanh(sum[i]);
+    apply_tanh(floats, sum, o.state.h);
     float* y = o.y + t * floats;
     inner_product({p.streams, p.output, p.output, false, p.threads}, o.state.h, w.ho, w.b_o, y);
-    for (int64_t i = 0; i < floats; ++i) y[i] = std::tanh(y[i]);
+    apply_tanh(floats, y, y);
   }
 }
 
