@@ -129,8 +129,9 @@ INSTANTIATE_TEST_SUITE_P(Problems, BlockedConvolution,
 std::vector<ConvolutionProblem> small_problems() {
   std::vector<ConvolutionProblem> problems;
   for (const auto& named : test::convolution_problems())
-    for (const char* name : {"odd-tails", "odd-tails-5x5", "odd-wide-group-pointwise",
-                             "odd-depthwise-5x5", "odd-plain-stride-3"})
+    for (const char* name :
+         {"odd-tails", "odd-tails-5x5", "odd-wide-group-pointwise", "odd-depthwise-5x5",
+          "odd-narrow-groups-4", "odd-narrow-groups-8", "odd-plain-stride-3"})
       if (named.name == name) problems.push_back(named.problem);
   return problems;
 }
@@ -294,10 +295,10 @@ TEST(ChooseBlockedConvolution, TakesTheFastestThatTakesTheLayout) {
     }
 }
 
-/// The planner falls back to im2col where blocks would hold channels of two groups.
-TEST(ChooseBlockedConvolution, NothingForNarrowGroups) {
+/// The planner falls back to im2col where groups begin and end within blocks.
+TEST(ChooseBlockedConvolution, NothingForGroupsAcrossBlocks) {
   ConvolutionProblem p;
-  p.c_in = p.c_out = 128, p.group = 32;
+  p.c_in = p.c_out = 120, p.group = 6;
   p.h = p.w = p.out_h = p.out_w = 14, p.kernel_h = p.kernel_w = 3, p.pad_h = p.pad_w = 1;
   EXPECT_EQ(choose_blocked_convolution(p, Layout::kNChw16c), nullptr);
   EXPECT_EQ(choose_blocked_convolution(p, Layout::kNchw), nullptr);

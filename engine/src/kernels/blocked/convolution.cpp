@@ -8,9 +8,9 @@ namespace revisit::engine {
 
 std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
   static const std::vector<BlockedConvolutionKernel> kList = [] {
-    std::vector<BlockedConvolutionKernel> list = {kBlockedPlainInput, kBlockedPlainInputTiles,
-                                                  kBlockedDepthwise,  kBlockedPointwise,
-                                                  kBlockedDirect,     kBlockedTiles};
+    std::vector<BlockedConvolutionKernel> list = {
+        kBlockedPlainInput, kBlockedPlainInputTiles, kBlockedDepthwise, kBlockedNarrowGroups,
+        kBlockedPointwise,  kBlockedDirect,          kBlockedTiles};
     const auto winograd = winograd_kernels();
     list.insert(list.end(), winograd.begin(), winograd.end());
     return list;

@@ -9,6 +9,7 @@ namespace revisit::engine {
 extern const BlockedConvolutionKernel kBlockedPlainInput;
 extern const BlockedConvolutionKernel kBlockedPlainInputTiles;
 extern const BlockedConvolutionKernel kBlockedDepthwise;
+extern const BlockedConvolutionKernel kBlockedNarrowGroups;
 extern const BlockedConvolutionKernel kBlockedPointwise;
 extern const BlockedConvolutionKernel kBlockedDirect;
 extern const BlockedConvolutionKernel kBlockedTiles;

@@ -22,12 +22,72 @@ inline Taps taps_inside(int64_t start, int64_t size, int64_t kernel, int64_t dil
   return {first, std::clamp((size - start + dilation - 1) / dilation, first, kernel)};
 }
 
-/// One filter a channel: as many independent products as there are channels.
-template <class T>
+/// The inputs of a block's channels: each has one, its own.
+struct OwnChannel {
+  template <class T>
+  HWY_INLINE Block operator()(const T* from) const {
+    return load_block(from);
+  }
+};
+
+struct OwnChannels {
+  static constexpr int64_t count = 1;
+  OwnChannel nth(int64_t) const { return {}; }
+};
+
+/// One input of each group, for all channels of the group.
+class ChannelOfGroup {
+ public:
+  /// In the vector at `vectors[i]` of a block are the inputs of its vector `i`, in these `lanes`.
+  ChannelOfGroup(const int64_t* vectors, const int32_t* lanes)
+      : vectors_(vectors), lanes_(hn::SetTableIndices(Tag(), lanes)) {}
+
+  template <class T>
+  HWY_INLINE Block operator()(const T* from) const {
+    Block r;
+    REVISIT_UNROLL
+    for (int i = 0; i < kVectors; ++i)
+      r.v[i] = hn::TableLookupLanes(load_vector(from + vectors_[i]), lanes_);
+    return r;
+  }
+
+ private:
+  const int64_t* vectors_;
+  decltype(hn::SetTableIndices(Tag(), static_cast<const int32_t*>(nullptr))) lanes_;
+};
+
+/// Of groups of `count` channels, which divides kLanes.
+class ChannelsOfGroup {
+ public:
+  int64_t count;
+
+  explicit ChannelsOfGroup(int64_t size) : count(size) {
+    for (int64_t n = 0; n < size; ++n) {
+      for (int64_t i = 0; i < kVectorLanes; ++i)
+        lanes_[n][i] = static_cast<int32_t>((i / size * size + n) % kVectorLanes);
+      for (int64_t i = 0; i < kVectors; ++i) {
+        const int64_t first = i * kVectorLanes;
+        vectors_[n][i] =
+            (first / size * size + (size > kVectorLanes ? n : 0)) / kVectorLanes * kVectorLanes;
+      }
+    }
+  }
+
+  ChannelOfGroup nth(int64_t n) const { return {vectors_[n], lanes_[n]}; }
+
+ private:
+  int32_t lanes_[kLanes / 2][kVectorLanes];
+  int64_t vectors_[kLanes / 2][kVectors];
+};
+
+/// As many independent products as there are channels, summed over taps and over the few channels
+/// of a group, all of one block: one filter a channel, or groups that divide a block.
+template <class T, class Channels>
 class Depthwise {
  public:
-  Depthwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
-      : p_(p), a_(a), whole_(whole_windows(p)) {}
+  Depthwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a,
+            const Channels& channels)
+      : p_(p), a_(a), channels_(channels), whole_(whole_windows(p)) {}
 
   /// An item is a band of rows of one block.
   void run() const {
@@ -66,7 +126,7 @@ class Depthwise {
   void run_row(int64_t plane, int64_t y, const BlockEpilogue& epilogue) const {
     const int64_t block = plane % channel_blocks(p_.c_out), y0 = y * p_.stride_h - p_.pad_h;
     const Row row = {static_cast<const T*>(a_.input) + plane * p_.h * p_.w * kLanes,
-                     a_.packed + block * p_.kernel_h * p_.kernel_w * kLanes,
+                     a_.packed + block * p_.kernel_h * row_weights(),
                      y0,
                      taps_inside(y0, p_.h, p_.kernel_h, p_.dilation_h),
                      (plane * p_.out_h + y) * p_.out_w * kLanes,
@@ -116,8 +176,19 @@ class Depthwise {
     row.epilogue.finish(sums, addend ? addend + at : nullptr, output + at);
   }
 
+  /// Numbers of a row of taps: [channel of the group][tap][kLanes].
+  int64_t row_weights() const { return channels_.count * p_.kernel_w * kLanes; }
+
   const T* input_row(const Row& row, int64_t ky, int64_t x0) const {
     return row.in + ((row.y0 + ky * p_.dilation_h) * p_.w + x0) * kLanes;
+  }
+
+  /// Calls `work(ky, load, weights)` for each row of taps and each channel of the groups.
+  template <class Work>
+  HWY_INLINE void for_each_input(const Row& row, const Work& work) const {
+    for (int64_t ky = row.taps.first; ky < row.taps.end; ++ky)
+      for (int64_t i = 0; i < channels_.count; ++i)
+        work(ky, channels_.nth(i), row.weights + ky * row_weights() + i * p_.kernel_w * kLanes);
   }
 
   /// Adds the products of pixels `stride_w` apart from input column `x0` on, over taps inside the
@@ -125,14 +196,15 @@ class Depthwise {
   template <int kCount>
   HWY_INLINE void accumulate(const Row& row, int64_t x0, Taps columns,
                              Block (&sums)[kCount]) const {
-    for (int64_t ky = row.taps.first; ky < row.taps.end; ++ky)
+    for_each_input(row, [&](int64_t ky, const auto& load, const float* weights) HWY_ATTR {
       for (int64_t kx = columns.first; kx < columns.end; ++kx) {
-        const Block w = load_block(row.weights + (ky * p_.kernel_w + kx) * kLanes);
+        const Block w = load_block(weights + kx * kLanes);
         const T* from = input_row(row, ky, x0 + kx * p_.dilation_w);
         REVISIT_UNROLL
         for (int i = 0; i < kCount; ++i)
-          sums[i] = mul_add(load_block(from + i * p_.stride_w * kLanes), w, sums[i]);
+          sums[i] = mul_add(load(from + i * p_.stride_w * kLanes), w, sums[i]);
       }
+    });
   }
 
   static constexpr int kUsualTaps = 3;
@@ -140,31 +212,42 @@ class Depthwise {
   /// The same, in the same order, for kUsualTaps columns: each input is loaded once for all taps.
   template <int kCount, int kStride>
   HWY_INLINE void accumulate_usual(const Row& row, int64_t x0, Block (&sums)[kCount]) const {
-    for (int64_t ky = row.taps.first; ky < row.taps.end; ++ky) {
+    for_each_input(row, [&](int64_t ky, const auto& load, const float* weights) HWY_ATTR {
       const T* from = input_row(row, ky, x0);
       Block w[kUsualTaps];
       REVISIT_UNROLL
-      for (int kx = 0; kx < kUsualTaps; ++kx)
-        w[kx] = load_block(row.weights + (ky * kUsualTaps + kx) * kLanes);
+      for (int kx = 0; kx < kUsualTaps; ++kx) w[kx] = load_block(weights + kx * kLanes);
       REVISIT_UNROLL
       for (int j = 0; j < (kCount - 1) * kStride + kUsualTaps; ++j) {
-        const Block x = load_block(from + j * kLanes);
+        const Block x = load(from + j * kLanes);
         REVISIT_UNROLL
         for (int kx = j % kStride; kx < kUsualTaps; kx += kStride) {
           const int i = (j - kx) / kStride;
           if (kx <= j && i < kCount) sums[i] = mul_add(x, w[kx], sums[i]);
         }
       }
-    }
+    });
   }
 
   const ConvolutionProblem& p_;
   const BlockedConvolutionArguments& a_;
+  const Channels channels_;
   const Taps whole_;
 };
 
+template <class Channels>
+void run_all(const ConvolutionProblem& p, const BlockedConvolutionArguments& a,
+             const Channels& channels) {
+  with_type(p.values,
+            [&](auto type) { Depthwise<decltype(type), Channels>(p, a, channels).run(); });
+}
+
 void run_depthwise(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  with_type(p.values, [&](auto type) { Depthwise<decltype(type)>(p, a).run(); });
+  run_all(p, a, OwnChannels());
+}
+
+void run_narrow_groups(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+  run_all(p, a, ChannelsOfGroup{p.c_in_per_group()});
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -175,29 +258,64 @@ namespace revisit::engine {
 namespace {
 
 HWY_EXPORT(run_depthwise);
+HWY_EXPORT(run_narrow_groups);
 
-/// Writes [block][tap][kLanes].
+int64_t packed_floats(const ConvolutionProblem& p) {
+  return padded_channels(p.c_out) * p.depth();
+}
+
+/// Writes [block][ky][channel of the group][kx][kLanes].
 void pack(const ConvolutionProblem& p, const float* weights, float* packed) {
-  const int64_t taps = p.kernel_h * p.kernel_w;
+  const int64_t inputs = p.c_in_per_group();
   for (int64_t block = 0; block < channel_blocks(p.c_out); ++block)
-    for (int64_t tap = 0; tap < taps; ++tap)
-      for (int64_t c = block * kLanes; c < (block + 1) * kLanes; ++c)
-        *packed++ = c < p.c_out ? weights[c * taps + tap] : 0.0F;
+    for (int64_t ky = 0; ky < p.kernel_h; ++ky)
+      for (int64_t i = 0; i < inputs; ++i)
+        for (int64_t kx = 0; kx < p.kernel_w; ++kx)
+          for (int64_t c = block * kLanes; c < (block + 1) * kLanes; ++c) {
+            const int64_t from = ((c * inputs + i) * p.kernel_h + ky) * p.kernel_w + kx;
+            *packed++ = c < p.c_out ? weights[from] : 0.0F;
+          }
+}
+
+constexpr BlockedConvolutionKernel kernel(const char* name,
+                                          bool (*supports)(const ConvolutionProblem&),
+                                          double (*predicted_ms)(const ConvolutionProblem&),
+                                          void (*run)(const ConvolutionProblem&,
+                                                      const BlockedConvolutionArguments&)) {
+  return {name,
+          Layout::kNChw16c,
+          supports,
+          predicted_ms,
+          packed_floats,
+          pack,
+          [](const ConvolutionProblem&) { return int64_t{0}; },
+          run};
 }
 
 }  // namespace
 
-const BlockedConvolutionKernel kBlockedDepthwise = {
+const BlockedConvolutionKernel kBlockedDepthwise = kernel(
     "depthwise",
-    Layout::kNChw16c,
     [](const ConvolutionProblem& p) { return p.group == p.c_in && p.group == p.c_out; },
     depthwise_ms,
-    [](const ConvolutionProblem& p) { return padded_channels(p.c_out) * p.kernel_h * p.kernel_w; },
-    pack,
-    [](const ConvolutionProblem&) { return int64_t{0}; },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
       HWY_DYNAMIC_DISPATCH(run_depthwise)(p, a);
-    }};
+    });
+
+const BlockedConvolutionKernel kBlockedNarrowGroups = kernel(
+    "narrow groups",
+    [](const ConvolutionProblem& p) {
+      const int64_t width = p.c_in_per_group();
+      return p.c_in == p.c_out && width > 1 && width < kLanes && kLanes % width == 0;
+    },
+    [](const ConvolutionProblem& p) {  // a depthwise convolution of that many times the taps
+      ConvolutionProblem all = p;
+      all.kernel_w *= p.c_in_per_group();
+      return depthwise_ms(all);
+    },
+    [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
+      HWY_DYNAMIC_DISPATCH(run_narrow_groups)(p, a);
+    });
 
 }  // namespace revisit::engine
 #endif
