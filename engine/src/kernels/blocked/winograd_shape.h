@@ -19,7 +19,7 @@ struct WinogradVariant {
 /// point; a chunk of them is transformed, multiplied and transformed back slice by slice of output
 /// channels, so that transformed inputs and products stay in cache.
 struct WinogradShape {
-  static constexpr int64_t kMostChunkPanels = 8;
+  static constexpr int64_t kMostChunkPanels = 4;
 
   int64_t points, tiles_y, tiles_x;
   int64_t in_blocks, out_blocks;  // of all groups
@@ -35,13 +35,9 @@ struct WinogradShape {
         out_blocks(channel_blocks(p.c_out)),
         group(p.group),
         slice_blocks(in_blocks_per_group() <= kShallow ? 2 : 4),
-        chunks(cut_into_chunks(1, p.n * tiles_y * tiles_x, in_blocks_per_group() < kDeep ? 2 : 4,
-                               p.threads)) {
-    if (chunks.per_thread) return;
-    // A chunk that all work on is in the caches of all.
-    const int64_t panels = panels_of(tiles()).parts;
-    chunks.columns.parts = (panels + kMostChunkPanels - 1) / kMostChunkPanels;
-    if (slices() < 2 * p.threads) slice_blocks = 2;
+        chunks(cut_into_chunks(1, p.n * tiles_y * tiles_x,
+                               in_blocks_per_group() < kDeep ? 2 : kMostChunkPanels, p.threads)) {
+    if (!chunks.per_thread && slices() < 2 * p.threads) slice_blocks = 2;
   }
 
   int64_t tiles() const { return chunks.columns.items; }
