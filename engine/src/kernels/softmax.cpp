@@ -29,13 +29,18 @@ HWY_INLINE Numbers exp_of(Numbers x) {
 /// Lines side by side, of `classes` values `step` apart: the first `count` lanes.
 void normalise(const float* in, int64_t classes, int64_t step, size_t count, float* out) {
   const Wide d;
-  const auto lanes = hn::FirstN(d, count);
+  // Not MaskedLoad and BlendedStore: SSE4 and NEON read whole vectors for them, and NEON writes
+  // back neighbours that are another thread's.
+  float padded[hn::MaxLanes(d)] = {};
   const auto load = [&](const float* from) HWY_ATTR {
-    return count == hn::Lanes(d) ? hn::LoadU(d, from) : hn::MaskedLoad(lanes, d, from);
+    if (count == hn::Lanes(d)) return hn::LoadU(d, from);
+    std::copy_n(from, count, padded);
+    return hn::LoadU(d, padded);
   };
   const auto store = [&](Numbers x, float* to) HWY_ATTR {
     if (count == hn::Lanes(d)) return hn::StoreU(x, d, to);
-    hn::BlendedStore(x, lanes, d, to);
+    hn::StoreU(x, d, padded);
+    std::copy_n(padded, count, to);
   };
   Numbers largest = load(in);
   for (int64_t c = 1; c < classes; ++c) {
