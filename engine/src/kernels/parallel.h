@@ -3,6 +3,8 @@
 #include <omp.h>
 
 #include <algorithm>
+#include <array>
+#include <atomic>
 #include <cstdint>
 
 #include "kernels/float_mode.h"
@@ -23,6 +25,9 @@ class RegionObserver {
 /// Calls `work(item, thread)` for every item in [0, items), on up to `threads` threads. Items must
 /// be independent, and no value may depend on how many there are: their number may depend on the
 /// number of threads. Every thread calculates in the FloatMode of the calling one.
+///
+/// A thread begins with a range of items of its own, which is the same part of all in every region:
+/// what it wrote in one layer is in its cache for the next. Then it takes what others have left.
 template <class Work>
 void parallel_for(int64_t items, int threads, const Work& work) {
   RegionObserver* const observer = RegionObserver::here;
@@ -36,14 +41,28 @@ void parallel_for(int64_t items, int threads, const Work& work) {
   }
   RegionForSanitizer region;
   const FloatMode mode = FloatMode::current();
+  constexpr int kMaxRanges = 64;  // more threads share them
+  const int ranges = static_cast<int>(std::min<int64_t>(items, std::min(threads, kMaxRanges)));
+  struct alignas(64) Range {  // a cache line each
+    std::atomic<int64_t> next;
+    int64_t end;
+  };
+  std::array<Range, kMaxRanges> own;
+  for (int i = 0; i < ranges; ++i) {
+    own[i].next = items * i / ranges;
+    own[i].end = items * (i + 1) / ranges;
+  }
 #pragma omp parallel num_threads(threads)
   {
     const FloatModeScope scope(mode);
-#pragma omp for schedule(dynamic, 1) nowait
-    for (int64_t item = 0; item < items; ++item) {
-      region.before_item();
-      work(item, omp_get_thread_num());
-      region.after_item();
+    const int thread = omp_get_thread_num();
+    for (int i = 0; i < ranges; ++i) {
+      Range& range = own[(thread + i) % ranges];
+      for (int64_t item; (item = range.next.fetch_add(1, std::memory_order_relaxed)) < range.end;) {
+        region.before_item();
+        work(item, thread);
+        region.after_item();
+      }
     }
   }
 }

@@ -89,13 +89,14 @@ class Depthwise {
             const Channels& channels)
       : p_(p), a_(a), channels_(channels), whole_(whole_windows(p)) {}
 
-  /// An item is a band of rows of one block.
+  /// An item is a band of rows of one block. Bands come first, as in the products before and after
+  /// it: a thread reads what it wrote.
   void run() const {
     constexpr int64_t kGrain = 512;  // pixels
     const int64_t planes = p_.n * channel_blocks(p_.c_out);
     const Split bands = {p_.out_h, std::clamp<int64_t>(p_.out_pixels() / kGrain, 1, p_.out_h)};
     parallel_for(planes * bands.parts, p_.threads, [&](int64_t item, int) {
-      const int64_t plane = item / bands.parts, band = item % bands.parts;
+      const int64_t band = item / planes, plane = item % planes;
       const BlockEpilogue epilogue(a_.epilogue, a_.bias, plane % channel_blocks(p_.c_out),
                                    p_.c_out);
       for (int64_t y = bands.begin(band); y < bands.end(band); ++y) run_row(plane, y, epilogue);
