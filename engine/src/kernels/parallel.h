@@ -39,31 +39,28 @@ void parallel_for(int64_t items, int threads, const Work& work) {
     }
     return;
   }
-  RegionForSanitizer region;
   const FloatMode mode = FloatMode::current();
   constexpr int kMaxRanges = 64;  // more threads share them
   const int ranges = static_cast<int>(std::min<int64_t>(items, std::min(threads, kMaxRanges)));
   struct alignas(64) Range {  // a cache line each
     std::atomic<int64_t> next;
-    int64_t end;
   };
   std::array<Range, kMaxRanges> own;
-  for (int i = 0; i < ranges; ++i) {
-    own[i].next = items * i / ranges;
-    own[i].end = items * (i + 1) / ranges;
-  }
+  for (int i = 0; i < ranges; ++i) own[i].next = items * i / ranges;
+  RegionForSanitizer region;
 #pragma omp parallel num_threads(threads)
   {
+    region.enter();
     const FloatModeScope scope(mode);
     const int thread = omp_get_thread_num();
     for (int i = 0; i < ranges; ++i) {
-      Range& range = own[(thread + i) % ranges];
-      for (int64_t item; (item = range.next.fetch_add(1, std::memory_order_relaxed)) < range.end;) {
-        region.before_item();
+      const int range = (thread + i) % ranges;
+      const int64_t end = items * (range + 1) / ranges;
+      std::atomic<int64_t>& next = own[range].next;
+      for (int64_t item; (item = next.fetch_add(1, std::memory_order_relaxed)) < end;)
         work(item, thread);
-        region.after_item();
-      }
     }
+    region.leave();
   }
 }
 

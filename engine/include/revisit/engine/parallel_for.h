@@ -22,7 +22,7 @@ void parallel_for(int64_t items, int threads, const Work& work) {
     engine::RegionForSanitizer region;
 #pragma omp parallel for num_threads(threads) schedule(dynamic, 1) if (threads > 1 && items > 1)
     for (int64_t item = 0; item < items; ++item) {
-      region.before_item();
+      region.enter();
       if (failed) continue;
       try {
         work(item);
@@ -34,7 +34,7 @@ void parallel_for(int64_t items, int threads, const Work& work) {
         }
         failed = true;
       }
-      region.after_item();
+      region.leave();
     }
   }
   if (error) std::rethrow_exception(error);

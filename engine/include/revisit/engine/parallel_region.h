@@ -8,8 +8,8 @@ extern "C" void __tsan_release(void*);
 namespace revisit::engine {
 
 /// Tells the thread sanitizer what libgomp, which is built without it, does at the two ends of a
-/// parallel region: to be made before it, with a call before and after each item. Between the items
-/// of a region it sees races as ever. Nothing in other builds.
+/// parallel region: to be made before it, with a call before and after the work of each thread, or
+/// each item of it. Inside of a region it sees races as ever. Nothing in other builds.
 struct RegionForSanitizer {
 #ifdef __SANITIZE_THREAD__
   char begun = 0, done = 0;
@@ -19,15 +19,15 @@ struct RegionForSanitizer {
   ~RegionForSanitizer() {
     __tsan_acquire(&done);
   }
-  void before_item() {
+  void enter() {
     __tsan_acquire(&begun);
   }
-  void after_item() {
+  void leave() {
     __tsan_release(&done);
   }
 #else
-  void before_item() {}
-  void after_item() {}
+  void enter() {}
+  void leave() {}
 #endif
 };
 

@@ -92,9 +92,11 @@ class Depthwise {
   /// An item is a band of rows of one block. Bands come first, as in the products before and after
   /// it: a thread reads what it wrote.
   void run() const {
-    constexpr int64_t kGrain = 512;  // pixels
+    constexpr int64_t kGrain = 512, kLeast = 64;  // pixels
     const int64_t planes = p_.n * channel_blocks(p_.c_out);
-    const Split bands = {p_.out_h, std::clamp<int64_t>(p_.out_pixels() / kGrain, 1, p_.out_h)};
+    const int64_t for_each_thread = std::min<int64_t>(p_.out_pixels() / kLeast, p_.threads);
+    const Split bands = {p_.out_h, std::clamp(std::max(p_.out_pixels() / kGrain, for_each_thread),
+                                              int64_t{1}, p_.out_h)};
     parallel_for(planes * bands.parts, p_.threads, [&](int64_t item, int) {
       const int64_t band = item / planes, plane = item % planes;
       const BlockEpilogue epilogue(a_.epilogue, a_.bias, plane % channel_blocks(p_.c_out),
