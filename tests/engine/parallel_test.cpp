@@ -35,7 +35,7 @@ TEST(KernelThreads, BeginWithTheSamePartOfEveryRegion) {
       if (first[thread] >= 0) return;
       first[thread] = item;
       ++begun;
-      while (begun < kThreads) std::this_thread::yield();  // or one would do all of them
+      while (begun < omp_get_num_threads()) std::this_thread::yield();  // or one would do all
     });
     EXPECT_EQ(first[0], 0);
     EXPECT_EQ(first[1], items / 2);
