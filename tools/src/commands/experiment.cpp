@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-ExperimentOptions parse_options(const Arguments& arguments) {
+ExperimentOptions parse_experiment_options(const Arguments& arguments) {
   ExperimentOptions o;
   Parser parser(
       "revisit experiment", "NAME... | all | list",
@@ -153,7 +153,7 @@ bool print_summary(const std::vector<reports::Experiment>& all) {
 }  // namespace
 
 int experiment_command(const Arguments& arguments) {
-  ExperimentOptions options = parse_options(arguments);
+  ExperimentOptions options = parse_experiment_options(arguments);
   if (options.names.empty())
     throw UsageError("which experiment? Give a name, several, or all; 'revisit experiment list'");
   if (options.names == std::vector<std::string>{"list"}) {

@@ -35,7 +35,7 @@ struct LearnOptions {
   }
 };
 
-LearnOptions parse_options(const Arguments& arguments) {
+LearnOptions parse_learn_options(const Arguments& arguments) {
   LearnOptions o;
   Parser parser(
       "revisit learn", "DATA... -o FILE",
@@ -113,7 +113,7 @@ constexpr size_t kCarriedWeights = 256 << 10;  // [bytes]
 }  // namespace
 
 int learn_command(const Arguments& arguments) {
-  LearnOptions o = parse_options(arguments);
+  LearnOptions o = parse_learn_options(arguments);
   const FeatureOptions running = o.running();
   const pipeline::Observer observer = running.observer();
   std::vector<pipeline::Dataset> drives;

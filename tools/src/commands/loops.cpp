@@ -37,7 +37,7 @@ struct LoopsOptions {
   bool verify = false, all = false;
 };
 
-LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
+LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   LoopsOptions o;
   o.feature.feature = "ring";
   o.feature.ring_key_candidates = kCandidates;
@@ -190,7 +190,7 @@ int loops_command(const Arguments& arguments) {
       "  revisit loops town --calibrate other_town > loops.csv\n"
       "  revisit loops town --map town.map --calibrate other_town --verify --g2o town.g2o\n"
       "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n");
-  LoopsOptions o = parse_options(arguments, parser);
+  LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
   RecognizerSource described = recognizer_source(o.feature, parser, source.some);
   described.options.threshold = o.threshold;

@@ -41,7 +41,7 @@ proto::NumberType number_type(std::string_view type, std::string_view size,
 }
 
 /// Every line up to and including DATA. `text` is left at the first byte of the points.
-PcdHeader read_header(TextCursor* text) {
+PcdHeader read_pcd_header(TextCursor* text) {
   std::vector<std::string_view> names, sizes, types, counts;
   std::optional<size_t> width, height, points;
   PcdHeader header;
@@ -133,7 +133,7 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
 PointCloud read_pcd(const fs::path& file) {
   const std::string content = read_content(file);
   TextCursor text(content, file.string());
-  const PcdHeader header = read_header(&text);
+  const PcdHeader header = read_pcd_header(&text);
   const std::string_view body = text.rest();
   if (header.data == "binary") {
     check_size(header.table, body, text);

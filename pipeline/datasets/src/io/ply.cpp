@@ -36,7 +36,7 @@ proto::NumberType number_type(std::string_view name, const std::string& where) {
 }
 
 /// Every line up to and including end_header. `text` is left at the first byte of the elements.
-PlyHeader read_header(TextCursor* text) {
+PlyHeader read_ply_header(TextCursor* text) {
   std::string_view line;
   if (!text->next(&line) || line != "ply")
     throw InputError(text->name() + ":1: expected 'ply' as the first line");
@@ -111,7 +111,7 @@ PointCloud read_binary(const PlyHeader& header, const Element& vertex, const Tex
 PointCloud read_ply(const fs::path& file) {
   const std::string content = read_content(file);
   TextCursor text(content, file.string());
-  const PlyHeader header = read_header(&text);
+  const PlyHeader header = read_ply_header(&text);
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const Element& element) { return element.name == "vertex"; });
   if (vertex == header.elements.end())
