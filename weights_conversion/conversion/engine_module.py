@@ -9,6 +9,7 @@ import revisit.engine
 import revisit.proto
 
 from .errors import ConversionError, InputError, UnsupportedError, UsageError
+from .schema import raw_messages
 
 _said = set()  # a conversion reads the same files several times
 
@@ -35,11 +36,6 @@ def _say(net):
             print(f'warning: {warning}', file=sys.stderr)
 
 
-def schema():
-    """The schema of Caffe's files, a serialized FileDescriptorProto."""
-    return revisit.proto.schema()
-
-
 def net_text(prototxt):
     with _our_errors():
         net = revisit.proto.read_net(prototxt)
@@ -56,7 +52,6 @@ def weights_bytes(file):
 
 def _hdf5_bytes(file):
     weights = revisit.proto.WeightsFile(file)
-    from .schema import raw_messages
     net = raw_messages.NetParameter()
     for index, (name, _) in enumerate(weights.layers):
         layer = net.layer.add(name=name)
