@@ -24,7 +24,7 @@ bool WireReader::next(WireField& field) {
   cursor_.seek(next_);
   bool closes_group = false;
   read_tag(field, closes_group);
-  if (closes_group) throw FormatError(next_, "a group ends that never began");
+  if (closes_group) throw FormatError(next_, "the end of a group that never began");
   read_extent(field);
   if (field.type == WireType::kGroup) {
     skip_group(field);

@@ -139,7 +139,7 @@ TEST(BlobEncoding, CorruptBlobsAreErrorsWithOffsetLayerAndBlob) {
   contains(decode_error(bytes_field(7, tag(1, 2) + "\x01\x80")), "a dimension is cut off");
   contains(decode_error(tag(5, 6)), "illegal field tag");
   contains(decode_error(tag(0, 0) + "\x01"), "illegal field tag");
-  contains(decode_error(tag(9, 4)), "a group ends that never began");
+  contains(decode_error(tag(9, 4)), "the end of a group that never began");
   contains(decode_error(tag(9, 3)), "a field tag is cut off");
   contains(decode_error(tag(9, 3) + tag(10, 4)), "group 9 is closed as 10");
   std::string deep;

@@ -28,7 +28,7 @@ def _say(net):
     """Passes on the warnings of a net or file, once each."""
     try:
         warnings = net.warnings
-    except UnicodeDecodeError:  # of names that are no text
+    except UnicodeDecodeError:  # of names that are not text
         return
     for warning in warnings:
         if warning not in _said:

@@ -244,7 +244,7 @@ struct PlaceRecognizer::Impl {
   }
 
   Impl& need_map() {
-    if (!map) throw UsageError("this PlaceRecognizer has no map whose work is shared");
+    if (!map) throw UsageError("this PlaceRecognizer has no map to share the work of");
     return *this;
   }
 };
