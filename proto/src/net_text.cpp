@@ -48,7 +48,7 @@ std::optional<std::string> between(const std::string& text, std::string_view bef
   return text.substr(begin, end - begin);
 }
 
-/// The byte in `text` that protobuf's tokenizer means, who expands tabs to 8 columns. Both from 0.
+/// The byte in `text` that protobuf's tokenizer means; it expands tabs to 8 columns. Both from 0.
 size_t byte_offset(const std::string& text, int line, int column) {
   size_t begin = 0;
   for (int i = 0; i < line && begin < text.size(); ++i) {
