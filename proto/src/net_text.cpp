@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/limits.h"
 #include "silence.h"
 
 namespace revisit::proto {
@@ -152,7 +153,7 @@ void map_text(const std::string& text, TextFormat::ParseInfoTree& tree) {
   parser.WriteLocationsTo(&tree);
   parser.AllowPartialMessage(true);
   parser.AllowUnknownField(true);
-  parser.SetRecursionLimit(static_cast<int>(Limits{}.nesting));
+  parser.SetRecursionLimit(kDeepestNesting);
   caffe::NetParameter unused;
   parser.ParseFromString(text, &unused);
 }
@@ -210,7 +211,7 @@ caffe::NetParameter parse_net_text(const std::string& text, const std::string& n
   parser.RecordErrorsTo(&complaints);
   parser.AllowUnknownField(options.allow_unknown_fields);
   parser.AllowPartialMessage(true);
-  parser.SetRecursionLimit(static_cast<int>(options.limits.nesting));
+  parser.SetRecursionLimit(kDeepestNesting);
   caffe::NetParameter net;
   if (!parser.ParseFromString(text, &net)) {
     throw InputError(complaints.first_error.empty() ? message_start(name, {}) + "cannot be parsed"

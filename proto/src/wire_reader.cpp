@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/limits.h"
 
 namespace revisit::proto {
 
@@ -79,7 +80,6 @@ void WireReader::read_extent(WireField& field) {
 }
 
 void WireReader::skip_group(const WireField& group) {
-  constexpr size_t kDeepest = 100;  // protobuf's own limit on nesting
   std::vector<uint32_t> open = {group.number};
   while (!open.empty()) {
     const uint64_t at = cursor_.position();
@@ -95,7 +95,7 @@ void WireReader::skip_group(const WireField& group) {
     }
     read_extent(field);
     if (field.type != WireType::kGroup) continue;
-    if (open.size() >= kDeepest) throw FormatError(at, "groups are nested too deeply");
+    if (std::ssize(open) >= kDeepestNesting) throw FormatError(at, "groups are nested too deeply");
     open.push_back(field.number);
   }
 }

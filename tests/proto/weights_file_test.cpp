@@ -227,8 +227,17 @@ TEST(WeightsFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
   contains(error({.weight_bytes = 10}),
            "more than the limit of 0 MB (Limits::weight_bytes raises it)");
   contains(error({.layers = 1}), "more than 1 layers (Limits::layers raises the limit)");
-  contains(error({.elements = 2}), "shape 3 has more than 2 elements");
-  EXPECT_EQ(WeightsFile::open(dir / "w", {.layers = 2, .elements = 3})->read(0).size(), 1U);
+  EXPECT_EQ(WeightsFile::open(dir / "w", {.layers = 2})->read(0).size(), 1U);
+}
+
+TEST(WeightsFile, AnArrayHasAtMostCaffesNumberOfElements) {
+  const TempDir dir;
+  const auto error = [&](uint64_t elements) {
+    write_file(dir / "w", model_of({shape({elements}) + packed_data({1, 2, 3})}));
+    return message_of<InputError>([&] { WeightsFile::open(dir / "w")->read(0); });
+  };
+  contains(error(uint64_t{1} << 31), "shape 2147483648 has more than 2147483647 elements");
+  contains(error(INT32_MAX), "shape 2147483647 wants 2147483647 values, found 3");
 }
 
 TEST(WeightsFile, LargerThanProtobufAllows) {
