@@ -69,7 +69,7 @@ def guess(file):
     if form:
         return form
     known = '; '.join(f'{name}: {columns}' for name, columns in COLUMNS.items())
-    raise InputError(f'{file}: not poses of a known format ({known}); the first line is {line[:60]!r}')
+    raise InputError(f'{file}: no poses in a known format ({known}); the first line is {line[:60]!r}')
 
 
 def read_trajectory(file, form=None) -> Trajectory:
