@@ -42,21 +42,21 @@ void parallel_for(int64_t items, int threads, const Work& work) {
   }
   const FloatMode mode = FloatMode::current();
   constexpr int kMaxRanges = 64;  // more threads share them
-  const Split ranges = {items, std::min<int64_t>(items, std::min(threads, kMaxRanges))};
+  const int64_t parts = std::min<int64_t>(items, std::min(threads, kMaxRanges));
   struct alignas(64) Range {  // a cache line each
     std::atomic<int64_t> next;
   };
   std::array<Range, kMaxRanges> own;
-  for (int64_t i = 0; i < ranges.parts; ++i) own[i].next = ranges.begin(i);
+  for (int64_t i = 0; i < parts; ++i) own[i].next = Split{items, parts}.begin(i);
   RegionForSanitizer region;
 #pragma omp parallel num_threads(threads)
   {
     region.enter();
     const FloatModeScope scope(mode);
     const int thread = omp_get_thread_num();
-    for (int64_t i = 0; i < ranges.parts; ++i) {
-      const int64_t range = (thread + i) % ranges.parts;
-      const int64_t end = ranges.end(range);
+    for (int64_t i = 0; i < parts; ++i) {
+      const int64_t range = (thread + i) % parts;
+      const int64_t end = Split{items, parts}.end(range);
       std::atomic<int64_t>& next = own[range].next;
       for (int64_t item; (item = next.fetch_add(1, std::memory_order_relaxed)) < end;)
         work(item, thread);
