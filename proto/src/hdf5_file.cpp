@@ -46,7 +46,7 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
                                   " (is it truncated?)"));
   }
   read_offset();  // of driver information
-  read_offset();  // of the root's name, which it has not
+  read_offset();  // of the root's name: it has none
   root_ = read_offset();
 }
 

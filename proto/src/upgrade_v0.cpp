@@ -95,7 +95,7 @@ bool carry_over(const V0& v0, const FieldDescriptor& field, const LayerKind& kin
 
 void warn_ignored(const std::string& layer, const std::string& field, const std::string& type,
                   std::vector<std::string>& warnings) {
-  warnings.push_back(str("layer '", layer, "': ", field, " means nothing for V0 type '", type,
+  warnings.push_back(str("layer '", layer, "': ", field, " has no meaning for V0 type '", type,
                          "' and is ignored"));
 }
 

@@ -182,7 +182,7 @@ TEST_P(BlockedLrn, AgreesWithTheDefinition) {
 INSTANTIATE_TEST_SUITE_P(Problems, BlockedLrn, testing::ValuesIn(test::lrn_problems()),
                          [](const auto& instance) { return test::test_name(instance.param); });
 
-/// Where powers leave the range of float, or are none: what pow() of the definition gives.
+/// Where powers leave the range of float, or are undefined: what pow() of the definition gives.
 TEST(BlockedLrn, SpecialValues) {
   for (const float beta : {0.75F, 0.6F}) {
     SCOPED_TRACE(beta);

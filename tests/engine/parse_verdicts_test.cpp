@@ -21,7 +21,7 @@ struct Verdict {
   bool accept = false;
   Shapes blobs;
   std::string reason;        // why not
-  bool unsupported = false;  // because of a layer type that is not known
+  bool unsupported = false;  // because of an unknown layer type
 };
 
 /// Where we differ from Caffe on purpose, each with a row of docs/STRICTER.md that begins with the
@@ -93,7 +93,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
     if (differs) {
       EXPECT_NE(ours.accept, caffe.accept) << "no difference any more";
     }
-    // To refuse what we do not know is no verdict on the file.
+    // Refusing what we do not know is not a verdict on the file.
     EXPECT_EQ(ours.unsupported, name == "net_type_unknown" || name == "pool_stochastic")
         << ours.reason;
     if (ours.accept && caffe.accept) {

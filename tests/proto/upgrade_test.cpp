@@ -302,7 +302,7 @@ TEST(UpgradeV0, WhatCannotBeCarriedOverIsSaid) {
                      "layer { name: 'r' type: 'ReLU' }");
   EXPECT_EQ(file.warnings,
             (std::vector<std::string>{
-                "net: layer 'r': num_output means nothing for V0 type 'relu' and is ignored",
+                "net: layer 'r': num_output has no meaning for V0 type 'relu' and is ignored",
                 "net: layer 'r': V1 field name beside a V0 layer is ignored, as in Caffe"}));
   EXPECT_EQ(upgrade_error("layers { layer { type: 'relu' } } layers { type: RELU }"),
             "net:1:35: a V1 layer in a net that also has V0 layers (`layers { layer {`)");

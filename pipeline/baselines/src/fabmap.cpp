@@ -69,7 +69,7 @@ void check(const ChowLiuTree& tree) {
            inside(tree.marginal[i]) && inside(tree.given_parent[i][0]) &&
            inside(tree.given_parent[i][1]);
   if (!good)
-    throw UsageError("FAB-MAP: the Chow-Liu tree is not one of probabilities between 0 and 1");
+    throw UsageError("FAB-MAP: the Chow-Liu tree has probabilities that are not between 0 and 1");
 }
 
 }  // namespace

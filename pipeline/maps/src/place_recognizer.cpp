@@ -13,6 +13,7 @@
 #include "revisit/maps/large_maps.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/text.h"
+#include "revisit/recognition/optional_library.h"
 #include "revisit/recognition/place_index.h"
 
 namespace revisit::pipeline {
@@ -243,7 +244,7 @@ struct PlaceRecognizer::Impl {
   }
 
   Impl& need_map() {
-    if (!map) throw UsageError("this PlaceRecognizer has no map whose work is shared");
+    if (!map) throw UsageError("this PlaceRecognizer has no map to share the work of");
     return *this;
   }
 };
@@ -288,7 +289,8 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
   if (options.graph_candidates < 0)
     throw UsageError(str("RecognizerOptions::graph_candidates: expected at least 0, found ",
                          options.graph_candidates));
-  if (options.graph_candidates > 0) need_faiss();  // now, not when the first stretch ends
+  if (options.graph_candidates > 0)  // now, not when the first stretch ends
+    need("candidates of a large map", "FAISS");
   check_threshold(options.threshold);
   impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), damaged);
 }

@@ -32,7 +32,7 @@ proto::NumberType number_type(std::string_view name, const std::string& where) {
   if (name == "uint" || name == "uint32") return {Kind::kUnsigned, 4};
   if (name == "float" || name == "float32") return {Kind::kFloat, 4};
   if (name == "double" || name == "float64") return {Kind::kFloat, 8};
-  throw InputError(str(where, ": no such property type: '", name.substr(0, 40), "'"));
+  throw InputError(str(where, ": unknown property type: '", name.substr(0, 40), "'"));
 }
 
 /// Every line up to and including end_header. `text` is left at the first byte of the elements.
@@ -42,7 +42,8 @@ PlyHeader read_ply_header(TextCursor* text) {
     throw InputError(text->name() + ":1: expected 'ply' as the first line");
   PlyHeader header;
   for (;;) {
-    if (!text->next(&line)) throw InputError(text->name() + ": no line end_header");
+    if (!text->next(&line))
+      throw InputError(text->name() + ": the PLY header has no line end_header");
     const std::string_view key = take_word(&line);
     const std::string where = text->where();
     if (key == "end_header") break;
@@ -62,7 +63,7 @@ PlyHeader read_ply_header(TextCursor* text) {
       else
         element.table.add(take_word(&line), number_type(type, where), 1);
     } else {
-      throw InputError(str(where, ": no PLY header line: '", key.substr(0, 40), "'"));
+      throw InputError(str(where, ": not a line of a PLY header: '", key.substr(0, 40), "'"));
     }
   }
   if (header.format != "ascii" && header.format != "binary_little_endian" &&

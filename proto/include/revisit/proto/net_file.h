@@ -21,7 +21,7 @@ struct NetReadOptions {
 };
 
 /// A network description in the current form (V2): only `layer`, every input an Input layer, no
-/// `input*` fields and no V1 `layers`. `warnings` says what a person should know: what the upgrade
+/// `input*` fields and no V1 `layers`. `warnings` says what the user should know: what the upgrade
 /// did, and what became of the layers that are for training.
 struct NetFile {
   caffe::NetParameter net;

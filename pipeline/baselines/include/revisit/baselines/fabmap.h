@@ -38,9 +38,9 @@ struct FabMapOptions {
 class FabMap {
  public:
   /// With `samples` (images of other places) the likelihood of a new place is their mean; without,
-  /// that of the average place (mean field). Throws UsageError for options that are no
-  /// probabilities, a detector that sees what is absent as often as what is there, a tree that is
-  /// none, and samples of another number of words.
+  /// that of the average place (mean field). Throws UsageError for options that are not
+  /// probabilities, a detector that sees absent words as often as present ones, an invalid tree,
+  /// and samples of another number of words.
   FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples = {});
 
   int words() const { return static_cast<int>(terms_.size()); }

@@ -36,7 +36,7 @@ ContextDistance context_distance(std::span<const float> a, std::span<const float
                                  const ScanContextOptions& options);
 
 /// Scan Context as a feature, compared by 1 - distance; candidates that the ring keys leave out get
-/// the least similarity, -1. Throws UsageError for options that are none.
+/// the least similarity, -1. Throws UsageError for invalid options.
 FeatureExtractor scan_context_features(const ScanContextOptions& options = {});
 
 }  // namespace revisit::pipeline

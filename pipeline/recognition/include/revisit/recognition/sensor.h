@@ -16,7 +16,7 @@ struct Sensor {
   double top = 0, bottom = 0;  // elevations of the outermost beams, or of the field of view [deg]
   ImageGeometry image;
 };
-/// All that are known. A beam never lies on an image's edge, and a closing rectangle is higher than
+/// All known sensors. A beam never lies on an image's edge, and a closing rectangle is higher than
 /// the rows between most neighbouring beams.
 const std::vector<Sensor>& sensors();
 
@@ -33,7 +33,7 @@ struct Beams {
 
 /// The sensor that scans look like they were taken by, and an image for them.
 struct SensorFound {
-  std::string name;  // of sensors(); "": of none, then the image is made for what was found
+  std::string name;  // of sensors(); "": unknown, then the image is made for what was found
   ImageGeometry image;
   Beams beams;
   double inside = 0;  // share of the returns that the image holds

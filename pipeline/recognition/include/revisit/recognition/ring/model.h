@@ -56,8 +56,8 @@ struct RingModel {
   int64_t dim() const { return columns.size() + polar.size(); }
 };
 
-/// Writes and reads a model (docs/DATA.md). Throw InputError naming the file and what is wrong:
-/// no model, a damaged one (it carries a checksum), one of a later version, numbers that do not fit
+/// Writes and reads a model (docs/DATA.md). Throw InputError naming the file and what is wrong: not
+/// a model, a damaged one (it carries a checksum), one of a later version, numbers that do not fit
 /// together or are not finite; Error when it cannot be written.
 void write_ring_model(const std::filesystem::path& file, const RingModel& model);
 RingModel read_ring_model(const std::filesystem::path& file);
