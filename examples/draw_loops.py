@@ -125,6 +125,7 @@ def main():
         draw_scale(panels['near'], 10)
         panels['map'].add_patch(plt.Rectangle(low, *size, fill=False, color=BLACK, zorder=5))
     figure.savefig(o.output, dpi=110)
+    print(f'{len(loops)} scans recognised, {len(wrong)} confused, {len(missed)} not recognised')
 
 
 if __name__ == '__main__':
