@@ -1,4 +1,4 @@
-# Debian packages by cpack: `revisit`, the program, and `librevisit-dev`, the libraries. docs/PACKAGES.md says how.
+# Debian packages by cpack: `revisit`, the program, and `librevisit-dev`, the libraries. docs/INSTALL.md says how.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME revisit)
 set(CPACK_PACKAGE_VENDOR "The revisit developers")

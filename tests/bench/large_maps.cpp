@@ -1,4 +1,4 @@
-// Search in large maps of synthetic places, as rows of the tables in docs/SCALE.md.
+// Search in large maps of synthetic places, as rows of the tables in docs/SPEED.md.
 //   revisit_large_maps PLACES cosines[NUMBERS]|rings WAY...
 // Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
 // once), all (rings at every heading), graph, listsPROBES[/NUMBERS_PER_BYTE]. The time of a query

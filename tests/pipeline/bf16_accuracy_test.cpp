@@ -1,4 +1,4 @@
-// What bfloat16 does to the descriptors of the 12 real scans (docs/BF16.md).
+// What bfloat16 does to the descriptors of the 12 real scans (docs/ACCURACY.md).
 #include <gtest/gtest.h>
 
 #include <algorithm>

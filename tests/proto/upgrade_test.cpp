@@ -1,5 +1,5 @@
-// Every rule of the upgrades, each against a hand-written expectation in V2 (docs/SEMANTICS.md
-// section 7).
+// Every rule of the upgrades, each against a hand-written expectation in V2 (docs/LAYERS.md
+// point 7).
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>

@@ -32,7 +32,7 @@ def make_parser():
     parser = argparse.ArgumentParser(
         'revisit-loops', formatter_class=argparse.RawDescriptionHelpFormatter, epilog=EXAMPLES,
         description='Places seen before, found online: every scan is described, compared with what was there before it,\n'
-                    'printed as a line when it is recognised, and added. docs/BAGS.md has what is read.')
+                    'printed as a line when it is recognised, and added. docs/SCANS.md has what is read.')
     parser.add_argument('data', metavar='DATA', help='a bag, packets, a data set, or a folder of scans')
     data = parser.add_argument_group('data')
     data.add_argument('--reader', choices=[reader.name for reader in READERS], help='default: detected')

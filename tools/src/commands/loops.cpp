@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Of 9909 places of several towns these had 96 of 100 of those that all headings find; 300 had 94
-/// (docs/RINGS.md).
+/// (docs/METHODS.md).
 constexpr int64_t kCandidates = 1000;
 
 struct LoopsOptions {

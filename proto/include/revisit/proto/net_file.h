@@ -28,7 +28,7 @@ struct NetFile {
   std::vector<std::string> warnings;
 };
 
-/// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/SEMANTICS.md section 7)
+/// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7)
 /// and takes out what the TEST phase runs (inference_net.h). A solver file is followed to the one
 /// net it names, looked for beside the solver, then in the working folder. Throws InputError,
 /// `path:line:column: reason`, for text that does not parse or upgrade, that describes no layers,

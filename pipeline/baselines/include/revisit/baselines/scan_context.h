@@ -10,7 +10,7 @@
 namespace revisit::pipeline {
 
 /// Scan Context (G. Kim, A. Kim: Scan Context: Egocentric Spatial Descriptor for Place Recognition
-/// within 3D Point Cloud Map, IROS 2018). docs/METHODS.md says where the paper is silent.
+/// within 3D Point Cloud Map, IROS 2018). docs/BASELINES.md says where the paper is silent.
 struct ScanContextOptions {
   int rings = 20, sectors = 60;  // Nr, Ns
   double max_range = 80;         // [m], Lmax: points farther on the ground plane are left out

@@ -42,7 +42,7 @@ struct Protocol {
   std::string source;      // where it was published
 };
 
-/// What `--protocol` takes, with definitions; docs/PROTOCOLS.md has the formulas.
+/// What `--protocol` takes, with definitions; docs/EVALUATION.md has the formulas.
 const std::vector<Protocol>& protocols();
 std::vector<std::string> protocol_names();
 

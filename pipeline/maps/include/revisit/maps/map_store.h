@@ -123,8 +123,8 @@ enum class MapAccess { kRead, kWrite };
 /// Opens a map. With kWrite and an `identity` it is made when there is none, with `format`, which
 /// says nothing about a map that is there. One process writes, any number read meanwhile.
 ///
-/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAP.md): there any number of
-/// processes write, too. A connection that is lost is made again, for 10 s or patience=SECONDS.
+/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAPS.md): there any number
+/// of processes write, too. A connection that is lost is made again, for 10 s or patience=SECONDS.
 ///
 /// Throws InputError for a file that is missing, not a map, damaged at its head or of a later
 /// version, and when `identity` is not the map's: the message has every entry that differs. Throws

@@ -8,7 +8,7 @@
 namespace revisit::pipeline {
 
 /// A sensor on the market and the image its scans are projected to: 4000 x 112 for all of them, so
-/// that every network gives one feature size. docs/DATA.md has the table and its sources.
+/// that every network gives one feature size. docs/FORMATS.md has the table and its sources.
 struct Sensor {
   std::string name;            // what sensor_geometry() takes: "ouster-os1-128"
   std::string model;           // what is printed on it: "Ouster OS1-128"

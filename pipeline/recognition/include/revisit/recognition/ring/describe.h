@@ -23,7 +23,7 @@ void check_options(const RingOptions& options);
 
 /// Turns rings into descriptors: less the ring mean, along frequencies, onto the directions in
 /// which scans of one place agree and scans of different places differ (linear discriminant
-/// analysis of each frequency, docs/RINGS.md), to unit length. Copies share what was computed.
+/// analysis of each frequency, docs/METHODS.md), to unit length. Copies share what was computed.
 class RingDescriber {
  public:
   /// `model`: of the map, by fit_to_map(). Throws UsageError for invalid options.
