@@ -60,6 +60,7 @@ struct PlaceSearch::Part {
   std::vector<Shortlist> shortlists;  // of each query
   std::vector<float> products;        // [queries][places of a run]
   std::vector<float> rows;            // descriptors brought together
+  std::vector<float> scales;          // of these to unit length; 0: not by a product
 };
 
 /// What one thread needs to compare a query with those chosen.
@@ -256,6 +257,7 @@ void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
     for (int64_t q = 0; q < n_queries; ++q)
       products_of_rows({memory_.keys.data() + q * d, static_cast<size_t>(d)}, rows,
                        {part.products.data() + q * n, static_cast<size_t>(n)});
+  if (cosines) scale_to_cosines(place, n, part);
   for (int64_t q = 0; q < n_queries; ++q) {
     const Asked& asked = memory_.asked[static_cast<size_t>(q)];
     if (!narrowed(asked)) continue;
@@ -265,17 +267,29 @@ void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
     auto range = std::ranges::partition_point(
         ranges, [place](const CandidateRange& r) { return r.end <= place; });
     for (; range != ranges.end() && range->begin < place + n; ++range)
-      for (int64_t at = std::max(range->begin, place); at < std::min(range->end, place + n); ++at) {
-        float rough = products[at - place];
-        if (cosines) {
-          const double length = length_at(at);
-          rough = static_cast<float>(
-              length > kShortest && length < kLongest
-                  ? rough / length
-                  : cosine(asked.descriptor, asked.length, index_.descriptor(at), length));
-        }
-        shortlist.offer(rough, at);
-      }
+      for (int64_t at = std::max(range->begin, place); at < std::min(range->end, place + n); ++at)
+        shortlist.offer(products[at - place], at);
+  }
+}
+
+/// Products with descriptors become rough cosines.
+void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, Part& part) const {
+  part.scales.resize(static_cast<size_t>(n));
+  for (int64_t i = 0; i < n; ++i) {
+    const double length = length_at(place + i);
+    const bool safe = length > kShortest && length < kLongest;
+    part.scales[static_cast<size_t>(i)] = safe ? static_cast<float>(1 / length) : 0;
+  }
+  for (size_t q = 0; q < memory_.asked.size(); ++q) {
+    float* const products = part.products.data() + static_cast<int64_t>(q) * n;
+    for (int64_t i = 0; i < n; ++i) products[i] *= part.scales[static_cast<size_t>(i)];
+  }
+  for (int64_t i = 0; i < n; ++i) {
+    if (part.scales[static_cast<size_t>(i)] > 0) continue;
+    for (size_t q = 0; q < memory_.asked.size(); ++q)
+      part.products[q * static_cast<size_t>(n) + static_cast<size_t>(i)] =
+          static_cast<float>(cosine(memory_.asked[q].descriptor, memory_.asked[q].length,
+                                    index_.descriptor(place + i), length_at(place + i)));
   }
 }
 

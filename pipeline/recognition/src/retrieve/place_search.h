@@ -41,6 +41,7 @@ class PlaceSearch {
   void for_each_run(int64_t from, int64_t to, const Run& run) const;
   void choose_by_products();
   void products_of_run(int64_t place, int64_t n, Part& part) const;
+  void scale_to_cosines(int64_t place, int64_t n, Part& part) const;
   const float* rows_together(int64_t place, int64_t n, Part& part) const;
 
   double length_at(int64_t place) const;
