@@ -29,7 +29,7 @@ Basis as_it_is(const FeatureExtractor& extractor) {
   basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
     std::ranges::copy(feature, descriptor.begin());
   };
-  basis.similarity = extractor.similarity;
+  basis.comparison = extractor.comparison;
   return basis;
 }
 
@@ -107,7 +107,7 @@ struct PlaceRecognizer::Impl {
   void settle(Basis fixed) {
     basis = std::move(fixed);
     settled = true;
-    index.emplace(*basis);
+    index.emplace(basis->dim, basis->comparison);
     has_graph = false;
     features = {};
   }
@@ -123,7 +123,7 @@ struct PlaceRecognizer::Impl {
     std::vector<int64_t> all(static_cast<size_t>(features.n));
     std::iota(all.begin(), all.end(), 0);
     basis = extractor.reduce(features.rows(), all);
-    index.emplace(*basis);
+    index.emplace(basis->dim, basis->comparison);
     for (const int64_t i : all) index->add(descriptor_of(features.row(i)));
   }
 
@@ -378,8 +378,8 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
             place.pose,
             match.similarities.front(),
             match.similarities.back(),
-            match.score};
-  if (impl.basis->turn) loop.turn = impl.basis->turn(impl.index->descriptor(position), descriptor);
+            match.score,
+            match.turn};
   loop.accepted = impl.threshold && loop.score >= *impl.threshold;
   return loop;
 }

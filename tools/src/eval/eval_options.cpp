@@ -6,7 +6,7 @@
 #include "eval/config_file.h"
 #include "revisit/evaluation/protocols.h"
 #include "revisit/proto/text.h"
-#include "revisit/recognition/retrieve.h"
+#include "revisit/recognition/match.h"
 
 namespace revisit::cli {
 namespace {

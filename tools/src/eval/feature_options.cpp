@@ -299,7 +299,7 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
     return kNoPca;
   }
   const bool asked = components || options.pca_fit != "all";
-  if (asked && source.extractor.similarity)
+  if (asked && source.extractor.comparison.similarity)
     throw UsageError(str("--pca: the feature ", source.extractor.name,
                          " is compared in its own way, which a PCA would destroy"));
   return components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
@@ -350,7 +350,7 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
 }
 
 std::string similarity_name(const FeatureSource& source) {
-  return source.extractor.similarity ? "similarity" : "cosine";
+  return source.extractor.comparison.similarity ? "similarity" : "cosine";
 }
 
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset) {

@@ -9,8 +9,8 @@
 
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/feature.h"
+#include "revisit/recognition/match.h"
 #include "revisit/recognition/points.h"
-#include "revisit/recognition/retrieve.h"
 
 namespace revisit::pipeline {
 
