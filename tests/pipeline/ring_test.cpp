@@ -3,9 +3,9 @@
 
 #include <cmath>
 #include <fstream>
-#include <numbers>
 #include <random>
 
+#include "angles.h"
 #include "expect_error.h"
 #include "revisit/proto/npy.h"
 #include "revisit/recognition/ring/describe.h"
@@ -17,7 +17,7 @@ namespace {
 
 using test::expect_error;
 
-constexpr double kTurn = 2 * std::numbers::pi;
+using test::kTurn;
 
 /// Rings of the sizes that tests/fixtures/ring has, nothing learnt.
 RingModel small_model() {

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <initializer_list>
 #include <random>
+#include <span>
 
+#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/matrix.h"
 
 namespace revisit::test {
@@ -23,6 +25,11 @@ inline pipeline::FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) 
   pipeline::FloatMatrix m(n, d);
   for (float& value : m.values) value = normal(random);
   return m;
+}
+
+/// The cosine of two descriptors.
+inline double cosine_of(std::span<const float> a, std::span<const float> b) {
+  return pipeline::cosine(a, pipeline::length_of(a), b, pipeline::length_of(b));
 }
 
 }  // namespace revisit::test
