@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Installs what is missing, builds, and runs every test: first the developer build, then the one
-# with the address and undefined-behaviour sanitizers. Further arguments go to ctest:
-#   tests/run.sh -R models
+# Installs what is missing, builds, and runs every test: first the developer build, then those that
+# the address and undefined-behaviour sanitizers are for. Further arguments go to ctest, whose tests
+# are the files of tests/:
+#   tests/run.sh -R tools.models
 # REVISIT_SKIP_SANITIZERS=1 leaves the second part out.
 set -euo pipefail
 
@@ -33,4 +34,6 @@ run() {  # run PRESET CTEST-ARGUMENTS...
 
 mkdir -p build
 run dev "$@"
+awk '/^\[  SKIPPED \] [0-9]/ { n += $4 } END { if (n) print n " tests say in LastTest.log why they were skipped" }' \
+  build/dev/Testing/Temporary/LastTest.log
 [ "${REVISIT_SKIP_SANITIZERS:-}" = 1 ] || run asan "$@"

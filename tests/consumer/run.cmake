@@ -15,7 +15,7 @@ endfunction()
 must(${CMAKE_COMMAND} --install ${BUILD} --prefix ${work}/prefix)
 must(${CMAKE_COMMAND} -S ${SOURCE} -B ${work}/build -G ${GENERATOR} -DCMAKE_PREFIX_PATH=${work}/prefix
      -DWHOLE_PATH=${SOURCE}/../../pipeline/whole_path.cpp -DLOOP_CLOSURE=${SOURCE}/../../pipeline/loop_closure.cpp
-     -DCMAKE_CXX_FLAGS=${FLAGS} -DCMAKE_BUILD_TYPE=Debug)
+     -DCMAKE_BUILD_TYPE=Debug)
 must(${CMAKE_COMMAND} --build ${work}/build)
 
 # The same by pkg-config: a program, and each library whole, so that the linker asks for all that it needs.
@@ -31,13 +31,13 @@ if(pkg_config)
     set(package_flags ${out} PARENT_SCOPE)
   endfunction()
   flags_of(revisit-datasets)
-  must(${CXX} -std=c++20 ${FLAGS} ${SOURCE}/../../pipeline/whole_path.cpp -o by_pkg_config ${package_flags})
+  must(${CXX} -std=c++20 ${SOURCE}/../../pipeline/whole_path.cpp -o by_pkg_config ${package_flags})
   file(WRITE ${work}/empty.cpp "int main() {}\n")
   foreach(pc_file IN LISTS pc_files)
     get_filename_component(package ${pc_file} NAME_WE)
     string(REPLACE revisit- revisit_ library ${package})
     flags_of(${package})
-    must(${CXX} ${FLAGS} empty.cpp -o whole_library -Wl,--whole-archive ${pc_folder}/../lib${library}.a -Wl,--no-whole-archive
+    must(${CXX} empty.cpp -o whole_library -Wl,--whole-archive ${pc_folder}/../lib${library}.a -Wl,--no-whole-archive
          ${package_flags})
   endforeach()
   set(by_pkg_config ${work}/by_pkg_config)

@@ -16,28 +16,22 @@
 namespace revisit::engine {
 namespace {
 
-using Activation = Epilogue::Activation;
-
-struct Case {
+struct DefinedActivation {
   Epilogue epilogue;
   std::function<double(double)> definition;
 };
 
-double sigmoid(double x) {
-  return 1 / (1 + std::exp(-x));
-}
-
-const Case kCases[] = {
-    {{Activation::kRelu, 0.25F}, [](double x) { return x < 0 ? 0.25 * x : x; }},
-    {{Activation::kClip, 0, -1, 6}, [](double x) { return x < -1  ? -1
-                                                          : x > 6 ? 6
-                                                                  : x; }},
-    {{Activation::kElu, 1.5F}, [](double x) { return x < 0 ? 1.5 * std::expm1(x) : x; }},
-    {{Activation::kSigmoid}, sigmoid},
-    {{Activation::kSwish, -1.5F},  // its product is one of floats
-     [](double x) { return x * sigmoid(static_cast<float>(-1.5 * x)); }},
-    {{Activation::kTanh}, [](double x) { return std::tanh(x); }},
-    {{Activation::kBnll},
+const DefinedActivation kActivations[] = {
+    {{Epilogue::Activation::kRelu, 0.25F}, [](double x) { return x < 0 ? 0.25 * x : x; }},
+    {{Epilogue::Activation::kClip, 0, -1, 6}, [](double x) { return x < -1  ? -1
+                                                                    : x > 6 ? 6
+                                                                            : x; }},
+    {{Epilogue::Activation::kElu, 1.5F}, [](double x) { return x < 0 ? 1.5 * std::expm1(x) : x; }},
+    {{Epilogue::Activation::kSigmoid}, test::sigmoid},
+    {{Epilogue::Activation::kSwish, -1.5F},  // its product is one of floats
+     [](double x) { return x * test::sigmoid(static_cast<float>(-1.5 * x)); }},
+    {{Epilogue::Activation::kTanh}, [](double x) { return std::tanh(x); }},
+    {{Epilogue::Activation::kBnll},
      [](double x) { return std::max(x, 0.0) + std::log1p(std::exp(-std::abs(x))); }}};
 
 std::vector<float> numbers() {
@@ -49,10 +43,10 @@ std::vector<float> numbers() {
 
 TEST(Activations, AreTheirDefinitions) {
   const std::vector<float> x = numbers();
-  for (const auto& [epilogue, definition] : kCases) {
+  for (const auto& [epilogue, definition] : kActivations) {
     SCOPED_TRACE(testing::Message() << "activation " << static_cast<int>(epilogue.activation));
     // exp(x) - 1 of a small x has few digits, as in the original.
-    const double small = epilogue.activation == Activation::kElu ? 2e-7 : FLT_MIN;
+    const double small = epilogue.activation == Epilogue::Activation::kElu ? 2e-7 : FLT_MIN;
     test::for_each_simd_target([&] {
       std::vector<float> y(x.size(), NAN);
       activate(epilogue, std::ssize(x), x.data(), y.data());
@@ -74,7 +68,7 @@ TEST(Activations, DoNotDependOnThePlace) {
   const auto same = [](const float* a, const float* b, int64_t n) {
     return std::memcmp(a, b, n * sizeof(float)) == 0;
   };
-  for (const auto& [epilogue, definition] : kCases)
+  for (const auto& [epilogue, definition] : kActivations)
     test::for_each_simd_target([&] {
       std::vector<float> all(x.size());
       activate(epilogue, count, x.data(), all.data());

@@ -27,8 +27,7 @@ namespace {
 
 using test::random_floats;
 
-constexpr unsigned kSeed = 20261123;
-constexpr unsigned char kNan = 0xFF, kDirty = 0xA5;
+constexpr unsigned kBf16Seed = 20261123;
 constexpr float kStep = 1.0F / 256;  // between neighbours, at most, of a number of magnitude 1
 
 TEST(BFloat16, IsTheNearestOfTwo) {
@@ -45,7 +44,7 @@ TEST(BFloat16, IsTheNearestOfTwo) {
   EXPECT_EQ(bits(1e-40F), 0x0001);
   for (const uint32_t nan : {0x7F800001U, 0xFFFFFFFFU, 0x7FC00000U})
     EXPECT_TRUE(std::isnan(to_float(to_bfloat16(std::bit_cast<float>(nan))))) << nan;
-  for (const float x : random_floats(1000, kSeed)) {
+  for (const float x : random_floats(1000, kBf16Seed)) {
     const float y = to_float(to_bfloat16(x));
     EXPECT_LE(std::abs(x - y), std::abs(x) * kStep);
     EXPECT_EQ(bits(y), bits(x));
@@ -60,13 +59,13 @@ testing::AssertionResult same_bits(const test::AlignedFloats& a, const test::Ali
 }
 
 /// A blocked value that BFloat16 can hold, in both types.
-struct Value {
+struct BothWays {
   test::AlignedFloats bf16, float32;
 
-  explicit Value(test::AlignedFloats blocked)
+  explicit BothWays(test::AlignedFloats blocked)
       : bf16(test::rounded_to_bf16(blocked)), float32(test::widened(bf16)) {}
-  Value(int64_t n, int64_t c, int64_t pixels, unsigned seed)
-      : Value(test::to_blocked(n, c, pixels, random_floats(n * c * pixels, seed))) {}
+  BothWays(int64_t n, int64_t c, int64_t pixels, unsigned seed)
+      : BothWays(test::to_blocked(n, c, pixels, random_floats(n * c * pixels, seed))) {}
 
   const float* of(Precision precision) const {
     return (precision == Precision::kBf16 ? bf16 : float32).data();
@@ -75,7 +74,7 @@ struct Value {
 
 /// `count` numbers that nothing wrote.
 test::AlignedFloats room(int64_t count, Precision precision) {
-  return {precision == Precision::kBf16 ? count / 2 : count, kNan};
+  return {precision == Precision::kBf16 ? count / 2 : count, test::kNanByte};
 }
 
 /// What `run(precision, output)` writes in bfloat16 must be what it writes in float32, rounded: the
@@ -94,7 +93,7 @@ TEST(Bf16Kernels, PoolingRoundsOnce) {
   for (const auto& [name, problem] : test::pooling_problems()) {
     SCOPED_TRACE(name);
     const auto& [n, c, window] = problem;
-    const Value input(n, c, window.h * window.w, kSeed);
+    const BothWays input(n, c, window.h * window.w, kBf16Seed);
     for (auto* const pool : {blocked_max_pool, blocked_average_pool})
       expect_rounded(n * padded_channels(c) * window.out_h * window.out_w,
                      [&, c = c, window = window](Precision precision, float* output) {
@@ -109,7 +108,7 @@ TEST(Bf16Kernels, PoolingRoundsOnce) {
 TEST(Bf16Kernels, NormalisationRoundsOnceAlsoWithPooling) {
   for (const auto& [name, problem] : test::lrn_problems()) {
     SCOPED_TRACE(name);
-    const Value input(problem.n, problem.c, problem.h * problem.w, kSeed);
+    const BothWays input(problem.n, problem.c, problem.h * problem.w, kBf16Seed);
     const auto with = [&p = problem](Precision precision) {
       LrnProblem lrn = p;
       lrn.values = precision;
@@ -118,7 +117,7 @@ TEST(Bf16Kernels, NormalisationRoundsOnceAlsoWithPooling) {
     expect_rounded(problem.n * padded_channels(problem.c) * problem.h * problem.w,
                    [&](Precision precision, float* output) {
                      const LrnProblem p = with(precision);
-                     test::AlignedFloats scratch(blocked_lrn_scratch_floats(p), kDirty);
+                     test::AlignedFloats scratch(blocked_lrn_scratch_floats(p), test::kDirtyByte);
                      blocked_lrn(p, input.of(precision), output, scratch.data());
                    });
     PoolingProblem pooling;
@@ -132,7 +131,7 @@ TEST(Bf16Kernels, NormalisationRoundsOnceAlsoWithPooling) {
                    [&](Precision precision, float* output) {
                      const LrnProblem p = with(precision);
                      test::AlignedFloats scratch(blocked_lrn_max_pool_scratch_floats(p, pooling),
-                                                 kDirty);
+                                                 test::kDirtyByte);
                      blocked_lrn_max_pool(p, pooling, input.of(precision), output, scratch.data());
                    });
   }
@@ -140,8 +139,8 @@ TEST(Bf16Kernels, NormalisationRoundsOnceAlsoWithPooling) {
 
 TEST(Bf16Kernels, ElementwiseRoundsOnce) {
   const int64_t n = 2, c = 35, pixels = 700, count = n * padded_channels(c) * pixels;
-  const Value a(n, c, pixels, kSeed), b(n, c, pixels, kSeed + 1);
-  const auto scale = test::to_blocked(1, c, 1, random_floats(c, kSeed + 2));
+  const BothWays a(n, c, pixels, kBf16Seed), b(n, c, pixels, kBf16Seed + 1);
+  const auto scale = test::to_blocked(1, c, 1, random_floats(c, kBf16Seed + 2));
   const Epilogue leaky{.activation = Epilogue::Activation::kRelu, .slope = 0.3F};
   const auto size = [&](Precision precision) { return BlockedSize{n, c, pixels, 2, precision}; };
   expect_rounded(count, [&](Precision precision, float* output) {
@@ -163,8 +162,8 @@ TEST(Bf16Kernels, ReorderRoundsThereAndIsExactBack) {
   for (const auto& [n, c, pixels] :
        {std::array<int64_t, 3>{1, 1, 1}, {2, 3, 7}, {1, 16, 64}, {3, 37, 1029}, {2, 32, 65}}) {
     SCOPED_TRACE(testing::Message() << n << " x " << c << " x " << pixels);
-    const std::vector<float> plain = random_floats(n * c * pixels, kSeed);
-    const Value value(test::to_blocked(n, c, pixels, plain));
+    const std::vector<float> plain = random_floats(n * c * pixels, kBf16Seed);
+    const BothWays value(test::to_blocked(n, c, pixels, plain));
     expect_rounded(n * padded_channels(c) * pixels,
                    [&, n = n, c = c, pixels = pixels](Precision precision, float* output) {
                      reorder_to_blocked({n, c, pixels, 2, precision}, plain.data(), output);
@@ -178,19 +177,19 @@ TEST(Bf16Kernels, ReorderRoundsThereAndIsExactBack) {
 }
 
 /// A convolution whose input, weights and addend BFloat16 can hold.
-struct Case {
+struct Bf16Case {
   ConvolutionProblem p;
   std::vector<float> plain, weights;
-  Value input, addend;
+  BothWays input, addend;
   test::AlignedFloats bias;
 
-  explicit Case(const ConvolutionProblem& problem)
+  explicit Bf16Case(const ConvolutionProblem& problem)
       : p(problem),
-        plain(random_floats(p.n * p.c_in * p.h * p.w, kSeed)),
-        weights(random_floats(p.c_out * p.depth(), kSeed + 1)),
+        plain(random_floats(p.n * p.c_in * p.h * p.w, kBf16Seed)),
+        weights(random_floats(p.c_out * p.depth(), kBf16Seed + 1)),
         input(test::to_blocked(p.n, p.c_in, p.h * p.w, plain)),
-        addend(p.n, p.c_out, p.out_pixels(), kSeed + 2),
-        bias(test::to_blocked(1, p.c_out, 1, random_floats(p.c_out, kSeed + 3))) {
+        addend(p.n, p.c_out, p.out_pixels(), kBf16Seed + 2),
+        bias(test::to_blocked(1, p.c_out, 1, random_floats(p.c_out, kBf16Seed + 3))) {
     for (std::vector<float>* values : {&plain, &weights})
       for (float& x : *values) x = to_float(to_bfloat16(x));
   }
@@ -203,9 +202,9 @@ struct Case {
     q.values = precision;
     q.threads = threads;
     ASSERT_TRUE(kernel.supports(q));
-    test::AlignedFloats packed(kernel.packed_floats(q), kNan);
+    test::AlignedFloats packed(kernel.packed_floats(q), test::kNanByte);
     kernel.pack(q, weights.data(), packed.data());
-    test::AlignedFloats scratch(kernel.scratch_floats(q), kDirty);
+    test::AlignedFloats scratch(kernel.scratch_floats(q), test::kDirtyByte);
     kernel.run(q, {kernel.input == Layout::kNchw ? plain.data() : input.of(precision),
                    packed.data(),
                    bias.data(),
@@ -233,7 +232,7 @@ class Bf16Convolution : public testing::TestWithParam<test::NamedConvolution> {}
 /// their sums those of float32 in another order; they give the same bits with every set of
 /// instructions, those made for bfloat16 among them, and for any number of threads.
 TEST_P(Bf16Convolution, IsThatOfFloat32Rounded) {
-  const Case c(GetParam().problem);
+  const Bf16Case c(GetParam().problem);
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
     ConvolutionProblem narrow = c.p;
     narrow.values = Precision::kBf16;
@@ -278,10 +277,10 @@ TEST_P(Bf16Convolution, InTilesSumsAsAmxDoes) {
   ConvolutionProblem p = GetParam().problem;
   p.values = Precision::kBf16;
   if (!kBlockedTiles.supports(p)) GTEST_SKIP() << "groups that share blocks";
-  const Case c(p);
-  test::AlignedFloats packed(kBlockedTiles.packed_floats(p), kNan);
+  const Bf16Case c(p);
+  test::AlignedFloats packed(kBlockedTiles.packed_floats(p), test::kNanByte);
   kBlockedTiles.pack(p, c.weights.data(), packed.data());
-  test::AlignedFloats scratch(kBlockedTiles.scratch_floats(p), kDirty);
+  test::AlignedFloats scratch(kBlockedTiles.scratch_floats(p), test::kDirtyByte);
   test::AlignedFloats bias(padded_channels(p.c_out), 0), output = room(c.outputs(), p.values);
   kBlockedTiles.run(p, {c.input.of(p.values),
                         packed.data(),
@@ -316,13 +315,13 @@ TEST_P(Bf16Convolution, InTilesSumsAsAmxDoes) {
 }
 
 /// Few enough to compute with slow instructions, too.
-std::vector<test::NamedConvolution> small_problems() {
+std::vector<test::NamedConvolution> problems_in_bf16() {
   auto problems = test::convolution_problems();
   std::erase_if(problems, [](const auto& named) { return named.problem.macs() > 8'000'000; });
   return problems;
 }
 
-INSTANTIATE_TEST_SUITE_P(Problems, Bf16Convolution, testing::ValuesIn(small_problems()),
+INSTANTIATE_TEST_SUITE_P(Problems, Bf16Convolution, testing::ValuesIn(problems_in_bf16()),
                          [](const auto& instance) { return test::test_name(instance.param); });
 
 TEST(Bf16Kernels, FirstConvolutionWithPoolingRoundsItsOutputOnce) {
@@ -332,14 +331,16 @@ TEST(Bf16Kernels, FirstConvolutionWithPoolingRoundsItsOutputOnce) {
     p.stride_w = 2, p.out_h = 15, p.out_w = 29;
     const LrnProblem lrn{1, p.c_out, p.out_h, p.out_w, 5, 0.1F, 0.75F, 2};
     PoolingProblem pooling{p.c_out, p.out_h, p.out_w, 7, 14, 3, 3, 2, 2};
-    const Case c(p);
+    const Bf16Case c(p);
     const auto run = [&](Precision precision, int threads, bool in_tiles = false) {
       ConvolutionMaxPool fused{p, with_lrn ? &lrn : nullptr, pooling, in_tiles};
       fused.convolution.values = precision;
       fused.convolution.threads = threads;
-      test::AlignedFloats packed(kBlockedPlainInput.packed_floats(fused.convolution), kNan);
+      test::AlignedFloats packed(kBlockedPlainInput.packed_floats(fused.convolution),
+                                 test::kNanByte);
       kBlockedPlainInput.pack(fused.convolution, c.weights.data(), packed.data());
-      test::AlignedFloats scratch(blocked_convolution_max_pool_scratch_floats(fused), kDirty);
+      test::AlignedFloats scratch(blocked_convolution_max_pool_scratch_floats(fused),
+                                  test::kDirtyByte);
       test::AlignedFloats output =
           room(padded_channels(p.c_out) * pooling.out_h * pooling.out_w, precision);
       blocked_convolution_max_pool(fused, {c.plain.data(),
@@ -372,7 +373,7 @@ TEST(Bf16Nets, TakeAGrayInput) {
   const std::vector<float> offsets = {0, 3, -2};
   const auto output = [&](Precision precision) {
     engine::Run run(net.plan({}, {.precision = precision, .gray_offsets = offsets}));
-    const std::vector<float> values = random_floats(20 * 33, kSeed);
+    const std::vector<float> values = random_floats(20 * 33, kBf16Seed);
     std::copy(values.begin(), values.end(), run.input("data").data);
     run.forward();
     const View<const float> found = run.output("i");
@@ -385,9 +386,9 @@ TEST(Bf16Kernels, InnerProductIsThatOfTheRoundedWeights) {
   for (const auto& [name, p] : test::inner_product_problems()) {
     if (!kInnerProductGemv.supports(p)) continue;
     SCOPED_TRACE(name);
-    const std::vector<float> input = random_floats(p.m * p.k, kSeed),
-                             bias = random_floats(p.n, kSeed + 2);
-    std::vector<float> weights = random_floats(p.n * p.k, kSeed + 1);
+    const std::vector<float> input = random_floats(p.m * p.k, kBf16Seed),
+                             bias = random_floats(p.n, kBf16Seed + 2);
+    std::vector<float> weights = random_floats(p.n * p.k, kBf16Seed + 1);
     std::vector<BFloat16> narrow(weights.size());
     for (size_t i = 0; i < weights.size(); ++i) {
       narrow[i] = to_bfloat16(weights[i]);
@@ -421,7 +422,7 @@ Net mixed_net() {
 std::vector<float> output_of(const Net& net, const PlanOptions& options) {
   Run run(net.plan({}, options));
   const View<float> input = run.input("data");
-  const std::vector<float> values = random_floats(input.shape.elements(), kSeed);
+  const std::vector<float> values = random_floats(input.shape.elements(), kBf16Seed);
   std::copy(values.begin(), values.end(), input.data);
   run.forward();
   const View<const float> output = run.output("i");

@@ -14,7 +14,7 @@ namespace revisit::engine {
 namespace {
 
 /// More than any test before this one can have multiplied with.
-constexpr int kThreads = 64;
+constexpr int kManyThreads = 64;
 
 /// Leaves 256 MiB of address space.
 void limit_memory() {
@@ -41,8 +41,8 @@ void expect_no_memory(const Work& work) {
 }
 
 TEST(BlasRoomDeathTest, NoneIsOutOfMemory) {
-  EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(kThreads); }), testing::ExitedWithCode(7),
-              "");
+  EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(kManyThreads); }),
+              testing::ExitedWithCode(7), "");
   EXPECT_EXIT(expect_no_memory([] { const BlasRoom room(1); }), testing::ExitedWithCode(0), "");
 }
 
@@ -54,7 +54,7 @@ TEST(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
             inner_product_param { num_output: 16 } })");
   const Net net = Net::load_with_random_weights(dir / "net.prototxt", 1);
   PlanOptions options;
-  options.threads = kThreads;
+  options.threads = kManyThreads;
   const Plan plan = net.plan({}, options);
   ASSERT_NE(plan.layers().back().kernel.find("gemm"), std::string::npos);
   EXPECT_EXIT(expect_no_memory([&] { const engine::Run run(plan); }), testing::ExitedWithCode(8),

@@ -19,25 +19,24 @@ namespace {
 
 using test::random_floats;
 
-constexpr unsigned kSeed = 20260722;
-constexpr unsigned char kNan = 0xFF, kDirty = 0xA5;
+constexpr unsigned kConvolutionSeed = 20260722;
 
 /// A problem with its arrays, in Caffe's layouts.
-struct Case {
+struct BlockedCase {
   ConvolutionProblem p;
   std::vector<float> input, weights, bias, addend;  // addend may be empty
   Epilogue epilogue;
 
-  explicit Case(const ConvolutionProblem& problem)
+  explicit BlockedCase(const ConvolutionProblem& problem)
       : p(problem),
-        input(random_floats(p.n * p.c_in * p.h * p.w, kSeed)),
-        weights(random_floats(p.c_out * p.depth(), kSeed + 1)),
-        bias(random_floats(p.c_out, kSeed + 2)) {}
+        input(random_floats(p.n * p.c_in * p.h * p.w, kConvolutionSeed)),
+        weights(random_floats(p.c_out * p.depth(), kConvolutionSeed + 1)),
+        bias(random_floats(p.c_out, kConvolutionSeed + 2)) {}
 
   int64_t outputs() const { return p.n * p.c_out * p.out_pixels(); }
 };
 
-std::vector<float> definition_of(const Case& c) {
+std::vector<float> definition_of(const BlockedCase& c) {
   std::vector<float> output(static_cast<size_t>(c.outputs()));
   const ConvolutionNdProblem p = test::over_axes(c.p);
   std::vector<float> scratch(static_cast<size_t>(kConvolutionReference.scratch_floats(p)));
@@ -50,14 +49,14 @@ test::AlignedFloats per_channel(int64_t channels, std::span<const float> values)
   return test::to_blocked(1, channels, 1, values);
 }
 
-test::AlignedFloats pack(const BlockedConvolutionKernel& kernel, const Case& c) {
-  test::AlignedFloats packed(kernel.packed_floats(c.p), kNan);
+test::AlignedFloats pack(const BlockedConvolutionKernel& kernel, const BlockedCase& c) {
+  test::AlignedFloats packed(kernel.packed_floats(c.p), test::kNanByte);
   kernel.pack(c.p, c.weights.data(), packed.data());
   return packed;
 }
 
 /// The blocked output of the kernel.
-test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const Case& c,
+test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const BlockedCase& c,
                         const test::AlignedFloats& packed, int threads = 1) {
   ConvolutionProblem p = c.p;
   p.threads = threads;
@@ -65,15 +64,15 @@ test::AlignedFloats run(const BlockedConvolutionKernel& kernel, const Case& c,
   const auto bias = per_channel(p.c_out, c.bias);
   const auto addend =
       test::to_blocked(p.n, p.c_out, c.addend.empty() ? 0 : p.out_pixels(), c.addend);
-  test::AlignedFloats scratch(kernel.scratch_floats(p), kDirty);
-  test::AlignedFloats output(p.n * padded_channels(p.c_out) * p.out_pixels(), kNan);
+  test::AlignedFloats scratch(kernel.scratch_floats(p), test::kDirtyByte);
+  test::AlignedFloats output(p.n * padded_channels(p.c_out) * p.out_pixels(), test::kNanByte);
   kernel.run(p, {kernel.input == Layout::kNchw ? c.input.data() : blocked_input.data(),
                  packed.data(), bias.data(), c.addend.empty() ? nullptr : addend.data(), c.epilogue,
                  output.data(), scratch.data()});
   return output;
 }
 
-std::vector<float> plain(const Case& c, const test::AlignedFloats& output) {
+std::vector<float> plain(const BlockedCase& c, const test::AlignedFloats& output) {
   return test::to_plain(c.p.n, c.p.c_out, c.p.out_pixels(), output.values());
 }
 
@@ -97,8 +96,8 @@ bool is_small(const ConvolutionProblem& p) {
 class BlockedConvolution : public testing::TestWithParam<test::NamedConvolution> {};
 
 TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
-  const Case c(GetParam().problem);
+  SCOPED_TRACE(testing::Message() << "seed " << kConvolutionSeed);
+  const BlockedCase c(GetParam().problem);
   const std::vector<float> wanted = definition_of(c);
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
     if (!kernel.supports(c.p)) continue;
@@ -185,8 +184,8 @@ float activated(const Epilogue& e, int64_t channel, float x) {
 TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
   using Activation = Epilogue::Activation;
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-    const auto slopes = per_channel(p.c_out, random_floats(p.c_out, kSeed + 3));
-    Case c(p);
+    const auto slopes = per_channel(p.c_out, random_floats(p.c_out, kConvolutionSeed + 3));
+    BlockedCase c(p);
     const std::vector<float> sums = definition_of(c);
     for (const Epilogue& epilogue :
          {Epilogue{}, Epilogue{.activation = Activation::kRelu},
@@ -197,7 +196,8 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
           Epilogue{.activation = Activation::kClip, .low = 0.5F, .high = 2}})
       for (const bool with_addend : {false, true}) {
         c.epilogue = epilogue;
-        c.addend = with_addend ? random_floats(c.outputs(), kSeed + 4) : std::vector<float>();
+        c.addend =
+            with_addend ? random_floats(c.outputs(), kConvolutionSeed + 4) : std::vector<float>();
         std::vector<float> wanted = sums;
         for (size_t i = 0; i < wanted.size(); ++i) {
           const int64_t channel = static_cast<int64_t>(i) / p.out_pixels() % p.c_out;
@@ -216,7 +216,7 @@ TEST(BlockedConvolutionSmall, EpiloguesAndAddend) {
 TEST(BlockedConvolutionSmall, SmoothActivations) {
   using Activation = Epilogue::Activation;
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-    Case c(p);
+    BlockedCase c(p);
     const test::AlignedFloats packed = pack(kernel, c);
     const std::vector<float> sums = plain(c, run(kernel, c, packed));
     for (const Epilogue& epilogue :
@@ -239,8 +239,8 @@ TEST(BlockedConvolutionSmall, SmoothActivations) {
 TEST(BlockedConvolutionSmall, NanStaysNan) {
   using Activation = Epilogue::Activation;
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-    const auto slopes = per_channel(p.c_out, random_floats(p.c_out, kSeed + 3));
-    Case c(p);
+    const auto slopes = per_channel(p.c_out, random_floats(p.c_out, kConvolutionSeed + 3));
+    BlockedCase c(p);
     const int64_t bad = p.c_out - 1;
     c.bias[static_cast<size_t>(bad)] = std::numeric_limits<float>::quiet_NaN();
     for (const Epilogue& epilogue :
@@ -266,7 +266,7 @@ TEST(BlockedConvolutionSmall, NanStaysNan) {
 /// reach the lanes beyond the channels. Winograd's transforms spread them over a tile.
 TEST(BlockedConvolutionSmall, InputsThatAreNotFinite) {
   for_each_kernel([](const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-    Case c(p);
+    BlockedCase c(p);
     c.input[c.input.size() / 2] = std::numeric_limits<float>::infinity();
     c.input[c.input.size() / 3] = std::numeric_limits<float>::quiet_NaN();
     const std::vector<float> wanted = definition_of(c);
@@ -312,7 +312,8 @@ TEST(BlockedConvolutionSmall, PackingDependsOnTheWeightsOnly) {
       ConvolutionProblem other = p;
       other.n = 3, other.h += 5, other.w += 7, other.out_h += 5, other.out_w += 7,
       other.threads = 2;
-      const test::AlignedFloats a = pack(kernel, Case(p)), b = pack(kernel, Case(other));
+      const test::AlignedFloats a = pack(kernel, BlockedCase(p)),
+                                b = pack(kernel, BlockedCase(other));
       ASSERT_EQ(a.values().size(), b.values().size()) << kernel.name;
       EXPECT_EQ(std::memcmp(a.data(), b.data(), a.values().size_bytes()), 0) << kernel.name;
     }

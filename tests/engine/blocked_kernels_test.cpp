@@ -23,9 +23,8 @@
 namespace revisit::engine {
 namespace {
 
-constexpr unsigned kSeed = 20260722;
-constexpr unsigned char kNan = 0xFF, kDirty = 0xA5;
-constexpr int kThreads[] = {1, 2, 3, 7, 16};
+constexpr unsigned kKernelSeed = 20260722;
+constexpr int kThreadCounts[] = {1, 2, 3, 7, 16};
 
 /// Equal as numbers; NaN equals NaN.
 testing::AssertionResult same(std::span<const float> found, std::span<const float> wanted) {
@@ -53,17 +52,17 @@ struct Result {
 
 /// The result of `run(threads, output, scratch)`, in plain layout, after checking that tails are
 /// zero and that the number of threads does not matter. `scratch_floats` is asked for each number.
-using Kernel = std::function<void(int threads, float* output, float* scratch)>;
-std::vector<float> result_of(const Result& r, const Kernel& run,
+using RunKernel = std::function<void(int threads, float* output, float* scratch)>;
+std::vector<float> result_of(const Result& r, const RunKernel& run,
                              const std::function<int64_t(int)>& scratch_floats = nullptr) {
   std::vector<float> first;
-  for (const int threads : kThreads) {
-    test::AlignedFloats output(r.n * padded_channels(r.c) * r.pixels, kNan);
-    test::AlignedFloats scratch(scratch_floats ? scratch_floats(threads) : 0, kDirty);
+  for (const int threads : kThreadCounts) {
+    test::AlignedFloats output(r.n * padded_channels(r.c) * r.pixels, test::kNanByte);
+    test::AlignedFloats scratch(scratch_floats ? scratch_floats(threads) : 0, test::kDirtyByte);
     run(threads, output.data(), scratch.data());
     EXPECT_EQ(test::find_dirty_tail(r.n, r.c, r.pixels, output.values()), -1);
     std::vector<float> plain = test::to_plain(r.n, r.c, r.pixels, output.values());
-    if (threads == kThreads[0])
+    if (threads == kThreadCounts[0])
       first = std::move(plain);
     else
       EXPECT_TRUE(same_bits(plain, first)) << threads << " threads";
@@ -79,12 +78,12 @@ TEST(BlockedReorder, EveryElementToItsPlaceAndBack) {
                                      {1, 60, 1024},
                                      {2, 32, 5}}) {
     SCOPED_TRACE(testing::Message() << n << " x " << c << " x " << pixels);
-    const std::vector<float> plain = test::random_floats(n * c * pixels, kSeed);
+    const std::vector<float> plain = test::random_floats(n * c * pixels, kKernelSeed);
     const test::AlignedFloats blocked = test::to_blocked(n, c, pixels, plain);
     test::for_each_blocked_target([&, n = n, c = c, pixels = pixels] {
-      for (const int threads : kThreads) {
+      for (const int threads : kThreadCounts) {
         const BlockedSize size{n, c, pixels, threads};
-        test::AlignedFloats there(n * padded_channels(c) * pixels, kNan);
+        test::AlignedFloats there(n * padded_channels(c) * pixels, test::kNanByte);
         reorder_to_blocked(size, plain.data(), there.data());
         EXPECT_TRUE(same_bits(there.values(), blocked.values()));
         std::vector<float> back(plain.size(), NAN);
@@ -107,7 +106,7 @@ class BlockedPooling : public testing::TestWithParam<test::Named<test::BlockedPo
 
 TEST_P(BlockedPooling, GivesTheNumbersOfThePlainKernel) {
   const auto& [n, c, window] = GetParam().problem;
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(testing::Message() << "seed " << kKernelSeed);
   using Plain = std::function<void(const PoolingProblem&, const float*, float*)>;
   struct Pair {
     const char* name;
@@ -122,7 +121,7 @@ TEST_P(BlockedPooling, GivesTheNumbersOfThePlainKernel) {
                            Pair{"average", average_pool, blocked_average_pool}})
     for (const auto& fill : {test::random_floats, with_specials}) {
       SCOPED_TRACE(pair.name);
-      const std::vector<float> input = fill(n * c * window.h * window.w, kSeed);
+      const std::vector<float> input = fill(n * c * window.h * window.w, kKernelSeed);
       std::vector<float> wanted(static_cast<size_t>(n * c * size.pixels), NAN);
       pair.plain(window, input.data(), wanted.data());
       const auto blocked = test::to_blocked(n, c, window.h * window.w, input);
@@ -162,10 +161,10 @@ class BlockedLrn : public testing::TestWithParam<test::Named<LrnProblem>> {};
 /// Each output by itself: the errors of small ones do not hide behind large ones.
 TEST_P(BlockedLrn, AgreesWithTheDefinition) {
   const LrnProblem& p = GetParam().problem;
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(testing::Message() << "seed " << kKernelSeed);
   for (const float magnitude : {1e-3F, 1.0F, 300.0F}) {
     SCOPED_TRACE(magnitude);
-    std::vector<float> input = test::random_floats(p.n * p.c * p.h * p.w, kSeed);
+    std::vector<float> input = test::random_floats(p.n * p.c * p.h * p.w, kKernelSeed);
     for (float& value : input) value *= magnitude;
     std::vector<float> wanted(input.size(), NAN);
     lrn_across_channels_reference(p, input.data(), wanted.data());
@@ -214,10 +213,10 @@ class BlockedLrnMaxPool : public testing::TestWithParam<test::Named<test::Blocke
 
 TEST_P(BlockedLrnMaxPool, GivesTheBitsOfOneAfterTheOther) {
   const auto& [n, c, window] = GetParam().problem;
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(testing::Message() << "seed " << kKernelSeed);
   for (const float beta : {0.75F, 0.6F}) {
     const LrnProblem lrn{n, c, window.h, window.w, 5, 0.9F, beta, 1};
-    const std::vector<float> input = with_specials(n * c * window.h * window.w, kSeed);
+    const std::vector<float> input = with_specials(n * c * window.h * window.w, kKernelSeed);
     const auto blocked = test::to_blocked(n, c, window.h * window.w, input);
     test::for_each_blocked_target([&, n = n, c = c, window = window] {
       const std::vector<float> between = blocked_lrn_of(lrn, input);
@@ -282,24 +281,26 @@ TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
     const int64_t pixels = c.out_pixels(), channels = padded_channels(c.c_out);
     LrnProblem lrn{c.n, c.c_out, c.out_h, c.out_w, 5, 0.1F, 0.75F, 2};
     PoolingProblem pooling = PoolingWindow(f.pooling).problem({c.n, c.c_out, c.out_h, c.out_w});
-    std::vector<float> input = with_specials(c.n * c.c_in * c.h * c.w, kSeed);
+    std::vector<float> input = with_specials(c.n * c.c_in * c.h * c.w, kKernelSeed);
     for (size_t i = 0; i < input.size(); ++i)
       if (i % 401 != 0 && !std::isfinite(input[i])) input[i] = 1;  // some, not everywhere
-    const std::vector<float> weights = test::random_floats(c.c_out * c.depth(), kSeed + 1);
-    test::AlignedFloats bias(channels, 0), packed(kBlockedPlainInput.packed_floats(c), kNan);
+    const std::vector<float> weights = test::random_floats(c.c_out * c.depth(), kKernelSeed + 1);
+    test::AlignedFloats bias(channels, 0),
+        packed(kBlockedPlainInput.packed_floats(c), test::kNanByte);
     bias.data()[1] = 0.5F;
     kBlockedPlainInput.pack(c, weights.data(), packed.data());
     const Epilogue relu{Epilogue::Activation::kRelu};
 
     test::for_each_blocked_target([&] {
       c.threads = pooling.threads = lrn.threads = 1;
-      test::AlignedFloats scratch(kBlockedPlainInput.scratch_floats(c), kDirty);
-      test::AlignedFloats convolved(c.n * channels * pixels, kNan);
+      test::AlignedFloats scratch(kBlockedPlainInput.scratch_floats(c), test::kDirtyByte);
+      test::AlignedFloats convolved(c.n * channels * pixels, test::kNanByte);
       kBlockedPlainInput.run(c, {input.data(), packed.data(), bias.data(), nullptr, relu,
                                  convolved.data(), scratch.data()});
-      test::AlignedFloats wanted(c.n * channels * pooling.out_h * pooling.out_w, kNan);
+      test::AlignedFloats wanted(c.n * channels * pooling.out_h * pooling.out_w, test::kNanByte);
       if (f.with_lrn) {
-        test::AlignedFloats lrn_scratch(blocked_lrn_max_pool_scratch_floats(lrn, pooling), kDirty);
+        test::AlignedFloats lrn_scratch(blocked_lrn_max_pool_scratch_floats(lrn, pooling),
+                                        test::kDirtyByte);
         blocked_lrn_max_pool(lrn, pooling, convolved.data(), wanted.data(), lrn_scratch.data());
       } else {
         blocked_max_pool(pooling, c.c_out, convolved.data(), wanted.data());
@@ -372,13 +373,14 @@ std::vector<float> layer_result(const Result& r, const std::string& type, const 
 
 /// Padded to whole blocks with what must not show.
 test::AlignedFloats padded(const std::vector<float>& values) {
-  test::AlignedFloats result(padded_channels(static_cast<int64_t>(values.size())), kDirty);
+  test::AlignedFloats result(padded_channels(static_cast<int64_t>(values.size())),
+                             test::kDirtyByte);
   std::copy(values.begin(), values.end(), result.data());
   return result;
 }
 
-void expect_near(const std::vector<float>& found, const std::vector<float>& wanted,
-                 float tolerance) {
+void expect_close_to(const std::vector<float>& found, const std::vector<float>& wanted,
+                     float tolerance) {
   ASSERT_EQ(found.size(), wanted.size());
   for (size_t i = 0; i < found.size(); ++i)
     if (std::isfinite(wanted[i]))
@@ -390,7 +392,7 @@ void expect_near(const std::vector<float>& found, const std::vector<float>& want
 TEST(BlockedActivation, AgreesWithTheLayers) {
   using Activation = Epilogue::Activation;
   for (const Result& r : kSizes) {
-    const std::vector<float> slopes = test::random_floats(r.c, kSeed + 1);
+    const std::vector<float> slopes = test::random_floats(r.c, kKernelSeed + 1);
     const test::AlignedFloats padded_slopes = padded(slopes);
     struct Case {
       Epilogue epilogue;
@@ -407,19 +409,19 @@ TEST(BlockedActivation, AgreesWithTheLayers) {
           Case{{Activation::kTanh}, "TanH", ""}, Case{{Activation::kBnll}, "BNLL", ""},
           Case{{Activation::kClip, 0, -1, 6}, "Clip", "clip_param { min: -1 max: 6 }"}}) {
       SCOPED_TRACE(c.type);
-      std::vector<float> input = with_specials(r.n * r.c * r.pixels, kSeed);
+      std::vector<float> input = with_specials(r.n * r.c * r.pixels, kKernelSeed);
       for (size_t i = 1; i < input.size(); i += 3) input[i] *= 20;
       auto wanted = layer_result(r, c.type, c.param, {input}, c.weights);
       for (size_t i = 0; i < input.size(); ++i)
         if (std::isnan(input[i])) wanted[i] = NAN;  // the layer Clip gives `min`
       const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
       test::for_each_blocked_target([&] {
-        expect_near(result_of(r,
-                              [&](int threads, float* output, float*) {
-                                blocked_activation({r.n, r.c, r.pixels, threads}, c.epilogue,
-                                                   blocked.data(), output);
-                              }),
-                    wanted, 5e-7F);
+        expect_close_to(result_of(r,
+                                  [&](int threads, float* output, float*) {
+                                    blocked_activation({r.n, r.c, r.pixels, threads}, c.epilogue,
+                                                       blocked.data(), output);
+                                  }),
+                        wanted, 5e-7F);
       });
     }
   }
@@ -451,22 +453,22 @@ TEST(BlockedActivation, ZerosHaveTheSignOfTheLayers) {
 
 TEST(BlockedScale, AgreesWithTheLayers) {
   for (const Result& r : kSizes) {
-    const std::vector<float> scale = test::random_floats(r.c, kSeed + 1);
-    const std::vector<float> shift = test::random_floats(r.c, kSeed + 2);
+    const std::vector<float> scale = test::random_floats(r.c, kKernelSeed + 1);
+    const std::vector<float> shift = test::random_floats(r.c, kKernelSeed + 2);
     const test::AlignedFloats padded_scale = padded(scale), padded_shift = padded(shift);
-    const std::vector<float> input = with_specials(r.n * r.c * r.pixels, kSeed);
+    const std::vector<float> input = with_specials(r.n * r.c * r.pixels, kKernelSeed);
     const auto scaled =
         layer_result(r, "Scale", "scale_param { bias_term: true }", {input}, {scale, shift});
     const auto wanted = layer_result(r, "ReLU", "", {scaled});
     const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
     test::for_each_blocked_target([&] {
-      expect_near(result_of(r,
-                            [&](int threads, float* output, float*) {
-                              blocked_scale({r.n, r.c, r.pixels, threads}, padded_scale.data(),
-                                            padded_shift.data(), {Epilogue::Activation::kRelu},
-                                            blocked.data(), output);
-                            }),
-                  wanted, 5e-7F);
+      expect_close_to(result_of(r,
+                                [&](int threads, float* output, float*) {
+                                  blocked_scale({r.n, r.c, r.pixels, threads}, padded_scale.data(),
+                                                padded_shift.data(), {Epilogue::Activation::kRelu},
+                                                blocked.data(), output);
+                                }),
+                      wanted, 5e-7F);
     });
   }
 }
@@ -484,7 +486,7 @@ TEST(BlockedEltwise, AgreesWithTheLayer) {
     std::vector<test::AlignedFloats> blocked;
     std::vector<const float*> pointers;
     for (unsigned k = 0; k < kInputs; ++k) {
-      inputs.push_back(test::random_floats(r.n * r.c * r.pixels, kSeed + k));
+      inputs.push_back(test::random_floats(r.n * r.c * r.pixels, kKernelSeed + k));
       // NaN in one input at a time, and in two.
       for (size_t i = k; i < inputs[k].size(); i += 5) inputs[k][i] = NAN;
       blocked.push_back(test::to_blocked(r.n, r.c, r.pixels, inputs[k]));

@@ -14,11 +14,10 @@
 namespace revisit::engine {
 namespace {
 
-constexpr unsigned kSeed = 20261124;
-constexpr unsigned char kNanBytes = 0xFF;
+constexpr unsigned kLayerSeed = 20261124;
 
 /// A layer whose inputs are all there in blocks.
-struct Case {
+struct LayerCase {
   std::string type, param;
   std::vector<Shape> inputs;
   size_t n_outputs = 1;
@@ -42,7 +41,7 @@ std::vector<float> values_of(const Shape& shape, unsigned seed, bool specials) {
 /// What is there of a value of blocks of `precision`, as a kernel asks for it.
 test::AlignedFloats laid_out(const Tensor& value, Layout layout, Precision precision) {
   if (layout == Layout::kNchw) {
-    test::AlignedFloats plain(value.shape.elements(), kNanBytes);
+    test::AlignedFloats plain(value.shape.elements(), test::kNanByte);
     std::copy(value.values.begin(), value.values.end(), plain.data());
     return plain;
   }
@@ -52,7 +51,7 @@ test::AlignedFloats laid_out(const Tensor& value, Layout layout, Precision preci
 }
 
 /// The outputs of the blocked kernel, plain again; expects that their tails are zero.
-std::vector<Tensor> run_blocked(const Case& c, const std::vector<Tensor>& inputs, int threads,
+std::vector<Tensor> run_blocked(const LayerCase& c, const std::vector<Tensor>& inputs, int threads,
                                 Precision precision) {
   const auto layer = test::layer_of(c.type, c.param);
   std::vector<Shape> own = c.inputs;
@@ -73,7 +72,7 @@ std::vector<Tensor> run_blocked(const Case& c, const std::vector<Tensor>& inputs
   for (const Shape& shape : outputs)
     out.emplace_back(shape[0] * padded_channels(shape[1]) * pixels_of(shape) *
                          value_bytes(precision) / value_bytes(Precision::kFloat32),
-                     kNanBytes);
+                     test::kNanByte);
   for (const auto& values : in) in_pointers.push_back(values.data());
   for (auto& values : out) out_pointers.push_back(values.data());
   kernel.run({in_pointers, out_pointers, nullptr});
@@ -106,7 +105,7 @@ std::vector<float> rounded_to(Precision precision, std::vector<float> values) {
 }
 
 /// What the layer and its fusion give on plain values.
-std::vector<Tensor> run_plain(const Case& c, std::vector<Tensor> inputs) {
+std::vector<Tensor> run_plain(const LayerCase& c, std::vector<Tensor> inputs) {
   Tensor addend;
   if (c.fusion.adds_last_input) {
     addend = std::move(inputs.back());
@@ -122,13 +121,13 @@ std::vector<Tensor> run_plain(const Case& c, std::vector<Tensor> inputs) {
 
 /// Products and sums of two of the numbers round as on plain values, so they are the same; what is
 /// of bfloat16 is rounded once.
-void expect_as_plain(const Case& c, float tolerance = 0) {
+void expect_as_plain(const LayerCase& c, float tolerance = 0) {
   SCOPED_TRACE(testing::Message() << c.type << " " << c.param << " of " << c.inputs[0]);
   for (const bool specials : {false, true}) {
     std::vector<Tensor> inputs;
     for (const Shape& shape : c.inputs)
       inputs.push_back(
-          {shape, values_of(shape, kSeed + static_cast<unsigned>(inputs.size()), specials)});
+          {shape, values_of(shape, kLayerSeed + static_cast<unsigned>(inputs.size()), specials)});
     const std::vector<Tensor> wanted = run_plain(c, inputs);
     test::for_each_simd_target([&] {
       for (const Precision precision : {Precision::kFloat32, Precision::kBf16}) {

@@ -16,7 +16,7 @@ using test::small_net;
 using test::TempDir;
 using test::write_file;
 
-const Shape kData{1, 16, 12, 16};
+const Shape kConcatData{1, 16, 12, 16};
 
 /// The kernel of the layer "all" in a net that gives what the reference gives.
 std::string concat_kernel(const Shape& data, const std::string& layers) {
@@ -27,9 +27,9 @@ TEST(Concat, InputsAreMadeInPlace) {
   const std::string layers = conv("a", "data") + in_place("ra", "ReLU", "a") +
                              conv("b", "data", "num_output: 19 kernel_size: 1") +
                              layer("all", "Concat", {"a", "b"}) + conv("next", "all");
-  EXPECT_EQ(concat_kernel(kData, layers), "in place");
+  EXPECT_EQ(concat_kernel(kConcatData, layers), "in place");
   EXPECT_EQ(concat_kernel({2, 16, 12, 16}, layers), "copy") << "images of a batch alternate";
-  const Plan plan = small_net(kData, layers).plan();
+  const Plan plan = small_net(kConcatData, layers).plan();
   for (const LayerCost& layer : plan.layers())
     if (layer.name == "all") {
       EXPECT_EQ(layer.activation_bytes, 0);
@@ -37,10 +37,10 @@ TEST(Concat, InputsAreMadeInPlace) {
 }
 
 TEST(Concat, PlainValuesToo) {
-  EXPECT_EQ(
-      concat_kernel(kData, layer("a", "TanH", {"data"}) + layer("b", "Exp", {"data"}) +
-                               layer("all", "Concat", {"a", "b"}) + in_place("r", "ReLU", "all")),
-      "in place");
+  EXPECT_EQ(concat_kernel(kConcatData, layer("a", "TanH", {"data"}) + layer("b", "Exp", {"data"}) +
+                                           layer("all", "Concat", {"a", "b"}) +
+                                           in_place("r", "ReLU", "all")),
+            "in place");
   EXPECT_EQ(concat_kernel({1, 3, 5, 7}, layer("a", "TanH", {"data"}) + layer("b", "Exp", {"data"}) +
                                             layer("all", "Concat", {"a", "b"})),
             "copy")
@@ -48,30 +48,31 @@ TEST(Concat, PlainValuesToo) {
 }
 
 TEST(Concat, NestedOnes) {
-  EXPECT_EQ(concat_kernel(kData, conv("a", "data") + conv("b", "a") +
+  EXPECT_EQ(
+      concat_kernel(kConcatData, conv("a", "data") + conv("b", "a") +
                                      layer("inner", "Concat", {"a", "b"}) + conv("c", "inner") +
                                      layer("all", "Concat", {"inner", "c"}) + conv("d", "all")),
-            "in place");
+      "in place");
 }
 
 TEST(Concat, CopiesWhatCannotBeTwice) {
   const std::string two = conv("a", "data") + conv("b", "data");
-  EXPECT_EQ(concat_kernel(kData, two + layer("all", "Concat", {"a", "a", "b"})), "copy");
-  EXPECT_EQ(concat_kernel(kData, two + layer("other", "Concat", {"b", "a"}) +
-                                     layer("all", "Concat", {"a", "b"}) +
-                                     layer("sum", "Eltwise", {"all", "other"})),
+  EXPECT_EQ(concat_kernel(kConcatData, two + layer("all", "Concat", {"a", "a", "b"})), "copy");
+  EXPECT_EQ(concat_kernel(kConcatData, two + layer("other", "Concat", {"b", "a"}) +
+                                           layer("all", "Concat", {"a", "b"}) +
+                                           layer("sum", "Eltwise", {"all", "other"})),
             "copy");
-  EXPECT_EQ(
-      concat_kernel(kData, layer("a", "TanH", {"data"}) + layer("all", "Concat", {"data", "a"})),
-      "copy")
+  EXPECT_EQ(concat_kernel(kConcatData,
+                          layer("a", "TanH", {"data"}) + layer("all", "Concat", {"data", "a"})),
+            "copy")
       << "inputs of the net keep their place";
 }
 
 TEST(Concat, ChannelsThatDoNotFillABlockAreCopiedPlain) {
-  EXPECT_EQ(
-      concat_kernel(kData, conv("a", "data", "num_output: 19 kernel_size: 1") + conv("b", "data") +
-                               layer("all", "Concat", {"a", "b"}) + conv("next", "all")),
-      "in place")
+  EXPECT_EQ(concat_kernel(kConcatData, conv("a", "data", "num_output: 19 kernel_size: 1") +
+                                           conv("b", "data") + layer("all", "Concat", {"a", "b"}) +
+                                           conv("next", "all")),
+            "in place")
       << "one after another in plain layout";
 }
 
@@ -88,7 +89,7 @@ TEST(Concat, PartsCanBeReadBeforeAndAfter) {
     if (late)
       layers += layer("q", "Eltwise", {"a", "b"}, "eltwise_param { operation: PROD }") +
                 layer("s", "Scale", {"b"});
-    const Net net = small_net(kData, layers);
+    const Net net = small_net(kConcatData, layers);
     EXPECT_EQ(kernel_of(expect_as_reference(net), "all"), "in place");
     expect_as_reference(net, {.keep_all = true});
   }
@@ -159,17 +160,17 @@ TEST(WorkInPlace, OverAnInputThatIsGivenTwice) {
   const std::string made = layer("a", "TanH", {"data"}) + layer("b", "Exp", {"data"});
   for (const char* operation : {"SUM", "PROD", "MAX"}) {
     const Net net =
-        small_net(kData, made + layer("all", "Eltwise", {"a", "b", "a"},
-                                      str("eltwise_param { operation: ", operation, " }")));
+        small_net(kConcatData, made + layer("all", "Eltwise", {"a", "b", "a"},
+                                            str("eltwise_param { operation: ", operation, " }")));
     expect_as_kept(net, {});
     EXPECT_EQ(net.plan().layers().back().activation_bytes, 0) << operation;
   }
   for (const char* type : {"Scale", "Bias"})
     expect_as_kept(
-        small_net(kData, layer("a", "TanH", {"data"}) + layer("all", type, {"a", "a"},
-                                                              type == std::string("Scale")
-                                                                  ? "scale_param { axis: 0 }"
-                                                                  : "bias_param { axis: 0 }")),
+        small_net(kConcatData, layer("a", "TanH", {"data"}) +
+                                   layer("all", type, {"a", "a"},
+                                         type == std::string("Scale") ? "scale_param { axis: 0 }"
+                                                                      : "bias_param { axis: 0 }")),
         {});
 }
 

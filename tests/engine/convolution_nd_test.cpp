@@ -14,6 +14,8 @@ namespace {
 
 using test::expect_error;
 using test::expect_near;
+using test::kInf;
+using test::kNan;
 using test::layer_of;
 using test::random_floats;
 using test::run_layer;
@@ -219,8 +221,6 @@ TEST(Deconvolution, GroupsAndDilation) {
 }
 
 TEST(Deconvolution, KeepsNanAndInfinityWhereTheyBelong) {
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-  constexpr float kInf = std::numeric_limits<float>::infinity();
   const auto outputs =
       run_layer({"Deconvolution",
                  "convolution_param { num_output: 1 kernel_size: 2 stride: 3 bias_term: false }",

@@ -15,10 +15,9 @@ namespace {
 
 using test::expect_error;
 using test::expect_near;
+using test::kNan;
 using test::layer_of;
 using test::run_layer;
-
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 TEST(Normalize, OverChannelsOrTheWholeImage) {
   const Tensor image{Shape{1, 2, 1, 2}, {3, 0, 4, 5}};

@@ -11,11 +11,11 @@ namespace {
 
 using test::expect_error;
 using test::expect_near;
+using test::kNan;
 using test::layer_of;
 using test::run_layer;
 
 TEST(Filter, PassesOnWhatIsSelected) {
-  constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   const auto found = run_layer({.type = "Filter",
                                 .param = "",
                                 .inputs = {{Shape{4, 2}, {1, 2, 3, 4, 5, 6, 7, 8}},

@@ -19,18 +19,18 @@ using test::kernel_of;
 using test::layer;
 using test::small_net;
 
-const Shape kData{1, 16, 9, 11};
+const Shape kFuseData{1, 16, 9, 11};
 
-struct Activation {
+struct NamedActivation {
   const char *name, *type, *param;
 };
 
-class FusedActivation : public testing::TestWithParam<Activation> {};
+class FusedActivation : public testing::TestWithParam<NamedActivation> {};
 
 TEST_P(FusedActivation, IsDoneByTheConvolution) {
-  const Net net =
-      small_net(kData, conv("c", "data") + in_place("a", GetParam().type, "c", GetParam().param) +
-                           conv("next", "c"));
+  const Net net = small_net(kFuseData, conv("c", "data") +
+                                           in_place("a", GetParam().type, "c", GetParam().param) +
+                                           conv("next", "c"));
   EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "in c");
   EXPECT_NE(kernel_of(net.plan({}, {.keep_all = true}), "a"), "in c");
   EXPECT_NE(kernel_of(net.plan({}, {.reference_kernels = true}), "a"), "in c");
@@ -47,17 +47,17 @@ TEST_P(FusedActivation, OnAConvolutionThatHasNoBlockedKernel) {
 
 INSTANTIATE_TEST_SUITE_P(
     Types, FusedActivation,
-    testing::Values(Activation{"ReLU", "ReLU", ""},
-                    Activation{"LeakyReLU", "ReLU", "relu_param { negative_slope: 0.3 }"},
-                    Activation{"PReLU", "PReLU", ""},
-                    Activation{"SharedPReLU", "PReLU", "prelu_param { channel_shared: true }"},
-                    Activation{"ELU", "ELU", "elu_param { alpha: 0.7 }"},
-                    Activation{"ReLU6", "ReLU6", ""}),
+    testing::Values(NamedActivation{"ReLU", "ReLU", ""},
+                    NamedActivation{"LeakyReLU", "ReLU", "relu_param { negative_slope: 0.3 }"},
+                    NamedActivation{"PReLU", "PReLU", ""},
+                    NamedActivation{"SharedPReLU", "PReLU", "prelu_param { channel_shared: true }"},
+                    NamedActivation{"ELU", "ELU", "elu_param { alpha: 0.7 }"},
+                    NamedActivation{"ReLU6", "ReLU6", ""}),
     [](const auto& instance) { return std::string(instance.param.name); });
 
 TEST(Fuse, NotAcrossAValueThatIsReadTwice) {
-  const Net net = small_net(
-      kData, conv("c", "data") + layer("a", "ReLU", {"c"}) + layer("both", "Concat", {"c", "a"}));
+  const Net net = small_net(kFuseData, conv("c", "data") + layer("a", "ReLU", {"c"}) +
+                                           layer("both", "Concat", {"c", "a"}));
   EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "activation");
 }
 
@@ -65,17 +65,17 @@ TEST(Fuse, NotAcrossAValueThatIsAnOutput) {
   // --end c: the net ends before the ReLU, which is gone; with --graft the ReLU is in between.
   const std::string layers = conv("c", "data") + in_place("a", "ReLU", "c") +
                              layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 2 }");
-  const Net cut = small_net(kData, layers, {"c", ""});
+  const Net cut = small_net(kFuseData, layers, {"c", ""});
   EXPECT_EQ(expect_as_reference(cut).layers().size(), 2U);
-  const Net grafted = small_net(kData, layers, {"c", "p"});
+  const Net grafted = small_net(kFuseData, layers, {"c", "p"});
   EXPECT_EQ(kernel_of(expect_as_reference(grafted), "a"), "in c");
-  const Net at_relu = small_net(kData, layers, {"a", ""});
+  const Net at_relu = small_net(kFuseData, layers, {"a", ""});
   EXPECT_EQ(kernel_of(expect_as_reference(at_relu), "a"), "in c");
 }
 
 TEST(Fuse, OnlyOneActivationAndNoScaleAfterIt) {
-  const Net net = small_net(kData, conv("c", "data") + in_place("a", "ReLU", "c") +
-                                       in_place("b", "ELU", "c") + in_place("s", "Scale", "c"));
+  const Net net = small_net(kFuseData, conv("c", "data") + in_place("a", "ReLU", "c") +
+                                           in_place("b", "ELU", "c") + in_place("s", "Scale", "c"));
   const Plan plan = expect_as_reference(net);
   EXPECT_EQ(kernel_of(plan, "a"), "in c");
   EXPECT_EQ(kernel_of(plan, "b"), "activation");
@@ -84,10 +84,10 @@ TEST(Fuse, OnlyOneActivationAndNoScaleAfterIt) {
 
 TEST(Fuse, LayersThatChangeNothingAreGone) {
   const Net net = small_net(
-      kData, conv("c", "data") + in_place("drop", "Dropout", "c") + in_place("a", "ReLU", "c") +
-                 "layer { name: 'split' type: 'Split' bottom: 'c' top: 's1' top: 's2' }" +
-                 conv("c1", "s1") + conv("c2", "s2") + layer("sum", "Eltwise", {"c1", "c2"}) +
-                 in_place("drop2", "Dropout", "sum"));
+      kFuseData, conv("c", "data") + in_place("drop", "Dropout", "c") + in_place("a", "ReLU", "c") +
+                     "layer { name: 'split' type: 'Split' bottom: 'c' top: 's1' top: 's2' }" +
+                     conv("c1", "s1") + conv("c2", "s2") + layer("sum", "Eltwise", {"c1", "c2"}) +
+                     in_place("drop2", "Dropout", "sum"));
   const Plan plan = expect_as_reference(net);
   EXPECT_EQ(kernel_of(plan, "a"), "in c");
   EXPECT_EQ(kernel_of(plan, "drop"), "");
@@ -97,11 +97,11 @@ TEST(Fuse, LayersThatChangeNothingAreGone) {
 
 TEST(FusedAffine, BatchNormScaleAndBiasGoIntoTheWeights) {
   const Net net = small_net(
-      kData, conv("c", "data") + in_place("bn", "BatchNorm", "c") +
-                 in_place("s", "Scale", "c", "scale_param { bias_term: true }") +
-                 in_place("b", "Bias", "c") + in_place("a", "PReLU", "c") +
-                 conv("d", "c", "num_output: 32 kernel_size: 1 bias_term: false group: 2") +
-                 in_place("s2", "Scale", "d", "scale_param { axis: 0 num_axes: 0 }"));
+      kFuseData, conv("c", "data") + in_place("bn", "BatchNorm", "c") +
+                     in_place("s", "Scale", "c", "scale_param { bias_term: true }") +
+                     in_place("b", "Bias", "c") + in_place("a", "PReLU", "c") +
+                     conv("d", "c", "num_output: 32 kernel_size: 1 bias_term: false group: 2") +
+                     in_place("s2", "Scale", "d", "scale_param { axis: 0 num_axes: 0 }"));
   const Plan plan = expect_as_reference(net);
   for (const char* name : {"bn", "s", "b", "a"}) EXPECT_EQ(kernel_of(plan, name), "in c");
   EXPECT_EQ(kernel_of(plan, "s2"), "in d");
@@ -126,7 +126,7 @@ TEST(FusedAffine, OnlyWhatIsOneNumberAChannel) {
 
 TEST(FusedAffine, WeightsOfOtherShapesAreRefusedFirst) {
   const Net net =
-      small_net(kData, layer("bn", "BatchNorm", {"data"}) + in_place("s", "Scale", "bn"));
+      small_net(kFuseData, layer("bn", "BatchNorm", {"data"}) + in_place("s", "Scale", "bn"));
   test::expect_error<InputError>(
       [&] {
         net.plan({{"data", Shape{1, 24, 9, 11}}});
@@ -154,12 +154,12 @@ TEST(FusedSum, TakesTheActivationAfterIt) {
     const std::string two = blocked ? conv("x", "data") + conv("y", "data")
                                     : layer("x", "TanH", {"data"}) + layer("y", "Exp", {"data"});
     const Net net = small_net(
-        kData, two + layer("m", "Eltwise", {"x", "y"}, "eltwise_param { operation: MAX }") +
-                   in_place("a", "ELU", "m") +
-                   layer("p", "Eltwise", {"m", "x"}, "eltwise_param { operation: PROD }") +
-                   in_place("b", "PReLU", "p") +
-                   layer("s", "Eltwise", {"p", "y"}, "eltwise_param { coeff: 0.5 coeff: -2 }") +
-                   in_place("c", "ReLU", "s"));
+        kFuseData, two + layer("m", "Eltwise", {"x", "y"}, "eltwise_param { operation: MAX }") +
+                       in_place("a", "ELU", "m") +
+                       layer("p", "Eltwise", {"m", "x"}, "eltwise_param { operation: PROD }") +
+                       in_place("b", "PReLU", "p") +
+                       layer("s", "Eltwise", {"p", "y"}, "eltwise_param { coeff: 0.5 coeff: -2 }") +
+                       in_place("c", "ReLU", "s"));
     const Plan plan = expect_as_reference(net);
     EXPECT_EQ(kernel_of(plan, "a"), "in m");
     EXPECT_EQ(kernel_of(plan, "b"), "in p");
@@ -179,9 +179,9 @@ TEST(FusedSum, OfValuesThatAreNoImages) {
 TEST(FusedSum, IsDoneByTheLaterConvolution) {
   for (const auto& inputs : {std::vector<std::string>{"c1", "c2"}, {"c2", "c1"}}) {
     const Net net =
-        small_net(kData, conv("c0", "data") + conv("c1", "c0") + conv("c2", "c0") +
-                             in_place("bn", "BatchNorm", "c2") + layer("sum", "Eltwise", inputs) +
-                             in_place("a", "ReLU", "sum"));
+        small_net(kFuseData, conv("c0", "data") + conv("c1", "c0") + conv("c2", "c0") +
+                                 in_place("bn", "BatchNorm", "c2") +
+                                 layer("sum", "Eltwise", inputs) + in_place("a", "ReLU", "sum"));
     const Plan plan = expect_as_reference(net);
     EXPECT_EQ(kernel_of(plan, "bn"), "in c2");
     EXPECT_EQ(kernel_of(plan, "sum"), "in c2");
@@ -204,7 +204,7 @@ TEST(FusedSum, ShortcutAroundTwoConvolutions) {
 TEST(FusedSum, NotOfOtherSums) {
   const std::string two = conv("c1", "data") + conv("c2", "data");
   const auto kernel = [&](const std::string& layers) {
-    return kernel_of(expect_as_reference(small_net(kData, two + layers)), "sum");
+    return kernel_of(expect_as_reference(small_net(kFuseData, two + layers)), "sum");
   };
   EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c1", "c2", "c1"})), "sum");
   EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c2", "c2"})), "sum");
@@ -217,19 +217,20 @@ TEST(FusedSum, NotOfOtherSums) {
   // Somebody else reads c2.
   EXPECT_EQ(kernel(layer("sum", "Eltwise", {"c1", "c2"}) + layer("p", "Power", {"c2"})), "sum");
   // Nothing is multiplied after the sum.
-  const Net net =
-      small_net(kData, two + layer("sum", "Eltwise", {"c1", "c2"}) + in_place("s", "Scale", "sum"));
+  const Net net = small_net(
+      kFuseData, two + layer("sum", "Eltwise", {"c1", "c2"}) + in_place("s", "Scale", "sum"));
   EXPECT_EQ(kernel_of(expect_as_reference(net), "s"), "scale");
 }
 
 TEST(FusedLrn, WithTheMaximumPoolingAfterIt) {
   const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
   const std::string pool = "pooling_param { kernel_size: 3 stride: 2 pad: 1 }";
-  const Net net = small_net(kData, conv("c", "data") + norm + layer("p", "Pooling", {"n"}, pool));
+  const Net net =
+      small_net(kFuseData, conv("c", "data") + norm + layer("p", "Pooling", {"n"}, pool));
   EXPECT_EQ(kernel_of(expect_as_reference(net), "p"), "in n");
 
   const auto kernel = [&](const std::string& layers) {
-    return kernel_of(expect_as_reference(small_net(kData, conv("c", "data") + layers)), "p");
+    return kernel_of(expect_as_reference(small_net(kFuseData, conv("c", "data") + layers)), "p");
   };
   EXPECT_EQ(
       kernel(norm + layer("p", "Pooling", {"n"}, "pooling_param { pool: AVE kernel_size: 3 }")),
@@ -289,8 +290,8 @@ TEST(FusedFirstConvolution, IsNoLayerWithoutInputs) {
        std::map<std::string, std::string>{{"DummyData", "dummy_data_param { " + shape + " }"},
                                           {"Parameter", "parameter_param { " + shape + " }"}}) {
     const Net net = small_net(
-        kData, layer("c", type, {}, param) +
-                   layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 2 stride: 2 }"));
+        kFuseData, layer("c", type, {}, param) +
+                       layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 2 stride: 2 }"));
     EXPECT_EQ(kernel_of(expect_as_reference(net), "p"), "max-pool") << type;
   }
 }

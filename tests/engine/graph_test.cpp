@@ -10,7 +10,7 @@ namespace {
 
 using test::expect_error;
 
-constexpr const char* kNet = R"(
+constexpr const char* kStrangeNet = R"(
   name: "small"
   layer { name: "in" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 8 dim: 8 } } }
   layer { name: "conv1" type: "Convolution" bottom: "data" top: "conv1" convolution_param { num_output: 2 kernel_size: 3 } }
@@ -31,7 +31,7 @@ std::vector<std::string> names(const Graph& graph) {
 }
 
 TEST(Graph, InPlaceLayersMakeValuesOfTheirOwn) {
-  const Graph graph = parse_text(kNet);
+  const Graph graph = parse_text(kStrangeNet);
   EXPECT_EQ(graph.values.size(), 6U);
   EXPECT_TRUE(graph.nodes[2].in_place);
   EXPECT_FALSE(graph.nodes[1].in_place);
@@ -42,13 +42,13 @@ TEST(Graph, InPlaceLayersMakeValuesOfTheirOwn) {
 }
 
 TEST(Graph, TruncationKeepsOnlyWhatIsNeeded) {
-  const Graph graph = parse_text(kNet);
+  const Graph graph = parse_text(kStrangeNet);
   EXPECT_EQ(names(prune(graph, {"conv1", ""})), (std::vector<std::string>{"in", "conv1"}));
   EXPECT_EQ(names(prune(graph, {"relu1", ""})), (std::vector<std::string>{"in", "conv1", "relu1"}));
 }
 
 TEST(Graph, GraftFollowsTheInPlaceReluOfItsLayer) {
-  const Graph graph = prune(parse_text(kNet), {"conv1", "pool"});
+  const Graph graph = prune(parse_text(kStrangeNet), {"conv1", "pool"});
   EXPECT_EQ(names(graph), (std::vector<std::string>{"in", "conv1", "relu1", "conv1+pool"}));
   EXPECT_EQ(graph.outputs[0].name, "conv1+pool");
   EXPECT_EQ(graph.nodes[3].inputs[0], graph.nodes[2].outputs[0]);
@@ -56,11 +56,11 @@ TEST(Graph, GraftFollowsTheInPlaceReluOfItsLayer) {
 }
 
 TEST(Graph, GraftWithoutReluGoesOnTheLayerItself) {
-  EXPECT_EQ(names(prune(parse_text(kNet), {"conv2", "pool"})),
+  EXPECT_EQ(names(prune(parse_text(kStrangeNet), {"conv2", "pool"})),
             (std::vector<std::string>{"in", "conv1", "relu1", "conv2", "conv2+pool"}));
 }
 
-/// The first layers of kNet as exporters write them that let no layer work in place.
+/// The first layers of kStrangeNet as exporters write them that let no layer work in place.
 std::string with_own_blobs(const std::string& further) {
   return R"(
   layer { name: "in" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 8 dim: 8 } } }
@@ -101,7 +101,7 @@ TEST(Graph, NothingIsGraftedOntoALayerWithSeveralOutputs) {
 }
 
 TEST(Graph, UnknownLayersAreNamedWithTheNearest) {
-  const Graph graph = parse_text(kNet);
+  const Graph graph = parse_text(kStrangeNet);
   expect_error<UsageError>(
       [&] {
         prune(graph, {"conv3", ""});

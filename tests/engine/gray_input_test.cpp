@@ -32,11 +32,11 @@ std::vector<float> run(const Net& net, const PlanOptions& options) {
   return run(net.plan({}, options));
 }
 
-struct Case {
+struct GrayCase {
   const char *name, *convolution;
 };
 
-class GrayInput : public testing::TestWithParam<Case> {};
+class GrayInput : public testing::TestWithParam<GrayCase> {};
 
 TEST_P(GrayInput, GivesWhatThreeChannelsGive) {
   test::for_each_simd_target([] {
@@ -77,19 +77,19 @@ TEST(GrayInputOptions, ExactWithScaleAndPoolingBehind) {
 
 INSTANTIATE_TEST_SUITE_P(
     Convolutions, GrayInput,
-    testing::Values(Case{"NoPadding", "num_output: 32 kernel_size: 3 stride: 2"},
-                    Case{"Padding", "num_output: 32 kernel_size: 7 stride: 2 pad: 1"},
-                    Case{"MuchPadding", "num_output: 16 kernel_size: 5 pad: 4"},
-                    Case{"PaddingWiderThanTheStride",
-                         "num_output: 16 kernel_h: 1 kernel_w: 6 "
-                         "stride_h: 1 stride_w: 3 pad_h: 0 pad_w: 5"},
-                    Case{"PaddedRowsOnly", "num_output: 32 kernel_size: 5 pad_h: 2 pad_w: 0"},
-                    Case{"LargerThanTheImage", "num_output: 16 kernel_size: 19 pad: 6"},
-                    Case{"LargerThanTheImageWithoutPadding",
-                         "num_output: 16 kernel_h: 15 kernel_w: 3 stride: 4"},
-                    Case{"Dilation", "num_output: 16 kernel_size: 3 pad: 2 dilation: 3"},
-                    Case{"NoBias", "num_output: 32 kernel_size: 3 pad: 1 bias_term: false"},
-                    Case{"FewOutputs", "num_output: 3 kernel_size: 3 pad: 1"}),
+    testing::Values(GrayCase{"NoPadding", "num_output: 32 kernel_size: 3 stride: 2"},
+                    GrayCase{"Padding", "num_output: 32 kernel_size: 7 stride: 2 pad: 1"},
+                    GrayCase{"MuchPadding", "num_output: 16 kernel_size: 5 pad: 4"},
+                    GrayCase{"PaddingWiderThanTheStride",
+                             "num_output: 16 kernel_h: 1 kernel_w: 6 "
+                             "stride_h: 1 stride_w: 3 pad_h: 0 pad_w: 5"},
+                    GrayCase{"PaddedRowsOnly", "num_output: 32 kernel_size: 5 pad_h: 2 pad_w: 0"},
+                    GrayCase{"LargerThanTheImage", "num_output: 16 kernel_size: 19 pad: 6"},
+                    GrayCase{"LargerThanTheImageWithoutPadding",
+                             "num_output: 16 kernel_h: 15 kernel_w: 3 stride: 4"},
+                    GrayCase{"Dilation", "num_output: 16 kernel_size: 3 pad: 2 dilation: 3"},
+                    GrayCase{"NoBias", "num_output: 32 kernel_size: 3 pad: 1 bias_term: false"},
+                    GrayCase{"FewOutputs", "num_output: 3 kernel_size: 3 pad: 1"}),
     [](const auto& instance) { return std::string(instance.param.name); });
 
 /// Whether a kernel without padding sees beyond the image, and so what is packed for it, depends on

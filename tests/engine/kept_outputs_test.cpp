@@ -23,7 +23,7 @@ Net two_convolutions() {
           test::layer("p", "Pooling", {"drop"}, "pooling_param { kernel_size: 3 stride: 2 }"));
 }
 
-std::vector<float> layer_of(const Net& net, const PlanOptions& options, const char* layer) {
+std::vector<float> kept_layer(const Net& net, const PlanOptions& options, const char* layer) {
   engine::Run run(net.plan({}, options));
   test::fill_randomly(run);
   run.forward();
@@ -34,8 +34,8 @@ std::vector<float> layer_of(const Net& net, const PlanOptions& options, const ch
 TEST(KeptOutputs, AreThoseOfAPlanThatKeepsAll) {
   const Net net = two_convolutions();
   for (const char* layer : {"data", "c1", "r1", "c2", "r2", "drop", "p"})
-    EXPECT_LE(test::relative_error(layer_of(net, {.keep = {layer}}, layer),
-                                   layer_of(net, {.keep_all = true}, layer)),
+    EXPECT_LE(test::relative_error(kept_layer(net, {.keep = {layer}}, layer),
+                                   kept_layer(net, {.keep_all = true}, layer)),
               1e-5)
         << layer;
 }

@@ -13,7 +13,7 @@ namespace {
 
 constexpr const char* kFast = "fastest predicted";
 
-const LayerCost& layer_of(const Plan& plan, const std::string& name) {
+const LayerCost& cost_of(const Plan& plan, const std::string& name) {
   for (const LayerCost& layer : plan.layers())
     if (layer.name == name) return layer;
   throw std::runtime_error("no layer " + name);
@@ -31,7 +31,7 @@ Net two_convolutions(const std::string& between, const std::string& after) {
 TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
   const auto why = [](const Net& net, const PlanOptions& options = {}) {
     const Plan plan = net.plan({}, options);
-    return std::pair(layer_of(plan, "a").why, layer_of(plan, "b").why);
+    return std::pair(cost_of(plan, "a").why, cost_of(plan, "b").why);
   };
   const auto both = [](const char* word) {
     return std::pair(std::string(word), std::string(word));
@@ -47,7 +47,7 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
         two_convolutions("", str("layer { name: 'm' bottom: 'b' top: 'm' ", averaging, " }\n") +
                                  test::in_place("s", "Softmax", "m"));
     EXPECT_EQ(why(classifier), both(kFast)) << averaging;
-    EXPECT_EQ(layer_of(classifier.plan(), "a").kernel, layer_of(plain.plan(), "a").kernel);
+    EXPECT_EQ(cost_of(classifier.plan(), "a").kernel, cost_of(plain.plan(), "a").kernel);
   }
   EXPECT_EQ(why(plain, {.accuracy = Accuracy::kStrict}), both("strict accuracy"));
   EXPECT_EQ(why(plain, {.reference_kernels = true}), both("reference asked"));
@@ -73,8 +73,8 @@ TEST(KernelChoice, FollowsTheValuesOfAConvolution) {
           test::layer("m", "MVN", {"f"}, "") +
           test::conv("b", "data", "num_output: 64 kernel_size: 3 pad: 1"),
       {}, test::Weights::kNone);
-  EXPECT_EQ(layer_of(net.plan(), "a").why, "amplified later");
-  EXPECT_EQ(layer_of(net.plan(), "b").why, kFast);
+  EXPECT_EQ(cost_of(net.plan(), "a").why, "amplified later");
+  EXPECT_EQ(cost_of(net.plan(), "b").why, kFast);
 }
 
 struct KnownNet {
@@ -123,8 +123,8 @@ TEST(KernelChoice, AlexNetWithItsSoftmaxIsAsFastAsItsTrunk) {
   const Plan whole = Net::load_without_weights(file).plan();
   const Plan trunk = Net::load_without_weights(file, {.truncation = {.end = "pool5"}}).plan();
   for (const char* name : {"conv2", "conv3", "conv4", "conv5"})
-    EXPECT_EQ(layer_of(whole, name).kernel, layer_of(trunk, name).kernel) << name;
-  EXPECT_TRUE(layer_of(whole, "conv2").kernel.starts_with("winograd"));
+    EXPECT_EQ(cost_of(whole, name).kernel, cost_of(trunk, name).kernel) << name;
+  EXPECT_TRUE(cost_of(whole, "conv2").kernel.starts_with("winograd"));
 }
 
 }  // namespace

@@ -15,10 +15,7 @@ using test::expect_near;
 using test::layer_of;
 using test::random_floats;
 using test::run_layer;
-
-double sigmoid(double x) {
-  return 1 / (1 + std::exp(-x));
-}
+using test::sigmoid;
 
 /// The equations of one LSTM layer, written for one stream and then looped, in double precision.
 struct SlowLstm {

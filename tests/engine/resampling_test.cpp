@@ -12,11 +12,10 @@ namespace {
 
 using test::expect_error;
 using test::expect_near;
+using test::kInf;
+using test::kNan;
 using test::layer_of;
 using test::run_layer;
-
-constexpr float kInf = std::numeric_limits<float>::infinity();
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
 TEST(Pooling, CeilModeIsTheForksRoundMode) {
   const auto pool = [](const std::string& mode) {

@@ -36,17 +36,18 @@ class StepCounter : public StepObserver {
   std::map<std::string, int> steps_;
 };
 
-const Shape kData{1, 16, 9, 11};
+const Shape kLayoutData{1, 16, 9, 11};
 
 TEST(Layouts, StayBlockedToTheEnd) {
-  const Net net = small_net(
-      kData, conv("c1", "data") + in_place("r1", "ReLU", "c1") +
-                 layer("n1", "LRN", {"c1"}, "lrn_param { local_size: 3 }") + conv("c2", "n1") +
-                 layer("p2", "Pooling", {"c2"}, "pooling_param { kernel_size: 2 stride: 2 }") +
-                 layer("a2", "Pooling", {"p2"}, "pooling_param { pool: AVE kernel_size: 2 }") +
-                 in_place("s2", "Scale", "a2") +
-                 layer("p2x", "Pooling", {"p2"}, "pooling_param { kernel_size: 2 }") +
-                 layer("m2", "Eltwise", {"a2", "p2x"}, "eltwise_param { operation: MAX }"));
+  const Net net =
+      small_net(kLayoutData,
+                conv("c1", "data") + in_place("r1", "ReLU", "c1") +
+                    layer("n1", "LRN", {"c1"}, "lrn_param { local_size: 3 }") + conv("c2", "n1") +
+                    layer("p2", "Pooling", {"c2"}, "pooling_param { kernel_size: 2 stride: 2 }") +
+                    layer("a2", "Pooling", {"p2"}, "pooling_param { pool: AVE kernel_size: 2 }") +
+                    in_place("s2", "Scale", "a2") +
+                    layer("p2x", "Pooling", {"p2"}, "pooling_param { kernel_size: 2 }") +
+                    layer("m2", "Eltwise", {"a2", "p2x"}, "eltwise_param { operation: MAX }"));
   expect_as_reference(net);
   StepCounter steps(net, {});
   EXPECT_EQ(steps["c1"], 2) << "the input of the net is plain";
@@ -180,10 +181,10 @@ TEST(Layouts, PlainLayersInBetween) {
 }
 
 TEST(Layouts, ValuesThatAreNeededInBoth) {
-  const Net net =
-      small_net(kData, conv("c", "data") + layer("s", "AbsVal", {"c"}) +
-                           layer("p", "Power", {"c"}, "power_param { power: 2 }") + conv("d", "c") +
-                           conv("e", "s") + layer("sum", "Eltwise", {"e", "d", "p"}));
+  const Net net = small_net(
+      kLayoutData, conv("c", "data") + layer("s", "AbsVal", {"c"}) +
+                       layer("p", "Power", {"c"}, "power_param { power: 2 }") + conv("d", "c") +
+                       conv("e", "s") + layer("sum", "Eltwise", {"e", "d", "p"}));
   expect_as_reference(net);
   StepCounter steps(net, {});
   EXPECT_EQ(steps["s"], 2);
@@ -231,7 +232,7 @@ TEST(Layouts, OtherShapesThanImagesStayPlain) {
 
 TEST(Layouts, SeveralInputsOfOneConvolution) {
   const Net net = small_net(
-      kData,
+      kLayoutData,
       conv("a", "data", "num_output: 16 kernel_size: 1") +
           "layer { name: 'c' type: 'Convolution' bottom: 'a' bottom: 'data' top: 'x' top: 'y' "
           "convolution_param { num_output: 32 kernel_size: 3 } }" +
@@ -240,8 +241,8 @@ TEST(Layouts, SeveralInputsOfOneConvolution) {
 }
 
 TEST(Layouts, KeepAllGivesEveryValueAsItIs) {
-  const Net net = small_net(kData, conv("c", "data") + in_place("r", "ReLU", "c") + conv("d", "c") +
-                                       in_place("s", "Scale", "d"));
+  const Net net = small_net(kLayoutData, conv("c", "data") + in_place("r", "ReLU", "c") +
+                                             conv("d", "c") + in_place("s", "Scale", "d"));
   const auto run = [&](const PlanOptions& options) {
     engine::Run result(net.plan({}, options));
     test::fill_randomly(result);

@@ -12,7 +12,7 @@
 namespace revisit::engine {
 namespace {
 
-constexpr unsigned kSeed = 20261123;
+constexpr unsigned kSoftmaxSeed = 20261123;
 
 std::vector<double> definition(const std::vector<float>& in, const ClassLines& lines) {
   std::vector<double> out(in.size());
@@ -36,7 +36,8 @@ TEST(Softmax, IsItsDefinitionInPlaceToo) {
         ClassLines{1, 3, 16}, ClassLines{2, 7, 19}, ClassLines{0, 4, 4}, ClassLines{1, 400, 3}}) {
     SCOPED_TRACE(testing::Message()
                  << lines.outer << " x " << lines.classes << " x " << lines.inner);
-    std::vector<float> in = test::random_floats(lines.outer * lines.classes * lines.inner, kSeed);
+    std::vector<float> in =
+        test::random_floats(lines.outer * lines.classes * lines.inner, kSoftmaxSeed);
     for (float& x : in) x *= 30;
     const std::vector<double> wanted = definition(in, lines);
     test::for_each_simd_target([&] {

@@ -18,7 +18,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kMissing = std::numeric_limits<float>::quiet_NaN();
 
 Point point_of(const Eigen::Vector3f& v) {
   return {v.x(), v.y(), v.z(), 0};
@@ -118,15 +118,16 @@ TEST(Align, PointsWithoutReturnDoNotCount) {
   const Eigen::Matrix3f axes = frame({0.8F, 0.6F, 0.1F}, {0, 0, 1});
   PointCloud cloud = cross(axes, {6, 3, 1}, {2, 1, 0});
   const Alignment clean = principal_alignment(cloud);
-  cloud.points.insert(cloud.points.begin(), {{0, 0, 0, 1}, {kNan, 1, 2, 3}, {0, -0.0F, 0, 0}});
+  cloud.points.insert(cloud.points.begin(), {{0, 0, 0, 1}, {kMissing, 1, 2, 3}, {0, -0.0F, 0, 0}});
   cloud.points.push_back({1, std::numeric_limits<float>::infinity(), 0, 0});
   EXPECT_EQ(principal_alignment(cloud).R_aligned_sensor, clean.R_aligned_sensor);
 }
 
 TEST(Align, RefusesCloudsWithoutDirection) {
   EXPECT_THROW(principal_alignment({}), InputError);
-  EXPECT_THROW(principal_alignment({{{1, 2, 3, 0}, {2, 3, 4, 0}, {0, 0, 0, 0}, {kNan, 0, 0, 0}}}),
-               InputError);
+  EXPECT_THROW(
+      principal_alignment({{{1, 2, 3, 0}, {2, 3, 4, 0}, {0, 0, 0, 0}, {kMissing, 0, 0, 0}}}),
+      InputError);
   EXPECT_THROW(principal_alignment({std::vector<Point>(100003, Point{0.1F, 0.7F, 1e-3F, 0})}),
                InputError);
   const Alignment line = principal_alignment({{{1, 0, 0, 0}, {2, 0, 0, 0}, {4, 0, 0, 0}}});
@@ -137,7 +138,7 @@ TEST(Align, RefusesCloudsWithoutDirection) {
 TEST(Rotated, AboutTheOriginAndNothingElse) {
   Eigen::Matrix3f R;
   R << 0, 1, 0, -1, 0, 0, 0, 0, 1;
-  const PointCloud cloud = rotated({{{1, 2, 3, 0.5F}, {0, 0, 0, 7}, {kNan, 1, 1, 0}}}, R);
+  const PointCloud cloud = rotated({{{1, 2, 3, 0.5F}, {0, 0, 0, 7}, {kMissing, 1, 1, 0}}}, R);
   EXPECT_EQ(cloud.points[0].x, 2);
   EXPECT_EQ(cloud.points[0].y, -1);
   EXPECT_EQ(cloud.points[0].z, 3);

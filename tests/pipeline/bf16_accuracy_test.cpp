@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "float_matrix.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/engine/net.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/retrieve.h"
-#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/pca.h"
 #include "test_data.h"
 
@@ -16,10 +16,6 @@ namespace revisit::pipeline {
 namespace {
 
 namespace fs = std::filesystem;
-
-double cosine_of(std::span<const float> a, std::span<const float> b) {
-  return cosine(a, length_of(a), b, length_of(b));
-}
 
 TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
   REVISIT_NEED_SHARED(kitti, "data/kitti");
@@ -44,8 +40,9 @@ TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
   ASSERT_EQ(found.n, 12);
   double least_of_features = 1, least_of_descriptors = 1;
   for (int64_t i = 0; i < found.n; ++i) {
-    least_of_features = std::min(least_of_features, cosine_of(float32.row(i), bf16.row(i)));
-    least_of_descriptors = std::min(least_of_descriptors, cosine_of(wanted.row(i), found.row(i)));
+    least_of_features = std::min(least_of_features, test::cosine_of(float32.row(i), bf16.row(i)));
+    least_of_descriptors =
+        std::min(least_of_descriptors, test::cosine_of(wanted.row(i), found.row(i)));
   }
   EXPECT_GE(least_of_features, 0.998);
   EXPECT_GE(least_of_descriptors, 0.9995);

@@ -4,6 +4,7 @@
 #include <sys/inotify.h>
 #include <unistd.h>
 
+#include "expect_error.h"
 #include "folder.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
@@ -12,6 +13,7 @@ namespace revisit::pipeline {
 namespace {
 
 namespace fs = std::filesystem;
+using test::message_of;
 using test::TempDir;
 using test::write_file;
 
@@ -31,19 +33,6 @@ void write_sequence(const fs::path& root, const std::string& sequence) {
   for (const char* const name : {"000010.bin", "000002.bin"})
     write_file(root / "sequences" / sequence / "velodyne" / name, "0123456789abcdef");
 }
-
-template <class Open>
-std::string complaint(Open open) {
-  try {
-    open();
-  } catch (const InputError& error) {
-    return error.what();
-  }
-  return "";
-}
-
-#define EXPECT_HAS(text, part) \
-  EXPECT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"
 
 std::vector<int> frames(const Dataset& dataset) {
   std::vector<int> result;
@@ -112,7 +101,8 @@ TEST(KittiDataset, OneSequenceFolder) {
   EXPECT_EQ(dataset.name, "kitti");
   EXPECT_EQ(dataset.sequence, "07");
   EXPECT_TRUE(dataset.has_poses());
-  EXPECT_HAS(complaint([&] { open_dataset(folder, "08"); }), "there is no sequence 08");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(folder, "08"); }),
+             "there is no sequence 08");
 
   write_file(folder / "poses.txt", poses(20));  // the nearer one wins
   EXPECT_EQ(find_kitti_poses(folder, ""), folder / "poses.txt");
@@ -132,19 +122,21 @@ TEST(KittiDataset, SaysWhatIsMissingAndWhere) {
   const TempDir dir;
   const fs::path root = dir / "kitti";
   write_sequence(root, "00");
-  const std::string no_poses = complaint([&] { open_dataset(root, "00", {.poses = true}); });
+  const std::string no_poses =
+      message_of<InputError>([&] { open_dataset(root, "00", {.poses = true}); });
   EXPECT_HAS(no_poses, (root / "poses/00.txt").string());
   EXPECT_HAS(no_poses, (root / "sequences/00/poses.txt").string());
 
   write_sequence(root, "05");
-  EXPECT_HAS(complaint([&] { open_dataset(root, ""); }),
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, ""); }),
              "say which sequence; sequences with scans: 00, 05");
-  EXPECT_HAS(complaint([&] { open_dataset(root, "0"); }), "did you mean '00'");
-  EXPECT_HAS(complaint([&] { open_dataset(dir / "none", "00"); }), "No such file");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "0"); }), "did you mean '00'");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(dir / "none", "00"); }), "No such file");
   fs::create_directories(dir / "empty");
-  EXPECT_HAS(complaint([&] { open_dataset(dir / "empty", ""); }), "no scans here: looked for");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(dir / "empty", ""); }),
+             "no scans here: looked for");
   write_file(dir / "file", "");
-  EXPECT_HAS(complaint([&] { open_dataset(dir / "file", ""); }), "not a folder");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(dir / "file", ""); }), "not a folder");
 }
 
 TEST(KittiDataset, CompressedScansAreSaid) {
@@ -152,15 +144,16 @@ TEST(KittiDataset, CompressedScansAreSaid) {
   const fs::path velodyne = dir / "kitti/sequences/00/velodyne";
   for (const char* name : {"000000.bin.gz", "000001.bin.gz", "notes.txt.gz"})
     write_file(velodyne / name, "");
-  const std::string any = complaint([&] { open_dataset(dir / "kitti", ""); });
+  const std::string any = message_of<InputError>([&] { open_dataset(dir / "kitti", ""); });
   EXPECT_HAS(any, "no sequence has scans: looked for");
   EXPECT_HAS(any, "folders in sequences/: 00");
-  const std::string named = complaint([&] { open_dataset(dir / "kitti", "00"); });
-  const std::string folder = complaint([&] { open_dataset(velodyne, ""); });
-  for (const std::string& said :
-       {any, named, folder, complaint([&] { open_dataset(dir / "kitti/sequences/00", ""); })})
+  const std::string named = message_of<InputError>([&] { open_dataset(dir / "kitti", "00"); });
+  const std::string folder = message_of<InputError>([&] { open_dataset(velodyne, ""); });
+  for (const std::string& said : {any, named, folder, message_of<InputError>([&] {
+                                    open_dataset(dir / "kitti/sequences/00", "");
+                                  })})
     EXPECT_HAS(said, velodyne.string() + " has 2 compressed ones (000000.bin.gz): unpack them");
-  const std::string no_poses = complaint([&] { find_kitti_poses(dir / "kitti", ""); });
+  const std::string no_poses = message_of<InputError>([&] { find_kitti_poses(dir / "kitti", ""); });
   EXPECT_HAS(no_poses,
              "no sequence has poses: looked for " + (dir / "kitti/poses/NN.txt").string());
 }
@@ -169,7 +162,7 @@ TEST(KittiDataset, ListsMustReachTheLastFrame) {
   const TempDir dir;
   write_sequence(dir.path(), "00");
   write_file(dir / "poses/00.txt", poses(10));
-  const std::string short_poses = complaint([&] { open_dataset(dir.path(), "00"); });
+  const std::string short_poses = message_of<InputError>([&] { open_dataset(dir.path(), "00"); });
   EXPECT_HAS(short_poses, "holds 10 poses");
   EXPECT_HAS(short_poses, "is frame 10");
   write_file(dir / "poses/00.txt", poses(11));
@@ -194,12 +187,12 @@ TEST(KittiDataset, FrameNumbersAreUniqueNumbers) {
   write_sequence(dir.path(), "00");
   const fs::path velodyne = dir / "sequences/00/velodyne";
   write_file(velodyne / "10.pcd", "");
-  const std::string twice = complaint([&] { open_dataset(dir.path(), "00"); });
+  const std::string twice = message_of<InputError>([&] { open_dataset(dir.path(), "00"); });
   EXPECT_HAS(twice, "frame 10 appears twice");
   EXPECT_HAS(twice, "000010.bin");
   fs::remove(velodyne / "10.pcd");
   write_file(velodyne / "first.bin", "");
-  EXPECT_HAS(complaint([&] { open_dataset(dir.path(), "00"); }),
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(dir.path(), "00"); }),
              "first.bin: expected the frame's number");
 }
 
@@ -208,14 +201,15 @@ TEST(KittiPoses, NeedNothingElse) {
   write_file(dir / "poses/03.txt", poses(1));
   EXPECT_EQ(find_kitti_poses(dir.path(), "03"), dir / "poses/03.txt");
   EXPECT_EQ(find_kitti_poses(dir.path(), ""), dir / "poses/03.txt");
-  const std::string missing = complaint([&] { find_kitti_poses(dir.path(), "04"); });
+  const std::string missing = message_of<InputError>([&] { find_kitti_poses(dir.path(), "04"); });
   EXPECT_HAS(missing, (dir / "poses/04.txt").string());
   EXPECT_HAS(missing, "sequences with poses: 03");
   write_file(dir / "sequences/04/poses.txt", poses(1));
   EXPECT_EQ(find_kitti_poses(dir.path(), "04"), dir / "sequences/04/poses.txt");
   EXPECT_EQ(find_kitti_poses(dir / "sequences/04", ""), dir / "sequences/04/poses.txt");
   fs::create_directories(dir / "empty");
-  EXPECT_HAS(complaint([&] { find_kitti_poses(dir / "empty", "00"); }), "no KITTI poses here");
+  EXPECT_HAS(message_of<InputError>([&] { find_kitti_poses(dir / "empty", "00"); }),
+             "no KITTI poses here");
 }
 
 TEST(PlainFolder, NumbersOfTheNamesOrTheirOrder) {
@@ -235,8 +229,8 @@ TEST(PlainFolder, NumbersOfTheNamesOrTheirOrder) {
   EXPECT_EQ(ordered.scans[1].file.filename(), "scan9.pcd");
   EXPECT_EQ(ordered.scans[2].file.filename(), "scan10.pcd");
 
-  EXPECT_HAS(complaint([&] { open_dataset(named, "", {.poses = true}); }), "no poses");
-  EXPECT_HAS(complaint([&] { open_dataset(named, "00"); }), "has no sequence 00");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(named, "", {.poses = true}); }), "no poses");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(named, "00"); }), "has no sequence 00");
 }
 
 TEST(RealDataset, TwelveScansOfSequence00) {
@@ -277,9 +271,9 @@ TEST(PlacesDataset, AFolderPerPlace) {
     EXPECT_EQ(dataset.scans[i].place, expected[i].first);
     EXPECT_EQ(dataset.scans[i].file, root / expected[i].first / expected[i].second);
   }
-  EXPECT_HAS(complaint([&] { open_dataset(root, "", {.poses = true}); }),
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }),
              "no poses, which this needs");
-  EXPECT_HAS(complaint([&] { open_dataset(root, "", {.poses = true}); }), "places-3");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "", {.poses = true}); }), "places-3");
   EXPECT_FALSE(open_dataset(root / "hall", "").has_places()) << "one place alone is a plain folder";
   // Scans in the folder itself: a plain folder, whatever lies beside them.
   write_file(root / "0.bin", "0123456789abcdef");
@@ -298,8 +292,9 @@ TEST(PlacesDataset, SetsOfPlacesBesideEachOther) {
   EXPECT_EQ(dataset.sequence, "objects");
   EXPECT_EQ(dataset.scans.size(), 2U);
   EXPECT_EQ(open_dataset(root / "objects", "").scans.size(), 2U);
-  EXPECT_HAS(complaint([&] { open_dataset(root, ""); }), "objects, rotation");
-  EXPECT_HAS(complaint([&] { open_dataset(root, "rotations"); }), "did you mean 'rotation'");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, ""); }), "objects, rotation");
+  EXPECT_HAS(message_of<InputError>([&] { open_dataset(root, "rotations"); }),
+             "did you mean 'rotation'");
 }
 
 }  // namespace

@@ -113,14 +113,14 @@ FabMapOptions half(double smoothing = 1) {
 // average      1/2 1/2 = 1/4     1/2 3/4 = 3/8       1 - 1/2 2/3 = 2/3      1/16
 // (0, 0, 0)    1/3 1/2 = 1/6     1/3 3/4 = 1/4       1 - 1/3 2/3 = 7/9      7/216
 // (1, 1, 1)    1 1/2   = 1/2     1 3/4   = 3/4       1 - 1 2/3   = 1/3      1/8 = 27/216
-const FloatMatrix kPlaces = matrix({{1, 1, 0}, {0, 1, 1}});
+const FloatMatrix kWordsOfPlaces = matrix({{1, 1, 0}, {0, 1, 1}});
 const std::vector<float> kSeen{1, 1, 0};
 const std::vector<int64_t> kBoth{0, 1};
 
 TEST(FabMap, LikelihoodsByHand) {
   const FabMap map(chain(), half());
-  EXPECT_NEAR(std::exp(map.log_likelihood(kSeen, kPlaces.row(0))), 7.0 / 24, 1e-12);
-  EXPECT_NEAR(std::exp(map.log_likelihood(kSeen, kPlaces.row(1))), 1.0 / 24, 1e-12);
+  EXPECT_NEAR(std::exp(map.log_likelihood(kSeen, kWordsOfPlaces.row(0))), 7.0 / 24, 1e-12);
+  EXPECT_NEAR(std::exp(map.log_likelihood(kSeen, kWordsOfPlaces.row(1))), 1.0 / 24, 1e-12);
   EXPECT_NEAR(std::exp(map.log_likelihood_of_new_place(kSeen)), 1.0 / 16, 1e-12);
   const FabMap sampled(chain(), half(), matrix({{0, 0, 0}, {1, 1, 1}}));
   EXPECT_NEAR(std::exp(sampled.log_likelihood_of_new_place(kSeen)), (7.0 + 27.0) / 216 / 2, 1e-12);
@@ -147,18 +147,18 @@ TEST(FabMap, LikelihoodsOfAllImagesSumToOne) {
 TEST(FabMap, PosteriorByHand) {
   // Priors 1/4, 1/4 and 1/2 (new): 7/96, 1/96 and 3/96.
   std::vector<double> p(2);
-  FabMap(chain(), half()).posterior(kSeen, rows_of(kPlaces, kBoth), p);
+  FabMap(chain(), half()).posterior(kSeen, rows_of(kWordsOfPlaces, kBoth), p);
   EXPECT_NEAR(p[0], 7.0 / 11, 1e-12);
   EXPECT_NEAR(p[1], 1.0 / 11, 1e-12);
   // The likelihoods 7/24, 1/24, 1/16 are 14 : 2 : 3, of 19. Smoothed with 0.9: 0.9 14/19 + 0.1/3
   // ...
-  FabMap(chain(), half(0.9)).posterior(kSeen, rows_of(kPlaces, kBoth), p);
+  FabMap(chain(), half(0.9)).posterior(kSeen, rows_of(kWordsOfPlaces, kBoth), p);
   const double a = 0.9 * 14 / 19 + 0.1 / 3, b = 0.9 * 2 / 19 + 0.1 / 3, n = 0.9 * 3 / 19 + 0.1 / 3;
   EXPECT_NEAR(p[0], a / (a + b + 2 * n), 1e-12);
   EXPECT_NEAR(p[1], b / (a + b + 2 * n), 1e-12);
   // Only B is a candidate: prior 1/2, against 1/2 for the new place.
   std::vector<double> one(1);
-  FabMap(chain(), half()).posterior(kSeen, rows_of(kPlaces, std::vector<int64_t>{1}), one);
+  FabMap(chain(), half()).posterior(kSeen, rows_of(kWordsOfPlaces, std::vector<int64_t>{1}), one);
   EXPECT_NEAR(one[0], (1.0 / 24) / (1.0 / 24 + 1.0 / 16), 1e-12);
 }
 

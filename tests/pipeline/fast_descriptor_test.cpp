@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "float_matrix.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
-#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/pca.h"
 #include "test_data.h"
@@ -35,10 +35,6 @@ std::vector<float> reference_feature(const engine::Net& net, const RangeImage& i
   run.forward();
   const auto values = run.output(run.plan().outputs()[0].name).values();
   return {values.begin(), values.end()};
-}
-
-double cosine_of(std::span<const float> a, std::span<const float> b) {
-  return cosine(a, length_of(a), b, length_of(b));
 }
 
 TEST(FastDescriptor, IsTheReferencesOnRealScans) {
@@ -70,7 +66,8 @@ TEST(FastDescriptor, IsTheReferencesOnRealScans) {
   for (int64_t i = n; i < 2 * n; ++i) options.fit_rows.push_back(i);
   const FloatMatrix descriptors = fit_pca({&file}, options).descriptors;
   for (int64_t i = 0; i < n; ++i)
-    EXPECT_GE(cosine_of(descriptors.row(i), descriptors.row(n + i)), 0.999999) << "scan " << i;
+    EXPECT_GE(test::cosine_of(descriptors.row(i), descriptors.row(n + i)), 0.999999)
+        << "scan " << i;
 }
 
 }  // namespace

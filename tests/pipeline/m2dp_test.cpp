@@ -4,15 +4,15 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <numbers>
 #include <random>
 
+#include "angles.h"
 #include "expect_error.h"
 
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using test::kPi;
 
 /// A lopsided blob whose three axes and tails are all clear.
 PointCloud blob(unsigned seed, int n = 500) {

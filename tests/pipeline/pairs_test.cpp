@@ -19,7 +19,7 @@ namespace {
 
 using test::random_matrix;
 
-Trajectory along_x(const std::vector<double>& xs) {
+Trajectory drive_along_x(const std::vector<double>& xs) {
   Trajectory drive;
   for (const double x : xs) {
     drive.frames.push_back(static_cast<int>(drive.frames.size()));
@@ -44,7 +44,7 @@ Descriptors by_numbers(const Trajectory& drive, Of of) {
 
 TEST(Pairs, SscByHand) {
   // Scans and x [m]:               0  1   2   3  4   5   6
-  const Trajectory drive = along_x({0, 10, 30, 1, 40, 11, 12});
+  const Trajectory drive = drive_along_x({0, 10, 30, 1, 40, 11, 12});
   const Task task = make_tasks("ssc", "", drive, parse_exclusion("frames=2")).at(0);
   // True (nearer than 3 m, more than 2 frames apart):  3-0, 5-1, 6-1; 6-5 is near, but 1 frame
   // apart False (farther than 20 m):          2-0 (30 m), 3-2, 4-0, 4-1, 4-3, 5-4, 6-4; 2-1 has
@@ -80,7 +80,7 @@ TEST(Pairs, SscByHand) {
 
 TEST(Pairs, Lcdnet2ByHand) {
   // Rows 2 to 4 are asked (frame 100 on) against rows more than 50 frames before them.
-  Trajectory drive = along_x({0, 50, 1, 51, 3});
+  Trajectory drive = drive_along_x({0, 50, 1, 51, 3});
   drive.frames = {0, 70, 110, 130, 180};
   const Task task = make_tasks("lcdnet2", "", drive).at(0);
   // Pairs: 2-0 (1 m, true), 3-0, 3-1 (1 m, true), 4-0 (3 m, true), 4-1, 4-2 (2 m, true); 2-1 is 40
@@ -109,7 +109,7 @@ struct OnePlace {
   explicit OnePlace(const std::vector<std::pair<double, bool>>& decisions) {
     std::vector<double> xs{0};
     for (const auto& [score, label] : decisions) xs.push_back(label ? 0 : 100);
-    drive = along_x(xs);
+    drive = drive_along_x(xs);
     task.name = "test";
     task.decision = Decision::kPair;
     task.rule = {Distance::kXz, 3};
@@ -147,7 +147,7 @@ Trajectory random_drive(int64_t n, unsigned seed) {
   std::uniform_real_distribution<double> uniform(0, 60);
   std::vector<double> xs(static_cast<size_t>(n));
   for (double& x : xs) x = uniform(random);
-  return along_x(xs);
+  return drive_along_x(xs);
 }
 
 TEST(Pairs, AreThoseOfTheSlowTwin) {
@@ -184,7 +184,7 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
 
 TEST(Pairs, MayBeComparedInAFeaturesOwnWay) {
   // Descriptors of one number; minus the distance of the numbers. All candidates come at once.
-  const Trajectory drive = along_x({0, 100, 1, 101, 2});
+  const Trajectory drive = drive_along_x({0, 100, 1, 101, 2});
   FloatMatrix m(5, 1);
   m.values = {3, 8, 4, 9, 1};
   Task task = make_tasks("ssc", "", drive, parse_exclusion("none")).at(0);
@@ -275,7 +275,7 @@ TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
   // Two queries with three stored scans each: the first has all three right, the second none. A
   // resample has 0, 3 or 6 true pairs of its 6; with 0 nothing can be computed; AP is 1 for both
   // others as true pairs score higher.
-  const Trajectory drive = along_x({0, 1, 2, 0.5, 100, 101, 102, 200});
+  const Trajectory drive = drive_along_x({0, 1, 2, 0.5, 100, 101, 102, 200});
   Task task;
   task.name = "test";
   task.decision = Decision::kPair;
@@ -379,7 +379,7 @@ TEST(Pairs, RefuseNonsense) {
 TEST(Pairs, TooManyAreRefusedBeforeTheyAreCompared) {
   // 16,385 scans: 2^27 pairs and 8192 more.
   const std::vector<double> xs(16385, 0.0);
-  const Trajectory drive = along_x(xs);
+  const Trajectory drive = drive_along_x(xs);
   Task task = make_tasks("ssc", "", drive, parse_exclusion("none")).at(0);
   EXPECT_THROW(evaluate_pairs(task, drive,
                               by_numbers(drive,

@@ -51,7 +51,7 @@ std::vector<float> describe(const FeatureExtractor& extractor, const PointCloud&
   return feature;
 }
 
-double cosine(const std::vector<float>& a, const std::vector<float>& b) {
+double cosine_of(const std::vector<float>& a, const std::vector<float>& b) {
   const auto dot = [](const auto& x, const auto& y) {
     return std::inner_product(x.begin(), x.end(), y.begin(), 0.0);
   };
@@ -123,14 +123,15 @@ TEST(PclFeatures, EsfIsPclsUpToTheDraws) {
     };
     EXPECT_NEAR(share(found), share(expected), 0.02) << h;
   }
-  EXPECT_GT(cosine(found, expected), 0.99);
+  EXPECT_GT(cosine_of(found, expected), 0.99);
 }
 
 TEST(PclFeatures, AnotherRoomIsAnotherDescriptor) {
   for (const FeatureExtractor& extractor : {vfh_features({.normal_radius = 0.1}), esf_features(),
                                             grsd_features({.normal_radius = 0.1, .radius = 0.1})}) {
     const auto same = describe(extractor, room(2)), other = describe(extractor, room(3, 0.9F));
-    EXPECT_GT(cosine(describe(extractor, room(1)), same), cosine(same, other)) << extractor.name;
+    EXPECT_GT(cosine_of(describe(extractor, room(1)), same), cosine_of(same, other))
+        << extractor.name;
   }
 }
 
@@ -153,7 +154,7 @@ TEST(PclFeatures, TurningTheSensorDoesNotMatter) {
   for (const Point& p : cloud.points)
     turned.points.push_back({0.6F * p.x - 0.8F * p.y, 0.8F * p.x + 0.6F * p.y, p.z, 0});
   const FeatureExtractor vfh = vfh_features({.normal_radius = 0.1});
-  EXPECT_GT(cosine(describe(vfh, cloud), describe(vfh, turned)), 0.9999);
+  EXPECT_GT(cosine_of(describe(vfh, cloud), describe(vfh, turned)), 0.9999);
 }
 
 TEST(PclFeatures, WithoutNormalsAllIsZero) {

@@ -19,8 +19,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "angles.h"
 #include "naive_range_image.h"
 #include "revisit/datasets/scan_file.h"
 #include "test_data.h"
@@ -28,7 +28,9 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kPi = std::numbers::pi, kColumn = 2 * kPi / 4000, kRow = kPi / 720;
+using test::kPi;
+
+constexpr double kColumn = 2 * kPi / 4000, kRow = kPi / 720;
 constexpr int kRowsAbove = 348;  // PCL's image is the whole sphere: its rows above ours
 
 pcl::RangeImageSpherical pcl_image(const PointCloud& cloud) {

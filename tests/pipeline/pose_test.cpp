@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "expect_error.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
 
@@ -11,11 +12,11 @@ namespace {
 using test::TempDir;
 using test::write_file;
 
-const std::string kIdentity = "1 0 0 0 0 1 0 0 0 0 1 0\n";
+const std::string kIdentityLine = "1 0 0 0 0 1 0 0 0 0 1 0\n";
 const std::string kQuarterTurn = "0 -1 0 1.5 +1.0e+00 0 0 -2 0 0 1 1e2\n";  // about z
 
 template <class Read>
-std::string complaint(Read read, const std::string& content) {
+std::string complaint_about(Read read, const std::string& content) {
   const TempDir dir;
   write_file(dir / "file.txt", content);
   try {
@@ -27,13 +28,10 @@ std::string complaint(Read read, const std::string& content) {
   return "";
 }
 
-#define EXPECT_HAS(text, part) \
-  EXPECT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"
-
 TEST(Poses, RowMajor3x4LineByLine) {
   const TempDir dir;
   for (const char* const ending : {"", "\n", " \n\r\n"}) {
-    write_file(dir / "poses.txt", kIdentity + kQuarterTurn + ending);
+    write_file(dir / "poses.txt", kIdentityLine + kQuarterTurn + ending);
     const std::vector<Pose> poses = read_kitti_poses(dir / "poses.txt");
     ASSERT_EQ(poses.size(), 2U);
     EXPECT_TRUE(poses[0].isApprox(Pose::Identity()));
@@ -45,9 +43,9 @@ TEST(Poses, RowMajor3x4LineByLine) {
 TEST(TextFiles, AByteOrderMarkIsNotPartOfTheFirstLine) {
   const TempDir dir;
   const std::string mark = "\xEF\xBB\xBF";
-  write_file(dir / "poses.txt", mark + kIdentity);
+  write_file(dir / "poses.txt", mark + kIdentityLine);
   write_file(dir / "times.txt", mark + "1.5\n2\n");
-  write_file(dir / "calib.txt", mark + "Tr: " + kIdentity);
+  write_file(dir / "calib.txt", mark + "Tr: " + kIdentityLine);
   EXPECT_EQ(read_kitti_poses(dir / "poses.txt").size(), 1U);
   EXPECT_EQ(read_kitti_times(dir / "times.txt"), (std::vector<double>{1.5, 2}));
   EXPECT_TRUE(read_kitti_calibration(dir / "calib.txt").isApprox(Pose::Identity()));
@@ -62,26 +60,28 @@ TEST(Poses, WindowsLineEnds) {
 }
 
 TEST(Poses, RefusesWithFileAndLine) {
-  EXPECT_HAS(complaint(read_kitti_poses, kIdentity + "1 0 0 0 0 1 0 0 0 0 1\n"),
+  EXPECT_HAS(complaint_about(read_kitti_poses, kIdentityLine + "1 0 0 0 0 1 0 0 0 0 1\n"),
              ":2: expected the 12");
-  EXPECT_HAS(complaint(read_kitti_poses, kIdentity + "1 0 0 0 0 1 0 0 0 0 1 0 1\n"), "found 13");
-  EXPECT_HAS(complaint(read_kitti_poses, "1 0 0 x 0 1 0 0 0 0 1 0\n"),
+  EXPECT_HAS(complaint_about(read_kitti_poses, kIdentityLine + "1 0 0 0 0 1 0 0 0 0 1 0 1\n"),
+             "found 13");
+  EXPECT_HAS(complaint_about(read_kitti_poses, "1 0 0 x 0 1 0 0 0 0 1 0\n"),
              ":1: expected a finite number, found 'x'");
-  EXPECT_HAS(complaint(read_kitti_poses, "1 0 0 nan 0 1 0 0 0 0 1 0\n"), "found 'nan'");
-  EXPECT_HAS(complaint(read_kitti_poses, "1 0 0 1e999 0 1 0 0 0 0 1 0\n"), "found '1e999'");
-  EXPECT_HAS(complaint(read_kitti_poses, kIdentity + "\n" + kIdentity), ":2: expected the 12");
-  EXPECT_HAS(complaint(read_kitti_poses, "2 0 0 0 0 1 0 0 0 0 1 0\n"),
+  EXPECT_HAS(complaint_about(read_kitti_poses, "1 0 0 nan 0 1 0 0 0 0 1 0\n"), "found 'nan'");
+  EXPECT_HAS(complaint_about(read_kitti_poses, "1 0 0 1e999 0 1 0 0 0 0 1 0\n"), "found '1e999'");
+  EXPECT_HAS(complaint_about(read_kitti_poses, kIdentityLine + "\n" + kIdentityLine),
+             ":2: expected the 12");
+  EXPECT_HAS(complaint_about(read_kitti_poses, "2 0 0 0 0 1 0 0 0 0 1 0\n"),
              ":1: the first three columns are not a rotation");
-  EXPECT_HAS(complaint(read_kitti_poses, "1 0 0 0 0 1 0 0 0 0 -1 0\n"), "determinant -1");
-  EXPECT_HAS(complaint(read_kitti_poses, "\n\n"), "no poses");
-  EXPECT_EQ(complaint(read_kitti_poses, "1.004 0 0 0 0 1 0 0 0 0 1 0\n"), "");  // within 1e-2
+  EXPECT_HAS(complaint_about(read_kitti_poses, "1 0 0 0 0 1 0 0 0 0 -1 0\n"), "determinant -1");
+  EXPECT_HAS(complaint_about(read_kitti_poses, "\n\n"), "no poses");
+  EXPECT_EQ(complaint_about(read_kitti_poses, "1.004 0 0 0 0 1 0 0 0 0 1 0\n"), "");  // within 1e-2
   EXPECT_THROW(read_kitti_poses("/nowhere/poses.txt"), InputError);
 }
 
 TEST(Calibration, ProjectionsByName) {
   const TempDir dir;
   write_file(dir / "calib.txt",
-             "P0: 7 0 6 0 0 8 2 0 0 0 1 0\r\nP1: 7 0 6 -3 0 7 2 0 0 0 1 0\n" + kIdentity);
+             "P0: 7 0 6 0 0 8 2 0 0 0 1 0\r\nP1: 7 0 6 -3 0 7 2 0 0 0 1 0\n" + kIdentityLine);
   Eigen::Matrix<double, 3, 4> P1;
   P1 << 7, 0, 6, -3, 0, 7, 2, 0, 0, 0, 1, 0;
   EXPECT_EQ(read_kitti_projection(dir / "calib.txt", "P1"), P1);
@@ -89,11 +89,12 @@ TEST(Calibration, ProjectionsByName) {
   const auto read_P0 = [](const std::filesystem::path& file) {
     return read_kitti_projection(file, "P0");
   };
-  EXPECT_HAS(complaint(read_P0, "Tr: 1\n"), "no line 'P0:' (projection of a camera); found Tr");
-  EXPECT_HAS(complaint(read_P0, "P0: 7 0 6 0 0 8 2 0 0 0 1\n"), ":1: expected the 12");
+  EXPECT_HAS(complaint_about(read_P0, "Tr: 1\n"),
+             "no line 'P0:' (projection of a camera); found Tr");
+  EXPECT_HAS(complaint_about(read_P0, "P0: 7 0 6 0 0 8 2 0 0 0 1\n"), ":1: expected the 12");
   for (const char* const bad : {"-7 0 6 0 0 8 2 0 0 0 1 0", "7 0 6 0 0 0 2 0 0 0 1 0",
                                 "7 0 6 0 0 8 2 0 0 1 0 0", "7 0 6 0 0 8 2 0 0 0 2 0"})
-    EXPECT_HAS(complaint(read_P0, str("P0: ", bad, "\n")), ":1: expected a projection");
+    EXPECT_HAS(complaint_about(read_P0, str("P0: ", bad, "\n")), ":1: expected a projection");
 }
 
 TEST(Calibration, TrUnderBothNames) {
@@ -103,20 +104,20 @@ TEST(Calibration, TrUnderBothNames) {
     EXPECT_EQ(read_kitti_calibration(dir / "calib.txt").translation(),
               Eigen::Vector3d(1.5, -2, 100));
   }
-  EXPECT_HAS(complaint(read_kitti_calibration, "P0: 1\nP1: 2\n"),
+  EXPECT_HAS(complaint_about(read_kitti_calibration, "P0: 1\nP1: 2\n"),
              "no line 'Tr:' (velodyne to camera); found P0, P1");
-  EXPECT_HAS(complaint(read_kitti_calibration, ""), "no line 'Tr:'");
-  EXPECT_HAS(complaint(read_kitti_calibration, "P0: 1\nTr: 1 2 3\n"), ":2: expected the 12");
+  EXPECT_HAS(complaint_about(read_kitti_calibration, ""), "no line 'Tr:'");
+  EXPECT_HAS(complaint_about(read_kitti_calibration, "P0: 1\nTr: 1 2 3\n"), ":2: expected the 12");
 }
 
 TEST(Times, OneSecondALine) {
   const TempDir dir;
   write_file(dir / "times.txt", "0.000000e+00\r\n1.037359e-01\r\n");
   EXPECT_EQ(read_kitti_times(dir / "times.txt"), (std::vector<double>{0, 0.1037359}));
-  EXPECT_HAS(complaint(read_kitti_times, "0\n1 2\n"), ":2: expected one time");
-  EXPECT_HAS(complaint(read_kitti_times, "0\n\n2\n"), ":2: expected one time");
-  EXPECT_HAS(complaint(read_kitti_times, "inf\n"), "finite");
-  EXPECT_HAS(complaint(read_kitti_times, ""), "no times");
+  EXPECT_HAS(complaint_about(read_kitti_times, "0\n1 2\n"), ":2: expected one time");
+  EXPECT_HAS(complaint_about(read_kitti_times, "0\n\n2\n"), ":2: expected one time");
+  EXPECT_HAS(complaint_about(read_kitti_times, "inf\n"), "finite");
+  EXPECT_HAS(complaint_about(read_kitti_times, ""), "no times");
 }
 
 TEST(RealPoses, EverySequenceReads) {

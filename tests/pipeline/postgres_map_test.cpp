@@ -23,7 +23,7 @@ using std::chrono::milliseconds;
 using test::expect_error;
 using test::PostgresServer;
 
-const MapIdentity kIdentity{{"feature", "ring"}, {"weights", "sha256 0123"}};
+const MapIdentity kServedIdentity{{"feature", "ring"}, {"weights", "sha256 0123"}};
 
 class PostgresMap : public ::testing::Test {
  protected:
@@ -33,7 +33,7 @@ class PostgresMap : public ::testing::Test {
   }
   std::unique_ptr<MapStore> writer(const std::string& map = "town",
                                    NumberFormat format = NumberFormat::kFloat32) {
-    return open_map(server_->url(map), MapAccess::kWrite, &kIdentity, format);
+    return open_map(server_->url(map), MapAccess::kWrite, &kServedIdentity, format);
   }
   std::unique_ptr<MapStore> reader(const std::string& map = "town") {
     return open_map(server_->url(map), MapAccess::kRead);
@@ -94,7 +94,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
     const auto map = reader(name);
     EXPECT_EQ(frames_of(*map)["x"].size(), 280);
     EXPECT_EQ(map->size(), 280);
-    EXPECT_EQ(map->identity(), kIdentity);
+    EXPECT_EQ(map->identity(), kServedIdentity);
     EXPECT_EQ(map->number_format(), format);
     EXPECT_EQ(map->value("basis"), std::string(20'000, '\1'));
     EXPECT_EQ(map->value("threshold"), std::string("0.\0", 3));
@@ -128,7 +128,7 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
 
 TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
   writer();
-  MapIdentity other = kIdentity;
+  MapIdentity other = kServedIdentity;
   other["weights"] = "sha256 4567";
   expect_error<InputError>([&] { open_map(server_->url("town"), MapAccess::kRead, &other); },
                            {"weights: the map has 'sha256 0123', this program 'sha256 4567'"});
@@ -136,7 +136,7 @@ TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
   server_->execute("CREATE ROLE guest LOGIN PASSWORD 'right'");
   const auto refused = [&](const std::string& url, const char* what) {
     const std::string message =
-        test::message_of<Error>([&] { open_map(url, MapAccess::kWrite, &kIdentity); });
+        test::message_of<Error>([&] { open_map(url, MapAccess::kWrite, &kServedIdentity); });
     EXPECT_NE(message.find(what), std::string::npos) << message;
     EXPECT_EQ(message.find("sesame"), std::string::npos) << message;
   };
@@ -188,7 +188,7 @@ TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
 /// Adds places one by one and says each frame that was acknowledged, until it is killed.
 [[noreturn]] void add_for_ever(const std::string& url, const std::string& drive, int pipe) {
   try {
-    const auto map = open_map(url, MapAccess::kWrite, &kIdentity);
+    const auto map = open_map(url, MapAccess::kWrite, &kServedIdentity);
     for (int64_t frame = 1;; ++frame) {
       const StoredPlace place = made(drive, frame);
       map->add({&place, 1});
@@ -323,7 +323,7 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
 [[noreturn]] void do_a_share(const std::string& url) {
   int code = 1;
   try {
-    const auto map = open_map(url, MapAccess::kWrite, &kIdentity);
+    const auto map = open_map(url, MapAccess::kWrite, &kServedIdentity);
     while (map->expected("x") > 0) {
       try {
         const auto claim = map->claim("x", 5);
@@ -374,7 +374,7 @@ TEST_F(PostgresMap, KilledWorkersScansAreDoneByOthersOnce) {
 }
 
 /// A scan's feature is its first coordinates; the basis takes away their mean.
-FeatureExtractor coordinates() {
+FeatureExtractor three_coordinates() {
   FeatureExtractor extractor;
   extractor.name = extractor.key = "coordinates";
   extractor.dim = 3;
@@ -416,8 +416,8 @@ Description scan_at(const PlaceRecognizer& recognizer, int64_t frame) {
 
 std::unique_ptr<PlaceRecognizer> robot(const std::string& url) {
   const RecognizerOptions options{.first_stretch = 30};
-  const MapIdentity identity = PlaceRecognizer::identity_of(coordinates(), options);
-  return std::make_unique<PlaceRecognizer>(coordinates(), options,
+  const MapIdentity identity = PlaceRecognizer::identity_of(three_coordinates(), options);
+  return std::make_unique<PlaceRecognizer>(three_coordinates(), options,
                                            open_map(url, MapAccess::kWrite, &identity));
 }
 

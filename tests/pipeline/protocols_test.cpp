@@ -14,7 +14,7 @@
 namespace revisit::pipeline {
 namespace {
 
-Trajectory frames(std::vector<int> numbers) {
+Trajectory at_frames(std::vector<int> numbers) {
   Trajectory trajectory;
   trajectory.frames = std::move(numbers);
   return trajectory;
@@ -23,7 +23,7 @@ Trajectory frames(std::vector<int> numbers) {
 Trajectory consecutive(int n) {
   std::vector<int> numbers(n);
   std::iota(numbers.begin(), numbers.end(), 0);
-  Trajectory trajectory = frames(numbers);
+  Trajectory trajectory = at_frames(numbers);
   trajectory.n_poses = n;
   return trajectory;
 }
@@ -72,7 +72,7 @@ TEST(Protocols, DifficultAsksInBothCases) {
 
 TEST(Protocols, EasyStoresEveryThirdScanOfThoseThereAre) {
   // Every 3rd frame of a drive: of these, too, a third is stored and the rest asked.
-  const Task task = make_tasks("paper-easy", "", frames({0, 3, 6, 9, 12, 18})).at(0);
+  const Task task = make_tasks("paper-easy", "", at_frames({0, 3, 6, 9, 12, 18})).at(0);
   EXPECT_EQ(task.stored, (std::vector<int64_t>{0, 3}));
   ASSERT_EQ(task.queries.size(), 4u);
   EXPECT_EQ(task.queries[2].scan, 4);
@@ -96,7 +96,7 @@ TEST(Protocols, KittisFramesAreForKittisDrives) {
 
 TEST(Protocols, OnlineGrowsAndSkipsScansWithoutCandidates) {
   const Task task =
-      make_tasks("online", "", frames({0, 10, 51, 60, 62}), parse_exclusion("frames=50")).at(0);
+      make_tasks("online", "", at_frames({0, 10, 51, 60, 62}), parse_exclusion("frames=50")).at(0);
   ASSERT_EQ(task.queries.size(), 3u);
   EXPECT_EQ(task.queries[0].scan, 2);  // 51 frames after 0
   EXPECT_EQ(task.queries[0].n_candidates(), 1);
@@ -174,8 +174,8 @@ TEST(Protocols, PlacesStoreEveryNthScan) {
   }
 }
 
-Trajectory along_x(std::vector<int> numbers, const std::vector<double>& xs) {
-  Trajectory trajectory = frames(std::move(numbers));
+Trajectory frames_along_x(std::vector<int> numbers, const std::vector<double>& xs) {
+  Trajectory trajectory = at_frames(std::move(numbers));
   for (const double x : xs) trajectory.positions.emplace_back(x, 0, 0);
   return trajectory;
 }
@@ -200,7 +200,7 @@ PrSummary evaluate(const FloatMatrix& m, const Task& task, const Trajectory& tra
 
 TEST(Protocols, Lcdnet1ByHand) {
   // Frames 120 to 150 are asked; only frames 0 and 10 are more than 50 before any of them.
-  const Trajectory drive = along_x({0, 10, 120, 130, 140, 150}, {0, 50, 1, 51, 200, 0});
+  const Trajectory drive = frames_along_x({0, 10, 120, 130, 140, 150}, {0, 50, 1, 51, 200, 0});
   const Task task = make_tasks("lcdnet1", "", drive).at(0);
   ASSERT_EQ(task.queries.size(), 4u);
   EXPECT_FALSE(task.margin_score);
@@ -230,7 +230,8 @@ TEST(Protocols, Lcdnet1AsksFromFrame100) {
 
 TEST(Protocols, Logg3dByHand) {
   // Frames 3 to 8 are asked; the first three are more than 30 s before them.
-  Trajectory drive = along_x({0, 1, 2, 3, 4, 5, 6, 7, 8}, {0, 10, 100, 9, 1, 100, 15, 11, 200});
+  Trajectory drive =
+      frames_along_x({0, 1, 2, 3, 4, 5, 6, 7, 8}, {0, 10, 100, 9, 1, 100, 15, 11, 200});
   drive.times = {0, 0.5, 0.7, 31, 32, 33, 34, 35, 36};
   const Task task = make_tasks("logg3d", "", drive).at(0);
   ASSERT_EQ(task.queries.size(), 6u);
@@ -287,7 +288,8 @@ TEST(Protocols, BevplaceHasFixedRanges) {
   EXPECT_THROW(make_tasks("bevplace", "00", first), UsageError);  // no queries
 
   // 06: 200 and 599 stored, 600 and 799 left out, 800, 1000 and 1100 asked.
-  Trajectory drive = along_x({200, 599, 600, 799, 800, 1000, 1100}, {0, 50, 0, 0, 4.9, 45, 70});
+  Trajectory drive =
+      frames_along_x({200, 599, 600, 799, 800, 1000, 1100}, {0, 50, 0, 0, 4.9, 45, 70});
   drive.n_poses = 1101;
   const Task task = make_tasks("bevplace", "06", drive).at(0);
   // 800 finds 200 (4.9 m, right), 1000 finds 200 (wrong; 599 is exactly 5 m away: not near either),
@@ -345,7 +347,7 @@ TEST(Protocols, SaysWhatIsWrong) {
   EXPECT_THROW(make_tasks("online", "00", consecutive(10)),
                UsageError);  // nothing beyond 50 frames
   EXPECT_THROW(make_tasks("paper-median", "08", consecutive(10)), UsageError);  // nothing stored
-  EXPECT_THROW(make_tasks("paper-easy", "", frames({0})), UsageError);          // nothing asked
+  EXPECT_THROW(make_tasks("paper-easy", "", at_frames({0})), UsageError);       // nothing asked
   EXPECT_THROW(make_tasks("online", "", {}), UsageError);
 }
 

@@ -4,8 +4,8 @@
 
 #include <cmath>
 #include <limits>
-#include <numbers>
 
+#include "angles.h"
 #include "naive_range_image.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/align.h"
@@ -15,7 +15,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using test::kPi;
 
 ImageGeometry geometry(int width, int height) {
   return {.width = width, .height = height};

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <random>
 
+#include "angles.h"
 #include "naive_range_image.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
@@ -20,7 +20,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using test::kPi;
 
 struct Pixel {
   int row, column;

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <numbers>
 #include <thread>
 #include <vector>
 
+#include "angles.h"
 #include "coarse_pose.h"
 #include "expect_error.h"
 #include "lidar.h"
@@ -26,7 +26,7 @@ namespace {
 using namespace simulation;
 using test::expect_error;
 
-constexpr double kDegree = std::numbers::pi / 180;
+using test::kDegree;
 
 double yaw_of(const Eigen::Isometry3d& T) {
   return std::atan2(T(1, 0), T(0, 0));

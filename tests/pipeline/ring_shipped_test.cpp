@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "angles.h"
 #include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/datasets/dataset_features.h"
@@ -16,7 +17,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kTurn = 2 * std::numbers::pi;
+using test::kTurn;
 constexpr const char* kSqueezeNet = "0c5ba9eceae67db71dbfde095d807f4e1006c946";  // SHA-1
 
 TEST(ShippedRingModel, IsForItsSensorAndSmall) {

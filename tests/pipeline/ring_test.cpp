@@ -3,9 +3,9 @@
 
 #include <cmath>
 #include <fstream>
-#include <numbers>
 #include <random>
 
+#include "angles.h"
 #include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/proto/npy.h"
@@ -20,7 +20,7 @@ namespace {
 using test::expect_error;
 using test::rows_of;
 
-constexpr double kTurn = 2 * std::numbers::pi;
+using test::kTurn;
 
 /// Rings of the sizes that tests/fixtures/ring has, nothing learnt.
 RingModel small_model() {

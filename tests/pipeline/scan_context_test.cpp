@@ -3,9 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
 #include <random>
 
+#include "angles.h"
 #include "expect_error.h"
 #include "revisit/evaluation/protocols.h"
 #include "revisit/evaluation/retrieve.h"
@@ -15,7 +15,7 @@ namespace {
 
 using test::expect_error;
 
-constexpr double kDegree = std::numbers::pi / 180;
+using test::kDegree;
 
 Point at(double azimuth_deg, double range, double z) {
   return {static_cast<float>(range * std::cos(azimuth_deg * kDegree)),

@@ -8,6 +8,7 @@
 #include <limits>
 #include <random>
 
+#include "expect_error.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
 
@@ -26,7 +27,7 @@ std::string bytes_of(const Values&... values) {
 }
 
 /// What read_scan() says about a file of this content; "" when it reads.
-std::string complaint(const std::string& name, const std::string& content) {
+std::string scan_complaint(const std::string& name, const std::string& content) {
   const TempDir dir;
   write_file(dir / name, content);
   try {
@@ -53,9 +54,6 @@ void expect_points(const PointCloud& cloud, const std::vector<Point>& expected) 
     EXPECT_EQ(cloud.points[i].intensity, expected[i].intensity) << "point " << i;
   }
 }
-
-#define EXPECT_HAS(text, part) \
-  EXPECT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"
 
 const std::string kPcdAscii =
     "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\n"
@@ -93,14 +91,15 @@ TEST(KittiScan, RoundTripKeepsEveryBit) {
 
 TEST(KittiScan, RefusesWhatIsNoScan) {
   const std::string point = bytes_of(1.0F, 2.0F, 3.0F, 4.0F);
-  const std::string truncated = complaint("a.bin", point + point.substr(0, 5));
+  const std::string truncated = scan_complaint("a.bin", point + point.substr(0, 5));
   EXPECT_HAS(truncated, "21 bytes");
   EXPECT_HAS(truncated, "remainder 5");
-  EXPECT_HAS(complaint("a.bin", ""), "empty");
+  EXPECT_HAS(scan_complaint("a.bin", ""), "empty");
   const float nan = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_HAS(complaint("a.bin", bytes_of(nan, 1.0F, 2.0F, 3.0F)), "none of its 1 points is usable");
-  EXPECT_HAS(complaint("a.bin", bytes_of(0.0F, -0.0F, 0.0F, 3.0F)), "usable");
-  EXPECT_HAS(complaint("a.xyz", point), "unknown kind of scan '.xyz'");
+  EXPECT_HAS(scan_complaint("a.bin", bytes_of(nan, 1.0F, 2.0F, 3.0F)),
+             "none of its 1 points is usable");
+  EXPECT_HAS(scan_complaint("a.bin", bytes_of(0.0F, -0.0F, 0.0F, 3.0F)), "usable");
+  EXPECT_HAS(scan_complaint("a.xyz", point), "unknown kind of scan '.xyz'");
 }
 
 TEST(KittiScan, RefusesBytesThatAreNoPoints) {
@@ -109,15 +108,16 @@ TEST(KittiScan, RefusesBytesThatAreNoPoints) {
   while (gzip.size() < 16000) gzip += static_cast<char>(random() % 256);
   while (text.size() < 1600) text += "1.25 -3.5 0.25 0.125\n";
   text.resize(1600);
-  EXPECT_HAS(complaint("a.bin", gzip), "not a scan of float32 x y z");
-  EXPECT_HAS(complaint("a.bin", gzip), "gzip files do, unpack it");
-  EXPECT_HAS(complaint("a.bin", text), "not a scan of float32 x y z");
-  EXPECT_EQ(complaint("a.bin", text).find("gzip"), std::string::npos);
+  EXPECT_HAS(scan_complaint("a.bin", gzip), "not a scan of float32 x y z");
+  EXPECT_HAS(scan_complaint("a.bin", gzip), "gzip files do, unpack it");
+  EXPECT_HAS(scan_complaint("a.bin", text), "not a scan of float32 x y z");
+  EXPECT_EQ(scan_complaint("a.bin", text).find("gzip"), std::string::npos);
   // A map's coordinates; and a scan whose first point starts as a gzip file does.
-  EXPECT_HAS(complaint("a.bin", bytes_of(4.5e5F, 5.4e6F, 120.0F, 1.0F)), "in the sensor's frame");
-  EXPECT_EQ(
-      complaint("a.bin", std::string("\x1f\x8b", 2) + bytes_of(3.0F, 2.0F, 3.0F, 4.0F).substr(2)),
-      "");
+  EXPECT_HAS(scan_complaint("a.bin", bytes_of(4.5e5F, 5.4e6F, 120.0F, 1.0F)),
+             "in the sensor's frame");
+  EXPECT_EQ(scan_complaint("a.bin",
+                           std::string("\x1f\x8b", 2) + bytes_of(3.0F, 2.0F, 3.0F, 4.0F).substr(2)),
+            "");
 }
 
 TEST(KittiScan, NamesTheFileThatIsNotThere) {
@@ -158,14 +158,14 @@ TEST(Pcd, BinaryCompressed) {
   const std::string file = header + bytes_of(compressed, uint32_t{32}) + lzf;
   expect_points(read("a.pcd", file), {{1, 2, 3, 0}, {4, 5, 6, 0}});
 
-  EXPECT_HAS(complaint("a.pcd", file.substr(0, file.size() - 1)), "truncated");
-  EXPECT_HAS(complaint("a.pcd", header + "abc"), "truncated");
-  EXPECT_HAS(complaint("a.pcd", header + bytes_of(compressed, uint32_t{33}) + lzf), "33");
-  EXPECT_HAS(complaint("a.pcd", header + bytes_of(uint32_t{0}, uint32_t{32})), "damaged");
+  EXPECT_HAS(scan_complaint("a.pcd", file.substr(0, file.size() - 1)), "truncated");
+  EXPECT_HAS(scan_complaint("a.pcd", header + "abc"), "truncated");
+  EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(compressed, uint32_t{33}) + lzf), "33");
+  EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(uint32_t{0}, uint32_t{32})), "damaged");
   for (size_t i = 0; i < lzf.size(); ++i) {  // any byte wrong: refused or read, never a crash
     std::string damaged = file;
     damaged[header.size() + 8 + i] = static_cast<char>(0xFF);
-    complaint("a.pcd", damaged);
+    scan_complaint("a.pcd", damaged);
   }
 }
 
@@ -173,7 +173,7 @@ TEST(Pcd, ACompressedLieCostsNoMemory) {
   std::string header = replaced(kPcdAscii, "DATA ascii", "DATA binary_compressed");
   header = replaced(replaced(header, "WIDTH 2", "WIDTH 268435455"), "POINTS 2", "POINTS 268435455");
   header.resize(header.find("compressed\n") + 11);
-  EXPECT_HAS(complaint("a.pcd", header + bytes_of(uint32_t{1}, uint32_t{4294967280}) + "x"),
+  EXPECT_HAS(scan_complaint("a.pcd", header + bytes_of(uint32_t{1}, uint32_t{4294967280}) + "x"),
              "damaged");
 }
 
@@ -199,21 +199,21 @@ TEST(Pcd, RefusesMalformedHeaders) {
       {"DATA binary\n", "", "not a line of a PCD header"},
   };
   for (const Case& c : cases)
-    EXPECT_HAS(complaint("a.pcd", replaced(kPcdBinary, c.from, c.to)), c.says);
-  EXPECT_HAS(complaint("a.pcd", ""), "has no line DATA");
-  EXPECT_HAS(complaint("a.pcd", kPcdBinary.substr(0, kPcdBinary.size() - 1)),
+    EXPECT_HAS(scan_complaint("a.pcd", replaced(kPcdBinary, c.from, c.to)), c.says);
+  EXPECT_HAS(scan_complaint("a.pcd", ""), "has no line DATA");
+  EXPECT_HAS(scan_complaint("a.pcd", kPcdBinary.substr(0, kPcdBinary.size() - 1)),
              ":9: truncated: 2 points of 29 bytes do not fit the 57 bytes");
 }
 
 TEST(Pcd, RefusesMalformedText) {
-  EXPECT_HAS(complaint("a.pcd", replaced(kPcdAscii, "-2", "abc")),
+  EXPECT_HAS(scan_complaint("a.pcd", replaced(kPcdAscii, "-2", "abc")),
              ":12: expected a number, found 'abc'");
-  EXPECT_HAS(complaint("a.pcd", replaced(kPcdAscii, "-2", "-2x")),
+  EXPECT_HAS(scan_complaint("a.pcd", replaced(kPcdAscii, "-2", "-2x")),
              ":12: expected a number, found '-2x'");
-  EXPECT_HAS(complaint("a.pcd", replaced(kPcdAscii, " 0.25", "")),
+  EXPECT_HAS(scan_complaint("a.pcd", replaced(kPcdAscii, " 0.25", "")),
              ":12: expected 4 values, found 3");
-  EXPECT_HAS(complaint("a.pcd", kPcdAscii + "1 2 3 4\n"), ":14: more lines than the 2 points");
-  EXPECT_HAS(complaint("a.pcd", replaced(kPcdAscii, "nan 5 6e0 7\n", "")),
+  EXPECT_HAS(scan_complaint("a.pcd", kPcdAscii + "1 2 3 4\n"), ":14: more lines than the 2 points");
+  EXPECT_HAS(scan_complaint("a.pcd", replaced(kPcdAscii, "nan 5 6e0 7\n", "")),
              "expected 2 points, found 1");
 }
 
@@ -251,8 +251,8 @@ TEST(Ply, BinaryOfBothByteOrders) {
                        "\xC8", bytes_of(4.0F), bytes_of(5.0), bytes_of(int16_t{6}), "\x07"},
                       big);
     expect_points(read("a.ply", header + body + "face"), {{1, 2.5F, -3, 200}, {4, 5, 6, 7}});
-    EXPECT_HAS(complaint("a.ply", header + body.substr(0, body.size() - 1)), "truncated");
-    EXPECT_HAS(complaint("a.ply", header + "abc"), "'camera'");
+    EXPECT_HAS(scan_complaint("a.ply", header + body.substr(0, body.size() - 1)), "truncated");
+    EXPECT_HAS(scan_complaint("a.ply", header + "abc"), "'camera'");
   }
 }
 
@@ -276,11 +276,11 @@ TEST(Ply, RefusesMalformedFiles) {
       {"2.5", "", ":15: expected 4 values, found 3"},
   };
   for (const Case& c : cases)
-    EXPECT_HAS(complaint("a.ply", replaced(kPlyAscii, c.from, c.to)), c.says);
-  EXPECT_HAS(complaint("a.ply", ""), ":1: expected 'ply'");
+    EXPECT_HAS(scan_complaint("a.ply", replaced(kPlyAscii, c.from, c.to)), c.says);
+  EXPECT_HAS(scan_complaint("a.ply", ""), ":1: expected 'ply'");
   const std::string list_first = replaced(replaced(kPlyHeader, "ascii", "binary_little_endian"),
                                           "property int id", "property list uchar int ids");
-  EXPECT_HAS(complaint("a.ply", list_first + "xxxxxxxx"), "holds lists and precedes");
+  EXPECT_HAS(scan_complaint("a.ply", list_first + "xxxxxxxx"), "holds lists and precedes");
 }
 
 /// Truncated anywhere, or with bytes changed at random: refused or read, never a crash.

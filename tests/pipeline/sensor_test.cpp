@@ -9,6 +9,7 @@
 #include <random>
 #include <set>
 
+#include "angles.h"
 #include "lidar.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/proto/error.h"
@@ -17,7 +18,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
+using test::kDegree;
 
 /// Beams evenly spaced from top to bottom [deg], each seen at `azimuths` angles, 10 m away.
 PointCloud beams(int count, double top, double bottom, int azimuths) {

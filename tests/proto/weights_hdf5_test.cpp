@@ -5,8 +5,8 @@
 #include <map>
 #include <random>
 
-#include "damage.h"
 #include "expect_error.h"
+#include "revisit/proto/file_cursor.h"
 #include "revisit/proto/weights_file.h"
 #include "test_data.h"
 
@@ -71,10 +71,11 @@ TEST_F(WeightsHdf5, TruncatedAnywhere) {
   }
 }
 
-/// Reads a damaged file: whatever it holds, errors name it.
-bool is_error(const fs::path& path) {
+/// Reads damaged bytes: whatever they hold, errors name the file.
+bool is_error(const std::string& bytes) {
+  const fs::path path = "/folder/w.h5";
   try {
-    const auto file = WeightsFile::open(path);
+    const auto file = WeightsFile::open(FileCursor(bytes, path));
     for (size_t i = 0; i < file->layers().size(); ++i) file->read(i);
     return false;
   } catch (const Error& error) {
@@ -83,24 +84,22 @@ bool is_error(const fs::path& path) {
   }
 }
 
-TEST_F(WeightsHdf5, DamagedBytesAreErrorsOrWeights) {
-  const std::filesystem::path weights = test::golden("formats/mini.caffemodel.h5");
-  const std::string whole = test::read_file(weights);
-  test::write_file(path_, whole);
+TEST(WeightsHdf5Damage, OneByteIsAnErrorOrWeights) {
+  std::string bytes = test::read_file(test::golden("formats/mini.caffemodel.h5"));
   int errors = 0;
-  for (size_t at = 8; at < whole.size(); ++at) {
+  for (size_t at = 8; at < bytes.size(); ++at) {
+    const char whole = bytes[at];
     for (const char value : {'\0', '\x01', '\x08', '\x7f', '\xff'}) {
-      test::patch_file(path_, at, value);
-      errors += is_error(path_);
+      bytes[at] = value;
+      errors += is_error(bytes);
     }
-    test::patch_file(path_, at, whole[at]);
+    bytes[at] = whole;
   }
   EXPECT_GT(errors, 1000);
 }
 
-TEST_F(WeightsHdf5, ManyDamagedBytes) {
-  const std::filesystem::path weights = test::golden("formats/mini.caffemodel.h5");
-  const std::string whole = test::read_file(weights);
+TEST(WeightsHdf5Damage, ManyBytes) {
+  const std::string whole = test::read_file(test::golden("formats/mini.caffemodel.h5"));
   std::mt19937 random(20);
   const auto below = [&](size_t n) { return random() % n; };
   int errors = 0;
@@ -115,8 +114,7 @@ TEST_F(WeightsHdf5, ManyDamagedBytes) {
         bytes.replace(at, 8, bytes.substr(below(bytes.size() - 8), 8));
       }
     }
-    test::write_file(path_, bytes);
-    errors += is_error(path_);
+    errors += is_error(bytes);
   }
   EXPECT_GT(errors, 300);
 }

@@ -10,10 +10,13 @@
 /// Blocked values for tests of kernels.
 namespace revisit::test {
 
+/// Bytes that outputs and scratch memory are filled with: the first makes floats NaN.
+constexpr unsigned char kNanByte = 0xFF, kDirtyByte = 0xA5;
+
 /// A buffer as the engine's: 64-byte aligned.
 class AlignedFloats {
  public:
-  /// Every byte is `byte`: 0xFF makes each float NaN.
+  /// Every byte is `byte`.
   AlignedFloats(int64_t count, unsigned char byte);
   AlignedFloats(AlignedFloats&&) noexcept;
   ~AlignedFloats();

@@ -33,3 +33,7 @@ void expect_error(Action&& action, std::initializer_list<std::string> parts) {
 }
 
 }  // namespace revisit::test
+
+/// Expects `part` in a message or an output.
+#define EXPECT_HAS(text, part) \
+  EXPECT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "revisit/recognition/cosine.h"
 #include "revisit/recognition/matrix.h"
 
 namespace revisit::test {
@@ -33,6 +34,11 @@ inline std::vector<std::span<const float>> rows_of(const pipeline::FloatMatrix& 
   std::vector<std::span<const float>> places;
   for (const int64_t row : rows) places.push_back(m.row(row));
   return places;
+}
+
+/// The cosine of two descriptors.
+inline double cosine_of(std::span<const float> a, std::span<const float> b) {
+  return pipeline::cosine(a, pipeline::length_of(a), b, pipeline::length_of(b));
 }
 
 }  // namespace revisit::test

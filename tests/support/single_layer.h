@@ -77,6 +77,10 @@ inline std::vector<engine::Tensor> run_layer(const SingleLayer& l) {
   return outputs;
 }
 
+inline double sigmoid(double x) {
+  return 1 / (1 + std::exp(-x));
+}
+
 /// NaN and infinity exactly, others within `tolerance`.
 inline void expect_near(const std::vector<float>& found, const std::vector<float>& wanted,
                         float tolerance = 0) {

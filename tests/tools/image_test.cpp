@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "expect_error.h"
 #include "revisit/datasets/gray_png.h"
 #include "test_data.h"
 
@@ -13,9 +14,6 @@ namespace fs = std::filesystem;
 using test::ProgramResult;
 using test::run_revisit;
 using test::TempDir;
-
-#define EXPECT_HAS(text, part) \
-  EXPECT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"
 
 /// A ring of points 10 m around, stretched along x; and one point without a return.
 std::string small_scan() {

@@ -1,6 +1,7 @@
 // What the program says of scans that do not fit the range image.
 #include <gtest/gtest.h>
 
+#include "expect_error.h"
 #include "small_drive.h"
 #include "test_data.h"
 
@@ -9,9 +10,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using test::run_revisit;
-
-#define EXPECT_HAS(text, part) \
-  EXPECT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"
 
 #define ASSERT_HAS(text, part) \
   ASSERT_NE((text).find(part), std::string::npos) << "'" << (text) << "' lacks '" << (part) << "'"

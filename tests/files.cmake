@@ -1,0 +1,21 @@
+# Read by ctest when it starts, for one program of tests: a ctest test `FOLDER.FILE` for each of its `sources`, which runs all
+# that the file has. A start of the program for each of 1,700 tests took minutes, most of them under the sanitizers.
+foreach(source IN LISTS sources)
+  file(READ ${source} text)
+  string(REGEX MATCHALL "\nTEST(_[FP])?\\([A-Za-z0-9_]+,[ \n]*[A-Za-z0-9_]+\\)" tests "${text}")
+  set(filter "")
+  foreach(test IN LISTS tests)
+    string(REGEX MATCH "(_[FP])?\\(([A-Za-z0-9_]+),[ \n]*([A-Za-z0-9_]+)" found "${test}")
+    if(CMAKE_MATCH_1 STREQUAL "_P")
+      string(APPEND filter ":*/${CMAKE_MATCH_2}.${CMAKE_MATCH_3}/*")
+    else()
+      string(APPEND filter ":${CMAKE_MATCH_2}.${CMAKE_MATCH_3}")
+    endif()
+  endforeach()
+  string(REGEX REPLACE ".*/(.*)_test\\.cpp$" "${folder}.\\1" name ${source})
+  add_test(${name} ${program} --gtest_brief=1 --gtest_filter=${filter})
+  set_tests_properties(${name} PROPERTIES TIMEOUT 900)
+  if(name MATCHES "^(random_nets\\.random_nets|pipeline\\.simulation|tools\\.(eval|loops))$")
+    set_tests_properties(${name} PROPERTIES COST 50)  # long ones begin first
+  endif()
+endforeach()
