@@ -1,4 +1,4 @@
-# Cross-compiles for 64-bit ARM on Debian; the tests run in qemu (HACKING.md, "Other CPUs").
+# Cross-compiles for 64-bit ARM on Debian; the tests run in qemu (HACKING.md, "Test").
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)

@@ -24,14 +24,39 @@ endif()
 
 find_program(REVISIT_CCACHE ccache)
 if(REVISIT_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # ccache takes precompiled headers only so.
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${REVISIT_CCACHE})
+  # ccache takes precompiled headers only so. Comments count: g++ compares the files of a precompiled header byte by byte, and
+  # would take one of before a change of a comment for other files (#pragma once).
+  set(CMAKE_CXX_COMPILER_LAUNCHER
+      ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros CCACHE_COMMENTS=1 ${REVISIT_CCACHE})
   add_compile_options($<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:-fpch-preprocess>)
 endif()
 
-# revisit_precompile(TARGET HEADERS...): reads these and the standard's once for all files of a target, which is half of the
-# time to compile them. The files include what they use all the same: -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON builds.
+# revisit_simd_targets(TARGET): what Highway compiles its kernels for: AVX-512, AVX2 and what every x86 has, or NEON. SVE
+# registers have no size at compile time: arrays of them do not exist. The sources are the same for every target: of AVX2
+# and AVX-512 a sanitizer sees one, which every machine has.
+function(revisit_simd_targets target)
+  set(disabled HWY_SSSE3|HWY_SSE4|HWY_SVE|HWY_SVE2|HWY_SVE_256|HWY_SVE2_128)
+  if(REVISIT_SANITIZE)
+    string(APPEND disabled |HWY_AVX3)
+  endif()
+  target_compile_definitions(${target} PRIVATE "HWY_DISABLED_TARGETS=(${disabled})")
+endfunction()
+
+# Batches read headers once for 16 files. Files that Highway includes once for every target stay by themselves.
+set(CMAKE_UNITY_BUILD ${REVISIT_UNITY})
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 16)
+
+# revisit_alone(FILES...): these are not compiled in batches.
+function(revisit_alone)
+  set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON SKIP_PRECOMPILE_HEADERS ON)
+endfunction()
+
+# revisit_precompile(TARGET HEADERS...): where files are compiled one by one, reads these and the standard's once for all
+# files of a target, which is half of the time to compile them. The files include what they use all the same.
 function(revisit_precompile target)
+  if(REVISIT_UNITY)
+    return()
+  endif()
   target_precompile_headers(${target} PRIVATE <algorithm> <cmath> <filesystem> <functional> <map> <memory> <optional> <string>
                                               <vector> ${ARGN})
 endfunction()

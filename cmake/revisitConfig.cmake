@@ -30,7 +30,7 @@ macro(revisit_find_libraries component)
   endif()
 endmacro()
 
-# The libraries of others that the targets name by file: libpcl-dev, for one, is only recommended to who installs this.
+# The libraries of others that the targets name by file: libpcl-dev, for one, is only recommended by the package.
 function(revisit_missing_files component result)
   set(missing)
   get_target_property(linked revisit::${component} INTERFACE_LINK_LIBRARIES)

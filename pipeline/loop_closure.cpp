@@ -16,7 +16,7 @@ using namespace revisit::pipeline;
 namespace {
 
 constexpr double kThreshold = 0.55;  // of the score; `revisit loops --calibrate` finds it
-constexpr int64_t kSameMoment = 50;  // scans before this one that are no loop
+constexpr int64_t kSameMoment = 50;  // scans before this one that are not asked
 
 void run(int argc, char** argv) {
   const RingModel model = shipped_ring_model("hdl64");

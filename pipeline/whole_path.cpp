@@ -5,7 +5,7 @@
 #include <revisit/datasets/scan_file.h>
 #include <revisit/recognition/feature.h>
 #include <revisit/recognition/pca.h>
-#include <revisit/recognition/retrieve.h>
+#include <revisit/recognition/place_index.h>
 #include <revisit/recognition/sensor.h>
 
 #include <iostream>
@@ -36,10 +36,10 @@ int main(int argc, char** argv) try {
 
   const FeatureFile features("features.npy");
   const FloatMatrix descriptors = fit_pca({&features}, {.components = 400}).descriptors;
-  RetrievalTask task;  // the last scan is asked, all others are stored
-  for (int64_t i = 0; i + 1 < n; ++i) task.stored.push_back(i);
-  task.queries = {{n - 1, {{{0, n - 1}}}}};
-  const Match match = retrieve(descriptors, task).front();  // by cosine
+  PlaceIndex index(descriptors.d);  // the last scan is asked, all others are stored
+  for (int64_t i = 0; i + 1 < n; ++i) index.add(descriptors.row(i));
+  const CandidateRange all{0, n - 1};
+  const Match match = index.best(descriptors.row(n - 1), {&all, 1});  // by cosine
   // The score s = 2 c1 - ck is high when the best is similar and stands out: accept from there on.
   std::cout << scans.back() << " is where " << scans[static_cast<size_t>(match.ranks[0])]
             << " was taken, score " << match.score << "\n";

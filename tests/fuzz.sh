@@ -73,7 +73,7 @@ fuzz_for() {  # fuzz_for SECONDS TARGET: one run of the program
   if [ "$engine" = libfuzzer ]; then
     local dictionary=()
     [ ! -s "$build/$2.dict" ] || dictionary=(-dict="$build/$2.dict")
-    # Freed memory that the sanitizer keeps is no memory of ours, and grows with the run.
+    # Freed memory that the sanitizer keeps is not ours, and grows with the run.
     ASAN_OPTIONS=quarantine_size_mb=64 "$program" -max_total_time="$1" -timeout=10 -rss_limit_mb=1024 \
       -malloc_limit_mb=512 -max_len=65536 "${dictionary[@]}" -print_final_stats=1 \
       -artifact_prefix="$findings/" "$corpus" "$seeds"

@@ -18,7 +18,7 @@ set(sees_tools tools maps registration simulation baselines evaluation datasets 
 
 # library header pattern -> files that may include it
 set(owned_libraries
-  "opencv2/|pipeline/baselines/src/visual_words"
+  "opencv2/|pipeline/baselines/src/opencv/"
   "png.h|pipeline/datasets/src/io/gray_png|tools/src/report/range_images"
   "liblzf/|pipeline/datasets/src/io/pcd"
   "pcl/|pipeline/baselines/src/pcl/|pipeline/registration/src/pcl/"

@@ -1,8 +1,8 @@
-# Debian packages by cpack: `revisit`, the program, and `librevisit-dev`, the libraries. docs/PACKAGES.md says how.
+# Debian packages by cpack: `revisit`, the program, and `librevisit-dev`, the libraries. docs/INSTALL.md says how.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME revisit)
 set(CPACK_PACKAGE_VENDOR "The revisit developers")
-# Who makes a package is who answers for it: Debian's tools have these variables for that.
+# The maintainer is whoever makes the package: Debian's tools have these variables for that.
 if(DEFINED ENV{DEBEMAIL})
   set(maintainer "$ENV{DEBFULLNAME} <$ENV{DEBEMAIL}>")
 else()

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "kernels/blocked/dispatch.h"
 #include "layers/planar_convolution.h"
 
 namespace revisit::engine {
@@ -127,7 +128,7 @@ class Fuser {
 
   bool take(const Operation& operation, const PoolingProblem& pooling) {
     Operation* const maker = only_maker(operation.inputs[0]);
-    if (!maker || operation.outputs.size() != 1 ||
+    if (!maker || operation.outputs.size() != 1 || !has_blocked_kernels() ||
         !std::holds_alternative<LrnProblem>(maker->form) || maker->fusion.pooling)
       return false;
     maker->fusion.pooling = pooling;

@@ -44,7 +44,7 @@ struct Graph {
   std::vector<Node> nodes;
   std::vector<Value> values;
   std::vector<Output> outputs;        // of the whole graph: the blobs nobody consumes
-  std::vector<std::string> warnings;  // of prune: what a person should know
+  std::vector<std::string> warnings;  // of prune: for the user
 };
 
 /// Builds the graph of a net that proto::read_net gave: the layers of the TEST phase only. Layer

@@ -6,7 +6,7 @@
 
 namespace revisit::engine {
 
-/// Memory. Planning counts in bytes: only who makes the numbers knows their type.
+/// Memory. Planning counts in bytes: only the kernel that makes the numbers knows their type.
 struct Bytes {
   int64_t count = 0;
   constexpr Bytes() = default;

@@ -39,8 +39,8 @@ void check_graft(const Net::Impl& net, const Truncation& truncation) {
   if (last.weights.empty()) return;
   throw UsageError(str(net.file, ": Truncation::graft: layer '", truncation.graft, "' (",
                        last.param.type(),
-                       ") has weights, and there are none for a copy of it; graft a layer without "
-                       "weights, e.g. a pooling layer"));
+                       ") has weights, which a copy would lack; graft a layer without weights, "
+                       "e.g. a pooling layer"));
 }
 
 /// Everything but the weights' values; their shapes are set.
@@ -171,17 +171,15 @@ const std::vector<std::string>& Net::warnings() const {
   return impl_->warnings;
 }
 std::vector<LayerWeights> Net::weights() const {
-  if (!impl_->has_weights)
-    throw UsageError(impl_->file + ": the net was loaded without weights, there are none to give");
+  if (!impl_->has_weights) throw UsageError(impl_->file + ": the net was loaded without weights");
   std::vector<LayerWeights> weights;
   for (size_t i = 0; i < impl_->graph.nodes.size(); ++i) {
     const Node& node = impl_->graph.nodes[i];
     if (node.weights.empty()) continue;
     if (impl_->releasable.has(i))
-      throw UsageError(
-          str(impl_->file, ": layer '", node.name,
-              "': its weights may have been released; load a net that keeps them to see "
-              "them"));
+      throw UsageError(str(impl_->file, ": layer '", node.name,
+                           "': its weights may have been released; load the net without "
+                           "release_weights to read them"));
     LayerWeights& layer = weights.emplace_back(LayerWeights{node.name, {}});
     for (const Tensor& weight : node.weights)
       layer.blobs.push_back({weight.values.data(), weight.shape});

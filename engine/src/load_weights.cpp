@@ -11,7 +11,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Caffe's rule (docs/SEMANTICS.md section 8): legacy blobs compare right-aligned with the last 4
+/// Caffe's rule (docs/LAYERS.md point 8): legacy blobs compare right-aligned with the last 4
 /// axes, others exactly.
 bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   if (!blob.legacy_shape) return blob.shape == wanted.axes();

@@ -17,8 +17,8 @@ Sharing find_sharing(const Graph& whole);
 /// PERMISSIVE`: one number of elements).
 void check_sharing(const Net::Impl& net);
 
-/// Reads the weights of the kept layers, matched by layer name as Caffe does (docs/SEMANTICS.md
-/// section 9). Blobs that are shared take what any layer of the group has in the file. Throws
+/// Reads the weights of the kept layers, matched by layer name as Caffe does (docs/LAYERS.md
+/// point 9). Blobs that are shared take what any layer of the group has in the file. Throws
 /// InputError naming layer, blob, expected and found; layers without weights are an error unless
 /// allowed to be missing.
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,

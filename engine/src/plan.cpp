@@ -48,7 +48,7 @@ std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptio
     const auto found = all.find(name);
     if (found == all.end())
       throw UsageError(str("keep: the net '", net.graph.name,
-                           "', as far as it is needed, has no layer '", name, "'",
+                           "', as it is cut off, has no layer '", name, "'",
                            did_you_mean(name, net.layer_names)));
     kept.insert(*found);
   }

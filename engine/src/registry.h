@@ -7,11 +7,11 @@
 
 namespace revisit::engine {
 
-/// The type of the inputs of a net, which are no layers here.
+/// The type of the inputs of a net, which are not layers here.
 constexpr const char* kInputType = "Input";
 
-/// The layer that `param.type()` names; null for kInputType. Throws UnsupportedError for a type we
-/// lack, InputError for parameters that cannot be.
+/// The layer that `param.type()` names; null for kInputType. Throws UnsupportedError for an unknown
+/// type, InputError for invalid parameters.
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param);
 
 }  // namespace revisit::engine

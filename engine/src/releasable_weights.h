@@ -11,8 +11,8 @@
 
 namespace revisit::engine {
 
-/// Weights of layers as the file has them, for layers whose kernels may pack them and then need
-/// them no more. Safe to use from several threads.
+/// Weights of layers as the file has them, for layers whose kernels may pack them and then no
+/// longer need them. Safe to use from several threads.
 class ReleasableWeights {
  public:
   using Blobs = std::shared_ptr<const std::vector<Tensor>>;
@@ -23,7 +23,7 @@ class ReleasableWeights {
   void add(size_t layer, std::vector<Tensor> weights);
 
   bool has(size_t layer) const { return entries_.contains(layer); }
-  /// The weights of a layer that it has; read again where they are in memory no more.
+  /// The weights of a layer that it has; read again where they are no longer in memory.
   Blobs get(size_t layer);
   /// From now on they stay in memory as long as somebody holds them.
   void release(size_t layer);

@@ -10,7 +10,7 @@ Shape input_shape(const Node& node, size_t port) {
   const caffe::InputParameter& param = node.param.input_param();
   const auto n_shapes = static_cast<size_t>(param.shape_size());
   if (n_shapes == 0)
-    throw InputError(str("the file says no shape for the input '",
+    throw InputError(str("the file gives no shape for the input '",
                          node.param.top(static_cast<int>(port)),
                          "'; give it in the prototxt or by LoadOptions::inputs"));
   if (n_shapes != 1 && n_shapes != node.outputs.size())
@@ -59,7 +59,7 @@ std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string
   }
   for (const auto& [blob, shape] : inputs)
     if (std::find(input_names.begin(), input_names.end(), blob) == input_names.end())
-      throw UsageError(str(net.file, ": the net, as far as it is needed, has no input '", blob, "'",
+      throw UsageError(str(net.file, ": the net, as it is cut off, has no input '", blob, "'",
                            did_you_mean(blob, input_names)));
   return shapes;
 }

@@ -20,7 +20,7 @@ using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;
 
 namespace {
 
-/// The points of a message, where they are. Throws UsageError when x, y, z are no floats.
+/// The points of a message, where they are. Throws UsageError when x, y, z are not floats.
 PointsView view_of(const PointCloud2& message) {
   PointsView view{message.data.data(), size_t{message.width} * message.height, message.point_step};
   int found = 0;

@@ -103,7 +103,7 @@ bool is_named(int descriptor, const fs::path& file) {
 }
 
 /// The file that one writer fills. It is locked while it is open: a file of this kind that is not
-/// locked was left by a writer that is no more.
+/// locked was left by a writer that has died.
 class Temporary {
  public:
   /// Throws Error when there can be none beside `target`; the message names `file`.
@@ -199,7 +199,7 @@ void rename_into_place(const fs::path& temporary, const fs::path& file) {
   struct stat there {};
   if (::lstat(file.c_str(), &there) == 0 && !S_ISREG(there.st_mode) && !S_ISLNK(there.st_mode))
     throw Error(str(file.string(), ": is a ", kind_of(fs::symlink_status(file).type()),
-                    ", which no file replaces"));
+                    ", which a file cannot replace"));
   if (::rename(temporary.c_str(), file.c_str()) != 0) fail(file, "rename into place");
 }
 

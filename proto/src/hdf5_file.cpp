@@ -7,7 +7,7 @@
 namespace revisit::proto {
 namespace {
 
-constexpr size_t kMostAxes = 32;       // HDF5's limit, and Caffe's
+constexpr size_t kHdf5MostAxes = 32;       // HDF5's limit, and Caffe's
 constexpr size_t kLongestName = 1024;  // [bytes]
 constexpr int kHighestTree = 16;       // levels; each multiplies the number of links
 constexpr size_t kMostPieces = 64;     // of one object header
@@ -46,7 +46,7 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
                                   " (is it truncated?)"));
   }
   read_offset();  // of driver information
-  read_offset();  // of the root's name, which it has not
+  read_offset();  // of the root's name: it has none
   root_ = read_offset();
 }
 
@@ -168,7 +168,7 @@ void Hdf5File::read_space(Hdf5Object& object, uint64_t end) {
   if (version == 2 && kind == 2) throw FormatError(at, "an array without a shape");
   if (version != 1 && version != 2) throw FormatError(at, str("a dataspace of version ", version));
   if (version == 1) read_number(4);
-  if (rank > kMostAxes) throw FormatError(at, str("an array of ", rank, " axes"));
+  if (rank > kHdf5MostAxes) throw FormatError(at, str("an array of ", rank, " axes"));
   if (cursor_.position() > end) throw FormatError(at, "a dataspace that is too short");
   object.shape.clear();
   for (uint64_t axis = 0; axis < rank; ++axis)

@@ -149,7 +149,7 @@ NetFile parse_net(const std::string& text, const std::string& name, const NetRea
 NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
   const std::string text = read_text(prototxt, options.limits);
   check_is_text(text, prototxt.string(), options.limits);
-  const std::optional<SolverNet> solver = net_of_solver(text, prototxt, options.limits);
+  const std::optional<SolverNet> solver = net_of_solver(text, prototxt);
   if (!solver) return parse_net(text, prototxt.string(), options);
 
   const std::string name = solver->file.string();

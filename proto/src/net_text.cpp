@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/limits.h"
 #include "silence.h"
 
 namespace revisit::proto {
@@ -48,7 +49,7 @@ std::optional<std::string> between(const std::string& text, std::string_view bef
   return text.substr(begin, end - begin);
 }
 
-/// The byte in `text` that protobuf's tokenizer means, who expands tabs to 8 columns. Both from 0.
+/// The byte in `text` that protobuf's tokenizer means; it expands tabs to 8 columns. Both from 0.
 size_t byte_offset(const std::string& text, int line, int column) {
   size_t begin = 0;
   for (int i = 0; i < line && begin < text.size(); ++i) {
@@ -152,7 +153,7 @@ void map_text(const std::string& text, TextFormat::ParseInfoTree& tree) {
   parser.WriteLocationsTo(&tree);
   parser.AllowPartialMessage(true);
   parser.AllowUnknownField(true);
-  parser.SetRecursionLimit(static_cast<int>(Limits{}.nesting));
+  parser.SetRecursionLimit(kDeepestNesting);
   caffe::NetParameter unused;
   parser.ParseFromString(text, &unused);
 }
@@ -210,7 +211,7 @@ caffe::NetParameter parse_net_text(const std::string& text, const std::string& n
   parser.RecordErrorsTo(&complaints);
   parser.AllowUnknownField(options.allow_unknown_fields);
   parser.AllowPartialMessage(true);
-  parser.SetRecursionLimit(static_cast<int>(options.limits.nesting));
+  parser.SetRecursionLimit(kDeepestNesting);
   caffe::NetParameter net;
   if (!parser.ParseFromString(text, &net)) {
     throw InputError(complaints.first_error.empty() ? message_start(name, {}) + "cannot be parsed"

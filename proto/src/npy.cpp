@@ -20,7 +20,7 @@ namespace {
 // The format: https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
 constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr uint64_t kLongestHeader = 64 * 1024;  // [bytes]; NumPy itself stays below a few hundred
-constexpr size_t kMostAxes = 64;                // NumPy's limit
+constexpr size_t kNumpyMostAxes = 64;                // NumPy's limit
 constexpr size_t kAlignment = 64;               // [bytes] of the data in the file
 
 /// The header's Python dictionary, e.g. `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3),
@@ -100,7 +100,7 @@ class HeaderParser {
       if (error != std::errc() || dim < 0) fail("a dimension of the shape is not a count");
       text_.remove_prefix(static_cast<size_t>(end - text_.data()));
       accept('L');  // Python 2
-      if (dims.size() == kMostAxes) fail(str("more than ", kMostAxes, " axes"));
+      if (dims.size() == kNumpyMostAxes) fail(str("more than ", kNumpyMostAxes, " axes"));
       dims.push_back(dim);
       if (!accept(',') && peek() != ')') fail("malformed header");
     }
@@ -209,7 +209,7 @@ std::string npy_header(const std::vector<int64_t>& shape) {
   const size_t unpadded = fixed + dictionary.size() + 1;
   dictionary.append((kAlignment - unpadded % kAlignment) % kAlignment, ' ');
   dictionary += '\n';
-  if (shape.size() > kMostAxes)
+  if (shape.size() > kNumpyMostAxes)
     throw UsageError(str("an array of ", shape.size(), " axes, NumPy has at most 64"));
 
   std::string header(kMagic);

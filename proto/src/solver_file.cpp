@@ -7,6 +7,7 @@
 
 #include "revisit/proto/error.h"
 #include "revisit/proto/joined.h"
+#include "revisit/proto/limits.h"
 #include "silence.h"
 
 namespace revisit::proto {
@@ -36,14 +37,13 @@ fs::path find_net(const std::string& name, const fs::path& solver) {
 
 }  // namespace
 
-std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& path,
-                                       const Limits& limits) {
+std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& path) {
   caffe::SolverParameter solver;
   google::protobuf::TextFormat::Parser parser;
   Silence silence;
   parser.RecordErrorsTo(&silence);
   parser.AllowPartialMessage(true);
-  parser.SetRecursionLimit(static_cast<int>(limits.nesting));
+  parser.SetRecursionLimit(kDeepestNesting);
   if (!parser.ParseFromString(text, &solver)) return std::nullopt;
   const bool has_net_inside =
       solver.has_net_param() || solver.has_train_net_param() || solver.test_net_param_size() > 0;

@@ -20,7 +20,7 @@ struct UpgradeError : std::runtime_error {
 /// What becomes of an `input` without a shape that a layer reads.
 enum class ShapelessInputs {
   kDropped,  // Caffe's rule: the upgraded file is the original's
-  kKept      // an Input layer without a shape: who loads the net may know it
+  kKept      // an Input layer without a shape: the loader may know it
 };
 
 /// Brings a net of any generation to V2, in Caffe's order. Throws UpgradeError.

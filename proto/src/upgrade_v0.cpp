@@ -25,7 +25,7 @@ struct LayerKind {
   V1::LayerType v1;
   const char* fields;
 };
-constexpr std::array<LayerKind, 24> kTypes = {{
+constexpr std::array<LayerKind, 24> kV0Types = {{
     {"accuracy", V1::ACCURACY, ""},
     {"bnll", V1::BNLL, ""},
     {"concat", V1::CONCAT, "concat_dim"},
@@ -60,10 +60,10 @@ constexpr const char* kTransformFields = "scale meanfile=mean_file cropsize=crop
 constexpr const char* kPadding = "padding";
 
 const LayerKind& kind_of(const std::string& v0, int index) {
-  const auto* kind = std::ranges::find_if(kTypes, [&](const LayerKind& k) { return v0 == k.v0; });
-  if (kind != kTypes.end()) return *kind;
+  const auto* kind = std::ranges::find_if(kV0Types, [&](const LayerKind& k) { return v0 == k.v0; });
+  if (kind != kV0Types.end()) return *kind;
   std::vector<std::string> names = {kPadding};
-  for (const LayerKind& k : kTypes) names.emplace_back(k.v0);
+  for (const LayerKind& k : kV0Types) names.emplace_back(k.v0);
   throw UpgradeError("layers", index,
                      str("unknown V0 layer type '", v0, "'", did_you_mean(v0, names)));
 }
@@ -95,7 +95,7 @@ bool carry_over(const V0& v0, const FieldDescriptor& field, const LayerKind& kin
 
 void warn_ignored(const std::string& layer, const std::string& field, const std::string& type,
                   std::vector<std::string>& warnings) {
-  warnings.push_back(str("layer '", layer, "': ", field, " means nothing for V0 type '", type,
+  warnings.push_back(str("layer '", layer, "': ", field, " has no meaning for V0 type '", type,
                          "' and is ignored"));
 }
 

@@ -15,7 +15,7 @@ namespace {
 
 using V1 = caffe::V1LayerParameter;
 
-constexpr const char* kTypes =
+constexpr const char* kV1Types =
     "AbsVal Accuracy ArgMax BNLL Concat ContrastiveLoss Convolution Data Deconvolution Dropout "
     "DummyData Eltwise EuclideanLoss Exp Flatten HDF5Data HDF5Output HingeLoss Im2col ImageData "
     "InfogainLoss InnerProduct LRN MemoryData MultinomialLogisticLoss MVN Pooling Power ReLU "
@@ -26,7 +26,7 @@ std::string type_name(V1::LayerType type) {
   if (type == V1::SOFTMAX_LOSS) return "SoftmaxWithLoss";
   std::string capitals = V1::LayerType_Name(type);
   std::erase(capitals, '_');
-  std::istringstream types(kTypes);
+  std::istringstream types(kV1Types);
   for (std::string v2; types >> v2;)
     if (std::ranges::equal(v2, capitals, {}, [](unsigned char c) { return std::toupper(c); }))
       return v2;

@@ -7,6 +7,7 @@
 #include <type_traits>
 
 #include "revisit/proto/joined.h"
+#include "revisit/proto/limits.h"
 #include "wire_reader.h"
 
 static_assert(std::endian::native == std::endian::little, "the wire format is little-endian");
@@ -14,7 +15,7 @@ static_assert(std::endian::native == std::endian::little, "the wire format is li
 namespace revisit::proto {
 namespace {
 
-constexpr size_t kMostAxes = 32;  // Caffe's limit
+constexpr size_t kCaffeMostAxes = 32;  // Caffe's limit
 
 // Field numbers of BlobProto and BlobShape.
 constexpr uint32_t kNum = 1, kWidth = 4, kData = 5, kShape = 7, kDoubleData = 8, kDim = 1;
@@ -45,8 +46,8 @@ void append(FileCursor& cursor, const WireField& field, std::vector<float>& out)
 }
 
 void append_dim(uint64_t value, uint64_t offset, std::vector<int64_t>& shape) {
-  if (shape.size() == kMostAxes)
-    throw FormatError(offset, str("a shape of more than ", kMostAxes, " axes"));
+  if (shape.size() == kCaffeMostAxes)
+    throw FormatError(offset, str("a shape of more than ", kCaffeMostAxes, " axes"));
   shape.push_back(static_cast<int64_t>(value));
 }
 
@@ -63,13 +64,13 @@ void append_shape(FileCursor& cursor, const WireField& message, std::vector<int6
   }
 }
 
-int64_t count_elements(const std::vector<int64_t>& shape, int64_t most, uint64_t offset) {
+int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
   int64_t count = 1;
   for (const int64_t dim : shape) {
     if (dim < 0) throw FormatError(offset, str("negative dimension in shape ", shape_text(shape)));
-    if (count != 0 && dim > most / count) {
-      throw FormatError(offset,
-                        str("shape ", shape_text(shape), " has more than ", most, " elements"));
+    if (count != 0 && dim > kMostElements / count) {
+      throw FormatError(
+          offset, str("shape ", shape_text(shape), " has more than ", kMostElements, " elements"));
     }
     count *= dim;
   }
@@ -78,7 +79,7 @@ int64_t count_elements(const std::vector<int64_t>& shape, int64_t most, uint64_t
 
 }  // namespace
 
-Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end, int64_t most_elements) {
+Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
   Blob blob;
   std::array<int32_t, 4> legacy{};
   std::vector<float> doubles;
@@ -99,7 +100,7 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end, int64_t most_el
   if (blob.legacy_shape) blob.shape.assign(legacy.begin(), legacy.end());
   if (!doubles.empty()) blob.data = std::move(doubles);
 
-  const int64_t wanted = count_elements(blob.shape, most_elements, begin);
+  const int64_t wanted = count_elements(blob.shape, begin);
   if (static_cast<uint64_t>(wanted) != blob.data.size()) {
     throw FormatError(
         begin, str("shape ", shape_text(blob.shape), blob.shape.empty() ? " (none given)" : "",

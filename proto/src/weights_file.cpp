@@ -81,7 +81,7 @@ class Caffemodel final : public WeightsFile {
     blobs.reserve(ranges.size());
     for (const Range& range : ranges) {
       try {
-        blobs.push_back(read_blob(cursor_, range.begin, range.end, limits_.elements));
+        blobs.push_back(read_blob(cursor_, range.begin, range.end));
       } catch (const FormatError& error) {
         throw malformed(cursor_, error,
                         str("layer '", layers_[index].name, "', blob ", blobs.size(), ": "));
@@ -198,7 +198,7 @@ Blob read_binaryproto(const fs::path& file, const Limits& limits) {
   check_size(cursor, limits);
   check_binary_size(cursor, "a binaryproto");
   try {
-    Blob blob = read_blob(cursor, 0, cursor.size(), limits.elements);
+    Blob blob = read_blob(cursor, 0, cursor.size());
     if (blob.data.empty()) throw FormatError(0, "it holds no values");
     return blob;
   } catch (const FormatError& error) {

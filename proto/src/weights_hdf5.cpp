@@ -8,6 +8,7 @@
 
 #include "hdf5_file.h"
 #include "revisit/proto/joined.h"
+#include "revisit/proto/limits.h"
 
 namespace revisit::proto {
 namespace {
@@ -136,8 +137,8 @@ class Hdf5Weights final : public WeightsFile {
     };
     uint64_t elements = 1;
     for (const int64_t dim : array.shape) {
-      if (dim < 0 || (dim > 0 && elements > static_cast<uint64_t>(limits_.elements / dim)))
-        blame(str("has more than ", limits_.elements, " elements"));
+      if (dim < 0 || (dim > 0 && elements > static_cast<uint64_t>(kMostElements / dim)))
+        blame(str("has more than ", kMostElements, " elements"));
       elements *= static_cast<uint64_t>(dim);
     }
     const uint64_t bytes = elements * array.number.bytes;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/limits.h"
 
 namespace revisit::proto {
 
@@ -24,7 +25,7 @@ bool WireReader::next(WireField& field) {
   cursor_.seek(next_);
   bool closes_group = false;
   read_tag(field, closes_group);
-  if (closes_group) throw FormatError(next_, "a group ends that never began");
+  if (closes_group) throw FormatError(next_, "the end of a group that never began");
   read_extent(field);
   if (field.type == WireType::kGroup) {
     skip_group(field);
@@ -79,7 +80,6 @@ void WireReader::read_extent(WireField& field) {
 }
 
 void WireReader::skip_group(const WireField& group) {
-  constexpr size_t kDeepest = 100;  // protobuf's own limit on nesting
   std::vector<uint32_t> open = {group.number};
   while (!open.empty()) {
     const uint64_t at = cursor_.position();
@@ -95,7 +95,7 @@ void WireReader::skip_group(const WireField& group) {
     }
     read_extent(field);
     if (field.type != WireType::kGroup) continue;
-    if (open.size() >= kDeepest) throw FormatError(at, "groups are nested too deeply");
+    if (std::ssize(open) >= kDeepestNesting) throw FormatError(at, "groups are nested too deeply");
     open.push_back(field.number);
   }
 }

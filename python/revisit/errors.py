@@ -10,7 +10,7 @@ class Error(Exception):
 
 
 class UsageError(Error, ValueError):
-    """Something was asked for that cannot be: an unknown layer, a bad value."""
+    """Something impossible was asked for: an unknown layer, a bad value."""
 
 
 class InputError(Error):

@@ -11,7 +11,7 @@ __all__ = [
     'open_map']
 
 KEY_CANDIDATES = 300
-"""As `revisit loops` has it: so many places are compared, those with the most similar keys."""
+"""As in `revisit loops`: how many places are compared, those with the most similar keys."""
 
 
 def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
@@ -22,7 +22,7 @@ def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
     sensor: whose model comes with the library (recognition.shipped_ring_models()).
     model: another one, as `revisit learn` writes them (recognition.read_ring_model()).
     threshold: from which score a loop is accepted; None: what the map was calibrated to.
-    first_stretch: rings learn their mean from so many places.
+    first_stretch: how many places rings learn their mean from.
     threads: of describing one scan.
     `revisit loops --map` reads and writes the same maps.
     """

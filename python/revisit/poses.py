@@ -44,7 +44,7 @@ def rigid(translations, quaternions):
 
 
 def table_of(file, delimiter=None):
-    """The numbers of a text file, float64 [rows][columns]; lines that begin with # are none."""
+    """The numbers of a text file, float64 [rows][columns]; lines that begin with # are skipped."""
     try:
         table = np.loadtxt(file, delimiter=delimiter, comments='#', ndmin=2)
     except (OSError, ValueError) as error:
@@ -69,7 +69,7 @@ def guess(file):
     if form:
         return form
     known = '; '.join(f'{name}: {columns}' for name, columns in COLUMNS.items())
-    raise InputError(f'{file}: no poses that are known ({known}); the first line is {line[:60]!r}')
+    raise InputError(f'{file}: no poses in a known format ({known}); the first line is {line[:60]!r}')
 
 
 def read_trajectory(file, form=None) -> Trajectory:

@@ -1,4 +1,4 @@
-"""Drives through synthetic worlds, scanned by a LiDAR: data for whoever has none."""
+"""Drives through synthetic worlds, scanned by a LiDAR: data for users who have none."""
 
 from revisit._core.simulation import SimulationSummary, simulate
 

@@ -30,11 +30,10 @@ std::string name_from(nb::handle key, const char* what) {
 nb::ndarray<nb::numpy, const float> float_array(nb::handle object, const std::string& what) {
   nb::ndarray<nb::numpy, const float> array;
   if (!nb::ndarray_check(object) || !nb::try_cast(object, array, false))
-    throw nb::type_error(str(what, ": expected a numpy array of float32, found ",
-                             description_of(object),
-                             "; nothing is converted unasked: "
-                             "numpy.asarray(x, numpy.float32) does it")
-                             .c_str());
+    throw nb::type_error(
+        str(what, ": expected a numpy array of float32, found ", description_of(object),
+            "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)")
+            .c_str());
   return array;
 }
 

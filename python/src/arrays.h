@@ -41,7 +41,7 @@ nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, const std::vector<int6
 /// "float64 array of 3 x 227", "list": what was found where an array was expected.
 std::string description_of(nb::handle object);
 
-/// The name that somebody gave as a key. Throws nb::type_error for what is no text.
+/// The name that somebody gave as a key. Throws nb::type_error for anything but text.
 std::string name_from(nb::handle key, const char* what);
 
 /// What somebody gave as an array of float32, with any strides. `what` begins the message of the

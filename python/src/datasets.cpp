@@ -46,7 +46,7 @@ void bind_datasets(nb::module_& module) {
       },
       "root"_a, "sequence"_a = "", nb::kw_only(), "poses"_a = false,
       "A KITTI odometry sequence, a folder per place, or a folder of .bin, .pcd or .ply files.\n\n"
-      "poses: they are needed. Raises InputError saying what was looked for and where.");
+      "poses: whether poses are required. Raises InputError saying what was looked for and where.");
   module.def(
       "read_scan",
       [](const fs::path& file) { return array_of(without_lock([&] { return read_scan(file); })); },

@@ -105,7 +105,7 @@ void bind_net(nb::module_& module) {
           "release_weights: keeps weights of convolutions once only, in the order of a plan's "
           "kernels.\n"
           "Raises InputError (files that do not parse or do not fit each other), UnsupportedError "
-          "(a layer type that we lack), UsageError (an unknown layer).")
+          "(an unsupported layer type), UsageError (an unknown layer).")
       .def_static(
           "load_from_memory",
           [](const std::string& prototxt, const nb::bytes& weights, std::string end,
@@ -189,7 +189,8 @@ void bind_net(nb::module_& module) {
       .def_prop_ro("layer_names", &Net::layer_names,
                    "Names of all layers of the file that belong to inference, in order.")
       .def_prop_ro("takes_gray_input", &Net::takes_gray_input)
-      .def_prop_ro("warnings", &Net::warnings, "What a person should know.")
+      .def_prop_ro("warnings", &Net::warnings,
+                   "What the user should know: layers left out or unused, upgrades made.")
       .def_prop_ro("weights", &weights_of,
                    "layer -> its arrays (weights, bias ...), read-only, without a copy. UsageError "
                    "for a net without weights or loaded with release_weights.")

@@ -35,7 +35,7 @@ void translate_errors() {
     } catch (const Error& error) {
       raise("Error", error.what());
     } catch (const nb::cast_error&) {
-      PyErr_SetString(PyExc_TypeError, "an argument is of a type that is not expected here");
+      PyErr_SetString(PyExc_TypeError, "an argument has an unexpected type");
     } catch (const std::bad_alloc&) {
       raise("MemoryError", "the system has no memory left");
     }

@@ -114,7 +114,7 @@ void bind_rings(nb::module_& module) {
              "adapt"_a = RingOptions().adapt, "key_candidates"_a = RingOptions().key_candidates,
              "threads"_a = 1, "precision"_a = engine::Precision::kFloat32,
              "Rings: places are found from either direction, and the heading between two scans.\n\n"
-             "key_candidates: so many places are compared, those with the most similar keys; 0: "
+             "key_candidates: how many places are compared, those with the most similar keys; 0: "
              "all.");
 }
 

@@ -81,7 +81,7 @@ void bind_open_map(nb::module_& module) {
           "Without an identity: a map that is there, for reading. With one "
           "(PlaceRecognizer.identity_of()): for writing, made when there is none.\n\n"
           "numbers: of a new map, 'float32' or 'float16'.\n"
-          "Raises InputError for what is no map, a damaged one, and another identity.")
+          "Raises InputError for a file that is not a map, a damaged map, and another identity.")
       .def_prop_ro("identity",
                    [](OpenMap& map) {
                      return without_lock([&] {

@@ -105,7 +105,7 @@ void bind_recognizer(nb::module_& module) {
           "threshold"_a = nb::none(), "k"_a = RecognizerOptions().k, "score"_a = "margin",
           "map: its places are known at once, and it belongs to the recogniser; None: nothing is "
           "kept.\n"
-          "first_stretch: a feature that learns from the map's scans does so from so many.\n"
+          "first_stretch: a feature that learns from the map's scans does so from this many.\n"
           "threshold: of the score, from which a loop is accepted; None: what the map was "
           "calibrated to.\n"
           "score: 'margin' (2 c1 - ck) or 'cosine' (c1).\n"

@@ -18,7 +18,7 @@ using pipeline::PointCloud;
       str("points: expected a numpy array of float32 [n][3 or 4], a structured array with float32 "
           "fields x, y, z, or a tuple of three float32 arrays, found ",
           description_of(found),
-          "; nothing is converted unasked: numpy.asarray(x, numpy.float32) does it")
+          "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)")
           .c_str());
 }
 

@@ -16,8 +16,8 @@ inline std::optional<Matrix4d> matrix_of(const std::optional<Eigen::Isometry3d>&
   return Matrix4d(pose->matrix());
 }
 
-/// Throws nb::type_error for what is no float64 array, nb::value_error for another shape and what
-/// is no rigid motion. None is no pose.
+/// Throws nb::type_error for anything but a float64 array, nb::value_error for another shape and
+/// for anything but a rigid motion. None: there is no pose.
 std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix);
 
 /// [n][4][4]

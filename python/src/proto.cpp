@@ -229,18 +229,14 @@ void bind_proto(nb::module_& module) {
                      "take the machine's memory.")
       .def(
           "__init__",
-          [](Limits* self, int64_t text_bytes, int64_t weight_bytes, int64_t layers,
-             int64_t elements, int64_t nesting) {
-            new (self) Limits{text_bytes, weight_bytes, layers, elements, nesting};
+          [](Limits* self, int64_t text_bytes, int64_t weight_bytes, int64_t layers) {
+            new (self) Limits{text_bytes, weight_bytes, layers};
           },
           nb::kw_only(), "text_bytes"_a = Limits().text_bytes,
-          "weight_bytes"_a = Limits().weight_bytes, "layers"_a = Limits().layers,
-          "elements"_a = Limits().elements, "nesting"_a = Limits().nesting)
+          "weight_bytes"_a = Limits().weight_bytes, "layers"_a = Limits().layers)
       .def_ro("text_bytes", &Limits::text_bytes)
       .def_ro("weight_bytes", &Limits::weight_bytes)
-      .def_ro("layers", &Limits::layers)
-      .def_ro("elements", &Limits::elements)
-      .def_ro("nesting", &Limits::nesting);
+      .def_ro("layers", &Limits::layers);
   bind_net_file(module);
   bind_weights(module);
 }

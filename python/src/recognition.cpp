@@ -100,15 +100,15 @@ void bind_sensors(nb::module_& module) {
         return str("<Sensor '", sensor.name, "': ", sensor.model, ">");
       });
   nb::class_<SensorFound>(module, "SensorFound", "The sensor that scans look like.")
-      .def_ro("name", &SensorFound::name, "'' for none that is known.")
+      .def_ro("name", &SensorFound::name, "'' for an unknown one.")
       .def_ro("image", &SensorFound::image)
       .def_ro("inside", &SensorFound::inside, "Share of the returns that the image holds.")
       .def_prop_ro(
           "elevations", [](const SensorFound& found) { return found.beams.elevations; },
           "Of the beams [deg], top first; empty when they cannot be told apart.");
-  module.def("sensors", &sensors, "All that are known.");
+  module.def("sensors", &sensors, "All known sensors.");
   module.def("sensor_geometry", &sensor_geometry, "sensor"_a,
-             "The image of a sensor. UsageError naming the nearest for one that is not known.");
+             "The image of a sensor. UsageError naming the nearest for an unknown one.");
   module.def(
       "find_sensor",
       [](const nb::list& scans) {

@@ -1,5 +1,5 @@
 // Whether narrower numbers could pay: multiply-adds a second of one thread in float32, bf16 and
-// int8 with the AVX-512 instructions made for each, as JSON. docs/PERFORMANCE.md draws the
+// int8 with the AVX-512 instructions made for each, as JSON. docs/SPEED.md draws the
 // conclusion.
 #include <algorithm>
 #include <chrono>

@@ -1,4 +1,4 @@
-// Search in large maps of synthetic places, as rows of the tables in docs/SCALE.md.
+// Search in large maps of synthetic places, as rows of the tables in docs/SPEED.md.
 //   revisit_large_maps PLACES cosines[NUMBERS]|rings WAY...
 // Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
 // once), all (rings at every heading), graph, listsPROBES[/NUMBERS_PER_BYTE]. The time of a query
@@ -7,6 +7,7 @@
 
 #include <cblas.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -68,16 +69,15 @@ class Gaussian {
 struct World {
   RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
   bool rings;
-  Basis basis;
+  int64_t dim;
+  Comparison comparison;
   std::vector<float> spread;
   Gaussian random{7};
 
-  World(bool of_rings, int numbers) : rings(of_rings) {
-    basis.dim = rings ? layout.numbers() : numbers;
+  World(bool of_rings, int numbers) : rings(of_rings), dim(rings ? layout.numbers() : numbers) {
     if (rings) {
-      basis.similarity = ring_similarity(layout);
-      basis.key_of = ring_key(layout);
-      basis.key_candidates = kCandidates;
+      comparison = ring_comparison(layout, kCandidates);
+      comparison.turn = nullptr;
       for (size_t f = 0; f < layout.counts.size(); ++f)
         for (int part = 0; part < (f > 0 ? 2 : 1); ++part) add_spread(layout.counts[f], 0.4F);
     } else {
@@ -162,9 +162,9 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
     return std::ranges::find(names, name) != names.end();
   };
   const double before = resident_bytes();
-  PlaceIndex index(world.basis);
+  PlaceIndex index(world.dim, world.comparison);
   double build = 0;
-  std::vector<float> x(size_t(world.basis.dim));
+  std::vector<float> x(size_t(world.dim));
   for (int64_t i = 0; i < n; ++i) {
     world.place(x);
     const double start = seconds();
@@ -172,7 +172,7 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
     build += seconds() - start;
   }
   const double bytes = (resident_bytes() - before) / double(n);
-  FloatMatrix queries(kQueries, world.basis.dim);
+  FloatMatrix queries(kQueries, world.dim);
   for (int64_t q = 0; q < kQueries; ++q)
     world.query(index.descriptor((q * 7919 + 13) % n), queries.row(q));
 
@@ -200,14 +200,17 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
   if (wants("threads")) exact_way("exact, 2 threads", index, 2);
   if (wants("many")) {
     ways.push_back({"exact, 32 at once", [&](int64_t, Match& match) {
-                      auto matches = index.best_of_many(queries, {&all, 1});
+                      std::vector<Query> together;
+                      for (int64_t q = 0; q < kQueries; ++q)
+                        together.push_back({queries.row(q), {&all, 1}});
+                      auto matches = index.best_of_many(together);
                       std::ranges::move(matches, &match);
                     }});
     ways.back().together = kQueries;
   }
-  Basis at_all_headings = world.basis;
+  Comparison at_all_headings = world.comparison;
   at_all_headings.key_candidates = 0;
-  PlaceIndex whole(at_all_headings);
+  PlaceIndex whole(world.dim, at_all_headings);
   if (wants("all")) {
     for (int64_t i = 0; i < n; ++i) whole.add(index.descriptor(i));
     exact_way("every heading", whole, 1);

@@ -1,54 +1,53 @@
-// Time of one query against many places, as a recogniser asks it.
+// Time of one query against many places, as a recogniser asks it, and of a whole drive.
 //   revisit_places_bench --benchmark_min_time=2
 #include <benchmark/benchmark.h>
 
-#include <numeric>
 #include <random>
 
-#include "revisit/recognition/keys.h"
+#include "revisit/evaluation/retrieve.h"
 #include "revisit/recognition/ring/match.h"
 
 namespace {
 
 using namespace revisit::pipeline;
 
-/// Descriptors of unit length, as a shipped ring model gives them.
-struct Places {
-  RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
-  FloatMatrix descriptors;
-  std::vector<int64_t> candidates;
+/// Of about unit length.
+FloatMatrix random_rows(int64_t n, int64_t d) {
+  FloatMatrix rows(n, d);
+  std::mt19937 random(1);
+  std::normal_distribution<float> gaussian(0, 1 / std::sqrt(static_cast<float>(d)));
+  for (float& value : rows.values) value = gaussian(random);
+  return rows;
+}
 
-  explicit Places(int64_t n) : descriptors(n, layout.numbers()), candidates(n) {
-    std::mt19937 random(1);
-    std::normal_distribution<float> gaussian(0, 1 / std::sqrt(float(layout.numbers())));
-    for (float& value : descriptors.values) value = gaussian(random);
-    std::iota(candidates.begin(), candidates.end(), 0);
-  }
-};
-
-void measure(benchmark::State& state, const Places& places, const Similarity& similarity) {
-  std::vector<double> similarities(places.candidates.size());
+/// Arguments: places, and how many of them keys choose.
+void rings(benchmark::State& state) {
+  const RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
+  const FloatMatrix descriptors = random_rows(state.range(0), layout.numbers());
+  Comparison comparison = ring_comparison(layout, state.range(1));
+  comparison.turn = nullptr;
+  PlaceIndex index(descriptors.d, comparison);
+  for (int64_t i = 0; i < descriptors.n; ++i) index.refer_to(descriptors.row(i));
+  const CandidateRange all{0, descriptors.n};
   int64_t query = 0;
-  for (auto _ : state)
-    similarity(places.descriptors.row(query++ % places.descriptors.n), places.descriptors,
-               places.candidates, similarities);
+  for (auto _ : state) index.best(descriptors.row(query++ % descriptors.n), {&all, 1});
 }
 
-void rings_at_all_headings(benchmark::State& state) {
-  const Places places(state.range(0));
-  measure(state, places, ring_similarity(places.layout));
+/// Every scan against those more than 50 before it, by cosine. Arguments: scans, numbers of each.
+void whole_drive(benchmark::State& state) {
+  const Descriptors descriptors{random_rows(state.range(0), state.range(1))};
+  Trajectory trajectory;
+  for (int frame = 0; frame < state.range(0); ++frame) trajectory.frames.push_back(frame);
+  const Task task = make_tasks("online", "", trajectory).at(0);
+  for (auto _ : state) retrieve(descriptors, task);
 }
 
-void rings_by_keys(benchmark::State& state) {
-  const Places places(state.range(0));
-  const KeyOf key_of = ring_key(places.layout);
-  measure(state, places,
-          similarity_by_keys(ring_similarity(places.layout), key_of,
-                             keys_of(places.descriptors, key_of), state.range(1)));
-}
-
-BENCHMARK(rings_at_all_headings)->Arg(10000)->Unit(benchmark::kMillisecond);
-BENCHMARK(rings_by_keys)->Args({10000, 100})->Args({10000, 300})->Unit(benchmark::kMillisecond);
+BENCHMARK(rings)
+    ->Args({10000, 0})
+    ->Args({10000, 100})
+    ->Args({10000, 300})
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(whole_drive)->Args({4541, 400})->Args({300, 448000})->Unit(benchmark::kMillisecond);
 
 }  // namespace
 

@@ -79,6 +79,7 @@ TEST(Activations, DoNotDependOnThePlace) {
           EXPECT_TRUE(same(some.data(), all.data() + first, n)) << first << ", " << n;
           EXPECT_TRUE(same(&some.back(), &x[first + n], 1)) << "beyond the last";
         }
+      if (!has_blocked_kernels()) return;
       test::AlignedFloats blocked = test::to_blocked(1, 1, count, x);
       blocked_activation({1, 1, count, 2}, epilogue, blocked.data(), blocked.data());
       EXPECT_TRUE(same(test::to_plain(1, 1, count, blocked.values()).data(), all.data(), count));

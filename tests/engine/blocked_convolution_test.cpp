@@ -110,7 +110,7 @@ TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
       return output;
     };
     const test::AlignedFloats output = check();
-    if (is_small(c.p)) test::for_each_simd_target(check);
+    if (is_small(c.p)) test::for_each_blocked_target(check);
     // The number of threads decides who computes, not how.
     for (const int threads : {2, 3}) {
       const test::AlignedFloats more = run(kernel, c, packed, threads);
@@ -139,7 +139,7 @@ std::vector<ConvolutionProblem> small_problems() {
 template <class Check>
 void for_each_kernel(const Check& check) {
   for (const ConvolutionProblem& p : small_problems())
-    test::for_each_simd_target([&] {
+    test::for_each_blocked_target([&] {
       for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
         SCOPED_TRACE(kernel.name);
         if (kernel.supports(p)) check(kernel, p);

@@ -28,7 +28,7 @@ int64_t pixels_of(const Shape& shape) {
   return shape.product(2, shape.rank());
 }
 
-/// Numbers that bfloat16 can hold, some of them zeros, infinite or none.
+/// Numbers that bfloat16 can hold, some of them zero, infinite or NaN.
 std::vector<float> values_of(const Shape& shape, unsigned seed, bool specials) {
   std::vector<float> values = test::random_floats(shape.elements(), seed);
   const float kSpecials[] = {0.0F, -0.0F, NAN, INFINITY, -INFINITY, 3e38F, -30.0F, 8.0F};

@@ -169,7 +169,7 @@ TEST_F(NetTest, AnInputWithoutAShapeTakesThatOfTheOptions) {
             convolution_param { num_output: 2 kernel_size: 3 } })");
   expect_error<InputError>([&] { Net::load_without_weights(prototxt()); },
                            {"net.prototxt: layer 'input' (Input)",
-                            "the file says no shape for the input 'data'", "LoadOptions::inputs"});
+                            "the file gives no shape for the input 'data'", "LoadOptions::inputs"});
   const Net net = Net::load_without_weights(prototxt(), {.inputs = {{"data", {1, 3, 8, 8}}}});
   EXPECT_EQ(net.plan().outputs()[0].shape, (Shape{1, 2, 6, 6}));
   EXPECT_EQ(net.plan({{"data", {2, 3, 9, 8}}}).outputs()[0].shape, (Shape{2, 2, 7, 6}));
@@ -271,7 +271,7 @@ TEST_F(NetTest, WeightsThatAreNotThereAreNotGiven) {
   expect_error<UsageError>([&] { (void)Net::load_without_weights(prototxt()).weights(); },
                            {"net.prototxt", "without weights"});
   const Net net = Net::load(prototxt(), weights(), {.release_weights = true});
-  expect_error<UsageError>([&] { (void)net.weights(); }, {"'conv'", "keeps them"});
+  expect_error<UsageError>([&] { (void)net.weights(); }, {"'conv'", "without release_weights"});
 }
 
 TEST_F(NetTest, RandomWeightsAreTheSameForTheSameSeed) {

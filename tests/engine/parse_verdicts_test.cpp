@@ -1,5 +1,5 @@
 // The verdict of the original Caffe on odd prototxts (tests/golden/parse): the same here, but
-// for the differences of docs/STRICTER.md.
+// for the differences of docs/LAYERS.md.
 #include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
 #include <gtest/gtest.h>
@@ -21,10 +21,10 @@ struct Verdict {
   bool accept = false;
   Shapes blobs;
   std::string reason;        // why not
-  bool unsupported = false;  // because of a layer type that is not known
+  bool unsupported = false;  // because of an unknown layer type
 };
 
-/// Where we differ from Caffe on purpose, each with a row of docs/STRICTER.md that begins with the
+/// Where we differ from Caffe on purpose, each with a row of docs/LAYERS.md that begins with the
 /// same name.
 struct Difference {
   const char* name;
@@ -93,7 +93,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
     if (differs) {
       EXPECT_NE(ours.accept, caffe.accept) << "no difference any more";
     }
-    // To refuse what we do not know is no verdict on the file.
+    // Refusing what we do not know is not a verdict on the file.
     EXPECT_EQ(ours.unsupported, name == "net_type_unknown" || name == "pool_stochastic")
         << ours.reason;
     if (ours.accept && caffe.accept) {
@@ -104,7 +104,7 @@ TEST(ParseVerdicts, AreThoseOfCaffe) {
 
 TEST(ParseVerdicts, DifferencesAreThoseOfTheDocument) {
   std::vector<std::string> rows, listed;
-  std::istringstream text(test::read_file(test::project_file("docs/STRICTER.md")));
+  std::istringstream text(test::read_file(test::project_file("docs/LAYERS.md")));
   for (std::string line; std::getline(text, line);) {
     constexpr std::string_view start = "| `";
     if (line.starts_with(start))

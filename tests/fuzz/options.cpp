@@ -6,7 +6,7 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/evaluation/ground_truth.h"
 #include "revisit/evaluation/protocols.h"
-#include "revisit/recognition/retrieve.h"
+#include "revisit/recognition/match.h"
 #include "revisit/recognition/sensor.h"
 #endif
 

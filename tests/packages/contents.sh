@@ -15,7 +15,7 @@ holds() {
   dpkg-deb --contents "$package" | awk '{print $6}' >list
   for file; do grep -qE "^\./usr/$file$" list || fail "$package has no $file"; done
 }
-holds "$program" bin/revisit share/doc/revisit/{copyright,README.md,docs/DATA.md,changelog.gz,changelog.Debian.gz} \
+holds "$program" bin/revisit share/doc/revisit/{copyright,README.md,docs/FORMATS.md,changelog.gz,changelog.Debian.gz} \
   share/man/man1/revisit{,-loops,-net-inspect}.1.gz share/bash-completion/completions/revisit \
   share/zsh/vendor-completions/_revisit share/fish/vendor_completions.d/revisit.fish
 grep -q '\.a$\|/include/' list && fail "$program has files to compile with"

@@ -1,4 +1,4 @@
-// What bfloat16 does to the descriptors of the 12 real scans (docs/BF16.md).
+// What bfloat16 does to the descriptors of the 12 real scans (docs/ACCURACY.md).
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,8 +8,8 @@
 #include "revisit/datasets/describe.h"
 #include "revisit/engine/net.h"
 #include "revisit/evaluation/precision_recall.h"
+#include "revisit/evaluation/retrieve.h"
 #include "revisit/recognition/pca.h"
-#include "revisit/recognition/retrieve.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -50,7 +50,7 @@ TEST(Bf16Accuracy, DescriptorsOfRealScansStayAndSoDoTheirMatches) {
   RecordProperty("descriptors", std::to_string(least_of_descriptors));
   const Trajectory trajectory = make_trajectory(dataset);
   const Task task = make_tasks("leave-one-out", "00", trajectory, parse_exclusion("none")).at(0);
-  const std::vector<Match> a = retrieve(wanted, task), b = retrieve(found, task);
+  const std::vector<Match> a = retrieve({wanted}, task), b = retrieve({found}, task);
   ASSERT_EQ(a.size(), b.size());
   for (size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i].ranks.at(0), b[i].ranks.at(0)) << i;
 }

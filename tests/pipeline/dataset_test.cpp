@@ -188,7 +188,7 @@ TEST(KittiDataset, FrameNumbersAreUniqueNumbers) {
   const fs::path velodyne = dir / "sequences/00/velodyne";
   write_file(velodyne / "10.pcd", "");
   const std::string twice = message_of<InputError>([&] { open_dataset(dir.path(), "00"); });
-  EXPECT_HAS(twice, "frame 10 is there twice");
+  EXPECT_HAS(twice, "frame 10 appears twice");
   EXPECT_HAS(twice, "000010.bin");
   fs::remove(velodyne / "10.pcd");
   write_file(velodyne / "first.bin", "");

@@ -14,6 +14,7 @@ namespace {
 
 using test::expect_error;
 using test::matrix;
+using test::rows_of;
 
 FloatMatrix random_words(int64_t images, int64_t words, unsigned seed) {
   // Words come in groups that tend to appear together.
@@ -146,18 +147,18 @@ TEST(FabMap, LikelihoodsOfAllImagesSumToOne) {
 TEST(FabMap, PosteriorByHand) {
   // Priors 1/4, 1/4 and 1/2 (new): 7/96, 1/96 and 3/96.
   std::vector<double> p(2);
-  FabMap(chain(), half()).posterior(kSeen, kWordsOfPlaces, kBoth, p);
+  FabMap(chain(), half()).posterior(kSeen, rows_of(kWordsOfPlaces, kBoth), p);
   EXPECT_NEAR(p[0], 7.0 / 11, 1e-12);
   EXPECT_NEAR(p[1], 1.0 / 11, 1e-12);
   // The likelihoods 7/24, 1/24, 1/16 are 14 : 2 : 3, of 19. Smoothed with 0.9: 0.9 14/19 + 0.1/3
   // ...
-  FabMap(chain(), half(0.9)).posterior(kSeen, kWordsOfPlaces, kBoth, p);
+  FabMap(chain(), half(0.9)).posterior(kSeen, rows_of(kWordsOfPlaces, kBoth), p);
   const double a = 0.9 * 14 / 19 + 0.1 / 3, b = 0.9 * 2 / 19 + 0.1 / 3, n = 0.9 * 3 / 19 + 0.1 / 3;
   EXPECT_NEAR(p[0], a / (a + b + 2 * n), 1e-12);
   EXPECT_NEAR(p[1], b / (a + b + 2 * n), 1e-12);
   // Only B is a candidate: prior 1/2, against 1/2 for the new place.
   std::vector<double> one(1);
-  FabMap(chain(), half()).posterior(kSeen, kWordsOfPlaces, std::vector<int64_t>{1}, one);
+  FabMap(chain(), half()).posterior(kSeen, rows_of(kWordsOfPlaces, std::vector<int64_t>{1}), one);
   EXPECT_NEAR(one[0], (1.0 / 24) / (1.0 / 24 + 1.0 / 16), 1e-12);
 }
 
@@ -168,7 +169,7 @@ TEST(FabMap, PosteriorIsThatOfTheLikelihoods) {
   std::vector<int64_t> candidates(59);
   std::iota(candidates.begin(), candidates.end(), 1);
   std::vector<double> p(candidates.size());
-  map.posterior(images.row(0), images, candidates, p);
+  map.posterior(images.row(0), rows_of(images, candidates), p);
   const double fresh = 0.9 * std::exp(map.log_likelihood_of_new_place(images.row(0)));
   double evidence = fresh;
   for (const int64_t c : candidates)
@@ -184,7 +185,7 @@ TEST(FabMap, ManyWordsDoNotUnderflow) {
   const FloatMatrix images = random_words(40, 3000, 3);
   const FabMap map(chow_liu_tree(random_words(40, 3000, 4)), {});
   std::vector<double> p(2);
-  map.posterior(images.row(0), images, std::vector<int64_t>{0, 7}, p);
+  map.posterior(images.row(0), rows_of(images, std::vector<int64_t>{0, 7}), p);
   EXPECT_LT(map.log_likelihood(images.row(0), images.row(7)), -745) << "else nothing is tested";
   EXPECT_GT(p[0], 0.9);
   EXPECT_LT(p[1], 0.1);

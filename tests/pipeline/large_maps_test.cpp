@@ -30,19 +30,26 @@ FloatMatrix descriptors(int64_t n, int64_t d) {
   return all;
 }
 
-PlaceIndex index_of(const Basis& basis, const FloatMatrix& all, int64_t n) {
-  PlaceIndex index(basis);
+PlaceIndex index_of(const Comparison& comparison, const FloatMatrix& all, int64_t n) {
+  PlaceIndex index(all.d, comparison);
   for (int64_t i = 0; i < n; ++i) index.add(all.row(i));
   return index;
 }
 
+const RingLayout kLayout{{9, 8, 8, 4}};
+
+/// Numbers of a key that no whole number of bytes codes.
+int64_t dim_of(const Comparison& comparison) {
+  return comparison.similarity ? kLayout.numbers() : 43;
+}
+
 /// Nearly all is found, what is found is scored exactly, and places may be added.
 template <class Make>
-void expect_found(const Basis& basis, const Make& make, double least_recall) {
+void expect_found(const Comparison& comparison, const Make& make, double least_recall) {
   constexpr int64_t kBuilt = 2000, kAll = 2300;
-  const FloatMatrix all = descriptors(kAll, basis.dim);
-  const PlaceIndex exact = index_of(basis, all, kAll);
-  PlaceIndex index = index_of(basis, all, kBuilt);
+  const FloatMatrix all = descriptors(kAll, dim_of(comparison));
+  const PlaceIndex exact = index_of(comparison, all, kAll);
+  PlaceIndex index = index_of(comparison, all, kBuilt);
   index.choose_by(make(index), 100);
   for (int64_t i = kBuilt; i < kAll; ++i) index.add(all.row(i));
   const std::vector<CandidateRange> candidates = {{0, 1000}, {1003, kAll}};
@@ -59,30 +66,16 @@ void expect_found(const Basis& basis, const Make& make, double least_recall) {
   EXPECT_GE(recall_of(expected, found), least_recall);
 }
 
-Basis rings() {
-  const RingLayout layout{{9, 8, 8, 4}};
-  Basis basis;
-  basis.dim = layout.numbers();
-  basis.similarity = ring_similarity(layout);
-  basis.key_of = ring_key(layout);
-  basis.key_candidates = 100;
-  return basis;
-}
-
 TEST(LargeMaps, GraphsFindNearlyAll) {
-  Basis cosines;
-  cosines.dim = 43;
-  for (const Basis& basis : {cosines, rings()})
+  for (const Comparison& comparison : {Comparison(), ring_comparison(kLayout, 100)})
     expect_found(
-        basis, [](const PlaceIndex& index) { return graph_of_keys(index); }, 0.95);
+        comparison, [](const PlaceIndex& index) { return graph_of_keys(index); }, 0.95);
 }
 
 TEST(LargeMaps, ListsFindNearlyAll) {
-  Basis cosines;
-  cosines.dim = 43;  // which no whole number of bytes codes
-  for (const Basis& basis : {cosines, rings()})
+  for (const Comparison& comparison : {Comparison(), ring_comparison(kLayout, 100)})
     expect_found(
-        basis,
+        comparison,
         [](const PlaceIndex& index) {
           return lists_of_keys(index, {.lists = 20, .probes = 20, .numbers_per_byte = 2});
         },
@@ -90,26 +83,23 @@ TEST(LargeMaps, ListsFindNearlyAll) {
 }
 
 TEST(LargeMaps, RefuseWhatCannotBeBuilt) {
-  Basis basis;
-  basis.dim = 4;
   const FloatMatrix all = descriptors(300, 4);
-  const PlaceIndex empty(basis), some = index_of(basis, all, 300);
+  const PlaceIndex empty(4), some = index_of({}, all, 300);
   expect_error<UsageError>([&] { graph_of_keys(empty); }, {"at least 1 places", "found 0"});
   expect_error<UsageError>([&] { lists_of_keys(empty); }, {"at least 256 places", "found 0"});
   expect_error<UsageError>([&] { graph_of_keys(some, {.links = 1}); }, {"links", "found 1"});
   expect_error<UsageError>([&] { lists_of_keys(some, {.lists = 301}); }, {"lists", "found 301"});
   expect_error<UsageError>([&] { lists_of_keys(some, {.probes = 0}); }, {"probes", "found 0"});
-  basis.similarity = ring_similarity({{2, 1}});
-  expect_error<UsageError>([&] { graph_of_keys(PlaceIndex(basis)); }, {"no keys"});
+  Comparison own;
+  own.similarity = ring_comparison({{2, 1}}).similarity;
+  expect_error<UsageError>([&] { graph_of_keys(PlaceIndex(4, own)); }, {"no keys"});
 }
 
 #else
 
 TEST(LargeMaps, AreSaidToBeMissing) {
-  Basis basis;
-  basis.dim = 4;
-  expect_error<UsageError>([&] { graph_of_keys(PlaceIndex(basis)); }, {"libfaiss-dev"});
-  expect_error<UsageError>([&] { lists_of_keys(PlaceIndex(basis)); }, {"libfaiss-dev"});
+  expect_error<UsageError>([&] { graph_of_keys(PlaceIndex(4)); }, {"libfaiss-dev"});
+  expect_error<UsageError>([&] { lists_of_keys(PlaceIndex(4)); }, {"libfaiss-dev"});
 }
 
 #endif

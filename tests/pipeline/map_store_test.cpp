@@ -318,13 +318,13 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   EXPECT_FALSE(fs::exists(dir / "missing-writer"));
   refused(dir.path(), {"not a file"});
   test::write_file(dir / "empty", "");
-  refused(dir / "empty", {"empty: no map: the file is empty"});
+  refused(dir / "empty", {"empty: not a map: the file is empty"});
   test::write_file(dir / "text", std::string(10'000, 'x'));
-  refused(dir / "text", {"text: no map"});
-  expect_error<InputError>([&] { writer_of(dir / "text"); }, {"text: no map"});
+  refused(dir / "text", {"text: not a map"});
+  expect_error<InputError>([&] { writer_of(dir / "text"); }, {"text: not a map"});
   EXPECT_EQ(test::read_file(dir / "text"), std::string(10'000, 'x'));
   execute(dir / "other", "CREATE TABLE place (id INTEGER PRIMARY KEY)");
-  refused(dir / "other", {"other: a SQLite database, but no map"});
+  refused(dir / "other", {"other: a SQLite database, but not a map"});
   EXPECT_EQ(check_map(dir / "other").size(), 1);
 
   writer_of(dir / "later");

@@ -28,12 +28,18 @@ Trajectory drive_along_x(const std::vector<double>& xs) {
   return drive;
 }
 
-/// A similarity by the numbers of the two scans.
+/// Descriptors that are the scans' numbers, compared by these.
 template <class Of>
-PairSimilarity by_numbers(Of of) {
-  return [of](int64_t query, std::span<const int64_t> candidates, std::span<double> similarities) {
-    for (size_t i = 0; i < candidates.size(); ++i) similarities[i] = of(query, candidates[i]);
+Descriptors by_numbers(const Trajectory& drive, Of of) {
+  Descriptors numbers{FloatMatrix(drive.size(), 1)};
+  std::iota(numbers.case1.values.begin(), numbers.case1.values.end(), 0.0F);
+  numbers.comparison.similarity = [of](std::span<const float> query,
+                                       std::span<const std::span<const float>> places,
+                                       std::span<double> similarities) {
+    for (size_t i = 0; i < places.size(); ++i)
+      similarities[i] = of(static_cast<int64_t>(query[0]), static_cast<int64_t>(places[i][0]));
   };
+  return numbers;
 }
 
 TEST(Pairs, SscByHand) {
@@ -47,9 +53,10 @@ TEST(Pairs, SscByHand) {
       {{3, 0}, 0.9375}, {{5, 1}, 0.75},  {{4, 1}, 0.75},  {{2, 0}, 0.625}, {{6, 1}, 0.5},
       {{3, 2}, 0.125},  {{4, 0}, 0.125}, {{4, 3}, 0.125}, {{5, 4}, 0.125}, {{6, 4}, 0.125}};
   // What does not count must not be compared.
-  const PairResult result = evaluate_pairs(task, drive, by_numbers([&](int64_t q, int64_t c) {
-                                             return similarities.at({q, c});
-                                           }));
+  const PairResult result =
+      evaluate_pairs(task, drive, by_numbers(drive, [&](int64_t q, int64_t c) {
+                       return similarities.at({q, c});
+                     }));
   const PrSummary& s = result.summary;
   EXPECT_EQ(s.n_pairs, 10);
   EXPECT_EQ(s.n_true_pairs, 3);
@@ -80,11 +87,12 @@ TEST(Pairs, Lcdnet2ByHand) {
   // frames apart, 4-3 exactly 50.
   std::set<std::pair<int64_t, int64_t>> seen;
   std::mutex mutex;
-  const PairResult result = evaluate_pairs(task, drive, by_numbers([&](int64_t q, int64_t c) {
-                                             const std::lock_guard lock(mutex);
-                                             seen.insert({q, c});
-                                             return static_cast<double>(10 * q + c);
-                                           }));
+  const PairResult result =
+      evaluate_pairs(task, drive, by_numbers(drive, [&](int64_t q, int64_t c) {
+                       const std::lock_guard lock(mutex);
+                       seen.insert({q, c});
+                       return static_cast<double>(10 * q + c);
+                     }));
   EXPECT_EQ(seen, (std::set<std::pair<int64_t, int64_t>>{
                       {2, 0}, {3, 0}, {3, 1}, {4, 0}, {4, 1}, {4, 2}}));
   EXPECT_EQ(result.summary.n_true_pairs, 4);
@@ -116,7 +124,7 @@ TEST(Pairs, AgreeWithScikitLearn) {
     SCOPED_TRACE(name);
     const OnePlace place(one.decisions);
     const PairResult result =
-        evaluate_pairs(place.task, place.drive, by_numbers([&](int64_t q, int64_t) {
+        evaluate_pairs(place.task, place.drive, by_numbers(place.drive, [&](int64_t q, int64_t) {
                          return one.decisions[static_cast<size_t>(q - 1)].first;
                        }));
     EXPECT_NEAR(result.summary.average_precision, one.average_precision, 1e-12);
@@ -164,7 +172,7 @@ TEST(Pairs, AreThoseOfTheSlowTwin) {
         }
         verdicts.push_back({ab / std::sqrt(aa * bb), near, near});
       }
-    const PairResult result = evaluate_pairs(task, drive, pair_similarity(m));
+    const PairResult result = evaluate_pairs(task, drive, {m});
     const PrSummary slow = summarize(verdicts), &fast = result.summary;
     EXPECT_EQ(fast.n_pairs, static_cast<int64_t>(verdicts.size()));
     EXPECT_EQ(fast.n_true_pairs, slow.n_positives);
@@ -180,18 +188,22 @@ TEST(Pairs, MayBeComparedInAFeaturesOwnWay) {
   FloatMatrix m(5, 1);
   m.values = {3, 8, 4, 9, 1};
   Task task = make_tasks("ssc", "", drive, parse_exclusion("none")).at(0);
-  const PairSimilarity own =
-      pair_similarity(m, [](std::span<const float> query, const FloatMatrix& stored,
-                            std::span<const int64_t> candidates, std::span<double> similarities) {
-        for (size_t i = 0; i < candidates.size(); ++i)
-          similarities[i] = -std::abs(double{query[0]} - stored.row(candidates[i])[0]);
-      });
-  std::vector<double> similarities(3);
-  own(4, std::vector<int64_t>{0, 2, 3}, similarities);
-  EXPECT_EQ(similarities, (std::vector<double>{-2, -3, -8}));
+  int64_t calls = 0;
+  Comparison own;
+  own.similarity = [&](std::span<const float> query, std::span<const std::span<const float>> places,
+                       std::span<double> similarities) {
+    for (size_t i = 0; i < places.size(); ++i)
+      similarities[i] = -std::abs(double{query[0]} - places[i][0]);
+    ++calls;
+    if (query[0] == 1) {
+      EXPECT_EQ(std::vector<double>(similarities.begin(), similarities.end()),
+                (std::vector<double>{-2, -7, -3, -8}));
+    }
+  };
   // True: 2-0 (-1), 3-1 (-1), 4-0 (-2), 4-2 (-3); false: 1-0 (-5), 2-1 (-4), 3-0 (-6), 3-2 (-5),
   // 4-1 (-7), 4-3 (-8).
-  const PairResult result = evaluate_pairs(task, drive, own);
+  const PairResult result = evaluate_pairs(task, drive, {m, {}, own});
+  EXPECT_EQ(calls, 4);  // of the scans 1 to 4
   EXPECT_EQ(result.summary.n_true_pairs, 4);
   EXPECT_EQ(result.summary.average_precision, 1);
   EXPECT_EQ(result.summary.f1_max_threshold, -3);
@@ -204,7 +216,7 @@ TEST(Pairs, NegativesAreDrawnEvenlyAndTheSameEveryTime) {
     task.negatives_per_positive = per_positive;
     std::vector<std::pair<int64_t, int64_t>> pairs;
     std::mutex mutex;
-    const auto note = by_numbers([&](int64_t q, int64_t c) {
+    const auto note = by_numbers(drive, [&](int64_t q, int64_t c) {
       const std::lock_guard lock(mutex);
       pairs.emplace_back(q, c);
       return 0.5;
@@ -244,11 +256,11 @@ TEST(Pairs, SameForAnyNumberOfThreads) {
   const Task task = make_tasks("lcdnet2", "", drive).at(0);
   PairOptions options;
   options.bootstrap = BootstrapOptions{.resamples = 40};
-  const PairResult one = evaluate_pairs(task, drive, pair_similarity(m), options);
+  const PairResult one = evaluate_pairs(task, drive, {m}, options);
   options.threads = options.bootstrap->threads = 3;
   int64_t last = 0;
   options.progress = [&](int64_t done, int64_t) { last = done; };
-  const PairResult three = evaluate_pairs(task, drive, pair_similarity(m), options);
+  const PairResult three = evaluate_pairs(task, drive, {m}, options);
   EXPECT_EQ(last, static_cast<int64_t>(task.queries.size()));
   EXPECT_EQ(one.summary.average_precision, three.summary.average_precision);
   EXPECT_EQ(one.intervals->average_precision.low, three.intervals->average_precision.low);
@@ -273,7 +285,7 @@ TEST(Pairs, ResamplesTakeAQueryWithAllItsPairs) {
   PairOptions options;
   options.bootstrap = BootstrapOptions{.resamples = 500};
   const PairResult result = evaluate_pairs(
-      task, drive, by_numbers([](int64_t q, int64_t c) { return q == 3 && c > 0 ? 1 : 0; }),
+      task, drive, by_numbers(drive, [](int64_t q, int64_t c) { return q == 3 && c > 0 ? 1 : 0; }),
       options);
   // As it is: 1.0: tp 2; 0: tp 3, fp 3: AP = 2/3 + 1/3 * 1/2 = 5/6. The first query twice: 1.
   EXPECT_DOUBLE_EQ(result.summary.average_precision, 5.0 / 6);
@@ -285,7 +297,7 @@ TEST(Pairs, CurveIsThinned) {
   const Trajectory drive = random_drive(500, 3);
   const FloatMatrix m = random_matrix(500, 7, 4);
   Task task = make_tasks("lcdnet2", "", drive).at(0);
-  const PairResult result = evaluate_pairs(task, drive, pair_similarity(m));
+  const PairResult result = evaluate_pairs(task, drive, {m});
   ASSERT_GT(result.summary.n_true_pairs, 5000);
   EXPECT_LE(result.curve.size(), 1200u);
   EXPECT_GE(result.curve.size(), 900u);
@@ -303,7 +315,8 @@ TEST(Pairs, HistogramCountsEveryPair) {
   const std::vector<double> scores{0, 1, 0.5, 0, 0};
   const ScoreHistogram h =
       evaluate_pairs(place.task, place.drive,
-                     by_numbers([&](int64_t q, int64_t) { return scores[static_cast<size_t>(q)]; }))
+                     by_numbers(place.drive,
+                                [&](int64_t q, int64_t) { return scores[static_cast<size_t>(q)]; }))
           .histogram;
   EXPECT_EQ(h.low, 0);
   EXPECT_DOUBLE_EQ(h.width, 1.0 / 60);
@@ -319,28 +332,30 @@ TEST(Pairs, CountsOfTheOfficialPoses) {
   const auto drive = [&](const char* sequence) {
     return make_trajectory(read_kitti_poses(find_kitti_poses(kitti, sequence)));
   };
-  const auto nothing = by_numbers([](int64_t, int64_t) { return 0.0; });
+  const auto zero = [](int64_t, int64_t) { return 0.0; };
   // The pair lists published with SSC have so many lines with a 1, and 100 times as many with a 0.
   const std::pair<const char*, int64_t> ssc[] = {
       {"00", 7555}, {"05", 4785}, {"06", 1578}, {"08", 1994}};
   for (const auto& [sequence, n_true] : ssc) {
     SCOPED_TRACE(sequence);
     const Trajectory t = drive(sequence);
-    const PrSummary s = evaluate_pairs(make_tasks("ssc", sequence, t).at(0), t, nothing).summary;
+    const PrSummary s =
+        evaluate_pairs(make_tasks("ssc", sequence, t).at(0), t, by_numbers(t, zero)).summary;
     EXPECT_EQ(s.n_true_pairs, n_true);
     EXPECT_EQ(s.n_pairs, 101 * n_true);
     EXPECT_NEAR(s.average_precision, 1.0 / 101, 1e-12);  // all scores are equal
   }
   // Counted with numpy: i >= 100, j < i - 50, horizontal distance below 4 m.
   const Trajectory t = drive("06");
-  const PrSummary s = evaluate_pairs(make_tasks("lcdnet2", "06", t).at(0), t, nothing).summary;
+  const PrSummary s =
+      evaluate_pairs(make_tasks("lcdnet2", "06", t).at(0), t, by_numbers(t, zero)).summary;
   EXPECT_EQ(s.n_pairs, 550550);
   EXPECT_EQ(s.n_true_pairs, 2138);
 }
 
 TEST(Pairs, RefuseNonsense) {
   const OnePlace place({{1, true}, {0, false}});
-  const auto nothing = by_numbers([](int64_t, int64_t) { return 0.0; });
+  const auto nothing = by_numbers(place.drive, [](int64_t, int64_t) { return 0.0; });
   Task of_queries = place.task;
   of_queries.decision = Decision::kQuery;
   EXPECT_THROW(evaluate_pairs(of_queries, place.drive, nothing), Error);
@@ -349,15 +364,16 @@ TEST(Pairs, RefuseNonsense) {
   options.threads = 0;
   EXPECT_THROW(evaluate_pairs(place.task, place.drive, nothing, options), UsageError);
   for (const double bad : {std::nan(""), HUGE_VAL})
-    EXPECT_THROW(
-        evaluate_pairs(place.task, place.drive, by_numbers([&](int64_t, int64_t) { return bad; })),
-        Error);
+    EXPECT_THROW(evaluate_pairs(place.task, place.drive,
+                                by_numbers(place.drive, [&](int64_t, int64_t) { return bad; })),
+                 Error);
   options.threads = 1;
   options.stop = [] { return true; };
   EXPECT_THROW(evaluate_pairs(place.task, place.drive, nothing, options), Interrupted);
   FloatMatrix m = random_matrix(3, 2, 1);
   m.row(1)[1] = std::nanf("");
-  EXPECT_THROW(pair_similarity(m), Error);
+  EXPECT_THROW(evaluate_pairs(place.task, place.drive, {m}), Error);
+  EXPECT_THROW(evaluate_pairs(place.task, place.drive, {random_matrix(4, 2, 1)}), Error);
 }
 
 TEST(Pairs, TooManyAreRefusedBeforeTheyAreCompared) {
@@ -365,9 +381,11 @@ TEST(Pairs, TooManyAreRefusedBeforeTheyAreCompared) {
   const std::vector<double> xs(16385, 0.0);
   const Trajectory drive = drive_along_x(xs);
   Task task = make_tasks("ssc", "", drive, parse_exclusion("none")).at(0);
-  EXPECT_THROW(evaluate_pairs(task, drive, by_numbers([](int64_t, int64_t) -> double {
-                                throw std::logic_error("compared");
-                              })),
+  EXPECT_THROW(evaluate_pairs(task, drive,
+                              by_numbers(drive,
+                                         [](int64_t, int64_t) -> double {
+                                           throw std::logic_error("compared");
+                                         })),
                UsageError);
 }
 

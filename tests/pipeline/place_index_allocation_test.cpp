@@ -31,11 +31,11 @@ thread_local int64_t allocations = 0;
 namespace revisit::pipeline {
 namespace {
 
-void expect_only_the_result(const Basis& basis) {
-  PlaceIndex index(basis);
+void expect_only_the_result(int64_t dim, const Comparison& comparison) {
+  PlaceIndex index(dim, comparison);
   std::mt19937 random(5);
   std::normal_distribution<float> gaussian;
-  std::vector<float> x(static_cast<size_t>(basis.dim));
+  std::vector<float> x(static_cast<size_t>(dim));
   for (int64_t i = 0; i < 3000; ++i) {
     for (float& value : x) value = gaussian(random);
     index.add(x);
@@ -49,16 +49,13 @@ void expect_only_the_result(const Basis& basis) {
 }
 
 TEST(PlaceIndexMemory, AQueryAllocatesItsResultOnly) {
-  Basis basis;
-  basis.dim = 21;
-  expect_only_the_result(basis);
+  expect_only_the_result(21, {});
   const RingLayout layout{{3, 2, 5, 2}};
-  basis.dim = layout.numbers();
-  basis.similarity = ring_similarity(layout);
-  expect_only_the_result(basis);
-  basis.key_of = ring_key(layout);
-  basis.key_candidates = 100;
-  expect_only_the_result(basis);
+  for (const int64_t key_candidates : {0, 100}) {
+    Comparison rings = ring_comparison(layout, key_candidates);
+    rings.turn = nullptr;
+    expect_only_the_result(layout.numbers(), rings);
+  }
 }
 
 }  // namespace

@@ -3,10 +3,15 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <cmath>
+#include <functional>
 #include <limits>
+#include <numeric>
 #include <random>
 
 #include "expect_error.h"
+#include "float_matrix.h"
+#include "retrieve/products.h"
 #include "revisit/recognition/cosine.h"
 #include "revisit/recognition/points.h"
 #include "revisit/recognition/ring/match.h"
@@ -27,29 +32,58 @@ FloatMatrix random_descriptors(int64_t n, int64_t d) {
 }
 
 /// Every query after the 60th, among all but the 50 before it.
-RetrievalTask past_of(int64_t n) {
-  RetrievalTask task;
-  for (int64_t i = 0; i < n; ++i) task.stored.push_back(i);
-  for (int64_t q = 60; q < n; q += 13) task.queries.push_back({q, {{{0, q - 50}, {}}}});
-  return task;
+std::vector<std::pair<int64_t, CandidateRange>> past_of(int64_t n) {
+  std::vector<std::pair<int64_t, CandidateRange>> queries;
+  for (int64_t q = 60; q < n; q += 13) queries.emplace_back(q, CandidateRange{0, q - 50});
+  return queries;
 }
 
-void expect_what_retrieve_finds(const FloatMatrix& all, const Basis& basis,
-                                const RetrieveOptions& options) {
-  const RetrievalTask task = past_of(all.n);
-  RetrieveOptions with_similarity = options;
-  with_similarity.similarity = basis.similarity;
-  const std::vector<Match> expected = retrieve(all, task, with_similarity);
-  PlaceIndex index(basis);
-  for (int64_t i = 0; i < all.n; ++i) index.add(all.row(i));
-  for (size_t q = 0; q < expected.size(); ++q) {
-    const TaskQuery& query = task.queries[q];
-    const Match found =
-        index.best(all.row(query.scan), std::span(query.candidates).first(1), options);
-    EXPECT_EQ(found.ranks, expected[q].ranks) << query.scan;
-    EXPECT_EQ(found.similarities, expected[q].similarities) << query.scan;
-    EXPECT_EQ(found.score, expected[q].score) << query.scan;
+/// Of the first `n` places, those whose keys have the largest products with that of `query`.
+std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64_t n,
+                                    const Comparison& comparison) {
+  std::vector<float> asked(static_cast<size_t>(comparison.key_numbers)), key = asked;
+  comparison.make_key(all.row(query), asked);
+  std::vector<std::pair<float, int64_t>> order;
+  for (int64_t i = 0; i < n; ++i) {
+    comparison.make_key(all.row(i), key);
+    float product = 0;
+    products_of_rows(asked, key.data(), {&product, 1});
+    order.emplace_back(-product, i);
   }
+  std::ranges::sort(order);
+  std::vector<int64_t> places;
+  for (int64_t i = 0; i < std::min(n, comparison.key_candidates); ++i)
+    places.push_back(order[static_cast<size_t>(i)].second);
+  std::ranges::sort(places);
+  return places;
+}
+
+/// All of the first `n` places compared (or those that keys choose) and sorted: what best() must
+/// find.
+Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparison& comparison,
+                const SearchOptions& options) {
+  std::vector<int64_t> places(static_cast<size_t>(n));
+  std::iota(places.begin(), places.end(), 0);
+  if (comparison.key_candidates > 0) places = chosen_by_keys(all, query, n, comparison);
+  std::vector<double> similarities(places.size());
+  if (comparison.similarity)
+    comparison.similarity(all.row(query), test::rows_of(all, places), similarities);
+  else
+    for (size_t i = 0; i < places.size(); ++i)
+      similarities[i] = cosine(all.row(query), length_of(all.row(query)), all.row(places[i]),
+                               length_of(all.row(places[i])));
+  std::vector<std::pair<double, int64_t>> ranked;
+  for (size_t i = 0; i < places.size(); ++i) ranked.emplace_back(-similarities[i], places[i]);
+  std::ranges::sort(ranked);
+  ranked.resize(std::min(ranked.size(), static_cast<size_t>(options.k)));
+  Match match;
+  for (const auto& [similarity, place] : ranked) {
+    match.ranks.push_back(place);
+    match.similarities.push_back(-similarity);
+  }
+  const double best = match.similarities.front(), kth = match.similarities.back();
+  match.score = options.score == Score::kBest ? best : 2 * best - kth;
+  return match;
 }
 
 void expect_same(const Match& a, const Match& b) {
@@ -58,19 +92,29 @@ void expect_same(const Match& a, const Match& b) {
   EXPECT_EQ(a.score, b.score);
 }
 
-Basis rings_of(const RingLayout& layout, int64_t key_candidates) {
-  Basis basis;
-  basis.dim = layout.numbers();
-  basis.similarity = ring_similarity(layout);
-  basis.key_of = ring_key(layout);
-  basis.key_candidates = key_candidates;
-  return basis;
-}
-
-PlaceIndex index_of(const Basis& basis, const FloatMatrix& all) {
-  PlaceIndex index(basis);
+PlaceIndex index_of(const FloatMatrix& all, const Comparison& comparison = {}) {
+  PlaceIndex index(all.d, comparison);
   for (int64_t i = 0; i < all.n; ++i) index.add(all.row(i));
   return index;
+}
+
+/// One by one, and all at once with other candidates for each.
+void expect_what_the_slow_twin_finds(const FloatMatrix& all, const Comparison& comparison,
+                                     const SearchOptions& options) {
+  const PlaceIndex index = index_of(all, comparison);
+  const auto queries = past_of(all.n);
+  std::vector<Query> together;
+  for (const auto& [place, candidates] : queries)
+    together.push_back({all.row(place), {&candidates, 1}});
+  const std::vector<Match> many = index.best_of_many(together, options);
+  for (size_t q = 0; q < queries.size(); ++q) {
+    SCOPED_TRACE(q);
+    const auto& [place, candidates] = queries[q];
+    const Match expected = slow_twin(all, place, candidates.end, comparison, options);
+    expect_same(index.best(all.row(place), {&candidates, 1}, options), expected);
+    expect_same(many[q], expected);
+    EXPECT_EQ(many[q].query, static_cast<int64_t>(q));
+  }
 }
 
 /// A source that looks at all keys, and remembers what it was asked.
@@ -87,10 +131,12 @@ struct AllKeys : CandidateSource {
             std::vector<int64_t>& places) const override {
     asked = count;
     std::vector<float> products(static_cast<size_t>(keys.n));
-    products_of_rows(key, keys, 0, products);
-    places.clear();
-    for (const size_t i : positions_of_largest(products, count))
-      places.push_back(static_cast<int64_t>(i));
+    products_of_rows(key, keys.values.data(), products);
+    places.resize(static_cast<size_t>(keys.n));
+    std::iota(places.begin(), places.end(), 0);
+    std::ranges::stable_sort(places, std::greater(),
+                             [&](int64_t i) { return products[static_cast<size_t>(i)]; });
+    places.resize(static_cast<size_t>(std::min(count, keys.n)));
     std::ranges::reverse(places);
   }
 };
@@ -105,44 +151,82 @@ std::unique_ptr<AllKeys> source_of(const PlaceIndex& index) {
   return source;
 }
 
-TEST(PlaceIndex, FindsWhatRetrieveFindsByCosine) {
-  Basis basis;
-  basis.dim = 37;
-  expect_what_retrieve_finds(random_descriptors(2500, 37), basis, {.k = 4});
-  expect_what_retrieve_finds(random_descriptors(1024, 37), basis, {.k = 1, .score = Score::kBest});
+TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByCosine) {
+  expect_what_the_slow_twin_finds(random_descriptors(2500, 37), {}, {.k = 4});
+  expect_what_the_slow_twin_finds(random_descriptors(1024, 37), {},
+                                  {.k = 1, .score = Score::kBest});
 }
 
-TEST(PlaceIndex, FindsWhatRetrieveFindsByRings) {
+TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByRings) {
   const RingLayout layout{{3, 2, 5, 1}};
-  Basis basis;
-  basis.dim = layout.numbers();
-  basis.similarity = ring_similarity(layout);
-  const FloatMatrix all = random_descriptors(1300, basis.dim);
-  expect_what_retrieve_finds(all, basis, {.k = 4});
-  // With keys, when the candidates are enough.
-  basis.key_of = ring_key(layout);
-  basis.key_candidates = 1300;
-  expect_what_retrieve_finds(all, basis, {.k = 4});
-  basis.key_candidates = 60;
-  const RetrievalTask task = past_of(all.n);
-  PlaceIndex index(basis);
-  for (int64_t i = 0; i < all.n; ++i) index.add(all.row(i));
-  RetrieveOptions by_keys;
-  by_keys.similarity =
-      similarity_by_keys(basis.similarity, basis.key_of, keys_of(all, basis.key_of), 60);
-  const std::vector<Match> expected = retrieve(all, task, by_keys);
-  for (size_t q = 0; q < expected.size(); ++q)
-    EXPECT_EQ(
-        index.best(all.row(task.queries[q].scan), std::span(task.queries[q].candidates).first(1))
-            .ranks,
-        expected[q].ranks);
+  const FloatMatrix all = random_descriptors(1300, layout.numbers());
+  for (const int64_t key_candidates : {0, 1300, 60})
+    expect_what_the_slow_twin_finds(all, ring_comparison(layout, key_candidates), {.k = 4});
+}
+
+TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {
+  const FloatMatrix all = random_descriptors(2500, 37);
+  std::vector<Query> queries;
+  const CandidateRange some{10, 1200};
+  for (int64_t q = 0; q < 40; ++q) queries.push_back({all.row(q), {&some, 1}});
+  for (const int64_t step : {1, 2}) {  // one after the other in memory, and with gaps
+    PlaceIndex copies(37), references(37);
+    for (int64_t i = 0; i < all.n; i += step) {
+      copies.add(all.row(i));
+      references.refer_to(all.row(i));
+    }
+    references.add(all.row(3));
+    EXPECT_EQ(references.descriptor(20).data(), all.row(20 * step).data());
+    const std::vector<Match> found = references.best_of_many(queries, {.threads = 2}),
+                             expected = copies.best_of_many(queries);
+    for (size_t q = 0; q < queries.size(); ++q) expect_same(found[q], expected[q]);
+  }
+}
+
+TEST(PlaceIndex, ASimilarityIsToldAllCandidatesInOneCall) {
+  Comparison shares;  // of all candidates: as a probability is one
+  shares.similarity = [](std::span<const float>, std::span<const std::span<const float>> places,
+                         std::span<double> similarities) {
+    std::ranges::fill(similarities, 1 / static_cast<double>(places.size()));
+  };
+  const PlaceIndex index = index_of(random_descriptors(3000, 2), shares);
+  const std::vector<CandidateRange> candidates = {{0, 1500}, {1600, 2700}};
+  const Match match = index.best(index.descriptor(7), candidates, {.k = 1, .threads = 3});
+  EXPECT_EQ(match.similarities, std::vector<double>{1.0 / 2600});
+}
+
+TEST(PlaceIndex, NamesASimilarityThatIsNone) {
+  Comparison wrong;
+  wrong.similarity = [](auto, auto, std::span<double> similarities) {
+    std::ranges::fill(similarities, 1);
+    if (similarities.size() > 5) similarities[5] = std::nan("");
+  };
+  const FloatMatrix all = random_descriptors(9, 2);
+  const PlaceIndex index = index_of(all, wrong);
+  const CandidateRange few{0, 3}, some{1, 9};
+  const std::vector<Query> queries = {{all.row(0), {&few, 1}}, {all.row(1), {&some, 1}}};
+  expect_error<NotFinite>([&] { index.best_of_many(queries); },
+                          {"query 1 to place 6 is not finite"});
+}
+
+TEST(PlaceIndex, AnswersToManyCanBeStopped) {
+  const PlaceIndex index = index_of(random_descriptors(20, 3));
+  const CandidateRange all{0, 20};
+  const std::vector<Query> queries(70, Query{index.descriptor(0), {&all, 1}});
+  expect_error<Interrupted>([&] { index.best_of_many(queries, {.stop = [] { return true; }}); },
+                            {"stopped"});
+  int64_t last = 0, total = 0;
+  index.best_of_many(queries, {.progress = [&](int64_t done, int64_t of) {
+                       EXPECT_GT(done, last);
+                       last = done, total = of;
+                     }});
+  EXPECT_EQ(last, 70);
+  EXPECT_EQ(total, 70);
 }
 
 TEST(PlaceIndex, RangesMayBeginAndEndAnywhere) {
   const FloatMatrix all = random_descriptors(4100, 19);
-  Basis basis;
-  basis.dim = 19;
-  const PlaceIndex index = index_of(basis, all);
+  const PlaceIndex index = index_of(all);
   const std::vector<CandidateRange> candidates = {{-5, 3},      {3, 4},       {9, 9},
                                                   {1000, 2049}, {3071, 3073}, {4099, 9999}};
   std::vector<std::pair<double, int64_t>> expected;
@@ -164,22 +248,21 @@ TEST(PlaceIndex, RangesMayBeginAndEndAnywhere) {
 
 TEST(PlaceIndex, ThreadsAndManyAtOnceGiveTheSame) {
   const RingLayout layout{{3, 2, 5, 1}};
-  Basis cosines;
-  cosines.dim = layout.numbers();
-  const FloatMatrix all = random_descriptors(5000, cosines.dim);
-  FloatMatrix queries(130, all.d);
-  std::copy_n(all.values.begin(), queries.values.size(), queries.values.begin());
+  const FloatMatrix all = random_descriptors(5000, layout.numbers());
   const std::vector<CandidateRange> candidates = {{0, 2500}, {2600, 4990}};
-  for (const Basis& basis : {cosines, rings_of(layout, 0), rings_of(layout, 40)}) {
-    const PlaceIndex index = index_of(basis, all);
-    const std::vector<Match> many = index.best_of_many(queries, candidates, {.threads = 3});
+  std::vector<Query> queries;
+  for (int64_t q = 0; q < 130; ++q) queries.push_back({all.row(q), candidates});
+  for (const Comparison& comparison :
+       {Comparison(), ring_comparison(layout), ring_comparison(layout, 40)}) {
+    const PlaceIndex index = index_of(all, comparison);
+    const std::vector<Match> many = index.best_of_many(queries, {.threads = 3});
     ASSERT_EQ(many.size(), 130);
-    for (int64_t q = 0; q < queries.n; ++q) {
-      const Match one = index.best(queries.row(q), candidates);
-      expect_same(index.best(queries.row(q), candidates, {.threads = 4}), one);
-      // The product of many rounds in another way, which chooses others among equal keys only.
-      EXPECT_EQ(many[static_cast<size_t>(q)].similarities, one.similarities);
-      if (!basis.similarity) expect_same(many[static_cast<size_t>(q)], one);
+    for (size_t q = 0; q < queries.size(); ++q) {
+      const Match one = index.best(queries[q].descriptor, candidates);
+      expect_same(index.best(queries[q].descriptor, candidates, {.threads = 4}), one);
+      expect_same(many[q], one);
+      EXPECT_EQ(many[q].turn, one.turn);
+      EXPECT_EQ(one.turn.has_value(), bool(comparison.turn));
     }
   }
 }
@@ -189,20 +272,18 @@ TEST(PlaceIndex, LosesNothingToTheSizeOfNumbers) {
   for (int64_t i = 0; i < all.n; ++i)
     for (float& v : all.row(i)) v *= i % 3 == 0 ? 1e-30F : i % 3 == 1 ? 1e30F : 1;
   std::ranges::fill(all.row(5), 0.0F);
-  Basis basis;
-  basis.dim = 16;
-  expect_what_retrieve_finds(all, basis, {.k = 6});
+  expect_what_the_slow_twin_finds(all, {}, {.k = 6});
 }
 
 TEST(PlaceIndex, ComparesWhatASourceProposes) {
   const RingLayout layout{{3, 2, 5, 1}};
-  Basis cosines;
-  cosines.dim = layout.numbers();
-  const FloatMatrix all = random_descriptors(1500, cosines.dim);
+  const FloatMatrix all = random_descriptors(1500, layout.numbers());
   const std::vector<CandidateRange> candidates = {{0, 700}, {710, 1500}};
-  for (const Basis& basis : {cosines, rings_of(layout, 60)}) {
-    const PlaceIndex exact = index_of(basis, all);
-    PlaceIndex index = index_of(basis, all);
+  std::vector<Query> queries;
+  for (int64_t q = 0; q < all.n; ++q) queries.push_back({all.row(q), candidates});
+  for (const Comparison& comparison : {Comparison(), ring_comparison(layout, 60)}) {
+    const PlaceIndex exact = index_of(all, comparison);
+    PlaceIndex index = index_of(all, comparison);
     auto source = source_of(index);
     const AllKeys& asked = *source;
     index.choose_by(std::move(source), 60);
@@ -210,14 +291,14 @@ TEST(PlaceIndex, ComparesWhatASourceProposes) {
       const Match found = index.best(all.row(q), candidates),
                   expected = exact.best(all.row(q), candidates);
       EXPECT_EQ(asked.asked, 70);  // and so many as may be left out
-      if (!basis.similarity) expect_same(found, expected);
+      if (!comparison.similarity) expect_same(found, expected);
       // Where the keys choose 60, it compares these and up to ten more.
       for (size_t i = 0; i < expected.ranks.size(); ++i)
         EXPECT_GE(found.similarities[i], expected.similarities[i]);
     }
     index.add(all.row(0));
     EXPECT_EQ(asked.size(), 1501);
-    EXPECT_EQ(index.best_of_many(all, candidates).size(), 1500);
+    EXPECT_EQ(index.best_of_many(queries).size(), 1500);
   }
 }
 
@@ -232,12 +313,11 @@ struct NoKeys : CandidateSource {
 
 TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
   const RingLayout layout{{3, 2, 5, 1}};
-  Basis cosines;
-  cosines.dim = layout.numbers();
-  const FloatMatrix all = random_descriptors(1500, cosines.dim);
+  const FloatMatrix all = random_descriptors(1500, layout.numbers());
   const CandidateRange candidates{0, 1500}, third{3, 4};
-  for (const Basis& basis : {cosines, rings_of(layout, 0), rings_of(layout, 60)}) {
-    PlaceIndex index = index_of(basis, all);
+  for (const Comparison& comparison :
+       {Comparison(), ring_comparison(layout), ring_comparison(layout, 60)}) {
+    PlaceIndex index = index_of(all, comparison);
     const Match expected = index.best(all.row(8), {&candidates, 1});
     index.choose_by(std::make_unique<NoKeys>(), 10);
     expect_same(index.best(all.row(8), {&candidates, 1}), expected);
@@ -246,15 +326,14 @@ TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
 }
 
 TEST(PlaceIndex, RefusesASourceOfOtherPlaces) {
-  Basis basis;
-  basis.dim = 2;
-  PlaceIndex index(basis);
+  PlaceIndex index(2);
   expect_error<UsageError>([&] { index.choose_by(std::make_unique<NoKeys>(), 5); },
                            {"source of 0 places", "1500"});
   expect_error<UsageError>([&] { index.choose_by(std::make_unique<AllKeys>(), 0); },
                            {"at least 1 candidate"});
-  basis.similarity = ring_similarity({{1, 1}});
-  PlaceIndex without_keys(basis);
+  Comparison own;
+  own.similarity = ring_comparison({{1, 1}}).similarity;
+  PlaceIndex without_keys(2, own);
   expect_error<UsageError>([&] { without_keys.choose_by(std::make_unique<AllKeys>(), 5); },
                            {"needs keys"});
 }
@@ -268,9 +347,7 @@ TEST(PlaceIndex, RecallIsTheShareOfExactRanks) {
 }
 
 TEST(PlaceIndex, OfNothingFindsNothing) {
-  Basis basis;
-  basis.dim = 2;
-  PlaceIndex index(basis);
+  PlaceIndex index(2);
   const std::vector<float> x{1, 2};
   const CandidateRange all{0, 100}, none{5, 5};
   EXPECT_TRUE(index.best(x, {&all, 1}).ranks.empty());
@@ -282,9 +359,7 @@ TEST(PlaceIndex, OfNothingFindsNothing) {
 }
 
 TEST(PlaceIndex, RefusesWhatIsNoDescriptor) {
-  Basis basis;
-  basis.dim = 2;
-  PlaceIndex index(basis);
+  PlaceIndex index(2);
   expect_error<UsageError>([&] { index.add(std::vector<float>{1, 2, 3}); }, {"2 numbers", "3"});
   expect_error<UsageError>(
       [&] {

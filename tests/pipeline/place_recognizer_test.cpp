@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "expect_error.h"
+#include "revisit/evaluation/retrieve.h"
 #include "revisit/maps/large_maps.h"
 #include "revisit/recognition/ring/match.h"
 #include "test_data.h"
@@ -32,7 +33,7 @@ FeatureExtractor coordinates() {
     basis.describe = [mean](std::span<const float> feature, std::span<float> descriptor) {
       std::ranges::transform(feature, mean, descriptor.begin(), std::minus());
     };
-    basis.turn = [](std::span<const float> a, std::span<const float> b) {
+    basis.comparison.turn = [](std::span<const float> a, std::span<const float> b) {
       return static_cast<double>(b[0] - a[0]);
     };
     basis.content.assign(reinterpret_cast<const char*>(mean.data()), mean.size() * sizeof(float));
@@ -139,10 +140,10 @@ TEST(PlaceRecognizer, ThePlacesOfTheFirstStretchAreDescribedAgainWithItsBasis) {
   std::vector<float> feature(kNumbers);
   describe(query, feature);
   basis.describe(feature, descriptors.row(60));
-  RetrievalTask task;
+  Task task;
   for (int64_t i = 0; i < 60; ++i) task.stored.push_back(i);
   task.queries.push_back({60, {{{0, 60}, {}}}});
-  const Match expected = retrieve(descriptors, task).front();
+  const Match expected = retrieve({descriptors}, task).front();
   const auto loop = recognizer.query(recognizer.describe(view_of(query)));
   EXPECT_EQ(loop->position, expected.ranks[0]);
   EXPECT_EQ(loop->similarity, expected.similarities[0]);
@@ -239,11 +240,9 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
 }
 
 TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
-  try {
-    need_faiss();
-  } catch (const UsageError& error) {
-    GTEST_SKIP() << error.what();
-  }
+#ifndef REVISIT_HAVE_FAISS
+  GTEST_SKIP() << "built without FAISS";
+#endif
   const test::TempDir dir;
   const RecognizerOptions with{.first_stretch = 20, .graph_candidates = 30};
   RecognizerOptions without = with;

@@ -7,8 +7,8 @@
 
 #include "expect_error.h"
 #include "revisit/evaluation/precision_recall.h"
+#include "revisit/evaluation/retrieve.h"
 #include "revisit/proto/error.h"
-#include "revisit/recognition/retrieve.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -194,7 +194,7 @@ FloatMatrix descriptors(const std::vector<double>& like) {
 }
 
 PrSummary evaluate(const FloatMatrix& m, const Task& task, const Trajectory& trajectory) {
-  const std::vector<Match> matches = retrieve(m, task, {.score = parse_score("cosine")});
+  const std::vector<Match> matches = retrieve({m}, task, {.score = parse_score("cosine")});
   return summarize(judge(matches, task, trajectory, task.rule), task.missed);
 }
 
@@ -327,7 +327,7 @@ TEST(Protocols, EveryNameHasADefinition) {
   Trajectory drive = consecutive(4541);
   drive.times.assign(drive.frames.begin(), drive.frames.end());
   ASSERT_EQ(protocols().size(), protocol_names().size());
-  const std::string documentation = test::read_file(test::project_file("docs/PROTOCOLS.md"));
+  const std::string documentation = test::read_file(test::project_file("docs/EVALUATION.md"));
   for (const Protocol& protocol : protocols()) {
     EXPECT_FALSE(protocol.definition.empty());
     EXPECT_FALSE(protocol.source.empty());

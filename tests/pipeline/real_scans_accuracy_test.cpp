@@ -9,8 +9,8 @@
 #include "revisit/datasets/scan_file.h"
 #include "revisit/engine/net.h"
 #include "revisit/evaluation/precision_recall.h"
+#include "revisit/evaluation/retrieve.h"
 #include "revisit/recognition/pca.h"
-#include "revisit/recognition/retrieve.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -59,7 +59,7 @@ struct Answers {
     const FeatureFile features(paths.features);
     trajectory = make_trajectory(dataset);
     task = make_tasks("leave-one-out", "00", trajectory, parse_exclusion("none")).at(0);
-    matches = retrieve(fit_pca({&features}).descriptors, task);
+    matches = retrieve({fit_pca({&features}).descriptors}, task);
   }
 
   int frame_of(int64_t row) const { return trajectory.frames[static_cast<size_t>(row)]; }

@@ -1,4 +1,4 @@
-#include "revisit/recognition/retrieve.h"
+#include "revisit/evaluation/retrieve.h"
 
 #include <gtest/gtest.h>
 
@@ -6,13 +6,14 @@
 #include <cmath>
 #include <numeric>
 
+#include "expect_error.h"
 #include "float_matrix.h"
-#include "revisit/evaluation/protocols.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {
 
+using test::expect_error;
 using test::matrix;
 using test::random_matrix;
 
@@ -60,22 +61,22 @@ Match slow_twin(const FloatMatrix& asked, const FloatMatrix& stored, const Task&
 TEST(Retrieve, ScoreByHand) {
   // Cosines of the query (1, 0) with rows 0..4: 1, 0.8, 0.6, 0, -1. Lengths do not matter.
   const FloatMatrix m = matrix({{2, 0}, {4, 3}, {-1, 0}, {3, 4}, {0, 5}, {7, 0}});
-  const Match match = retrieve(m, first_stored(6, 5)).at(0);
+  const Match match = retrieve({m}, first_stored(6, 5)).at(0);
   EXPECT_EQ(match.query, 5);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 1, 3, 4}));
   EXPECT_NEAR(match.score, 2 * 1 - 0, 1e-12);
-  EXPECT_NEAR(retrieve(m, first_stored(6, 5), {.k = 3}).at(0).score, 2 - 0.6, 1e-7);
-  EXPECT_NEAR(retrieve(m, first_stored(6, 5), {.score = Score::kBest}).at(0).score, 1, 1e-12);
+  EXPECT_NEAR(retrieve({m}, first_stored(6, 5), {.k = 3}).at(0).score, 2 - 0.6, 1e-7);
+  EXPECT_NEAR(retrieve({m}, first_stored(6, 5), {.score = Score::kBest}).at(0).score, 1, 1e-12);
   EXPECT_EQ(match.which_case, 1);
 }
 
 TEST(Retrieve, FewerStoredThanK) {
   const FloatMatrix m = matrix({{3, 4}, {0, 1}, {1, 0}});
-  const Match two = retrieve(m, first_stored(3, 2), {.k = 4}).at(0);
+  const Match two = retrieve({m}, first_stored(3, 2), {.k = 4}).at(0);
   EXPECT_EQ(two.ranks.size(), 2u);
   EXPECT_NEAR(two.score, 2 * 0.6 - 0, 1e-7);
   Task one = first_stored(3, 1);
-  EXPECT_NEAR(retrieve(m, one, {.k = 4}).at(1).score, 0.6, 1e-7);  // 2 c1 - c1
+  EXPECT_NEAR(retrieve({m}, one, {.k = 4}).at(1).score, 0.6, 1e-7);  // 2 c1 - c1
 }
 
 TEST(Retrieve, AgreesWithTheSlowTwin) {
@@ -84,7 +85,7 @@ TEST(Retrieve, AgreesWithTheSlowTwin) {
     SCOPED_TRACE(protocol);
     const Task task =
         make_tasks(protocol, "", consecutive(m.n), parse_exclusion("frames=50")).at(0);
-    const std::vector<Match> matches = retrieve(m, task, {.k = 4});
+    const std::vector<Match> matches = retrieve({m}, task, {.k = 4});
     ASSERT_EQ(matches.size(), task.queries.size());
     for (size_t q = 0; q < matches.size(); q += 7) {
       const Match slow = slow_twin(m, m, task, task.queries[q], 4);
@@ -99,7 +100,7 @@ TEST(Retrieve, EqualScansAreOrderedByIndex) {
   const FloatMatrix five = random_matrix(5, 100, 3);
   FloatMatrix m(1200, 100);
   for (int64_t i = 0; i < m.n; ++i) std::copy_n(five.row(i % 5).begin(), 100, m.row(i).begin());
-  for (const Match& match : retrieve(m, first_stored(m.n, 1100), {.k = 6})) {
+  for (const Match& match : retrieve({m}, first_stored(m.n, 1100), {.k = 6})) {
     const int64_t kind = match.query % 5;
     for (int64_t r = 0; r < 6; ++r) EXPECT_EQ(match.ranks[r], kind + 5 * r);
     EXPECT_EQ(match.similarities.front(), match.similarities.back());
@@ -108,17 +109,17 @@ TEST(Retrieve, EqualScansAreOrderedByIndex) {
 
 TEST(Retrieve, ZeroDescriptorsAreLikeNothing) {
   const FloatMatrix m = matrix({{0, 0}, {-1, 0}, {0, 0}, {1, 0}});
-  const Match match = retrieve(m, first_stored(4, 3)).at(0);
+  const Match match = retrieve({m}, first_stored(4, 3)).at(0);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 2, 1}));
   EXPECT_EQ(match.similarities, (std::vector<double>{0, 0, -1}));
   const FloatMatrix all_zero(3000, 2);
-  EXPECT_EQ(retrieve(all_zero, first_stored(3000, 2999)).at(0).ranks,
+  EXPECT_EQ(retrieve({all_zero}, first_stored(3000, 2999)).at(0).ranks,
             (std::vector<int64_t>{0, 1, 2, 3}));
 }
 
 TEST(Retrieve, HugeAndTinyDescriptors) {
   FloatMatrix m = matrix({{1e30F, 0}, {1e-30F, 1e-30F}, {0, 1}, {1e-38F, 0}});
-  const Match match = retrieve(m, first_stored(4, 3)).at(0);
+  const Match match = retrieve({m}, first_stored(4, 3)).at(0);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 1, 2}));
   EXPECT_NEAR(match.similarities[1], std::sqrt(0.5), 1e-6);
 }
@@ -126,7 +127,7 @@ TEST(Retrieve, HugeAndTinyDescriptors) {
 TEST(Retrieve, HigherScoreOfTheTwoCasesWins) {
   const FloatMatrix m = random_matrix(400, 16, 5), turned = random_matrix(400, 16, 6);
   const Task task = first_stored(400, 300);
-  const std::vector<Match> matches = retrieve(m, task, {}, &turned);
+  const std::vector<Match> matches = retrieve({m, turned}, task, {}, QueryCase::kBoth);
   int second = 0;
   for (size_t q = 0; q < matches.size(); ++q) {
     const Match one = slow_twin(m, m, task, task.queries[q], 4),
@@ -139,43 +140,45 @@ TEST(Retrieve, HigherScoreOfTheTwoCasesWins) {
   }
   EXPECT_GT(second, 0);
   EXPECT_LT(second, 100);
-  for (const Match& match : retrieve(m, task, {}, &m)) EXPECT_EQ(match.which_case, 1);  // a tie
+  for (const Match& match : retrieve({m, m}, task, {}, QueryCase::kBoth))
+    EXPECT_EQ(match.which_case, 1);  // a tie
 }
 
 /// Minus the distance on a line: descriptors of one number.
-void nearness(std::span<const float> query, const FloatMatrix& stored,
-              std::span<const int64_t> candidates, std::span<double> similarities) {
-  for (size_t i = 0; i < candidates.size(); ++i)
-    similarities[i] = -std::abs(double{query[0]} - stored.row(candidates[i])[0]);
+Comparison nearness() {
+  return {.similarity = [](std::span<const float> query,
+                           std::span<const std::span<const float>> places,
+                           std::span<double> similarities) {
+    for (size_t i = 0; i < places.size(); ++i)
+      similarities[i] = -std::abs(double{query[0]} - places[i][0]);
+  }};
 }
 
 TEST(Retrieve, BySimilarityOfItsOwn) {
   // From 5: 1 (distance 4), 4 (1), 7 (2), 6 (1), 9 (4). Equals by row.
   const FloatMatrix m = matrix({{1}, {4}, {7}, {6}, {9}, {5}});
-  RetrieveOptions options;
-  options.similarity = nearness;
-  const Match match = retrieve(m, first_stored(6, 5), options).at(0);
+  Descriptors descriptors{m, {}, nearness()};
+  const Match match = retrieve(descriptors, first_stored(6, 5)).at(0);
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{1, 3, 2, 0}));
   EXPECT_EQ(match.similarities, (std::vector<double>{-1, -1, -2, -4}));
   EXPECT_EQ(match.score, 2 * -1 - -4);
-  options.score = Score::kBest;
-  EXPECT_EQ(retrieve(m, first_stored(6, 5), options).at(0).score, -1);
+  EXPECT_EQ(retrieve(descriptors, first_stored(6, 5), {.score = Score::kBest}).at(0).score, -1);
   // Case 2 asks with another descriptor, 9: the stored ones stay as they are.
-  const FloatMatrix turned = matrix({{0}, {0}, {0}, {0}, {0}, {9}});
-  const Match second = retrieve(m, first_stored(6, 5), options, &turned).at(0);
-  EXPECT_EQ(second.which_case, 2);
-  EXPECT_EQ(second.ranks[0], 4);
+  descriptors.case2 = matrix({{0}, {0}, {0}, {0}, {0}, {9}});
+  for (const QueryCase asked : {QueryCase::kBoth, QueryCase::kTwo}) {
+    const Match second =
+        retrieve(descriptors, first_stored(6, 5), {.score = Score::kBest}, asked).at(0);
+    EXPECT_EQ(second.which_case, 2);
+    EXPECT_EQ(second.ranks[0], 4);
+  }
 }
 
 TEST(Retrieve, BySimilarityOnlyCandidatesAreCompared) {
   const FloatMatrix m = random_matrix(300, 1, 4);
   const Task task =
       make_tasks("leave-one-out", "", consecutive(m.n), parse_exclusion("frames=40")).at(0);
-  RetrieveOptions options;
-  options.similarity = nearness;
-  const std::vector<Match> one = retrieve(m, task, options);
-  options.threads = 3;
-  const std::vector<Match> three = retrieve(m, task, options);
+  const std::vector<Match> one = retrieve({m, {}, nearness()}, task);
+  const std::vector<Match> three = retrieve({m, {}, nearness()}, task, {.threads = 3});
   ASSERT_EQ(one.size(), task.queries.size());
   for (size_t q = 0; q < one.size(); ++q) {
     int64_t nearest = -1;
@@ -189,34 +192,48 @@ TEST(Retrieve, BySimilarityOnlyCandidatesAreCompared) {
   }
 }
 
+TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
+  // The key is the number itself: those of 0.75 and 1 have the largest products.
+  Comparison by_keys = nearness();
+  by_keys.make_key = [](std::span<const float> x, std::span<float> key) { key[0] = x[0]; };
+  by_keys.key_numbers = 1;
+  by_keys.key_candidates = 2;
+  const FloatMatrix m = matrix({{0.125F}, {0.5F}, {0.75F}, {0.625F}, {1}, {0.5F}});
+  const Match match = retrieve({m, {}, by_keys}, first_stored(6, 5)).at(0);
+  EXPECT_EQ(match.ranks, (std::vector<int64_t>{2, 4, 0, 1}));
+  EXPECT_EQ(match.similarities, (std::vector<double>{-0.25, -0.5, -1, -1}));
+  EXPECT_EQ(match.score, 2 * -0.25 - -1);
+}
+
 TEST(Retrieve, RefusesASimilarityThatIsNone) {
-  RetrieveOptions options;
-  options.similarity = [](auto, const auto&, auto, std::span<double> similarities) {
+  Descriptors descriptors{random_matrix(4, 2, 1)};
+  descriptors.comparison.similarity = [](auto, auto, std::span<double> similarities) {
     similarities.back() = std::nan("");
   };
-  EXPECT_THROW(retrieve(random_matrix(4, 2, 1), first_stored(4, 3), options), Error);
-  options.similarity = nearness;
-  options.threads = 0;
-  EXPECT_THROW(retrieve(random_matrix(4, 2, 1), first_stored(4, 3), options), UsageError);
+  expect_error<Error>([&] { retrieve(descriptors, first_stored(4, 3)); },
+                      {"scan 3 to scan 2 is not finite"});
+  descriptors.comparison = nearness();
+  EXPECT_THROW(retrieve(descriptors, first_stored(4, 3), {.threads = 0}), UsageError);
 }
 
 TEST(Retrieve, RefusesNonsense) {
   FloatMatrix m = matrix({{1, 0}, {0, 1}, {1, 1}});
-  EXPECT_THROW(retrieve(m, first_stored(3, 2), {.k = 0}), UsageError);
-  EXPECT_THROW(retrieve(m, first_stored(4, 2)), Error);  // a scan without a descriptor
-  EXPECT_THROW(retrieve(m, first_stored(3, 0)), Error);  // no candidates
+  EXPECT_THROW(retrieve({m}, first_stored(3, 2), {.k = 0}), UsageError);
+  EXPECT_THROW(retrieve({m}, first_stored(4, 2)), Error);  // a scan without a descriptor
+  EXPECT_THROW(retrieve({m}, first_stored(3, 0)), Error);  // no candidates
   const FloatMatrix other(3, 5);
-  EXPECT_THROW(retrieve(m, first_stored(3, 2), {}, &other), Error);
+  EXPECT_THROW(retrieve({m, other}, first_stored(3, 2), {}, QueryCase::kBoth), Error);
+  EXPECT_THROW(retrieve({m}, first_stored(3, 2), {}, QueryCase::kTwo), Error);
   m.row(1)[0] = std::nanf("");
-  EXPECT_THROW(retrieve(m, first_stored(3, 2)), Error);
+  expect_error<Error>([&] { retrieve({m}, first_stored(3, 2)); }, {"scan 1", "case 1"});
   EXPECT_THROW(parse_score("best"), UsageError);
 }
 
 TEST(Retrieve, StopsWhenAsked) {
   const FloatMatrix m = random_matrix(20, 3, 1);
-  EXPECT_THROW(retrieve(m, first_stored(20, 10), {.stop = [] { return true; }}), Interrupted);
+  EXPECT_THROW(retrieve({m}, first_stored(20, 10), {.stop = [] { return true; }}), Interrupted);
   int64_t last = 0, total = 0;
-  retrieve(m, first_stored(20, 10),
+  retrieve({m}, first_stored(20, 10),
            {.progress = [&](int64_t done, int64_t all) { last = done, total = all; }});
   EXPECT_EQ(last, 10);
   EXPECT_EQ(total, 10);

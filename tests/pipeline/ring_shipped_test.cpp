@@ -6,6 +6,7 @@
 
 #include "angles.h"
 #include "expect_error.h"
+#include "float_matrix.h"
 #include "revisit/datasets/dataset_features.h"
 #include "revisit/datasets/learn_ring.h"
 #include "revisit/datasets/scan_file.h"
@@ -101,7 +102,8 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
   std::vector<double> errors;
   std::vector<double> similarities(all.size());
   for (const int64_t query : all) {
-    basis.similarity(descriptors.row(query), descriptors, all, similarities);
+    basis.comparison.similarity(descriptors.row(query), test::rows_of(descriptors, all),
+                                similarities);
     double best_right = -1, best_wrong = -1;
     int64_t best = -1;
     for (const int64_t other : all) {
@@ -117,7 +119,7 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
     const auto pair = pair_of(query, best);
     found += pair != near.end();
     if (pair == near.end()) continue;
-    const double turn = basis.turn(descriptors.row(pair->a), descriptors.row(pair->b));
+    const double turn = basis.comparison.turn(descriptors.row(pair->a), descriptors.row(pair->b));
     errors.push_back(std::abs(std::remainder(turn - pair->turn, kTurn)));
   }
   EXPECT_EQ(found, 11);

@@ -7,7 +7,9 @@
 
 #include "angles.h"
 #include "expect_error.h"
+#include "float_matrix.h"
 #include "revisit/proto/npy.h"
+#include "revisit/recognition/place_index.h"
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/learn.h"
 #include "test_data.h"
@@ -16,6 +18,7 @@ namespace revisit::pipeline {
 namespace {
 
 using test::expect_error;
+using test::rows_of;
 
 using test::kTurn;
 
@@ -108,10 +111,10 @@ TEST(RingReference, SimilaritiesAndTurnsOfNumpy) {
   const FloatMatrix descriptors = learnt.descriptors(describer);
   const proto::NpyArray similarity = proto::read_npy(test::fixture("ring/similarity.npy"));
   const proto::NpyArray turn = proto::read_npy(test::fixture("ring/turn.npy"));
-  const Similarity ours = ring_similarity(describer.layout());
+  const Comparison ours = ring_comparison(describer.layout());
   std::vector<double> row(60);
   for (int64_t a = 0; a < 60; ++a) {
-    ours(descriptors.row(a), descriptors, learnt.scans, row);
+    ours.similarity(descriptors.row(a), rows_of(descriptors, learnt.scans), row);
     for (int64_t b = 0; b < 60; ++b) {
       const auto at = static_cast<size_t>(a * 60 + b);
       EXPECT_NEAR(row[static_cast<size_t>(b)], similarity.data[at], 2e-5) << a << " " << b;
@@ -173,16 +176,16 @@ TEST(RingSimilarity, IsTheLargestOverAllTurnsAndSymmetric) {
     const RingDescriber describer = learnt.describer({.numbers = numbers});
     EXPECT_LE(describer.layout().numbers(), numbers);
     const FloatMatrix descriptors = learnt.descriptors(describer);
-    const Similarity similarity = ring_similarity(describer.layout());
+    const auto similarity = ring_comparison(describer.layout()).similarity;
     for (const int64_t a : {0, 7, 33}) {
       std::vector<double> row(learnt.scans.size()), back(1);
-      similarity(descriptors.row(a), descriptors, learnt.scans, row);
+      similarity(descriptors.row(a), rows_of(descriptors, learnt.scans), row);
       for (size_t b = 0; b < row.size(); b += 5) {
         const auto other = static_cast<int64_t>(b);
         EXPECT_NEAR(row[b],
                     slow_similarity(descriptors.row(a), descriptors.row(other), describer.layout()),
                     3e-6);
-        similarity(descriptors.row(other), descriptors, std::vector<int64_t>{a}, back);
+        similarity(descriptors.row(other), rows_of(descriptors, std::vector<int64_t>{a}), back);
         EXPECT_NEAR(row[b], back[0], 3e-6);
       }
     }
@@ -197,30 +200,38 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
   mean.insert(mean.end(), learnt.model.polar.mean.begin(), learnt.model.polar.mean.end());
   describer.describe(mean, descriptors.row(5));
   std::vector<double> row(learnt.scans.size());
-  ring_similarity(describer.layout())(descriptors.row(5), descriptors, learnt.scans, row);
+  ring_comparison(describer.layout())
+      .similarity(descriptors.row(5), rows_of(descriptors, learnt.scans), row);
   for (const double similarity : row) EXPECT_EQ(similarity, 0);
+}
+
+/// The keys of all rows.
+FloatMatrix keys_of(const FloatMatrix& descriptors, const Comparison& rings) {
+  FloatMatrix keys(descriptors.n, rings.key_numbers);
+  for (int64_t i = 0; i < keys.n; ++i) rings.make_key(descriptors.row(i), keys.row(i));
+  return keys;
 }
 
 TEST(RingKeys, BoundTheSimilarityAndDoNotChangeWithTheTurn) {
   const Learnt learnt;
   const RingDescriber describer(without_mean(learnt.model), {.numbers = 60});
   const FloatMatrix descriptors = learnt.descriptors(describer);
-  const KeyOf key_of = ring_key(describer.layout());
-  const FloatMatrix keys = keys_of(descriptors, key_of);
+  const Comparison rings = ring_comparison(describer.layout());
+  const FloatMatrix keys = keys_of(descriptors, rings);
   std::vector<double> row(60);
   for (int64_t a = 0; a < 60; ++a) {
-    ring_similarity(describer.layout())(descriptors.row(a), descriptors, learnt.scans, row);
+    rings.similarity(descriptors.row(a), rows_of(descriptors, learnt.scans), row);
     for (int64_t b = 0; b < 60; ++b) {
       double product = 0;
-      for (int64_t i = 0; i < key_of.numbers; ++i)
+      for (int64_t i = 0; i < rings.key_numbers; ++i)
         product += static_cast<double>(keys.row(a)[i]) * static_cast<double>(keys.row(b)[i]);
       EXPECT_GE(product, row[static_cast<size_t>(b)] - 1e-6) << a << " " << b;
     }
   }
   std::vector<float> turned(static_cast<size_t>(describer.layout().numbers())),
-      key(static_cast<size_t>(key_of.numbers));
+      key(static_cast<size_t>(rings.key_numbers));
   describer.describe(rotated(learnt.rings.row(3), 10, 9), turned);
-  key_of.make(turned, key);
+  rings.make_key(turned, key);
   for (size_t i = 0; i < key.size(); ++i) EXPECT_NEAR(key[i], keys.row(3)[i], 1e-5) << i;
 }
 
@@ -228,32 +239,35 @@ TEST(RingKeys, ChooseThoseWithTheLargestProducts) {
   const Learnt learnt;
   const RingDescriber describer = learnt.describer();
   const FloatMatrix descriptors = learnt.descriptors(describer);
-  const KeyOf key_of = ring_key(describer.layout());
-  const FloatMatrix keys = keys_of(descriptors, key_of);
-  const Similarity all = ring_similarity(describer.layout());
+  const FloatMatrix keys = keys_of(descriptors, ring_comparison(describer.layout()));
   std::vector<int64_t> candidates;  // not all rows, to see that positions are not rows
-  for (int64_t row = 1; row < 60; row += 2) candidates.push_back(row);
-  std::vector<double> exact(candidates.size()), chosen(candidates.size());
-  all(descriptors.row(0), descriptors, candidates, exact);
+  std::vector<CandidateRange> ranges;
+  for (int64_t row = 1; row < 60; row += 2) {
+    candidates.push_back(row);
+    ranges.push_back({row, row + 1});
+  }
+  std::vector<double> exact(candidates.size());
+  ring_comparison(describer.layout())
+      .similarity(descriptors.row(0), rows_of(descriptors, candidates), exact);
   for (const int64_t count : {1, 5, 29, 30, 100}) {
-    similarity_by_keys(all, key_of, keys, count)(descriptors.row(0), descriptors, candidates,
-                                                 chosen);
-    int64_t compared = 0;
+    PlaceIndex index(descriptors.d, ring_comparison(describer.layout(), count));
+    for (int64_t row = 0; row < 60; ++row) index.add(descriptors.row(row));
+    const Match match = index.best(descriptors.row(0), ranges, {.k = 100});
     double least_chosen = 2, largest_other = -2;
     for (size_t i = 0; i < candidates.size(); ++i) {
       double product = 0;
-      for (int64_t j = 0; j < key_of.numbers; ++j)
+      for (int64_t j = 0; j < keys.d; ++j)
         product +=
             static_cast<double>(keys.row(0)[j]) * static_cast<double>(keys.row(candidates[i])[j]);
-      if (chosen[i] == -1) {
+      const auto chosen = std::ranges::find(match.ranks, candidates[i]);
+      if (chosen == match.ranks.end()) {
         largest_other = std::max(largest_other, product);
         continue;
       }
-      ++compared;
       least_chosen = std::min(least_chosen, product);
-      EXPECT_EQ(chosen[i], exact[i]);
+      EXPECT_EQ(match.similarities[static_cast<size_t>(chosen - match.ranks.begin())], exact[i]);
     }
-    EXPECT_EQ(compared, std::min<int64_t>(count, 30));
+    EXPECT_EQ(match.ranks.size(), std::min<size_t>(static_cast<size_t>(count), 30));
     EXPECT_GE(least_chosen, largest_other - 1e-6);
   }
 }
@@ -313,10 +327,11 @@ TEST(RingLearning, FromScansAloneEqualsVariances) {
   EXPECT_TRUE(learnt.model.columns.shared.empty());
   const RingDescriber describer = learnt.describer({.numbers = 170});
   const FloatMatrix descriptors = learnt.descriptors(describer);
+  const Comparison rings = ring_comparison(describer.layout());
   int found = 0;
   std::vector<double> row(60);
   for (int64_t a = 0; a < 60; ++a) {
-    ring_similarity(describer.layout())(descriptors.row(a), descriptors, learnt.scans, row);
+    rings.similarity(descriptors.row(a), rows_of(descriptors, learnt.scans), row);
     row[static_cast<size_t>(a)] = -2;
     found += (std::max_element(row.begin(), row.end()) - row.begin() - a) % 20 == 0;
   }

@@ -8,7 +8,7 @@
 #include "angles.h"
 #include "expect_error.h"
 #include "revisit/evaluation/protocols.h"
-#include "revisit/recognition/retrieve.h"
+#include "revisit/evaluation/retrieve.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -140,9 +140,7 @@ class ScanContextRetrieval : public testing::Test {
 };
 
 TEST_F(ScanContextRetrieval, FindsTheTurnedScene) {
-  RetrieveOptions options;
-  options.similarity = scan_context_features().similarity;
-  const Match match = retrieve(descriptors_, task_, options).at(0);
+  const Match match = retrieve({descriptors_, {}, scan_context_features().comparison}, task_).at(0);
   EXPECT_EQ(match.ranks[0], 2);
   EXPECT_NEAR(match.similarities[0], 1, 1e-6);
   for (size_t i = 1; i < 4; ++i)
@@ -153,9 +151,8 @@ TEST_F(ScanContextRetrieval, FindsTheTurnedScene) {
 }
 
 TEST_F(ScanContextRetrieval, RingKeysChooseTheCandidates) {
-  RetrieveOptions options;
-  options.similarity = scan_context_features({.ring_key_candidates = 2}).similarity;
-  const Match match = retrieve(descriptors_, task_, options).at(0);
+  const FeatureExtractor two = scan_context_features({.ring_key_candidates = 2});
+  const Match match = retrieve({descriptors_, {}, two.comparison}, task_).at(0);
   EXPECT_EQ(match.ranks[0], 2);
   EXPECT_GT(match.similarities[1], -1);
   EXPECT_EQ(match.similarities[2], -1) << "left out by the ring keys";

@@ -108,9 +108,9 @@ TEST(KittiScan, RefusesBytesThatAreNoPoints) {
   while (gzip.size() < 16000) gzip += static_cast<char>(random() % 256);
   while (text.size() < 1600) text += "1.25 -3.5 0.25 0.125\n";
   text.resize(1600);
-  EXPECT_HAS(scan_complaint("a.bin", gzip), "no scan of float32 x y z");
+  EXPECT_HAS(scan_complaint("a.bin", gzip), "not a scan of float32 x y z");
   EXPECT_HAS(scan_complaint("a.bin", gzip), "gzip files do, unpack it");
-  EXPECT_HAS(scan_complaint("a.bin", text), "no scan of float32 x y z");
+  EXPECT_HAS(scan_complaint("a.bin", text), "not a scan of float32 x y z");
   EXPECT_EQ(scan_complaint("a.bin", text).find("gzip"), std::string::npos);
   // A map's coordinates; and a scan whose first point starts as a gzip file does.
   EXPECT_HAS(scan_complaint("a.bin", bytes_of(4.5e5F, 5.4e6F, 120.0F, 1.0F)),
@@ -187,20 +187,20 @@ TEST(Pcd, RefusesMalformedHeaders) {
       {"WIDTH 2", "WIDTH 99999999999999999999", ":6: expected a count"},
       {"WIDTH 2\nHEIGHT 1\nPOINTS 2", "WIDTH 4000000000\nHEIGHT 4000000000", "truncated"},
       {"WIDTH 2\nHEIGHT 1\nPOINTS 2\n", "", "neither POINTS nor WIDTH"},
-      {"SIZE 8 8 2 4 4 1", "SIZE 8 8 2 4 -4 1", "no such type"},
-      {"SIZE 8 8 2 4 4 1", "SIZE 8 8 2 4 3 1", "no such type: TYPE F of SIZE 3"},
+      {"SIZE 8 8 2 4 4 1", "SIZE 8 8 2 4 -4 1", "unknown type"},
+      {"SIZE 8 8 2 4 4 1", "SIZE 8 8 2 4 3 1", "unknown type: TYPE F of SIZE 3"},
       {"SIZE 8 8 2 4 4 1", "SIZE 8 8 2 4 4", "5 SIZE"},
       {"TYPE F F U F F U", "TYPE F F U F F Q", "TYPE Q"},
       {"COUNT 1 1 1 1 1 3", "COUNT 1 1 1 1 1 4000000000", "truncated"},
       {"COUNT 1 1 1 1 1 3", "COUNT 1 1 1 1 0 3", "no such 'y'"},
       {"x y _", "x w _", "no such 'y'"},
-      {"FIELDS", "FEILDS", ":2: no PCD header line: 'FEILDS'"},
+      {"FIELDS", "FEILDS", ":2: not a line of a PCD header: 'FEILDS'"},
       {"DATA binary", "DATA morse", ":9: expected DATA ascii"},
-      {"DATA binary\n", "", "no PCD header line"},
+      {"DATA binary\n", "", "not a line of a PCD header"},
   };
   for (const Case& c : cases)
     EXPECT_HAS(scan_complaint("a.pcd", replaced(kPcdBinary, c.from, c.to)), c.says);
-  EXPECT_HAS(scan_complaint("a.pcd", ""), "no line DATA");
+  EXPECT_HAS(scan_complaint("a.pcd", ""), "has no line DATA");
   EXPECT_HAS(scan_complaint("a.pcd", kPcdBinary.substr(0, kPcdBinary.size() - 1)),
              ":9: truncated: 2 points of 29 bytes do not fit the 57 bytes");
 }
@@ -269,9 +269,9 @@ TEST(Ply, RefusesMalformedFiles) {
       {"vertex 2", "vertices 2", "no element 'vertex'"},
       {"camera 1", "camera 4294967295", "truncated before"},
       {"property short z\n", "", "no such 'z'"},
-      {"short z", "shirt z", ":9: no such property type: 'shirt'"},
+      {"short z", "shirt z", ":9: unknown property type: 'shirt'"},
       {"short z", "list uchar float z", "list properties"},
-      {"end_header\n", "", ":13: no PLY header line"},
+      {"end_header\n", "", ":13: not a line of a PLY header"},
       {"2.5", "two", ":15: expected a number, found 'two'"},
       {"2.5", "", ":15: expected 4 values, found 3"},
   };

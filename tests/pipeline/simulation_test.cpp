@@ -304,7 +304,7 @@ TEST(World, NothingStandsOnTheRoadOfAnySurroundings) {
 }
 
 TEST(World, TheTownIsTheOneOfItsVersion) {
-  // Who changes these numbers changes scans: raise kWorldVersion.
+  // A change of these numbers changes scans: raise kWorldVersion.
   const Town town{SimulationConfig{}};
   EXPECT_EQ(kWorldVersion, 1);
   EXPECT_EQ(town.world.mesh.triangles.size(), 726551u);

@@ -9,8 +9,8 @@
 #include "expect_error.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/evaluation/protocols.h"
+#include "revisit/evaluation/retrieve.h"
 #include "revisit/recognition/feature_file.h"
-#include "revisit/recognition/retrieve.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -146,10 +146,8 @@ TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
   Task task;
   for (int64_t i = 0; i < 12; ++i) task.stored.push_back(i);
   for (int64_t i = 12; i < 18; ++i) task.queries.push_back({i, {CandidateRange{0, 12}, {}}});
-  RetrieveOptions options;
-  options.similarity = fabmap.similarity;
-  options.score = Score::kBest;
-  for (const Match& match : retrieve(words, task, options)) {
+  for (const Match& match :
+       retrieve({words, {}, fabmap.comparison}, task, {.score = Score::kBest})) {
     EXPECT_EQ(match.ranks[0], match.query - 12);
     EXPECT_GT(match.score, 0.5);
     EXPECT_LE(match.score, 1);

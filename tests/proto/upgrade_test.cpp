@@ -1,5 +1,5 @@
-// Every rule of the upgrades, each against a hand-written expectation in V2 (docs/SEMANTICS.md
-// section 7).
+// Every rule of the upgrades, each against a hand-written expectation in V2 (docs/LAYERS.md
+// point 7).
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
@@ -302,7 +302,7 @@ TEST(UpgradeV0, WhatCannotBeCarriedOverIsSaid) {
                      "layer { name: 'r' type: 'ReLU' }");
   EXPECT_EQ(file.warnings,
             (std::vector<std::string>{
-                "net: layer 'r': num_output means nothing for V0 type 'relu' and is ignored",
+                "net: layer 'r': num_output has no meaning for V0 type 'relu' and is ignored",
                 "net: layer 'r': V1 field name beside a V0 layer is ignored, as in Caffe"}));
   EXPECT_EQ(upgrade_error("layers { layer { type: 'relu' } } layers { type: RELU }"),
             "net:1:35: a V1 layer in a net that also has V0 layers (`layers { layer {`)");

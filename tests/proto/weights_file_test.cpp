@@ -139,7 +139,7 @@ TEST(BlobEncoding, CorruptBlobsAreErrorsWithOffsetLayerAndBlob) {
   contains(decode_error(bytes_field(7, tag(1, 2) + "\x01\x80")), "a dimension is cut off");
   contains(decode_error(tag(5, 6)), "illegal field tag");
   contains(decode_error(tag(0, 0) + "\x01"), "illegal field tag");
-  contains(decode_error(tag(9, 4)), "a group ends that never began");
+  contains(decode_error(tag(9, 4)), "the end of a group that never began");
   contains(decode_error(tag(9, 3)), "a field tag is cut off");
   contains(decode_error(tag(9, 3) + tag(10, 4)), "group 9 is closed as 10");
   std::string deep;
@@ -227,8 +227,17 @@ TEST(WeightsFile, LimitsAreNamedWithTheOptionThatRaisesThem) {
   contains(error({.weight_bytes = 10}),
            "more than the limit of 0 MB (Limits::weight_bytes raises it)");
   contains(error({.layers = 1}), "more than 1 layers (Limits::layers raises the limit)");
-  contains(error({.elements = 2}), "shape 3 has more than 2 elements");
-  EXPECT_EQ(WeightsFile::open(dir / "w", {.layers = 2, .elements = 3})->read(0).size(), 1U);
+  EXPECT_EQ(WeightsFile::open(dir / "w", {.layers = 2})->read(0).size(), 1U);
+}
+
+TEST(WeightsFile, AnArrayHasAtMostCaffesNumberOfElements) {
+  const TempDir dir;
+  const auto error = [&](uint64_t elements) {
+    write_file(dir / "w", model_of({shape({elements}) + packed_data({1, 2, 3})}));
+    return message_of<InputError>([&] { WeightsFile::open(dir / "w")->read(0); });
+  };
+  contains(error(uint64_t{1} << 31), "shape 2147483648 has more than 2147483647 elements");
+  contains(error(INT32_MAX), "shape 2147483647 wants 2147483647 values, found 3");
 }
 
 TEST(WeightsFile, LargerThanProtobufAllows) {

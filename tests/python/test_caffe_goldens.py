@@ -90,7 +90,7 @@ class Goldens(unittest.TestCase):
 class Verdicts(unittest.TestCase):
     """Odd prototxts: what Caffe makes of them, or that it refuses them."""
 
-    STRICTER = {'net_inplace_conv', 'net_inplace_pool', 'net_inplace_lrn'}  # docs/STRICTER.md
+    STRICTER = {'net_inplace_conv', 'net_inplace_pool', 'net_inplace_lrn'}  # docs/LAYERS.md
     OTHER = {'engine_cudnn'}  # a Caffe without CUDA refuses it
 
     def test_every_one(self):

@@ -1,6 +1,7 @@
 """The programs of examples/ do what they say, with made-up networks and a simulated drive."""
 
 import importlib.util
+import json
 import subprocess
 import sys
 import tempfile
@@ -72,6 +73,21 @@ class Examples(unittest.TestCase):
             scan, _, frame = loop.split(',')[:3]
             self.assertGreater(int(scan), int(frame) + 300)
         self.assertTrue((self.folder / 'town.map').is_file())
+        self.check_picture()
+
+    @unittest.skipUnless(PICTURES, 'matplotlib is not installed')
+    def test_draw_loops(self):
+        """80 m and back beside it. On the way back one scan is recognised as a place 30 m away, and one is not."""
+        scans = [{'frame': 4 * i, 'position': {'x': 0 if i < 40 else 2, 'z': min(2 * i, 160 - 2 * i)}} for i in range(80)]
+        for i in range(46, 80):
+            match = 4 * (80 - i) if i != 60 else 4 * (80 - i) + 60
+            scans[i] |= {'match_frame': match, 'yaw_deg': 180, 'accepted': i != 70}
+        lines = self.folder / 'loops.jsonl'
+        lines.write_text(''.join(json.dumps(scan) + '\n' for scan in scans))
+        printed = run('draw_loops', lines, *self.picture())
+        self.assertEqual(printed, '32 scans recognised, 1 confused, 1 not recognised\n')
+        self.check_picture()
+        run('draw_loops', lines, '--frame', 300, *self.picture())
         self.check_picture()
 
 

@@ -106,7 +106,7 @@ class Poses(unittest.TestCase):
 
     def test_what_is_no_trajectory_is_refused(self):
         file = self.folder / 'poses'
-        for text, says in (('', 'no poses that are known'), ('1 2 3\n', "the first line is '1 2 3'"),
+        for text, says in (('', 'no poses in a known format'), ('1 2 3\n', "the first line is '1 2 3'"),
                            ('1 2 3 4 0 0 0 1\n1 2 x 4 0 0 0 1\n', 'table of numbers'), ('1 2 3 4 0 0 0 0\n', 'length 0.000'),
                            ('1 2 nan 4 0 0 0 1\n', 'not finite'), ('# only a comment\n', 'no poses'),
                            ('1,2,3,4,5,6,7,8\n', 'length')):

@@ -304,13 +304,13 @@ class Layouts(Folders):
     def test_others_are_refused(self):
         with self.assertRaisesRegex(revisit.InputError, 'no such file'):
             open_recording(self.folder / 'nowhere')
-        with self.assertRaisesRegex(revisit.InputError, 'nothing that is known'):
+        with self.assertRaisesRegex(revisit.InputError, 'not recognised'):
             open_recording(self.put('notes.txt', 'hello'))
         with self.assertRaisesRegex(revisit.InputError, 'no scans here'):
             open_recording(self.folder)
         self.put('scans/1.bin', self.points[0].tobytes())
         self.put('scans/1.npy', 'notes')
-        with self.assertRaisesRegex(revisit.UsageError, 'topic /p: what kitti reads has none'):
+        with self.assertRaisesRegex(revisit.UsageError, 'topic /p: kitti data has none'):
             open_recording(self.folder / 'scans', topic='/p')
         with self.assertRaisesRegex(revisit.UsageError, 'rosbag, ouster'):
             open_recording(self.folder, format='rosbags')

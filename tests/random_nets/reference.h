@@ -34,7 +34,7 @@ class Reference {
 
   const Values& values() const { return values_; }
   /// No NaN, no infinity and nothing that another order of a sum may take there
-  /// (docs/STRICTER.md): such numbers cannot be compared.
+  /// (docs/ACCURACY.md): such numbers cannot be compared.
   bool is_far_from_overflow() const;
   /// Empty when `found` is right; else where it is not. `insensitive` counts what it could hardly
   /// have been wrong about.

@@ -5,6 +5,7 @@
 #include <initializer_list>
 #include <random>
 #include <span>
+#include <vector>
 
 #include "revisit/recognition/cosine.h"
 #include "revisit/recognition/matrix.h"
@@ -25,6 +26,14 @@ inline pipeline::FloatMatrix random_matrix(int64_t n, int64_t d, unsigned seed) 
   pipeline::FloatMatrix m(n, d);
   for (float& value : m.values) value = normal(random);
   return m;
+}
+
+/// Some rows, as a comparison is told places.
+inline std::vector<std::span<const float>> rows_of(const pipeline::FloatMatrix& m,
+                                                   std::span<const int64_t> rows) {
+  std::vector<std::span<const float>> places;
+  for (const int64_t row : rows) places.push_back(m.row(row));
+  return places;
 }
 
 /// The cosine of two descriptors.

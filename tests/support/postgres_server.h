@@ -9,7 +9,7 @@
 namespace revisit::test {
 
 /// A PostgreSQL server in a temporary folder, which only a socket there leads to. It runs as the
-/// user postgres when the tests are run by root, whom the server refuses.
+/// user postgres when the tests are run by root, which the server refuses.
 class PostgresServer {
  public:
   /// "" when there is one to start, else why not.

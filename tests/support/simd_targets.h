@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 #include <hwy/highway.h>
 
+#include "kernels/blocked/dispatch.h"
+
 namespace revisit::test {
 
 /// Makes the kernels use one set of instructions while it lives.
@@ -23,6 +25,14 @@ void for_each_simd_target(const Check& check) {
     const ForceSimdTarget forced(target);
     check();
   }
+}
+
+/// The same for the sets that kernels on blocked values are compiled for.
+template <class Check>
+void for_each_blocked_target(const Check& check) {
+  for_each_simd_target([&] {
+    if (engine::has_blocked_kernels()) check();
+  });
 }
 
 }  // namespace revisit::test

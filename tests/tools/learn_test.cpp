@@ -86,11 +86,11 @@ TEST_F(Learn, MistakesAreSaid) {
       run("learn " + path("scans") + " -o x.ring --model " + path("net/ring16_random.prototxt"), 2),
       "--from loops and odometry need poses");
   expect_in(run("eval " + path("town") + " --feature ring --sensor hdl32", 2),
-            "no ring model for the sensor 'hdl32' is there, but for hdl64, vlp16");
+            "no ring model for the sensor 'hdl32'; there are models for hdl64, vlp16");
   expect_in(run("eval " + path("town") + " --feature data --ring x", 2), "--feature ring");
   test::write_file(path("no.ring"), "no model");
   expect_in(run("eval " + path("town") + " --feature ring --ring " + path("no.ring"), 3),
-            "no ring model");
+            "not a usable ring model");
   EXPECT_FALSE(fs::exists(path("x.ring")));
 }
 

@@ -326,9 +326,9 @@ TEST_F(NetCommand, VerifyComparesWithTheOriginal) {
 TEST_F(NetCommand, DocumentsListTheLayerTypes) {
   const auto layers = run_revisit("net layers --format markdown");
   EXPECT_EQ(layers.exit_code, 0);
-  const std::string page = test::read_file(test::project_file("docs/NETWORKS.md"));
+  const std::string page = test::read_file(test::project_file("docs/LAYERS.md"));
   EXPECT_NE(page.find("--format markdown -->\n" + layers.out + "<!-- end -->"), std::string::npos)
-      << "docs/NETWORKS.md does not hold what `revisit net layers --format markdown` prints";
+      << "docs/LAYERS.md does not hold what `revisit net layers --format markdown` prints";
 }
 
 TEST_F(NetCommand, UnwritableOutputIsExitCode1) {

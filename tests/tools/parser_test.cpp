@@ -45,7 +45,7 @@ TEST(Parser, ThereIsOneConfigurationFileAndItNamesNoOther) {
       [] {
         parts_of({"-c", "file", "--config", "other"});
       },
-      {"--config: there can be one", "file", "other"});
+      {"--config: expected at most one", "file", "other"});
   test::expect_error<UsageError>(
       [] {
         parts_of({"--set", "config=file"});

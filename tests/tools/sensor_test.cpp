@@ -128,7 +128,7 @@ TEST_F(SensorOption, AutoMakesAnImageForAnUnknownSensorAndRepeatsIt) {
   const auto result = run_revisit("eval " + other.string() + options + (dir_ / "results").string());
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_HAS(result.err,
-             "10 beams from +30.0 to -6.0 degrees: no sensor that is known, so --top 32.5 "
+             "10 beams from +30.0 to -6.0 degrees: not a known sensor, so --top 32.5 "
              "--bottom -8.5 --closing-width 0.45 --closing-height ");
   const fs::path run = dir_ / "results/other_00/latest";
   const auto again =

@@ -9,6 +9,7 @@ import revisit.engine
 import revisit.proto
 
 from .errors import ConversionError, InputError, UnsupportedError, UsageError
+from .schema import raw_messages
 
 _said = set()  # a conversion reads the same files several times
 
@@ -27,17 +28,12 @@ def _say(net):
     """Passes on the warnings of a net or file, once each."""
     try:
         warnings = net.warnings
-    except UnicodeDecodeError:  # of names that are no text
+    except UnicodeDecodeError:  # of names that are not text
         return
     for warning in warnings:
         if warning not in _said:
             _said.add(warning)
             print(f'warning: {warning}', file=sys.stderr)
-
-
-def schema():
-    """The schema of Caffe's files, a serialized FileDescriptorProto."""
-    return revisit.proto.schema()
 
 
 def net_text(prototxt):
@@ -56,7 +52,6 @@ def weights_bytes(file):
 
 def _hdf5_bytes(file):
     weights = revisit.proto.WeightsFile(file)
-    from .schema import raw_messages
     net = raw_messages.NetParameter()
     for index, (name, _) in enumerate(weights.layers):
         layer = net.layer.add(name=name)

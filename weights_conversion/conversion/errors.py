@@ -8,7 +8,7 @@ class ConversionError(Exception):
 
 
 class UsageError(ConversionError):
-    """What was asked for cannot be."""
+    """Something impossible was asked for."""
 
     code = 2
 

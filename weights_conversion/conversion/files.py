@@ -23,7 +23,7 @@ def may_write(force, *paths):
     """Ends early when an output exists and may not be replaced."""
     for path in map(Path, paths):
         if path.exists() and not path.is_file():
-            raise UsageError(f'{path} is no file that can be replaced')
+            raise UsageError(f'{path} is not a file that can be replaced')
         if path.exists() and not force:
             raise UsageError(f'{path} exists; --force overwrites it')
         if not path.parent.is_dir():

@@ -54,8 +54,8 @@ def export(options, out):
 def _refuse_unknown(graph):
     for layer in graph.layers:
         if layer.type != 'Input' and layer.type not in EMIT:
-            raise UnsupportedError(f"layer '{layer.name}' ({layer.type}): this type cannot be said in ONNX here; "
-                                   'docs/CONVERSION.md lists those that can, --end cuts the net off before')
+            raise UnsupportedError(f"layer '{layer.name}' ({layer.type}): this type cannot be expressed in ONNX here; "
+                                   'docs/MODELS.md lists those that can, --end cuts the net off before')
 
 
 def build(graph, blobs, values, inputs, fixed, float16=False):

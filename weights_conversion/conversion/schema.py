@@ -20,11 +20,11 @@ NUMBERS = ('data', 'diff', 'double_data', 'double_diff')
 def _descriptors():
     """The compiled schema: that of the Python package `revisit`, or from the sources."""
     try:
-        from .engine_module import schema
+        import revisit.proto
     except ImportError:
         return _compiled_sources()
     compiled = descriptor_pb2.FileDescriptorSet()
-    compiled.file.add().ParseFromString(schema())
+    compiled.file.add().ParseFromString(revisit.proto.schema())
     return compiled
 
 

@@ -48,7 +48,7 @@ def read_with_types(path):
         net = engine.read_weights(path)
         return of_net(net), {layer.name: layer.type for layer in net.layer}
     except UnicodeDecodeError as error:
-        raise InputError(f'{path}: the name of a layer is no text in UTF-8: {error}') from None
+        raise InputError(f'{path}: the name of a layer is not UTF-8 text: {error}') from None
 
 
 def of_net(net):

@@ -7,7 +7,7 @@
 namespace revisit::engine {
 
 /// Local response normalisation of `[n][c][h * w]` over `size` (odd) neighbouring channels:
-/// y = x * (k + alpha / size * sum of squares) ^ -beta (docs/SEMANTICS.md section 4).
+/// y = x * (k + alpha / size * sum of squares) ^ -beta (docs/LAYERS.md point 4).
 struct LrnProblem {
   int64_t n = 1, c = 1, h = 1, w = 1;
   int64_t size = 5;

@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "kernels/float_mode.h"
+#include "kernels/split.h"
 #include "revisit/engine/parallel_region.h"
 
 namespace revisit::engine {
@@ -41,21 +42,21 @@ void parallel_for(int64_t items, int threads, const Work& work) {
   }
   const FloatMode mode = FloatMode::current();
   constexpr int kMaxRanges = 64;  // more threads share them
-  const int ranges = static_cast<int>(std::min<int64_t>(items, std::min(threads, kMaxRanges)));
+  const int64_t parts = std::min<int64_t>(items, std::min(threads, kMaxRanges));
   struct alignas(64) Range {  // a cache line each
     std::atomic<int64_t> next;
   };
   std::array<Range, kMaxRanges> own;
-  for (int i = 0; i < ranges; ++i) own[i].next = items * i / ranges;
+  for (int64_t i = 0; i < parts; ++i) own[i].next = Split{items, parts}.begin(i);
   RegionForSanitizer region;
 #pragma omp parallel num_threads(threads)
   {
     region.enter();
     const FloatModeScope scope(mode);
     const int thread = omp_get_thread_num();
-    for (int i = 0; i < ranges; ++i) {
-      const int range = (thread + i) % ranges;
-      const int64_t end = items * (range + 1) / ranges;
+    for (int64_t i = 0; i < parts; ++i) {
+      const int64_t range = (thread + i) % parts;
+      const int64_t end = Split{items, parts}.end(range);
       std::atomic<int64_t>& next = own[range].next;
       for (int64_t item; (item = next.fetch_add(1, std::memory_order_relaxed)) < end;)
         work(item, thread);

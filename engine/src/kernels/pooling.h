@@ -16,7 +16,7 @@ struct PoolingProblem {
 
 /// Largest value of each window, clipped to the image; -FLT_MAX for an empty window. NaN never
 /// wins. `mask`, when not null, gets the winner's index h * w as float, -1 for none
-/// (docs/SEMANTICS.md section 2).
+/// (docs/LAYERS.md point 2).
 void max_pool(const PoolingProblem& problem, const float* input, float* output, float* mask);
 
 /// Mean of each window: padding counts as zeros, what lies beyond it does not count at all.

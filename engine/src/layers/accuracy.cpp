@@ -7,9 +7,9 @@ namespace revisit::engine {
 namespace {
 
 /// The share of labels whose score is among the k best; the second output says it for each class.
-class Accuracy : public Layer {
+class AccuracyLayer : public Layer {
  public:
-  explicit Accuracy(const caffe::AccuracyParameter& param) : param_(param) {}
+  explicit AccuracyLayer(const caffe::AccuracyParameter& param) : param_(param) {}
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     const int64_t classes = scores(inputs, n_outputs).lines.classes;
@@ -84,7 +84,7 @@ class Accuracy : public Layer {
 }  // namespace
 
 std::unique_ptr<Layer> make_accuracy(const caffe::LayerParameter& param) {
-  return std::make_unique<Accuracy>(param.accuracy_param());
+  return std::make_unique<AccuracyLayer>(param.accuracy_param());
 }
 
 }  // namespace revisit::engine

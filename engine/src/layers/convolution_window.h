@@ -26,12 +26,13 @@ std::vector<Shape> filters_and_bias(const ConvolutionNdProblem& p,
 WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes);
 
 /// How many windows fit along an axis of `axis.image` pixels: the output size of a convolution.
-/// Integer division truncates toward zero (docs/SEMANTICS.md section 3): a kernel larger than
-/// the padded image by less than the stride still gives one window. Throws InputError for none.
+/// Integer division truncates toward zero (docs/LAYERS.md point 3): a kernel larger than
+/// the padded image by less than the stride still gives one window. Throws InputError when none
+/// fits.
 int64_t count_windows(const WindowAxis& axis);
 
 /// How many pixels `axis.windows` windows cover, less the padding: the output size of a
-/// deconvolution. Throws InputError for none.
+/// deconvolution. Throws InputError when none is left.
 int64_t count_pixels(const WindowAxis& axis);
 
 /// Layer::window() of these axes.

@@ -73,7 +73,7 @@ PoolingWindow::Axis PoolingWindow::global(const Axis& axis, int64_t input) const
   return param_.global_pooling() ? Axis{input, 1, 0} : axis;
 }
 
-/// docs/SEMANTICS.md section 1. Computed in float as the original does.
+/// docs/LAYERS.md point 1. Computed in float as the original does.
 int64_t PoolingWindow::size(int64_t input, const Axis& axis) const {
   const bool floor = param_.has_ceil_mode() ? !param_.ceil_mode()
                                             : param_.round_mode() == caffe::PoolingParameter::FLOOR;

@@ -69,7 +69,7 @@ void check(const ChowLiuTree& tree) {
            inside(tree.marginal[i]) && inside(tree.given_parent[i][0]) &&
            inside(tree.given_parent[i][1]);
   if (!good)
-    throw UsageError("FAB-MAP: the Chow-Liu tree is not one of probabilities between 0 and 1");
+    throw UsageError("FAB-MAP: the Chow-Liu tree has probabilities that are not between 0 and 1");
 }
 
 }  // namespace
@@ -118,8 +118,8 @@ double FabMap::log_likelihood_of_new_place(std::span<const float> seen) const {
   return most + std::log(sum / static_cast<double>(samples_.n));
 }
 
-void FabMap::posterior(std::span<const float> seen, const FloatMatrix& stored,
-                       std::span<const int64_t> candidates, std::span<double> probabilities) const {
+void FabMap::posterior(std::span<const float> seen, std::span<const std::span<const float>> places,
+                       std::span<double> probabilities) const {
   // What the query shows is the same for all places: only "was this word seen there" is left, so
   // that ln p(Z | L) = base + the sum of `gain` over the words of the place.
   double base = 0;
@@ -131,24 +131,23 @@ void FabMap::posterior(std::span<const float> seen, const FloatMatrix& stored,
   }
   const double new_place = log_likelihood_of_new_place(seen);
   double most = new_place;
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    const std::span<const float> place = stored.row(candidates[i]);
+  for (size_t i = 0; i < places.size(); ++i) {
     double sum = base;
     for (size_t word = 0; word < gain.size(); ++word)
-      if (place[word] > 0) sum += gain[word];
+      if (places[i][word] > 0) sum += gain[word];
     probabilities[i] = sum;
     most = std::max(most, sum);
   }
 
   double total = std::exp(new_place - most);
   for (double& p : probabilities) total += (p = std::exp(p - most));
-  const auto places = static_cast<double>(candidates.size());
+  const auto n_places = static_cast<double>(places.size());
   const auto smoothed = [&](double likelihood) {
-    return options_.smoothing * likelihood / total + (1 - options_.smoothing) / (places + 1);
+    return options_.smoothing * likelihood / total + (1 - options_.smoothing) / (n_places + 1);
   };
   double evidence = options_.p_new_place * smoothed(std::exp(new_place - most));
   for (double& p : probabilities)
-    evidence += (p = (1 - options_.p_new_place) / places * smoothed(p));
+    evidence += (p = (1 - options_.p_new_place) / n_places * smoothed(p));
   for (double& p : probabilities) p /= evidence;
 }
 

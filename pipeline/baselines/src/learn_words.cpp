@@ -121,11 +121,9 @@ FeatureExtractor fabmap_features(const WordModel& model, const FabMapOptions& op
       find_words(sift_descriptors(image), shared->vocabulary, seen);
     };
   };
-  extractor.similarity = [map](std::span<const float> query, const FloatMatrix& stored,
-                               std::span<const int64_t> candidates,
-                               std::span<double> similarities) {
-    map->posterior(query, stored, candidates, similarities);
-  };
+  extractor.comparison.similarity =
+      [map](std::span<const float> query, std::span<const std::span<const float>> places,
+            std::span<double> similarities) { map->posterior(query, places, similarities); };
   return extractor;
 }
 

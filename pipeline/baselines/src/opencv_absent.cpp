@@ -1,29 +1,20 @@
 #include "revisit/baselines/visual_words.h"
-#include "revisit/proto/error.h"
+#include "revisit/recognition/optional_library.h"
 
-// Stands for visual_words.cpp in a build without OpenCV.
+// Stands for opencv/*.cpp in a build without OpenCV.
 
 namespace revisit::pipeline {
-namespace {
-
-[[noreturn]] void fail() {
-  throw UsageError(
-      "feature fabmap: this program was built without OpenCV; install libopencv-features2d-dev and "
-      "build it with -DREVISIT_OPENCV=ON");
-}
-
-}  // namespace
 
 FloatMatrix sift_descriptors(const GrayImage&) {
-  fail();
+  built_without("feature fabmap", "OpenCV");
 }
 
 FloatMatrix cluster_words(const FloatMatrix&, int, uint64_t) {
-  fail();
+  built_without("feature fabmap", "OpenCV");
 }
 
 void find_words(const FloatMatrix&, const FloatMatrix&, std::span<float>) {
-  fail();
+  built_without("feature fabmap", "OpenCV");
 }
 
 }  // namespace revisit::pipeline

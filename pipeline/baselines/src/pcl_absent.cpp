@@ -1,29 +1,20 @@
 #include "revisit/baselines/pcl_features.h"
-#include "revisit/proto/error.h"
+#include "revisit/recognition/optional_library.h"
 
 // Stands for pcl/*.cpp in a build without PCL.
 
 namespace revisit::pipeline {
-namespace {
-
-[[noreturn]] void fail(const char* feature) {
-  throw UsageError(str("feature ", feature,
-                       ": this program was built without PCL; install libpcl-dev and build it with "
-                       "-DREVISIT_PCL=ON"));
-}
-
-}  // namespace
 
 FeatureExtractor vfh_features(const VfhOptions&) {
-  fail("vfh");
+  built_without("feature vfh", "PCL");
 }
 
 FeatureExtractor grsd_features(const GrsdOptions&) {
-  fail("grsd");
+  built_without("feature grsd", "PCL");
 }
 
 FeatureExtractor esf_features() {
-  fail("esf");
+  built_without("feature esf", "PCL");
 }
 
 }  // namespace revisit::pipeline

@@ -81,15 +81,15 @@ void check(const ScanContextOptions& options) {
         str("scan context: expected at least 0 candidates, found ", options.ring_key_candidates));
 }
 
-/// Positions of the `count` candidates whose ring keys are nearest to the query's, equals by
+/// Positions of the `count` places whose ring keys are nearest to the query's, equals by
 /// position.
-std::vector<size_t> nearest_ring_keys(std::span<const float> query, const FloatMatrix& stored,
-                                      std::span<const int64_t> candidates, int64_t count,
+std::vector<size_t> nearest_ring_keys(std::span<const float> query,
+                                      std::span<const std::span<const float>> places, int64_t count,
                                       const ScanContextOptions& options) {
   const std::vector<float> asked = ring_key(query, options);
   std::vector<std::pair<double, size_t>> order;
-  for (size_t i = 0; i < candidates.size(); ++i) {
-    const std::vector<float> key = ring_key(stored.row(candidates[i]), options);
+  for (size_t i = 0; i < places.size(); ++i) {
+    const std::vector<float> key = ring_key(places[i], options);
     double squares = 0;
     for (size_t ring = 0; ring < key.size(); ++ring)
       squares += (double{key[ring]} - asked[ring]) * (double{key[ring]} - asked[ring]);
@@ -138,20 +138,20 @@ FeatureExtractor scan_context_features(const ScanContextOptions& options) {
       scan_context(cloud, options, context);
     };
   };
-  extractor.similarity = [options](std::span<const float> query, const FloatMatrix& stored,
-                                   std::span<const int64_t> candidates,
-                                   std::span<double> similarities) {
+  extractor.comparison.similarity = [options](std::span<const float> query,
+                                              std::span<const std::span<const float>> places,
+                                              std::span<double> similarities) {
     const UnitColumns asked(query, options, 2);
     std::vector<size_t> compared;
     if (options.ring_key_candidates > 0) {
       std::fill(similarities.begin(), similarities.end(), -1);
-      compared = nearest_ring_keys(query, stored, candidates, options.ring_key_candidates, options);
+      compared = nearest_ring_keys(query, places, options.ring_key_candidates, options);
     } else {
-      compared.resize(candidates.size());
+      compared.resize(places.size());
       std::iota(compared.begin(), compared.end(), size_t{0});
     }
     for (const size_t i : compared) {
-      const UnitColumns other(stored.row(candidates[i]), options, 1);
+      const UnitColumns other(places[i], options, 1);
       similarities[i] = 1 - best_shift(asked, other, options).distance;
     }
   };

@@ -14,7 +14,7 @@ fs::path kitti_images(const Dataset& dataset) {
   const fs::path scans = dataset.scans.empty() ? "" : dataset.scans[0].file.parent_path();
   if (scans.filename() != "velodyne")
     throw InputError(str(scans.string(),
-                         ": no KITTI sequence, so say where its camera images are (frame numbers "
+                         ": not a KITTI sequence; say where its camera images are (frame numbers "
                          "as names, e.g. 000123.png)"));
   return scans.parent_path() / "image_0";
 }

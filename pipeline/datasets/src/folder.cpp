@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// "000123" -> 123; nothing for names that are no int, such as time stamps in nanoseconds.
+/// "000123" -> 123; nothing for names that are not an int, such as time stamps in nanoseconds.
 std::optional<int> number_of(const fs::path& file) {
   const std::string stem = file.stem().string();
   if (stem.empty() || stem.find_first_not_of("0123456789") != std::string::npos) return {};
@@ -88,7 +88,7 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
       [](const NumberedFile& a, const NumberedFile& b) { return a.frame == b.frame; });
   if (twice != files.end())
     throw InputError(str(folder.string(), ": frame ", twice->frame,
-                         " is there twice: ", twice->file.filename().string(), " and ",
+                         " appears twice: ", twice->file.filename().string(), " and ",
                          std::next(twice)->file.filename().string()));
   return files;
 }

@@ -48,7 +48,7 @@ std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t com
 }
 
 /// Of case 1 only, also when case 2 is there.
-std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const RetrievalTask& task,
+std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const Task& task,
                                         int64_t n, const std::vector<int64_t>& left_out) {
   if (options.pca_fit == "map") return task.stored;
   std::vector<int64_t> rows;
@@ -61,7 +61,7 @@ std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const R
 constexpr int kDescriptorVersion = 1;
 
 /// Names everything the descriptors of a task depend on, but the number of components.
-std::string descriptor_key(const ReductionOptions& options, const RetrievalTask& task,
+std::string descriptor_key(const ReductionOptions& options, const Task& task,
                            const DatasetFeatures& case1, const DatasetFeatures* case2) {
   std::string key = str("descriptors ", kDescriptorVersion, "\n", case1.key(),
                         case2 ? case2->key() : "", "pca-fit ", options.pca_fit, "\n");
@@ -98,12 +98,16 @@ void check_finite(const FloatMatrix& descriptors, int which_case) {
 
 /// A PCA model of huge numbers overflows; the raw features of a network can be anything.
 Descriptors checked(Descriptors descriptors) {
-  check_finite(descriptors.case1, 1);
-  if (descriptors.case2) check_finite(*descriptors.case2, 2);
+  check_finite(descriptors);
   return descriptors;
 }
 
 }  // namespace
+
+void check_finite(const Descriptors& descriptors) {
+  check_finite(descriptors.case1, 1);
+  if (descriptors.case2) check_finite(*descriptors.case2, 2);
+}
 
 TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case1,
                                  DatasetFeatures* case2, fs::path cache, const Observer& observer)
@@ -116,7 +120,7 @@ std::vector<int64_t> TaskDescriptors::left_out() const {
   return left_out_of(case1_, case2_);
 }
 
-const Descriptors& TaskDescriptors::of(const RetrievalTask& task) {
+const Descriptors& TaskDescriptors::of(const Task& task) {
   const std::string key = descriptor_key(options_, task, case1_, case2_);
   if (key == key_) return last_;
   std::optional<Descriptors> there;
@@ -126,7 +130,7 @@ const Descriptors& TaskDescriptors::of(const RetrievalTask& task) {
   return last_;
 }
 
-std::optional<Descriptors> TaskDescriptors::cached(const RetrievalTask& task) const {
+std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
   const int64_t asked = options_.components;
   for (const int64_t there : {asked, int64_t{0}}) {
     const fs::path path = descriptor_file(cache_, key_, there);
@@ -152,7 +156,7 @@ std::optional<Descriptors> TaskDescriptors::cached(const RetrievalTask& task) co
   return {};
 }
 
-Descriptors TaskDescriptors::compute(const RetrievalTask& task) const {
+Descriptors TaskDescriptors::compute(const Task& task) const {
   Descriptors fresh = reduce(options_, task, case1_, case2_, observer_);
   if (cache_.empty()) return fresh;
   const int64_t n = case1_.n();
@@ -164,9 +168,8 @@ Descriptors TaskDescriptors::compute(const RetrievalTask& task) const {
   return fresh;
 }
 
-Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
-                   DatasetFeatures& case1, DatasetFeatures* case2, const Observer& observer,
-                   const fs::path& model_folder) {
+Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFeatures& case1,
+                   DatasetFeatures* case2, const Observer& observer, const fs::path& model_folder) {
   const FeatureExtractor& extractor = case1.extractor();
   if (extractor.reduce) {
     const std::vector<int64_t> rows =
@@ -177,18 +180,13 @@ Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
     result.case1 = FloatMatrix(features.n(), basis.dim);
     for (int64_t i = 0; i < features.n(); ++i) basis.describe(features.row(i), result.case1.row(i));
     clear_rows(result.case1, case1.left_out());
-    result.similarity = basis.similarity;
-    if (basis.key_candidates > 0)
-      result.similarity =
-          similarity_by_keys(basis.similarity, basis.key_of, keys_of(result.case1, basis.key_of),
-                             basis.key_candidates);
-    result.turn = basis.turn;
+    result.comparison = basis.comparison;
     result.pca_fit = fit_text(options, static_cast<int64_t>(rows.size()), result.case1.d);
     return checked(std::move(result));
   }
   if (options.components < 0) {
     Descriptors whole;
-    whole.similarity = extractor.similarity;
+    whole.comparison = extractor.comparison;
     whole.pca_fit = "none";
     whole.case1 = all_rows(case1.file(), options.memory_gb);
     if (case2) whole.case2 = all_rows(case2->file(), options.memory_gb);
@@ -208,7 +206,7 @@ Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
   pca.model_folder = model_folder;
 
   Descriptors result;
-  result.similarity = extractor.similarity;
+  result.comparison = extractor.comparison;
   FloatMatrix all;
   if (options.pca_fit == "all" || options.pca_fit == "map") {
     pca.fit_rows = rows_to_learn_from(options, task, n, left_out);

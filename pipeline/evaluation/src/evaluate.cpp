@@ -38,17 +38,6 @@ void check_query_case(const EvaluationOptions& options, const Task& task) {
                          " asks scans that it also stores; use a task that keeps them apart"));
 }
 
-/// Queries in case 2 alone, stored scans in case 1.
-std::vector<Match> retrieve_case2(const Descriptors& descriptors, const Task& task,
-                                  const RetrieveOptions& options) {
-  FloatMatrix mixed = descriptors.case1;
-  for (const TaskQuery& query : task.queries)
-    std::ranges::copy(descriptors.case2->row(query.scan), mixed.row(query.scan).begin());
-  std::vector<Match> matches = retrieve(mixed, task, options);
-  for (Match& match : matches) match.which_case = 2;
-  return matches;
-}
-
 }  // namespace
 
 std::vector<bool> TaskResult::accepted() const {
@@ -169,8 +158,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   watch.lap();
   if (result.on_pairs()) {
     result.score = Score::kBest;
-    PairResult pairs = evaluate_pairs(task, trajectory_,
-                                      pair_similarity(descriptors.case1, descriptors.similarity),
+    PairResult pairs = evaluate_pairs(task, trajectory_, descriptors,
                                       {options_.threads, resampling, progress, observer_.stop});
     times.retrieve.push_back(watch.lap());
     result.curve = std::move(pairs.curve);
@@ -181,17 +169,10 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
   }
   result.score = options_.score.value_or(
       case1_.extractor().best_is_sure || !task.margin_score ? Score::kBest : Score::kMargin);
-  const RetrieveOptions retrieval{options_.k,     result.score,           progress,
-                                  observer_.stop, descriptors.similarity, options_.threads};
-  result.matches = query_case == QueryCase::kTwo
-                       ? retrieve_case2(descriptors, task, retrieval)
-                       : retrieve(descriptors.case1, task, retrieval,
-                                  query_case == QueryCase::kBoth ? &*descriptors.case2 : nullptr);
+  result.matches =
+      retrieve(descriptors, task,
+               {options_.k, result.score, options_.threads, progress, observer_.stop}, query_case);
   times.retrieve.push_back(watch.lap());
-  if (descriptors.turn)
-    for (Match& match : result.matches)
-      match.turn = descriptors.turn(descriptors.case1.row(match.ranks[0]),
-                                    descriptors.case1.row(match.query));
   result.verdicts = judge(result.matches, task, trajectory_, task.rule);
   result.curve = precision_recall(result.verdicts, task.missed);
   result.summary = summarize(result.verdicts, task.missed);

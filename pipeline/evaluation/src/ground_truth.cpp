@@ -11,26 +11,25 @@
 namespace revisit::pipeline {
 namespace {
 
-/// What the exclusion counts in, for each scan: frame numbers, seconds or metres driven so far.
+/// WayDriven at each scan.
 std::vector<double> progress_along(const Trajectory& trajectory, const Exclusion& exclusion) {
-  std::vector<double> along(trajectory.frames.begin(), trajectory.frames.end());
-  if (exclusion.kind == Exclusion::Kind::kSeconds) {
-    if (trajectory.times.empty())
-      throw UsageError(
-          "exclusion in seconds: the data set has no time stamps (times.txt); use frames=N");
-    along = trajectory.times;
-    for (size_t i = 1; i < along.size(); ++i)
-      if (!(along[i] >= along[i - 1]))
-        throw InputError(str("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
-                             along[i - 1], " s, then ", along[i], " s"));
-  }
-  if (exclusion.kind == Exclusion::Kind::kMetres) {
-    if (trajectory.positions.empty())
-      throw UsageError("exclusion in metres: the data set has no poses; use frames=N");
-    for (size_t i = 0; i < along.size(); ++i)
-      along[i] =
-          i == 0 ? 0
-                 : along[i - 1] + (trajectory.positions[i] - trajectory.positions[i - 1]).norm();
+  const bool in_seconds = exclusion.kind == Exclusion::Kind::kSeconds;
+  if (in_seconds && trajectory.times.empty())
+    throw UsageError(
+        "exclusion in seconds: the data set has no time stamps (times.txt); use frames=N");
+  if (exclusion.kind == Exclusion::Kind::kMetres && trajectory.positions.empty())
+    throw UsageError("exclusion in metres: the data set has no poses; use frames=N");
+  std::vector<double> along;
+  WayDriven driven(exclusion.kind);
+  for (size_t i = 0; i < trajectory.frames.size(); ++i) {
+    std::optional<double> time;
+    std::optional<Eigen::Vector3d> position;
+    if (!trajectory.times.empty()) time = trajectory.times[i];
+    if (!trajectory.positions.empty()) position = trajectory.positions[i];
+    along.push_back(driven.at(trajectory.frames[i], time, position));
+    if (in_seconds && i > 0 && !(along[i] >= along[i - 1]))
+      throw InputError(str("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
+                           along[i - 1], " s, then ", along[i], " s"));
   }
   return along;
 }
@@ -98,6 +97,19 @@ std::string to_string(const Exclusion& exclusion) {
       return "metres=" + exact(exclusion.amount);
   }
   return "";
+}
+
+double WayDriven::at(int64_t frame, const std::optional<double>& time,
+                     const std::optional<Eigen::Vector3d>& position) {
+  if (kind_ == Exclusion::Kind::kSeconds) {
+    if (!time) throw UsageError("exclusion in seconds: the scans have no times; use frames=N");
+    return *time;
+  }
+  if (kind_ != Exclusion::Kind::kMetres) return static_cast<double>(frame);
+  if (!position) throw UsageError("exclusion in metres: the scans have no poses; use frames=N");
+  if (last_) metres_ += (*position - *last_).norm();
+  last_ = position;
+  return metres_;
 }
 
 Trajectory make_trajectory(const Dataset& dataset) {

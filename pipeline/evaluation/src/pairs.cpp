@@ -5,6 +5,7 @@
 
 #include "ballots.h"
 #include "revisit/engine/parallel_for.h"
+#include "revisit/recognition/place_index.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -129,8 +130,31 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
 
 using FloatBallot = Ballot<float>;
 
+/// Of a scan to others, ascending: in the order of `candidates`.
+std::vector<double> similarities_of(int64_t scan, const std::vector<int64_t>& candidates,
+                                    const PlaceIndex& index) {
+  std::vector<CandidateRange> ranges;
+  for (const int64_t candidate : candidates)
+    if (!ranges.empty() && ranges.back().end == candidate)
+      ++ranges.back().end;
+    else
+      ranges.push_back({candidate, candidate + 1});
+  std::vector<double> of_scan(static_cast<size_t>(index.size()), -1), similarities;
+  try {
+    const Match match =
+        index.best(index.descriptor(scan), ranges, {.k = static_cast<int>(candidates.size())});
+    for (size_t i = 0; i < match.ranks.size(); ++i)
+      of_scan[static_cast<size_t>(match.ranks[i])] = match.similarities[i];
+  } catch (const NotFinite& error) {
+    throw Error(str("the similarity of scan ", scan, " to scan ", error.place, " is not finite"));
+  }
+  for (const int64_t candidate : candidates)
+    similarities.push_back(of_scan[static_cast<size_t>(candidate)]);
+  return similarities;
+}
+
 Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection& selection,
-                       const PairSimilarity& similarity, const PairOptions& options) {
+                       const PlaceIndex& index, const PairOptions& options) {
   Ballots<float> ballots;
   ballots.positives = selection.n_true;
   ballots.by_score.resize(static_cast<size_t>(selection.first_pair.back()));
@@ -151,15 +175,10 @@ Ballots<float> compare(const Task& task, const PairTruth& truth, const Selection
                       (is == Truth::kTrue ? FloatBallot::kCorrect | FloatBallot::kPositive : 0));
     });
     if (candidates.empty()) return;
-    std::vector<double> similarities(candidates.size());
-    similarity(query.scan, candidates, similarities);
-    for (size_t i = 0; i < candidates.size(); ++i) {
-      if (!std::isfinite(similarities[i]))
-        throw Error(str("the similarity of scan ", query.scan, " to scan ", candidates[i],
-                        " is not finite"));
+    const std::vector<double> similarities = similarities_of(query.scan, candidates, index);
+    for (size_t i = 0; i < candidates.size(); ++i)
       ballots.by_score[selection.first_pair[q] + static_cast<int64_t>(i)] = {
           static_cast<float>(similarities[i]), marks[i]};
-    }
   });
   ballots.sort();
   return ballots;
@@ -179,22 +198,32 @@ ScoreHistogram histogram_of(const Ballots<float>& ballots) {
   return histogram;
 }
 
-void check(const Task& task, const Trajectory& trajectory, const PairOptions& options) {
+void check(const Task& task, const Trajectory& trajectory, const Descriptors& descriptors,
+           const PairOptions& options) {
   if (task.decision != Decision::kPair)
     throw Error(str("task ", task.name, " decides on queries, not on pairs"));
   need_distances(trajectory, task.rule.distance, "task " + task.name);
   if (options.threads < 1)
     throw UsageError(str("threads: expected at least 1, found ", options.threads));
+  if (descriptors.case1.n != trajectory.size())
+    throw Error(str("task ", task.name, ": descriptors of ", descriptors.case1.n, " scans, of ",
+                    trajectory.size()));
+  check_finite(descriptors);
 }
 
 }  // namespace
 
 PairResult evaluate_pairs(const Task& task, const Trajectory& trajectory,
-                          const PairSimilarity& similarity, const PairOptions& options) {
-  check(task, trajectory, options);
+                          const Descriptors& descriptors, const PairOptions& options) {
+  check(task, trajectory, descriptors, options);
   const PairTruth truth(task, trajectory);
   const Selection selection = select(task, truth, options);
-  const Ballots<float> ballots = compare(task, truth, selection, similarity, options);
+  Comparison comparison = descriptors.comparison;
+  comparison.turn = nullptr;  // it is not asked for
+  PlaceIndex index(descriptors.case1.d, std::move(comparison));
+  for (int64_t scan = 0; scan < descriptors.case1.n; ++scan)
+    index.refer_to(descriptors.case1.row(scan));
+  const Ballots<float> ballots = compare(task, truth, selection, index, options);
 
   PairResult result;
   result.summary = summary_of(ballots);

@@ -20,7 +20,7 @@ class ClaimsOfOne {
 
   std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) {
     if (most < 1) throw UsageError(str("a claim of ", most, " scans: expected at least 1"));
-    if (*claimed_) throw UsageError("the claim before this one has not ended");
+    if (*claimed_) throw UsageError("the previous claim has not ended");
     const std::set<int64_t>& frames = expected_[drive];
     if (frames.empty()) return nullptr;
     auto claim = std::make_unique<OwnClaim>(claimed_);

@@ -1,29 +1,16 @@
 #include "revisit/maps/large_maps.h"
-#include "revisit/proto/error.h"
+#include "revisit/recognition/optional_library.h"
 
 // Stands for faiss/*.cpp in a build without FAISS.
 
 namespace revisit::pipeline {
-namespace {
-
-[[noreturn]] void fail() {
-  throw UsageError(
-      "candidates of a large map: this program was built without FAISS; install libfaiss-dev and "
-      "build it with -DREVISIT_FAISS=ON");
-}
-
-}  // namespace
-
-void need_faiss() {
-  fail();
-}
 
 std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex&, const GraphOptions&) {
-  fail();
+  built_without("candidates of a large map", "FAISS");
 }
 
 std::unique_ptr<CandidateSource> lists_of_keys(const PlaceIndex&, const ListOptions&) {
-  fail();
+  built_without("candidates of a large map", "FAISS");
 }
 
 }  // namespace revisit::pipeline

@@ -39,7 +39,7 @@ void must_match(const std::string& name, const MapIdentity& map, const MapIdenti
       differences += str("\n  ", key, ": the map has ", entry(map, key), ", this program ",
                          entry(program, key));
   if (!differences.empty())
-    throw InputError(str(name, ": its descriptors are others than this program makes:", differences,
+    throw InputError(str(name, ": its descriptors differ from those of this program:", differences,
                          "\nuse what the map was made with, or make another map"));
 }
 

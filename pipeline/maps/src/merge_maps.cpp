@@ -46,7 +46,7 @@ void take_over_basis(MapStore& map, const fs::path& other) {
 int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
                    const MapStore::Damaged& damaged) {
   if (maps.empty()) throw UsageError("merging maps: expected at least one, found none");
-  if (fs::exists(file)) throw InputError(file.string() + ": is there already");
+  if (fs::exists(file)) throw InputError(file.string() + ": already exists");
   std::vector<std::unique_ptr<MapStore>> sources;
   for (const fs::path& map : maps) {
     sources.push_back(
@@ -56,8 +56,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
                            ": its places are described with another basis than those "
                            "of ",
                            maps[0].string(),
-                           "; a map must take over the basis of the other "
-                           "when it is new"));
+                           "; a map can only take over another's basis when it is new"));
   }
   const auto merged = open_map(file, MapAccess::kWrite, &sources.front()->identity(),
                                sources.front()->number_format());

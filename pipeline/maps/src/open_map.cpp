@@ -30,7 +30,7 @@ File look_at(const fs::path& file) {
   if (!found.is_there && status.type() != fs::file_type::not_found)
     throw Error(str(found.name, ": cannot be opened: ", error.message()));
   if (found.is_there && !fs::is_regular_file(status))
-    throw InputError(str(found.name, ": no map: not a file"));
+    throw InputError(str(found.name, ": not a map: not a file"));
   return found;
 }
 
@@ -39,16 +39,16 @@ File look_at_existing(const fs::path& file) {
   if (!found.is_there) throw InputError(str(found.name, ": there is no such map"));
   std::error_code error;
   if (fs::file_size(found.path, error) == 0 && !error)
-    throw InputError(str(found.name, ": no map: the file is empty"));
+    throw InputError(str(found.name, ": not a map: the file is empty"));
   return found;
 }
 
 std::string loss_of(const File& file, const JournalDamage& damage) {
   return str(file.name, "-wal: damaged at byte ", damage.at, ": the steps after it are lost",
-             damage.lost_for_sure ? "" : "; if power was lost there, none of them had ended");
+             damage.lost_for_sure ? "" : "; if the power failed there, none of them had finished");
 }
 
-/// The same path, for one who cannot write beside the file: nobody changes it meanwhile.
+/// The same path, for a reader that cannot write beside the file: nobody changes it meanwhile.
 std::string immutable_uri(const fs::path& path) {
   std::string uri = "file://";
   for (const char c : path.string()) {
@@ -96,7 +96,7 @@ std::unique_ptr<Connection> open_for_writing(const File& file, const MapIdentity
       file.path, SQLITE_OPEN_READWRITE | (identity != nullptr ? SQLITE_OPEN_CREATE : 0), file.name);
   if (sqlite3_db_readonly(connection->handle(), nullptr) != 0) connection->fail(SQLITE_READONLY);
   if (connection->integer("PRAGMA page_count") == 0) {  // also after a kill when it was made
-    if (identity == nullptr) throw InputError(str(file.name, ": no map: the file is empty"));
+    if (identity == nullptr) throw InputError(str(file.name, ": not a map: the file is empty"));
     make_map(*connection, {.identity = *identity, .format = format});
   }
   check_schema(*connection);

@@ -13,6 +13,7 @@
 #include "revisit/maps/large_maps.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/text.h"
+#include "revisit/recognition/optional_library.h"
 #include "revisit/recognition/place_index.h"
 
 namespace revisit::pipeline {
@@ -28,7 +29,7 @@ Basis as_it_is(const FeatureExtractor& extractor) {
   basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
     std::ranges::copy(feature, descriptor.begin());
   };
-  basis.similarity = extractor.similarity;
+  basis.comparison = extractor.comparison;
   return basis;
 }
 
@@ -106,7 +107,7 @@ struct PlaceRecognizer::Impl {
   void settle(Basis fixed) {
     basis = std::move(fixed);
     settled = true;
-    index.emplace(*basis);
+    index.emplace(basis->dim, basis->comparison);
     has_graph = false;
     features = {};
   }
@@ -122,7 +123,7 @@ struct PlaceRecognizer::Impl {
     std::vector<int64_t> all(static_cast<size_t>(features.n));
     std::iota(all.begin(), all.end(), 0);
     basis = extractor.reduce(features.rows(), all);
-    index.emplace(*basis);
+    index.emplace(basis->dim, basis->comparison);
     for (const int64_t i : all) index->add(descriptor_of(features.row(i)));
   }
 
@@ -243,7 +244,7 @@ struct PlaceRecognizer::Impl {
   }
 
   Impl& need_map() {
-    if (!map) throw UsageError("this PlaceRecognizer has no map whose work is shared");
+    if (!map) throw UsageError("this PlaceRecognizer has no map to share the work of");
     return *this;
   }
 };
@@ -288,7 +289,8 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
   if (options.graph_candidates < 0)
     throw UsageError(str("RecognizerOptions::graph_candidates: expected at least 0, found ",
                          options.graph_candidates));
-  if (options.graph_candidates > 0) need_faiss();  // now, not when the first stretch ends
+  if (options.graph_candidates > 0)  // now, not when the first stretch ends
+    need("candidates of a large map", "FAISS");
   check_threshold(options.threshold);
   impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), damaged);
 }
@@ -376,8 +378,8 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
             place.pose,
             match.similarities.front(),
             match.similarities.back(),
-            match.score};
-  if (impl.basis->turn) loop.turn = impl.basis->turn(impl.index->descriptor(position), descriptor);
+            match.score,
+            match.turn};
   loop.accepted = impl.threshold && loop.score >= *impl.threshold;
   return loop;
 }

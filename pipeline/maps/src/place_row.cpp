@@ -111,7 +111,7 @@ std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_
   const size_t number = format == NumberFormat::kFloat16 ? 2 : 4;
   if (row.descriptor.size() % number != 0 || row.feature.size() % 4 != 0 ||
       (row.pose.size() != 12 * sizeof(double) && !row.pose.empty()))
-    return "its columns have lengths that cannot be";
+    return "its columns have impossible lengths";
   place = {.id = id, .drive = std::string(row.drive), .frame = row.frame, .time = row.time};
   if (!row.pose.empty()) {
     const std::vector<double> numbers = numbers_of<double>(row.pose);

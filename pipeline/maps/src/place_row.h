@@ -14,7 +14,7 @@ struct PlaceRow {
   std::string feature;     // float32
 };
 
-/// Throws UsageError, naming place `number` of the call, for what cannot be kept.
+/// Throws UsageError, naming place `number` of the call, for what cannot be stored.
 PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number);
 
 /// Throws UsageError when the claim does not have all of the places.
@@ -49,7 +49,7 @@ inline constexpr const char* kReplacePlace =
     "UPDATE place SET drive = ?, frame = ?, time = ?, pose = ?, descriptor = ?, feature = ?, "
     "revision = ?, checksum = ? WHERE id = ?";
 
-/// Reads place `id`; returns "", or what is wrong with it. Throws for what is no damage.
+/// Reads place `id`; returns "", or what is wrong with it. Throws for anything but damage.
 std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
                          NumberFormat format, int64_t revision, StoredPlace& place);
 inline constexpr const char* kSelectPlace =

@@ -8,7 +8,7 @@
 
 namespace revisit::pipeline {
 
-/// Whether this is no file but the address of a PostgreSQL server.
+/// Whether this is the address of a PostgreSQL server rather than a file.
 bool is_on_a_server(std::string_view where);
 
 /// As open_map() and check_map().

@@ -88,7 +88,7 @@ void check_schema(Connection& connection) {
   const std::string& name = connection.name();
   const int64_t application = connection.integer("PRAGMA application_id");
   if (application != kApplicationId)
-    throw InputError(str(name, ": a SQLite database, but no map (application id ", application,
+    throw InputError(str(name, ": a SQLite database, but not a map (application id ", application,
                          ", a map has ", kApplicationId, ")"));
   const int64_t version = connection.integer("PRAGMA user_version");
   if (version > kMapVersion)
@@ -113,7 +113,7 @@ void check_schema(Connection& connection) {
   }
   if (select.step())
     throw InputError(
-        str(damaged, "it has '", select.bytes(0), "', which is no part of a map", remedy));
+        str(damaged, "it has '", select.bytes(0), "', which is not part of a map", remedy));
 }
 
 MapHead read_head(Connection& connection, std::string* damage) {

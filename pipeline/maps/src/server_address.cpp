@@ -17,8 +17,8 @@ void check_map_name(const std::string& map) {
   if (map.empty() || map.size() > 40 || !std::ranges::all_of(map, fits) ||
       !(map[0] >= 'a' && map[0] <= 'z') || map.starts_with("pg_"))
     throw UsageError(str("map=", map,
-                         ": expected a letter, then letters, digits and _, all small, at most 40, "
-                         "not beginning with pg_"));
+                         ": expected a lower-case letter, then lower-case letters, digits and _, "
+                         "at most 40, not beginning with pg_"));
 }
 
 std::chrono::milliseconds seconds(const std::string& text) {

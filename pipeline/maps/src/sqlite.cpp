@@ -69,7 +69,7 @@ void Connection::fail(int code) const {
   switch (code & 0xFF) {
     case SQLITE_NOTADB:
       throw InputError(
-          str(name_, ": no map, or its first bytes are damaged: not a SQLite database"));
+          str(name_, ": not a map, or its first bytes are damaged: not a SQLite database"));
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       throw Error(str(name_, ": another process is writing to this map; wait for it to end"));

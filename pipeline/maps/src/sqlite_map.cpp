@@ -236,7 +236,7 @@ std::vector<std::string> SqliteMap::check() const {
     select_value(*connection_, select, id, damage);
     if (!damage.empty()) add(str(file, ": value ", id, " is damaged: ", damage));
   }
-  // What is no content of ours: free pages, the trees' inner pages.
+  // What is not our content: free pages, the trees' inner pages.
   Statement integrity(*connection_, "PRAGMA integrity_check(20)");
   int code = SQLITE_OK;
   while ((code = integrity.try_step()) == SQLITE_ROW)

@@ -4,7 +4,7 @@
 
 namespace revisit::pipeline {
 
-/// Throws UsageError, naming the field that cannot be.
+/// Throws UsageError, naming the invalid field.
 void check(const RegistrationOptions& options);
 
 }  // namespace revisit::pipeline

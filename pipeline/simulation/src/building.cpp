@@ -8,10 +8,6 @@ namespace {
 
 using Vec = Mesh::Vec;
 
-float f(double value) {
-  return static_cast<float>(value);
-}
-
 /// An opening of the facade: [x0, x1] x [z0, z1], recessed by `depth`, closed by `pane`.
 struct Opening {
   double x0, x1, z0, z1, depth;

@@ -18,7 +18,7 @@ constexpr float kShadowReach = 80;  // [m]
 // Under a car or a bench it is dark: this share of the sky's light on the ground comes from
 // straight above, unless something is nearer than this.
 constexpr float kFromZenith = 0.6f, kCoverReach = 1.5f;
-constexpr int kTile = 4;           // a tile of 4 x 4 neighbouring rays is cast together
+constexpr int kRayTile = 4;        // a tile of 4 x 4 neighbouring rays is cast together
 constexpr int kBand = 16;          // image rows at a time: their rays stay in the cache
 constexpr float kContrast = 0.1f;  // between neighbours: more makes an edge
 constexpr size_t kBatch = 8192;    // rays at a time, at edges
@@ -147,10 +147,10 @@ GrayImage Camera::picture(int frame, const Pose& T_world_velo, const Light& ligh
   for (int top = 0; top < model_.height; top += kBand) {
     directions_.clear(), pixels_.clear();
     const int bottom = std::min(top + kBand, model_.height);
-    for (int tile_row = top; tile_row < bottom; tile_row += kTile)
-      for (int tile_column = 0; tile_column < model_.width; tile_column += kTile)
-        for (int row = tile_row; row < std::min(tile_row + kTile, bottom); ++row)
-          for (int column = tile_column; column < std::min(tile_column + kTile, model_.width);
+    for (int tile_row = top; tile_row < bottom; tile_row += kRayTile)
+      for (int tile_column = 0; tile_column < model_.width; tile_column += kRayTile)
+        for (int row = tile_row; row < std::min(tile_row + kRayTile, bottom); ++row)
+          for (int column = tile_column; column < std::min(tile_column + kRayTile, model_.width);
                ++column) {
             add_ray(column, row, R_world_cam);
             pixels_.push_back(static_cast<uint32_t>(row * model_.width + column));

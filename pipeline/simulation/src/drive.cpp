@@ -13,7 +13,7 @@ namespace {
 constexpr double kImageWidth = 1241, kImageHeight = 376;  // as in KITTI's sequence 00 [px]
 
 /// Camera 8 cm below and 27 cm in front of the LiDAR, with the fractions of a degree that a real
-/// mounting has: who forgets the rotation of Tr shall see it.
+/// mounting has: a reader that forgets the rotation of Tr shall notice.
 Pose typical_calibration() {
   Eigen::Matrix3d axes;  // camera x right, y down, z forward from LiDAR x forward, y left, z up
   axes << 0, -1, 0,      //

@@ -15,7 +15,7 @@ using Vec2 = Eigen::Vector2d;
 constexpr double kKerbWidth = 0.25;     // [m]
 constexpr double kPaintedPaving = 1.9;  // by the camera [m]
 constexpr double kFineLimit = 9;        // from the road: room for every kerb [m]
-constexpr int kTile = 8;                // [m]
+constexpr int kGroundTile = 8;          // [m]
 
 }  // namespace
 
@@ -70,13 +70,13 @@ double Ground::relief(const Vec2& point, double beyond) const {
 
 void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh) const {
   std::set<std::pair<int, int>> tiles;  // ordered: the mesh must not depend on a hash
-  const int steps = static_cast<int>(std::ceil(reach / kTile));
+  const int steps = static_cast<int>(std::ceil(reach / kGroundTile));
   Vec2 last = Vec2::Constant(1e12);
   for (const PathPoint& point : path) {
-    if ((point.position - last).norm() < kTile) continue;
+    if ((point.position - last).norm() < kGroundTile) continue;
     last = point.position;
-    const int ci = static_cast<int>(std::floor(last.x() / kTile));
-    const int cj = static_cast<int>(std::floor(last.y() / kTile));
+    const int ci = static_cast<int>(std::floor(last.x() / kGroundTile));
+    const int cj = static_cast<int>(std::floor(last.y() / kGroundTile));
     for (int i = -steps; i <= steps; ++i)
       for (int j = -steps; j <= steps; ++j)
         if (i * i + j * j <= steps * steps) tiles.insert({ci + i, cj + j});
@@ -86,12 +86,12 @@ void Ground::build(const std::vector<PathPoint>& path, double reach, Mesh* mesh)
   // The painter lays slabs as wide as in a town, then lawn.
   const double no_slabs = kPaintedPaving - scenery_.paving;
   for (const auto& [ti, tj] : tiles) {
-    const Vec2 corner(ti * kTile, tj * kTile);
-    const Vec2 center = corner + Vec2::Constant(kTile / 2.0);
-    const double limit = kFineLimit + kTile;
-    const bool fine = roads_.distance(center, limit) < kFineLimit + kTile * 0.7072;
-    const int cells = fine ? 2 * kTile : 2;  // 0.5 m, or 4 m
-    const double size = static_cast<double>(kTile) / cells;
+    const Vec2 corner(ti * kGroundTile, tj * kGroundTile);
+    const Vec2 center = corner + Vec2::Constant(kGroundTile / 2.0);
+    const double limit = kFineLimit + kGroundTile;
+    const bool fine = roads_.distance(center, limit) < kFineLimit + kGroundTile * 0.7072;
+    const int cells = fine ? 2 * kGroundTile : 2;  // 0.5 m, or 4 m
+    const double size = static_cast<double>(kGroundTile) / cells;
     const auto first = static_cast<uint32_t>(mesh->vertices.size());
     std::vector<double> beyond;  // from the kerb outwards [m]
     for (int i = 0; i <= cells; ++i)

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "degree.h"
 #include "random.h"
 #include "revisit/proto/error.h"
 
@@ -11,7 +12,6 @@ namespace revisit::pipeline {
 namespace simulation {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr float kMinRange = 0.9f;     // the sensors' blind zone [m]
 constexpr float kRangeStep = 0.002f;  // the sensors' resolution [m]
 /// Returns with signal * kSensitivity << 1 are lost, where signal = reflectance * cos(incidence) /

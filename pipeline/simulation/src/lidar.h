@@ -22,7 +22,7 @@ struct NoiseModel {
   double range_sigma = 0.02;  // [m]
   double dropout = 0.01;      // share of returns lost at random
 };
-/// Throws UsageError for a noise that cannot be.
+/// Throws UsageError for an invalid noise.
 void check(const NoiseModel& noise);
 
 /// Takes scans: one per thread.

@@ -4,12 +4,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "degree.h"
 #include "random.h"
 
 namespace revisit::pipeline::simulation {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kTurnRate = 0.25 * kDegree;  // 15 degrees an hour, an hour a minute [rad/s]
 constexpr double kSwingPeriod = 1440;         // of the sun's elevation [s]
 constexpr double kCloudSeconds = 35, kExposureSeconds = 20;

@@ -8,6 +8,11 @@
 
 namespace revisit::pipeline::simulation {
 
+/// Coordinates of meshes are floats.
+inline float f(double value) {
+  return static_cast<float>(value);
+}
+
 /// How a surface answers the laser, beyond its reflectance.
 enum class Material : uint8_t {
   kSolid,

@@ -41,14 +41,13 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
     if (!there.empty()) strange.push_back(*there.begin());
     for (const fs::path& file : strange)
       if (fs::exists(file))
-        throw UsageError(str(file.string(),
-                             " is there already and was not made by a simulation (no ",
+        throw UsageError(str(file.string(), " already exists and was not made by a simulation (no ",
                              settings_file_.string(),
                              "): choose another "
                              "SimulationConfig::output or SimulationConfig::sequence"));
   } else if (!known.starts_with(kHeader)) {
     throw UsageError(settings_file_.string() +
-                     " is there but is no settings file of a simulation: choose another "
+                     " exists but is not a settings file of a simulation: choose another "
                      "SimulationConfig::output");
   } else if (known != settings_ && !overwrite) {
     throw UsageError(

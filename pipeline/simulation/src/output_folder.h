@@ -30,7 +30,7 @@ class OutputFolder {
   std::string settings_;
 };
 
-/// Writes the file if it has not this content already, and the folders above it.
+/// Writes the file unless it already has this content, and the folders above it.
 void write_text(const std::filesystem::path& file, const std::string& text);
 
 }  // namespace revisit::pipeline::simulation

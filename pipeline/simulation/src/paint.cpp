@@ -9,7 +9,7 @@
 namespace revisit::pipeline::simulation {
 namespace {
 
-using Vec2 = Eigen::Vector2f;
+using Vec2f = Eigen::Vector2f;
 using Vec3 = Eigen::Vector3f;
 
 /// The share of [x - f/2, x + f/2] that is within [low, high]: a step that is never sharper than a
@@ -47,7 +47,7 @@ struct Spot {
 
   /// Along the sides of the quad that was met, from its first corner [m], and their lengths.
   struct OnQuad {
-    Vec2 at, size;
+    Vec2f at, size;
   };
   OnQuad on_quad() const {
     // Mesh::quad() makes (0, 1, 2) and (0, 2, 3) of four new corners.
@@ -56,31 +56,31 @@ struct Spot {
     const float u = point.hit->u, v = point.hit->v;
     const Vec3 corner = mesh.vertices[t[0]];
     const auto side = [&](uint32_t i) { return (mesh.vertices[t[0] + i] - corner).norm(); };
-    const Vec2 size(side(1), side(3));
-    return {Vec2(lower ? u + v : u, lower ? v : u + v).cwiseProduct(size), size};
+    const Vec2f size(side(1), side(3));
+    return {Vec2f(lower ? u + v : u, lower ? v : u + v).cwiseProduct(size), size};
   }
   /// Of the quad that was met: the same for both its triangles.
   uint64_t quad() const { return random_bits(thing, mesh.triangles[point.hit->triangle][0]); }
 
   /// Over the two axes that the surface spans best [m].
-  Vec2 flat(const Vec3& p, const Vec3& n) const {
+  Vec2f flat(const Vec3& p, const Vec3& n) const {
     const Vec3 a = n.cwiseAbs();
     if (a.z() >= a.x() && a.z() >= a.y()) return {p.x(), p.y()};
-    return a.x() > a.y() ? Vec2(p.y(), p.z()) : Vec2(p.x(), p.z());
+    return a.x() > a.y() ? Vec2f(p.y(), p.z()) : Vec2f(p.x(), p.z());
   }
-  float tile(const Texture& texture, const Vec2& at) const {
+  float tile(const Texture& texture, const Vec2f& at) const {
     return texture.at(at.x() + 5 * lot(thing, 1), at.y(), f);
   }
 
  private:
   Vec3 turned(const Vec3& p) const {
-    const Vec2& x = object.x_axis;
+    const Vec2f& x = object.x_axis;
     return {x.x() * p.x() + x.y() * p.y(), x.x() * p.y() - x.y() * p.x(), p.z()};
   }
 };
 
 /// Something like writing: 3 x 5 dots a letter, in [0, 1]. `at` in letters, `f` in letters.
-float writing(uint64_t text, const Vec2& at, float f) {
+float writing(uint64_t text, const Vec2f& at, float f) {
   const float column = std::floor(at.x());
   const uint64_t letter = random_bits(text, static_cast<uint64_t>(static_cast<int64_t>(column)));
   const auto x = static_cast<int>((at.x() - column) * 4), y = static_cast<int>(at.y() * 5);
@@ -90,13 +90,13 @@ float writing(uint64_t text, const Vec2& at, float f) {
 }
 
 /// A picture on paper of about one metre, in [0, 1].
-float picture(uint64_t which, const Vec2& at, float f, const Textures& textures) {
+float picture(uint64_t which, const Vec2f& at, float f, const Textures& textures) {
   const float x = 5 * lot(which, 1), y = 5 * lot(which, 2);
   return std::clamp(0.5f + 1.6f * (textures.noise.at(at.x() + x, at.y() + y, f) - 1), 0.02f, 0.95f);
 }
 
 /// Asphalt as it is nowhere else: mended here, cracked and filled with tar there.
-float asphalt(const Vec2& p, float f, const Textures& textures) {
+float asphalt(const Vec2f& p, float f, const Textures& textures) {
   const auto noise = [&](uint64_t which, float wavelength) {
     return static_cast<float>(value_noise(which, static_cast<double>(p.x()),
                                           static_cast<double>(p.y()),
@@ -112,11 +112,11 @@ float asphalt(const Vec2& p, float f, const Textures& textures) {
     albedo *= 1 - 0.5f * within(crack, -kCrack, kCrack, f);
   }
   // A manhole cover in some of the squares of 9 m.
-  const Vec2 square = (p / 9).array().floor();
+  const Vec2f square = (p / 9).array().floor();
   const uint64_t cell =
       random_bits(0x6c6964, static_cast<uint64_t>(static_cast<int64_t>(square.x())),
                   static_cast<uint64_t>(static_cast<int64_t>(square.y())));
-  const Vec2 lid = 9 * square + Vec2(1 + 7 * lot(cell, 1), 1 + 7 * lot(cell, 2));
+  const Vec2f lid = 9 * square + Vec2f(1 + 7 * lot(cell, 1), 1 + 7 * lot(cell, 2));
   const float r = (p - lid).norm();
   if (r < 1) {
     albedo = blend(albedo, 0.07f, within(r, -1, 0.33f, f));
@@ -130,7 +130,7 @@ Paint ground(const Spot& spot) {
   const auto& t = spot.mesh.triangles[hit.triangle];
   const auto kerb = [&](size_t i) { return spot.mesh.from_kerb[t[i]]; };
   const float d = kerb(0) + hit.u * (kerb(1) - kerb(0)) + hit.v * (kerb(2) - kerb(0));  // [m]
-  const Vec2 p = spot.point.position.head<2>();
+  const Vec2f p = spot.point.position.head<2>();
   const float f = spot.f;
   const float stain = 0.6f + 0.4f * spot.textures.noise.at(p.x() / 4, p.y() / 4, f / 4);
   const float lawn = beyond(d, 1.9f, f);
@@ -145,7 +145,7 @@ Paint ground(const Spot& spot) {
 
 Paint wall(const Spot& spot) {
   const Vec3 n = spot.local_normal(), p = spot.local();
-  const Vec2 at = spot.flat(p, n);
+  const Vec2f at = spot.flat(p, n);
   const float f = spot.f;
   const uint64_t side = random_bits(spot.thing, std::abs(n.x()) > 0.7f ? 1 : 2, n.sum() > 0);
   const float kind = lot(spot.thing, 2);
@@ -154,7 +154,7 @@ Paint wall(const Spot& spot) {
                         : kind < 0.87f ? spot.textures.stone
                                        : spot.textures.boards;
   const float tone = kind < 0.5f ? 1.15f * spot.reflectance : 0.7f * spot.reflectance;
-  const Vec2 stain = at / 2 + Vec2(5 * lot(side, 3), 0);
+  const Vec2f stain = at / 2 + Vec2f(5 * lot(side, 3), 0);
   float albedo = tone * spot.tile(skin, at) *
                  (0.75f + 0.25f * spot.textures.noise.at(stain.x(), stain.y(), f / 2));
   if (lot(spot.thing, 4) < 0.4f)  // a painted base
@@ -164,7 +164,7 @@ Paint wall(const Spot& spot) {
     const float board = within(at.y(), low, high, f);
     if (board > 0) {
       const float paper = 0.1f + 0.7f * lot(side, 6), ink = paper > 0.45f ? 0.05f : 0.8f;
-      const Vec2 letters((at.x() + 50) / 0.34f, (at.y() - low - 0.08f) / 0.32f);
+      const Vec2f letters((at.x() + 50) / 0.34f, (at.y() - low - 0.08f) / 0.32f);
       const bool written = lot(side, 7 + static_cast<uint64_t>(letters.x() / 7)) < 0.7f;
       const float text = written ? writing(side, letters, f / 0.34f) : 0;
       albedo = blend(albedo, blend(paper, ink, text), board);
@@ -174,8 +174,8 @@ Paint wall(const Spot& spot) {
   const float column = std::floor(at.x() / 2.7f);
   const uint64_t bill = random_bits(side, static_cast<uint64_t>(static_cast<int64_t>(column)), 9);
   if (lot(bill, 1) < 0.3f) {
-    const Vec2 size(0.5f + 1.1f * lot(bill, 2), 0.4f + 0.8f * lot(bill, 3));
-    const Vec2 on = at - Vec2(2.7f * column + 0.3f, 0.5f + 1.2f * lot(bill, 4));
+    const Vec2f size(0.5f + 1.1f * lot(bill, 2), 0.4f + 0.8f * lot(bill, 3));
+    const Vec2f on = at - Vec2f(2.7f * column + 0.3f, 0.5f + 1.2f * lot(bill, 4));
     const float share = within(on.x(), 0, size.x(), f) * within(on.y(), 0, size.y(), f);
     if (share > 0) albedo = blend(albedo, 0.1f + 0.6f * picture(bill, on, f, spot.textures), share);
   }
@@ -185,14 +185,14 @@ Paint wall(const Spot& spot) {
 Paint roof(const Spot& spot) {
   const Vec3 n = spot.local_normal(), p = spot.local();
   const float steep = std::sqrt(std::max(1 - n.z() * n.z(), 0.f));
-  const Vec2 at = steep < 0.2f                        ? Vec2(p.x(), p.y())
-                  : std::abs(n.x()) > std::abs(n.y()) ? Vec2(p.y(), p.z() / steep)
-                                                      : Vec2(p.x(), p.z() / steep);
+  const Vec2f at = steep < 0.2f                        ? Vec2f(p.x(), p.y())
+                   : std::abs(n.x()) > std::abs(n.y()) ? Vec2f(p.y(), p.z() / steep)
+                                                       : Vec2f(p.x(), p.z() / steep);
   return {0.7f * spot.reflectance * spot.tile(spot.textures.roof_tiles, at), 0};
 }
 
 Paint window(const Spot& spot) {
-  const Vec2 at = spot.on_quad().at, size = spot.on_quad().size;
+  const Vec2f at = spot.on_quad().at, size = spot.on_quad().size;
   const uint64_t pane = spot.quad();
   const float f = spot.f;
   float albedo = 0.04f;
@@ -221,7 +221,7 @@ Paint window(const Spot& spot) {
 }
 
 Paint door(const Spot& spot) {
-  const Vec2 at = spot.on_quad().at, size = spot.on_quad().size;
+  const Vec2f at = spot.on_quad().at, size = spot.on_quad().size;
   const uint64_t leaf = spot.quad();
   const float f = spot.f;
   float albedo = 0.06f + 0.5f * lot(leaf, 1);
@@ -246,13 +246,14 @@ Paint slats(const Spot& spot, float pitch) {
 Paint traffic_sign(const Spot& spot) {
   const auto [at, size] = spot.on_quad();
   const uint64_t sheet = spot.quad();
-  const Vec2 c = at - size / 2;
+  const Vec2f c = at - size / 2;
   const float f = spot.f, half = size.x() / 2;
   const float r = lot(sheet, 1) < 0.6f ? c.norm() : c.cwiseAbs().maxCoeff();
   float albedo = blend(0.25f, 0.85f, within(r, -1, half * 0.78f, f));
   const float letter = half * 0.55f;
   if (within(r, -1, half * 0.7f, f) > 0) {
-    const Vec2 text = (c + Vec2(letter, letter * 0.8f)).cwiseQuotient(Vec2(letter, 1.6f * letter));
+    const Vec2f text =
+        (c + Vec2f(letter, letter * 0.8f)).cwiseQuotient(Vec2f(letter, 1.6f * letter));
     if (text.x() >= 0 && text.x() < 2)
       albedo = blend(albedo, 0.08f, writing(sheet, text, f / letter));
   }
@@ -262,9 +263,9 @@ Paint traffic_sign(const Spot& spot) {
 Paint posters(const Spot& spot) {
   const Vec3 p = spot.local();
   constexpr float kRadius = 0.6f, kWide = 0.63f, kHigh = 0.85f;  // [m]
-  const Vec2 at((std::atan2(p.y(), p.x()) + std::numbers::pi_v<float>)*kRadius, p.z());
-  const Vec2 sheet = at.cwiseQuotient(Vec2(kWide, kHigh)).array().floor();
-  const Vec2 on = at - sheet.cwiseProduct(Vec2(kWide, kHigh));
+  const Vec2f at((std::atan2(p.y(), p.x()) + std::numbers::pi_v<float>)*kRadius, p.z());
+  const Vec2f sheet = at.cwiseQuotient(Vec2f(kWide, kHigh)).array().floor();
+  const Vec2f on = at - sheet.cwiseProduct(Vec2f(kWide, kHigh));
   const uint64_t which =
       random_bits(spot.thing, static_cast<uint64_t>(static_cast<int64_t>(sheet.x())),
                   static_cast<uint64_t>(static_cast<int64_t>(sheet.y())));
@@ -291,7 +292,7 @@ Paint car_body(const Spot& spot) {
 
 Paint car_end(const Spot& spot) {
   const auto [at, size] = spot.on_quad();
-  const Vec2 c = at - size / 2;
+  const Vec2f c = at - size / 2;
   const float f = spot.f, x = std::abs(c.x());
   float albedo = spot.reflectance;
   const float middle = within(c.y(), -0.1f, 0.12f, f);
@@ -299,14 +300,14 @@ Paint car_end(const Spot& spot) {
   albedo = blend(albedo, 0.75f, middle * within(x, size.x() * 0.34f, size.x() * 0.46f, f));
   const float plate = within(x, -1, 0.26f, f) * within(c.y(), -0.06f, 0.06f, f);
   if (plate > 0) {
-    const Vec2 text((c.x() + 0.26f) / 0.075f, (c.y() + 0.045f) / 0.09f);
+    const Vec2f text((c.x() + 0.26f) / 0.075f, (c.y() + 0.045f) / 0.09f);
     albedo = blend(albedo, 0.8f - 0.7f * writing(spot.thing, text, f / 0.075f), plate);
   }
   return {albedo, 0.04f};
 }
 
 Paint leaves(const Spot& spot) {
-  const Vec2 at = spot.flat(spot.point.position, spot.point.normal);
+  const Vec2f at = spot.flat(spot.point.position, spot.point.normal);
   const float tuft = lot(spot.mesh.triangles[spot.point.hit->triangle][0], 13);
   return {(0.10f + 0.3f * spot.reflectance) * (0.7f + 0.5f * tuft) *
               spot.textures.leaves.at(at.x() + 2 * tuft, at.y(), spot.f),

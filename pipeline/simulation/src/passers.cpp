@@ -17,10 +17,10 @@ constexpr double kCarReach = 20, kCarClearance = 2.2;  // from a car's middle li
 constexpr double kPersonRadius = 0.4;                  // [m]
 constexpr int kTries = 30;
 
-class Scene {
+class PassersScene {
  public:
-  Scene(uint64_t seed, const Vec2& sensor, const Ground& ground,
-        const std::vector<Footprint>& objects)
+  PassersScene(uint64_t seed, const Vec2& sensor, const Ground& ground,
+               const std::vector<Footprint>& objects)
       : random_(seed, 0x70617373), sensor_(sensor), ground_(ground) {
     for (const Footprint& object : objects)
       if (object.distance(sensor) < kCarReach + 5) taken_.push_back(object);
@@ -86,7 +86,7 @@ class Scene {
 Passers make_passers(uint64_t seed, const std::vector<PathPoint>& path, size_t here,
                      const Vec2& sensor, const Ground& ground,
                      const std::vector<Footprint>& objects) {
-  Scene scene(seed, sensor, ground, objects);
+  PassersScene scene(seed, sensor, ground, objects);
   for (int i = 0, n = scene.random().integer(0, 2); i < n; ++i) scene.car(path, here);
   for (int i = 0, n = scene.random().integer(1, 4); i < n; ++i) scene.person();
   return scene.take();

@@ -12,7 +12,7 @@ namespace revisit::pipeline::simulation {
 namespace {
 
 constexpr unsigned kPacket = 16;
-constexpr float kMinRange = 0.05f;  // [m]
+constexpr float kShortestRay = 0.05f;  // [m]
 
 struct DeviceDeleter {
   void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
@@ -77,7 +77,7 @@ void set_ray(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction, fl
              unsigned k, RTCRay16* rays) {
   rays->org_x[k] = origin.x(), rays->org_y[k] = origin.y(), rays->org_z[k] = origin.z();
   rays->dir_x[k] = direction.x(), rays->dir_y[k] = direction.y(), rays->dir_z[k] = direction.z();
-  rays->tnear[k] = kMinRange, rays->tfar[k] = max_range;
+  rays->tnear[k] = kShortestRay, rays->tfar[k] = max_range;
   rays->time[k] = 0, rays->mask[k] = ~0u, rays->flags[k] = 0, rays->id[k] = k;
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "degree.h"
 #include "random.h"
 
 namespace revisit::pipeline::simulation {
@@ -10,7 +11,6 @@ namespace {
 
 using Vec2 = Eigen::Vector2d;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kTurn = 40 * kDegree, kTurnError = 3 * kDegree;
 constexpr double kTilt = 0.5 * kDegree;  // of a tripod levelled by eye
 constexpr double kFromLane = 0.8;        // the tripod stands to the right of the driven lane [m]

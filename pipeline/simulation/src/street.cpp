@@ -4,13 +4,6 @@
 #include "objects.h"
 
 namespace revisit::pipeline::simulation {
-namespace {
-
-float f(double value) {
-  return static_cast<float>(value);
-}
-
-}  // namespace
 
 Mesh make_fence(Random& random, FenceKind kind, double length, double height) {
   Mesh mesh;

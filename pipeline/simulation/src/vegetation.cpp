@@ -37,10 +37,6 @@ void foliage(Random& random, const Vec& center, const Vec& radii, int count, dou
   }
 }
 
-float f(double value) {
-  return static_cast<float>(value);
-}
-
 }  // namespace
 
 Mesh make_tree(Random& random, double crown_radius) {

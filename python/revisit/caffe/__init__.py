@@ -1,6 +1,6 @@
 """A drop-in for pycaffe: `import revisit.caffe as caffe`.
 
-Scripts that run networks work as they are. What is for training raises TrainingError. docs/PYCAFFE.md has what differs.
+Scripts that run networks work as they are. What is for training raises TrainingError. docs/PYTHON.md has what differs.
 """
 
 import sys as _sys

@@ -62,5 +62,5 @@ def caffemodel(name, layers):
 def in_memory(arrays):
     """The bytes of a caffemodel for the engine. `arrays`: lists of arrays by name of layer."""
     layers = [(caffe_pb2.LayerParameter(name=name), blobs) for name, blobs in arrays.items()]
-    # A file without layers is no caffemodel.
+    # A file without layers is not a caffemodel.
     return b''.join(caffemodel('net', layers or [(caffe_pb2.LayerParameter(name='none'), [])]))

@@ -128,7 +128,7 @@ class Net:
 
         Raises:
             OSError: the file cannot be read.
-            revisit.InputError: it is no file of weights, or those of a layer do not fit.
+            revisit.InputError: it is not a weights file, or the weights of a layer do not fit.
         """
         self._weights.copy_from(_engine.WeightsFile(weights))
         self._ranges.clear()

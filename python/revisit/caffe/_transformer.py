@@ -22,7 +22,7 @@ class Transformer:
 
     def _check(self, in_):
         if in_ not in self.inputs:
-            raise ValueError(f"'{in_}' is none of the inputs {sorted(self.inputs)}")
+            raise ValueError(f"'{in_}' is not one of the inputs {sorted(self.inputs)}")
 
     def preprocess(self, in_, data):
         """An image [h][w][c] of any size as the input `in_` wants it, mostly [c][h][w]; float32, a new array.

@@ -1,4 +1,4 @@
-"""What a scan looks like, a line each: the columns and fields of `revisit loops`, docs/LOOPS.md."""
+"""What a scan looks like, a line each: the columns and fields of `revisit loops`, docs/FORMATS.md."""
 
 import csv
 import json

@@ -5,7 +5,7 @@ from revisit.recordings.recording import package
 MOST_POINTS = 20000
 """Of a scan that are shown."""
 PART = 256
-"""What grows is logged in parts of so many, because each part is logged again whenever it grows."""
+"""What grows is logged in parts of this size, because each part is logged again whenever it grows."""
 
 
 def grower(log, name, make):

@@ -32,10 +32,10 @@ def make_parser():
     parser = argparse.ArgumentParser(
         'revisit-loops', formatter_class=argparse.RawDescriptionHelpFormatter, epilog=EXAMPLES,
         description='Places seen before, found online: every scan is described, compared with what was there before it,\n'
-                    'printed as a line when it is recognised, and added. docs/BAGS.md has what is read.')
+                    'printed as a line when it is recognised, and added. docs/SCANS.md has what is read.')
     parser.add_argument('data', metavar='DATA', help='a bag, packets, a data set, or a folder of scans')
     data = parser.add_argument_group('data')
-    data.add_argument('--reader', choices=[reader.name for reader in READERS], help='default: told by looking')
+    data.add_argument('--reader', choices=[reader.name for reader in READERS], help='default: detected')
     data.add_argument('--topic', help='of a bag that has several of PointCloud2')
     data.add_argument('--sequence', default='', help='of a data set with several: 00, scene-0061, Ouster')
     data.add_argument('--meta', metavar='FILE', help="of Ouster's packets (default: the .json file beside them)")
@@ -45,7 +45,7 @@ def make_parser():
     data.add_argument('--ring', metavar='FILE', help='a ring model that `revisit learn` wrote, instead')
     where = parser.add_argument_group('poses')
     where.add_argument('--poses', metavar='FILE', help='of the scans (default: those of the data set)')
-    where.add_argument('--pose-format', choices=poses.FORMATS, help='default: told by looking')
+    where.add_argument('--pose-format', choices=poses.FORMATS, help='default: detected')
     where.add_argument('--pose-frame', choices=poses.FRAMES,
                        help='lidar: z is up in the world; camera: x to the right, y down, z forward. Needed with --poses')
     where.add_argument('--calib', metavar='FILE', help='T_body_lidar when the poses are not the lidar\'s: calib.txt of KITTI, '
@@ -54,17 +54,17 @@ def make_parser():
                        help='between a scan and its pose (default %(default)s)')
     where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
     loops = parser.add_argument_group('loops')
-    loops.add_argument('--threshold', type=float, metavar='S', help="a loop from this score on (default: the map's)")
-    loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='what of the drive is of the same moment: '
+    loops.add_argument('--threshold', type=float, metavar='S', help="accept loops from this score on (default: the map's)")
+    loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of the drive that are not compared: '
                        'frames=50 (default), seconds=30, metres=50 or none')
     loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
                        '(default %(default)s)')
     loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
-    loops.add_argument('--drive', metavar='NAME', help='what this drive is called in the map (default: the name of the data)')
+    loops.add_argument('--drive', metavar='NAME', help='name of this drive in the map (default: the name of the data)')
     loops.add_argument('--threads', type=positive, default=len(os.sched_getaffinity(0)), metavar='N', help='of one scan')
     out = parser.add_argument_group('output')
-    out.add_argument('--format', choices=['csv', 'jsonl'], default='csv', help='a line a loop (default csv)')
-    out.add_argument('--all', action='store_true', help='a line for every scan, not for accepted loops alone')
+    out.add_argument('--format', choices=['csv', 'jsonl'], default='csv', help='one line per loop (default csv)')
+    out.add_argument('--all', action='store_true', help='a line for every scan, not only for accepted loops')
     out.add_argument('-o', '--output', metavar='FILE', help='for the loops (default: standard output)')
     out.add_argument('--report', metavar='FILE.html', help='the page of `revisit report`, which must be on PATH')
     out.add_argument('--plot', metavar='FILE.png', help='a picture (needs matplotlib)')

@@ -1,4 +1,4 @@
-"""How far it is, on a terminal only."""
+"""Progress, on a terminal only."""
 
 import sys
 import time

@@ -14,7 +14,7 @@ KINDS = ('frames', 'seconds', 'metres', 'none')
 
 
 class Exclusion(NamedTuple):
-    """Which scans of the drive are of the same moment, and no loops."""
+    """Which scans of the drive are of the same moment, and not loops."""
     kind: str = 'frames'
     amount: float = 50
 

@@ -46,6 +46,6 @@ def open_recording(path, *, format=None, topic=None, sequence='', meta=None) -> 
         if reader.name == format or (format is None and reader.detects(path)):
             for name, value in options._asdict().items():
                 if value and name not in reader.takes:
-                    raise UsageError(f'{path}: {name} {value}: what {reader.name} reads has none; leave it out')
+                    raise UsageError(f'{path}: {name} {value}: {reader.name} data has none; leave it out')
             return reader.opens(path, options)
-    raise InputError(f'{path}: nothing that is known: expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), or a folder')
+    raise InputError(f'{path}: not recognised: expected a bag (.bag, .db3, .mcap), packets (.pcap, .osf), or a folder')

@@ -60,7 +60,7 @@ def calibration(folder):
         left = next(line.split()[1:] for line in to_pose.read_text().splitlines() if line.startswith('image_00:'))
         T_imu_cam = matrix([float(number) for number in left], to_pose)
     except (OSError, StopIteration, ValueError):
-        raise InputError(f'{to_pose}: expected a line "image_00:" and 12 numbers; without it poses.txt says nothing') from None
+        raise InputError(f'{to_pose}: expected a line "image_00:" and 12 numbers; without it poses.txt cannot be used') from None
     return T_imu_cam @ np.linalg.inv(matrix(table_of(to_velo).ravel(), to_velo))
 
 

@@ -18,7 +18,7 @@ class Scan(NamedTuple):
     pose: np.ndarray | None
     """T_world_lidar, float64 [4][4], in KITTI's world: revisit.poses."""
     points: Callable[[], np.ndarray]
-    """float32 [n][3 or more] in the lidar's frame [m], perhaps a view of what was read. InputError when they are no scan."""
+    """float32 [n][3 or more] in the lidar's frame [m], perhaps a view of what was read. InputError when they are not a scan."""
     source: str
     """For people: the file, or the bag and the frame."""
 
@@ -50,7 +50,7 @@ class Options(NamedTuple):
 
 
 def package(name, install, what):
-    """A package that is not everywhere. Error saying what to install."""
+    """A package that may be missing. Raises Error saying what to install."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

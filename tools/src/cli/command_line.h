@@ -43,7 +43,7 @@ struct CommandLine {
   std::string examples;  // lines as --help has them
   std::vector<Group> groups;
   std::vector<Argument> arguments;
-  std::vector<CommandLine> below;  // subcommands; who has them has no arguments
+  std::vector<CommandLine> below;  // subcommands; a command with any has no arguments
 
   /// The last word of `command`.
   std::string verb() const;
@@ -64,7 +64,7 @@ Values values_named(const std::string& name, bool is_path);
 /// Whether a command is asked to describe itself instead of running: nothing that a user can type.
 bool asks_for_description(const Arguments& arguments);
 
-/// How a command answers that: whoever asked catches it.
+/// How a command answers that: the caller catches it.
 struct Described {
   CommandLine line;
 };

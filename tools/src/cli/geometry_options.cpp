@@ -62,7 +62,7 @@ constexpr Field kFields[] = {
 void GeometryOptions::declare(Parser& parser) {
   parser.group("Range image:")
       .option("sensor", "NAME|list",
-              "sets all of these; 'list' prints the sensors that are known (default auto: from the "
+              "sets all of these; 'list' prints the known sensors (default auto: from the "
               "beams of the first scans)",
               &sensor)
       .suggest(sensor_names())
@@ -99,8 +99,8 @@ std::string GeometryOptions::resolve(const std::vector<pipeline::PointCloud>& sc
   bottom = bottom.value_or(found.image.elevation_bottom);
   closing_width = closing_width.value_or(rounded(found.image.closing_width));
   closing_height = closing_height.value_or(rounded(found.image.closing_height));
-  return str(seen, ": no sensor that is known, so --top ", exact(*top), " --bottom ",
-             exact(*bottom), " --closing-width ", exact(*closing_width), " --closing-height ",
+  return str(seen, ": not a known sensor, so --top ", exact(*top), " --bottom ", exact(*bottom),
+             " --closing-width ", exact(*closing_width), " --closing-height ",
              exact(*closing_height));
 }
 

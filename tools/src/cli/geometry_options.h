@@ -25,13 +25,13 @@ struct GeometryOptions {
   /// a sensor was given.
   std::string resolve(const std::vector<pipeline::PointCloud>& scans);
   /// The sensor's, but for what is given; where `auto` is not resolved, the default. Throws
-  /// UsageError for a geometry that is none.
+  /// UsageError for an invalid geometry.
   pipeline::ImageGeometry geometry() const;
   /// Every option with the value it has, "" where it has none.
   std::vector<std::pair<std::string, std::string>> settings() const;
 };
 
-/// The sensors that are known, for Parser::suggest().
+/// The known sensors, for Parser::suggest().
 std::vector<std::string> sensor_names();
 
 /// Whether the arguments say `--sensor list`; the sensors are then printed. (The parser would ask

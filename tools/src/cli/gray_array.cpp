@@ -48,8 +48,7 @@ std::vector<float> gray_offsets(const proto::NpyArray& array, const std::string&
         if (!(std::abs(difference(n, i) - offset) <= rounding))
           throw InputError(str(what, ": --gray: channel ", c, " of image ", n,
                                " is not channel 0 plus a constant: they differ by ",
-                               difference(n, i), " at pixel ", i, ", by ", offset,
-                               " on the average"));
+                               difference(n, i), " at pixel ", i, ", by ", offset, " on average"));
     offsets.push_back(static_cast<float>(offset));
   }
   return offsets;

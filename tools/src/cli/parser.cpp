@@ -26,8 +26,7 @@ Number parse_number(const std::string& what, const std::string& text) {
                          std::is_integral_v<Number> ? "a whole number" : "a number", ", found '",
                          text, "'"));
   if constexpr (std::is_floating_point_v<Number>)
-    if (!std::isfinite(value))
-      throw UsageError(str(what, ": ", text, " is no number to work with"));
+    if (!std::isfinite(value)) throw UsageError(str(what, ": ", text, " is not a usable number"));
   return value;
 }
 
@@ -284,8 +283,8 @@ void Parser::parse(std::vector<std::string> arguments) {
   for (const auto& [option, text] : collected.options) {
     if (!is_config(*option)) continue;
     if (option->name == "config" && config_path_)
-      throw UsageError(str("--config: there can be one, found ", config_path_->string(), " and ",
-                           text, "; --set overrides single settings"));
+      throw UsageError(str("--config: expected at most one, found ", config_path_->string(),
+                           " and ", text, "; --set overrides single settings"));
     option->apply("--" + option->name, text);
   }
   if (config_path_)

@@ -42,16 +42,16 @@ int describe_command(const Arguments& arguments) {
   if (lists_sensors(arguments)) return kOk;
   FeatureOptions options;
   fs::path output;
-  Parser parser("revisit describe", "DATA -o DIR",
-                "Turn every scan of a KITTI sequence or a folder of .bin, .pcd or .ply files into "
-                "a descriptor: "
-                "DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan), "
-                "DIR/run.json (how it was made and the time of each stage) and DIR/pca (mean.npy, "
-                "basis.npy: for --pca-fit elsewhere). A stopped run goes on when the same command "
-                "is given again.",
-                "  revisit describe KITTI --sequence 00 -o out\n"
-                "  revisit describe scans/ --sensor vlp16 --feature data --pca 100 -o out\n"
-                "  revisit describe KITTI --sequence 05 --pca-fit out/pca -o out05\n");
+  Parser parser(
+      "revisit describe", "DATA -o DIR",
+      "Turn every scan of a KITTI sequence or a folder of .bin, .pcd or .ply files into "
+      "a descriptor: "
+      "DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan), "
+      "DIR/run.json (how it was made and the time of each stage) and DIR/pca (mean.npy, "
+      "basis.npy: for --pca-fit elsewhere). Run the same command again to continue a stopped run.",
+      "  revisit describe KITTI --sequence 00 -o out\n"
+      "  revisit describe scans/ --sensor vlp16 --feature data --pca 100 -o out\n"
+      "  revisit describe KITTI --sequence 05 --pca-fit out/pca -o out05\n");
   options.declare(parser);
   parser.group("Output:");
   parser.option("output", "DIR", "folder for the descriptors", &output, 'o');

@@ -82,11 +82,11 @@ int eval_command(const Arguments& arguments) {
     return exit_code;
   }
   std::cout << "feature " << evaluation.feature << " (" << evaluation.feature_dim
-            << " numbers a scan), " << evaluation.trajectory.size() << " scans, "
+            << " numbers per scan), " << evaluation.trajectory.size() << " scans, "
             << (evaluation.reduced ? "PCA fitted on " + evaluation.result.tasks.front().pca_fit
                                    : "no PCA");
   if (const auto speed = frames_per_second(evaluation.result.times.describe))
-    std::cout << ", " << number(*speed, 1) << " scans/s a thread";
+    std::cout << ", " << number(*speed, 1) << " scans/s per thread";
   std::cout << "\n\n";
   print_summary(std::cout, evaluation.result.tasks, options.resamples);
   print_left_out(std::cout, evaluation.left_out, evaluation.trajectory.size());

@@ -16,14 +16,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-ExperimentOptions parse_options(const Arguments& arguments) {
+ExperimentOptions parse_experiment_options(const Arguments& arguments) {
   ExperimentOptions o;
   Parser parser(
       "revisit experiment", "NAME... | all | list",
       "The experiments of the paper, on KITTI odometry or on simulated drives (sequences "
-      "00, 05, 06, 08). Work is shared between experiments and kept: a stopped one goes "
-      "on when the same command is given again. What cannot run for want of networks or "
-      "sequences is said, the rest runs. Each statement of the paper holds, does not, or is "
+      "00, 05, 06, 08). Work is shared between experiments and kept: run the same command again to "
+      "continue a stopped one. Experiments whose networks or sequences are missing are listed, the "
+      "rest runs. Each statement of the paper holds, does not, or is "
       "undecided: each of the two figures lies within the other's 95 % interval.",
       "  revisit experiment list\n"
       "  revisit experiment all --kitti KITTI --models MODELS -o results/paper\n"
@@ -49,7 +49,8 @@ ExperimentOptions parse_options(const Arguments& arguments) {
   parser.option("width", "PIXELS", "columns of the range image (default: the sensor's, 4000)",
                 &o.width);
   parser.option("feature-mb", "MB",
-                "layers whose feature is larger are left out (default 8 MB a scan)", &o.feature_mb);
+                "layers whose feature is larger are left out (default 8 MB per scan)",
+                &o.feature_mb);
   parser.flag("untrained",
               "random weights for the paper's networks that are missing, on the smallest sequence: "
               "shows that they run, proves nothing about accuracy",
@@ -60,7 +61,7 @@ ExperimentOptions parse_options(const Arguments& arguments) {
   parser.option("threads", "N", "scans in flight, one thread each (default: all cores)",
                 &o.threads);
   parser.flag("keep-features",
-              "keep the features of whole scans (some GB a network and sequence) when their runs "
+              "keep the features of whole scans (some GB per network and sequence) when their runs "
               "are done; the descriptors are kept in any case",
               &o.keep_features);
   parser.flag("no-progress", "no progress line", &o.no_progress);
@@ -112,7 +113,7 @@ void print_results(const std::vector<reports::Experiment>& all) {
     if (any)
       table.print(std::cout);
     else
-      std::cout << "  Nothing of it could run; the table below says why.\n";
+      std::cout << "  None of them could run; the table below says why.\n";
     for (const reports::ExperimentClaim& claim : experiment.claims())
       std::cout << (claim.undecided() ? "  undecided "
                     : claim.holds()   ? "  holds     "
@@ -153,7 +154,7 @@ bool print_summary(const std::vector<reports::Experiment>& all) {
 }  // namespace
 
 int experiment_command(const Arguments& arguments) {
-  ExperimentOptions options = parse_options(arguments);
+  ExperimentOptions options = parse_experiment_options(arguments);
   if (options.names.empty())
     throw UsageError("which experiment? Give a name, several, or all; 'revisit experiment list'");
   if (options.names == std::vector<std::string>{"list"}) {

@@ -15,13 +15,13 @@ namespace {
 namespace fs = std::filesystem;
 using namespace pipeline;
 
-constexpr const char* kSummary =
+constexpr const char* kGtSummary =
     "Prints the ground truth of a KITTI sequence: how many frames come back to a place seen "
     "before. A frame "
     "has a true loop when an earlier frame beyond the exclusion is nearer than the radius. Only "
     "the poses "
     "are read; every pose is a frame.";
-constexpr const char* kExamples =
+constexpr const char* kGtExamples =
     "  revisit gt kitti --sequence 00\n"
     "  revisit gt kitti --sequence 08 --distance box --radius 3 --exclusion metres=50\n"
     "  revisit gt kitti --sequence 05 --pairs --format csv > pairs.csv\n";
@@ -33,9 +33,9 @@ struct GtOptions {
   bool pairs = false;
 };
 
-GtOptions parse_options(const Arguments& arguments) {
+GtOptions parse_gt_options(const Arguments& arguments) {
   GtOptions o;
-  Parser parser("revisit gt", "DATA", kSummary, kExamples);
+  Parser parser("revisit gt", "DATA", kGtSummary, kGtExamples);
   parser.positional("DATA", &o.data)
       .option("sequence", "NN", "which sequence, e.g. 00", &o.sequence)
       .option("distance", "xz|3d|box",
@@ -120,7 +120,7 @@ void print(const reports::GroundTruth& report, const GtOptions& o) {
 }  // namespace
 
 int gt_command(const Arguments& arguments) {
-  const GtOptions o = parse_options(arguments);
+  const GtOptions o = parse_gt_options(arguments);
   const TrueMatchRule rule{parse_distance(o.distance), o.radius};
   const Exclusion exclusion = parse_exclusion(o.exclusion);
   const fs::path file = find_kitti_poses(o.data, o.sequence);

@@ -22,11 +22,11 @@ namespace {
 namespace fs = std::filesystem;
 using namespace pipeline;
 
-constexpr const char* kSummary =
+constexpr const char* kImageSummary =
     "Writes the range image the network sees as PNG, before hole closing (NAME_projected.png) and "
     "after (NAME_closed.png), and prints how well the scan is aligned. SCAN is a .bin (KITTI), "
     ".pcd or .ply file.";
-constexpr const char* kExamples =
+constexpr const char* kImageExamples =
     "  revisit image sequences/00/velodyne/000052.bin -o images\n"
     "  revisit image scan.pcd --sensor vlp16 --align none\n"
     "  revisit image scan.bin --gamma 2.5                 # brighter, to look at\n"
@@ -39,9 +39,9 @@ struct ImageOptions {
   GeometryOptions image;
 };
 
-ImageOptions parse_options(const Arguments& arguments) {
+ImageOptions parse_image_options(const Arguments& arguments) {
   ImageOptions o;
-  Parser parser("revisit image", "SCAN", kSummary, kExamples);
+  Parser parser("revisit image", "SCAN", kImageSummary, kImageExamples);
   parser.positional("SCAN", &o.scan)
       .option("output", "DIR", "where the PNG files go (default: here)", &o.output, 'o')
       .choice("align", {"case1", "case2", "none"}, "(default: case1)", &o.align)
@@ -119,7 +119,7 @@ Table table_of(const reports::RangeImageSummary& s) {
 
 int image_command(const Arguments& arguments) {
   if (lists_sensors(arguments)) return kOk;
-  ImageOptions o = parse_options(arguments);
+  ImageOptions o = parse_image_options(arguments);
   reports::RangeImageSummary summary;
 
   const PointCloud cloud = read_scan(o.scan);

@@ -35,7 +35,7 @@ struct LearnOptions {
   }
 };
 
-LearnOptions parse_options(const Arguments& arguments) {
+LearnOptions parse_learn_options(const Arguments& arguments) {
   LearnOptions o;
   Parser parser(
       "revisit learn", "DATA... -o FILE",
@@ -72,9 +72,10 @@ LearnOptions parse_options(const Arguments& arguments) {
                           "the default), odometry (poses, scans near in space and time), sequence "
                           "(each scan and the next, without poses), scans (nothing)",
                           &o.learn.lesson)
-      .option("radius", "METRES", "nearer scans are of one place (default 5)", &o.learn.radius)
+      .option("radius", "METRES", "scans nearer than this are of one place (default 5)",
+              &o.learn.radius)
       .option("column-scans", "N",
-              "the columns' directions are learnt from so many scans "
+              "number of scans that the columns' directions are learnt from "
               "(default 200)",
               &o.learn.column_scans)
       .group("Running:")
@@ -113,7 +114,7 @@ constexpr size_t kCarriedWeights = 256 << 10;  // [bytes]
 }  // namespace
 
 int learn_command(const Arguments& arguments) {
-  LearnOptions o = parse_options(arguments);
+  LearnOptions o = parse_learn_options(arguments);
   const FeatureOptions running = o.running();
   const pipeline::Observer observer = running.observer();
   std::vector<pipeline::Dataset> drives;

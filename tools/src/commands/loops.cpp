@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Of 9909 places of several towns these had 96 of 100 of those that all headings find; 300 had 94
-/// (docs/RINGS.md).
+/// (docs/METHODS.md).
 constexpr int64_t kCandidates = 1000;
 
 struct LoopsOptions {
@@ -37,14 +37,14 @@ struct LoopsOptions {
   bool verify = false, all = false;
 };
 
-LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
+LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   LoopsOptions o;
   o.feature.feature = "ring";
   o.feature.ring_key_candidates = kCandidates;
   o.feature.declare(parser);
   parser.group("Loops:")
       .option("exclusion", "KIND=N",
-              "what of the drive itself is of the same moment: frames=50 (default), seconds=30, "
+              "recent scans of this drive that are not compared: frames=50 (default), seconds=30, "
               "metres=50 or none",
               &o.exclusion)
       .option("threshold", "S",
@@ -54,25 +54,26 @@ LoopsOptions parse_options(const Arguments& arguments, Parser& parser) {
               "learn the threshold on this drive with poses, and keep it in the map", &o.calibrate)
       .option("calibrate-sequence", "NN", "sequence of DRIVE when it is a KITTI root",
               &o.calibrate_sequence)
-      .option("precision", "P", "that --calibrate is to reach there, 0 to 1 (default 1)",
+      .option("precision", "P", "precision that --calibrate must reach, 0 to 1 (default 1)",
               &o.precision)
-      .option("radius", "METRES", "for --calibrate: nearer is the same place (default 5)",
-              &o.radius)
+      .option("radius", "METRES",
+              "for --calibrate: scans nearer than this are of one place (default 5)", &o.radius)
       .flag("verify",
             "register accepted loops with GICP: where the scan was, and how sure that is; loops "
             "that do not fit are not accepted",
             &o.verify)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
       .option("graph-candidates", "N",
-              "of maps beyond some 100,000 places: compare so many, which a graph of keys proposes "
-              "(FAISS)",
+              "for maps of more than about 100,000 places: compare only this many, which a graph "
+              "of keys proposes (FAISS)",
               &o.graph_candidates)
-      .flag("all", "a line for every scan, not for accepted loops alone", &o.all)
+      .flag("all", "a line for every scan, not only for accepted loops", &o.all)
       .option("follow", "SECONDS",
-              "DATA is a folder that grows: go on until nothing comes for so long", &o.follow);
+              "DATA is a folder that grows: continue until no scan has come for this long",
+              &o.follow);
   o.map.declare(parser);
   parser.group("Output:")
-      .choice("format", {"csv", "jsonl"}, "a line a loop (default csv)", &o.format)
+      .choice("format", {"csv", "jsonl"}, "one line per loop (default csv)", &o.format)
       .option("output", "FILE", "for the loops (default: standard output)", &o.output, 'o')
       .option("g2o", "FILE", "a pose graph: poses, and registered loops (with --verify)", &o.g2o)
       .option("tum", "FILE",
@@ -190,7 +191,7 @@ int loops_command(const Arguments& arguments) {
       "  revisit loops town --calibrate other_town > loops.csv\n"
       "  revisit loops town --map town.map --calibrate other_town --verify --g2o town.g2o\n"
       "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n");
-  LoopsOptions o = parse_options(arguments, parser);
+  LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
   RecognizerSource described = recognizer_source(o.feature, parser, source.some);
   described.options.threshold = o.threshold;

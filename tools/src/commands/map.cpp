@@ -100,13 +100,14 @@ int build(const Arguments& arguments) {
   FeatureOptions options;
   options.feature = "ring";
   MapOptions map;
-  Parser parser("revisit map build", "DATA",
-                "Describes the scans that a map has not yet and adds them. On a server any number "
-                "of processes and machines do it together: each claims some scans at a time, and "
-                "those of one that ends are done by the others. The same command goes on after "
-                "Ctrl-C or a crash.",
-                "  revisit map build town --map town.map\n"
-                "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n");
+  Parser parser(
+      "revisit map build", "DATA",
+      "Describes the scans that are not yet in a map and adds them. On a server any number "
+      "of processes and machines do it together: each claims some scans at a time, and the others "
+      "take over those of one that ends. Run the same command again to continue after Ctrl-C or a "
+      "crash.",
+      "  revisit map build town --map town.map\n"
+      "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n");
   options.declare(parser);
   map.declare(parser);
   parser.parse(arguments);
@@ -141,7 +142,7 @@ int query(const Arguments& arguments) {
   std::optional<double> threshold;
   std::string format = "csv";
   Parser parser("revisit map query", "MAP SCAN...",
-                "The place of a map that each scan looks like most.",
+                "For each scan, the place of a map that is most like it.",
                 "  revisit map query town.map scan.bin\n");
   options.declare_describing(parser);
   parser.positional("MAP", &map)
@@ -149,7 +150,7 @@ int query(const Arguments& arguments) {
       .group("Query:")
       .option("threshold", "S", "a place is accepted from this score on (default: the map's)",
               &threshold)
-      .choice("format", {"csv", "jsonl"}, "a line a scan (default csv)", &format);
+      .choice("format", {"csv", "jsonl"}, "one line per scan (default csv)", &format);
   parser.parse(arguments);
   if (scans.empty()) throw UsageError("give the scans to ask: SCAN...");
   pipeline::Dataset dataset;

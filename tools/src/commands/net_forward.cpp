@@ -82,7 +82,7 @@ int net_forward_command(const Arguments& arguments) {
                 "array for one input (float32 or float64); repeat for more", &inputs, 'i');
   parser.option("mean", "BLOB=FILE",
                 "mean to subtract from an input: .binaryproto or .npy, an image (its centre when "
-                "larger) or a value a channel",
+                "larger) or one value per channel",
                 &means);
   parser.option("output", "DIR", "folder for the outputs", &directory, 'o');
   parser.flag("all", "write every layer's output, as it was right after that layer ran", &all);

@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 enum class Kind { kText, kBinary, kHdf5 };
 
 /// What a file is by its beginning. A binary caffemodel has control characters in the tags of its
-/// fields. Throws InputError for what is no network.
+/// fields. Throws InputError for anything but a network.
 Kind kind_of(const fs::path& file) {
   const std::string head = read_head(file, 4096);
   if (head.starts_with("\x89HDF")) return Kind::kHdf5;
@@ -56,15 +56,16 @@ int net_upgrade_command(const Arguments& arguments) {
   bool force = false, inference = false;
   proto::NetReadOptions read;
   LimitOptions limits;
-  Parser parser("revisit net upgrade", "IN [OUT]",
-                "Write a prototxt, a caffemodel or an HDF5 weights file of any age in the current "
-                "format of Caffe (V2): prototxt as text, weights as a binary caffemodel. What a "
-                "file is, its content says. Nothing is left out: training layers stay, unless "
-                "--inference is given. Without OUT, text goes to the standard output.",
-                "  revisit net upgrade old.prototxt new.prototxt\n"
-                "  revisit net upgrade --inference train_val.prototxt deploy.prototxt\n"
-                "  revisit net upgrade old.caffemodel new.caffemodel\n"
-                "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n");
+  Parser parser(
+      "revisit net upgrade", "IN [OUT]",
+      "Write a prototxt, a caffemodel or an HDF5 weights file of any age in the current "
+      "format of Caffe (V2): prototxt as text, weights as a binary caffemodel. The content of a "
+      "file decides what it is. Nothing is left out: training layers stay, unless "
+      "--inference is given. Without OUT, text goes to the standard output.",
+      "  revisit net upgrade old.prototxt new.prototxt\n"
+      "  revisit net upgrade --inference train_val.prototxt deploy.prototxt\n"
+      "  revisit net upgrade old.caffemodel new.caffemodel\n"
+      "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n");
   parser.positional("IN", &in);
   parser.optional_positional("OUT", &out);
   parser.flag("force", "overwrite OUT", &force);

@@ -66,12 +66,12 @@ int report_command(const Arguments& arguments) {
                 "(default 3)",
                 &options.queries);
   parser.option("follow", "SECONDS",
-                "make the page again whenever a file of loops has grown, until none has for so "
+                "make the page again whenever a file of loops has grown, until none has for this "
                 "long; a browser that shows the page keeps up",
                 &follow);
   parser.option("image-mb", "MB", "most that range images take in the file (default 12)",
                 &options.image_mb);
-  parser.flag("force", "replace files that are no reports", &force);
+  parser.flag("force", "replace files that are not reports", &force);
   parser.flag("quiet", "only errors", &quiet, 'q');
   parser.parse(arguments);
   if (options.queries < 0)

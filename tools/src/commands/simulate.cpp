@@ -13,14 +13,14 @@ namespace revisit::cli {
 namespace {
 
 // argp fills paragraphs: no line breaks inside them.
-constexpr const char* kSummary =
+constexpr const char* kSimulateSummary =
     "Writes a data set in KITTI odometry layout: a drive through a synthetic town or other "
     "surroundings. The route is generated, or given by a KITTI poses file; then the town is laid "
     "out along it. Equal settings "
     "give equal bytes for any number of threads. An interrupted run continues when it is started "
     "again.";
 
-constexpr const char* kExamples =
+constexpr const char* kSimulateExamples =
     "  revisit simulate -o town\n"
     "  revisit simulate -o town --sequence 01 --route opposite --seed 7\n"
     "  revisit simulate -o look --sensor vlp16 --frames 0-99\n"
@@ -92,7 +92,7 @@ struct SimulateOptions {
   bool no_progress = false, quiet = false;
 };
 
-SimulateOptions parse_options(const Arguments& arguments) {
+SimulateOptions parse_simulate_options(const Arguments& arguments) {
   using pipeline::LidarModel;
   using pipeline::PlaceScans;
   using pipeline::RouteKind;
@@ -100,7 +100,7 @@ SimulateOptions parse_options(const Arguments& arguments) {
   SimulateOptions o;
   std::optional<std::string> frames;
   bool camera = false;
-  Parser parser("revisit simulate", "-o DIR", kSummary, kExamples);
+  Parser parser("revisit simulate", "-o DIR", kSimulateSummary, kSimulateExamples);
   parser.option("output", "DIR", "root of the data set", &o.drive.output, 'o')
       .choice<PlaceScans>(
           "preset",
@@ -207,7 +207,7 @@ int simulate_places(const SimulateOptions& o) {
 }  // namespace
 
 int simulate_command(const Arguments& arguments) {
-  const SimulateOptions o = parse_options(arguments);
+  const SimulateOptions o = parse_simulate_options(arguments);
   if (o.preset) return simulate_places(o);
   pipeline::SimulationSummary summary;
   {

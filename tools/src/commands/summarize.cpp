@@ -18,7 +18,7 @@ struct SummarizeOptions {
   bool over_sequences = false;
 };
 
-SummarizeOptions parse_options(const Arguments& arguments) {
+SummarizeOptions parse_summarize_options(const Arguments& arguments) {
   SummarizeOptions o;
   Parser parser("revisit summarize", "RUN...",
                 "Mean and sample standard deviation of the figures of several runs of `revisit "
@@ -66,7 +66,7 @@ Table table_of(const reports::Summary& summary) {
 }  // namespace
 
 int summarize_command(const Arguments& arguments) {
-  const SummarizeOptions o = parse_options(arguments);
+  const SummarizeOptions o = parse_summarize_options(arguments);
   std::vector<FinishedRun> runs;
   std::set<fs::path> seen;  // `results/town/*` has the last run twice, once as `latest`
   for (const fs::path& folder : o.runs) {

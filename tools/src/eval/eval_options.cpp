@@ -6,7 +6,7 @@
 #include "eval/config_file.h"
 #include "revisit/evaluation/protocols.h"
 #include "revisit/proto/text.h"
-#include "revisit/recognition/retrieve.h"
+#include "revisit/recognition/match.h"
 
 namespace revisit::cli {
 namespace {
@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 constexpr int kMaxResamples = 1'000'000;
 
-/// Where a file or folder is, whatever the working folder. What is none (the name of a model, the
+/// Where a file or folder is, whatever the working folder. Anything else (the name of a model, the
 /// word of another option value) stays as it is.
 std::string placed(const fs::path& given) {
   std::error_code none;
@@ -80,9 +80,8 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   Parser parser("revisit eval", "DATA",
                 "Place recognition with ground truth: describe every scan, retrieve, and measure "
                 "precision and recall. "
-                "DATA is a KITTI odometry folder (or one that `revisit simulate` wrote). A stopped "
-                "run goes on where "
-                "it was when the same command is given again.",
+                "DATA is a KITTI odometry folder (or one that `revisit simulate` wrote). Run the "
+                "same command again to continue a stopped run.",
                 "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3 "
                 "--graft pool5\n"
                 "  revisit eval KITTI --sequence 00 --protocol paper\n"
@@ -106,7 +105,7 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
                 "s = 2 c1 - ck, or c1 alone, the similarity of the best (default: the protocol's; "
                 "cosine for fabmap, whose similarity is a probability)",
                 &o.score);
-  parser.option("k", "K", "retrieved scans a query (default 4)", &o.k);
+  parser.option("k", "K", "retrieved scans per query (default 4)", &o.k);
   parser.option("distance", "xz|3d|box|place",
                 "how the distance to a true match is measured (default: the protocol's)",
                 &o.distance);

@@ -142,7 +142,7 @@ void FeatureOptions::declare_describing(Parser& parser) {
   parser.group("Competitors:");
   parser.option(
       "ring-key-candidates", "N",
-      std::string("scan-context (10 or 50 in its paper) and ring: only so many candidates are "
+      std::string("scan-context (10 or 50 in its paper) and ring: only this many candidates are "
                   "compared, chosen by keys that a turn does not change; 0: all (default ") +
           std::to_string(ring_key_candidates) + ")",
       &ring_key_candidates);
@@ -157,10 +157,11 @@ void FeatureOptions::declare_describing(Parser& parser) {
                 "(default mean-field)",
                 &new_place);
   parser.group("Reduction:");
-  parser.option("pca", "K|all|none",
-                "numbers a scan; all (or 0): as many as the data gives, still less their mean; "
-                "none: the feature itself (default 400 for cnn and data, none for the others)",
-                &pca);
+  parser.option(
+      "pca", "K|all|none",
+      "numbers per scan; all (or 0): as many as the data gives, with the mean subtracted; none: "
+      "the feature itself (default 400 for cnn and data, none for the others)",
+      &pca);
   parser.option("pca-fit", "all|map|DIR",
                 "scans the PCA learns from, or a folder it was written to (default all)", &pca_fit);
   parser.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb);
@@ -257,9 +258,10 @@ FeatureSource open_network(const FeatureOptions& options) {
 
 FeatureSource open_ring(const FeatureOptions& options) {
   if (options.ring.empty() && options.image.is_auto())
-    throw UsageError("--feature ring: the scans are of no sensor that a model comes with (" +
-                     joined(pipeline::shipped_ring_models(), ", ") +
-                     "): learn one with `revisit learn`, and give it with --ring");
+    throw UsageError(
+        "--feature ring: no model comes with the program for the sensor of these scans (" +
+        joined(pipeline::shipped_ring_models(), ", ") +
+        "): learn one with `revisit learn`, and give it with --ring");
   const pipeline::RingModel model =
       options.ring.empty() ? pipeline::shipped_ring_model(
                                  options.image.sensor,
@@ -297,7 +299,7 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
     return kNoPca;
   }
   const bool asked = components || options.pca_fit != "all";
-  if (asked && source.extractor.similarity)
+  if (asked && source.extractor.comparison.similarity)
     throw UsageError(str("--pca: the feature ", source.extractor.name,
                          " is compared in its own way, which a PCA would destroy"));
   return components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
@@ -348,7 +350,7 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
 }
 
 std::string similarity_name(const FeatureSource& source) {
-  return source.extractor.similarity ? "similarity" : "cosine";
+  return source.extractor.comparison.similarity ? "similarity" : "cosine";
 }
 
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset) {

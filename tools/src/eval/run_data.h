@@ -5,7 +5,7 @@
 
 namespace revisit::cli {
 
-/// The range images of so many matches of a query can be shown.
+/// How many matches of a query can be shown with their range images.
 inline constexpr int kShownMatches = 4;
 
 /// What report.json holds: all that the page of a run shows, but range images. `info` and `metrics`

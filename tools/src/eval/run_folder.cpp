@@ -121,8 +121,7 @@ void link_latest(const fs::path& run) {
   const fs::path fresh = run.parent_path() / ".latest.part";
   std::error_code error;
   if (fs::exists(fs::symlink_status(link)) && !fs::is_symlink(link)) {  // it is not ours
-    warn(str(link.string(), " is no link, so that it stays as it is; the latest run is ",
-             run.string()));
+    warn(str(link.string(), " is not a link and stays as it is; the latest run is ", run.string()));
     return;
   }
   fs::remove(fresh, error);

@@ -17,7 +17,7 @@ struct FinishedRun {
   std::map<std::string, std::string> settings;  // config.yaml
 };
 
-/// Throws InputError when `folder` is no run.
+/// Throws InputError when `folder` is not a run.
 FinishedRun read_run(const std::filesystem::path& folder);
 
 /// Mean and deviation of every task over the runs that differ in nothing but the data: one row for

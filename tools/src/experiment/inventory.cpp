@@ -76,7 +76,7 @@ std::vector<models::Cut> usable_cuts(const models::FoundModel& model,
       usable.push_back(cut);
     else
       found.missing.push_back(str(model.name, " ", models::to_string(cut), ": left out, ", dim,
-                                  " numbers a scan are ", static_cast<int>(megabytes),
+                                  " numbers per scan are ", static_cast<int>(megabytes),
                                   " MB; --feature-mb allows more"));
   }
   return usable;

@@ -45,7 +45,7 @@ struct Inventory {
   /// own.
   int along_poses = 0, along_routes = 0;
   std::vector<std::string> missing;      // what is not there, and how to get it
-  std::vector<std::string> passed_over;  // models that are no networks for range images
+  std::vector<std::string> passed_over;  // models that are not networks for range images
 
   const DriveFound* drive(const std::string& sequence) const;
 };

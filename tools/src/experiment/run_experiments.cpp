@@ -85,7 +85,7 @@ class Workload {
                          [&](const auto& entry) { return entry.second.state == state; });
   }
 
-  /// Does all that is to do; the runs of one feature follow each other.
+  /// Does all runs; those of one feature follow each other.
   void run() {
     std::vector<Work*> to_do;
     for (const Arguments& arguments : order_)
@@ -131,7 +131,7 @@ class Workload {
     if (finished_.find(work.key.text, &work.result)) work.state = "done";
   }
 
-  /// Where things go is the same for all runs, and does not belong into their commands.
+  /// Where things go is the same for all runs, and does not belong in their commands.
   EvalOptions complete(const Arguments& arguments) const {
     EvalOptions eval = parse_eval_options(arguments);
     eval.output = options_.output / "runs";
@@ -277,7 +277,8 @@ std::vector<reports::Experiment> run_experiments(const ExperimentOptions& option
     workload.run();
   } catch (const Interrupted& stopped) {
     write();
-    throw Interrupted(str(stopped.what(), "; finished runs are kept, the same command goes on"));
+    throw Interrupted(
+        str(stopped.what(), "; finished runs are kept: run the same command again to continue"));
   }
   write();
   return reports;

@@ -4,7 +4,7 @@
 #include <thread>
 #include <unordered_map>
 
-#include "revisit/datasets/scan_file.h"
+#include "loops/describe_scan.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/proto/error.h"
 
@@ -21,15 +21,6 @@ constexpr int64_t kScansAtOnce = 8;
 /// Others have the last scans: when one of them ends before it has added its own, they come back.
 constexpr std::chrono::milliseconds kOthersAtWork{250};
 constexpr std::chrono::seconds kBetweenCounts{1};
-
-Description describe(const pipeline::PlaceRecognizer& recognizer, const ScanRef& scan) {
-  try {
-    const pipeline::PointCloud cloud = pipeline::read_scan(scan.file);
-    return recognizer.describe(view_of(cloud));
-  } catch (const InputError& error) {
-    return {{}, error.what()};
-  }
-}
 
 using ByFrame = std::unordered_map<int64_t, const ScanRef*>;
 
@@ -76,25 +67,22 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
       std::vector<const ScanRef*> claimed;
       for (const int64_t frame : claim->frames)
         claimed.push_back(scan_of(frame, by_frame, options));
-      std::vector<Description> described(claimed.size());
+      std::vector<DescribedScan> described(claimed.size());
       parallel_for(static_cast<int64_t>(claimed.size()), options.threads, [&](int64_t i) {
-        described[static_cast<size_t>(i)] = describe(recognizer, *claimed[static_cast<size_t>(i)]);
+        pipeline::PointCloud cloud;
+        described[static_cast<size_t>(i)] =
+            describe_scan(*claimed[static_cast<size_t>(i)], options.drive, recognizer, cloud);
       });
       std::vector<Description> good;
       std::vector<pipeline::StoredPlace> places;
       for (size_t i = 0; i < claimed.size(); ++i) {
-        const ScanRef& scan = *claimed[i];
-        if (!described[i].described()) {
-          claim->left_out[scan.frame] = str(scan.file.string(), ": ", described[i].why_not);
+        Description& description = described[i].description;
+        if (!description.described()) {
+          claim->left_out[claimed[i]->frame] = description.why_not;
           continue;
         }
-        pipeline::StoredPlace place;
-        place.drive = options.drive;
-        place.frame = scan.frame;
-        place.time = scan.time;
-        place.pose = scan.pose;
-        places.push_back(std::move(place));
-        good.push_back(std::move(described[i]));
+        places.push_back(std::move(described[i].place));
+        good.push_back(std::move(description));
       }
       recognizer.add(good, std::move(places), *claim);
       built.added += static_cast<int64_t>(good.size());

@@ -3,6 +3,7 @@
 #include <deque>
 #include <unordered_map>
 
+#include "loops/describe_scan.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/stopwatch.h"
 #include "revisit/proto/error.h"
@@ -14,31 +15,10 @@ using pipeline::Exclusion;
 using pipeline::PreparedScan;
 using pipeline::ScanRef;
 
-/// Frames, seconds or metres since the beginning of the drive.
-class WayDriven {
- public:
-  explicit WayDriven(Exclusion::Kind kind) : kind_(kind) {}
-  double at(const ScanRef& scan) {
-    if (kind_ == Exclusion::Kind::kSeconds) {
-      if (!scan.time)
-        throw UsageError("exclusion in seconds: the scans have no times; use frames=N");
-      return *scan.time;
-    }
-    if (kind_ != Exclusion::Kind::kMetres) return scan.frame;
-    if (!scan.pose) throw UsageError("exclusion in metres: the scans have no poses; use frames=N");
-    const Eigen::Vector3d here = scan.pose->translation();
-    if (moving_) driven_ += (here - last_).norm();
-    moving_ = true;
-    last_ = here;
-    return driven_;
-  }
-
- private:
-  Exclusion::Kind kind_;
-  double driven_ = 0;
-  bool moving_ = false;
-  Eigen::Vector3d last_ = Eigen::Vector3d::Zero();
-};
+std::optional<Eigen::Vector3d> position_of(const ScanRef& scan) {
+  if (!scan.pose) return std::nullopt;
+  return Eigen::Vector3d(scan.pose->translation());
+}
 
 /// The scans of a drive by their positions in the recogniser, read again to be registered.
 class Files {
@@ -65,7 +45,7 @@ void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
   };
   std::deque<Recent> recent;
   std::vector<int64_t> without;
-  WayDriven driven(options.exclusion.kind);
+  pipeline::WayDriven driven(options.exclusion.kind);
   Files files;
   pipeline::PointCloud cloud;
   while (const std::optional<ScanRef> scan = next()) {
@@ -73,7 +53,7 @@ void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
     Visit seen;
     seen.drive = options.drive;
     seen.scan = *scan;
-    const double along = driven.at(*scan);
+    const double along = driven.at(scan->frame, scan->time, position_of(*scan));
     if (options.exclusion.kind == Exclusion::Kind::kNone)
       recent.clear();
     else
@@ -82,30 +62,18 @@ void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
     without.clear();
     for (const Recent& before : recent) without.push_back(before.position);
 
-    pipeline::Description description;
-    pipeline::Stopwatch watch;
-    try {
-      pipeline::read_scan_into(scan->file, cloud);
-      watch.lap();
-      description = recognizer.describe(view_of(cloud));
-      if (!description.described()) seen.why_not = scan->file.string() + ": " + description.why_not;
-    } catch (const InputError& error) {
-      seen.why_not = error.what();
-    }
-    if (!seen.why_not.empty()) {
+    DescribedScan described = describe_scan(*scan, options.drive, recognizer, cloud);
+    if (!described.description.described()) {
+      seen.why_not = described.description.why_not;
       visit(seen);
       continue;
     }
+    pipeline::Stopwatch watch;
     recognizer.refresh_on_news();
-    seen.loop = recognizer.query(description, without);
-    pipeline::StoredPlace place;
-    place.drive = options.drive;
-    place.frame = scan->frame;
-    place.time = scan->time;
-    place.pose = scan->pose;
-    const int64_t position = recognizer.add(description, std::move(place));
+    seen.loop = recognizer.query(described.description, without);
+    const int64_t position = recognizer.add(described.description, std::move(described.place));
     seen.position = position;
-    seen.milliseconds = watch.lap();
+    seen.milliseconds = described.milliseconds + watch.lap();
     recent.push_back({position, along});
     if (options.verify) {
       files.remember(position, scan->file);

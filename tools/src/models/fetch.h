@@ -16,7 +16,7 @@ struct Fetched {
   bool was_there = false;  // nothing had to be downloaded
 };
 
-/// How a person comes to `model`, as the end of a sentence: the command that fetches it or, when
+/// How a user gets `model`, as the end of a sentence: the command that fetches it or, when
 /// none can, what to save where in `cache`.
 std::string how_to_get(const KnownModel& model, const std::filesystem::path& cache);
 

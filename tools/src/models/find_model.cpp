@@ -150,7 +150,7 @@ std::optional<FoundModel> from_cache(const ModelRequest& request, const fs::path
   if (!weights) return std::nullopt;
   FoundModel found = from_files(request, "", *weights, &known);
   if (known.sha1_is_doubtful && found.weights_sha1 != known.sha1)
-    found.warnings.push_back(str(weights->string(), ": has not the checksum of ", known.name,
+    found.warnings.push_back(str(weights->string(), ": does not have the checksum of ", known.name,
                                  " that is known (", known.sha1_source,
                                  "); it is used all the same"));
   else if (!known.sha1.empty() && found.weights_sha1 != known.sha1)

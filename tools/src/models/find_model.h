@@ -27,7 +27,7 @@ struct FoundModel {
   Cut cut;                           // where the feature is taken: as asked, or as suggested
   bool trained =
       true;  // false: `revisit models make-random` made it; proves nothing about accuracy
-  std::vector<std::string> warnings;  // what a person should know, e.g. that the mean is a guess
+  std::vector<std::string> warnings;  // for the user, e.g. that the mean is a guess
 };
 
 /// Finds the network to use: what the request names, else the first known model in the cache

@@ -21,7 +21,7 @@ bool is_file(const fs::path& file) {
 /// What the page does with a run needs arrays of one length, and rows of scans that are there.
 void need_consistent(const fs::path& file, const reports::Run& run) {
   const auto need = [&](bool good, const char* what) {
-    if (!good) throw InputError(str(file.string(), ": ", what, ": this is no file of revisit"));
+    if (!good) throw InputError(str(file.string(), ": ", what, ": not a file of revisit"));
   };
   const int n = run.frame_size();
   const auto rows = [n](const auto& scans, int least = 0) {
@@ -84,7 +84,8 @@ void read_loops(const fs::path& file, reports::LoopList* loops) {
     const std::string name = str(file.string(), ":", line);
     reports::LoopLine& loop = *loops->add_lines();
     parse_report(content.substr(begin, end - begin), name, &loop);
-    if (!loop.has_frame()) throw InputError(name + ": no line of `revisit loops --format jsonl`");
+    if (!loop.has_frame())
+      throw InputError(name + ": not a line of `revisit loops --format jsonl`");
   }
 }
 

@@ -1,7 +1,7 @@
 """How each type of layer is said in ONNX: a table from the type to a function that adds its nodes.
 
 A function takes the builder and a Site and returns the names of the layer's outputs. What Caffe computes is in
-docs/SEMANTICS.md.
+docs/LAYERS.md.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """Pooling, exactly as Caffe does it, for every input size.
 
 Caffe has ceil((H + 2p - k) / s) + 1 windows, and if some pad is not zero one less when the last would start at or beyond
-H + p (docs/SEMANTICS.md section 1). The same number comes out of the usual floor formula with the pad p before and
+H + p (docs/LAYERS.md point 1). The same number comes out of the usual floor formula with the pad p before and
 e = min(p + s - 1, k - 1) after. So no operator's own idea of rounding up is needed, and e does not depend on H.
 """
 

@@ -31,9 +31,9 @@ class OneBlasThread {
   int openmp_threads_ = 0;  // before
 };
 
-/// Room for the work buffers of OpenBLAS [128 MiB a thread that multiplies at the same time]. To be
-/// held by who multiplies: OpenBLAS asks for a buffer it cannot get again and again, for ever, so
-/// that a limit on the address space (ulimit -v) would end no program but stop it.
+/// Room for the work buffers of OpenBLAS [128 MiB a thread that multiplies at the same time]. Must
+/// be held while multiplying: OpenBLAS retries for ever when it cannot get a buffer, so that under
+/// a limit on the address space (ulimit -v) a program would hang instead of fail.
 class BlasRoom {
  public:
   /// Throws std::bad_alloc when there is no room for `threads` buffers beside those of all others

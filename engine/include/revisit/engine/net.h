@@ -46,10 +46,10 @@ struct LoadOptions {
   /// What the files may ask for. A prototxt of a few lines can ask for any amount of weights: more
   /// than `limits.weight_bytes` in memory are refused, too, before they are allocated.
   proto::Limits limits;
-  /// Lets go of the file's weights of a convolution as soon as a plan has them in the order of its
+  /// Frees the file's weights of a convolution as soon as a plan has them in the order of its
   /// kernel (Plan::packed_weight_bytes()), so that they are not in memory twice. A later plan that
-  /// needs them again (another kernel, reference_kernels) reads them from the file, which therefore
-  /// has to stay what it is: else that plan throws InputError. Only of weights from a file.
+  /// needs them again (another kernel, reference_kernels) reads them from the file, which must not
+  /// change: else that plan throws InputError. Only for weights from a file.
   bool release_weights = false;
 };
 
@@ -60,7 +60,7 @@ struct Port {
 };
 
 /// How much kernels may round beyond a plain sum in float32. docs/ACCURACY.md has the errors of
-/// real nets. It decides about Winograd's algorithm for convolutions: the larger the tile, the
+/// real nets. It limits Winograd's algorithm for convolutions: the larger the tile, the
 /// faster, and the more it rounds.
 enum class Accuracy {
   /// The fastest kernel; before layers that amplify rounding (BatchNorm, MVN that divides by the
@@ -96,10 +96,10 @@ struct PlanOptions {
   /// back after the pass.
   bool flush_denormals = true;
   Accuracy accuracy = Accuracy::kUsual;
-  /// Not with reference_kernels, which are of float32.
+  /// Not with reference_kernels, which compute in float32.
   Precision precision = Precision::kFloat32;
-  /// Also with float32: the weights of inner products of up to 8 inputs in bfloat16, which takes
-  /// half the time where reading them is what takes it. They are in memory beside the file's.
+  /// Also with float32: the weights of inner products of up to 8 inputs in bfloat16, which halves
+  /// the time where reading them takes most of it. They are in memory beside the file's.
   bool bf16_weights = false;
   /// The caller promises that all channels of the net's only image input are one picture, up to a
   /// constant: channel c is the picture plus gray_offsets[c]. The run's input then is the picture,
@@ -155,8 +155,8 @@ struct LayerWeights {
 class Run;
 
 /// How one network runs on inputs of given shapes: kernels chosen, memory laid out. Immutable,
-/// cheap to copy; keeps what it needs of the net alive. Moving copies: there is no plan that was
-/// moved from.
+/// cheap to copy; keeps what it needs of the net alive. Moving copies, so no plan is left without
+/// content.
 class Plan {
  public:
   Plan(const Plan&) = default;
@@ -186,7 +186,7 @@ class Plan {
 };
 
 /// A network with its weights, cut off where asked. Immutable after loading; share it freely, also
-/// between threads that plan. Moving copies, which is cheap: there is no net that was moved from.
+/// between threads that plan. Moving copies, which is cheap, so no net is left without content.
 class Net {
  public:
   Net(const Net&) = default;
@@ -195,13 +195,13 @@ class Net {
 
   /// Reads an original Caffe prototxt and caffemodel; only the layers that are needed.
   /// Throws InputError (files that do not parse or do not fit each other), UnsupportedError (a
-  /// needed layer type that we lack), UsageError (an unknown layer in the truncation; the nearest
-  /// is named).
+  /// needed layer type that is not supported), UsageError (an unknown layer in the truncation; the
+  /// nearest is named).
   static Net load(const std::filesystem::path& prototxt, const std::filesystem::path& weights,
                   const LoadOptions& options = {});
 
-  /// The same of what the two files hold, which is needed during the call only. The prototxt is no
-  /// solver's, as that names another file; messages call the two <prototxt> and <weights>.
+  /// The same of what the two files hold, which is needed during the call only. The prototxt cannot
+  /// be a solver file, which names another file; messages call the two <prototxt> and <weights>.
   static Net load_from_memory(std::string_view prototxt, std::string_view weights,
                               const LoadOptions& options = {});
 
@@ -216,7 +216,7 @@ class Net {
   /// Chooses kernels and lays out memory. `inputs` replaces input shapes by blob name.
   /// Throws InputError naming the layer that cannot take the shapes, or what takes more than
   /// PlanOptions::max_run_bytes, or when released weights cannot be read again; UsageError for an
-  /// unknown input, an unknown layer in PlanOptions::keep or a number of threads that is none;
+  /// unknown input, an unknown layer in PlanOptions::keep or a number of threads outside 1 to 1024;
   /// MemoryError when the system has no memory for the packed weights.
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
@@ -230,7 +230,7 @@ class Net {
   /// Whether plans can have PlanOptions::gray_offsets: one input, which only convolutions without
   /// groups read.
   bool takes_gray_input() const;
-  /// What a person should know: layers of the weights file that nothing uses, upgrades made.
+  /// Warnings for the user: unused layers of the weights file, upgrades made.
   const std::vector<std::string>& warnings() const;
   /// The weights of the layers that have some, in the order of the file; they live as long as a
   /// copy of this net. Throws UsageError for a net without weights, and for one loaded with
@@ -238,8 +238,8 @@ class Net {
   std::vector<LayerWeights> weights() const;
   /// Bytes read from the weights file.
   uint64_t weight_bytes_read() const;
-  /// The file's weights that are in memory now [bytes]: all, but for what
-  /// LoadOptions::release_weights let go.
+  /// The file's weights that are in memory now [bytes]: all but those that
+  /// LoadOptions::release_weights freed.
   int64_t weight_bytes_in_memory() const;
   /// Weights that the kernels of all living plans hold in orders of their own [bytes].
   int64_t packed_weight_bytes() const;
@@ -251,8 +251,8 @@ class Net {
   std::shared_ptr<const Impl> impl_;
 };
 
-/// Names of the input blobs of a prototxt, in order; weights are not needed. Of the options only
-/// those about reading the file count.
+/// Names of the input blobs of a prototxt, in order; weights are not needed. Only the options about
+/// reading the file are used.
 std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
                                      const LoadOptions& options = {});
 

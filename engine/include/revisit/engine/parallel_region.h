@@ -9,7 +9,7 @@ namespace revisit::engine {
 
 /// Tells the thread sanitizer what libgomp, which is built without it, does at the two ends of a
 /// parallel region: to be made before it, with a call before and after the work of each thread, or
-/// each item of it. Inside of a region it sees races as ever. Nothing in other builds.
+/// each item of it. Inside a region it sees races as usual. Nothing in other builds.
 struct RegionForSanitizer {
 #ifdef __SANITIZE_THREAD__
   char begun = 0, done = 0;

@@ -9,25 +9,17 @@
 
 #include "bfloat16.h"
 #include "kernels/blocked/simd_traits-inl.h"
-#include "revisit/engine/simd.h"
+#include "revisit/engine/precision.h"
 
-// Loops over registers must be unrolled completely: a register has no index. Floats of the scalar
-// target have, and unrolled they were a quarter of the time that winograd.cpp takes to compile.
+// Loops over registers must be unrolled completely: a register has no index.
 #undef REVISIT_UNROLL
-#if HWY_TARGET == HWY_SCALAR
-#define REVISIT_UNROLL
-#else
 #define REVISIT_UNROLL _Pragma("GCC unroll 32")
-#endif
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
 using Bits = hn::Rebind<uint32_t, Tag>;
 using HalfBits = hn::Rebind<uint16_t, Tag>;
-
-/// BFloat16 on a CPU with instructions for it, which take a denormal for zero.
-struct NativeBf16 : BFloat16 {};
 
 HWY_INLINE Vector load_vector(const float* from) {
   return hn::Load(Tag(), from);
@@ -42,8 +34,14 @@ HWY_INLINE void store_vector(Vector v, float* to) {
   hn::Store(v, Tag(), to);
 }
 
-/// As to_bfloat16().
+/// As to_bfloat16(); but the instruction takes a denormal for zero.
 HWY_INLINE void store_vector(Vector v, BFloat16* to) {
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  // It is newer than Highway's targets, and needs no more of the compiler so.
+  __m256i half;
+  asm("vcvtneps2bf16 %1, %0" : "=v"(half) : "v"(v.raw));
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), half);
+#else
   const Bits d;
   const auto bits = hn::BitCast(d, v);
   const auto odd = hn::And(hn::ShiftRight<16>(bits), hn::Set(d, 1));
@@ -51,25 +49,13 @@ HWY_INLINE void store_vector(Vector v, BFloat16* to) {
   const auto is_number = hn::RebindMask(d, hn::Eq(v, v));
   const auto whole = hn::IfThenElse(is_number, rounded, hn::Or(bits, hn::Set(d, 1 << 22)));
   hn::StoreU(hn::TruncateTo(HalfBits(), hn::ShiftRight<16>(whole)), HalfBits(), &to->bits);
-}
-
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
-// The instructions are newer than Highway's targets, and need no more of the compiler so.
-HWY_INLINE void store_vector(Vector v, NativeBf16* to) {
-  __m256i half;
-  asm("vcvtneps2bf16 %1, %0" : "=v"(half) : "v"(v.raw));
-  _mm256_storeu_si256(reinterpret_cast<__m256i*>(to), half);
-}
 #endif
+}
 
 /// Calls `work(T())` with the type of blocked values.
 template <class Work>
 HWY_INLINE void with_type(Precision values, const Work& work) {
-  if (values == Precision::kFloat32) return work(float());
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
-  if (has_bf16_instructions()) return work(NativeBf16());
-#endif
-  work(BFloat16());
+  values == Precision::kFloat32 ? work(float()) : work(BFloat16());
 }
 
 struct Block {

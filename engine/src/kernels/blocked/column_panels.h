@@ -3,19 +3,9 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "kernels/split.h"
+
 namespace revisit::engine {
-
-/// `items` things cut into `parts` parts, equal to within one `unit`, of which only the last of all
-/// may not be whole.
-struct Split {
-  int64_t items, parts, unit = 1;
-
-  int64_t units() const { return (items + unit - 1) / unit; }
-  int64_t begin(int64_t part) const { return std::min(units() * part / parts * unit, items); }
-  int64_t end(int64_t part) const { return begin(part + 1); }
-  int64_t width(int64_t part) const { return end(part) - begin(part); }
-  int64_t widest() const { return (units() + parts - 1) / parts * unit; }
-};
 
 /// Columns of a matrix product that are summed in registers at a time: with two blocks of output
 /// channels, 28 of AVX-512's 32 registers. Targets with fewer registers take a part of it.

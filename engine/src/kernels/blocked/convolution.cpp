@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "kernels/blocked/convolution_list.h"
+#include "kernels/blocked/dispatch.h"
 
 namespace revisit::engine {
 
@@ -21,6 +22,7 @@ std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
                                                            Layout input,
                                                            const ConvolutionLimits& limits) {
+  if (!has_blocked_kernels()) return nullptr;
   const BlockedConvolutionKernel* best = nullptr;
   double best_ms = 0;
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {

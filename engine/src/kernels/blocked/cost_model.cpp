@@ -42,7 +42,7 @@ double weights_cycles(double bytes, int64_t chunks, double multiply) {
 double channel_cost(Precision values) {
   if (values == Precision::kFloat32) return 1;
   if (!has_bf16_instructions()) return 2;
-  // Beside tiles the other instruction is slow: docs/PERFORMANCE.md has Sapphire Rapids' 58 against
+  // Beside tiles the other instruction is slow: docs/SPEED.md has Sapphire Rapids' 58 against
   // 115 in float32.
   return has_bf16_tiles() ? 2 : 0.5;
 }

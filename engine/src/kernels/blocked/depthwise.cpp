@@ -6,6 +6,7 @@
 #include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"
+#include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/parallel.h"
 
@@ -302,7 +303,7 @@ const BlockedConvolutionKernel kBlockedDepthwise = kernel(
     [](const ConvolutionProblem& p) { return p.group == p.c_in && p.group == p.c_out; },
     depthwise_ms,
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-      HWY_DYNAMIC_DISPATCH(run_depthwise)(p, a);
+      REVISIT_DISPATCH(run_depthwise, instructions_for(p.values))(p, a);
     });
 
 const BlockedConvolutionKernel kBlockedNarrowGroups = kernel(
@@ -317,7 +318,7 @@ const BlockedConvolutionKernel kBlockedNarrowGroups = kernel(
       return depthwise_ms(all);
     },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-      HWY_DYNAMIC_DISPATCH(run_narrow_groups)(p, a);
+      REVISIT_DISPATCH(run_narrow_groups, instructions_for(p.values))(p, a);
     });
 
 }  // namespace revisit::engine

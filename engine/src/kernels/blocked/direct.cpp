@@ -6,6 +6,7 @@
 #include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"
 #include "kernels/blocked/direct_shape.h"
+#include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/multiply-inl.h"
 #include "kernels/blocked/tiles-inl.h"
@@ -182,7 +183,7 @@ class Direct {
         BlockEpilogue(a_.epilogue, a_.bias, block, p_.c_out),
         BlockEpilogue(a_.epilogue, a_.bias, block + blocks - 1, p_.c_out)};
     const Split panels = panels_of_chunk(chunk);
-    [[maybe_unused]] TilesOf<T> tiles;
+    [[maybe_unused]] std::conditional_t<kInTiles<T>, Tiles, int> tiles{};
     for (int64_t panel = piece.first_panel; panel < piece.end_panel; ++panel) {
       const int64_t first = panels.begin(panel), width = panels.width(panel);
       const Columns columns = columns_of(first, width);
@@ -192,8 +193,8 @@ class Direct {
       const T* const addend = a_.addend ? static_cast<const T*>(a_.addend) + offset : nullptr;
       const FinishSums finish = {epilogues, addend, output, image_step};
       if constexpr (kInTiles<T>)
-        multiply_in_tiles(TileFactors<T>{shape_.packed_depth / kBlocks, columns.data, columns.step,
-                                         kPixel, weights(block), shape_.weights()},
+        multiply_in_tiles(TileFactors{shape_.packed_depth / kBlocks, columns.data, columns.step,
+                                      kPixel, weights(block), shape_.weights()},
                           blocks, width, tiles, finish);
       else
         multiply(
@@ -231,7 +232,7 @@ void run_direct(const ConvolutionProblem& p, const BlockedConvolutionArguments& 
 }
 
 void run_in_tiles(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  with_tile_type([&](auto type) { Direct<decltype(type)>(p, a).run(); });
+  Direct<TileBf16>(p, a).run();
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -278,7 +279,7 @@ int64_t unfolded_floats(const ConvolutionProblem& p, const DirectShape& shape) {
 }
 
 void run_direct_here(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  HWY_DYNAMIC_DISPATCH(run_direct)(p, a);
+  REVISIT_DISPATCH(run_direct, instructions_for(p.values))(p, a);
 }
 
 /// Kernels that differ in how they multiply.
@@ -327,7 +328,7 @@ const BlockedConvolutionKernel kBlockedTiles = direct(
     tiles_ms,
     [](const ConvolutionProblem& p) { return unfolded_floats(p, DirectShape(p, kTileCut)); },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-      HWY_DYNAMIC_DISPATCH(run_in_tiles)(p, a);
+      REVISIT_DISPATCH(run_in_tiles, Instructions::kTiles)(p, a);
     },
     Products::kTiles);
 

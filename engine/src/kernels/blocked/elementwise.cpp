@@ -1,6 +1,7 @@
 #include "kernels/blocked/elementwise.h"
 
 #include "kernels/blocked/blocked_pieces.h"
+#include "kernels/blocked/dispatch.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/elementwise.cpp"
@@ -118,17 +119,18 @@ HWY_EXPORT(eltwise);
 
 void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const void* input,
                         void* output) {
-  HWY_DYNAMIC_DISPATCH(activation)(size, epilogue, input, output);
+  REVISIT_DISPATCH(activation, instructions_for(size.values))(size, epilogue, input, output);
 }
 
 void blocked_scale(const BlockedSize& size, const float* scale, const float* shift,
                    const Epilogue& epilogue, const void* input, void* output) {
-  HWY_DYNAMIC_DISPATCH(scale_shift)(size, scale, shift, epilogue, input, output);
+  REVISIT_DISPATCH(scale_shift, instructions_for(size.values))
+  (size, scale, shift, epilogue, input, output);
 }
 
 void blocked_eltwise(const BlockedSize& size, const BlockedEltwise& eltwise,
                      std::span<const float* const> inputs, void* output) {
-  HWY_DYNAMIC_DISPATCH(eltwise)(size, eltwise, inputs, output);
+  REVISIT_DISPATCH(eltwise, instructions_for(size.values))(size, eltwise, inputs, output);
 }
 
 }  // namespace revisit::engine

@@ -1,6 +1,7 @@
 #include "kernels/blocked/gate.h"
 
 #include "kernels/blocked/blocked_pieces.h"
+#include "kernels/blocked/dispatch.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/gate.cpp"
@@ -68,7 +69,7 @@ HWY_EXPORT(gate_values);
 
 void blocked_gate(const BlockedSize& size, const BlockedGate& gate, const void* input,
                   void* output) {
-  HWY_DYNAMIC_DISPATCH(gate_values)(size, gate, input, output);
+  REVISIT_DISPATCH(gate_values, instructions_for(size.values))(size, gate, input, output);
 }
 
 }  // namespace revisit::engine

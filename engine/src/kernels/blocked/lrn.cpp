@@ -1,6 +1,7 @@
 #include "kernels/blocked/lrn.h"
 
 #include "kernels/blocked/blocked_pieces.h"
+#include "kernels/blocked/dispatch.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/lrn.cpp"
@@ -53,7 +54,7 @@ int64_t blocked_lrn_scratch_floats(const LrnProblem& p) {
 }
 
 void blocked_lrn(const LrnProblem& p, const void* input, void* output, float* scratch) {
-  HWY_DYNAMIC_DISPATCH(lrn)(p, input, output, scratch);
+  REVISIT_DISPATCH(lrn, instructions_for(p.values))(p, input, output, scratch);
 }
 
 }  // namespace revisit::engine

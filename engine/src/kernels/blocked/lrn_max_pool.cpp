@@ -1,3 +1,4 @@
+#include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/lrn.h"
 #include "kernels/blocked/pooling_pieces.h"
 
@@ -60,7 +61,8 @@ int64_t blocked_lrn_max_pool_scratch_floats(const LrnProblem& lrn, const Pooling
 
 void blocked_lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& pooling, const void* input,
                           void* output, float* scratch) {
-  HWY_DYNAMIC_DISPATCH(lrn_max_pool)(lrn, pooling, input, output, scratch);
+  REVISIT_DISPATCH(lrn_max_pool, instructions_for(lrn.values))
+  (lrn, pooling, input, output, scratch);
 }
 
 }  // namespace revisit::engine

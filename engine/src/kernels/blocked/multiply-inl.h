@@ -47,12 +47,8 @@ HWY_INLINE Block load_weights(const BFloat16* weights) {
   Block r;
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) {
-#if HWY_TARGET == HWY_SCALAR
-    r.v[i] = broadcast(weights + 2 * i);
-#else
     const uint16_t* const halves = &weights[2 * i * kVectorLanes].bits;
     r.v[i] = hn::BitCast(Tag(), hn::Load(hn::Repartition<uint16_t, Tag>(), halves));
-#endif
   }
   return r;
 }
@@ -71,22 +67,19 @@ HWY_INLINE Vector even_half(Vector pair) {
   return hn::BitCast(Tag(), hn::ShiftLeft<16>(hn::BitCast(Bits(), pair)));
 }
 
-/// The bits of the instruction below: a product of two BFloat16 is exact.
+/// The sums of both ways are the same bit for bit: a product of two BFloat16 is exact.
 HWY_INLINE Block add_products(BFloat16 /*type*/, Vector input, const Block& weights, Block sum) {
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  asm("vdpbf16ps %2, %1, %0" : "+v"(sum.v[0].raw) : "v"(weights.v[0].raw), "v"(input.raw));
+#else
   REVISIT_UNROLL
   for (int i = 0; i < kVectors; ++i) {
     const Vector odd = hn::MulAdd(odd_half(input), odd_half(weights.v[i]), sum.v[i]);
     sum.v[i] = hn::MulAdd(even_half(input), even_half(weights.v[i]), odd);
   }
-  return sum;
-}
-
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
-HWY_INLINE Block add_products(NativeBf16 /*type*/, Vector input, const Block& weights, Block sum) {
-  asm("vdpbf16ps %2, %1, %0" : "+v"(sum.v[0].raw) : "v"(weights.v[0].raw), "v"(input.raw));
-  return sum;
-}
 #endif
+  return sum;
+}
 
 /// Adds the products of kStep<T> channels of one pixel to the sums of its column.
 template <class T, int kBlocks, int kColumns>

@@ -26,8 +26,8 @@ struct InputView {
 };
 
 /// A convolution of few channels, one plane each: every input value is broadcast as it is read, of
-/// BFloat16 two neighbours of a row at a time. Its products are of `In`, its output of `Out`.
-template <class In, class Out>
+/// BFloat16 two neighbours of a row at a time.
+template <class In>
 class PlainInput {
  public:
   PlainInput(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) : p_(p), a_(a) {}
@@ -35,26 +35,29 @@ class PlainInput {
   /// The output pixels [begin, end) of one row of an image, from block 0 on.
   struct Row {
     int64_t n, y, begin, end;
-    Out* output;
+    void* output;
+    Precision values;     // of output and addend; kFloat32 when `In` is
     int64_t output_step;  // from block to block
-    const Out* addend;    // steps as output's; or null
+    const void* addend;   // steps as output's; or null
     float* patch;         // scratch: plain_input_patch_floats()
     float* columns;       // scratch for tiles: plain_input_columns_floats(); or null
   };
 
   void run_row(const Row& row) const {
     if constexpr (!kReadsImage) round_input(row);
-    if constexpr (kInTiles<In>) return run_in_tiles(row);
-    switch (p_.stride_w) {
-      case 1:
-        return run_blocks<1>(row);
-      case 2:
-        return run_blocks<2>(row);
-      case 4:
-        return run_blocks<4>(row);
-      default:
-        return run_blocks<0>(row);
-    }
+    if constexpr (kInTiles<In>)
+      return run_in_tiles(row);
+    else
+      switch (p_.stride_w) {
+        case 1:
+          return run_blocks<1>(row);
+        case 2:
+          return run_blocks<2>(row);
+        case 4:
+          return run_blocks<4>(row);
+        default:
+          return run_blocks<0>(row);
+      }
   }
 
  private:
@@ -71,15 +74,15 @@ class PlainInput {
   void run_in_tiles(const Row& row) const {
     In* const columns = reinterpret_cast<In*>(row.columns);
     const int64_t depth = weights_step() / kLanes, blocks = channel_blocks(p_.c_out);
-    TilesOf<In> tiles;
+    Tiles tiles;
     for (int64_t x = row.begin; x < row.end; x += kTilePanel.columns) {
       const int64_t pixels = std::min(kTilePanel.columns, row.end - x);
       const InputView<In> view = view_of(row, x, pixels);
       for (int64_t i = 0; i < pixels; ++i)
         unfold_pixel(view, i * p_.stride_w, depth, columns + i * depth);
       for (int64_t block = 0; block < blocks; block += 2)
-        multiply_in_tiles(TileFactors<In>{depth / kTileDepth, columns, kTileDepth, depth,
-                                          weights(block), weights_step()},
+        multiply_in_tiles(TileFactors{depth / kTileDepth, columns, kTileDepth, depth,
+                                      weights(block), weights_step()},
                           std::min<int64_t>(2, blocks - block), pixels, tiles,
                           [&](int64_t b, int64_t first, auto& sums)
                               HWY_ATTR { finish(row, view, x + first, block + b, sums); });
@@ -125,7 +128,7 @@ class PlainInput {
       for (int64_t x = row.begin; x < row.end; x += kPixels)
         run_tile<kBlocks, kPixels, kStride>(row, std::min(x, last), block);
     else
-      for (int64_t x = row.begin; x < row.end; ++x) run_tile<kBlocks, 1, kStride>(row, x, block);
+      for (int64_t x = row.begin; x < row.end; ++x) run_tile<kBlocks, 1, 0>(row, x, block);
   }
 
   template <int kBlocks, int kTile, int kStride>
@@ -144,7 +147,15 @@ class PlainInput {
     if (a_.outside_taps && reaches_outside(view, x, kCount)) add_outside(view, x, block, sums);
     const BlockEpilogue epilogue(a_.epilogue, a_.bias, block, p_.c_out);
     const int64_t at = block * row.output_step + (x - row.begin) * kLanes;
-    epilogue.finish(sums, row.addend ? row.addend + at : nullptr, row.output + at);
+    const auto finish_as = [&](auto type) HWY_ATTR {
+      const auto* const addend = static_cast<const decltype(type)*>(row.addend);
+      epilogue.finish(sums, addend ? addend + at : nullptr,
+                      static_cast<decltype(type)*>(row.output) + at);
+    };
+    if constexpr (kReadsImage)
+      finish_as(float());
+    else
+      with_type(row.values, finish_as);
   }
 
   template <int kBlocks, int kTile, int kStride>

@@ -3,7 +3,9 @@
 #include <hwy/foreach_target.h>  // includes this file again for every target
 
 #include "kernels/blocked/convolution_list.h"
+#include "kernels/blocked/convolution_max_pool-inl.h"
 #include "kernels/blocked/cost_model.h"
+#include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/plain_input-inl.h"
 #include "kernels/blocked/plain_input_scratch.h"
 #include "kernels/parallel.h"
@@ -12,18 +14,19 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
 /// `columns` floats a thread are behind the patches.
-template <class T>
+template <class In>
 void convolve(const ConvolutionProblem& p, const BlockedConvolutionArguments& a,
               int64_t columns = 0) {
-  const PlainInput<T, T> convolution(p, a);
-  const auto* const addend = static_cast<const T*>(a.addend);
+  using Out = std::conditional_t<std::is_same_v<In, float>, float, BFloat16>;
+  const PlainInput<In> convolution(p, a);
+  const auto* const addend = static_cast<const Out*>(a.addend);
   const int64_t blocks = channel_blocks(p.c_out), step = p.out_pixels() * kLanes;
   const int64_t patch = padded_channels(plain_input_patch_floats(p));
   parallel_for(p.n * p.out_h, p.threads, [&](int64_t item, int thread) {
     const int64_t n = item / p.out_h, y = item % p.out_h;
     const int64_t at = n * blocks * step + y * p.out_w * kLanes;
     float* const scratch = a.scratch + thread * (patch + columns);
-    convolution.run_row({n, y, 0, p.out_w, static_cast<T*>(a.output) + at, step,
+    convolution.run_row({n, y, 0, p.out_w, static_cast<Out*>(a.output) + at, p.values, step,
                          addend ? addend + at : nullptr, scratch, scratch + patch});
   });
 }
@@ -33,7 +36,16 @@ void run_plain_input(const ConvolutionProblem& p, const BlockedConvolutionArgume
 }
 
 void run_plain_input_in_tiles(const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-  with_tile_type([&](auto type) { convolve<decltype(type)>(p, a, plain_input_columns_floats(p)); });
+  convolve<TileBf16>(p, a, plain_input_columns_floats(p));
+}
+
+void convolve_and_max_pool(const ConvolutionMaxPool& p, const BlockedConvolutionArguments& a) {
+  with_type(p.convolution.values, [&](auto type) { convolve_and_pool<decltype(type)>(p, a); });
+}
+
+void convolve_in_tiles_and_max_pool(const ConvolutionMaxPool& p,
+                                    const BlockedConvolutionArguments& a) {
+  convolve_and_pool<TileBf16>(p, a);
 }
 
 }  // namespace revisit::engine::HWY_NAMESPACE
@@ -45,6 +57,8 @@ namespace {
 
 HWY_EXPORT(run_plain_input);
 HWY_EXPORT(run_plain_input_in_tiles);
+HWY_EXPORT(convolve_and_max_pool);
+HWY_EXPORT(convolve_in_tiles_and_max_pool);
 
 bool takes_few_channels(const ConvolutionProblem& p) {
   return p.c_in <= 4 && p.group == 1 && plain_input_patch_fits(p);
@@ -99,7 +113,7 @@ const BlockedConvolutionKernel kBlockedPlainInput = {
       return p.threads * padded_channels(plain_input_patch_floats(p));
     },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-      HWY_DYNAMIC_DISPATCH(run_plain_input)(p, a);
+      REVISIT_DISPATCH(run_plain_input, instructions_for(p.values))(p, a);
     },
     0,
     Products::kValues};
@@ -118,10 +132,23 @@ const BlockedConvolutionKernel kBlockedPlainInputTiles = {
              (padded_channels(plain_input_patch_floats(p)) + plain_input_columns_floats(p));
     },
     [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-      HWY_DYNAMIC_DISPATCH(run_plain_input_in_tiles)(p, a);
+      REVISIT_DISPATCH(run_plain_input_in_tiles, Instructions::kTiles)(p, a);
     },
     0,
     Products::kTiles};
+
+void blocked_convolution_max_pool(const ConvolutionMaxPool& p,
+                                  const BlockedConvolutionArguments& a) {
+  if (p.in_tiles)
+    REVISIT_DISPATCH(convolve_in_tiles_and_max_pool, Instructions::kTiles)(p, a);
+  else
+    REVISIT_DISPATCH(convolve_and_max_pool, instructions_for(p.convolution.values))(p, a);
+}
+
+int64_t blocked_convolution_max_pool_scratch_floats(const ConvolutionMaxPool& p) {
+  return pieces_of(p).scratch_floats() +
+         p.convolution.threads * ConvolutionMaxPoolScratch(p).floats();
+}
 
 }  // namespace revisit::engine
 #endif

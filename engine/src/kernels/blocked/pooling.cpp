@@ -1,6 +1,7 @@
 #include "kernels/blocked/pooling.h"
 
 #include "kernels/blocked/blocked_pieces.h"
+#include "kernels/blocked/dispatch.h"
 #include "kernels/parallel.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -63,12 +64,12 @@ HWY_EXPORT(max_pool);
 HWY_EXPORT(average_pool);
 
 void blocked_max_pool(const PoolingProblem& p, int64_t channels, const void* input, void* output) {
-  HWY_DYNAMIC_DISPATCH(max_pool)(p, channels, input, output);
+  REVISIT_DISPATCH(max_pool, instructions_for(p.values))(p, channels, input, output);
 }
 
 void blocked_average_pool(const PoolingProblem& p, int64_t channels, const void* input,
                           void* output) {
-  HWY_DYNAMIC_DISPATCH(average_pool)(p, channels, input, output);
+  REVISIT_DISPATCH(average_pool, instructions_for(p.values))(p, channels, input, output);
 }
 
 }  // namespace revisit::engine

@@ -1,6 +1,7 @@
 #include "kernels/blocked/reorder.h"
 
 #include "kernels/blocked/blocked_pieces.h"
+#include "kernels/blocked/dispatch.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/reorder.cpp"
@@ -20,10 +21,6 @@ constexpr int64_t kFew = 64;
 
 /// to[column][row] = from[row][column] for a kSide x kSide square; the steps are those of rows.
 HWY_INLINE void transpose_square(const float* from, int64_t from_step, float* to, int64_t to_step) {
-#if HWY_TARGET == HWY_SCALAR
-  for (int64_t i = 0; i < kSide; ++i)
-    for (int64_t j = 0; j < kSide; ++j) to[j * to_step + i] = from[i * from_step + j];
-#else
   const hn::FixedTag<float, kSide> d;
   const hn::RepartitionToWide<decltype(d)> pairs;
   const auto row0 = hn::LoadU(d, from), row1 = hn::LoadU(d, from + from_step);
@@ -36,7 +33,6 @@ HWY_INLINE void transpose_square(const float* from, int64_t from_step, float* to
   hn::StoreU(hn::BitCast(d, hn::InterleaveUpper(pairs, low01, low23)), d, to + to_step);
   hn::StoreU(hn::BitCast(d, hn::InterleaveLower(pairs, high01, high23)), d, to + 2 * to_step);
   hn::StoreU(hn::BitCast(d, hn::InterleaveUpper(pairs, high01, high23)), d, to + 3 * to_step);
-#endif
 }
 
 /// to[column][row] = from[row][column] for any matrix.
@@ -140,11 +136,11 @@ HWY_EXPORT(to_blocked);
 HWY_EXPORT(to_plain);
 
 void reorder_to_blocked(const BlockedSize& size, const float* plain, void* blocked) {
-  HWY_DYNAMIC_DISPATCH(to_blocked)(size, plain, blocked);
+  REVISIT_DISPATCH(to_blocked, instructions_for(size.values))(size, plain, blocked);
 }
 
 void reorder_to_plain(const BlockedSize& size, const void* blocked, float* plain) {
-  HWY_DYNAMIC_DISPATCH(to_plain)(size, blocked, plain);
+  REVISIT_DISPATCH(to_plain, instructions_for(size.values))(size, blocked, plain);
 }
 
 }  // namespace revisit::engine

@@ -1,6 +1,7 @@
 #include "kernels/blocked/shuffle.h"
 
 #include "kernels/blocked/blocked_pieces.h"
+#include "kernels/blocked/dispatch.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/shuffle.cpp"
@@ -128,7 +129,7 @@ HWY_EXPORT(shuffle_channels);
 
 void blocked_shuffle(const BlockedSize& size, std::span<const int64_t> sources, const void* input,
                      void* output) {
-  HWY_DYNAMIC_DISPATCH(shuffle_channels)(size, sources, input, output);
+  REVISIT_DISPATCH(shuffle_channels, instructions_for(size.values))(size, sources, input, output);
 }
 
 }  // namespace revisit::engine

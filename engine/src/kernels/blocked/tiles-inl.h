@@ -15,13 +15,51 @@ namespace revisit::engine::HWY_NAMESPACE {
 
 constexpr int64_t kTileNumbers = kTileRows * kTileDepth;
 
+#if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
+/// The instructions themselves. The calling thread's tiles are this object's while it lives.
+class Tiles {
+ public:
+  HWY_INLINE Tiles() {
+    struct alignas(64) Configuration {
+      uint8_t palette = 1, start_row = 0, reserved[14] = {};
+      uint16_t row_bytes[16] = {64, 64, 64, 64, 64, 64, 64, 64};
+      uint8_t rows[16] = {16, 16, 16, 16, 16, 16, 16, 16};
+    };
+    const Configuration whole;
+    asm volatile("ldtilecfg %0" ::"m"(whole));
+  }
+  HWY_INLINE ~Tiles() { asm volatile("tilerelease"); }
+  Tiles(const Tiles&) = delete;
+  Tiles& operator=(const Tiles&) = delete;
+
+  template <int kTile>
+  HWY_INLINE void zero() {
+    asm volatile("tilezero %%tmm%c0" ::"i"(kTile));
+  }
+
+  template <int kTile>
+  HWY_INLINE void load(const BFloat16* from, int64_t step) {
+    asm volatile("tileloadd (%0,%1,2), %%tmm%c2" ::"r"(from), "r"(step), "i"(kTile) : "memory");
+  }
+
+  template <int kSum, int kPixels, int kWeights>
+  HWY_INLINE void add_products() {
+    asm volatile("tdpbf16ps %%tmm%c2, %%tmm%c1, %%tmm%c0" ::"i"(kSum), "i"(kPixels), "i"(kWeights));
+  }
+
+  template <int kTile>
+  HWY_INLINE void store(float* to) const {
+    asm volatile("tilestored %%tmm%c2, (%0,%1,4)" ::"r"(to), "r"(kLanes), "i"(kTile) : "memory");
+  }
+};
+#else
 /// Eight registers of kTileRows rows of 64 bytes, by the rules of Intel's manual (Software
 /// Developer's Manual, volume 2, TDPBF16PS): every product of two tiles sums its even channels and
 /// its odd ones by themselves, from zero on, and adds the two sums to each other and then to what
 /// was there.
-class EmulatedTiles {
+class Tiles {
  public:
-  HWY_INLINE EmulatedTiles() {}
+  HWY_INLINE Tiles() {}
 
   template <int kTile>
   HWY_INLINE void zero() {
@@ -66,97 +104,26 @@ class EmulatedTiles {
   Block sums_[4][kTileRows];
   Factor factors_[8];
 };
-
-#if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
-/// The instructions themselves. The calling thread's tiles are this object's while it lives.
-class AmxTiles {
- public:
-  HWY_INLINE AmxTiles() {
-    struct alignas(64) Configuration {
-      uint8_t palette = 1, start_row = 0, reserved[14] = {};
-      uint16_t row_bytes[16] = {64, 64, 64, 64, 64, 64, 64, 64};
-      uint8_t rows[16] = {16, 16, 16, 16, 16, 16, 16, 16};
-    };
-    const Configuration whole;
-    asm volatile("ldtilecfg %0" ::"m"(whole));
-  }
-  HWY_INLINE ~AmxTiles() { asm volatile("tilerelease"); }
-  AmxTiles(const AmxTiles&) = delete;
-  AmxTiles& operator=(const AmxTiles&) = delete;
-
-  template <int kTile>
-  HWY_INLINE void zero() {
-    asm volatile("tilezero %%tmm%c0" ::"i"(kTile));
-  }
-
-  template <int kTile>
-  HWY_INLINE void load(const BFloat16* from, int64_t step) {
-    asm volatile("tileloadd (%0,%1,2), %%tmm%c2" ::"r"(from), "r"(step), "i"(kTile) : "memory");
-  }
-
-  template <int kSum, int kPixels, int kWeights>
-  HWY_INLINE void add_products() {
-    asm volatile("tdpbf16ps %%tmm%c2, %%tmm%c1, %%tmm%c0" ::"i"(kSum), "i"(kPixels), "i"(kWeights));
-  }
-
-  template <int kTile>
-  HWY_INLINE void store(float* to) const {
-    asm volatile("tilestored %%tmm%c2, (%0,%1,4)" ::"r"(to), "r"(kLanes), "i"(kTile) : "memory");
-  }
-};
 #endif
 
 /// Bfloat16 that are multiplied in tiles.
-struct EmulatedTileBf16 : BFloat16 {
-  using Tiles = EmulatedTiles;
-};
-#if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
-struct NativeTileBf16 : NativeBf16 {
-  using Tiles = AmxTiles;
-};
-#endif
-
+struct TileBf16 : BFloat16 {};
 template <class T>
-constexpr bool kInTiles = requires {
-  typename T::Tiles;
-};
-
-struct NoTiles {};
-template <class T>
-struct TilesOfType {
-  using Type = NoTiles;
-};
-template <class T>
-requires kInTiles<T>
-struct TilesOfType<T> {
-  using Type = typename T::Tiles;
-};
-template <class T>
-using TilesOf = typename TilesOfType<T>::Type;
-
-/// Calls `work(T())` with the type that is multiplied in tiles.
-template <class Work>
-HWY_INLINE void with_tile_type(const Work& work) {
-#if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
-  if (has_bf16_tiles()) return work(NativeTileBf16());
-#endif
-  work(EmulatedTileBf16());
-}
+constexpr bool kInTiles = std::is_same_v<T, TileBf16>;
 
 /// Factors of a product, in steps of kTileDepth channels.
-template <class T>
 struct TileFactors {
   int64_t steps;
-  const T* inputs;       // of each step and column kTileDepth; columns in whole tiles
-  int64_t inputs_step;   // from step to step
-  int64_t column_step;   // from column to column
-  const T* weights;      // [output block][steps][kTileDepth / 2][kLanes][2]
-  int64_t weights_step;  // from output block to output block
+  const BFloat16* inputs;   // of each step and column kTileDepth; columns in whole tiles
+  int64_t inputs_step;      // from step to step
+  int64_t column_step;      // from column to column
+  const BFloat16* weights;  // [output block][steps][kTileDepth / 2][kLanes][2]
+  int64_t weights_step;     // from output block to output block
 };
 
 /// Writes [kBlocks][kRowTiles * kTileRows][kLanes].
-template <int kRowTiles, int kBlocks, class T>
-void sum_tiles(const TileFactors<T>& f, typename T::Tiles& tiles, float* sums) {
+template <int kRowTiles, int kBlocks>
+void sum_tiles(const TileFactors& f, Tiles& tiles, float* sums) {
   const auto for_each_sum = [&](const auto& work) HWY_ATTR {
     work(std::integral_constant<int, 0>());
     if constexpr (kBlocks > 1) work(std::integral_constant<int, 1>());
@@ -164,8 +131,8 @@ void sum_tiles(const TileFactors<T>& f, typename T::Tiles& tiles, float* sums) {
     if constexpr (kRowTiles > 1 && kBlocks > 1) work(std::integral_constant<int, 3>());
   };
   for_each_sum([&](auto sum) HWY_ATTR { tiles.template zero<sum>(); });
-  const T* inputs = f.inputs;
-  const T* weights = f.weights;
+  const BFloat16* inputs = f.inputs;
+  const BFloat16* weights = f.weights;
   for (int64_t step = 0; step < f.steps; ++step, inputs += f.inputs_step, weights += kTileNumbers) {
     tiles.template load<4>(inputs, f.column_step);
     if constexpr (kRowTiles > 1)
@@ -183,14 +150,14 @@ void sum_tiles(const TileFactors<T>& f, typename T::Tiles& tiles, float* sums) {
 
 /// Calls `sink(output block, first column, sums)` for all sums of one or two output blocks and up
 /// to two tiles of columns, a few at a time.
-template <class T, class Sink>
-void multiply_in_tiles(const TileFactors<T>& f, int64_t blocks, int64_t columns,
-                       typename T::Tiles& tiles, const Sink& sink) {
+template <class Sink>
+void multiply_in_tiles(const TileFactors& f, int64_t blocks, int64_t columns, Tiles& tiles,
+                       const Sink& sink) {
   alignas(64) float sums[4 * kTileRows * kLanes];
   const bool two_blocks = blocks > 1, two_tiles = columns > kTileRows;
-  const auto sum = two_blocks  ? two_tiles ? sum_tiles<2, 2, T> : sum_tiles<1, 2, T>
-                    : two_tiles ? sum_tiles<2, 1, T>
-                               : sum_tiles<1, 1, T>;
+  const auto sum = two_blocks  ? two_tiles ? sum_tiles<2, 2> : sum_tiles<1, 2>
+                    : two_tiles ? sum_tiles<2, 1>
+                               : sum_tiles<1, 1>;
   sum(f, tiles, sums);
   constexpr int kTogether = 4;
   const auto take = [&]<int kCount>(int64_t block, int64_t column) HWY_ATTR {

@@ -5,6 +5,7 @@
 #include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"
+#include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/multiply-inl.h"
 #include "kernels/blocked/winograd_lines-inl.h"
@@ -27,7 +28,31 @@ constexpr WinogradVariant kVariants[] = {
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 
-template <size_t kVariant, class T>
+/// The outputs of a tile inside the image.
+struct TileOutputs {
+  int64_t rows, columns;
+  int64_t at;  // the first in the output, in numbers
+};
+
+/// Writes a tile's sums [rows][`width`][kLanes] once for all variants: of it they would all have
+/// one.
+HWY_NOINLINE void finish_tile(const ConvolutionProblem& p, const BlockedConvolutionArguments& a,
+                              const BlockEpilogue& epilogue, const float* sums, int64_t width,
+                              const TileOutputs& outputs) {
+  with_type(p.values, [&](auto type) HWY_ATTR {
+    using T = decltype(type);
+    for (int64_t y = 0; y < outputs.rows; ++y)
+      for (int64_t x = 0; x < outputs.columns; ++x) {
+        const int64_t at = outputs.at + (y * p.out_w + x) * kLanes;
+        Block sum[] = {load_block(sums + (y * width + x) * kLanes)};
+        epilogue.finish(sum, a.addend ? static_cast<const T*>(a.addend) + at : nullptr,
+                        static_cast<T*>(a.output) + at);
+      }
+  });
+}
+
+/// Transforms and products are of float32 whatever the values are.
+template <size_t kVariant>
 class Winograd {
  public:
   Winograd(const ConvolutionProblem& p, const BlockedConvolutionArguments& a)
@@ -97,22 +122,26 @@ class Winograd {
         inputs + (panels.begin(panel) * shape_.in_blocks + block * width) * kPoints * kLanes;
     for (int64_t t = 0; t < width; ++t) {
       const Tile tile = locate(first + t);
-      const T* image = static_cast<const T*>(a_.input) +
-                       (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
-      transform_input(image, tile.y - p_.pad_h, tile.x - p_.pad_w, to + t * kLanes, width * kLanes);
+      transform_input(tile, (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes,
+                      to + t * kLanes, width * kLanes);
     }
   }
 
   /// Point (i, j) goes to `to + (i * kColumns + j) * step`. Columns of the tile are transformed
   /// first, each on its own.
-  void transform_input(const T* image, int64_t y0, int64_t x0, float* to, int64_t step) const {
-    alignas(64) static constexpr T kZeros[kColumns * kLanes] = {};
+  void transform_input(const Tile& tile, int64_t plane, float* to, int64_t step) const {
+    alignas(64) static constexpr float kZeros[kColumns * kLanes] = {};
+    const int64_t y0 = tile.y - p_.pad_h, x0 = tile.x - p_.pad_w;
     const int64_t x_begin = std::clamp<int64_t>(-x0, 0, kColumns);
     const int64_t x_end = std::clamp<int64_t>(p_.w - x0, x_begin, kColumns);
-    const T* rows[kRows];
+    const int64_t pixel_bytes = kLanes * value_bytes(p_.values);
+    const auto* const image =
+        static_cast<const std::byte*>(a_.input) + plane * pixel_bytes / kLanes;
+    const std::byte* rows[kRows];
     for (int i = 0; i < kRows; ++i) {
       const int64_t y = y0 + i;
-      rows[i] = y >= 0 && y < p_.h ? image + (y * p_.w + x0 + x_begin) * kLanes : kZeros;
+      rows[i] = y >= 0 && y < p_.h ? image + (y * p_.w + x0 + x_begin) * pixel_bytes
+                                   : reinterpret_cast<const std::byte*>(kZeros);
     }
     alignas(64) float half[kRows][kColumns][kLanes];
     for (int64_t j = 0; j < kColumns; ++j) {
@@ -121,8 +150,12 @@ class Winograd {
         continue;
       }
       Block line[kRows];
-      REVISIT_UNROLL
-      for (int i = 0; i < kRows; ++i) line[i] = load_block(rows[i] + (j - x_begin) * kLanes);
+      with_type(p_.values, [&](auto type) HWY_ATTR {
+        REVISIT_UNROLL
+        for (int i = 0; i < kRows; ++i)
+          line[i] = load_block(
+              reinterpret_cast<const decltype(type)*>(rows[i] + (j - x_begin) * pixel_bytes));
+      });
       transform_input_line<Rows>(
           line, [&](int i, const Block& b) HWY_ATTR { store_block(b, half[i][j]); });
     }
@@ -228,25 +261,19 @@ class Winograd {
       transform_output_line<Columns>(
           line, [&](int j, const Block& b) HWY_ATTR { store_block(b, half[i][j]); });
     }
-    const int64_t rows = std::min<int64_t>(kTile.rows, p_.out_h - tile.y);
-    const int64_t columns = std::min<int64_t>(kTile.columns, p_.out_w - tile.x);
-    const int64_t offset =
-        (((tile.image * shape_.out_blocks + block) * p_.out_h + tile.y) * p_.out_w + tile.x) *
-        kLanes;
-    const auto* const addend = static_cast<const T*>(a_.addend);
-    auto* const output = static_cast<T*>(a_.output);
-    for (int64_t j = 0; j < columns; ++j) {
+    alignas(64) float sums[kTile.rows][kTile.columns][kLanes];
+    for (int j = 0; j < kTile.columns; ++j) {
       Block line[kRows];
       REVISIT_UNROLL
       for (int i = 0; i < kRows; ++i) line[i] = load_block(half[i][j]);
-      const int64_t at = offset + j * kLanes;
-      transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR {
-        if (i >= rows) return;
-        const int64_t pixel = at + i * p_.out_w * kLanes;
-        Block sum[] = {b};
-        epilogue.finish(sum, addend ? addend + pixel : nullptr, output + pixel);
-      });
+      transform_output_line<Rows>(
+          line, [&](int i, const Block& b) HWY_ATTR { store_block(b, sums[i][j]); });
     }
+    const int64_t at =
+        ((tile.image * shape_.out_blocks + block) * p_.out_h + tile.y) * p_.out_w + tile.x;
+    finish_tile(p_, a_, epilogue, sums[0][0], kTile.columns,
+                {std::min<int64_t>(kTile.rows, p_.out_h - tile.y),
+                 std::min<int64_t>(kTile.columns, p_.out_w - tile.x), at * kLanes});
   }
 
   const ConvolutionProblem& p_;
@@ -260,8 +287,7 @@ void run_variant(size_t variant, const ConvolutionProblem& p, const BlockedConvo
   using Function = void (*)(const ConvolutionProblem&, const BlockedConvolutionArguments&);
   static constexpr Function kRun[] = {
       [](const ConvolutionProblem& problem, const BlockedConvolutionArguments& arguments) {
-        with_type(problem.values,
-                  [&](auto type) { Winograd<kVariant, decltype(type)>(problem, arguments).run(); });
+        Winograd<kVariant>(problem, arguments).run();
       }...};
   kRun[variant](p, a);
 }
@@ -350,7 +376,7 @@ constexpr BlockedConvolutionKernel kernel() {
             return WinogradShape(kVariants[kVariant], p).scratch_floats(p.threads);
           },
           [](const ConvolutionProblem& p, const BlockedConvolutionArguments& a) {
-            HWY_DYNAMIC_DISPATCH(run_winograd)(kVariant, p, a);
+            REVISIT_DISPATCH(run_winograd, instructions_for(p.values))(kVariant, p, a);
           },
           std::max(kVariants[kVariant].rows, kVariants[kVariant].columns) +
               kVariants[kVariant].taps - 1};

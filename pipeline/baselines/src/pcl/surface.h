@@ -29,7 +29,7 @@ struct Surface {
 };
 /// The points of a scan that have a normal: at least 3 points within `radius` of them, themselves
 /// counted. Throws InputError for a scan so dense that its neighbourhoods (up to `largest_radius`,
-/// of whoever uses the surface) would take hours.
+/// the largest that the caller uses) would take hours.
 Surface surface_of(const PointCloud& cloud, double radius, double largest_radius);
 
 }  // namespace revisit::pipeline

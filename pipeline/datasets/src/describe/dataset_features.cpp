@@ -35,7 +35,7 @@ DatasetFeatures::DatasetFeatures(const Dataset& dataset, const FeatureExtractor&
     : dataset_(dataset), extractor_(extractor), observer_(observer), options_(options) {
   options_.stop = observer.stop;
   options_.damaged = [this](const std::string& file) {
-    observer_.note(file + " is not what was written; it is made anew");
+    observer_.note(file + " has changed since it was written; it is made again");
   };
   make_folder(folder);
   paths_ = feature_paths(folder, dataset, extractor, options_);
@@ -58,8 +58,8 @@ const std::vector<AlignmentRecord>& DatasetFeatures::alignments() {
     if (none.empty()) return *alignments_;
     const std::string first = dataset_.scans[static_cast<size_t>(none[0])].file.string();
     if (static_cast<int64_t>(none.size()) == n())
-      throw InputError(str(first, ": this scan, and every other of the ", n(),
-                           ", cannot be described; is it the right data, and whole?"));
+      throw InputError(str(first, ": cannot be described, nor any other of the ", n(),
+                           " scans; is this the right data, and complete?"));
     if (options_.strict)
       throw InputError(str(first, ": cannot be described, nor ", none.size() - 1, " others of the ",
                            n(), "; without DescribeOptions::strict they are left out"));

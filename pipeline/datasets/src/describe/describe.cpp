@@ -262,7 +262,7 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
     if (options.progress) options.progress(done, n);
     if (done < n && options.stop && options.stop())
       throw Interrupted(str("stopped after ", done, " of ", n,
-                            " scans; they are kept, the same command goes on"));
+                            " scans; they are kept: run the same command again to continue"));
   };
   Stopwatch wall;
   check_stop(first);

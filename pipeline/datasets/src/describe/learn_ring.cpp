@@ -19,7 +19,7 @@ double heading_of(const Pose& T_world_cam) {
   return std::atan2(-forward.x(), forward.z());
 }
 
-/// Evenly over the drives, so many as are asked for and can be read.
+/// Evenly over the drives, as many as are asked for and can be read.
 void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                       const std::vector<Dataset>& drives, int wanted, const Observer& observer) {
   std::vector<const ScanRef*> all;
@@ -102,7 +102,7 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
   for (const Dataset& drive : drives)
     if (by_poses && !drive.has_poses())
       throw UsageError(str("LearnRingOptions::lesson loops and odometry need poses, which ",
-                           drive.name, " has not: use sequence or scans"));
+                           drive.name, " lacks: use sequence or scans"));
   learn_columns_of(model, net, recipe, drives, options.column_scans, observer);
   const FeatureExtractor extractor = ring_features(model, net);
   std::deque<DatasetFeatures> features;

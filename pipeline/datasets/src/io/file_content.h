@@ -20,12 +20,12 @@ std::vector<std::string> read_lines(const std::filesystem::path& file);
 /// Takes the first blank-separated word off `text`; "" when there is none.
 std::string_view take_word(std::string_view* text);
 
-/// A word as a number. Throws InputError, starting with `where`, for what is none and, unless
+/// A word as a number. Throws InputError, starting with `where`, for anything else and, unless
 /// `may_be_infinite`, for nan and inf.
 double parse_number(std::string_view word, const std::string& where, bool may_be_infinite);
 
 /// The finite numbers in `text`, separated by blanks. Throws InputError, starting with `where`, for
-/// anything that is no finite number.
+/// anything that is not a finite number.
 std::vector<double> parse_numbers(std::string_view text, const std::string& where);
 
 }  // namespace revisit::pipeline

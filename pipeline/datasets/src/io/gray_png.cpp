@@ -28,7 +28,7 @@ GrayImage read_gray_png(const std::filesystem::path& file) {
   if (pixels > kMaxImagePixels)
     throw InputError(str(file.string(), ": ", png.width, " x ", png.height,
                          " pixels; images of up to ", kMaxImagePixels,
-                         " pixels are read, make it smaller"));
+                         " pixels are read: make it smaller"));
   png.format = PNG_FORMAT_GRAY;
   // Transparent pixels take what is in the buffer: black.
   GrayImage image{static_cast<int>(png.width), static_cast<int>(png.height),

@@ -36,18 +36,18 @@ proto::NumberType number_type(std::string_view type, std::string_view size,
                               : Kind::kOther;
   if (size.size() == 1) number.bytes = static_cast<size_t>(size[0] - '0');
   if (proto::number_reader(number)) return number;
-  throw InputError(str(where, ": no such type: TYPE ", type.substr(0, 40), " of SIZE ",
+  throw InputError(str(where, ": unknown type: TYPE ", type.substr(0, 40), " of SIZE ",
                        size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8"));
 }
 
 /// Every line up to and including DATA. `text` is left at the first byte of the points.
-PcdHeader read_header(TextCursor* text) {
+PcdHeader read_pcd_header(TextCursor* text) {
   std::vector<std::string_view> names, sizes, types, counts;
   std::optional<size_t> width, height, points;
   PcdHeader header;
   std::string_view line;
   while (header.data.empty()) {
-    if (!text->next(&line)) throw InputError(text->name() + ": no line DATA in the PCD header");
+    if (!text->next(&line)) throw InputError(text->name() + ": the PCD header has no line DATA");
     std::string_view values = line;
     const std::string_view key = take_word(&values);
     const std::string where = text->where();
@@ -72,7 +72,7 @@ PcdHeader read_header(TextCursor* text) {
         throw InputError(str(where, ": expected DATA ascii, binary or binary_compressed, found '",
                              header.data.substr(0, 40), "'"));
     } else {
-      throw InputError(str(where, ": no PCD header line: '", key.substr(0, 40), "'"));
+      throw InputError(str(where, ": not a line of a PCD header: '", key.substr(0, 40), "'"));
     }
   }
 
@@ -133,7 +133,7 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
 PointCloud read_pcd(const fs::path& file) {
   const std::string content = read_content(file);
   TextCursor text(content, file.string());
-  const PcdHeader header = read_header(&text);
+  const PcdHeader header = read_pcd_header(&text);
   const std::string_view body = text.rest();
   if (header.data == "binary") {
     check_size(header.table, body, text);

@@ -32,17 +32,18 @@ proto::NumberType number_type(std::string_view name, const std::string& where) {
   if (name == "uint" || name == "uint32") return {Kind::kUnsigned, 4};
   if (name == "float" || name == "float32") return {Kind::kFloat, 4};
   if (name == "double" || name == "float64") return {Kind::kFloat, 8};
-  throw InputError(str(where, ": no such property type: '", name.substr(0, 40), "'"));
+  throw InputError(str(where, ": unknown property type: '", name.substr(0, 40), "'"));
 }
 
 /// Every line up to and including end_header. `text` is left at the first byte of the elements.
-PlyHeader read_header(TextCursor* text) {
+PlyHeader read_ply_header(TextCursor* text) {
   std::string_view line;
   if (!text->next(&line) || line != "ply")
     throw InputError(text->name() + ":1: expected 'ply' as the first line");
   PlyHeader header;
   for (;;) {
-    if (!text->next(&line)) throw InputError(text->name() + ": no line end_header");
+    if (!text->next(&line))
+      throw InputError(text->name() + ": the PLY header has no line end_header");
     const std::string_view key = take_word(&line);
     const std::string where = text->where();
     if (key == "end_header") break;
@@ -62,7 +63,7 @@ PlyHeader read_header(TextCursor* text) {
       else
         element.table.add(take_word(&line), number_type(type, where), 1);
     } else {
-      throw InputError(str(where, ": no PLY header line: '", key.substr(0, 40), "'"));
+      throw InputError(str(where, ": not a line of a PLY header: '", key.substr(0, 40), "'"));
     }
   }
   if (header.format != "ascii" && header.format != "binary_little_endian" &&
@@ -111,7 +112,7 @@ PointCloud read_binary(const PlyHeader& header, const Element& vertex, const Tex
 PointCloud read_ply(const fs::path& file) {
   const std::string content = read_content(file);
   TextCursor text(content, file.string());
-  const PlyHeader header = read_header(&text);
+  const PlyHeader header = read_ply_header(&text);
   const auto vertex = std::find_if(header.elements.begin(), header.elements.end(),
                                    [](const Element& element) { return element.name == "vertex"; });
   if (vertex == header.elements.end())

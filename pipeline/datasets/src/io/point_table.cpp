@@ -66,7 +66,7 @@ const PointTable::Column* PointTable::find(std::string_view name) const {
 
 void PointTable::check(const std::string& where) const {
   std::string names;
-  for (const Column& column : columns_) names += " " + column.name.substr(0, 40);
+  for (const Column& column : columns_) names.append(" ").append(column.name, 0, 40);
   for (const char* const name : {"x", "y", "z"})
     if (!find(name))
       throw InputError(str(where, ": expected x, y and z, one value each; no such '", name,

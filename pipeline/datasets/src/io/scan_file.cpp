@@ -42,7 +42,7 @@ void check_plausible(const fs::path& file, const PointCloud& cloud) {
   const bool gzip = bytes[0] == 0x1f && bytes[1] == 0x8b;
   throw InputError(str(file.string(),
                        ": most of its points are farther than 1 km or nearer than 1 mm: this is "
-                       "no scan of float32 x y z reflectance in the sensor's frame",
+                       "not a scan of float32 x y z reflectance in the sensor's frame",
                        gzip ? "; it starts as gzip files do, unpack it first" : ""));
 }
 
@@ -53,7 +53,7 @@ void read_kitti_bin(const fs::path& file, PointCloud& cloud) {
     throw InputError(str(file.string(), ": ", in.size(),
                          " bytes is not a whole number of points of ", sizeof(Point),
                          " bytes (float32 x y z reflectance): remainder ", remainder,
-                         "; the file is truncated or is no KITTI scan"));
+                         "; the file is truncated or is not a KITTI scan"));
   cloud.points.resize(in.size() / sizeof(Point));
   in.read(cloud.points.data(), in.size());
   check_plausible(file, cloud);

@@ -89,8 +89,6 @@ void check_positive(const char* what, int value) {
 
 }  // namespace
 
-void need_faiss() {}
-
 std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index,
                                                const GraphOptions& options) {
   check(index, 1);

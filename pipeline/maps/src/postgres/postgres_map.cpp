@@ -118,7 +118,7 @@ class PostgresMap : public MapStore {
       try {
         claim->step = std::make_unique<pqxx::work>(connection);
       } catch (const pqxx::usage_error&) {
-        throw UsageError("the claim before this one has not ended");
+        throw UsageError("the previous claim has not ended");
       }
       const pqxx::result rows = claim->step->exec_params(
           "SELECT frame FROM expected WHERE drive = $1 AND place IS NULL ORDER BY frame LIMIT $2 "

@@ -27,7 +27,7 @@ class Server {
 
   /// Calls `work(connection)` and returns what it does. When the connection is lost meanwhile, even
   /// during a commit, `work` is called again with another: it has to find out what it has done.
-  /// Throws Error when the server stays away or refuses, UsageError for what it cannot keep.
+  /// Throws Error when the server stays away or refuses, UsageError for what it cannot store.
   template <class Work>
   auto run(Work&& work) {
     for (std::optional<Clock::time_point> lost_at;;) {

@@ -43,9 +43,9 @@ void write_head(pqxx::transaction_base& step, const MapHead& head);
 /// How many places there are; `damage`: when that had to be taken from the places, why.
 int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string* damage = nullptr);
 void write_places(pqxx::transaction_base& step, int64_t places);
-/// One who adds or changes has this row until the commit. So ids are given in the order of the
-/// commits: a reader who has seen id 7 never meets a 6 that was committed later, as it would with a
-/// sequence. It also waits for a lost connection's own commit to end.
+/// Whoever adds or changes places locks this row until the commit. So ids are given in the order of
+/// the commits: a reader who has seen id 7 never meets a 6 that was committed later, as it would
+/// with a sequence. It also waits for a lost connection's own commit to end.
 int64_t lock_places(pqxx::transaction_base& step);
 
 /// `sql`: kInsertPlaceAt or kReplacePlaceAt.

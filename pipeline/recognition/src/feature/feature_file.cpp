@@ -53,7 +53,7 @@ std::string finished_key(const std::string& key, uint64_t checksum) {
   return std::move(text).str();
 }
 
-/// A pipe, a socket or a link under the name of one of our files is none of ours. (Devices and
+/// A pipe, a socket or a link under the name of one of our files is not ours. (Devices and
 /// folders stay: they are refused.)
 void discard_strange(const fs::path& file) {
   std::error_code ignored;

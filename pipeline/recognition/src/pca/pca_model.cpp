@@ -19,12 +19,12 @@ PcaModel::PcaModel(const std::filesystem::path& folder)
   if (mean.shape != std::vector<int64_t>{basis_.d()} || basis_.n() < 1)
     throw InputError(str(folder.string(), ": mean.npy has ", mean.data.size(),
                          " values, basis.npy is ", basis_.n(), " x ", basis_.d(),
-                         "; they are not of one model"));
+                         "; they belong to different models"));
   const auto bad = std::find_if_not(mean.data.begin(), mean.data.end(),
                                     [](float value) { return std::isfinite(value); });
   if (bad != mean.data.end())
     throw InputError(str((folder / "mean.npy").string(), ": value ", bad - mean.data.begin(),
-                         " is not finite; learn the model anew"));
+                         " is not finite; learn the model again"));
   mean_ = std::move(mean.data);
 }
 

@@ -179,7 +179,7 @@ double distance(const Beams& found, const Sensor& sensor) {
   return fits ? std::abs(top) + std::abs(bottom) : kNo;
 }
 
-/// An image for beams that are no known sensor's: half a beam higher and lower than they are, in
+/// An image for beams of an unknown sensor: half a beam higher and lower than they are, in
 /// half degrees, with 99 % of the returns.
 ImageGeometry own_image(const Beams& found) {
   const std::vector<double>& beams = found.elevations;

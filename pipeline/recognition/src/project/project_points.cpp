@@ -102,7 +102,7 @@ HWY_INLINE bool hit(const float* points, const float* R, const Panorama& p, Hits
 
   const auto [ground_square, value] = distances_of(x, y, z, p);
 
-  // Beyond these the float has not its full precision. (NaN is not within them either.)
+  // Beyond these a float does not have its full precision. (NaN is not within them either.)
   const Mask normal = hn::And(hn::Gt(ground_square, all(1e-30)), hn::Lt(ground_square, all(1e30)));
   const F elevation = angle_of(hn::Abs(z), hn::Sqrt(ground_square), p.half_turn_rows);
   const F row = hn::Sub(all(p.rows_above_horizon), hn::CopySign(elevation, z));

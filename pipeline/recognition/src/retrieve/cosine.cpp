@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "revisit/proto/error.h"
-
 namespace revisit::pipeline {
 namespace {
 
@@ -26,17 +24,6 @@ double dot(std::span<const float> a, std::span<const float> b) {
 
 double length_of(std::span<const float> x) {
   return std::sqrt(dot(x, x));
-}
-
-std::vector<double> row_lengths(const FloatMatrix& matrix, int which_case) {
-  std::vector<double> lengths(matrix.n);
-  for (int64_t i = 0; i < matrix.n; ++i) {
-    lengths[i] = length_of(matrix.row(i));
-    if (!std::isfinite(lengths[i]))
-      throw Error(str("the descriptor of scan ", i, " (alignment case ", which_case,
-                      ") holds a value that is not finite"));
-  }
-  return lengths;
 }
 
 double cosine(std::span<const float> a, double length_a, std::span<const float> b,

@@ -4,52 +4,61 @@
 #include <cmath>
 
 #include "retrieve/place_search.h"
-#include "revisit/proto/error.h"
 #include "revisit/recognition/cosine.h"
 
 namespace revisit::pipeline {
 namespace {
 
-KeyOf unit_length(int64_t dim) {
-  return {dim, [](std::span<const float> x, std::span<float> key) {
-            const double length = length_of(x), scale = length > 0 ? 1 / length : 0;
-            std::ranges::transform(x, key.begin(),
-                                   [scale](float v) { return static_cast<float>(v * scale); });
-          }};
+void unit_length(std::span<const float> x, std::span<float> key) {
+  const double length = length_of(x), scale = length > 0 ? 1 / length : 0;
+  std::ranges::transform(x, key.begin(),
+                         [scale](float v) { return static_cast<float>(v * scale); });
 }
 
 }  // namespace
 
-PlaceIndex::PlaceIndex(const Basis& basis) : basis_(basis) {
-  if (!basis_.similarity) basis_.key_of = unit_length(basis_.dim);
+PlaceIndex::PlaceIndex(int64_t dim, Comparison comparison)
+    : dim_(dim), comparison_(std::move(comparison)) {
+  if (!by_cosine()) return;
+  comparison_.make_key = unit_length;
+  comparison_.key_numbers = dim;
 }
 
 void PlaceIndex::check(std::span<const float> descriptor, const char* what) const {
-  if (static_cast<int64_t>(descriptor.size()) != basis_.dim)
-    throw UsageError(str("PlaceIndex: expected a ", what, " of ", basis_.dim, " numbers, found ",
-                         descriptor.size()));
+  if (static_cast<int64_t>(descriptor.size()) != dim_)
+    throw UsageError(
+        str("PlaceIndex: expected a ", what, " of ", dim_, " numbers, found ", descriptor.size()));
   if (!std::ranges::all_of(descriptor, [](float v) { return std::isfinite(v); }))
     throw UsageError(str("PlaceIndex: a ", what, " holds a number that is not finite"));
 }
 
-void PlaceIndex::check(const RetrieveOptions& options) const {
-  if (options.k < 1) throw UsageError(str("k: expected at least 1, found ", options.k));
-  if (options.threads < 1)
-    throw UsageError(str("threads: expected at least 1, found ", options.threads));
+PlaceIndex::Block& PlaceIndex::block_to_add_to() {
+  if (static_cast<int64_t>(blocks_.size()) * kPlacesInBlock == size_) {
+    const bool keys = !by_cosine() && comparison_.key_candidates > 0;
+    blocks_.push_back({{},
+                       std::vector<const float*>(kPlacesInBlock),
+                       FloatMatrix(keys ? kPlacesInBlock : 0, key_numbers()),
+                       std::vector<double>(by_cosine() ? kPlacesInBlock : 0)});
+  }
+  return blocks_.back();
 }
 
 void PlaceIndex::add(std::span<const float> descriptor) {
   check(descriptor, "descriptor");
-  const bool cosines = !basis_.similarity, keys = !cosines && basis_.key_candidates > 0;
-  if (size_ % kPlacesInBlock == 0)
-    blocks_.push_back({FloatMatrix(kPlacesInBlock, basis_.dim),
-                       FloatMatrix(keys ? kPlacesInBlock : 0, basis_.key_of.numbers),
-                       std::vector<double>(cosines ? kPlacesInBlock : 0)});
-  Block& block = blocks_.back();
+  Block& block = block_to_add_to();
+  if (block.copies.n == 0) block.copies = FloatMatrix(kPlacesInBlock, dim_);
+  const std::span<float> copy = block.copies.row(size_ % kPlacesInBlock);
+  std::ranges::copy(descriptor, copy.begin());
+  refer_to(copy);
+}
+
+void PlaceIndex::refer_to(std::span<const float> descriptor) {
+  check(descriptor, "descriptor");
+  Block& block = block_to_add_to();
   const int64_t row = size_ % kPlacesInBlock;
-  std::ranges::copy(descriptor, block.descriptors.row(row).begin());
-  if (keys) make_key(descriptor, block.keys.row(row));
-  if (cosines) block.lengths[static_cast<size_t>(row)] = length_of(descriptor);
+  block.rows[static_cast<size_t>(row)] = descriptor.data();
+  if (block.keys.n > 0) make_key(descriptor, block.keys.row(row));
+  if (by_cosine()) block.lengths[static_cast<size_t>(row)] = length_of(descriptor);
   if (source_) {
     std::vector<float> key(static_cast<size_t>(key_numbers()));
     make_key(descriptor, key);
@@ -59,12 +68,12 @@ void PlaceIndex::add(std::span<const float> descriptor) {
 }
 
 std::span<const float> PlaceIndex::descriptor(int64_t place) const {
-  return blocks_[static_cast<size_t>(place / kPlacesInBlock)].descriptors.row(place %
-                                                                              kPlacesInBlock);
+  const Block& block = blocks_[static_cast<size_t>(place / kPlacesInBlock)];
+  return {block.rows[static_cast<size_t>(place % kPlacesInBlock)], static_cast<size_t>(dim_)};
 }
 
 void PlaceIndex::make_key(std::span<const float> descriptor, std::span<float> key) const {
-  basis_.key_of.make(descriptor, key);
+  comparison_.make_key(descriptor, key);
 }
 
 void PlaceIndex::choose_by(std::unique_ptr<CandidateSource> source, int64_t count) {
@@ -78,40 +87,35 @@ void PlaceIndex::choose_by(std::unique_ptr<CandidateSource> source, int64_t coun
 }
 
 Match PlaceIndex::best(std::span<const float> query, std::span<const CandidateRange> candidates,
-                       const RetrieveOptions& options) const {
-  check(options);
-  check(query, "query");
-  return PlaceSearch(*this, candidates, options).answer(query);
+                       const SearchOptions& options) const {
+  PlaceSearch search(*this, options);
+  const Query one{query, candidates};
+  Match match;
+  search.answer({&one, 1}, 0, {&match, 1});
+  return match;
 }
 
-std::vector<Match> PlaceIndex::best_of_many(const FloatMatrix& queries,
-                                            std::span<const CandidateRange> candidates,
-                                            const RetrieveOptions& options) const {
-  check(options);
-  for (int64_t q = 0; q < queries.n; ++q) check(queries.row(q), "query");
-  std::vector<Match> matches(static_cast<size_t>(queries.n));
-  PlaceSearch search(*this, candidates, options);
-  constexpr int64_t kTogether = 64;
-  if (search.by_products())
-    for (int64_t first = 0; first < queries.n; first += kTogether)
-      search.answer_many(queries, first, std::min(kTogether, queries.n - first), matches);
-  else
-    for (int64_t q = 0; q < queries.n; ++q)
-      matches[static_cast<size_t>(q)] = search.answer(queries.row(q));
+std::vector<Match> PlaceIndex::best_of_many(std::span<const Query> queries,
+                                            const SearchOptions& options) const {
+  PlaceSearch search(*this, options);
+  std::vector<Match> matches(queries.size());
+  for (size_t first = 0; first < queries.size();) {
+    if (options.stop && options.stop()) throw Interrupted("retrieval stopped");
+    const size_t count = std::min(search.most_together(), queries.size() - first);
+    search.answer(queries.subspan(first, count), static_cast<int64_t>(first),
+                  std::span(matches).subspan(first, count));
+    first += count;
+    if (options.progress)
+      options.progress(static_cast<int64_t>(first), static_cast<int64_t>(queries.size()));
+  }
   return matches;
 }
 
-double recall_of(std::span<const Match> exact, std::span<const Match> found) {
-  if (exact.size() != found.size())
-    throw UsageError(
-        str("recall: expected answers to ", exact.size(), " queries, found ", found.size()));
-  int64_t ranks = 0, both = 0;
-  for (size_t q = 0; q < exact.size(); ++q)
-    for (const int64_t place : exact[q].ranks) {
-      ++ranks;
-      both += std::ranges::count(found[q].ranks, place);
-    }
-  return ranks > 0 ? static_cast<double>(both) / static_cast<double>(ranks) : 1;
-}
+NotFinite::NotFinite(int64_t of_query, int64_t to_place, double found)
+    : Error(str("the similarity of query ", of_query, " to place ", to_place,
+                " is not finite: ", found)),
+      query(of_query),
+      place(to_place),
+      similarity(found) {}
 
 }  // namespace revisit::pipeline

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <limits>
+#include <utility>
 
 #include "linear_algebra/linear_algebra.h"
+#include "retrieve/products.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/recognition/cosine.h"
 
@@ -13,32 +15,69 @@ namespace {
 
 /// Between these, products of floats neither overflow nor vanish.
 constexpr double kShortest = 1e-15, kLongest = 1e15;
+/// Of the queries in one product, and of its places.
+constexpr int64_t kFloatsTogether = int64_t{16} << 20;
 
 int64_t row_of(int64_t place) {
   return place % kPlacesInBlock;
 }
 
+/// (-similarity, place): sorts with the most similar first and equals by place.
+using RankedPlace = std::pair<double, int64_t>;
+
+/// Ranks, similarities and score of the best of `places`, which are reordered.
+void rank(std::vector<RankedPlace>& places, const SearchOptions& options, Match& match) {
+  const size_t kept = std::min(static_cast<size_t>(options.k), places.size());
+  const auto end = places.begin() + static_cast<int64_t>(kept);
+  std::nth_element(places.begin(), end, places.end());
+  std::sort(places.begin(), end);
+  match.ranks.reserve(kept);
+  match.similarities.reserve(kept);
+  for (size_t i = 0; i < kept; ++i) {
+    match.ranks.push_back(places[i].second);
+    match.similarities.push_back(-places[i].first);
+  }
+  const double best = match.similarities.front(), kth = match.similarities.back();
+  match.score = options.score == Score::kBest ? best : 2 * best - kth;
+}
+
+/// Rows of `d` floats that a product takes together.
+int64_t rows_together_of(int64_t d, int64_t most) {
+  return std::clamp<int64_t>(kFloatsTogether / std::max<int64_t>(1, d), 8, most);
+}
+
 }  // namespace
 
-/// What one thread finds in its share of the candidates.
+struct PlaceSearch::Asked {
+  std::span<const float> descriptor;
+  double length = 0;                        // for cosines
+  size_t first_range = 0, after_range = 0;  // of its candidates, in Memory::ranges
+  int64_t n_candidates = 0;
+};
+
+/// What one thread finds in its share of the places.
 struct PlaceSearch::Part {
   std::vector<Shortlist> shortlists;  // of each query
   std::vector<float> products;        // [queries][places of a run]
-  std::vector<int64_t> rows;
+  std::vector<float> rows;            // descriptors brought together
+  std::vector<float> scales;          // of these to unit length; 0: not by a product
+};
+
+/// What one thread needs to compare a query with those chosen.
+struct PlaceSearch::Comparing {
+  std::vector<int64_t> chosen;
+  std::vector<std::span<const float>> places;
   std::vector<double> similarities;
-  std::vector<RankedScan> ranked;  // the best so far, when all are compared
+  std::vector<RankedPlace> ranked;
 };
 
 struct PlaceSearch::Memory {
-  std::vector<std::span<const float>> queries;
-  std::vector<double> lengths;  // of the queries
-  std::vector<float> keys;      // [queries][key_numbers()]
+  std::vector<Asked> asked;
+  std::vector<CandidateRange> ranges;  // of all queries, none of them empty
+  std::vector<CandidateRange> united;  // what any of them may find
+  std::vector<float> keys;             // [queries][key_numbers()]
   std::vector<Part> parts;
-  size_t used_parts = 0;
-  std::vector<int64_t> chosen, rows;
-  FloatMatrix descriptors;  // of the chosen
-  std::vector<double> similarities;
-  std::vector<RankedScan> ranked;
+  std::vector<int64_t> proposed;
 };
 
 PlaceSearch::Memory& PlaceSearch::memory_of_this_thread() {
@@ -46,207 +85,260 @@ PlaceSearch::Memory& PlaceSearch::memory_of_this_thread() {
   return memory;
 }
 
-PlaceSearch::PlaceSearch(const PlaceIndex& index, std::span<const CandidateRange> candidates,
-                         const RetrieveOptions& options)
-    : index_(index), candidates_(candidates), options_(options), memory_(memory_of_this_thread()) {
-  for_each_run(0, index.size_, [&](int64_t, int64_t n) { n_candidates_ += n; });
-  if (!index.basis_.similarity) {
-    keep_ = std::min<int64_t>(options.k, n_candidates_);  // it is room that is taken
-    slack_ = rounding_of_cosines(index.basis_.dim);
-  } else if (index.basis_.key_candidates < n_candidates_) {
-    keep_ = index.basis_.key_candidates;
+PlaceSearch::PlaceSearch(const PlaceIndex& index, const SearchOptions& options)
+    : index_(index),
+      options_(options),
+      memory_(memory_of_this_thread()),
+      keep_(std::numeric_limits<int64_t>::max()),
+      slack_(0) {
+  if (options.k < 1) throw UsageError(str("k: expected at least 1, found ", options.k));
+  if (options.threads < 1)
+    throw UsageError(str("threads: expected at least 1, found ", options.threads));
+  if (index.by_cosine()) {
+    keep_ = options.k;
+    slack_ = rounding_of_cosines(index.dim_);
+  } else if (index.comparison_.key_candidates > 0) {
+    keep_ = index.comparison_.key_candidates;
   }
 }
 
-/// Calls `run(place, n)` for the candidates [from, to), as they are counted over all ranges: n that
-/// follow each other in a block.
-template <class Run>
-void PlaceSearch::for_each_run(int64_t from, int64_t to, const Run& run) const {
-  int64_t before = 0;
-  for (const CandidateRange& range : candidates_) {
-    const int64_t begin = std::max<int64_t>(range.begin, 0),
-                  end = std::min(range.end, index_.size_);
-    if (end <= begin) continue;
-    const int64_t last = std::min(end, begin + to - before);
-    for (int64_t place = begin + std::max<int64_t>(0, from - before); place < last;) {
-      const int64_t n = std::min(last - place, kPlacesInBlock - row_of(place));
-      run(place, n);
-      place += n;
-    }
-    before += end - begin;
-  }
+size_t PlaceSearch::most_together() const {
+  if (index_.source_) return 1;
+  return static_cast<size_t>(index_.by_cosine() ? rows_together_of(index_.dim_, 512) : 64);
 }
 
-/// Calls `work(from, to, part)` for shares of the candidates, one a thread.
-template <class Work>
-void PlaceSearch::in_parts(const Work& work) {
-  const int64_t n =
-      std::clamp<int64_t>(n_candidates_ / kPlacesInBlock, 1, std::max(1, options_.threads));
-  memory_.used_parts = static_cast<size_t>(n);
-  if (memory_.parts.size() < memory_.used_parts) memory_.parts.resize(memory_.used_parts);
-  parallel_for(n, options_.threads, [&](int64_t i) {
-    work(n_candidates_ * i / n, n_candidates_ * (i + 1) / n, memory_.parts[static_cast<size_t>(i)]);
+void PlaceSearch::answer(std::span<const Query> queries, int64_t first, std::span<Match> matches) {
+  take(queries);
+  const bool any_narrowed =
+      std::ranges::any_of(memory_.asked, [this](const Asked& asked) { return narrowed(asked); });
+  if (any_narrowed || index_.source_) make_keys();
+  const bool proposed = index_.source_ && propose();
+  if (any_narrowed && !proposed) choose_by_products();
+  parallel_for(static_cast<int64_t>(queries.size()), options_.threads, [&](int64_t q) {
+    matches[static_cast<size_t>(q)] = compare(static_cast<size_t>(q), proposed, first + q);
   });
 }
 
-Match PlaceSearch::answer(std::span<const float> query) {
-  if (n_candidates_ == 0) return {};
-  memory_.queries.assign(1, query);
-  if (keep_ == 0 && !index_.source_) return compare_all(query);
-  make_keys();
-  if (!index_.source_ || !propose()) {
-    if (keep_ == 0) return compare_all(query);
-    choose_by_products();
-    take_shortlist(0);
+void PlaceSearch::take(std::span<const Query> queries) {
+  memory_.asked.clear();
+  memory_.ranges.clear();
+  for (const Query& query : queries) {
+    index_.check(query.descriptor, "query");
+    Asked asked{query.descriptor, index_.by_cosine() ? length_of(query.descriptor) : 0,
+                memory_.ranges.size()};
+    for (const CandidateRange& range : query.candidates) {
+      const CandidateRange inside{std::max<int64_t>(range.begin, 0),
+                                  std::min(range.end, index_.size_)};
+      if (inside.size() <= 0) continue;
+      memory_.ranges.push_back(inside);
+      asked.n_candidates += inside.size();
+    }
+    asked.after_range = memory_.ranges.size();
+    memory_.asked.push_back(asked);
   }
-  return compare_chosen(query, memory_.lengths[0]);
+  unite_candidates();
 }
 
-void PlaceSearch::answer_many(const FloatMatrix& queries, int64_t first, int64_t count,
-                              std::span<Match> matches) {
-  if (n_candidates_ == 0) return;
-  memory_.queries.clear();
-  for (int64_t q = first; q < first + count; ++q) memory_.queries.push_back(queries.row(q));
-  make_keys();
-  choose_by_products();
-  for (size_t q = 0; q < memory_.queries.size(); ++q) {
-    take_shortlist(q);
-    matches[static_cast<size_t>(first) + q] =
-        compare_chosen(memory_.queries[q], memory_.lengths[q]);
-  }
+void PlaceSearch::unite_candidates() {
+  std::vector<CandidateRange>& united = memory_.united;
+  united.assign(memory_.ranges.begin(), memory_.ranges.end());
+  std::ranges::sort(united, {}, &CandidateRange::begin);
+  size_t last = 0;
+  for (size_t i = 1; i < united.size(); ++i)
+    if (united[i].begin <= united[last].end)
+      united[last].end = std::max(united[last].end, united[i].end);
+    else
+      united[++last] = united[i];
+  united.resize(std::min(united.size(), last + 1));
+}
+
+std::span<const CandidateRange> PlaceSearch::candidates_of(const Asked& asked) const {
+  return std::span(memory_.ranges)
+      .subspan(asked.first_range, asked.after_range - asked.first_range);
+}
+
+/// Whether not all of its candidates are compared.
+bool PlaceSearch::narrowed(const Asked& asked) const {
+  return keep_ < asked.n_candidates;
 }
 
 void PlaceSearch::make_keys() {
   const auto numbers = static_cast<size_t>(index_.key_numbers());
-  memory_.keys.resize(memory_.queries.size() * numbers);
-  memory_.lengths.clear();
-  for (size_t q = 0; q < memory_.queries.size(); ++q) {
-    index_.basis_.key_of.make(memory_.queries[q],
-                              std::span(memory_.keys).subspan(q * numbers, numbers));
-    memory_.lengths.push_back(length_of(memory_.queries[q]));
+  memory_.keys.resize(memory_.asked.size() * numbers);
+  for (size_t q = 0; q < memory_.asked.size(); ++q)
+    index_.make_key(memory_.asked[q].descriptor,
+                    std::span(memory_.keys).subspan(q * numbers, numbers));
+}
+
+/// The candidates of the only query that the source knows of; false when they are fewer than asked
+/// for.
+bool PlaceSearch::propose() {
+  const Asked& asked = memory_.asked.front();
+  // What is left out of the candidates, as the last places often are, may be the most similar.
+  const int64_t left_out = index_.size_ - asked.n_candidates;
+  std::vector<int64_t>& proposed = memory_.proposed;
+  index_.source_->find(memory_.keys, index_.from_source_ + std::min(left_out, index_.from_source_),
+                       proposed);
+  std::erase_if(proposed, [ranges = candidates_of(asked)](int64_t place) {
+    return std::ranges::none_of(ranges, [place](const CandidateRange& range) {
+      return place >= range.begin && place < range.end;
+    });
+  });
+  std::ranges::sort(proposed);
+  return static_cast<int64_t>(proposed.size()) >= std::min<int64_t>(options_.k, asked.n_candidates);
+}
+
+/// Calls `run(place, n)` for the places [from, to), as they are counted over the united candidates:
+/// n that follow each other in a block, and not too many numbers.
+template <class Run>
+void PlaceSearch::for_each_run(int64_t from, int64_t to, const Run& run) const {
+  const int64_t most = rows_together_of(index_.dim_, kPlacesInBlock);
+  int64_t before = 0;
+  for (const CandidateRange& range : memory_.united) {
+    const int64_t last = std::min(range.end, range.begin + to - before);
+    for (int64_t place = range.begin + std::max<int64_t>(0, from - before); place < last;) {
+      const int64_t n = std::min({last - place, kPlacesInBlock - row_of(place), most});
+      run(place, n);
+      place += n;
+    }
+    before += range.size();
   }
 }
 
-bool PlaceSearch::is_candidate(int64_t place) const {
-  return place >= 0 && place < index_.size_ &&
-         std::ranges::any_of(candidates_, [place](const CandidateRange& range) {
-           return place >= range.begin && place < range.end;
-         });
-}
-
-/// The candidates that the source knows of; false when they are fewer than asked for.
-bool PlaceSearch::propose() {
-  // What is left out of the candidates, as the last places often are, may be the most similar.
-  const int64_t left_out = index_.size_ - n_candidates_;
-  index_.source_->find(memory_.keys, index_.from_source_ + std::min(left_out, index_.from_source_),
-                       memory_.chosen);
-  std::erase_if(memory_.chosen, [this](int64_t place) { return !is_candidate(place); });
-  std::ranges::sort(memory_.chosen);
-  return static_cast<int64_t>(memory_.chosen.size()) >=
-         std::min<int64_t>(options_.k, n_candidates_);
-}
-
+/// Fills the shortlists of memory_.parts[0].
 void PlaceSearch::choose_by_products() {
-  const size_t n_queries = memory_.queries.size();
-  in_parts([&](int64_t from, int64_t to, Part& part) {
+  int64_t n_places = 0;
+  for (const CandidateRange& range : memory_.united) n_places += range.size();
+  const int64_t n_parts = std::clamp<int64_t>(n_places / kPlacesInBlock, 1, options_.threads);
+  const size_t n_queries = memory_.asked.size();
+  std::vector<Part>& parts = memory_.parts;
+  if (parts.size() < static_cast<size_t>(n_parts)) parts.resize(static_cast<size_t>(n_parts));
+  parallel_for(n_parts, options_.threads, [&](int64_t i) {
+    Part& part = parts[static_cast<size_t>(i)];
     if (part.shortlists.size() < n_queries) part.shortlists.resize(n_queries);
-    for (size_t q = 0; q < n_queries; ++q) part.shortlists[q].begin(keep_, slack_);
-    part.products.resize(n_queries * kPlacesInBlock);
-    for_each_run(from, to, [&](int64_t place, int64_t n) { products_of_run(place, n, part); });
-  });
-  for (size_t i = 1; i < memory_.used_parts; ++i)
     for (size_t q = 0; q < n_queries; ++q)
-      memory_.parts[0].shortlists[q].offer(memory_.parts[i].shortlists[q]);
+      if (narrowed(memory_.asked[q])) part.shortlists[q].begin(keep_, slack_);
+    for_each_run(n_places * i / n_parts, n_places * (i + 1) / n_parts,
+                 [&](int64_t place, int64_t n) { products_of_run(place, n, part); });
+  });
+  for (int64_t i = 1; i < n_parts; ++i)
+    for (size_t q = 0; q < n_queries; ++q)
+      if (narrowed(memory_.asked[q]))
+        parts[0].shortlists[q].offer(parts[static_cast<size_t>(i)].shortlists[q]);
+}
+
+/// The descriptors of `n` places of a block as one matrix: where they are when they follow each
+/// other there.
+const float* PlaceSearch::rows_together(int64_t place, int64_t n, Part& part) const {
+  const PlaceIndex::Block& block = index_.blocks_[static_cast<size_t>(place / kPlacesInBlock)];
+  const auto rows =
+      std::span(block.rows).subspan(static_cast<size_t>(row_of(place)), static_cast<size_t>(n));
+  const auto d = static_cast<size_t>(index_.dim_);
+  const auto apart = [d](const float* a, const float* b) { return b != a + d; };
+  if (std::ranges::adjacent_find(rows, apart) == rows.end()) return rows.front();
+  part.rows.resize(rows.size() * d);
+  for (size_t i = 0; i < rows.size(); ++i)
+    std::copy_n(rows[i], d, part.rows.begin() + static_cast<int64_t>(i * d));
+  return part.rows.data();
 }
 
 void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
+  const bool cosines = index_.by_cosine();
   const PlaceIndex::Block& block = index_.blocks_[static_cast<size_t>(place / kPlacesInBlock)];
-  const bool cosines = !index_.basis_.similarity;
-  const FloatMatrix& keys = cosines ? block.descriptors : block.keys;
-  const auto n_queries = static_cast<int64_t>(memory_.queries.size());
-  const int64_t first = row_of(place);
-  if (n_queries == 1)
-    products_of_rows(memory_.keys, keys, first,
-                     std::span(part.products).first(static_cast<size_t>(n)));
+  const int64_t d = index_.key_numbers();
+  const auto n_queries = static_cast<int64_t>(memory_.asked.size());
+  const float* const rows =
+      cosines ? rows_together(place, n, part) : block.keys.row(row_of(place)).data();
+  part.products.resize(static_cast<size_t>(n_queries * n));
+  // Keys are multiplied in one way only, as no slack makes up for another rounding of products.
+  if (cosines && n_queries > 1)
+    multiply_transposed(n_queries, n, d, memory_.keys.data(), d, rows, d, part.products.data(), n);
   else
-    multiply_transposed(n_queries, n, keys.d, memory_.keys.data(), keys.d, keys.row(first).data(),
-                        keys.d, part.products.data(), n);
+    for (int64_t q = 0; q < n_queries; ++q)
+      products_of_rows({memory_.keys.data() + q * d, static_cast<size_t>(d)}, rows,
+                       {part.products.data() + q * n, static_cast<size_t>(n)});
+  if (cosines) scale_to_cosines(place, n, part);
   for (int64_t q = 0; q < n_queries; ++q) {
-    const float* products = part.products.data() + q * n;
+    const Asked& asked = memory_.asked[static_cast<size_t>(q)];
+    if (!narrowed(asked)) continue;
+    const float* const products = part.products.data() + q * n;
     Shortlist& shortlist = part.shortlists[static_cast<size_t>(q)];
-    for (int64_t i = 0; i < n; ++i) {
-      float rough = products[i];
-      if (cosines) {
-        const double length = block.lengths[static_cast<size_t>(first + i)];
-        rough = static_cast<float>(length > kShortest && length < kLongest
-                                       ? rough / length
-                                       : cosine(memory_.queries[static_cast<size_t>(q)],
-                                                memory_.lengths[static_cast<size_t>(q)],
-                                                keys.row(first + i), length));
-      }
-      shortlist.offer(rough, place + i);
-    }
+    const auto ranges = candidates_of(asked);
+    auto range = std::ranges::partition_point(
+        ranges, [place](const CandidateRange& r) { return r.end <= place; });
+    for (; range != ranges.end() && range->begin < place + n; ++range)
+      for (int64_t at = std::max(range->begin, place); at < std::min(range->end, place + n); ++at)
+        shortlist.offer(products[at - place], at);
   }
 }
 
-void PlaceSearch::take_shortlist(size_t query) {
-  memory_.chosen.clear();
-  for (const Shortlist::Entry& entry : memory_.parts[0].shortlists[query].finish())
-    memory_.chosen.push_back(entry.position);
-}
-
-Match PlaceSearch::compare_chosen(std::span<const float> query, double length) {
-  const std::vector<int64_t>& chosen = memory_.chosen;
-  memory_.similarities.resize(chosen.size());
-  if (index_.basis_.similarity) {
-    // Brought together, as a similarity is told all candidates in one call.
-    FloatMatrix& descriptors = memory_.descriptors;
-    descriptors.n = static_cast<int64_t>(chosen.size());
-    descriptors.d = index_.basis_.dim;
-    descriptors.values.resize(static_cast<size_t>(descriptors.n * descriptors.d));
-    for (size_t i = 0; i < chosen.size(); ++i)
-      std::ranges::copy(index_.descriptor(chosen[i]),
-                        descriptors.row(static_cast<int64_t>(i)).begin());
-    memory_.rows.resize(chosen.size());
-    std::iota(memory_.rows.begin(), memory_.rows.end(), 0);
-    index_.basis_.similarity(query, descriptors, memory_.rows, memory_.similarities);
-  } else {
-    for (size_t i = 0; i < chosen.size(); ++i)
-      memory_.similarities[i] =
-          cosine(query, length, index_.descriptor(chosen[i]),
-                 index_.blocks_[static_cast<size_t>(chosen[i] / kPlacesInBlock)]
-                     .lengths[static_cast<size_t>(row_of(chosen[i]))]);
+/// Products with descriptors become rough cosines.
+void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, Part& part) const {
+  part.scales.resize(static_cast<size_t>(n));
+  for (int64_t i = 0; i < n; ++i) {
+    const double length = length_at(place + i);
+    const bool safe = length > kShortest && length < kLongest;
+    part.scales[static_cast<size_t>(i)] = safe ? static_cast<float>(1 / length) : 0;
   }
-  memory_.ranked.clear();
-  for (size_t i = 0; i < chosen.size(); ++i)
-    memory_.ranked.emplace_back(-memory_.similarities[i], chosen[i]);
-  return best_match(0, memory_.ranked, 1, options_);
+  for (size_t q = 0; q < memory_.asked.size(); ++q) {
+    float* const products = part.products.data() + static_cast<int64_t>(q) * n;
+    for (int64_t i = 0; i < n; ++i) products[i] *= part.scales[static_cast<size_t>(i)];
+  }
+  for (int64_t i = 0; i < n; ++i) {
+    if (part.scales[static_cast<size_t>(i)] > 0) continue;
+    for (size_t q = 0; q < memory_.asked.size(); ++q)
+      part.products[q * static_cast<size_t>(n) + static_cast<size_t>(i)] =
+          static_cast<float>(cosine(memory_.asked[q].descriptor, memory_.asked[q].length,
+                                    index_.descriptor(place + i), length_at(place + i)));
+  }
 }
 
-Match PlaceSearch::compare_all(std::span<const float> query) {
-  const auto k = static_cast<size_t>(options_.k);
-  in_parts([&](int64_t from, int64_t to, Part& part) {
-    part.ranked.clear();
-    for_each_run(from, to, [&](int64_t place, int64_t n) {
-      part.rows.resize(static_cast<size_t>(n));
-      std::iota(part.rows.begin(), part.rows.end(), row_of(place));
-      part.similarities.resize(static_cast<size_t>(n));
-      index_.basis_.similarity(
-          query, index_.blocks_[static_cast<size_t>(place / kPlacesInBlock)].descriptors, part.rows,
-          part.similarities);
-      for (int64_t i = 0; i < n; ++i)
-        part.ranked.emplace_back(-part.similarities[static_cast<size_t>(i)], place + i);
-      if (part.ranked.size() > k) {
-        std::ranges::nth_element(part.ranked, part.ranked.begin() + options_.k - 1);
-        part.ranked.resize(k);
-      }
-    });
-  });
-  memory_.ranked.clear();
-  for (size_t i = 0; i < memory_.used_parts; ++i)
-    memory_.ranked.insert(memory_.ranked.end(), memory_.parts[i].ranked.begin(),
-                          memory_.parts[i].ranked.end());
-  return best_match(0, memory_.ranked, 1, options_);
+double PlaceSearch::length_at(int64_t place) const {
+  return index_.blocks_[static_cast<size_t>(place / kPlacesInBlock)]
+      .lengths[static_cast<size_t>(row_of(place))];
+}
+
+/// The places that query `q` is compared with, ascending.
+void PlaceSearch::list_chosen(size_t q, bool proposed, std::vector<int64_t>& chosen) const {
+  const Asked& asked = memory_.asked[q];
+  chosen.clear();
+  if (proposed)
+    chosen = memory_.proposed;
+  else if (narrowed(asked))
+    for (const Shortlist::Entry& entry : memory_.parts[0].shortlists[q].finish())
+      chosen.push_back(entry.position);
+  else
+    for (const CandidateRange& range : candidates_of(asked))
+      for (int64_t place = range.begin; place < range.end; ++place) chosen.push_back(place);
+}
+
+Match PlaceSearch::compare(size_t q, bool proposed, int64_t number) const {
+  thread_local Comparing memory;
+  const Asked& asked = memory_.asked[q];
+  Match match;
+  match.query = number;
+  if (asked.n_candidates == 0) return match;
+  list_chosen(q, proposed, memory.chosen);
+  memory.places.clear();
+  for (const int64_t place : memory.chosen) memory.places.push_back(index_.descriptor(place));
+  memory.similarities.resize(memory.chosen.size());
+  if (index_.by_cosine())
+    for (size_t i = 0; i < memory.chosen.size(); ++i)
+      memory.similarities[i] =
+          cosine(asked.descriptor, asked.length, memory.places[i], length_at(memory.chosen[i]));
+  else
+    index_.comparison_.similarity(asked.descriptor, memory.places, memory.similarities);
+
+  memory.ranked.clear();
+  for (size_t i = 0; i < memory.chosen.size(); ++i) {
+    if (!std::isfinite(memory.similarities[i]))
+      throw NotFinite(number, memory.chosen[i], memory.similarities[i]);
+    memory.ranked.emplace_back(-memory.similarities[i], memory.chosen[i]);
+  }
+  rank(memory.ranked, options_, match);
+  if (index_.comparison_.turn)
+    match.turn = index_.comparison_.turn(index_.descriptor(match.ranks.front()), asked.descriptor);
+  return match;
 }
 
 }  // namespace revisit::pipeline

@@ -1,9 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <span>
 #include <vector>
 
-#include "retrieve/ranking.h"
 #include "retrieve/shortlist.h"
 #include "revisit/recognition/place_index.h"
 
@@ -11,46 +11,48 @@ namespace revisit::pipeline {
 
 inline constexpr int64_t kPlacesInBlock = 1024;
 
-/// Queries of a PlaceIndex, all with the same candidates. It works in memory that its thread keeps
-/// for the next one.
+/// Answers queries of a PlaceIndex, several together. It works in memory that its thread keeps for
+/// the next search.
 class PlaceSearch {
  public:
-  PlaceSearch(const PlaceIndex& index, std::span<const CandidateRange> candidates,
-              const RetrieveOptions& options);
+  /// Throws UsageError for k or threads < 1.
+  PlaceSearch(const PlaceIndex& index, const SearchOptions& options);
 
-  Match answer(std::span<const float> query);
-  /// Whether answer() looks at the products of keys of all candidates, as answer_many() does.
-  bool by_products() const { return keep_ > 0 && !index_.source_; }
-  /// `queries` [n][d], rows [first, first + count); -> `matches` [n].
-  void answer_many(const FloatMatrix& queries, int64_t first, int64_t count,
-                   std::span<Match> matches);
+  /// So many queries may be given to answer().
+  size_t most_together() const;
+  /// `first` is the number of the first query, for Match::query and messages.
+  void answer(std::span<const Query> queries, int64_t first, std::span<Match> matches);
 
  private:
+  struct Asked;
   struct Part;
+  struct Comparing;
   struct Memory;
   static Memory& memory_of_this_thread();
 
-  template <class Work>
-  void in_parts(const Work& work);
+  void take(std::span<const Query> queries);
+  void unite_candidates();
+  std::span<const CandidateRange> candidates_of(const Asked& asked) const;
+  bool narrowed(const Asked& asked) const;
+  void make_keys();
+  bool propose();
+
   template <class Run>
   void for_each_run(int64_t from, int64_t to, const Run& run) const;
-
-  void make_keys();
-  bool is_candidate(int64_t place) const;
-  bool propose();
   void choose_by_products();
   void products_of_run(int64_t place, int64_t n, Part& part) const;
-  void take_shortlist(size_t query);
-  Match compare_chosen(std::span<const float> query, double length);
-  Match compare_all(std::span<const float> query);
+  void scale_to_cosines(int64_t place, int64_t n, Part& part) const;
+  const float* rows_together(int64_t place, int64_t n, Part& part) const;
+
+  double length_at(int64_t place) const;
+  void list_chosen(size_t q, bool proposed, std::vector<int64_t>& chosen) const;
+  Match compare(size_t q, bool proposed, int64_t number) const;
 
   const PlaceIndex& index_;
-  std::span<const CandidateRange> candidates_;
-  const RetrieveOptions& options_;
+  const SearchOptions& options_;
   Memory& memory_;
-  int64_t n_candidates_ = 0;
-  int64_t keep_ = 0;  // so many of the largest products are compared; 0: all candidates are
-  float slack_ = 0;
+  int64_t keep_;  // so many, those with the largest products, are compared
+  float slack_;
 };
 
 }  // namespace revisit::pipeline

@@ -99,12 +99,7 @@ Basis basis_of(const RingModel& fitted, const RingOptions& options) {
   basis.describe = [describer](std::span<const float> rings, std::span<float> descriptor) {
     describer.describe(rings, descriptor);
   };
-  basis.similarity = ring_similarity(layout);
-  basis.turn = [layout](std::span<const float> a, std::span<const float> b) {
-    return match_rings(a, b, layout).turn;
-  };
-  basis.key_of = ring_key(layout);
-  basis.key_candidates = options.key_candidates;
+  basis.comparison = ring_comparison(layout, options.key_candidates);
   basis.content = ring_model_content(fitted);
   return basis;
 }
@@ -123,7 +118,7 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
   extractor.open_basis = [options](const std::string& content) {
     return basis_of(parse_ring_model(content, "the basis"), options);
   };
-  extractor.similarity = ring_similarity({});  // that of its descriptors: no cosine
+  extractor.comparison = ring_comparison({});  // its descriptors': no cosine
   return extractor;
 }
 

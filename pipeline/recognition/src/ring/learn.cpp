@@ -137,7 +137,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
   for (const RingDrive& drive : drives) {
     if (drive.rings.d != model.dim())
       throw InputError(str("learning rings: rings of ", drive.rings.d,
-                           " numbers are not those of the model, ", model.dim()));
+                           " numbers do not match the model's ", model.dim()));
     if (drive.scans.size() < 2)
       throw UsageError(
           str("learning rings: expected at least 2 scans of a drive, found ", drive.scans.size()));

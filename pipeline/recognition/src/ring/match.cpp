@@ -72,32 +72,44 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
   return {std::clamp(correlation.at(best), -1.0, 1.0), -std::remainder(best, 2 * std::numbers::pi)};
 }
 
-Similarity ring_similarity(const RingLayout& layout) {
+namespace {
+
+void make_ring_key(const std::vector<int>& counts, std::span<const float> x, std::span<float> key) {
+  size_t first = 0, to = 0;
+  for (size_t f = 0; f < counts.size(); ++f) {
+    const auto n = static_cast<size_t>(counts[f]);
+    for (size_t i = first; i < first + n; ++i)
+      key[to++] = f > 0 ? std::sqrt(x[i] * x[i] + x[n + i] * x[n + i]) : std::abs(x[i]);
+    first += f > 0 ? 2 * n : n;
+  }
+}
+
+}  // namespace
+
+Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
   if (layout.counts.size() > kRingFrequencies)
     throw UsageError(str("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
                          layout.counts.size()));
   RingLayout whole = layout;
   whole.counts.resize(kRingFrequencies);
-  return [whole](std::span<const float> query, const FloatMatrix& stored,
-                 std::span<const int64_t> candidates, std::span<double> similarities) {
+  Comparison rings;
+  rings.similarity = [whole](std::span<const float> query,
+                             std::span<const std::span<const float>> places,
+                             std::span<double> similarities) {
     thread_local std::vector<const float*> rows;  // a query allocates nothing
     rows.clear();
-    for (const int64_t row : candidates) rows.push_back(stored.row(row).data());
+    for (const std::span<const float> place : places) rows.push_back(place.data());
     largest_correlations(query.data(), rows, whole, similarities);
   };
-}
-
-KeyOf ring_key(const RingLayout& layout) {
-  const int64_t numbers = std::accumulate(layout.counts.begin(), layout.counts.end(), int64_t{0});
-  return {numbers, [counts = layout.counts](std::span<const float> x, std::span<float> key) {
-            size_t first = 0, to = 0;
-            for (size_t f = 0; f < counts.size(); ++f) {
-              const auto n = static_cast<size_t>(counts[f]);
-              for (size_t i = first; i < first + n; ++i)
-                key[to++] = f > 0 ? std::sqrt(x[i] * x[i] + x[n + i] * x[n + i]) : std::abs(x[i]);
-              first += f > 0 ? 2 * n : n;
-            }
-          }};
+  rings.turn = [layout](std::span<const float> a, std::span<const float> b) {
+    return match_rings(a, b, layout).turn;
+  };
+  rings.make_key = [counts = layout.counts](std::span<const float> x, std::span<float> key) {
+    make_ring_key(counts, x, key);
+  };
+  rings.key_numbers = std::accumulate(layout.counts.begin(), layout.counts.end(), int64_t{0});
+  rings.key_candidates = key_candidates;
+  return rings;
 }
 
 }  // namespace revisit::pipeline

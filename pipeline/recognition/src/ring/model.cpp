@@ -81,7 +81,7 @@ struct Reader {
   const std::string& name;
 
   void expect(bool ok, const std::string& what) const {
-    if (!ok) throw InputError(name + ": no ring model that can be used: " + what);
+    if (!ok) throw InputError(name + ": not a usable ring model: " + what);
   }
   std::vector<float> numbers(const Floats& values, int64_t expected,
                              const std::string& what) const {
@@ -163,7 +163,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
   ring::Model from;
   reader.expect(
       checksum_of(whole.model()) == whole.checksum() && from.ParseFromString(whole.model()),
-      "it is damaged (its checksum is another)");
+      "it is damaged (its checksum differs)");
   RingModel to;
   to.sensor = from.sensor();
   const ring::Image& image = from.image();
@@ -201,7 +201,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
   reader.expect(to.columns.numbers == numbers && to.polar.numbers == to.heights.rings &&
                     to.polar.sectors == to.heights.sectors && to.heights.max_range > 0 &&
                     std::isfinite(to.heights.sensor_height),
-                "its rings are not those of its layers and heights");
+                "its rings do not match its layers and heights");
   reader.expect(to.columns.shared.empty() == to.polar.shared.empty(),
                 "one of its rings was learnt from pairs, the other was not");
   to.learnt_from = from.learnt_from();

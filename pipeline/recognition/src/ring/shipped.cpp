@@ -57,7 +57,7 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
   if (found == std::end(kShipped))
     throw UsageError(
         str("no ring model for the sensor '", sensor, "'",
-            weights_sha1.empty() ? "" : " and these weights", " is there, but for ",
+            weights_sha1.empty() ? "" : " and these weights", "; there are models for ",
             joined(shipped_ring_models(), ", "),
             weights_sha1.empty()
                 ? ""

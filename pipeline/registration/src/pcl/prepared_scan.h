@@ -16,7 +16,7 @@ using Tree = pcl::search::KdTree<pcl::PointXYZ>;
 /// As PCL's GICP takes them.
 using Covariances = std::vector<Eigen::Matrix3d, Eigen::aligned_allocator<Eigen::Matrix3d>>;
 
-/// Fewer points are no scan: neither normals nor a pose are worth anything.
+/// Fewer points are not a scan: neither normals nor a pose mean anything.
 constexpr size_t kLeastPoints = 100;
 
 /// With fewer than kLeastPoints points there is no more than the points.

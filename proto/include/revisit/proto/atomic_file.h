@@ -24,7 +24,7 @@ Writing writing_of(const std::filesystem::path& file);
 /// names is replaced, and the link stays. What a writer that was killed left at the same target is
 /// removed. Any number of threads and processes may write at one target; the last one's file stays.
 ///
-/// What is no regular file is never replaced: FIFOs, character devices (/dev/null) and descriptors
+/// Only regular files are ever replaced: FIFOs, character devices (/dev/null) and descriptors
 /// of this process (/dev/stdout) are written to as they are; anything else is refused
 /// (UsageError).
 ///

@@ -14,7 +14,7 @@ class Error : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// The caller asked for something that cannot be: an unknown layer name, a bad option value.
+/// The caller asked for something impossible: an unknown layer name, a bad option value.
 /// (Exit code 2.)
 class UsageError : public Error {
   using Error::Error;

@@ -6,7 +6,7 @@
 
 namespace revisit {
 
-/// The whole file. Throws InputError for what cannot be read and for what is no regular file (a
+/// The whole file. Throws InputError for what cannot be read or is not a regular file (a
 /// folder; a pipe, which could block for ever).
 std::string read_content(const std::filesystem::path& file);
 

@@ -5,8 +5,8 @@
 namespace revisit::proto {
 
 /// What a file may ask for before it is refused: far beyond any honest model, so that a hostile
-/// or damaged one cannot take the machine's memory. Each message names its limit and, for the first
-/// three, the field here.
+/// or damaged one cannot take the machine's memory. Each message names its limit and the field
+/// here.
 struct Limits {
   /// Of a network description. Text costs up to 100 times its size in memory.
   int64_t text_bytes = int64_t{16} << 20;
@@ -14,10 +14,11 @@ struct Limits {
   int64_t weight_bytes = int64_t{8} << 30;
   /// Of a network: three times the deepest published ones.
   int64_t layers = 20'000;
-  /// Of one array: Caffe's own limit.
-  int64_t elements = INT32_MAX;
-  /// Of messages inside messages: protobuf's own limit.
-  int64_t nesting = 100;
 };
+
+/// Of one array: Caffe's own limit.
+inline constexpr int64_t kMostElements = INT32_MAX;
+/// Of messages inside messages: protobuf's own limit.
+inline constexpr int kDeepestNesting = 100;
 
 }  // namespace revisit::proto

@@ -21,14 +21,14 @@ struct NetReadOptions {
 };
 
 /// A network description in the current form (V2): only `layer`, every input an Input layer, no
-/// `input*` fields and no V1 `layers`. `warnings` says what a person should know: what the upgrade
+/// `input*` fields and no V1 `layers`. `warnings` says what the user should know: what the upgrade
 /// did, and what became of the layers that are for training.
 struct NetFile {
   caffe::NetParameter net;
   std::vector<std::string> warnings;
 };
 
-/// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/SEMANTICS.md section 7)
+/// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7)
 /// and takes out what the TEST phase runs (inference_net.h). A solver file is followed to the one
 /// net it names, looked for beside the solver, then in the working folder. Throws InputError,
 /// `path:line:column: reason`, for text that does not parse or upgrade, that describes no layers,

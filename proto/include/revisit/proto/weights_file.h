@@ -15,7 +15,7 @@ namespace revisit::proto {
 /// One array of weights as a file holds it.
 struct Blob {
   /// As stored. For `legacy_shape` always 4 values: num, channels, height, width; to be compared
-  /// right-aligned with the last 4 axes of what a layer wants (docs/SEMANTICS.md section 8).
+  /// right-aligned with the last 4 axes of what a layer wants (docs/LAYERS.md point 8).
   std::vector<int64_t> shape;
   bool legacy_shape = false;
   /// Not in this file, though later blobs of the layer are: Caffe's HDF5 files keep an array that

@@ -22,7 +22,7 @@ struct KnownModel {
   std::string address{};      // of the weights, or of an archive; "" when none is known
   std::string file{};         // its name in the cache: <cache>/<name>/<file>
   std::string sha1{};         // lower-case hexadecimal; "" when nobody published it
-  std::string sha1_source{};  // who states it; "" without sha1
+  std::string sha1_source{};  // where it is stated; "" without sha1
   /// The sum is of one third party only: a file that has another may be the real one.
   bool sha1_is_doubtful = false;
   std::string licence{};

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "revisit/recognition/matrix.h"
-#include "revisit/recognition/similarity.h"
 
 namespace revisit::pipeline {
 
@@ -38,9 +37,9 @@ struct FabMapOptions {
 class FabMap {
  public:
   /// With `samples` (images of other places) the likelihood of a new place is their mean; without,
-  /// that of the average place (mean field). Throws UsageError for options that are no
-  /// probabilities, a detector that sees what is absent as often as what is there, a tree that is
-  /// none, and samples of another number of words.
+  /// that of the average place (mean field). Throws UsageError for options that are not
+  /// probabilities, a detector that sees absent words as often as present ones, an invalid tree,
+  /// and samples of another number of words.
   FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples = {});
 
   int words() const { return static_cast<int>(terms_.size()); }
@@ -49,11 +48,11 @@ class FabMap {
   /// ln p(Z | new place).
   double log_likelihood_of_new_place(std::span<const float> seen) const;
 
-  /// p(L | Z) over the candidates and the new place, which has the rest to 1. Without a motion
-  /// model: the prior is the same for all candidates. Likelihoods are scaled to a sum of 1 and
-  /// smoothed, sigma p + (1 - sigma) / (candidates + 1), against overconfidence. A Similarity.
-  void posterior(std::span<const float> seen, const FloatMatrix& stored,
-                 std::span<const int64_t> candidates, std::span<double> probabilities) const;
+  /// p(L | Z) over the places and the new place, which has the rest to 1. Without a motion model:
+  /// the prior is the same for all places. Likelihoods are scaled to a sum of 1 and smoothed,
+  /// sigma p + (1 - sigma) / (places + 1), against overconfidence. A Comparison::similarity.
+  void posterior(std::span<const float> seen, std::span<const std::span<const float>> places,
+                 std::span<double> probabilities) const;
 
  private:
   /// ln p(z | parent's z, place) of one word: [z][parent's z].

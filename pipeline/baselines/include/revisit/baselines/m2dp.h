@@ -9,8 +9,8 @@
 namespace revisit::pipeline {
 
 /// M2DP (L. He, X. Wang, H. Zhang: M2DP: A Novel 3D Point Cloud Descriptor and Its Application in
-/// Loop Closure Detection, IROS 2016), with the sizes of the paper. docs/METHODS.md says where the
-/// paper is silent.
+/// Loop Closure Detection, IROS 2016), with the sizes of the paper. docs/BASELINES.md says where
+/// the paper is silent.
 inline constexpr int kM2dpAzimuths = 4, kM2dpElevations = 16;  // p, q: directions of the planes
 inline constexpr int kM2dpCircles = 8, kM2dpSectors = 16;      // l, t: bins of each plane
 inline constexpr int kM2dpPlanes = kM2dpAzimuths * kM2dpElevations;

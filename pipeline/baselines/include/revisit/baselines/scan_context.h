@@ -10,7 +10,7 @@
 namespace revisit::pipeline {
 
 /// Scan Context (G. Kim, A. Kim: Scan Context: Egocentric Spatial Descriptor for Place Recognition
-/// within 3D Point Cloud Map, IROS 2018). docs/METHODS.md says where the paper is silent.
+/// within 3D Point Cloud Map, IROS 2018). docs/BASELINES.md says where the paper is silent.
 struct ScanContextOptions {
   int rings = 20, sectors = 60;  // Nr, Ns
   double max_range = 80;         // [m], Lmax: points farther on the ground plane are left out
@@ -36,7 +36,7 @@ ContextDistance context_distance(std::span<const float> a, std::span<const float
                                  const ScanContextOptions& options);
 
 /// Scan Context as a feature, compared by 1 - distance; candidates that the ring keys leave out get
-/// the least similarity, -1. Throws UsageError for options that are none.
+/// the least similarity, -1. Throws UsageError for invalid options.
 FeatureExtractor scan_context_features(const ScanContextOptions& options = {});
 
 }  // namespace revisit::pipeline

@@ -26,7 +26,7 @@ struct Dataset {
   std::vector<ScanRef> scans;
   /// Of the whole drive, one a frame, also where scans are missing or left out; 0 without poses.
   int64_t n_poses = 0;
-  std::vector<std::string> warnings;  // for people: what looks wrong and can be lived with
+  std::vector<std::string> warnings;  // for the user: what looks wrong but can be used
   bool has_poses() const {
     for (const ScanRef& scan : scans)
       if (!scan.pose) return false;
@@ -59,7 +59,7 @@ Dataset open_dataset(const std::filesystem::path& root, const std::string& seque
 /// The camera images of a data set's scans: the same frames, poses and times, each with the image
 /// of the same frame number, e.g. 000123.png, as its file. `folder` may be empty for a KITTI
 /// sequence: its image_0 (left, gray) is taken. Throws InputError for a missing folder, names that
-/// are no numbers, and scans without an image, naming the first of them.
+/// are not numbers, and scans without an image, naming the first of them.
 Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folder = {});
 
 /// A folder of .png images by the frame numbers that are their names, without poses. Throws

@@ -13,7 +13,7 @@ namespace revisit::pipeline {
 inline constexpr int64_t kMaxImagePixels = int64_t{4} << 20;
 
 /// Reads a PNG of any kind; colours become gray (the luminance of sRGB). Throws InputError, naming
-/// the file, when it cannot be read, is no PNG, is damaged, or has more than kMaxImagePixels.
+/// the file, when it cannot be read, is not a PNG, is damaged, or has more than kMaxImagePixels.
 GrayImage read_gray_png(const std::filesystem::path& file);
 
 /// Writes an 8-bit gray PNG. The file appears whole or not at all. Throws Error when it cannot.

@@ -21,7 +21,7 @@ struct LearnRingOptions {
   RingLesson lesson = RingLesson::kLoops;
   double radius = 5;       // [m]: nearer scans are of one place
   int frames_apart = 50;   // kOdometry: scans farther apart in frames are not compared
-  int column_scans = 200;  // the columns' directions are learnt from at most so many
+  int column_scans = 200;  // the columns' directions are learnt from at most this many
   int threads = 1;
   std::filesystem::path cache;  // folder of the rings
 };

@@ -8,7 +8,7 @@ namespace revisit::pipeline {
 
 using Progress = std::function<void(int64_t done, int64_t total)>;
 
-/// What work that takes minutes or hours tells the one who waits for it. By default nobody listens.
+/// What work that takes minutes or hours reports to its caller. By default it is ignored.
 struct Observer {
   std::function<void(const std::string&)> note = [](const std::string&) {};  // good to know
   std::function<void(const std::string&)> warn = [](const std::string&) {};  // may be a mistake

@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "revisit/datasets/dataset_features.h"
+#include "revisit/evaluation/protocols.h"
+#include "revisit/recognition/comparison.h"
 #include "revisit/recognition/matrix.h"
-#include "revisit/recognition/retrieve.h"
 
 namespace revisit::pipeline {
 
@@ -25,17 +26,18 @@ struct ReductionOptions {
 struct Descriptors {
   FloatMatrix case1;
   std::optional<FloatMatrix> case2;
-  Similarity similarity;  // how they are compared; empty: cosine
-  TurnBetween turn;       // empty: they do not tell it
-  std::string pca_fit;    // what the PCA learnt from, for people
-  std::string note;       // when fewer components were kept than asked
+  Comparison comparison;
+  std::string pca_fit;  // what the PCA learnt from, for people
+  std::string note;     // when fewer components were kept than asked
 };
+/// Throws Error naming the scan (the row) and the alignment case of a number that is not finite.
+void check_finite(const Descriptors& descriptors);
 
 /// The descriptors for a task; without PCA they are the features. `case2` may be null.
 /// `model_folder`, when not empty, gets the PCA model. Throws what fit_pca() and PcaModel throw,
 /// UsageError when the memory cannot hold them, Error for a descriptor that is not finite.
-Descriptors reduce(const ReductionOptions& options, const RetrievalTask& task,
-                   DatasetFeatures& case1, DatasetFeatures* case2, const Observer& observer,
+Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFeatures& case1,
+                   DatasetFeatures* case2, const Observer& observer,
                    const std::filesystem::path& model_folder = {});
 
 /// The same for one task after another. Those of the last task serve the next when they are learnt
@@ -52,11 +54,11 @@ class TaskDescriptors {
   std::vector<int64_t> left_out() const;
 
   /// Valid until the next call. The task neither stores nor asks left_out().
-  const Descriptors& of(const RetrievalTask& task);
+  const Descriptors& of(const Task& task);
 
  private:
-  std::optional<Descriptors> cached(const RetrievalTask& task) const;
-  Descriptors compute(const RetrievalTask& task) const;
+  std::optional<Descriptors> cached(const Task& task) const;
+  Descriptors compute(const Task& task) const;
 
   ReductionOptions options_;
   DatasetFeatures& case1_;

@@ -11,11 +11,9 @@
 #include "revisit/evaluation/pairs.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/protocols.h"
+#include "revisit/evaluation/retrieve.h"
 
 namespace revisit::pipeline {
-
-/// The alignment cases queries are described in; stored scans always use case 1.
-enum class QueryCase { kAsStored, kTwo, kBoth };
 
 /// What is stored, asked and called true, how it is described, and how matches are judged.
 struct EvaluationOptions {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,20 @@ struct Exclusion {
 /// "frames=50", "seconds=30", "metres=50" or "none"; throws UsageError for anything else.
 Exclusion parse_exclusion(const std::string& text);
 std::string to_string(const Exclusion& exclusion);
+
+/// What an exclusion counts in, scan after scan of a drive: frames, seconds or metres driven.
+class WayDriven {
+ public:
+  explicit WayDriven(Exclusion::Kind kind) : kind_(kind) {}
+  /// At the next scan. Throws UsageError when the time or the position is needed and not there.
+  double at(int64_t frame, const std::optional<double>& time,
+            const std::optional<Eigen::Vector3d>& position);
+
+ private:
+  Exclusion::Kind kind_;
+  double metres_ = 0;
+  std::optional<Eigen::Vector3d> last_;
+};
 
 /// What makes a retrieved place right: nearer than `radius` (strictly). It is wrong when it is not
 /// nearer than `radius` and farther than `false_beyond`; between the two it is neither.

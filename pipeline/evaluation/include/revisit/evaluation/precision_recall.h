@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "revisit/evaluation/protocols.h"
-#include "revisit/recognition/retrieve.h"
+#include "revisit/recognition/match.h"
 
 namespace revisit::pipeline {
 

@@ -1,11 +1,13 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "revisit/evaluation/ground_truth.h"
-#include "revisit/recognition/retrieve.h"
+#include "revisit/recognition/place_index.h"
 
 namespace revisit::pipeline {
 
@@ -21,13 +23,23 @@ enum class Missed {
   kRejected,  // the rejected ones: a positive accepted with a wrong match is a false positive only
 };
 
+/// One scan to recognise and the stored scans it is compared with: positions in Task::stored.
+struct TaskQuery {
+  int64_t scan = 0;                            // row of the data set
+  std::array<CandidateRange, 2> candidates{};  // before and after a hole; the second may be empty
+  int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
+};
+
 /// A place-recognition task: which scans of a data set are stored, which are asked, what is true.
 /// Scans are rows of the data set, so a subsampled drive (gaps in the frame numbers) works alike.
-struct Task : RetrievalTask {
-  std::string definition;   // of the protocol, for people and for the results
-  std::string population;   // for people: what is stored and what is asked
-  bool both_cases = false;  // describe the queries in both alignment cases
-  TrueMatchRule rule;       // the protocol's own; the command line may replace it
+struct Task {
+  std::string name;                // for messages: "paper-easy", "online", "ssc", ...
+  std::vector<int64_t> stored;     // rows, ascending
+  std::vector<TaskQuery> queries;  // by row; only scans with at least one candidate
+  std::string definition;          // of the protocol, for people and for the results
+  std::string population;          // for people: what is stored and what is asked
+  bool both_cases = false;         // describe the queries in both alignment cases
+  TrueMatchRule rule;              // the protocol's own; the command line may replace it
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   Decision decision = Decision::kQuery;
   Missed missed = Missed::kNotFound;
@@ -42,7 +54,7 @@ struct Protocol {
   std::string source;      // where it was published
 };
 
-/// What `--protocol` takes, with definitions; docs/PROTOCOLS.md has the formulas.
+/// What `--protocol` takes, with definitions; docs/EVALUATION.md has the formulas.
 const std::vector<Protocol>& protocols();
 std::vector<std::string> protocol_names();
 

@@ -6,11 +6,8 @@
 
 /// Candidates for PlaceIndex::choose_by() in maps too large to compare every place, by FAISS. Both
 /// sources know the keys of the places in `index` and take new ones. They throw UsageError for an
-/// index without keys or places, for options that are none, and in a program built without FAISS.
+/// index without keys or places, for bad options, and in a program built without FAISS.
 namespace revisit::pipeline {
-
-/// Throws UsageError in a program built without FAISS.
-void need_faiss();
 
 /// A graph from place to similar place (HNSW), keys in half precision.
 struct GraphOptions {

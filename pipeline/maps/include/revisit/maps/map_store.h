@@ -59,7 +59,7 @@ class ClaimLost : public Error {
 /// The places of one map. One thread at a time; other threads and processes open the map again.
 ///
 /// What changes the map is on the disk when the call returns, and is all done or not at all. It
-/// throws UsageError for what cannot be kept and in a map opened for reading, Error when the disk
+/// throws UsageError for what cannot be stored and in a map opened for reading, Error when the disk
 /// is full or another process holds the map, InputError where the map is damaged.
 class MapStore {
  public:
@@ -123,13 +123,13 @@ enum class MapAccess { kRead, kWrite };
 /// Opens a map. With kWrite and an `identity` it is made when there is none, with `format`, which
 /// says nothing about a map that is there. One process writes, any number read meanwhile.
 ///
-/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAP.md): there any number of
-/// processes write, too. A connection that is lost is made again, for 10 s or patience=SECONDS.
+/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAPS.md): there any number
+/// of processes write, too. A connection that is lost is made again, for 10 s or patience=SECONDS.
 ///
-/// Throws InputError for a file that is missing, no map, damaged at its head or of a later version,
-/// and when `identity` is not the map's: the message has every entry that differs. Throws Error
-/// when the file cannot be opened or written, when another process is writing to it, and when a
-/// server does not answer or refuses; UsageError for an address that is none, and for a server in a
+/// Throws InputError for a file that is missing, not a map, damaged at its head or of a later
+/// version, and when `identity` is not the map's: the message has every entry that differs. Throws
+/// Error when the file cannot be opened or written, when another process is writing to it, and when
+/// a server does not answer or refuses; UsageError for an invalid address, and for a server in a
 /// build without libpqxx.
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapIdentity* identity = nullptr,

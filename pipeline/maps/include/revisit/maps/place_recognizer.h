@@ -9,8 +9,8 @@
 
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/feature.h"
+#include "revisit/recognition/match.h"
 #include "revisit/recognition/points.h"
-#include "revisit/recognition/retrieve.h"
 
 namespace revisit::pipeline {
 
@@ -24,8 +24,9 @@ struct RecognizerOptions {
   std::optional<double> threshold;
   int k = 4;
   Score score = Score::kMargin;
-  /// Of large maps: so many places, proposed by a graph of their keys, are compared (large_maps.h).
-  /// The graph is made when a map is opened and grows with it; it is not kept. 0: no graph.
+  /// Of large maps: this many places, proposed by a graph of their keys, are compared
+  /// (large_maps.h). The graph is made when a map is opened, grows with it and is not kept.
+  /// 0: no graph.
   int64_t graph_candidates = 0;
 };
 
@@ -61,7 +62,7 @@ struct Loop {
 class PlaceRecognizer {
  public:
   /// The places of `map` are known at once; null: nothing is kept. Throws UsageError for a feature
-  /// of camera images or options that are none, InputError when the map was made with another
+  /// of camera images or invalid options, InputError when the map was made with another
   /// feature (identity_of()). `damaged` gets a message for each place that cannot be read.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                   std::unique_ptr<MapStore> map = nullptr, const MapStore::Damaged& damaged = {});

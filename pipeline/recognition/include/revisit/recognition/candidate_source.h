@@ -6,8 +6,8 @@
 
 namespace revisit::pipeline {
 
-/// Proposes places by their keys without looking at all of them, so that it may miss some. What it
-/// proposes is compared exactly afterwards.
+/// Proposes places by their keys (Comparison::make_key) without looking at all of them, so that it
+/// may miss some. What it proposes is compared exactly afterwards.
 class CandidateSource {
  public:
   virtual ~CandidateSource() = default;

@@ -9,11 +9,10 @@
 
 #include "revisit/engine/net.h"
 #include "revisit/recognition/align.h"
+#include "revisit/recognition/comparison.h"
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/gray_image.h"
-#include "revisit/recognition/keys.h"
 #include "revisit/recognition/range_image.h"
-#include "revisit/recognition/similarity.h"
 
 namespace revisit::pipeline {
 
@@ -24,18 +23,12 @@ using FeatureFunction = std::function<void(const Input&, std::span<float>)>;
 template <class Input>
 using FeatureMaker = std::function<FeatureFunction<Input>()>;
 
-/// Heading of b less heading of a, counter-clockwise [rad], of two descriptors.
-using TurnBetween = std::function<double(std::span<const float> a, std::span<const float> b)>;
-
 /// What was learnt from features: how one becomes a descriptor, and how two of these are compared.
 struct Basis {
   int64_t dim = 0;  // numbers of a descriptor
   std::function<void(std::span<const float> feature, std::span<float> descriptor)> describe;
-  Similarity similarity;
-  TurnBetween turn;
-  KeyOf key_of;                // how candidates are chosen, when they are
-  int64_t key_candidates = 0;  // so many are compared; 0: all
-  std::string content;         // FeatureExtractor::open_basis() makes the same of it
+  Comparison comparison;
+  std::string content;  // FeatureExtractor::open_basis() makes the same of it
 };
 /// Learns from the rows `learn_from` of some features.
 using Reduction = std::function<Basis(const Rows& features, std::span<const int64_t> learn_from)>;
@@ -48,7 +41,7 @@ struct FeatureExtractor {
   /// What the feature sees of a scan: the range image of its aligned points, the aligned points
   /// themselves, or the camera image of the same moment.
   std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
-  Similarity similarity;  // how two of them are compared; empty: cosine
+  Comparison comparison;  // of two of them, or of what `reduce` makes of them
   Reduction reduce;       // into descriptors; empty: by PCA, or not at all
   std::function<Basis(const std::string& content)> open_basis;  // one that `reduce` made
   /// The similarity of the best alone says how sure a match is, as a probability does; by default

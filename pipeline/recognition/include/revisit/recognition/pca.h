@@ -52,7 +52,6 @@ struct PcaResult {
 ///
 ///   FeatureFile case1("features.npy");
 ///   PcaResult pca = fit_pca({&case1}, {.components = 400, .fit_rows = task.stored});
-///   auto matches = retrieve(pca.descriptors, task);
 ///
 /// Throws UsageError when components or threads < 1, the memory bound cannot hold the Gram matrix
 /// (saying how much would do), a fit row does not exist or is given twice, or fewer than 2 rows are

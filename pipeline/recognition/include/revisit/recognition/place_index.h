@@ -1,34 +1,66 @@
 #pragma once
 
+#include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
 
+#include "revisit/proto/error.h"
 #include "revisit/recognition/candidate_source.h"
-#include "revisit/recognition/feature.h"
-#include "revisit/recognition/retrieve.h"
+#include "revisit/recognition/comparison.h"
+#include "revisit/recognition/match.h"
+#include "revisit/recognition/matrix.h"
 
 namespace revisit::pipeline {
 
-/// Descriptors of places, added one after another and searched: what retrieve() is for a whole
-/// drive, for one query at a time. Places are counted from 0. Queries may run at the same time,
-/// additions may not.
+/// Places that may be found, [begin, end): what is in no range is left out.
+struct CandidateRange {
+  int64_t begin = 0, end = 0;
+  int64_t size() const { return end - begin; }
+};
+
+/// What is asked, and who may be found. Refers to both.
+struct Query {
+  std::span<const float> descriptor;
+  std::span<const CandidateRange> candidates;  // do not overlap, ascending
+};
+
+struct SearchOptions {
+  int k = 4;  // how many places are found; with fewer candidates, all of them
+  Score score = Score::kMargin;
+  int threads = 1;  // the result is the same for any number
+  // Of best_of_many(), between queries:
+  std::function<void(int64_t done, int64_t total)> progress = {};
+  std::function<bool()> stop = {};  // true: throw Interrupted
+};
+
+/// Descriptors of places, added one after another and searched. Places are counted from 0. Queries
+/// may run at the same time, additions may not.
+///
+///   PlaceIndex index(descriptors.d);  // compared by cosine
+///   for (int64_t i = 0; i < descriptors.n; ++i) index.add(descriptors.row(i));
+///   const CandidateRange before{0, 100};
+///   const Match match = index.best(descriptors.row(150), {&before, 1});
+///
+/// Equal similarities are ordered by place, lower first. A zero vector has cosine 0 with
+/// everything.
 class PlaceIndex {
  public:
-  /// `basis`: how descriptors are compared; without a similarity by cosine. When keys choose the
-  /// candidates (Basis::key_candidates), only these are compared.
-  explicit PlaceIndex(const Basis& basis);
+  explicit PlaceIndex(int64_t dim, Comparison comparison = {});
 
   int64_t size() const { return size_; }
-  /// `descriptor` [Basis::dim]. Throws UsageError for another size and for a number that is not
+  /// `descriptor` [dim] is copied. Throws UsageError for another size and for a number that is not
   /// finite.
   void add(std::span<const float> descriptor);
+  /// The same without a copy: `descriptor` must stay where it is as long as the index lives.
+  void refer_to(std::span<const float> descriptor);
   std::span<const float> descriptor(int64_t place) const;
 
   /// Numbers of a key; 0 when there are none. For cosines the key is the descriptor at unit length.
-  int64_t key_numbers() const { return basis_.key_of.numbers; }
-  /// The key of `descriptor` [Basis::dim] -> `key` [key_numbers()].
+  int64_t key_numbers() const { return comparison_.key_numbers; }
+  /// The key of `descriptor` [dim] -> `key` [key_numbers()].
   void make_key(std::span<const float> descriptor, std::span<float> key) const;
 
   /// From now on `source`, which knows all places there are, proposes the `count` places that are
@@ -36,42 +68,50 @@ class PlaceIndex {
   /// fewer, when there are no keys and for a count below 1.
   void choose_by(std::unique_ptr<CandidateSource> source, int64_t count);
 
-  /// The options.k places in `candidates` (ranges that do not overlap, ascending) most similar to
-  /// `query` [Basis::dim], as retrieve() ranks and scores them; no ranks where there is no
-  /// candidate. The result does not depend on options.threads. All places are searched when a
-  /// source proposes fewer than options.k of the candidates. Allocates nothing but the result once
-  /// a thread has asked before. Throws UsageError for a query of another size or with a number that
-  /// is not finite, and for k or threads < 1.
+  /// The options.k candidates most similar to `query` [dim]; no ranks where there is no candidate.
+  /// When keys choose (Comparison::key_candidates), only those chosen are compared. All places are
+  /// searched when a source proposes fewer than options.k of the candidates.
+  ///
+  /// For cosines the matrix product only selects, what is kept is computed again in double
+  /// precision. Allocates nothing but the result once a thread has asked before, besides what
+  /// Comparison::turn does. Throws UsageError for a query of another size or with a number that is
+  /// not finite, and for k or threads < 1, NotFinite.
   Match best(std::span<const float> query, std::span<const CandidateRange> candidates,
-             const RetrieveOptions& options = {}) const;
+             const SearchOptions& options = {}) const;
 
-  /// best() of each row of `queries` [n][Basis::dim], faster, as the products of many are made at
-  /// once. When keys choose the candidates, those whose products differ by rounding only may change
-  /// places.
-  std::vector<Match> best_of_many(const FloatMatrix& queries,
-                                  std::span<const CandidateRange> candidates,
-                                  const RetrieveOptions& options = {}) const;
+  /// best() of each, faster, as the products of many queries are made at once. Beside the
+  /// descriptors that takes some 64 MB, and as much a thread where descriptors that are referred to
+  /// do not follow each other in memory. Throws Interrupted, too.
+  std::vector<Match> best_of_many(std::span<const Query> queries,
+                                  const SearchOptions& options = {}) const;
 
  private:
   friend class PlaceSearch;
-  /// Rows of one size, so that adding a place never moves those that are there.
+  /// Places of one number, so that adding one never moves those that are there.
   struct Block {
-    FloatMatrix descriptors;
+    FloatMatrix copies;              // of descriptors
+    std::vector<const float*> rows;  // the descriptors, there or where they are referred to
     FloatMatrix keys;             // empty for cosines: a descriptor is its key but for the length
     std::vector<double> lengths;  // of the descriptors, for cosines
   };
+  bool by_cosine() const { return !comparison_.similarity; }
+  Block& block_to_add_to();
   void check(std::span<const float> descriptor, const char* what) const;
-  void check(const RetrieveOptions& options) const;
 
-  Basis basis_;
+  int64_t dim_;
+  Comparison comparison_;
   std::deque<Block> blocks_;
   std::unique_ptr<CandidateSource> source_;
   int64_t from_source_ = 0;  // so many are asked of it
   int64_t size_ = 0;
 };
 
-/// The share of the ranks of `exact` that `found`, the answers to the same queries, have too; 1
-/// without ranks. Throws UsageError when there are not as many of both.
-double recall_of(std::span<const Match> exact, std::span<const Match> found);
+/// A similarity is not finite: of this query (best_of_many() counts them, best() has 0) and place.
+class NotFinite : public Error {
+ public:
+  NotFinite(int64_t of_query, int64_t to_place, double found);
+  int64_t query, place;
+  double similarity;
+};
 
 }  // namespace revisit::pipeline

@@ -32,7 +32,7 @@ struct RangeImage {
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
 };
 
-/// Throws UsageError for a geometry that is none: sizes below 1 or beyond reason, edges in the
+/// Throws UsageError for an invalid geometry: sizes below 1 or beyond reason, edges in the
 /// wrong order or beyond +-90 deg, a range that is not positive, a closing rectangle whose sides
 /// are not 0 to 360 deg.
 void check_geometry(const ImageGeometry& geometry);

@@ -8,7 +8,7 @@
 namespace revisit::pipeline {
 
 /// A sensor on the market and the image its scans are projected to: 4000 x 112 for all of them, so
-/// that every network gives one feature size. docs/DATA.md has the table and its sources.
+/// that every network gives one feature size. docs/FORMATS.md has the table and its sources.
 struct Sensor {
   std::string name;            // what sensor_geometry() takes: "ouster-os1-128"
   std::string model;           // what is printed on it: "Ouster OS1-128"
@@ -16,7 +16,7 @@ struct Sensor {
   double top = 0, bottom = 0;  // elevations of the outermost beams, or of the field of view [deg]
   ImageGeometry image;
 };
-/// All that are known. A beam never lies on an image's edge, and a closing rectangle is higher than
+/// All known sensors. A beam never lies on an image's edge, and a closing rectangle is higher than
 /// the rows between most neighbouring beams.
 const std::vector<Sensor>& sensors();
 
@@ -33,7 +33,7 @@ struct Beams {
 
 /// The sensor that scans look like they were taken by, and an image for them.
 struct SensorFound {
-  std::string name;  // of sensors(); "": of none, then the image is made for what was found
+  std::string name;  // of sensors(); "": unknown, then the image is made for what was found
   ImageGeometry image;
   Beams beams;
   double inside = 0;  // share of the returns that the image holds

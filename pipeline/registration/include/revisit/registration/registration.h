@@ -24,7 +24,7 @@ struct RegistrationOptions {
 /// share what they hold. May be used by several threads at once.
 class PreparedScan {
  public:
-  /// Throws UsageError for options that cannot be, and in a build without PCL. A scan of few or no
+  /// Throws UsageError for invalid options, and in a build without PCL. A scan of few or no
   /// points is no error: its registrations are not accepted.
   explicit PreparedScan(const PointCloud& cloud, const RegistrationOptions& options = {});
   int64_t size() const;  ///< points left
@@ -66,7 +66,7 @@ struct Registration {
 /// the turn within 3 degrees, under which upright points meet best, seen from above; from there
 /// generalized ICP (Segal, Haehnel and Thrun, RSS 2009; PCL's). Equal input gives equal output, on
 /// one thread. `turn`: heading of the query less that of the place, counter-clockwise [rad].
-/// Throws UsageError for options or a turn that cannot be, and in a build without PCL.
+/// Throws UsageError for invalid options or an invalid turn, and in a build without PCL.
 Registration register_scans(const PreparedScan& query, const PreparedScan& place, double turn,
                             const RegistrationOptions& options = {});
 

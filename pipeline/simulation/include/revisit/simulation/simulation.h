@@ -119,9 +119,9 @@ struct SimulationSummary {
 /// continues.
 ///
 /// `progress(done, total)` is called with the scans kept, then after every new one; `stop` is asked
-/// after every new scan. Throws UsageError for settings that cannot be, or when the folder holds
-/// something else than this run would write; InputError for a bad poses or calibration file;
-/// Interrupted when `stop` said so; Error when a file cannot be written.
+/// after every new scan. Throws UsageError for invalid settings, or when the folder holds anything
+/// but what this run would write; InputError for a bad poses or calibration file; Interrupted when
+/// `stop` said so; Error when a file cannot be written.
 SimulationSummary simulate(const SimulationConfig& config,
                            const std::function<void(int64_t done, int64_t total)>& progress = {},
                            const std::function<bool()>& stop = {});

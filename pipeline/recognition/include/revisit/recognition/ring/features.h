@@ -17,7 +17,7 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 
 /// The features of a model's scans and how they become descriptors: ring_features() learns the ring
 /// mean (and with options.adapt the spread) from the scans it is told to. Throws UsageError for
-/// options that are none.
+/// invalid options.
 FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const Forward& forward = {});
 

@@ -4,8 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "revisit/recognition/keys.h"
-#include "revisit/recognition/similarity.h"
+#include "revisit/recognition/comparison.h"
 
 namespace revisit::pipeline {
 
@@ -24,12 +23,10 @@ struct RingMatch {
 /// The largest circular correlation over all turns (360 of them; `turn` is then refined).
 RingMatch match_rings(std::span<const float> a, std::span<const float> b, const RingLayout& layout);
 
-/// The same similarity of a query with many. 0 for a descriptor that is all zero. Throws UsageError
+/// The same of a query with many: similarity (0 for a descriptor that is all zero) and turn. A key
+/// is what a turn of the sensor does not change: the moduli of a descriptor's complex numbers. The
+/// product of two keys is never less than the similarity of their descriptors. Throws UsageError
 /// for more frequencies than rings have.
-Similarity ring_similarity(const RingLayout& layout);
-
-/// What a turn of the sensor does not change: the moduli of a descriptor's complex numbers. The
-/// product of two keys is never less than the similarity of their descriptors.
-KeyOf ring_key(const RingLayout& layout);
+Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates = 0);
 
 }  // namespace revisit::pipeline

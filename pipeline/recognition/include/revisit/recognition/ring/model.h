@@ -14,7 +14,7 @@
 
 namespace revisit::pipeline {
 
-/// Rings (docs/RINGS.md): what a scan looks like in every direction. A ring is
+/// Rings (docs/METHODS.md): what a scan looks like in every direction. A ring is
 /// `[numbers][sectors]` floats; azimuth falls with the sector, as with the columns of a range
 /// image. A scan has two, one behind the other in its feature: that of the network's columns and
 /// that of heights.
@@ -56,9 +56,9 @@ struct RingModel {
   int64_t dim() const { return columns.size() + polar.size(); }
 };
 
-/// Writes and reads a model (docs/DATA.md). Throw InputError naming the file and what is wrong:
-/// no model, a damaged one (it carries a checksum), one of a later version, numbers that do not fit
-/// together or are not finite; Error when it cannot be written.
+/// Writes and reads a model (docs/FORMATS.md). Throw InputError naming the file and what is wrong:
+/// not a model, a damaged one (it carries a checksum), one of a later version, numbers that do not
+/// fit together or are not finite; Error when it cannot be written.
 void write_ring_model(const std::filesystem::path& file, const RingModel& model);
 RingModel read_ring_model(const std::filesystem::path& file);
 /// The same of a file's content; `name` is for messages.

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace revisit::pipeline {
+
+/// How sure a match is (paper, section III-D).
+enum class Score {
+  kMargin,  // s = 2 c1 - ck: high when the best is similar AND stands out from the k-th
+  kBest,    // c1, the similarity of the best alone
+};
+/// "margin" or "cosine" (kBest, which is a cosine for most features); throws UsageError for
+/// anything else.
+Score parse_score(const std::string& text);
+const char* name_of(Score score);
+
+/// The answer to one query. Of a PlaceIndex, queries and places are counted from 0; of a task of
+/// the evaluation, both are rows of the data set.
+struct Match {
+  int64_t query = 0;
+  std::vector<int64_t> ranks;        // places, best first; min(k, candidates) of them
+  std::vector<double> similarities;  // of the same places, not increasing; cosines by default
+  double score = 0;
+  int which_case = 1;  // the alignment case (1 or 2) of the query's descriptor that won
+  /// Heading of the query less heading of the best, counter-clockwise [rad], where the descriptors
+  /// tell it.
+  std::optional<double> turn = {};
+};
+
+/// The share of the ranks of `exact` that `found`, the answers to the same queries, have too; 1
+/// without ranks. Throws UsageError when there are not as many of both.
+double recall_of(std::span<const Match> exact, std::span<const Match> found);
+
+}  // namespace revisit::pipeline

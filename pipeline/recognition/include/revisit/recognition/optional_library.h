@@ -1,0 +1,26 @@
+#pragma once
+
+#include <span>
+#include <string_view>
+
+namespace revisit::pipeline {
+
+/// A library without which the rest can be built.
+struct OptionalLibrary {
+  std::string_view name;     ///< "PCL"
+  std::string_view package;  ///< Debian's, e.g. "libpcl-dev"
+  std::string_view option;   ///< CMake's, e.g. "REVISIT_PCL"
+  bool built_in;
+};
+
+/// The table in pipeline/CMakeLists.txt.
+std::span<const OptionalLibrary> optional_libraries();
+
+/// Throws UsageError that says which package and option `what` needs, unless the library of this
+/// name is built in.
+void need(std::string_view what, std::string_view library);
+
+/// The same where the code that needs it was left out of the build.
+[[noreturn]] void built_without(std::string_view what, std::string_view library);
+
+}  // namespace revisit::pipeline

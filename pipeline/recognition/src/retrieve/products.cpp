@@ -1,0 +1,51 @@
+#include "retrieve/products.h"
+
+#include <cstddef>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "retrieve/products.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::pipeline::HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::CappedTag<float, 16>;
+constexpr D kD;
+
+float product(const float* a, const float* b, size_t n) {
+  const size_t lanes = hn::Lanes(kD);
+  auto even = hn::Zero(kD), odd = hn::Zero(kD);
+  size_t i = 0;
+  for (; i + 2 * lanes <= n; i += 2 * lanes) {
+    even = hn::MulAdd(hn::LoadU(kD, a + i), hn::LoadU(kD, b + i), even);
+    odd = hn::MulAdd(hn::LoadU(kD, a + i + lanes), hn::LoadU(kD, b + i + lanes), odd);
+  }
+  float sum = hn::GetLane(hn::SumOfLanes(kD, hn::Add(even, odd)));
+  for (; i < n; ++i) sum += a[i] * b[i];
+  return sum;
+}
+
+void products_simd(std::span<const float> key, const float* rows, std::span<float> products) {
+  for (size_t i = 0; i < products.size(); ++i)
+    products[i] = product(key.data(), rows + i * key.size(), key.size());
+}
+
+}  // namespace
+}  // namespace revisit::pipeline::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace revisit::pipeline {
+
+HWY_EXPORT(products_simd);
+
+void products_of_rows(std::span<const float> key, const float* rows, std::span<float> products) {
+  HWY_DYNAMIC_DISPATCH(products_simd)(key, rows, products);
+}
+
+}  // namespace revisit::pipeline
+#endif  // HWY_ONCE

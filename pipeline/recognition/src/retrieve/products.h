@@ -1,0 +1,10 @@
+#pragma once
+
+#include <span>
+
+namespace revisit::pipeline {
+
+/// The products of `key` with rows [products.size()][key.size()].
+void products_of_rows(std::span<const float> key, const float* rows, std::span<float> products);
+
+}  // namespace revisit::pipeline

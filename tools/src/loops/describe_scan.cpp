@@ -1,0 +1,31 @@
+#include "describe_scan.h"
+
+#include "revisit/datasets/scan_file.h"
+#include "revisit/datasets/stopwatch.h"
+#include "revisit/proto/error.h"
+
+namespace revisit::cli {
+
+DescribedScan describe_scan(const pipeline::ScanRef& scan, const std::string& drive,
+                            const pipeline::PlaceRecognizer& recognizer,
+                            pipeline::PointCloud& cloud) {
+  DescribedScan described;
+  described.place.drive = drive;
+  described.place.frame = scan.frame;
+  described.place.time = scan.time;
+  described.place.pose = scan.pose;
+  pipeline::Description& description = described.description;
+  try {
+    pipeline::read_scan_into(scan.file, cloud);
+    pipeline::Stopwatch watch;
+    description = recognizer.describe(view_of(cloud));
+    described.milliseconds = watch.lap();
+    if (!description.described())
+      description.why_not = str(scan.file.string(), ": ", description.why_not);
+  } catch (const InputError& error) {
+    description = {{}, error.what()};
+  }
+  return described;
+}
+
+}  // namespace revisit::cli
