@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -22,6 +23,10 @@ using ReadOnlyFloats = nb::ndarray<nb::numpy, const float>;
 
 /// (1, 3, 227, 227)
 ShapeTuple tuple_of(const std::vector<int64_t>& axes);
+
+inline std::string_view bytes_of(const nb::bytes& bytes) {
+  return {static_cast<const char*>(bytes.data()), bytes.size()};
+}
 
 /// An array of numpy's that refers to `data` and keeps `owner` alive.
 template <class T>

@@ -61,10 +61,6 @@ engine::LoadOptions load_options(std::string end, std::string graft, const Shape
   return options;
 }
 
-std::string_view bytes_of(const nb::bytes& bytes) {
-  return {static_cast<const char*>(bytes.data()), bytes.size()};
-}
-
 /// Every array refers to the net and keeps it alive.
 WeightDict weights_of(nb::handle self) {
   const Net& net = nb::cast<const Net&>(self);

@@ -29,10 +29,6 @@ using OptionalArray = std::optional<FloatArray>;
 nb::bytes bytes_from(const std::string& content) {
   return nb::bytes(content.data(), content.size());
 }
-std::string_view bytes_of(const nb::bytes& bytes) {
-  return {static_cast<const char*>(bytes.data()), bytes.size()};
-}
-
 /// No array where the file has none.
 OptionalArray array_from(Blob blob) {
   if (blob.absent) return std::nullopt;

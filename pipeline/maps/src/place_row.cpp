@@ -19,7 +19,7 @@ using PoseNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 constexpr const char* kWrongChecksum = "its checksum is wrong";
 
 template <class Number>
-std::string bytes_of(const Number* numbers, size_t n) {
+std::string bytes_of_numbers(const Number* numbers, size_t n) {
   std::string bytes(n * sizeof(Number), '\0');
   if (n > 0) std::memcpy(bytes.data(), numbers, bytes.size());
   return bytes;
@@ -36,7 +36,7 @@ std::string float32_bytes(const std::vector<float>& numbers, const std::string& 
   for (const float number : numbers)
     if (!std::isfinite(number))
       throw UsageError(str(of, " has numbers that are not finite: ", number));
-  return bytes_of(numbers.data(), numbers.size());
+  return bytes_of_numbers(numbers.data(), numbers.size());
 }
 
 }  // namespace
@@ -52,7 +52,7 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat 
       throw UsageError(
           str(of, " has ", descriptor[i], ", too large for float16 (at most 65504); keep float32"));
   }
-  return bytes_of(halves.data(), halves.size());
+  return bytes_of_numbers(halves.data(), halves.size());
 }
 
 void check_places_of(const Claim& claim, std::span<const StoredPlace> places) {
@@ -71,7 +71,7 @@ PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number)
     const PoseNumbers numbers = place.pose->matrix().topRows<3>();
     if (!numbers.allFinite())
       throw UsageError(str(of, ": its pose has numbers that are not finite"));
-    row.pose = bytes_of(numbers.data(), 12);
+    row.pose = bytes_of_numbers(numbers.data(), 12);
   }
   row.descriptor = descriptor_bytes(place.descriptor, format, of + ": its descriptor");
   row.feature = float32_bytes(place.feature, of + ": its feature");

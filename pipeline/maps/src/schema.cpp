@@ -17,7 +17,7 @@ struct Table {
   const char* sql;
 };
 
-constexpr std::array<Table, 5> kTables{{
+constexpr std::array<Table, 5> kMapTables{{
     {"map",
      "CREATE TABLE map (id INTEGER PRIMARY KEY, identity TEXT, bytes_per_number INTEGER, revision "
      "INTEGER, checksum INTEGER)"},
@@ -78,7 +78,7 @@ void make_map(Connection& connection, const MapHead& head) {
   sqlite::Transaction step(connection, sqlite::Locking::kWrites);
   connection.execute(str("PRAGMA application_id = ", kApplicationId));
   connection.execute(str("PRAGMA user_version = ", kMapVersion));
-  for (const Table& table : kTables) connection.execute(table.sql);
+  for (const Table& table : kMapTables) connection.execute(table.sql);
   write_head(connection, head);
   write_counts(connection, {});
   step.commit();
@@ -106,7 +106,7 @@ void check_schema(Connection& connection) {
   must_be("auto_vacuum", "0", str(connection.integer("PRAGMA auto_vacuum")));
   must_be("the encoding", "UTF-8", connection.text("PRAGMA encoding"));
   Statement select(connection, "SELECT name, sql FROM sqlite_schema ORDER BY rowid");
-  for (const Table& table : kTables) {
+  for (const Table& table : kMapTables) {
     if (!select.step()) throw InputError(str(damaged, "no table '", table.name, "'", remedy));
     must_be("a table's name", table.name, std::string(select.bytes(0)));
     must_be(str("the table '", table.name, "'"), table.sql, std::string(select.bytes(1)));

@@ -2,10 +2,26 @@
 
 #include <hwy/targets.h>
 
+#include <algorithm>
+
 #include "revisit/engine/simd.h"
 
 namespace revisit::engine {
 namespace {
+
+/// Of what this CPU has and the kernels are compiled for. Asking the CPU each time would take as
+/// long as a small layer.
+[[maybe_unused]] size_t best_index() {
+  hwy::ChosenTarget& chosen = hwy::GetChosenTarget();
+  if (!chosen.IsInitialized()) chosen.Update(hwy::SupportedTargets());
+  return chosen.GetIndex();
+}
+
+[[maybe_unused]] size_t index_of(int64_t target) {
+  hwy::ChosenTarget chosen;
+  chosen.Update(target);
+  return chosen.GetIndex();
+}
 
 [[maybe_unused]] bool has(Instructions instructions) {
   switch (instructions) {
@@ -21,22 +37,30 @@ namespace {
 
 }  // namespace
 
+#if (HWY_TARGETS & (HWY_TARGETS - 1)) == 0
+
 bool has_blocked_kernels() {
   return (hwy::SupportedTargets() & HWY_TARGETS) != 0;
 }
 
-size_t target_index([[maybe_unused]] Instructions instructions) {
-#if (HWY_TARGETS & (HWY_TARGETS - 1)) == 0
+size_t target_index(Instructions) {
   return 0;  // the tables have one target
-#else
-  int64_t targets = hwy::SupportedTargets();
-#if HWY_ARCH_X86
-  if (!has(instructions)) targets &= ~(HWY_AVX3 | HWY_AVX3_DL);
-#endif
-  hwy::ChosenTarget chosen;
-  chosen.Update(targets);
-  return chosen.GetIndex();
-#endif
 }
+
+#else
+
+bool has_blocked_kernels() {
+  return best_index() <= HWY_MAX_DYNAMIC_TARGETS;  // behind these is what needs no instructions
+}
+
+size_t target_index(Instructions instructions) {
+#if HWY_ARCH_X86
+  static const size_t kAvx2 = index_of(HWY_AVX2);  // better targets come before
+  if (!has(instructions)) return std::max(best_index(), kAvx2);
+#endif
+  return best_index();
+}
+
+#endif
 
 }  // namespace revisit::engine

@@ -145,17 +145,17 @@ class PlainInput {
   HWY_INLINE void finish(const Row& row, const InputView<In>& view, int64_t x, int64_t block,
                          Block (&sums)[kCount]) const {
     if (a_.outside_taps && reaches_outside(view, x, kCount)) add_outside(view, x, block, sums);
+    if constexpr (!kReadsImage)
+      if (row.values == Precision::kBf16) return finish_as<BFloat16>(row, x, block, sums);
+    finish_as<float>(row, x, block, sums);
+  }
+
+  template <class Out, int kCount>
+  HWY_INLINE void finish_as(const Row& row, int64_t x, int64_t block, Block (&sums)[kCount]) const {
     const BlockEpilogue epilogue(a_.epilogue, a_.bias, block, p_.c_out);
+    const auto* const addend = static_cast<const Out*>(row.addend);
     const int64_t at = block * row.output_step + (x - row.begin) * kLanes;
-    const auto finish_as = [&](auto type) HWY_ATTR {
-      const auto* const addend = static_cast<const decltype(type)*>(row.addend);
-      epilogue.finish(sums, addend ? addend + at : nullptr,
-                      static_cast<decltype(type)*>(row.output) + at);
-    };
-    if constexpr (kReadsImage)
-      finish_as(float());
-    else
-      with_type(row.values, finish_as);
+    epilogue.finish(sums, addend ? addend + at : nullptr, static_cast<Out*>(row.output) + at);
   }
 
   template <int kBlocks, int kTile, int kStride>

@@ -41,13 +41,20 @@ HWY_NOINLINE void finish_tile(const ConvolutionProblem& p, const BlockedConvolut
                               const TileOutputs& outputs) {
   with_type(p.values, [&](auto type) HWY_ATTR {
     using T = decltype(type);
-    for (int64_t y = 0; y < outputs.rows; ++y)
-      for (int64_t x = 0; x < outputs.columns; ++x) {
+    for (int64_t y = 0; y < outputs.rows; ++y) {
+      const auto finish = [&]<int kCount>(int64_t x) HWY_ATTR {
         const int64_t at = outputs.at + (y * p.out_w + x) * kLanes;
-        Block sum[] = {load_block(sums + (y * width + x) * kLanes)};
-        epilogue.finish(sum, a.addend ? static_cast<const T*>(a.addend) + at : nullptr,
+        Block row[kCount];
+        REVISIT_UNROLL
+        for (int i = 0; i < kCount; ++i) row[i] = load_block(sums + (y * width + x + i) * kLanes);
+        epilogue.finish(row, a.addend ? static_cast<const T*>(a.addend) + at : nullptr,
                         static_cast<T*>(a.output) + at);
-      }
+      };
+      int64_t x = 0;
+      for (; x + 4 <= outputs.columns; x += 4) finish.template operator()<4>(x);
+      for (; x + 2 <= outputs.columns; x += 2) finish.template operator()<2>(x);
+      if (x < outputs.columns) finish.template operator()<1>(x);
+    }
   });
 }
 
