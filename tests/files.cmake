@@ -1,5 +1,6 @@
 # Read by ctest when it starts, for one program of tests: a ctest test `FOLDER.FILE` for each of its `sources`, which runs all
 # that the file has. A start of the program for each of 1,700 tests took minutes, most of them under the sanitizers.
+set(all "")
 foreach(source IN LISTS sources)
   file(READ ${source} text)
   string(REGEX MATCHALL "\nTEST(_[FP])?\\([A-Za-z0-9_]+,[ \n]*[A-Za-z0-9_]+\\)" tests "${text}")
@@ -12,6 +13,7 @@ foreach(source IN LISTS sources)
       string(APPEND filter ":${CMAKE_MATCH_2}.${CMAKE_MATCH_3}")
     endif()
   endforeach()
+  string(APPEND all ${filter})
   string(REGEX REPLACE ".*/(.*)_test\\.cpp$" "${folder}.\\1" name ${source})
   add_test(${name} ${program} --gtest_brief=1 --gtest_filter=${filter})
   set_tests_properties(${name} PROPERTIES TIMEOUT 900)
@@ -19,3 +21,6 @@ foreach(source IN LISTS sources)
     set_tests_properties(${name} PROPERTIES COST 50)  # long ones begin first
   endif()
 endforeach()
+# Lists the tests that no file was found to have: there must be none.
+add_test(${folder}.each_has_a_file ${program} --gtest_list_tests --gtest_filter=-${all})
+set_tests_properties(${folder}.each_has_a_file PROPERTIES FAIL_REGULAR_EXPRESSION "\n  [^ ]")

@@ -323,7 +323,7 @@ TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
   }
 }
 
-/// Registers and vectors of a block: AVX-512, NEON, AVX2, SSE4, none.
+/// Registers and vectors of a block: AVX-512, NEON, AVX2, and two smaller ones.
 TEST(SumTile, FillsTheRegistersOfEveryTarget) {
   const auto is = [](SumTile tile, int blocks, int columns) {
     return tile.blocks == blocks && tile.columns == columns;

@@ -76,17 +76,17 @@ PointCloud away_from_borders(const PointCloud& cloud) {
   return kept;
 }
 
-struct Comparison {
+struct ImageComparison {
   int returns = 0;       // pixels of ours with a return
   int different = 0;     // of them, PCL has another range
   int next_to_them = 0;  // pixels only PCL fills, beside one of the returns
   int elsewhere = 0;     // and not beside one
 };
-Comparison compare(const PointCloud& cloud) {
+ImageComparison compare(const PointCloud& cloud) {
   const RangeImage ours = our_image(cloud);
   const pcl::RangeImageSpherical theirs = pcl_image(cloud);
   EXPECT_EQ(theirs.width, 4000U);
-  Comparison result;
+  ImageComparison result;
   for (int row = 0; row < ours.height; ++row)
     for (int column = 0; column < ours.width; ++column) {
       const float range = range_at(theirs, row, column);
@@ -108,7 +108,7 @@ TEST(PclRangeImage, TheSamePixelsAndRangesAwayFromBorders) {
   REVISIT_NEED_SHARED(file, "data/kitti/sequences/00/velodyne/000052.bin");
   const PointCloud scan = read_scan(file), kept = away_from_borders(scan);
   EXPECT_GT(kept.points.size(), scan.points.size() * 8 / 10);
-  const Comparison result = compare(kept);
+  const ImageComparison result = compare(kept);
   EXPECT_GT(result.returns, 90000);
   EXPECT_EQ(result.different, 0);
   EXPECT_EQ(result.elsewhere, 0);
@@ -117,7 +117,7 @@ TEST(PclRangeImage, TheSamePixelsAndRangesAwayFromBorders) {
 
 TEST(PclRangeImage, TablesMoveFewPointsOfAWholeScan) {
   REVISIT_NEED_SHARED(file, "data/kitti/sequences/00/velodyne/000052.bin");
-  const Comparison result = compare(read_scan(file));
+  const ImageComparison result = compare(read_scan(file));
   EXPECT_GT(result.different, 0);
   EXPECT_LT(result.different, result.returns / 100);
 }
@@ -125,7 +125,7 @@ TEST(PclRangeImage, TablesMoveFewPointsOfAWholeScan) {
 TEST(PclRangeImage, RandomClouds) {
   PointCloud cloud = random_cloud(12, 50000);
   for (Point& p : cloud.points) p.z *= 0.3F;
-  const Comparison result = compare(away_from_borders(cloud));
+  const ImageComparison result = compare(away_from_borders(cloud));
   EXPECT_GT(result.returns, 20000);
   EXPECT_EQ(result.different, 0);
   EXPECT_EQ(result.elsewhere, 0);

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "feature/image_plan.h"
+#include "revisit/recognition/feature.h"
 #include "revisit/recognition/ring/model.h"
 
 namespace revisit::pipeline {
