@@ -275,7 +275,11 @@ TEST_F(ReportCommand, WhatIsNoRunIsRefused) {
 }
 
 TEST_F(ReportCommand, OnlyReportsAreReplaced) {
-  experiment();
+  ASSERT_EQ(run_revisit("eval " + path("drive") +
+                        " --feature data --width 100 --protocol leave-one-out --no-report -o " +
+                        path("out"))
+                .exit_code,
+            0);
   const std::string report =
       "report " + path("out") + " -o " + path("r.html") + " --markdown " + path("r.md");
   ASSERT_EQ(run_revisit(report).exit_code, 0);
