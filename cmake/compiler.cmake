@@ -46,7 +46,7 @@ endfunction()
 
 # Batches read headers once for 16 files. Files that Highway includes once for every target stay by themselves.
 set(CMAKE_UNITY_BUILD ${REVISIT_UNITY})
-set(CMAKE_UNITY_BUILD_BATCH_SIZE 16)
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 32)
 
 # revisit_alone(FILES...): these are not compiled in batches.
 function(revisit_alone)

@@ -8,7 +8,7 @@ namespace revisit::proto {
 namespace {
 
 constexpr size_t kHdf5MostAxes = 32;       // HDF5's limit, and Caffe's
-constexpr size_t kLongestName = 1024;  // [bytes]
+constexpr size_t kLongestHdf5Name = 1024;  // [bytes]
 constexpr int kHighestTree = 16;       // levels; each multiplies the number of links
 constexpr size_t kMostPieces = 64;     // of one object header
 constexpr uint64_t kMostMessages = 256;
@@ -309,8 +309,8 @@ std::string Hdf5File::read_name(uint64_t heap, uint64_t offset) {
   for (uint64_t left = size - offset; left > 0; --left) {
     const auto c = static_cast<char>(cursor_.read_byte());
     if (c == '\0') return name;
-    if (name.size() == kLongestName)
-      throw FormatError(at, str("a name of more than ", kLongestName, " bytes"));
+    if (name.size() == kLongestHdf5Name)
+      throw FormatError(at, str("a name of more than ", kLongestHdf5Name, " bytes"));
     name += c;
   }
   throw FormatError(at, "a name that does not end");

@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 // What protobuf can parse, so what Caffe could ever write or read.
 constexpr int64_t kLargestBinary = std::numeric_limits<int32_t>::max();  // [bytes]
 constexpr int64_t kBlobsPerLayer = 10;        // on average; the index of a hostile file stays small
-constexpr uint64_t kLongestName = 64 * 1024;  // [bytes]
+constexpr uint64_t kLongestLayerName = 64 * 1024;  // [bytes]
 
 // Where the three generations of layers keep things: field numbers of their messages.
 struct LayerFields {
@@ -168,7 +168,7 @@ class Caffemodel final : public WeightsFile {
 
   std::string read_string(const WireField& field) {
     const uint64_t length = field.end - field.begin;
-    if (length > kLongestName) {
+    if (length > kLongestLayerName) {
       throw FormatError(field.begin, str("a layer name of ", length, " bytes"));
     }
     std::string text(length, '\0');
