@@ -9,7 +9,6 @@
 #include <string_view>
 
 #include "revisit/proto/atomic_file.h"
-#include "revisit/proto/file_cursor.h"
 #include "revisit/proto/joined.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are stored little-endian");
@@ -19,9 +18,8 @@ namespace {
 
 // The format: https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html
 constexpr std::string_view kMagic = "\x93NUMPY";
-constexpr uint64_t kLongestHeader = 64 * 1024;  // [bytes]; NumPy itself stays below a few hundred
-constexpr size_t kNumpyMostAxes = 64;                // NumPy's limit
-constexpr size_t kAlignment = 64;               // [bytes] of the data in the file
+constexpr size_t kNumpyMostAxes = 64;  // NumPy's limit
+constexpr size_t kAlignment = 64;      // [bytes] of the data in the file
 
 /// The header's Python dictionary, e.g. `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3),
 /// }`.
@@ -29,7 +27,10 @@ class HeaderParser {
  public:
   HeaderParser(std::string_view text, const std::string& path) : text_(text), path_(path) {}
 
-  void parse() {
+  NpyHeader parse() {
+    std::optional<std::string> dtype;
+    std::optional<bool> fortran_order;
+    std::optional<std::vector<int64_t>> shape;
     expect('{');
     while (!accept('}')) {
       const std::string key = parse_string();
@@ -48,17 +49,13 @@ class HeaderParser {
     }
     if (peek() != '\0') fail("malformed header");
     if (!dtype || !fortran_order || !shape) fail("the header lacks descr, fortran_order or shape");
+    return {*dtype, *fortran_order, *shape};
   }
 
+ private:
   [[noreturn]] void fail(const std::string& reason) const {
     throw InputError(str(path_, ": ", reason));
   }
-
-  std::optional<std::string> dtype;
-  std::optional<bool> fortran_order;
-  std::optional<std::vector<int64_t>> shape;
-
- private:
   char peek() {
     const size_t at = text_.find_first_not_of(" \t\r\n");
     text_.remove_prefix(at == std::string_view::npos ? text_.size() : at);
@@ -136,10 +133,10 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
   for (int i = 0; i < length_bytes && cursor.position() < cursor.size(); ++i) {
     length |= static_cast<uint64_t>(cursor.read_byte()) << (8 * i);
   }
-  if (length > kLongestHeader || length > cursor.size() - cursor.position()) {
+  if (length > kLongestNpyHeader || length > cursor.size() - cursor.position()) {
     throw InputError(str(path, ": byte 8: a header of ", length, " bytes, but only ",
-                         cursor.size() - cursor.position(), " bytes follow (limit ", kLongestHeader,
-                         ")"));
+                         cursor.size() - cursor.position(), " bytes follow (limit ",
+                         kLongestNpyHeader, ")"));
   }
   std::string header(length, '\0');
   cursor.read(header.data(), length);
@@ -147,15 +144,15 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
 }
 
 /// The number of elements; throws unless the file is exactly as long as they need.
-uint64_t check_size(const FileCursor& cursor, const HeaderParser& header, uint64_t item_bytes) {
+uint64_t check_size(const FileCursor& cursor, const NpyHeader& header, uint64_t item_bytes) {
   const uint64_t available = cursor.size() - cursor.position();
   uint64_t count = 1;
   bool overflows = false;
-  for (const int64_t dim : *header.shape) {
+  for (const int64_t dim : header.shape) {
     overflows |= __builtin_mul_overflow(count, static_cast<uint64_t>(dim), &count);
   }
   // Of an empty array (0 among the dimensions) no product overflows into data.
-  for (const int64_t dim : *header.shape) {
+  for (const int64_t dim : header.shape) {
     if (dim == 0) {
       count = 0;
       overflows = false;
@@ -163,32 +160,39 @@ uint64_t check_size(const FileCursor& cursor, const HeaderParser& header, uint64
   }
   if (overflows || count > std::numeric_limits<uint64_t>::max() / item_bytes ||
       count * item_bytes != available) {
-    header.fail(str("shape ", describe(*header.shape), " of '", *header.dtype,
-                    "' does not fit the ", available,
-                    " bytes after the header (is the file truncated?)"));
+    throw InputError(str(cursor.file().string(), ": shape ", describe(header.shape), " of '",
+                         header.dtype, "' does not fit the ", available,
+                         " bytes after the header (is the file truncated?)"));
   }
   return count;
 }
 
 }  // namespace
 
-NpyArray read_npy(const std::filesystem::path& file) {
-  const std::string path = file.string();
-  FileCursor cursor(file);
+NpyHeader read_npy_header(FileCursor& cursor) {
+  const std::string path = cursor.file().string();
   const std::string text = read_header(cursor, path);
-  HeaderParser header(text, path);
-  header.parse();
-  const bool single = *header.dtype == "<f4";
-  if (!single && *header.dtype != "<f8") {
-    header.fail(str(
-        "dtype '", *header.dtype,
+  NpyHeader header = HeaderParser(text, path).parse();
+  header.bytes = cursor.position();
+  return header;
+}
+
+NpyArray read_npy(const std::filesystem::path& file) {
+  FileCursor cursor(file);
+  const NpyHeader header = read_npy_header(cursor);
+  const auto refuse = [&](const std::string& reason) {
+    throw InputError(str(file.string(), ": ", reason));
+  };
+  const bool single = header.dtype == "<f4";
+  if (!single && header.dtype != "<f8")
+    refuse(str(
+        "dtype '", header.dtype,
         "', expected little-endian float32 ('<f4') or float64 ('<f8'); save array.astype('<f4')"));
-  }
-  if (*header.fortran_order)
-    header.fail("Fortran order, expected C order; save numpy.ascontiguousarray(array)");
+  if (header.fortran_order)
+    refuse("Fortran order, expected C order; save numpy.ascontiguousarray(array)");
 
   const uint64_t count = check_size(cursor, header, single ? sizeof(float) : sizeof(double));
-  NpyArray array{*header.shape, std::vector<float>(count)};
+  NpyArray array{header.shape, std::vector<float>(count)};
   if (single) {
     cursor.read(array.data.data(), count * sizeof(float));
     return array;

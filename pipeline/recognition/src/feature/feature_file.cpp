@@ -9,14 +9,15 @@
 #include <cerrno>
 #include <cstring>
 #include <limits>
-#include <regex>
 #include <sstream>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/file_content.h"
+#include "revisit/proto/file_cursor.h"
 #include "revisit/proto/fnv1a.h"
 #include "revisit/proto/npy.h"
 #include "revisit/proto/part_lock.h"
@@ -92,40 +93,19 @@ void sync_folder(const fs::path& folder) {
   ::close(descriptor);
 }
 
-struct Header {
-  int64_t n = 0, d = 0, bytes = 0;
-};
-
-/// The header of a float32 .npy with two axes (NumPy's format, versions 1 to 3).
-Header parse_header(const fs::path& file, int descriptor) {
-  const auto bad = [&](const std::string& why) -> InputError {
-    return InputError(
-        str(file.string(), ": not a feature file (a float32 .npy with two axes): ", why));
-  };
-  unsigned char start[12] = {};
-  const int64_t got = read_at(descriptor, start, sizeof start, 0);
+/// Of the file that is open, whatever its name stands for by now.
+proto::NpyHeader read_header(const fs::path& file, int descriptor) {
+  std::string start(proto::kLongestNpyHeader + 12, '\0');  // 12: what says how long it is
+  const int64_t got = read_at(descriptor, start.data(), static_cast<int64_t>(start.size()), 0);
   if (got < 0) throw InputError(str(file.string(), ": cannot read: ", std::strerror(errno)));
-  if (got < 12 || std::memcmp(start, "\x93NUMPY", 6) != 0) throw bad("no NumPy header at byte 0");
-  if (start[6] < 1 || start[6] > 3)
-    throw bad(str("format version ", int{start[6]}, ", expected 1 to 3"));
-  int64_t length = start[8] | start[9] << 8;
-  const int64_t prefix = start[6] == 1 ? 10 : 12;
-  if (prefix == 12) length |= int64_t{start[10]} << 16 | int64_t{start[11]} << 24;
-  constexpr int64_t kLongestHeader = 1 << 16;
-  if (length > kLongestHeader) throw bad(str("a header of ", length, " bytes"));
-  std::string text(length, '\0');
-  if (read_at(descriptor, text.data(), length, prefix) != length)
-    throw bad("the header is cut off");
-
-  std::smatch found;
-  if (!std::regex_search(text, found, std::regex("'descr': *'([^']*)'")) || found[1] != "<f4")
-    throw bad(str("its type is '", found.size() > 1 ? found[1].str() : "?", "', expected '<f4'"));
-  if (!std::regex_search(text, std::regex("'fortran_order': *False")))
-    throw bad("it is not in C order");
-  if (!std::regex_search(text, found,
-                         std::regex("'shape': *\\(([0-9]{1,15}), *([0-9]{1,15}),? *\\)")))
-    throw bad(str("header '", text.substr(0, text.find_last_not_of(" \n") + 1), "'"));
-  return {std::stoll(found[1]), std::stoll(found[2]), prefix + length};
+  proto::FileCursor cursor(std::string_view(start).substr(0, static_cast<size_t>(got)), file);
+  proto::NpyHeader header = proto::read_npy_header(cursor);
+  if (header.dtype == "<f4" && !header.fortran_order && header.shape.size() == 2) return header;
+  throw InputError(str(file.string(),
+                       ": not a feature file: expected '<f4' in C order with two "
+                       "axes, found '",
+                       header.dtype, "' in ", header.fortran_order ? "Fortran" : "C",
+                       " order with ", header.shape.size()));
 }
 
 }  // namespace
@@ -301,10 +281,10 @@ FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
   try {
     if (!is_regular(descriptor_, &mapped_bytes_))
       throw InputError(str(file_.string(), ": is not a regular file"));
-    const Header header = parse_header(file_, descriptor_);
-    n_ = header.n;
-    d_ = header.d;
-    header_bytes_ = header.bytes;
+    const proto::NpyHeader header = read_header(file_, descriptor_);
+    n_ = header.shape[0];
+    d_ = header.shape[1];
+    header_bytes_ = static_cast<int64_t>(header.bytes);
     const bool fits = d_ == 0 || n_ <= std::numeric_limits<int64_t>::max() / 16 / d_;
     if (!fits || mapped_bytes_ != header_bytes_ + n_ * d_ * static_cast<int64_t>(sizeof(float)))
       throw InputError(str(file_.string(), ": the header says ", n_, " x ", d_, " floats after ",

@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "revisit/proto/error.h"
+#include "revisit/proto/file_cursor.h"
 
 namespace revisit::proto {
 
@@ -13,6 +15,21 @@ struct NpyArray {
   std::vector<int64_t> shape;
   std::vector<float> data;
 };
+
+/// What a .npy file says about its array.
+struct NpyHeader {
+  std::string dtype;  // NumPy's, e.g. "<f4"
+  bool fortran_order = false;
+  std::vector<int64_t> shape;
+  uint64_t bytes = 0;  // of the header: the array begins there
+};
+
+/// Headers that are longer are refused; NumPy itself stays below a few hundred bytes.
+inline constexpr uint64_t kLongestNpyHeader = 64 * 1024;
+
+/// Parses the header of a NumPy .npy file (versions 1-3) at the position of the cursor, which is
+/// then at the array. Throws InputError for what is no such header.
+NpyHeader read_npy_header(FileCursor& cursor);
 
 /// Reads a NumPy .npy file (versions 1-3): float32 or float64 (converted), little-endian, C order.
 /// Throws InputError naming what was found: another dtype, Fortran order, a truncated file.
