@@ -129,18 +129,6 @@ std::vector<double> beams_by_order(const PointCloud& scan) {
   return beams;
 }
 
-Beams beams_of(const std::vector<PointCloud>& scans) {
-  const std::vector<double> elevations = elevations_of(scans);
-  Beams beams;
-  if (elevations.empty()) return beams;
-  const auto last = static_cast<double>(elevations.size() - 1);
-  beams.top = elevations[static_cast<size_t>(std::ceil(0.995 * last))];
-  beams.bottom = elevations[static_cast<size_t>(std::floor(0.005 * last))];
-  beams.elevations = beams_by_elevation(elevations);
-  if (beams.elevations.empty()) beams.elevations = beams_by_order(scans.front());
-  return beams;
-}
-
 double inside(const ImageGeometry& geometry, const std::vector<PointCloud>& scans) {
   int64_t returns = 0, outside = 0;
   RangeImage image;
@@ -204,10 +192,22 @@ ImageGeometry own_image(const Beams& found) {
 
 }  // namespace
 
+Beams find_beams(const std::vector<PointCloud>& scans) {
+  const std::vector<double> elevations = elevations_of(scans);
+  Beams beams;
+  if (elevations.empty()) return beams;
+  const auto last = static_cast<double>(elevations.size() - 1);
+  beams.top = elevations[static_cast<size_t>(std::ceil(0.995 * last))];
+  beams.bottom = elevations[static_cast<size_t>(std::floor(0.005 * last))];
+  beams.elevations = beams_by_elevation(elevations);
+  if (beams.elevations.empty()) beams.elevations = beams_by_order(scans.front());
+  return beams;
+}
+
 SensorFound find_sensor(const std::vector<PointCloud>& scans) {
   constexpr double kMostPoints = 0.97;
   SensorFound found;
-  found.beams = beams_of(scans);
+  found.beams = find_beams(scans);
   double nearest = std::numeric_limits<double>::infinity();
   for (const Sensor& sensor : sensors()) {
     const double far = distance(found.beams, sensor);

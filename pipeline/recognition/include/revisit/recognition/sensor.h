@@ -41,6 +41,9 @@ struct SensorFound {
 
 /// Tells beams apart by elevation, where neither tilt nor motion smear them, else by the order of
 /// the points (KITTI's files hold one beam after the other). The scans are of one sensor.
+Beams find_beams(const std::vector<PointCloud>& scans);
+
+/// The sensor of the beams that find_beams() tells apart, or an image made for them.
 SensorFound find_sensor(const std::vector<PointCloud>& scans);
 
 }  // namespace revisit::pipeline

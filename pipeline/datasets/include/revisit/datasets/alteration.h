@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "revisit/recognition/point_cloud.h"
+
+namespace revisit::pipeline {
+
+/// One thing that may differ when a place is seen again.
+struct AlterationStep {
+  enum class Kind {
+    kTurn,    // yaw [deg], left positive; without amount a random one
+    kRoll,    // [deg] about x
+    kPitch,   // [deg] about y
+    kHeight,  // [m] that the sensor is lower; negative: higher
+    kKeep,    // share of the points that stay
+    kSector,  // width [deg] of a sector that is hidden, at a random azimuth
+    kBeams,   // every n-th beam stays
+    kNoise,   // standard deviation [m] of each of x, y, z
+    kRange,   // [m] on the ground plane; nothing beyond it is seen
+    kRain,    // share of the returns that come from 0.5 to 10 m instead
+    kTruck,   // a truck beside the sensor; no amount
+  };
+  Kind kind = Kind::kTurn;
+  std::optional<double> amount;
+};
+
+/// Steps, taken one after the other. Without any: the scan as it is.
+struct Alteration {
+  std::vector<AlterationStep> steps;
+};
+
+/// Reads steps joined by '+', each `kind=amount`, e.g. `pitch=5+range=30`, `sector=60+sector=60`,
+/// `turn`, `truck`; `none` is the scan as it is. Throws UsageError naming the text, the step and
+/// what was expected.
+Alteration parse_alteration(std::string_view text);
+
+/// The text that parse_alteration() takes.
+std::string text_of(const Alteration& alteration);
+
+/// For tables: "pitch 5 deg + nearer than 30 m".
+std::string name_of(const Alteration& alteration);
+
+/// What a robot's scans may go through, each by itself, and a mixture: the rows of the table of
+/// robustness.
+std::vector<Alteration> standard_alterations();
+
+/// A mixture for learning and calibration: about a quarter are none; the others have a tilt of up
+/// to 8 deg, up to 1 m of height, up to three sectors, a range from 15 m on, missing beams and
+/// points, noise, rain and a truck, some of these each. Never turned by yaw: the headings of a
+/// drive stay true.
+Alteration random_alteration(uint64_t seed);
+
+/// Alters a scan; points without a return are left out (but of a scan that stays as it is). The
+/// same for the same seed, in every process and on every machine whose sines are the same.
+///
+/// - Beams are dropped first, wherever the step stands: they belong to the sensor, and are found by
+///   find_beams(), counted from the lowest. Where there are none, a beam is 1/64 of the
+///   elevations that 99 % of the points have.
+/// - The truck is a box 2.5 m wide, 8 m long and 3.5 m high on the ground, parallel to the sensor's
+///   x axis, 2 to 4 m to its left or right. Rays that gave no return give none of the truck,
+///   either: a scan does not tell where they went.
+void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,344 @@
+#include "revisit/datasets/alteration.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+#include "revisit/proto/error.h"
+#include "revisit/proto/joined.h"
+#include "revisit/proto/text.h"
+#include "revisit/recognition/sensor.h"
+
+namespace revisit::pipeline {
+namespace {
+
+using Kind = AlterationStep::Kind;
+constexpr double kDegree = std::numbers::pi / 180;
+
+/// What a step is called, and which amounts it may have.
+struct KindRow {
+  Kind kind;
+  const char *word, *expected;
+  bool (*fits)(double amount);
+  bool may_lack_amount = false;
+};
+bool is_tilt(double degrees) {
+  return std::abs(degrees) <= 90;
+}
+bool is_share(double share) {
+  return share > 0 && share <= 1;
+}
+constexpr KindRow kKinds[] = {
+    {Kind::kTurn, "turn", "-360 to 360 degrees, or none for any",
+     [](double degrees) { return std::abs(degrees) <= 360; }, true},
+    {Kind::kRoll, "roll", "-90 to 90 degrees", is_tilt},
+    {Kind::kPitch, "pitch", "-90 to 90 degrees", is_tilt},
+    {Kind::kHeight, "height", "-100 to 100 metres",
+     [](double metres) { return std::abs(metres) <= 100; }},
+    {Kind::kKeep, "keep", "a share of the points above 0, at most 1", is_share},
+    {Kind::kSector, "sector", "more than 0 and less than 360 degrees",
+     [](double degrees) { return degrees > 0 && degrees < 360; }},
+    {Kind::kBeams, "beams", "a whole number from 2 to 64",
+     [](double n) { return n >= 2 && n <= 64 && n == std::floor(n); }},
+    {Kind::kNoise, "noise", "more than 0, at most 10 metres",
+     [](double metres) { return metres > 0 && metres <= 10; }},
+    {Kind::kRange, "range", "more than 0, at most 1000 metres",
+     [](double metres) { return metres > 0 && metres <= 1000; }},
+    {Kind::kRain, "rain", "a share of the returns above 0, at most 1", is_share},
+    {Kind::kTruck, "truck", "no amount", nullptr, true},
+};
+
+const KindRow& row_of(Kind kind) {
+  return *std::ranges::find(kKinds, kind, [](const KindRow& row) { return row.kind; });
+}
+
+AlterationStep parse_step(std::string_view text, std::string_view whole) {
+  const size_t equals = text.find('=');
+  const std::string word(text.substr(0, equals));
+  const KindRow* const row =
+      std::ranges::find_if(kKinds, [&](const KindRow& r) { return word == r.word; });
+  if (row == std::end(kKinds)) {
+    std::vector<std::string> words;
+    for (const KindRow& known : kKinds) words.push_back(known.word);
+    throw UsageError(str("alteration '", whole, "': unknown step '", word, "'",
+                         did_you_mean(word, words), "; known: ", joined(words, ", "),
+                         "; or none alone"));
+  }
+  AlterationStep step{row->kind, std::nullopt};
+  double amount = 0;
+  bool good = row->may_lack_amount;
+  if (equals != std::string_view::npos) {
+    const std::string_view number = text.substr(equals + 1);
+    const char* const end = number.data() + number.size();
+    const auto [stop, error] = std::from_chars(number.data(), end, amount);
+    good = row->fits && error == std::errc() && stop == end && std::isfinite(amount) &&
+           row->fits(amount);
+    step.amount = amount;
+  }
+  if (!good)
+    throw UsageError(
+        str("alteration '", whole, "': ", word, " takes ", row->expected, ", found '", text, "'"));
+  return step;
+}
+
+std::string name_of_step(const AlterationStep& step) {
+  const std::string amount = step.amount ? exact(*step.amount) : "";
+  const auto percent = [&] { return str(*step.amount * 100, " %"); };
+  switch (step.kind) {
+    case Kind::kTurn:
+      return step.amount ? "turned by " + amount + " deg" : "turned by any yaw";
+    case Kind::kRoll:
+    case Kind::kPitch:
+      return row_of(step.kind).word + (" " + amount) + " deg";
+    case Kind::kHeight:
+      return exact(std::abs(*step.amount)) + (*step.amount < 0 ? " m higher" : " m lower");
+    case Kind::kKeep:
+      return percent() + " of points";
+    case Kind::kSector:
+      return "sector of " + amount + " deg hidden";
+    case Kind::kBeams:
+      return "every " + amount +
+             (*step.amount == 2   ? "nd"
+              : *step.amount == 3 ? "rd"
+                                  : "th") +
+             " beam";
+    case Kind::kNoise:
+      return "noise of " + amount + " m";
+    case Kind::kRange:
+      return "nearer than " + amount + " m";
+    case Kind::kRain:
+      return "rain on " + percent();
+    case Kind::kTruck:
+      return "truck beside";
+  }
+  return "";
+}
+
+/// Random numbers that are the same with every standard library, whose distributions are not.
+class Draws {
+ public:
+  explicit Draws(uint64_t seed) {
+    std::seed_seq mixed{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32)};
+    random_.seed(mixed);
+  }
+  /// In [0, 1).
+  double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
+  double uniform(double low, double high) { return low + (high - low) * uniform(); }
+  bool chance(double probability) { return uniform() < probability; }
+  /// Standard normal but for the tails beyond 6: the sum of twelve uniform numbers, which takes no
+  /// logarithm and so has the same bits everywhere.
+  double normal() {
+    constexpr double kHalves = 12 * 0.5 * 0xffff;
+    uint64_t sum = 0;
+    for (int word = 0; word < 3; ++word)
+      for (uint64_t bits = random_(), i = 0; i < 4; ++i, bits >>= 16) sum += bits & 0xffff;
+    return (static_cast<double>(sum) - kHalves) * 0x1p-16;
+  }
+
+ private:
+  std::mt19937_64 random_;
+};
+
+double elevation_of(const Point& p) {
+  return std::atan2(double{p.z}, std::hypot(double{p.x}, double{p.y})) / kDegree;
+}
+
+void keep_every_beam(std::vector<Point>& points, int n) {
+  constexpr int kRows = 64;
+  const Beams found = find_beams({PointCloud{points}});
+  std::vector<double> borders;  // [deg] between two beams, lowest first
+  if (found.elevations.empty()) {
+    for (int i = 1; i < kRows; ++i)
+      borders.push_back(found.bottom + (found.top - found.bottom) * i / kRows);
+  } else {
+    for (size_t i = found.elevations.size(); --i > 0;)
+      borders.push_back((found.elevations[i] + found.elevations[i - 1]) / 2);
+  }
+  std::erase_if(points, [&](const Point& p) {
+    return (std::ranges::upper_bound(borders, elevation_of(p)) - borders.begin()) % n != 0;
+  });
+}
+
+/// Turned from the first axis to the second.
+void turn(std::vector<Point>& points, double degrees, float Point::*from, float Point::*to) {
+  const double c = std::cos(degrees * kDegree), s = std::sin(degrees * kDegree);
+  for (Point& p : points) {
+    const double a = p.*from, b = p.*to;
+    p.*from = static_cast<float>(c * a - s * b);
+    p.*to = static_cast<float>(s * a + c * b);
+  }
+}
+
+void hide_sector(std::vector<Point>& points, double width, double azimuth) {
+  std::erase_if(points, [&](const Point& p) {
+    const double there = std::atan2(double{p.y}, double{p.x}) / kDegree;
+    return std::abs(std::remainder(there - azimuth, 360)) <= width / 2;
+  });
+}
+
+double range_of(const Point& p) {
+  return std::sqrt(double{p.x} * p.x + double{p.y} * p.y + double{p.z} * p.z);
+}
+
+/// The return from another range [m] on the same ray.
+void move_along_ray(Point& p, double share) {
+  p.x = static_cast<float>(p.x * share);
+  p.y = static_cast<float>(p.y * share);
+  p.z = static_cast<float>(p.z * share);
+}
+
+void let_it_rain(std::vector<Point>& points, double share, Draws& draws) {
+  constexpr double kNearest = 0.5, kFarthest = 10;  // [m]
+  for (Point& p : points) {
+    if (!draws.chance(share)) continue;
+    // Drops fall before what the ray would have met.
+    const double range = range_of(p), farthest = std::min(kFarthest, range);
+    if (farthest > kNearest) move_along_ray(p, draws.uniform(kNearest, farthest) / range);
+  }
+}
+
+/// The height of the ground near the sensor [m]: what a tenth of the returns there are below.
+double ground_of(const std::vector<Point>& points) {
+  constexpr double kNear = 15, kTypical = -1.7;  // [m]
+  std::vector<float> heights;
+  for (const Point& p : points)
+    if (std::hypot(p.x, p.y) < kNear) heights.push_back(p.z);
+  if (heights.empty()) return kTypical;
+  const auto tenth = heights.begin() + static_cast<std::ptrdiff_t>(heights.size() / 10);
+  std::ranges::nth_element(heights, tenth);
+  return *tenth;
+}
+
+void put_truck(std::vector<Point>& points, Draws& draws) {
+  constexpr double kWide = 2.5, kLong = 8, kHigh = 3.5;  // [m]
+  const double ground = ground_of(points);
+  const double aside = draws.uniform(2, 4), ahead = draws.uniform(-kLong / 2, kLong / 2);
+  const bool left = draws.chance(0.5);
+  const std::array<double, 3> low{ahead - kLong / 2, left ? aside : -aside - kWide, ground};
+  const std::array<double, 3> high{low[0] + kLong, low[1] + kWide, ground + kHigh};
+  for (Point& p : points) {
+    // Where the ray from the sensor to the point is in the box, as shares of the way.
+    double enters = 0, leaves = 1;
+    const std::array<double, 3> way{p.x, p.y, p.z};
+    for (size_t axis = 0; axis < way.size(); ++axis) {
+      if (way[axis] == 0) {
+        if (low[axis] > 0 || high[axis] < 0) leaves = -1;
+        continue;
+      }
+      const auto [first, last] = std::minmax({low[axis] / way[axis], high[axis] / way[axis]});
+      enters = std::max(enters, first);
+      leaves = std::min(leaves, last);
+    }
+    if (enters > 0 && enters < leaves) move_along_ray(p, enters);
+  }
+}
+
+void take_step(std::vector<Point>& points, const AlterationStep& step, Draws& draws) {
+  const double amount = step.amount.value_or(0);
+  switch (step.kind) {
+    case Kind::kTurn:
+      return turn(points, step.amount ? amount : draws.uniform(-180, 180), &Point::x, &Point::y);
+    case Kind::kRoll:
+      return turn(points, amount, &Point::y, &Point::z);
+    case Kind::kPitch:
+      return turn(points, amount, &Point::z, &Point::x);
+    case Kind::kHeight:
+      for (Point& p : points) p.z = static_cast<float>(p.z + amount);
+      return;
+    case Kind::kKeep:
+      std::erase_if(points, [&](const Point&) { return !draws.chance(amount); });
+      return;
+    case Kind::kSector:
+      return hide_sector(points, amount, draws.uniform(-180, 180));
+    case Kind::kBeams:  // they went first
+      return;
+    case Kind::kNoise:
+      for (Point& p : points)
+        for (float Point::*axis : {&Point::x, &Point::y, &Point::z})
+          p.*axis = static_cast<float>(p.*axis + amount * draws.normal());
+      return;
+    case Kind::kRange:
+      std::erase_if(points,
+                    [&](const Point& p) { return std::hypot(double{p.x}, double{p.y}) >= amount; });
+      return;
+    case Kind::kRain:
+      return let_it_rain(points, amount, draws);
+    case Kind::kTruck:
+      return put_truck(points, draws);
+  }
+}
+
+}  // namespace
+
+Alteration parse_alteration(std::string_view text) {
+  Alteration alteration;
+  if (text == "none") return alteration;
+  for (size_t begin = 0; begin <= text.size();) {
+    const size_t end = std::min(text.find('+', begin), text.size());
+    alteration.steps.push_back(parse_step(text.substr(begin, end - begin), text));
+    begin = end + 1;
+  }
+  return alteration;
+}
+
+std::string text_of(const Alteration& alteration) {
+  if (alteration.steps.empty()) return "none";
+  return joined(alteration.steps, "+", [](const AlterationStep& step) {
+    return row_of(step.kind).word + (step.amount ? "=" + exact(*step.amount) : "");
+  });
+}
+
+std::string name_of(const Alteration& alteration) {
+  return alteration.steps.empty() ? "as it is" : joined(alteration.steps, " + ", name_of_step);
+}
+
+std::vector<Alteration> standard_alterations() {
+  std::vector<Alteration> all;
+  for (const char* text :
+       {"none", "turn", "keep=0.5", "keep=0.2", "roll=5", "pitch=5", "height=1", "sector=60",
+        "sector=120", "sector=180", "sector=60+sector=60", "beams=2", "beams=4", "noise=0.2",
+        "range=30", "range=15", "rain=0.3", "truck", "range=40+pitch=3+sector=50+sector=50"})
+    all.push_back(parse_alteration(text));
+  return all;
+}
+
+Alteration random_alteration(uint64_t seed) {
+  Draws draws(seed);
+  Alteration alteration;
+  const auto add = [&](Kind kind, double amount) {
+    constexpr double kHundred = 100;  // amounts of two decimals, for people
+    amount = std::round(amount * kHundred) / kHundred;
+    if (row_of(kind).fits(amount)) alteration.steps.push_back({kind, amount});
+  };
+  if (draws.chance(0.25)) return alteration;
+  if (draws.chance(0.25)) add(Kind::kBeams, std::floor(draws.uniform(2, 5)));
+  if (draws.chance(0.5)) {
+    const double tilt = draws.uniform(0, 7.99), towards = draws.uniform(-180, 180) * kDegree;
+    add(Kind::kRoll, tilt * std::cos(towards));
+    add(Kind::kPitch, tilt * std::sin(towards));
+  }
+  if (draws.chance(0.5)) add(Kind::kHeight, draws.uniform(-1, 1));
+  if (draws.chance(0.15)) alteration.steps.push_back({Kind::kTruck, std::nullopt});
+  for (int sector = 0; sector < 3 && draws.chance(0.45); ++sector)
+    add(Kind::kSector, draws.uniform(20, 120));
+  if (draws.chance(0.35)) add(Kind::kRange, draws.uniform(15, 60));
+  if (draws.chance(0.2)) add(Kind::kRain, draws.uniform(0.02, 0.4));
+  if (draws.chance(0.3)) add(Kind::kKeep, draws.uniform(0.2, 0.9));
+  if (draws.chance(0.3)) add(Kind::kNoise, draws.uniform(0.02, 0.25));
+  return alteration;
+}
+
+void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed) {
+  if (alteration.steps.empty()) return;
+  std::vector<Point>& points = cloud.points;
+  std::erase_if(points, [](const Point& p) { return !is_return(p); });
+  for (const AlterationStep& step : alteration.steps)
+    if (step.kind == Kind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
+  Draws draws(seed);
+  for (const AlterationStep& step : alteration.steps) take_step(points, step, draws);
+}
+
+}  // namespace revisit::pipeline
