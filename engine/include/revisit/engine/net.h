@@ -130,8 +130,8 @@ struct LayerCost {
   std::string kernel;
   /// Of a convolution, the rule that chose its kernel: "fastest predicted"; "strict accuracy" or
   /// "amplified later" where that ruled out a faster one; "memory limit" where
-  /// PlanOptions::max_run_bytes did; "blocked does not pay" (few channels); "reference asked". ""
-  /// for other layers.
+  /// PlanOptions::max_run_bytes did; "blocked does not pay" (few channels, or a CPU without AVX2);
+  /// "reference asked". "" for other layers.
   std::string why;
   std::vector<Shape> inputs, outputs;
   std::vector<std::string>
