@@ -9,7 +9,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace revisit;
   ring::File file;
-  file.set_version(1);
+  file.set_version(2);
   file.set_model(fuzz::text(data, size));
   uint64_t checksum = kFnv1aStart;
   for (size_t i = 0; i < size; ++i) checksum = fnv1a(checksum, data[i]);

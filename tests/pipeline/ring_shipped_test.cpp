@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "angles.h"
 #include "expect_error.h"
@@ -10,6 +11,7 @@
 #include "revisit/datasets/dataset_features.h"
 #include "revisit/datasets/learn_ring.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/align.h"
 #include "revisit/recognition/ring/features.h"
 #include "revisit/recognition/sensor.h"
 #include "test_data.h"
@@ -78,6 +80,38 @@ TEST(RingFeatures, TurnWithTheScan) {
   EXPECT_LT(std::sqrt(difference / size), 0.02);
 }
 
+/// What is left of a turn by any angle when the mean turns with the scan (here: has no heading):
+/// sectors that do not fall on sectors, rows of the image, the edges of bins.
+TEST(RingFeatures, AScanTurnedByAnyYawIsItself) {
+  REVISIT_NEED_SHARED(kitti, "data/kitti");
+  RingModel model = shipped_ring_model("hdl64");
+  for (RingStatistics* ring : {&model.columns, &model.polar})
+    for (auto row = ring->mean.begin(); row != ring->mean.end(); row += ring->sectors)
+      std::fill_n(
+          row, ring->sectors,
+          std::accumulate(row, row + ring->sectors, 0.0F) / static_cast<float>(ring->sectors));
+  const auto rings_of =
+      std::get<FeatureMaker<PointCloud>>(ring_features(model, ring_net(model)).make)();
+  const RingDescriber describer(model);
+  const auto describe = [&](const PointCloud& scan) {
+    std::vector<float> rings(static_cast<size_t>(model.dim())),
+        descriptor(static_cast<size_t>(describer.layout().numbers()));
+    rings_of(scan, rings);
+    describer.describe(rings, descriptor);
+    return descriptor;
+  };
+  const PointCloud scan = read_scan(kitti / "sequences/00/velodyne/000052.bin");
+  const std::vector<float> still = describe(scan);
+  for (const float degrees : {1.0F, 17.3F, 91.7F, -142.2F}) {
+    const Eigen::Matrix3f R =
+        Eigen::AngleAxisf(degrees * std::numbers::pi_v<float> / 180, Eigen::Vector3f::UnitZ())
+            .toRotationMatrix();
+    const RingMatch match = match_rings(still, describe(rotated(scan, R)), describer.layout());
+    EXPECT_GT(match.similarity, 0.94) << degrees;
+    EXPECT_NEAR(std::remainder(match.turn + degrees * kTurn / 360, kTurn), 0, kTurn / 720);
+  }
+}
+
 /// As `revisit eval --feature ring --protocol leave-one-out --exclusion none` on the 12 real scans.
 void expect_every_place_found(const std::filesystem::path& kitti, const RingModel& model,
                               const engine::Net& net) {
@@ -115,7 +149,7 @@ void expect_every_place_found(const std::filesystem::path& kitti, const RingMode
         best = other;
     }
     if (best_right < 0) continue;  // 850 was seen once
-    EXPECT_GE(best_right, 1.7 * best_wrong) << dataset.scans[static_cast<size_t>(query)].frame;
+    EXPECT_GE(best_right, 1.6 * best_wrong) << dataset.scans[static_cast<size_t>(query)].frame;
     const auto pair = pair_of(query, best);
     found += pair != near.end();
     if (pair == near.end()) continue;

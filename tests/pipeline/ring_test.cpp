@@ -1,6 +1,7 @@
 // Rings: what was learnt, descriptors and their comparison.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <random>
@@ -12,6 +13,7 @@
 #include "revisit/recognition/place_index.h"
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/learn.h"
+#include "ring/spectrum.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -35,9 +37,9 @@ RingModel small_model() {
   layer.mean = {1, 2, 3, 4};
   layer.directions = FloatMatrix(3, 4);
   for (int i = 0; i < 3; ++i) layer.directions.row(i)[static_cast<size_t>(i)] = 1;
-  model.heights = {.rings = 2, .sectors = 36};
+  model.grid = {.sectors = 36, .distances = {0, 10, 20}, .bands = {}};
   model.columns = {.sectors = 40, .numbers = 3};
-  model.polar = {.sectors = 36, .numbers = 2};
+  model.polar = {.sectors = 36, .numbers = 2, .weights = 2, .mirrored = true};
   return model;
 }
 
@@ -73,14 +75,17 @@ RingModel without_mean(RingModel model) {
   return model;
 }
 
-/// Columns one of the rings' first `shift` sectors on, around.
+/// Columns one of the rings' first `shift` sectors on, around, and their weights too.
 std::vector<float> rotated(std::span<const float> rings, int shift40, int shift36) {
-  std::vector<float> result(rings.size());
-  for (size_t r = 0; r < 3; ++r)
-    for (size_t k = 0; k < 40; ++k) result[r * 40 + k] = rings[r * 40 + (k + shift40) % 40];
-  for (size_t r = 0; r < 2; ++r)
-    for (size_t k = 0; k < 36; ++k)
-      result[120 + r * 36 + k] = rings[120 + r * 36 + (k + shift36) % 36];
+  std::vector<float> result;
+  for (const auto& [rows, sectors, shift] :
+       {std::array{3, 40, shift40}, {2, 36, shift36}, {1, 40, shift40}, {2, 36, shift36}})
+    for (int r = 0; r < rows; ++r) {
+      const auto row = rings.first(static_cast<size_t>(sectors));
+      rings = rings.subspan(row.size());
+      for (int k = 0; k < sectors; ++k)
+        result.push_back(row[static_cast<size_t>((k + shift) % sectors)]);
+    }
   return result;
 }
 
@@ -198,6 +203,7 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
   FloatMatrix descriptors = learnt.descriptors(describer);
   std::vector<float> mean = learnt.model.columns.mean;
   mean.insert(mean.end(), learnt.model.polar.mean.begin(), learnt.model.polar.mean.end());
+  mean.resize(static_cast<size_t>(learnt.model.dim()), 1.0F);  // all of it seen
   describer.describe(mean, descriptors.row(5));
   std::vector<double> row(learnt.scans.size());
   ring_comparison(describer.layout())
@@ -287,12 +293,14 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     for (size_t i = 0; i < 192; ++i)
       seen[i] = static_cast<float>(place_deviation[i < 120 ? i / 40 : (i - 120) / 36 * 2] *
                                    gaussian(random));
-    for (int scan = 0; scan < 2; ++scan)
+    for (int scan = 0; scan < 2; ++scan) {
       for (const float value : seen)
         rings.push_back(value + static_cast<float>(scan_deviation * gaussian(random)));
+      rings.insert(rings.end(), 112, 1.0F);  // all of it seen
+    }
     pairs.push_back({2 * place, 2 * place + 1, 0});
   }
-  proto::write_npy(folder / "rings.npy", {2 * kPlaces, 192}, rings.data());
+  proto::write_npy(folder / "rings.npy", {2 * kPlaces, 304}, rings.data());
   const FeatureFile file(folder / "rings.npy");
   RingDrive drive{file.rows(), {}, pairs};
   for (int64_t i = 0; i < file.n(); ++i) drive.scans.push_back(i);
@@ -309,6 +317,8 @@ TEST(RingLearning, ClosedFormOfGaussians) {
   const RingDescriber describer(without_mean(model), {.numbers = 66});
   std::vector<float> descriptor(static_cast<size_t>(describer.layout().numbers()));
   std::vector<float> first(192), third(192);
+  first.resize(304, 1.0F);
+  third.resize(304, 1.0F);
   for (size_t k = 0; k < 40; ++k) first[k] = third[80 + k] = static_cast<float>(gaussian(random));
   const auto length_of = [&](const std::vector<float>& x) {
     describer.describe(x, descriptor);
@@ -316,8 +326,65 @@ TEST(RingLearning, ClosedFormOfGaussians) {
     for (const float value : descriptor) square += static_cast<double>(value) * value;
     return std::sqrt(square);
   };
-  EXPECT_NEAR(length_of(first), std::sqrt(0.5), 1e-5);  // all there is of this ring
+  EXPECT_NEAR(length_of(first), std::sqrt(0.3), 1e-5);  // all there is of this ring
   for (size_t f = 0; f < 17; ++f) EXPECT_EQ(describer.layout().counts[f], 2) << f;
+}
+
+TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
+  const Learnt learnt;
+  const RingPlace place = rings_of(learnt.model)[1];
+  // Another place's ring as the alteration of each: nothing is alike then but what both ways share.
+  const auto own = [&](int64_t i) { return learnt.rings.row(i); };
+  const auto other = [&](int64_t i) { return learnt.rings.row((i + 7) % 60); };
+  const std::function<std::span<const float>(int64_t)> ways[] = {own, other};
+  const RingDrive drive{
+      learnt.rings.rows(), learnt.scans, learnt.pairs, {Rows{60, learnt.model.dim(), other}}};
+  RingModel model = small_model();
+  learn_rings(model, {&drive, 1});
+  EXPECT_EQ(model.polar.mean, learnt.model.polar.mean);  // of scans that are not altered
+  const Spectrum spectrum(place.sectors);
+  for (const int f : {0, 3, 16}) {
+    const auto x = [&](std::span<const float> feature) -> Eigen::VectorXcd {
+      return spectrum.of(feature.data(), model.polar.mean.data(), place)
+          .row(f)
+          .transpose()
+          .cast<std::complex<double>>();
+    };
+    Eigen::MatrixXcd total = Eigen::MatrixXcd::Zero(2, 2), shared = total;
+    for (const int64_t i : learnt.scans)
+      for (const auto& way : ways) total += x(way(i)) * x(way(i)).adjoint() / 2 / 60;
+    for (const RingPair& pair : learnt.pairs)
+      for (const auto& a : ways)
+        for (const auto& b : ways)
+          shared += x(a(pair.a)) * x(b(pair.b)).adjoint() * std::polar(1.0, -f * pair.turn) / 4 /
+                    static_cast<double>(learnt.pairs.size());
+    const auto at = static_cast<size_t>(f);
+    EXPECT_LT((model.polar.total[at].real() - total.real()).norm(), 1e-4 * total.norm());
+    EXPECT_LT(
+        (model.polar.shared[at].real() - (shared.real() + shared.real().transpose()) / 2).norm(),
+        1e-4 * total.norm());
+    EXPECT_EQ(model.polar.total[at].imag().norm(), 0);  // mirrored
+  }
+}
+
+TEST(RingDescriber, WhatWasNotSeenIsTheMean) {
+  const Learnt learnt;
+  const RingDescriber describer = learnt.describer();
+  std::vector<float> hidden(learnt.rings.row(1).begin(), learnt.rings.row(1).end()), same = hidden;
+  const std::array<RingPlace, 2> places = rings_of(learnt.model);
+  for (const RingPlace& place : places)
+    for (int i = 0; i < place.numbers; ++i)
+      for (int k = 3; k < 12; ++k) {
+        const auto at = static_cast<size_t>(place.first + i * place.sectors + k);
+        hidden[at] = 1e6F;  // whatever it is
+        hidden[static_cast<size_t>(place.first_weight + i % place.weights * place.sectors + k)] = 0;
+        same[at] = (&place == places.data() ? learnt.model.columns : learnt.model.polar)
+                       .mean[at - static_cast<size_t>(place.first)];
+      }
+  std::vector<float> a(static_cast<size_t>(describer.layout().numbers())), b = a;
+  describer.describe(hidden, a);
+  describer.describe(same, b);
+  for (size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], 1e-5);
 }
 
 TEST(RingLearning, FromScansAloneEqualsVariances) {
@@ -346,7 +413,7 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
   RingModel other = small_model();
   other.columns.numbers = 4;
   const RingDrive all{learnt.rings.rows(), learnt.scans, {}};
-  expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"192", "232"});
+  expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"304", "344"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"numbers", "found 1"});
   const Rows rings = learnt.rings.rows();
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, learnt.scans, 2); },
@@ -372,6 +439,18 @@ TEST(RingModelFile, GivesBackWhatWasWritten) {
   }
   write_ring_model(folder / "b.ring", read);
   EXPECT_EQ(test::read_file(folder / "a.ring"), test::read_file(folder / "b.ring"));
+}
+
+TEST(RingModelFile, RefusesOtherFormatsAndSaysWhatToDo) {
+  const Learnt learnt;
+  std::string content = ring_model_content(learnt.model);
+  ASSERT_EQ(content.substr(0, 2), std::string("\x08\x02"));  // field 1, the version
+  content[1] = 1;
+  expect_error<InputError>([&] { parse_ring_model(content, "x.ring"); },
+                           {"x.ring", "format 1", "reads format 2", "learn it again"});
+  content[1] = 3;
+  expect_error<InputError>([&] { parse_ring_model(content, "x.ring"); },
+                           {"format 3", "a later program"});
 }
 
 TEST(RingModelFile, RefusesADamagedOne) {

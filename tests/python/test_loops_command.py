@@ -25,7 +25,7 @@ from scans import room
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
 if not os.access(PROGRAM, os.X_OK):
     PROGRAM = ''
-SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0.4', '--drive', 'd', '--sensor', 'vlp16']
+SAME_MOMENT = ['--exclusion', 'frames=7', '--threshold', '0.3', '--drive', 'd', '--sensor', 'vlp16']
 
 
 def run(*arguments):

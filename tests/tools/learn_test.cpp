@@ -77,6 +77,8 @@ TEST_F(Learn, MistakesAreSaid) {
   expect_in(run(learn("x.ring", "--layers pool1"), 2), "--layers: expected LAYER=N");
   expect_in(run(learn("x.ring", "--layers pool2=4"), 2), "pool2");
   expect_in(run(learn("x.ring", "--layers pool1=4000"), 2), "336 numbers");
+  expect_in(run(learn("x.ring", "--altered -1"), 2), "--altered: expected at least 0, found -1");
+  expect_in(run(learn("x.ring", "--columns-share 1.5"), 2), "--columns-share: expected 0 to 1");
   expect_in(run(learn("x.ring", "--radius 0.001"), 2), "pairs of scans are nearer");
   expect_in(run("learn -o x.ring", 2), "DATA");
   fs::create_directories(path("scans"));

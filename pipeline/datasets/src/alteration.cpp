@@ -15,12 +15,12 @@
 namespace revisit::pipeline {
 namespace {
 
-using Kind = AlterationStep::Kind;
+using StepKind = AlterationStep::Kind;
 constexpr double kDegree = std::numbers::pi / 180;
 
 /// What a step is called, and which amounts it may have.
 struct KindRow {
-  Kind kind;
+  StepKind kind;
   const char *word, *expected;
   bool (*fits)(double amount);
   bool may_lack_amount = false;
@@ -31,38 +31,38 @@ bool is_tilt(double degrees) {
 bool is_share(double share) {
   return share > 0 && share <= 1;
 }
-constexpr KindRow kKinds[] = {
-    {Kind::kTurn, "turn", "-360 to 360 degrees, or none for any",
+constexpr KindRow kAlterationKinds[] = {
+    {StepKind::kTurn, "turn", "-360 to 360 degrees, or none for any",
      [](double degrees) { return std::abs(degrees) <= 360; }, true},
-    {Kind::kRoll, "roll", "-90 to 90 degrees", is_tilt},
-    {Kind::kPitch, "pitch", "-90 to 90 degrees", is_tilt},
-    {Kind::kHeight, "height", "-100 to 100 metres",
+    {StepKind::kRoll, "roll", "-90 to 90 degrees", is_tilt},
+    {StepKind::kPitch, "pitch", "-90 to 90 degrees", is_tilt},
+    {StepKind::kHeight, "height", "-100 to 100 metres",
      [](double metres) { return std::abs(metres) <= 100; }},
-    {Kind::kKeep, "keep", "a share of the points above 0, at most 1", is_share},
-    {Kind::kSector, "sector", "more than 0 and less than 360 degrees",
+    {StepKind::kKeep, "keep", "a share of the points above 0, at most 1", is_share},
+    {StepKind::kSector, "sector", "more than 0 and less than 360 degrees",
      [](double degrees) { return degrees > 0 && degrees < 360; }},
-    {Kind::kBeams, "beams", "a whole number from 2 to 64",
+    {StepKind::kBeams, "beams", "a whole number from 2 to 64",
      [](double n) { return n >= 2 && n <= 64 && n == std::floor(n); }},
-    {Kind::kNoise, "noise", "more than 0, at most 10 metres",
+    {StepKind::kNoise, "noise", "more than 0, at most 10 metres",
      [](double metres) { return metres > 0 && metres <= 10; }},
-    {Kind::kRange, "range", "more than 0, at most 1000 metres",
+    {StepKind::kRange, "range", "more than 0, at most 1000 metres",
      [](double metres) { return metres > 0 && metres <= 1000; }},
-    {Kind::kRain, "rain", "a share of the returns above 0, at most 1", is_share},
-    {Kind::kTruck, "truck", "no amount", nullptr, true},
+    {StepKind::kRain, "rain", "a share of the returns above 0, at most 1", is_share},
+    {StepKind::kTruck, "truck", "no amount", nullptr, true},
 };
 
-const KindRow& row_of(Kind kind) {
-  return *std::ranges::find(kKinds, kind, [](const KindRow& row) { return row.kind; });
+const KindRow& row_of(StepKind kind) {
+  return *std::ranges::find(kAlterationKinds, kind, [](const KindRow& row) { return row.kind; });
 }
 
 AlterationStep parse_step(std::string_view text, std::string_view whole) {
   const size_t equals = text.find('=');
   const std::string word(text.substr(0, equals));
   const KindRow* const row =
-      std::ranges::find_if(kKinds, [&](const KindRow& r) { return word == r.word; });
-  if (row == std::end(kKinds)) {
+      std::ranges::find_if(kAlterationKinds, [&](const KindRow& r) { return word == r.word; });
+  if (row == std::end(kAlterationKinds)) {
     std::vector<std::string> words;
-    for (const KindRow& known : kKinds) words.push_back(known.word);
+    for (const KindRow& known : kAlterationKinds) words.push_back(known.word);
     throw UsageError(str("alteration '", whole, "': unknown step '", word, "'",
                          did_you_mean(word, words), "; known: ", joined(words, ", "),
                          "; or none alone"));
@@ -88,30 +88,30 @@ std::string name_of_step(const AlterationStep& step) {
   const std::string amount = step.amount ? exact(*step.amount) : "";
   const auto percent = [&] { return str(*step.amount * 100, " %"); };
   switch (step.kind) {
-    case Kind::kTurn:
+    case StepKind::kTurn:
       return step.amount ? "turned by " + amount + " deg" : "turned by any yaw";
-    case Kind::kRoll:
-    case Kind::kPitch:
+    case StepKind::kRoll:
+    case StepKind::kPitch:
       return row_of(step.kind).word + (" " + amount) + " deg";
-    case Kind::kHeight:
+    case StepKind::kHeight:
       return exact(std::abs(*step.amount)) + (*step.amount < 0 ? " m higher" : " m lower");
-    case Kind::kKeep:
+    case StepKind::kKeep:
       return percent() + " of points";
-    case Kind::kSector:
+    case StepKind::kSector:
       return "sector of " + amount + " deg hidden";
-    case Kind::kBeams:
+    case StepKind::kBeams:
       return "every " + amount +
              (*step.amount == 2   ? "nd"
               : *step.amount == 3 ? "rd"
                                   : "th") +
              " beam";
-    case Kind::kNoise:
+    case StepKind::kNoise:
       return "noise of " + amount + " m";
-    case Kind::kRange:
+    case StepKind::kRange:
       return "nearer than " + amount + " m";
-    case Kind::kRain:
+    case StepKind::kRain:
       return "rain on " + percent();
-    case Kind::kTruck:
+    case StepKind::kTruck:
       return "truck beside";
   }
   return "";
@@ -239,34 +239,34 @@ void put_truck(std::vector<Point>& points, Draws& draws) {
 void take_step(std::vector<Point>& points, const AlterationStep& step, Draws& draws) {
   const double amount = step.amount.value_or(0);
   switch (step.kind) {
-    case Kind::kTurn:
+    case StepKind::kTurn:
       return turn(points, step.amount ? amount : draws.uniform(-180, 180), &Point::x, &Point::y);
-    case Kind::kRoll:
+    case StepKind::kRoll:
       return turn(points, amount, &Point::y, &Point::z);
-    case Kind::kPitch:
+    case StepKind::kPitch:
       return turn(points, amount, &Point::z, &Point::x);
-    case Kind::kHeight:
+    case StepKind::kHeight:
       for (Point& p : points) p.z = static_cast<float>(p.z + amount);
       return;
-    case Kind::kKeep:
+    case StepKind::kKeep:
       std::erase_if(points, [&](const Point&) { return !draws.chance(amount); });
       return;
-    case Kind::kSector:
+    case StepKind::kSector:
       return hide_sector(points, amount, draws.uniform(-180, 180));
-    case Kind::kBeams:  // they went first
+    case StepKind::kBeams:  // they went first
       return;
-    case Kind::kNoise:
+    case StepKind::kNoise:
       for (Point& p : points)
         for (float Point::*axis : {&Point::x, &Point::y, &Point::z})
           p.*axis = static_cast<float>(p.*axis + amount * draws.normal());
       return;
-    case Kind::kRange:
+    case StepKind::kRange:
       std::erase_if(points,
                     [&](const Point& p) { return std::hypot(double{p.x}, double{p.y}) >= amount; });
       return;
-    case Kind::kRain:
+    case StepKind::kRain:
       return let_it_rain(points, amount, draws);
-    case Kind::kTruck:
+    case StepKind::kTruck:
       return put_truck(points, draws);
   }
 }
@@ -308,26 +308,26 @@ std::vector<Alteration> standard_alterations() {
 Alteration random_alteration(uint64_t seed) {
   Draws draws(seed);
   Alteration alteration;
-  const auto add = [&](Kind kind, double amount) {
+  const auto add = [&](StepKind kind, double amount) {
     constexpr double kHundred = 100;  // amounts of two decimals, for people
     amount = std::round(amount * kHundred) / kHundred;
     if (row_of(kind).fits(amount)) alteration.steps.push_back({kind, amount});
   };
   if (draws.chance(0.25)) return alteration;
-  if (draws.chance(0.25)) add(Kind::kBeams, std::floor(draws.uniform(2, 5)));
+  if (draws.chance(0.25)) add(StepKind::kBeams, std::floor(draws.uniform(2, 5)));
   if (draws.chance(0.5)) {
     const double tilt = draws.uniform(0, 7.99), towards = draws.uniform(-180, 180) * kDegree;
-    add(Kind::kRoll, tilt * std::cos(towards));
-    add(Kind::kPitch, tilt * std::sin(towards));
+    add(StepKind::kRoll, tilt * std::cos(towards));
+    add(StepKind::kPitch, tilt * std::sin(towards));
   }
-  if (draws.chance(0.5)) add(Kind::kHeight, draws.uniform(-1, 1));
-  if (draws.chance(0.15)) alteration.steps.push_back({Kind::kTruck, std::nullopt});
+  if (draws.chance(0.5)) add(StepKind::kHeight, draws.uniform(-1, 1));
+  if (draws.chance(0.15)) alteration.steps.push_back({StepKind::kTruck, std::nullopt});
   for (int sector = 0; sector < 3 && draws.chance(0.45); ++sector)
-    add(Kind::kSector, draws.uniform(20, 120));
-  if (draws.chance(0.35)) add(Kind::kRange, draws.uniform(15, 60));
-  if (draws.chance(0.2)) add(Kind::kRain, draws.uniform(0.02, 0.4));
-  if (draws.chance(0.3)) add(Kind::kKeep, draws.uniform(0.2, 0.9));
-  if (draws.chance(0.3)) add(Kind::kNoise, draws.uniform(0.02, 0.25));
+    add(StepKind::kSector, draws.uniform(20, 120));
+  if (draws.chance(0.35)) add(StepKind::kRange, draws.uniform(15, 60));
+  if (draws.chance(0.2)) add(StepKind::kRain, draws.uniform(0.02, 0.4));
+  if (draws.chance(0.3)) add(StepKind::kKeep, draws.uniform(0.2, 0.9));
+  if (draws.chance(0.3)) add(StepKind::kNoise, draws.uniform(0.02, 0.25));
   return alteration;
 }
 
@@ -336,7 +336,7 @@ void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed) {
   std::vector<Point>& points = cloud.points;
   std::erase_if(points, [](const Point& p) { return !is_return(p); });
   for (const AlterationStep& step : alteration.steps)
-    if (step.kind == Kind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
+    if (step.kind == StepKind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
   Draws draws(seed);
   for (const AlterationStep& step : alteration.steps) take_step(points, step, draws);
 }

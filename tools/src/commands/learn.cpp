@@ -1,3 +1,4 @@
+#include <cmath>
 #include <iostream>
 #include <sstream>
 
@@ -22,6 +23,8 @@ struct LearnOptions {
   int every = 1;
   fs::path model, weights, output, cache;
   std::string layers = "pool1=64";
+  double sensor_height = pipeline::RingModel().sensor_height,
+         columns_share = pipeline::RingModel().columns_share;
   pipeline::LearnRingOptions learn;
   int threads = 0;
   bool no_progress = false, quiet = false;
@@ -74,6 +77,17 @@ LearnOptions parse_learn_options(const Arguments& arguments) {
                           &o.learn.lesson)
       .option("radius", "METRES", "scans nearer than this are of one place (default 5)",
               &o.learn.radius)
+      .option(
+          "altered", "N",
+          "so often every scan is learnt from again, altered at random by tilt, hidden sectors, "
+          "a short range, missing beams and the like (default 2)",
+          &o.learn.altered)
+      .option("sensor-height", "METRES",
+              "of the sensor above the ground, on average (default 1.73): scans are levelled to it",
+              &o.sensor_height)
+      .option("columns-share", "SHARE",
+              "of a descriptor, 0 to 1, that the network's columns have (default 0.3)",
+              &o.columns_share)
       .option("column-scans", "N",
               "number of scans that the columns' directions are learnt from "
               "(default 200)",
@@ -88,6 +102,12 @@ LearnOptions parse_learn_options(const Arguments& arguments) {
   if (o.output.empty()) throw UsageError("give the file for the model: -o FILE");
   if (o.learn.column_scans < 1)
     throw UsageError(str("--column-scans: expected at least 1, found ", o.learn.column_scans));
+  if (o.learn.altered < 0)
+    throw UsageError(str("--altered: expected at least 0, found ", o.learn.altered));
+  if (!(o.columns_share >= 0 && o.columns_share <= 1))
+    throw UsageError(str("--columns-share: expected 0 to 1, found ", o.columns_share));
+  if (!std::isfinite(o.sensor_height))
+    throw UsageError(str("--sensor-height: expected a number, found ", o.sensor_height));
   if (!(o.learn.radius > 0))
     throw UsageError(str("--radius: expected a positive number, found ", o.learn.radius));
   return o;
@@ -131,6 +151,8 @@ int learn_command(const Arguments& arguments) {
   pipeline::RingModel model;
   model.sensor = o.sensor;
   model.image = pipeline::ring_geometry(o.sensor);
+  model.sensor_height = o.sensor_height;
+  model.columns_share = o.columns_share;
   model.prototxt = read_content(found.prototxt);
   model.weights_sha1 = found.weights_sha1;
   model.mean_bgr = found.mean_bgr;

@@ -1,12 +1,15 @@
 #include "revisit/datasets/learn_ring.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <deque>
 #include <limits>
 
+#include "revisit/datasets/alteration.h"
 #include "revisit/datasets/dataset_features.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/proto/fnv1a.h"
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/features.h"
 
@@ -19,9 +22,40 @@ double heading_of(const Pose& T_world_cam) {
   return std::atan2(-forward.x(), forward.z());
 }
 
+/// A scan's own number, which its alteration depends on.
+uint64_t number_of(const PointCloud& cloud) {
+  uint64_t hash = kFnv1aStart;
+  for (const Point& point : cloud.points)
+    for (const float value : {point.x, point.y, point.z})
+      hash = fnv1a(hash, std::bit_cast<uint32_t>(value));
+  return hash;
+}
+
+void alter_at_random(PointCloud& cloud, uint32_t which) {
+  const uint64_t seed = fnv1a(number_of(cloud), which);
+  alter(cloud, random_alteration(seed), seed);
+}
+
+/// The features of scans that are altered before, each in a way of its own.
+FeatureExtractor of_altered_scans(const FeatureExtractor& extractor, int which) {
+  FeatureExtractor altered = extractor;
+  altered.key = str(extractor.key, " altered ", kAlterationVersion, " ", which);
+  altered.make = [make = std::get<FeatureMaker<PointCloud>>(extractor.make),
+                  which]() -> FeatureFunction<PointCloud> {
+    return [describe = make(), which, changed = PointCloud()](const PointCloud& cloud,
+                                                              std::span<float> feature) mutable {
+      changed = cloud;
+      alter_at_random(changed, static_cast<uint32_t>(which));
+      describe(changed, feature);
+    };
+  };
+  return altered;
+}
+
 /// Evenly over the drives, as many as are asked for and can be read.
 void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
-                      const std::vector<Dataset>& drives, int wanted, const Observer& observer) {
+                      const std::vector<Dataset>& drives, int wanted, bool altered,
+                      const Observer& observer) {
   std::vector<const ScanRef*> all;
   for (const Dataset& drive : drives)
     for (const ScanRef& scan : drive.scans) all.push_back(&scan);
@@ -35,6 +69,7 @@ void learn_columns_of(RingModel& model, const engine::Net& net, const RingRecipe
       progress(static_cast<int64_t>(asked), static_cast<int64_t>(count));
       try {
         read_scan_into(scan.file, cloud);
+        if (altered) alter_at_random(cloud, 0);
         return true;
       } catch (const InputError&) {  // said when it is described
       }
@@ -103,19 +138,27 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
     if (by_poses && !drive.has_poses())
       throw UsageError(str("LearnRingOptions::lesson loops and odometry need poses, which ",
                            drive.name, " lacks: use sequence or scans"));
-  learn_columns_of(model, net, recipe, drives, options.column_scans, observer);
+  learn_columns_of(model, net, recipe, drives, options.column_scans, options.altered > 0, observer);
   const FeatureExtractor extractor = ring_features(model, net);
+  std::vector<FeatureExtractor> altered;
+  for (int i = 1; i <= options.altered; ++i) altered.push_back(of_altered_scans(extractor, i));
+  const DescribeOptions how{.align = AlignCase::kNone, .threads = options.threads};
   std::deque<DatasetFeatures> features;
   std::vector<RingDrive> lessons;
   for (const Dataset& drive : drives) {
-    DatasetFeatures& of_drive = features.emplace_back(
-        drive, extractor, DescribeOptions{.align = AlignCase::kNone, .threads = options.threads},
-        options.cache, observer);
+    DatasetFeatures& of_drive =
+        features.emplace_back(drive, extractor, how, options.cache, observer);
     RingDrive& lesson = lessons.emplace_back();
     lesson.rings = of_drive.file().rows();
-    const std::vector<int64_t> left_out = of_drive.left_out();
-    for (int64_t row = 0; row < of_drive.n(); ++row)
-      if (!std::ranges::binary_search(left_out, row)) lesson.scans.push_back(row);
+    std::vector<int64_t> left_out = of_drive.left_out();
+    for (const FeatureExtractor& another : altered) {
+      DatasetFeatures& again = features.emplace_back(drive, another, how, options.cache, observer);
+      lesson.altered.push_back(again.file().rows());
+      const std::vector<int64_t> more = again.left_out();
+      left_out.insert(left_out.end(), more.begin(), more.end());
+    }
+    for (int64_t row = 0; row < lesson.rings.n; ++row)
+      if (std::ranges::find(left_out, row) == left_out.end()) lesson.scans.push_back(row);
   }
   learn_rings(model, lessons);  // from the scans alone
   if (options.lesson == RingLesson::kScans) return;

@@ -5,12 +5,15 @@
 #include <numeric>
 
 #include "linear_algebra/linear_algebra.h"
+#include "project/between_beams.h"
 
 namespace revisit::pipeline {
 namespace {
 
 /// An eighth of a turn: more than half of what a column of the layers in question sees.
 constexpr int kMarginShare = 8;
+/// Between beams [deg]: every fourth beam of a sensor with 64.
+constexpr double kLargestGap = 3.6;
 
 const engine::LayerCost& layer_of(const engine::Plan& plan, const std::string& name) {
   const auto found = std::ranges::find(plan.layers(), name, &engine::LayerCost::name);
@@ -61,9 +64,12 @@ ColumnPlan::ColumnPlan(const RingModel& model, const std::vector<std::string>& l
 
 ColumnPlan::Runner::Runner(const ColumnPlan& plan) : plan_(plan), run_(plan.images_.plan) {}
 
-void ColumnPlan::Runner::forward(const PointCloud& cloud) {
+void ColumnPlan::Runner::forward(const PointCloud& levelled) {
   const ImageGeometry& geometry = plan_.geometry_;
-  project_turned(cloud, Eigen::Matrix3f::Identity(), geometry, image_);
+  project_turned(levelled, Eigen::Matrix3f::Identity(), geometry, image_);
+  const double rows_a_degree =
+      geometry.height / (geometry.elevation_top - geometry.elevation_bottom);
+  fill_between_beams(image_, static_cast<int>(kLargestGap * rows_a_degree));
   close_holes_in_place(image_, geometry);
   const int margin = plan_.margin_;
   const auto width = static_cast<size_t>(geometry.width);
@@ -77,6 +83,19 @@ void ColumnPlan::Runner::forward(const PointCloud& cloud) {
   }
   plan_.images_.fill(run_, continued_);
   run_.forward();
+}
+
+void ColumnPlan::Runner::seen(std::span<float> weights) const {
+  const size_t columns = static_cast<size_t>(image_.width) / weights.size();
+  std::vector<char> has(static_cast<size_t>(image_.width));
+  for (auto row = image_.pixels.begin(); row != image_.pixels.end(); row += image_.width)
+    for (size_t column = 0; column < has.size(); ++column)
+      if (row[static_cast<ptrdiff_t>(column)] > 0) has[column] = 1;
+  for (size_t sector = 0; sector < weights.size(); ++sector)
+    weights[sector] = static_cast<float>(std::count(
+                          has.begin() + static_cast<ptrdiff_t>(sector * columns),
+                          has.begin() + static_cast<ptrdiff_t>((sector + 1) * columns), 1)) /
+                      static_cast<float>(columns);
 }
 
 const float* ColumnPlan::Runner::map(size_t layer) const {

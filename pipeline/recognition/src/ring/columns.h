@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
@@ -30,9 +31,11 @@ class ColumnPlan {
   class Runner {
    public:
     explicit Runner(const ColumnPlan& plan);
-    void forward(const PointCloud& cloud);
+    void forward(const PointCloud& levelled);
     /// The output of the i-th of the layers for the last scan.
     const float* map(size_t layer) const;
+    /// Of each sector the share of the image's columns that have a return.
+    void seen(std::span<float> weights) const;
 
    private:
     const ColumnPlan& plan_;

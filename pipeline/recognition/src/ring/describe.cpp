@@ -25,7 +25,8 @@ void check_options(const RingOptions& options) {
 }
 
 struct RingDescriber::Impl {
-  std::vector<float> mean;
+  std::array<std::vector<float>, 2> means;
+  std::array<double, 2> shares;  // of a descriptor's squared length
   std::array<RingPlace, 2> places;
   std::array<Spectrum, 2> spectra;
   std::array<RingProjection, 2> projections;
@@ -37,9 +38,8 @@ RingDescriber::RingDescriber(const RingModel& model, const RingOptions& options)
   const auto projection = [&](const RingStatistics& ring) {
     return project_rings(ring, options.regularisation, options.numbers / 2);
   };
-  std::vector<float> mean = model.columns.mean;
-  mean.insert(mean.end(), model.polar.mean.begin(), model.polar.mean.end());
-  Impl impl{std::move(mean),
+  Impl impl{{model.columns.mean, model.polar.mean},
+            {model.columns_share, 1 - model.columns_share},
             rings_of(model),
             {Spectrum(model.columns.sectors), Spectrum(model.polar.sectors)},
             {projection(model.columns), projection(model.polar)},
@@ -55,13 +55,12 @@ const RingLayout& RingDescriber::layout() const {
 }
 
 void RingDescriber::describe(std::span<const float> rings, std::span<float> descriptor) const {
-  // Both rings count alike: each is brought to length sqrt(1/2).
   const float twice = std::numbers::sqrt2_v<float>;
   std::array<std::vector<Eigen::VectorXcf>, 2> z;  // [frequency] [kept]
   for (size_t part = 0; part < 2; ++part) {
     const RingPlace& place = impl_->places[part];
-    const Eigen::MatrixXcf x = impl_->spectra[part].of(
-        rings.data() + place.first, impl_->mean.data() + place.first, place.numbers);
+    const Eigen::MatrixXcf x =
+        impl_->spectra[part].of(rings.data(), impl_->means[part].data(), place);
     double square = 0;
     for (Eigen::Index f = 0; f < x.rows(); ++f) {
       Eigen::VectorXcf& of_frequency = z[part].emplace_back(
@@ -73,7 +72,8 @@ void RingDescriber::describe(std::span<const float> rings, std::span<float> desc
         of_frequency *= twice;
       square += static_cast<double>(of_frequency.squaredNorm());
     }
-    const auto scale = square > 0 ? static_cast<float>(std::sqrt(0.5 / square)) : 0.0F;
+    const auto scale =
+        square > 0 ? static_cast<float>(std::sqrt(impl_->shares[part] / square)) : 0.0F;
     for (Eigen::VectorXcf& of_frequency : z[part]) of_frequency *= scale;
   }
   float* to = descriptor.data();

@@ -6,10 +6,13 @@
 #include "feature/precision_key.h"
 #include "revisit/proto/file_content.h"
 #include "revisit/proto/text.h"
+#include "revisit/recognition/ground.h"
 #include "revisit/recognition/ring/learn.h"
 #include "revisit/recognition/sensor.h"
 #include "ring/columns.h"
 #include "ring/model_content.h"
+#include "ring/polar_ring.h"
+#include "ring/spectrum.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -18,17 +21,6 @@ std::vector<std::string> layer_names(const RingModel& model) {
   std::vector<std::string> names;
   for (const LayerColumns& layer : model.layers) names.push_back(layer.layer);
   return names;
-}
-
-/// The heights as a ring.
-void height_ring(const PointCloud& cloud, const PolarGrid& grid, std::span<float> ring) {
-  polar_heights(cloud, grid, ring);
-  // Azimuth grows with the sector of the grid, and falls with a ring's.
-  for (int r = 0; r < grid.rings; ++r) {
-    const auto row =
-        ring.subspan(static_cast<size_t>(r) * grid.sectors, static_cast<size_t>(grid.sectors));
-    std::reverse(row.begin(), row.end());
-  }
 }
 
 }  // namespace
@@ -72,19 +64,27 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
       str("ring ", short_name_of(extraction_content(model)), precision_key(forward.precision));
   const auto reductions = std::make_shared<const std::vector<ColumnReduction>>(model.layers.begin(),
                                                                                model.layers.end());
-  extractor.make = [plan, reductions, grid = model.heights,
-                    sectors = model.columns.sectors]() -> FeatureFunction<PointCloud> {
+  extractor.make = [plan, reductions, grid = model.grid, height = model.sensor_height,
+                    places = rings_of(model)]() -> FeatureFunction<PointCloud> {
     const auto runner = std::make_shared<ColumnPlan::Runner>(*plan);
-    return
-        [plan, runner, reductions, grid, sectors](const PointCloud& cloud, std::span<float> rings) {
-          runner->forward(cloud);
-          for (size_t i = 0; i < reductions->size(); ++i) {
-            const ColumnReduction& reduce = (*reductions)[i];
-            reduce(plan->maps()[i], runner->map(i), sectors, rings.data());
-            rings = rings.subspan(static_cast<size_t>(reduce.numbers() * sectors));
-          }
-          height_ring(cloud, grid, rings);
-        };
+    return [plan, runner, reductions, grid, height, places](const PointCloud& cloud,
+                                                            std::span<float> feature) {
+      const PointCloud levelled = level(cloud, height);
+      runner->forward(levelled);
+      const auto& [columns, polar] = places;
+      float* ring = feature.data();
+      for (size_t i = 0; i < reductions->size(); ++i) {
+        const ColumnReduction& reduce = (*reductions)[i];
+        reduce(plan->maps()[i], runner->map(i), columns.sectors, ring);
+        ring += reduce.numbers() * columns.sectors;
+      }
+      const auto part = [&](int64_t first, int64_t size) {
+        return feature.subspan(static_cast<size_t>(first), static_cast<size_t>(size));
+      };
+      runner->seen(part(columns.first_weight, columns.sectors));
+      polar_ring(levelled, grid, height, part(polar.first, polar.size()),
+                 part(polar.first_weight, int64_t{polar.weights} * polar.sectors));
+    };
   };
   return extractor;
 }

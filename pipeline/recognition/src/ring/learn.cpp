@@ -55,46 +55,74 @@ struct ColumnSums {
   std::vector<double> sums, squares;  // [rows], [rows][rows], upper triangle
 };
 
-/// Adds to `total` the sum over scans of X_f X_f^H, and to `shared` that over pairs of the
-/// Hermitian part of X_f(a) X_f(b)^H.
-void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
-                const float* mean) {
-  using Eigen::MatrixXcd;
-  const int64_t d = ring.numbers;
-  const Spectrum spectrum(ring.sectors);
-  // [f] [numbers][row of the file]: 17 x 64 x 8 bytes a scan.
-  std::vector<Eigen::MatrixXcf> spectra(kRingFrequencies, Eigen::MatrixXcf::Zero(d, drive.rings.n));
-  for (const int64_t scan : drive.scans) {
-    const Eigen::MatrixXcf x =
-        spectrum.of(drive.rings.row(scan).data() + place.first, mean, ring.numbers);
+/// X_f of a drive's scans: [f] [numbers][row], zero for rows that are not learnt from; 17 x 120 x 8
+/// bytes a scan.
+std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int64_t> scans,
+                                         const RingPlace& place, const std::vector<float>& mean) {
+  const Spectrum spectrum(place.sectors);
+  std::vector<Eigen::MatrixXcf> spectra(kRingFrequencies,
+                                        Eigen::MatrixXcf::Zero(place.numbers, rings.n));
+  for (const int64_t scan : scans) {
+    const Eigen::MatrixXcf x = spectrum.of(rings.row(scan).data(), mean.data(), place);
     for (int f = 0; f < kRingFrequencies; ++f)
       spectra[static_cast<size_t>(f)].col(scan) = x.row(f).transpose();
   }
-  for (int f = 0; f < kRingFrequencies; ++f) {
-    const MatrixXcd x = spectra[static_cast<size_t>(f)].cast<std::complex<double>>();
-    ring.total[static_cast<size_t>(f)] += x * x.adjoint();  // rows that are not learnt from are 0
-    if (drive.pairs.empty()) continue;
-    const auto n = static_cast<Eigen::Index>(drive.pairs.size());
-    MatrixXcd a(d, n), b(d, n);
+  return spectra;
+}
+
+/// Adds to `total` the mean over the alterations of the sum over scans of X_f X_f^H, and to
+/// `shared` the mean over their pairs of the sum over pairs of the Hermitian part of
+/// X_f(a) X_f(b)^H, which is that of the means of both.
+void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
+                const std::vector<float>& mean) {
+  using Eigen::MatrixXcd;
+  const auto ways = static_cast<double>(1 + drive.altered.size());
+  std::vector<Eigen::MatrixXcf> sums;
+  for (size_t way = 0; way < 1 + drive.altered.size(); ++way) {
+    const std::vector<Eigen::MatrixXcf> spectra =
+        spectra_of(way == 0 ? drive.rings : drive.altered[way - 1], drive.scans, place, mean);
+    for (size_t f = 0; f < spectra.size(); ++f) {
+      const MatrixXcd x = spectra[f].cast<std::complex<double>>();
+      ring.total[f] += x * x.adjoint() / ways;
+    }
+    if (way == 0) sums.resize(spectra.size(), Eigen::MatrixXcf::Zero(ring.numbers, drive.rings.n));
+    for (size_t f = 0; f < spectra.size(); ++f) sums[f] += spectra[f];
+  }
+  if (drive.pairs.empty()) return;
+  const auto n = static_cast<Eigen::Index>(drive.pairs.size());
+  for (size_t f = 0; f < sums.size(); ++f) {
+    const MatrixXcd x = sums[f].cast<std::complex<double>>() / ways;
+    MatrixXcd a(ring.numbers, n), b(ring.numbers, n);
     for (Eigen::Index i = 0; i < n; ++i) {
       const RingPair& pair = drive.pairs[static_cast<size_t>(i)];
       a.col(i) = x.col(pair.a);
-      b.col(i) = x.col(pair.b) * std::polar(1.0, f * pair.turn);
+      b.col(i) = x.col(pair.b) * std::polar(1.0, static_cast<double>(f) * pair.turn);
     }
     const MatrixXcd product = a * b.adjoint();
-    ring.shared[static_cast<size_t>(f)] += 0.5 * (product + product.adjoint());
+    ring.shared[f] += 0.5 * (product + product.adjoint());
   }
 }
 
-std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans) {
-  std::vector<double> sums(static_cast<size_t>(rings.d));
+/// The mean of a ring over scans [numbers][sectors], each sector by its weights; 0 where none saw
+/// anything.
+std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
+                           const RingPlace& place) {
+  std::vector<double> sums(static_cast<size_t>(place.size())), weights(sums.size());
   for (const int64_t scan : scans) {
-    const auto row = rings.row(scan);
-    for (size_t i = 0; i < sums.size(); ++i) sums[i] += static_cast<double>(row[i]);
+    const float* const feature = rings.row(scan).data();
+    size_t at = 0;
+    for (int i = 0; i < place.numbers; ++i) {
+      const float* const w = place.weights_of(feature, i);
+      for (int k = 0; k < place.sectors; ++k, ++at) {
+        sums[at] += static_cast<double>(w[k]) *
+                    static_cast<double>(feature[place.first + static_cast<int64_t>(at)]);
+        weights[at] += static_cast<double>(w[k]);
+      }
+    }
   }
   std::vector<float> mean;
-  for (const double sum : sums)
-    mean.push_back(static_cast<float>(sum / static_cast<double>(scans.size())));
+  for (size_t i = 0; i < sums.size(); ++i)
+    mean.push_back(weights[i] > 0 ? static_cast<float>(sums[i] / weights[i]) : 0.0F);
   return mean;
 }
 
@@ -129,15 +157,22 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
     model.layers.push_back(sums[i].directions(names[i], recipe.layers[i].second));
     model.columns.numbers += recipe.layers[i].second;
   }
-  model.polar = {.sectors = model.heights.sectors, .numbers = model.heights.rings};
+  model.polar = {.sectors = model.grid.sectors,
+                 .numbers = model.grid.numbers(),
+                 .weights = model.grid.bins(),
+                 .mirrored = true};
 }
 
 void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
   int64_t scans = 0, pairs = 0;
   for (const RingDrive& drive : drives) {
-    if (drive.rings.d != model.dim())
-      throw InputError(str("learning rings: rings of ", drive.rings.d,
-                           " numbers do not match the model's ", model.dim()));
+    for (size_t i = 0; i < 1 + drive.altered.size(); ++i) {
+      const Rows& rings = i == 0 ? drive.rings : drive.altered[i - 1];
+      if (rings.d != model.dim() || rings.n != drive.rings.n)
+        throw InputError(str("learning rings: ", rings.n, " rings of ", rings.d,
+                             " numbers do not match ", drive.rings.n, " of the model's ",
+                             model.dim()));
+    }
     if (drive.scans.size() < 2)
       throw UsageError(
           str("learning rings: expected at least 2 scans of a drive, found ", drive.scans.size()));
@@ -154,19 +189,20 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
     ring->mean.assign(static_cast<size_t>(ring->size()), 0.0F);
   }
   for (const RingDrive& drive : drives) {
-    const std::vector<float> mean = mean_of(drive.rings, drive.scans);
     const float share = static_cast<float>(drive.scans.size()) / static_cast<float>(scans);
     for (RingStatistics* ring : {&model.columns, &model.polar}) {
       const RingPlace& place = places[ring == &model.columns ? 0 : 1];
-      add_spread(*ring, drive, place, mean.data() + place.first);
-      for (size_t i = 0; i < ring->mean.size(); ++i)
-        ring->mean[i] += share * mean[static_cast<size_t>(place.first) + i];
+      const std::vector<float> mean = mean_of(drive.rings, drive.scans, place);
+      add_spread(*ring, drive, place, mean);
+      for (size_t i = 0; i < ring->mean.size(); ++i) ring->mean[i] += share * mean[i];
     }
   }
-  for (RingStatistics* ring : {&model.columns, &model.polar}) {
-    for (Eigen::MatrixXcd& total : ring->total) total /= static_cast<double>(scans);
-    for (Eigen::MatrixXcd& shared : ring->shared) shared /= static_cast<double>(pairs);
-  }
+  for (RingStatistics* ring : {&model.columns, &model.polar})
+    for (auto [spreads, count] : {std::pair(&ring->total, scans), std::pair(&ring->shared, pairs)})
+      for (Eigen::MatrixXcd& spread : *spreads) {
+        spread /= static_cast<double>(count);
+        if (ring->mirrored) spread.imag().setZero();
+      }
 }
 
 void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt) {
@@ -174,7 +210,6 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
   if (!(adapt >= 0 && adapt <= 1))
     throw UsageError(str("RingOptions::adapt: expected 0 to 1, found ", adapt));
   if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
-  const std::vector<float> mean = mean_of(rings, scans);
   const auto places = rings_of(model);
   std::optional<RingModel> map;
   const auto n = static_cast<double>(scans.size());
@@ -184,8 +219,7 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
   }
   for (RingStatistics RingModel::*ring : {&RingModel::columns, &RingModel::polar}) {
     RingStatistics& own = model.*ring;
-    const auto first = mean.begin() + places[ring == &RingModel::columns ? 0 : 1].first;
-    own.mean.assign(first, first + own.size());
+    own.mean = mean_of(rings, scans, places[ring == &RingModel::columns ? 0 : 1]);
     if (!map) continue;
     const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
     const double more = std::max(0.0, n - own.numbers);

@@ -15,7 +15,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr uint32_t kVersion = 1;
+constexpr uint32_t kVersion = 2;
 
 uint64_t checksum_of(std::string_view bytes) {
   uint64_t hash = kFnv1aStart;
@@ -31,12 +31,14 @@ Floats floats_of(const std::vector<float>& values) {
   return {values.begin(), values.end()};
 }
 
-Floats floats_of(const std::vector<Eigen::MatrixXcd>& matrices) {
+Floats floats_of(const std::vector<Eigen::MatrixXcd>& matrices, bool real) {
   Floats values;
   for (const Eigen::MatrixXcd& m : matrices)
     for (Eigen::Index i = 0; i < m.rows(); ++i)
-      for (Eigen::Index j = 0; j < m.cols(); ++j)
-        values.Add(static_cast<float>(j <= i ? m(i, j).real() : m(j, i).imag()));
+      for (Eigen::Index j = 0; j <= i; ++j) {
+        values.Add(static_cast<float>(m(i, j).real()));
+        if (!real) values.Add(j < i ? static_cast<float>(m(i, j).imag()) : 0.0F);
+      }
   return values;
 }
 
@@ -44,8 +46,10 @@ void fill(const RingStatistics& from, ring::Ring& to) {
   to.set_sectors(from.sectors);
   to.set_numbers(from.numbers);
   *to.mutable_mean() = floats_of(from.mean);
-  *to.mutable_total() = floats_of(from.total);
-  *to.mutable_shared() = floats_of(from.shared);
+  to.set_weights(from.weights);
+  to.set_mirrored(from.mirrored);
+  *to.mutable_total() = floats_of(from.total, from.mirrored);
+  *to.mutable_shared() = floats_of(from.shared, from.mirrored);
 }
 
 void fill_extraction(const RingModel& from, ring::Model& to) {
@@ -67,11 +71,11 @@ void fill_extraction(const RingModel& from, ring::Model& to) {
     *written.mutable_mean() = floats_of(layer.mean);
     *written.mutable_directions() = floats_of(layer.directions.values);
   }
-  ring::Grid& grid = *to.mutable_heights();
-  grid.set_rings(from.heights.rings);
-  grid.set_sectors(from.heights.sectors);
-  grid.set_max_range(from.heights.max_range);
-  grid.set_sensor_height(from.heights.sensor_height);
+  ring::Grid& grid = *to.mutable_grid();
+  grid.set_sectors(from.grid.sectors);
+  for (const double distance : from.grid.distances) grid.add_distances(distance);
+  for (const double band : from.grid.bands) grid.add_bands(band);
+  to.set_sensor_height(from.sensor_height);
 }
 
 // --- reading
@@ -91,18 +95,19 @@ struct Reader {
            what + " holds a number that is not finite");
     return {values.begin(), values.end()};
   }
-  std::vector<Eigen::MatrixXcd> matrices(const Floats& values, int64_t d,
+  std::vector<Eigen::MatrixXcd> matrices(const Floats& values, int64_t d, bool real,
                                          const std::string& what) const {
-    const std::vector<float> all = numbers(values, kRingFrequencies * d * d, what);
+    const std::vector<float> all =
+        numbers(values, kRingFrequencies * d * (d + 1) / (real ? 2 : 1), what);
     std::vector<Eigen::MatrixXcd> result;
+    auto next = all.begin();
     for (int f = 0; f < kRingFrequencies; ++f) {
-      const auto at = [&](int64_t i, int64_t j) {
-        return static_cast<double>(all[static_cast<size_t>((f * d + i) * d + j)]);
-      };
       Eigen::MatrixXcd& m = result.emplace_back(d, d);
       for (int64_t i = 0; i < d; ++i)
         for (int64_t j = 0; j <= i; ++j) {
-          m(i, j) = {at(i, j), i == j ? 0 : at(j, i)};
+          const auto re = static_cast<double>(*next++),
+                     im = real ? 0 : static_cast<double>(*next++);
+          m(i, j) = {re, i == j ? 0 : im};
           m(j, i) = std::conj(m(i, j));
         }
     }
@@ -113,13 +118,17 @@ struct Reader {
     expect(from.sectors() >= 1 && from.sectors() <= kMost && from.numbers() >= 1 &&
                from.numbers() <= kMost,
            str(what, " of ", from.sectors(), " sectors of ", from.numbers(), " numbers"));
+    expect(from.weights() >= 1 && from.numbers() % from.weights() == 0,
+           str(what, " of ", from.numbers(), " numbers with ", from.weights(), " weights"));
     RingStatistics to;
     to.sectors = from.sectors();
     to.numbers = from.numbers();
+    to.weights = from.weights();
+    to.mirrored = from.mirrored();
     to.mean = numbers(from.mean(), to.size(), what + " mean");
-    to.total = matrices(from.total(), to.numbers, what + " total spread");
+    to.total = matrices(from.total(), to.numbers, to.mirrored, what + " total spread");
     if (!from.shared().empty())
-      to.shared = matrices(from.shared(), to.numbers, what + " shared spread");
+      to.shared = matrices(from.shared(), to.numbers, to.mirrored, what + " shared spread");
     return to;
   }
 };
@@ -138,6 +147,7 @@ std::string ring_model_content(const RingModel& model) {
   message.set_sensor(model.sensor);
   message.set_learnt_from(model.learnt_from);
   message.set_scans(model.scans);
+  message.set_columns_share(model.columns_share);
   fill(model.columns, *message.mutable_columns());
   fill(model.polar, *message.mutable_polar());
   ring::File whole;
@@ -158,8 +168,11 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
   reader.expect(
       whole.ParseFromArray(content.data(), static_cast<int>(content.size())) && whole.version() > 0,
       "it is another kind of file, or cut off");
-  reader.expect(whole.version() <= kVersion,
-                str("it is of format ", whole.version(), ", this program reads up to ", kVersion));
+  reader.expect(whole.version() == kVersion,
+                str("it is of format ", whole.version(), ", this program reads format ", kVersion,
+                    whole.version() < kVersion ? ": learn it again, and build "
+                                                 "maps that were made with it again"
+                                               : ": it is of a later program"));
   ring::Model from;
   reader.expect(
       checksum_of(whole.model()) == whole.checksum() && from.ParseFromString(whole.model()),
@@ -194,14 +207,27 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
         reader.numbers(layer.directions(), layer.directions_size(), layer.name() + " directions");
     numbers += read.directions.n;
   }
-  const ring::Grid& grid = from.heights();
-  to.heights = {grid.rings(), grid.sectors(), grid.max_range(), grid.sensor_height()};
+  const ring::Grid& grid = from.grid();
+  to.grid = {grid.sectors(),
+             {grid.distances().begin(), grid.distances().end()},
+             {grid.bands().begin(), grid.bands().end()}};
+  to.sensor_height = from.sensor_height();
+  to.columns_share = from.columns_share();
   to.columns = reader.ring(from.columns(), "the columns' ring");
-  to.polar = reader.ring(from.polar(), "the heights' ring");
-  reader.expect(to.columns.numbers == numbers && to.polar.numbers == to.heights.rings &&
-                    to.polar.sectors == to.heights.sectors && to.heights.max_range > 0 &&
-                    std::isfinite(to.heights.sensor_height),
-                "its rings do not match its layers and heights");
+  to.polar = reader.ring(from.polar(), "the polar ring");
+  const auto ascending = [](const std::vector<double>& values) {
+    return std::ranges::all_of(values, [](double v) { return std::isfinite(v); }) &&
+           std::ranges::adjacent_find(values, std::greater_equal()) == values.end();
+  };
+  reader.expect(to.grid.distances.size() >= 2 && to.grid.distances.front() >= 0 &&
+                    ascending(to.grid.distances) && ascending(to.grid.bands) &&
+                    std::isfinite(to.sensor_height),
+                "the borders of its grid do not ascend");
+  reader.expect(to.columns_share >= 0 && to.columns_share <= 1, "the columns' share is not 0 to 1");
+  reader.expect(to.columns.numbers == numbers && to.columns.weights == 1 &&
+                    to.polar.numbers == to.grid.numbers() && to.polar.weights == to.grid.bins() &&
+                    to.polar.sectors == to.grid.sectors,
+                "its rings do not match its layers and grid");
   reader.expect(to.columns.shared.empty() == to.polar.shared.empty(),
                 "one of its rings was learnt from pairs, the other was not");
   to.learnt_from = from.learnt_from();

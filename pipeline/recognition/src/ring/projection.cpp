@@ -57,9 +57,18 @@ double trace(const std::vector<MatrixXcd>& spreads) {
 RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers) {
   const auto d = static_cast<Eigen::Index>(ring.numbers);
   const double own = trace(ring.total);
+  const Eigen::MatrixXcd mean =
+      Spectrum(ring.sectors).of(ring.mean, ring.numbers).cast<std::complex<double>>();
   std::vector<Direction> directions;
   for (size_t f = 0; f < ring.total.size(); ++f) {
-    MatrixXcd total = own > 0 ? MatrixXcd(ring.total[f] / own) : ring.total[f];
+    MatrixXcd total = ring.total[f];
+    // A scan from another heading than the map's has the mean elsewhere: what looks like the mean
+    // tells nothing of the place. Frequency 0 has no heading.
+    if (f > 0) {
+      const Eigen::VectorXcd m = mean.row(static_cast<Eigen::Index>(f)).transpose();
+      total += m * m.adjoint();
+    }
+    if (own > 0) total /= own;
     // The least that any spread has, so that a ring that never changes can be inverted.
     const double least = regularisation * total.trace().real() / static_cast<double>(d);
     total.diagonal().array() += std::max(least, 1e-12);

@@ -13,6 +13,7 @@ using RingProjection = std::vector<Eigen::MatrixXcf>;
 /// The directions of all frequencies that tell places apart best, so many that a descriptor has
 /// `numbers` real ones (frequency 0 takes one each, the others two).
 ///
+/// T_f is the total spread and, from frequency 1 on, the mean's own M_f M_f^H.
 /// Learnt from pairs: B_f v = l (T_f + eps tr(T_f)/d 1) v, V^H T V = 1, weighted by sqrt(l),
 /// largest l first. From scans alone: T_f^-0.3, largest variance first.
 RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers);

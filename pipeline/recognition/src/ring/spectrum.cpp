@@ -6,8 +6,11 @@
 namespace revisit::pipeline {
 
 std::array<RingPlace, 2> rings_of(const RingModel& model) {
-  return {RingPlace{model.columns.sectors, model.columns.numbers, 0},
-          RingPlace{model.polar.sectors, model.polar.numbers, model.columns.size()}};
+  const RingStatistics &columns = model.columns, &polar = model.polar;
+  const int64_t weights = columns.size() + polar.size();
+  return {RingPlace{columns.sectors, columns.numbers, columns.weights, 0, weights},
+          RingPlace{polar.sectors, polar.numbers, polar.weights, columns.size(),
+                    weights + columns.weights_size()}};
 }
 
 Spectrum::Spectrum(int sectors) : waves_(kRingFrequencies, sectors) {
@@ -18,13 +21,25 @@ Spectrum::Spectrum(int sectors) : waves_(kRingFrequencies, sectors) {
     }
 }
 
-Eigen::MatrixXcf Spectrum::of(const float* ring, const float* mean, int numbers) const {
-  using RowMajor = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const Eigen::Map<const RowMajor> x(ring, numbers, waves_.cols()), m(mean, numbers, waves_.cols());
-  const Eigen::MatrixXf centred = (x - m).transpose();  // [sectors][numbers]
-  Eigen::MatrixXcf spectrum(waves_.rows(), numbers);
-  spectrum.real() = waves_.real() * centred;
-  spectrum.imag() = waves_.imag() * centred;
+Eigen::MatrixXcf Spectrum::of(const float* feature, const float* mean,
+                              const RingPlace& place) const {
+  Eigen::MatrixXf centred(place.sectors, place.numbers);
+  const float* x = feature + place.first;
+  for (int i = 0; i < place.numbers; ++i) {
+    const float* const weights = place.weights_of(feature, i);
+    for (int k = 0; k < place.sectors; ++k) centred(k, i) = weights[k] * (*x++ - *mean++);
+  }
+  return of(centred);
+}
+
+Eigen::MatrixXcf Spectrum::of(const std::vector<float>& ring, int numbers) const {
+  return of(Eigen::Map<const Eigen::MatrixXf>(ring.data(), waves_.cols(), numbers));
+}
+
+Eigen::MatrixXcf Spectrum::of(const Eigen::MatrixXf& ring) const {
+  Eigen::MatrixXcf spectrum(waves_.rows(), ring.cols());
+  spectrum.real() = waves_.real() * ring;
+  spectrum.imag() = waves_.imag() * ring;
   return spectrum;
 }
 

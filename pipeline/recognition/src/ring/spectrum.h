@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
-#include <span>
+#include <vector>
 
 #include "revisit/recognition/ring/model.h"
 
@@ -13,21 +13,31 @@ inline constexpr int kRingFrequencies = 17;
 
 /// Where a ring stands among the floats of a feature.
 struct RingPlace {
-  int sectors = 0, numbers = 0;
-  int64_t first = 0;  // float
+  int sectors = 0, numbers = 0, weights = 1;
+  int64_t first = 0, first_weight = 0;  // floats
+  int64_t size() const { return int64_t{sectors} * numbers; }
+  /// The weights of number i, [sectors], in a feature.
+  const float* weights_of(const float* feature, int i) const {
+    return feature + first_weight + static_cast<ptrdiff_t>(i % weights) * sectors;
+  }
 };
 std::array<RingPlace, 2> rings_of(const RingModel& model);
 
-/// Fourier coefficients of a ring `[numbers][sectors]` less `mean`:
-///   X_f = 1/sqrt(N) sum over k of x[k] exp(-2 pi i f k / N),
+/// Fourier coefficients of a feature's ring less `mean` [numbers][sectors], times its weights w, so
+/// that what was not seen counts as neither more nor less than the mean:
+///   X_f = 1/sqrt(N) sum over k of w[k] (x[k] - mean[k]) exp(-2 pi i f k / N),
 /// a row a frequency: [kRingFrequencies][numbers]. Frequencies beyond N/2 are those of a ring that
 /// is sampled too coarsely.
 class Spectrum {
  public:
   explicit Spectrum(int sectors);
-  Eigen::MatrixXcf of(const float* ring, const float* mean, int numbers) const;
+  Eigen::MatrixXcf of(const float* feature, const float* mean, const RingPlace& place) const;
+  /// The same of a ring alone, all of it seen.
+  Eigen::MatrixXcf of(const std::vector<float>& ring, int numbers) const;
 
  private:
+  Eigen::MatrixXcf of(const Eigen::MatrixXf& ring) const;  // [sectors][numbers]
+
   Eigen::MatrixXcf waves_;  // [kRingFrequencies][sectors]
 };
 

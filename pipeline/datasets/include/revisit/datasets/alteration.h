@@ -55,6 +55,10 @@ std::vector<Alteration> standard_alterations();
 /// drive stay true.
 Alteration random_alteration(uint64_t seed);
 
+/// To be raised with every change after which a seed alters some scan otherwise, as features of
+/// altered scans are kept.
+constexpr int kAlterationVersion = 1;
+
 /// Alters a scan; points without a return are left out (but of a scan that stays as it is). The
 /// same for the same seed, in every process and on every machine whose sines are the same.
 ///

@@ -14,24 +14,26 @@ struct RingOptions {
   /// Added to the total spread, in units of its mean eigenvalue: how much small variances count.
   double regularisation = 1e-2;
   double adapt = 0.3;  // see fit_to_map()
-  /// This many candidates are compared, those with the most similar keys (ring_comparison()); 0: all.
+  /// This many candidates are compared, those with the most similar keys (ring_comparison()); 0:
+  /// all.
   int64_t key_candidates = 0;
 };
 
 /// Throws UsageError for invalid options.
 void check_options(const RingOptions& options);
 
-/// Turns rings into descriptors: less the ring mean, along frequencies, onto the directions in
-/// which scans of one place agree and scans of different places differ (linear discriminant
-/// analysis of each frequency, docs/METHODS.md), to unit length. Copies share what was computed.
+/// Turns rings into descriptors: less the ring mean where something was seen, along frequencies,
+/// onto the directions in which scans of one place agree and scans of different places differ
+/// (linear discriminant analysis of each frequency, docs/METHODS.md), each ring to the length that
+/// RingModel::columns_share says. Copies share what was computed.
 class RingDescriber {
  public:
   /// `model`: of the map, by fit_to_map(). Throws UsageError for invalid options.
   explicit RingDescriber(const RingModel& model, const RingOptions& options = {});
 
   const RingLayout& layout() const;
-  /// `rings` [model.dim()] -> `descriptor` [layout().numbers()], of length 1; all zero for rings
-  /// that are the mean.
+  /// `rings` [model.dim()] -> `descriptor` [layout().numbers()], of length 1; a ring that is the
+  /// mean, or was not seen at all, adds nothing.
   void describe(std::span<const float> rings, std::span<float> descriptor) const;
 
  private:

@@ -21,10 +21,11 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
                                  const RingOptions& options, const Forward& forward = {});
 
-/// Both rings of a scan, RingModel::dim() floats, from its points in the sensor frame. The range
-/// image is continued by an eighth of a turn on both sides, so that the net's padding is far from
-/// what is kept. Throws InputError when the net does not
-/// take the image or has no such layer, or a layer's columns do not divide the image evenly.
+/// Both rings of a scan and their weights, RingModel::dim() floats, from its points in the sensor
+/// frame. The scan is levelled first, by the ground that it shows. The range image is continued by
+/// an eighth of a turn on both sides, so that the net's padding is far from what is kept. Throws
+/// InputError when the net does not take the image or has no such layer, or a layer's columns do
+/// not divide the image evenly.
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
                                const Forward& forward = {});
 

@@ -40,11 +40,15 @@ struct RingDrive {
   Rows rings;                   // [n][RingModel::dim()], features of ring_features()
   std::vector<int64_t> scans;   // rows to learn from, ascending
   std::vector<RingPair> pairs;  // of them
+  /// The same scans, row for row, altered as scans may be when a place is seen again: what differs
+  /// then is left out of a place's share.
+  std::vector<Rows> altered = {};
 };
 
 /// Learns what rings of one place share: fills mean, total and shared of both rings. Each drive's
-/// rings are taken less their own mean. Without pairs `shared` stays empty. Throws UsageError
-/// without drives and for one of fewer than 2 scans, InputError for rings of another size.
+/// rings are taken less the mean of those that are not altered. Without pairs `shared` stays empty.
+/// Throws UsageError without drives and for one of fewer than 2 scans, InputError for rings of
+/// another size.
 void learn_rings(RingModel& model, std::span<const RingDrive> drives);
 
 /// Makes `model` one for the map that these scans (rows of `rings`) are of: their mean becomes the

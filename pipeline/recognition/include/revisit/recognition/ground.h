@@ -1,0 +1,30 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+
+#include "revisit/recognition/point_cloud.h"
+
+namespace revisit::pipeline {
+
+/// The ground around a sensor, as a plane in the sensor frame.
+struct Ground {
+  Eigen::Vector3d up = Eigen::Vector3d::UnitZ();  // unit normal, away from the ground
+  double sensor_height = 0;                       // of the sensor above the plane [m]
+};
+
+/// The plane through the lowest points within 20 m, when they agree on one: a cell of 2.5 x 2.5 m
+/// gives its height that 5 % of its points lie below, and reweighted least squares leave out cells
+/// that hold something else. Nothing when fewer than 12 cells, or fewer than a third of them, lie
+/// within 0.2 m of it, and for a plane that is tilted by more than 20 degrees.
+std::optional<Ground> find_ground(const PointCloud& cloud);
+
+/// What takes points of the sensor frame to where the ground is horizontal and `sensor_height` [m]
+/// below the origin: the shortest turn, then a shift along z. Yaw stays.
+Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height);
+
+/// The returns of a scan, levelled by the ground that it shows; as they are when it shows none, or
+/// when they are within 1.5 degrees and 0.25 m of level.
+PointCloud level(const PointCloud& cloud, double sensor_height);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,112 @@
+#include "revisit/recognition/ground.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr float kReach = 20, kOwnVehicle = 2, kCell = 2.5F;  // [m]
+constexpr int kCellsAcross = 16;
+static_assert(kCellsAcross * kCell == 2 * kReach);
+
+/// The low point of each cell that has enough of them.
+std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
+  constexpr size_t kFewest = 5, kLowest = 20;  // the lowest of 20 points: 5 %
+  std::array<std::vector<Eigen::Vector3f>, kCellsAcross * kCellsAcross> cells;
+  for (const Point& point : cloud.points) {
+    if (!is_return(point)) continue;
+    const float square = point.x * point.x + point.y * point.y;
+    if (square <= kOwnVehicle * kOwnVehicle || square >= kReach * kReach) continue;
+    const auto row = static_cast<int>((point.y + kReach) / kCell),
+               column = static_cast<int>((point.x + kReach) / kCell);
+    cells[static_cast<size_t>(row * kCellsAcross + column)].emplace_back(point.x, point.y, point.z);
+  }
+  std::vector<Eigen::Vector3d> low;
+  for (auto& cell : cells) {
+    if (cell.size() < kFewest) continue;
+    const auto middle = cell.begin() + static_cast<std::ptrdiff_t>(cell.size() / kLowest);
+    std::ranges::nth_element(cell, middle, {}, [](const Eigen::Vector3f& p) { return p.z(); });
+    low.push_back(middle->cast<double>());
+  }
+  return low;
+}
+
+/// z = plane.x x + plane.y y + plane.z. Starts wide, so that no cell decides alone, and ends at the
+/// roughness of a road.
+Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
+  constexpr int kRounds = 30;
+  constexpr double kWide = 1, kRoad = 0.08, kNarrower = 0.8;
+  Eigen::Vector3d plane(0, 0, start);
+  double scale = kWide;
+  for (int round = 0; round < kRounds; ++round) {
+    Eigen::Matrix3d squares = Eigen::Vector3d(1e-3, 1e-3, 1e-9).asDiagonal();
+    Eigen::Vector3d products = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : points) {
+      const Eigen::Vector3d row(p.x(), p.y(), 1);
+      const double off = (p.z() - row.dot(plane)) / scale;
+      const double weight = 1 / ((1 + off * off) * (1 + off * off));
+      squares += weight * row * row.transpose();
+      products += weight * p.z() * row;
+    }
+    plane = squares.ldlt().solve(products);
+    scale = std::max(kRoad, scale * kNarrower);
+  }
+  return plane;
+}
+
+}  // namespace
+
+std::optional<Ground> find_ground(const PointCloud& cloud) {
+  constexpr double kOnIt = 0.2;  // [m]
+  constexpr size_t kFewestCells = 12;
+  static const double kSteepest = std::tan(20 * std::numbers::pi / 180);
+  std::vector<Eigen::Vector3d> low = low_points(cloud);
+  if (low.size() < kFewestCells) return std::nullopt;
+  const auto middle = low.begin() + static_cast<std::ptrdiff_t>(low.size() / 2);
+  std::ranges::nth_element(low, middle, {}, [](const Eigen::Vector3d& p) { return p.z(); });
+  const Eigen::Vector3d plane = fit(low, middle->z());
+  const auto on_it = static_cast<size_t>(std::ranges::count_if(low, [&](const Eigen::Vector3d& p) {
+    return std::abs(p.z() - plane.dot(Eigen::Vector3d(p.x(), p.y(), 1))) < kOnIt;
+  }));
+  if (on_it < std::max(kFewestCells, low.size() / 3) ||
+      std::hypot(plane.x(), plane.y()) > kSteepest)
+    return std::nullopt;
+  const Eigen::Vector3d up = Eigen::Vector3d(-plane.x(), -plane.y(), 1).normalized();
+  return Ground{up, -plane.z() * up.z()};
+}
+
+Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = Eigen::Quaterniond::FromTwoVectors(ground.up, Eigen::Vector3d::UnitZ()).matrix();
+  T.translation().z() = ground.sensor_height - sensor_height;
+  return T.cast<float>();
+}
+
+PointCloud level(const PointCloud& cloud, double sensor_height) {
+  // What the plane changes from scan to scan on an even road. To follow it costs more than it
+  // mends: range images in which beams change their rows.
+  constexpr double kLevelHeight = 0.25;  // [m]
+  static const double kLevelUp = std::cos(1.5 * std::numbers::pi / 180);
+  const std::optional<Ground> ground = find_ground(cloud);
+  Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
+  if (ground && (ground->up.z() < kLevelUp ||
+                 std::abs(ground->sensor_height - sensor_height) > kLevelHeight))
+    T = T_level_sensor(*ground, sensor_height);
+  const Eigen::Matrix3f R = T.linear();
+  const Eigen::Vector3f t = T.translation();
+  PointCloud levelled;
+  levelled.points.reserve(cloud.points.size());
+  for (const Point& point : cloud.points) {
+    if (!is_return(point)) continue;
+    const Eigen::Vector3f p = R * Eigen::Vector3f(point.x, point.y, point.z) + t;
+    levelled.points.push_back({p.x(), p.y(), p.z(), point.intensity});
+  }
+  return levelled;
+}
+
+}  // namespace revisit::pipeline
