@@ -10,7 +10,7 @@ __all__ = [
     'Description', 'Loop', 'MapStore', 'PlaceRecognizer', 'StoredPlace', 'check_map', 'merge_maps',
     'open_map']
 
-KEY_CANDIDATES = 300
+KEY_CANDIDATES = 1000
 """As in `revisit loops`: how many places are compared, those with the most similar keys."""
 
 

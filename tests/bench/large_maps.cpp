@@ -1,8 +1,8 @@
 // Search in large maps of synthetic places, as rows of the tables in docs/SPEED.md.
-//   revisit_large_maps PLACES cosines[NUMBERS]|rings WAY...
+//   revisit_large_maps PLACES cosines[NUMBERS] WAY...
 // Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
-// once), all (rings at every heading), graph, listsPROBES[/NUMBERS_PER_BYTE]. The time of a query
-// is the least of several rounds, in which all ways take turns.
+// once), graph, listsPROBES[/NUMBERS_PER_BYTE]. The time of a query is the least of several rounds,
+// in which all ways take turns.
 #include "revisit/maps/large_maps.h"
 
 #include <cblas.h>
@@ -14,12 +14,10 @@
 #include <fstream>
 #include <iostream>
 #include <map>
-#include <numbers>
 #include <random>
 #include <string>
 
 #include "revisit/proto/error.h"
-#include "revisit/recognition/ring/match.h"
 
 namespace {
 
@@ -63,30 +61,16 @@ class Gaussian {
   std::vector<float> table_;
 };
 
-/// Places and queries. The i-th of the numbers (400 of cosines if not said) spreads as i^-0.75, as
-/// variances of a PCA fall. A query is a place with half as much noise, at another heading for
-/// rings.
+/// Places and queries. The i-th of the numbers spreads as i^-0.75, as variances of a PCA fall. A
+/// query is a place with half as much noise.
 struct World {
-  RingLayout layout{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
-  bool rings;
-  int64_t dim;
-  Comparison comparison;
   std::vector<float> spread;
   Gaussian random{7};
 
-  World(bool of_rings, int numbers) : rings(of_rings), dim(rings ? layout.numbers() : numbers) {
-    if (rings) {
-      comparison = ring_comparison(layout, kCandidates);
-      comparison.turn = nullptr;
-      for (size_t f = 0; f < layout.counts.size(); ++f)
-        for (int part = 0; part < (f > 0 ? 2 : 1); ++part) add_spread(layout.counts[f], 0.4F);
-    } else {
-      add_spread(numbers, 0.75F);
-    }
+  explicit World(int numbers) {
+    for (int i = 1; i <= numbers; ++i) spread.push_back(std::pow(static_cast<float>(i), -0.75F));
   }
-  void add_spread(int count, float power) {
-    for (int i = 1; i <= count; ++i) spread.push_back(std::pow(static_cast<float>(i), -power));
-  }
+  int64_t dim() const { return int64_t(spread.size()); }
   void place(std::span<float> x) {
     for (size_t i = 0; i < x.size(); ++i) x[i] = spread[i] * random();
     normalise(x);
@@ -95,22 +79,7 @@ struct World {
     std::vector<float> noise(x.size());
     this->place(noise);
     for (size_t i = 0; i < x.size(); ++i) x[i] = place[i] + 0.5F * noise[i];
-    if (rings) turn(x, random());
     normalise(x);
-  }
-  void turn(std::span<float> x, float angle) const {
-    size_t at = static_cast<size_t>(layout.counts[0]);
-    for (size_t f = 1; f < layout.counts.size(); ++f) {
-      const auto n = static_cast<size_t>(layout.counts[f]);
-      const float c = std::cos(angle * static_cast<float>(f)),
-                  s = std::sin(angle * static_cast<float>(f));
-      for (size_t i = at; i < at + n; ++i) {
-        const float real = x[i], imaginary = x[n + i];
-        x[i] = c * real - s * imaginary;
-        x[n + i] = s * real + c * imaginary;
-      }
-      at += 2 * n;
-    }
   }
   static void normalise(std::span<float> x) {
     double sum = 0;
@@ -156,15 +125,14 @@ void print(const std::string& places, const std::string& feature, Way& way,
 }
 
 void measure(int64_t n, const std::string& feature, const std::vector<std::string>& names) {
-  const bool rings = feature == "rings";
-  World world(rings, feature == "cosines" ? 400 : std::atoi(feature.c_str() + 7));
+  World world(feature == "cosines" ? 400 : std::atoi(feature.c_str() + 7));
   const auto wants = [&](const char* name) {
     return std::ranges::find(names, name) != names.end();
   };
   const double before = resident_bytes();
-  PlaceIndex index(world.dim, world.comparison);
+  PlaceIndex index(world.dim());
   double build = 0;
-  std::vector<float> x(size_t(world.dim));
+  std::vector<float> x(size_t(world.dim()));
   for (int64_t i = 0; i < n; ++i) {
     world.place(x);
     const double start = seconds();
@@ -172,7 +140,7 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
     build += seconds() - start;
   }
   const double bytes = (resident_bytes() - before) / double(n);
-  FloatMatrix queries(kQueries, world.dim);
+  FloatMatrix queries(kQueries, world.dim());
   for (int64_t q = 0; q < kQueries; ++q)
     world.query(index.descriptor((q * 7919 + 13) % n), queries.row(q));
 
@@ -188,11 +156,11 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
   FloatMatrix keys;
   std::vector<float> products(size_t(n), 0);
   if (wants("sgemv")) {
-    keys = FloatMatrix(n, index.key_numbers());
-    for (int64_t i = 0; i < n; ++i) index.make_key(index.descriptor(i), keys.row(i));
+    keys = FloatMatrix(n, world.dim());  // they are of length 1
+    for (int64_t i = 0; i < n; ++i) std::ranges::copy(index.descriptor(i), keys.row(i).begin());
     ways.push_back({"sgemv", [&](int64_t q, Match&) {
                       cblas_sgemv(CblasRowMajor, CblasNoTrans, int(n), int(keys.d), 1,
-                                  keys.values.data(), int(keys.d), keys.row(q).data(), 1, 0,
+                                  keys.values.data(), int(keys.d), queries.row(q).data(), 1, 0,
                                   products.data(), 1);
                     }});
   }
@@ -208,13 +176,6 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
                     }});
     ways.back().together = kQueries;
   }
-  Comparison at_all_headings = world.comparison;
-  at_all_headings.key_candidates = 0;
-  PlaceIndex whole(world.dim, at_all_headings);
-  if (wants("all")) {
-    for (int64_t i = 0; i < n; ++i) whole.add(index.descriptor(i));
-    exact_way("every heading", whole, 1);
-  }
   // Sources choose among the places of an index of their own, which shares nothing with the exact
   // one: they are measured after it.
   for (int64_t round = 0; round < kRounds; ++round)
@@ -227,7 +188,7 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
       }
   const std::vector<Match>* exact = nullptr;
   for (const Way& way : ways)
-    if (way.name == "exact" || way.name == "every heading") exact = &way.matches;
+    if (way.name == "exact") exact = &way.matches;
   const std::string places = std::to_string(n);
   for (Way& way : ways) print(places, feature, way, way.name == "sgemv" ? nullptr : exact);
   keys = {};
@@ -261,9 +222,8 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
 }  // namespace
 
 int main(int count, char** arguments) try {
-  if (count < 4 ||
-      (std::string(arguments[2]) != "rings" && !std::string(arguments[2]).starts_with("cosines"))) {
-    std::cerr << "usage: revisit_large_maps PLACES cosines[NUMBERS]|rings WAY...\n";
+  if (count < 4 || !std::string(arguments[2]).starts_with("cosines")) {
+    std::cerr << "usage: revisit_large_maps PLACES cosines[NUMBERS] WAY...\n";
     return 2;
   }
   openblas_set_num_threads(1);

@@ -30,26 +30,22 @@ FloatMatrix descriptors(int64_t n, int64_t d) {
   return all;
 }
 
-PlaceIndex index_of(const Comparison& comparison, const FloatMatrix& all, int64_t n) {
-  PlaceIndex index(all.d, comparison);
+PlaceIndex index_of(const FloatMatrix& all, int64_t n) {
+  PlaceIndex index(all.d);
   for (int64_t i = 0; i < n; ++i) index.add(all.row(i));
   return index;
 }
 
-const RingLayout kLayout{{9, 8, 8, 4}};
-
-/// Numbers of a key that no whole number of bytes codes.
-int64_t dim_of(const Comparison& comparison) {
-  return comparison.similarity ? kLayout.numbers() : 43;
-}
+/// Numbers that no whole number of bytes codes.
+constexpr int64_t kNumbers = 43;
 
 /// Nearly all is found, what is found is scored exactly, and places may be added.
 template <class Make>
-void expect_found(const Comparison& comparison, const Make& make, double least_recall) {
+void expect_found(const Make& make, double least_recall) {
   constexpr int64_t kBuilt = 2000, kAll = 2300;
-  const FloatMatrix all = descriptors(kAll, dim_of(comparison));
-  const PlaceIndex exact = index_of(comparison, all, kAll);
-  PlaceIndex index = index_of(comparison, all, kBuilt);
+  const FloatMatrix all = descriptors(kAll, kNumbers);
+  const PlaceIndex exact = index_of(all, kAll);
+  PlaceIndex index = index_of(all, kBuilt);
   index.choose_by(make(index), 100);
   for (int64_t i = kBuilt; i < kAll; ++i) index.add(all.row(i));
   const std::vector<CandidateRange> candidates = {{0, 1000}, {1003, kAll}};
@@ -67,32 +63,30 @@ void expect_found(const Comparison& comparison, const Make& make, double least_r
 }
 
 TEST(LargeMaps, GraphsFindNearlyAll) {
-  for (const Comparison& comparison : {Comparison(), ring_comparison(kLayout, 100)})
-    expect_found(
-        comparison, [](const PlaceIndex& index) { return graph_of_keys(index); }, 0.95);
+  expect_found([](const PlaceIndex& index) { return graph_of_keys(index); }, 0.95);
 }
 
 TEST(LargeMaps, ListsFindNearlyAll) {
-  for (const Comparison& comparison : {Comparison(), ring_comparison(kLayout, 100)})
-    expect_found(
-        comparison,
-        [](const PlaceIndex& index) {
-          return lists_of_keys(index, {.lists = 20, .probes = 20, .numbers_per_byte = 2});
-        },
-        0.9);
+  expect_found(
+      [](const PlaceIndex& index) {
+        return lists_of_keys(index, {.lists = 20, .probes = 20, .numbers_per_byte = 2});
+      },
+      0.9);
 }
 
 TEST(LargeMaps, RefuseWhatCannotBeBuilt) {
   const FloatMatrix all = descriptors(300, 4);
-  const PlaceIndex empty(4), some = index_of({}, all, 300);
+  const PlaceIndex empty(4), some = index_of(all, 300);
   expect_error<UsageError>([&] { graph_of_keys(empty); }, {"at least 1 places", "found 0"});
   expect_error<UsageError>([&] { lists_of_keys(empty); }, {"at least 256 places", "found 0"});
   expect_error<UsageError>([&] { graph_of_keys(some, {.links = 1}); }, {"links", "found 1"});
   expect_error<UsageError>([&] { lists_of_keys(some, {.lists = 301}); }, {"lists", "found 301"});
   expect_error<UsageError>([&] { lists_of_keys(some, {.probes = 0}); }, {"probes", "found 0"});
-  Comparison own;
-  own.similarity = ring_comparison({{2, 1}}).similarity;
-  expect_error<UsageError>([&] { graph_of_keys(PlaceIndex(4, own)); }, {"no keys"});
+  expect_error<UsageError>(
+      [&] {
+        graph_of_keys(PlaceIndex(4, ring_comparison({{2, 1}})));
+      },
+      {"not compared by cosine"});
 }
 
 #else

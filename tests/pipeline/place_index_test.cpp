@@ -11,7 +11,6 @@
 
 #include "expect_error.h"
 #include "float_matrix.h"
-#include "retrieve/products.h"
 #include "revisit/recognition/cosine.h"
 #include "revisit/recognition/points.h"
 #include "revisit/recognition/ring/match.h"
@@ -38,22 +37,14 @@ std::vector<std::pair<int64_t, CandidateRange>> past_of(int64_t n) {
   return queries;
 }
 
-/// Of the first `n` places, those whose keys have the largest products with that of `query`.
+/// Of the first `n` places, those that keys alone, without an index, choose.
 std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64_t n,
                                     const Comparison& comparison) {
-  std::vector<float> asked(static_cast<size_t>(comparison.key_numbers)), key = asked;
-  comparison.make_key(all.row(query), asked);
-  std::vector<std::pair<float, int64_t>> order;
-  for (int64_t i = 0; i < n; ++i) {
-    comparison.make_key(all.row(i), key);
-    float product = 0;
-    products_of_rows(asked, key.data(), {&product, 1});
-    order.emplace_back(-product, i);
-  }
-  std::ranges::sort(order);
+  const std::unique_ptr<CandidateSource> keys = comparison.keys();
+  for (int64_t i = 0; i < n; ++i) keys->add(all.row(i));
+  const CandidateRange among{0, n};
   std::vector<int64_t> places;
-  for (int64_t i = 0; i < std::min(n, comparison.key_candidates); ++i)
-    places.push_back(order[static_cast<size_t>(i)].second);
+  keys->find(all.row(query), {&among, 1}, comparison.key_candidates, 1, places);
   std::ranges::sort(places);
   return places;
 }
@@ -117,37 +108,33 @@ void expect_what_the_slow_twin_finds(const FloatMatrix& all, const Comparison& c
   }
 }
 
-/// A source that looks at all keys, and remembers what it was asked.
-struct AllKeys : CandidateSource {
-  FloatMatrix keys;
+/// A source that looks at all cosines, and remembers what it was asked.
+struct AllCosines : CandidateSource {
+  FloatMatrix descriptors;
   mutable int64_t asked = 0;
-  int64_t size() const override { return keys.n; }
-  void add(std::span<const float> key) override {
-    keys.d = static_cast<int64_t>(key.size());
-    keys.values.insert(keys.values.end(), key.begin(), key.end());
-    ++keys.n;
+  int64_t size() const override { return descriptors.n; }
+  void add(std::span<const float> descriptor) override {
+    descriptors.d = static_cast<int64_t>(descriptor.size());
+    descriptors.values.insert(descriptors.values.end(), descriptor.begin(), descriptor.end());
+    ++descriptors.n;
   }
-  void find(std::span<const float> key, int64_t count,
+  void find(std::span<const float> query, std::span<const CandidateRange> among, int64_t count, int,
             std::vector<int64_t>& places) const override {
     asked = count;
-    std::vector<float> products(static_cast<size_t>(keys.n));
-    products_of_rows(key, keys.values.data(), products);
-    places.resize(static_cast<size_t>(keys.n));
-    std::iota(places.begin(), places.end(), 0);
-    std::ranges::stable_sort(places, std::greater(),
-                             [&](int64_t i) { return products[static_cast<size_t>(i)]; });
-    places.resize(static_cast<size_t>(std::min(count, keys.n)));
+    places.clear();
+    for (const CandidateRange& range : among)
+      for (int64_t place = range.begin; place < range.end; ++place) places.push_back(place);
+    std::ranges::stable_sort(places, std::greater(), [&](int64_t i) {
+      return cosine(query, length_of(query), descriptors.row(i), length_of(descriptors.row(i)));
+    });
+    places.resize(std::min(places.size(), static_cast<size_t>(count)));
     std::ranges::reverse(places);
   }
 };
 
-std::unique_ptr<AllKeys> source_of(const PlaceIndex& index) {
-  auto source = std::make_unique<AllKeys>();
-  std::vector<float> key(static_cast<size_t>(index.key_numbers()));
-  for (int64_t i = 0; i < index.size(); ++i) {
-    index.make_key(index.descriptor(i), key);
-    source->add(key);
-  }
+std::unique_ptr<AllCosines> source_of(const PlaceIndex& index) {
+  auto source = std::make_unique<AllCosines>();
+  for (int64_t i = 0; i < index.size(); ++i) source->add(index.descriptor(i));
   return source;
 }
 
@@ -276,38 +263,33 @@ TEST(PlaceIndex, LosesNothingToTheSizeOfNumbers) {
 }
 
 TEST(PlaceIndex, ComparesWhatASourceProposes) {
-  const RingLayout layout{{3, 2, 5, 1}};
-  const FloatMatrix all = random_descriptors(1500, layout.numbers());
+  const FloatMatrix all = random_descriptors(1500, 20);
   const std::vector<CandidateRange> candidates = {{0, 700}, {710, 1500}};
   std::vector<Query> queries;
-  for (int64_t q = 0; q < all.n; ++q) queries.push_back({all.row(q), candidates});
-  for (const Comparison& comparison : {Comparison(), ring_comparison(layout, 60)}) {
-    const PlaceIndex exact = index_of(all, comparison);
-    PlaceIndex index = index_of(all, comparison);
-    auto source = source_of(index);
-    const AllKeys& asked = *source;
-    index.choose_by(std::move(source), 60);
-    for (int64_t q = 700; q < 800; ++q) {
-      const Match found = index.best(all.row(q), candidates),
-                  expected = exact.best(all.row(q), candidates);
-      EXPECT_EQ(asked.asked, 70);  // and so many as may be left out
-      if (!comparison.similarity) expect_same(found, expected);
-      // Where the keys choose 60, it compares these and up to ten more.
-      for (size_t i = 0; i < expected.ranks.size(); ++i)
-        EXPECT_GE(found.similarities[i], expected.similarities[i]);
-    }
-    index.add(all.row(0));
-    EXPECT_EQ(asked.size(), 1501);
-    EXPECT_EQ(index.best_of_many(queries).size(), 1500);
+  for (int64_t q = 0; q < 200; ++q) queries.push_back({all.row(q), candidates});
+  const PlaceIndex exact = index_of(all);
+  PlaceIndex index = index_of(all);
+  auto source = source_of(index);
+  const AllCosines& asked = *source;
+  index.choose_by(std::move(source), 60);
+  const std::vector<Match> many = index.best_of_many(queries);
+  EXPECT_EQ(asked.asked, 60);
+  for (size_t q = 0; q < queries.size(); ++q) {
+    const Match expected = exact.best(queries[q].descriptor, candidates);
+    expect_same(index.best(queries[q].descriptor, candidates, {.threads = 2}), expected);
+    expect_same(many[q], expected);
   }
+  index.add(all.row(0));
+  EXPECT_EQ(asked.size(), 1501);
 }
 
-/// It never finds anything.
-struct NoKeys : CandidateSource {
+/// It finds one place only.
+struct OnePlace : CandidateSource {
   int64_t size() const override { return 1500; }
   void add(std::span<const float>) override {}
-  void find(std::span<const float>, int64_t, std::vector<int64_t>& places) const override {
-    places.assign({3, 9999, -1});
+  void find(std::span<const float>, std::span<const CandidateRange>, int64_t, int,
+            std::vector<int64_t>& places) const override {
+    places.assign({3});
   }
 };
 
@@ -315,27 +297,25 @@ TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
   const RingLayout layout{{3, 2, 5, 1}};
   const FloatMatrix all = random_descriptors(1500, layout.numbers());
   const CandidateRange candidates{0, 1500}, third{3, 4};
-  for (const Comparison& comparison :
-       {Comparison(), ring_comparison(layout), ring_comparison(layout, 60)}) {
+  for (const Comparison& comparison : {Comparison(), ring_comparison(layout)}) {
     PlaceIndex index = index_of(all, comparison);
-    const Match expected = index.best(all.row(8), {&candidates, 1});
-    index.choose_by(std::make_unique<NoKeys>(), 10);
+    const Match expected = index.best(all.row(8), {&candidates, 1}),
+                best = index.best(all.row(8), {&candidates, 1}, {.k = 1});
+    index.choose_by(std::make_unique<OnePlace>(), 10);
     expect_same(index.best(all.row(8), {&candidates, 1}), expected);
     EXPECT_EQ(index.best(all.row(8), {&third, 1}).ranks, std::vector<int64_t>{3});
+    // One place is as many as were wanted.
+    EXPECT_EQ(index.best(all.row(8), {&candidates, 1}, {.k = 1}).ranks, std::vector<int64_t>{3});
+    EXPECT_NE(best.ranks, std::vector<int64_t>{3});
   }
 }
 
 TEST(PlaceIndex, RefusesASourceOfOtherPlaces) {
   PlaceIndex index(2);
-  expect_error<UsageError>([&] { index.choose_by(std::make_unique<NoKeys>(), 5); },
+  expect_error<UsageError>([&] { index.choose_by(std::make_unique<OnePlace>(), 5); },
                            {"source of 0 places", "1500"});
-  expect_error<UsageError>([&] { index.choose_by(std::make_unique<AllKeys>(), 0); },
+  expect_error<UsageError>([&] { index.choose_by(std::make_unique<AllCosines>(), 0); },
                            {"at least 1 candidate"});
-  Comparison own;
-  own.similarity = ring_comparison({{1, 1}}).similarity;
-  PlaceIndex without_keys(2, own);
-  expect_error<UsageError>([&] { without_keys.choose_by(std::make_unique<AllKeys>(), 5); },
-                           {"needs keys"});
 }
 
 TEST(PlaceIndex, RecallIsTheShareOfExactRanks) {

@@ -264,6 +264,10 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
   EXPECT_GE(same, 98);
   expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = -1}); },
                            {"graph_candidates"});
+  FeatureExtractor rings = coordinates();
+  rings.comparison = ring_comparison({});
+  expect_error<UsageError>([&] { PlaceRecognizer(rings, {.graph_candidates = 30}); },
+                           {"graph_candidates", "cosine", rings.name});
 }
 
 TEST(PlaceRecognizer, ManyThreadsDescribeAskAndAdd) {

@@ -193,10 +193,19 @@ TEST(Retrieve, BySimilarityOnlyCandidatesAreCompared) {
 }
 
 TEST(Retrieve, CandidatesThatKeysLeaveOutAreLikeNothing) {
-  // The key is the number itself: those of 0.75 and 1 have the largest products.
+  /// Whatever is asked, it proposes two.
+  struct Two : CandidateSource {
+    int64_t places = 0;
+    int64_t size() const override { return places; }
+    void add(std::span<const float>) override { ++places; }
+    void find(std::span<const float>, std::span<const CandidateRange>, int64_t count, int,
+              std::vector<int64_t>& found) const override {
+      EXPECT_EQ(count, 2);
+      found.assign({4, 2});
+    }
+  };
   Comparison by_keys = nearness();
-  by_keys.make_key = [](std::span<const float> x, std::span<float> key) { key[0] = x[0]; };
-  by_keys.key_numbers = 1;
+  by_keys.keys = [] { return std::make_unique<Two>(); };
   by_keys.key_candidates = 2;
   const FloatMatrix m = matrix({{0.125F}, {0.5F}, {0.75F}, {0.625F}, {1}, {0.5F}});
   const Match match = retrieve({m, {}, by_keys}, first_stored(6, 5)).at(0);

@@ -289,8 +289,14 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
   if (options.graph_candidates < 0)
     throw UsageError(str("RecognizerOptions::graph_candidates: expected at least 0, found ",
                          options.graph_candidates));
-  if (options.graph_candidates > 0)  // now, not when the first stretch ends
+  if (options.graph_candidates > 0) {  // now, not when the first stretch ends
     need("candidates of a large map", "FAISS");
+    if (extractor.comparison.similarity)
+      throw UsageError(
+          str("RecognizerOptions::graph_candidates: a graph is for features compared "
+              "by cosine, found '",
+              extractor.name, "'"));
+  }
   check_threshold(options.threshold);
   impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), damaged);
 }

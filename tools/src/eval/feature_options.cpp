@@ -143,7 +143,7 @@ void FeatureOptions::declare_describing(Parser& parser) {
   parser.option(
       "ring-key-candidates", "N",
       std::string("scan-context (10 or 50 in its paper) and ring: only this many candidates are "
-                  "compared, chosen by keys that a turn does not change; 0: all (default ") +
+                  "compared, chosen by keys, whatever the heading; 0: all (default ") +
           std::to_string(ring_key_candidates) + ")",
       &ring_key_candidates);
   parser.option("images", "DIR",

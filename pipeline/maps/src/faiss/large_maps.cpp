@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "revisit/proto/error.h"
+#include "revisit/recognition/cosine.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -29,29 +30,47 @@ class OpenMpThreads {
   int before_;
 };
 
+/// `descriptor` at unit length -> `key`, with zeros behind it.
+void unit_key(std::span<const float> descriptor, std::span<float> key) {
+  const double length = length_of(descriptor), scale = length > 0 ? 1 / length : 0;
+  const auto end = std::ranges::transform(descriptor, key.begin(), [scale](float v) {
+                     return static_cast<float>(v * scale);
+                   }).out;
+  std::fill(end, key.end(), 0.0F);
+}
+
+bool is_among(int64_t place, std::span<const CandidateRange> among) {
+  return std::ranges::any_of(among, [place](const CandidateRange& range) {
+    return place >= range.begin && place < range.end;
+  });
+}
+
 class FaissSource : public CandidateSource {
  public:
   /// `index` takes keys with as many zeros behind them as it has more numbers.
   explicit FaissSource(std::unique_ptr<faiss::Index> index) : index_(std::move(index)) {}
 
   int64_t size() const override { return index_->ntotal; }
-  void add(std::span<const float> key) override { index_->add(1, padded(key)); }
-  void find(std::span<const float> key, int64_t count,
+  void add(std::span<const float> descriptor) override { index_->add(1, key_of(descriptor)); }
+  void find(std::span<const float> query, std::span<const CandidateRange> among, int64_t count, int,
             std::vector<int64_t>& places) const override {
     thread_local std::vector<float> products;
-    const int64_t asked = std::min(count, size());
+    // What is not among them, as the last places often are, may be the most similar.
+    int64_t left_out = size();
+    for (const CandidateRange& range : among) left_out -= range.size();
+    const int64_t asked = std::min(count + std::min(left_out, count), size());
     products.resize(static_cast<size_t>(asked));
     places.resize(static_cast<size_t>(asked));
-    index_->search(1, padded(key), asked, products.data(), places.data());
-    std::erase(places, -1);  // it found no more
+    index_->search(1, key_of(query), asked, products.data(), places.data());
+    std::erase_if(places, [among](int64_t place) { return !is_among(place, among); });  // -1: none
   }
 
  private:
-  const float* padded(std::span<const float> key) const {
-    thread_local std::vector<float> numbers;
-    numbers.assign(static_cast<size_t>(index_->d), 0);
-    std::ranges::copy(key, numbers.begin());
-    return numbers.data();
+  const float* key_of(std::span<const float> descriptor) const {
+    thread_local std::vector<float> key;
+    key.resize(static_cast<size_t>(index_->d));
+    unit_key(descriptor, key);
+    return key.data();
   }
 
   std::unique_ptr<faiss::Index> index_;
@@ -61,9 +80,7 @@ class FaissSource : public CandidateSource {
 FloatMatrix some_keys(const PlaceIndex& index, int64_t d, int64_t first, int64_t count,
                       int64_t step) {
   FloatMatrix keys(count, d);
-  for (int64_t i = 0; i < count; ++i)
-    index.make_key(index.descriptor(first + i * step),
-                   keys.row(i).first(static_cast<size_t>(index.key_numbers())));
+  for (int64_t i = 0; i < count; ++i) unit_key(index.descriptor(first + i * step), keys.row(i));
   return keys;
 }
 
@@ -77,10 +94,15 @@ std::unique_ptr<CandidateSource> filled(std::unique_ptr<faiss::Index> empty,
 }
 
 void check(const PlaceIndex& index, int64_t least) {
-  if (index.key_numbers() == 0) throw UsageError("candidates of a large map: it has no keys");
+  if (!index.by_cosine())
+    throw UsageError("candidates of a large map: its descriptors are not compared by cosine");
   if (index.size() < least)
     throw UsageError(str("candidates of a large map: expected at least ", least, " places, found ",
                          index.size()));
+}
+
+int64_t numbers_of(const PlaceIndex& index) {
+  return static_cast<int64_t>(index.descriptor(0).size());
 }
 
 void check_positive(const char* what, int value) {
@@ -98,7 +120,7 @@ std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index,
   check_positive("graph of keys, search_effort", options.search_effort);
   check_positive("graph of keys, threads", options.threads);
   const OpenMpThreads threads(options.threads);
-  auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(index.key_numbers()),
+  auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(numbers_of(index)),
                                                     faiss::ScalarQuantizer::QT_fp16, options.links,
                                                     faiss::METRIC_INNER_PRODUCT);
   graph->hnsw.efConstruction = options.build_effort;
@@ -119,7 +141,7 @@ std::unique_ptr<CandidateSource> lists_of_keys(const PlaceIndex& index,
   check_positive("lists of keys, threads", options.threads);
   const OpenMpThreads threads(options.threads);
   const int64_t bytes =
-                    (index.key_numbers() + options.numbers_per_byte - 1) / options.numbers_per_byte,
+                    (numbers_of(index) + options.numbers_per_byte - 1) / options.numbers_per_byte,
                 d = bytes * options.numbers_per_byte;
   const int64_t n_lists =
       options.lists > 0

@@ -7,21 +7,11 @@
 #include "revisit/recognition/cosine.h"
 
 namespace revisit::pipeline {
-namespace {
-
-void unit_length(std::span<const float> x, std::span<float> key) {
-  const double length = length_of(x), scale = length > 0 ? 1 / length : 0;
-  std::ranges::transform(x, key.begin(),
-                         [scale](float v) { return static_cast<float>(v * scale); });
-}
-
-}  // namespace
 
 PlaceIndex::PlaceIndex(int64_t dim, Comparison comparison)
     : dim_(dim), comparison_(std::move(comparison)) {
-  if (!by_cosine()) return;
-  comparison_.make_key = unit_length;
-  comparison_.key_numbers = dim;
+  if (comparison_.key_candidates > 0 && comparison_.keys)
+    choose_by(comparison_.keys(), comparison_.key_candidates);
 }
 
 void PlaceIndex::check(std::span<const float> descriptor, const char* what) const {
@@ -34,10 +24,8 @@ void PlaceIndex::check(std::span<const float> descriptor, const char* what) cons
 
 PlaceIndex::Block& PlaceIndex::block_to_add_to() {
   if (static_cast<int64_t>(blocks_.size()) * kPlacesInBlock == size_) {
-    const bool keys = !by_cosine() && comparison_.key_candidates > 0;
     blocks_.push_back({{},
                        std::vector<const float*>(kPlacesInBlock),
-                       FloatMatrix(keys ? kPlacesInBlock : 0, key_numbers()),
                        std::vector<double>(by_cosine() ? kPlacesInBlock : 0)});
   }
   return blocks_.back();
@@ -57,13 +45,8 @@ void PlaceIndex::refer_to(std::span<const float> descriptor) {
   Block& block = block_to_add_to();
   const int64_t row = size_ % kPlacesInBlock;
   block.rows[static_cast<size_t>(row)] = descriptor.data();
-  if (block.keys.n > 0) make_key(descriptor, block.keys.row(row));
   if (by_cosine()) block.lengths[static_cast<size_t>(row)] = length_of(descriptor);
-  if (source_) {
-    std::vector<float> key(static_cast<size_t>(key_numbers()));
-    make_key(descriptor, key);
-    source_->add(key);
-  }
+  if (source_) source_->add(descriptor);
   ++size_;
 }
 
@@ -72,12 +55,7 @@ std::span<const float> PlaceIndex::descriptor(int64_t place) const {
   return {block.rows[static_cast<size_t>(place % kPlacesInBlock)], static_cast<size_t>(dim_)};
 }
 
-void PlaceIndex::make_key(std::span<const float> descriptor, std::span<float> key) const {
-  comparison_.make_key(descriptor, key);
-}
-
 void PlaceIndex::choose_by(std::unique_ptr<CandidateSource> source, int64_t count) {
-  if (key_numbers() == 0) throw UsageError("PlaceIndex: a source of candidates needs keys");
   if (source->size() != size_)
     throw UsageError(
         str("PlaceIndex: expected a source of ", size_, " places, found ", source->size()));

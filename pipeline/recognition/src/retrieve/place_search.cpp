@@ -41,6 +41,12 @@ void rank(std::vector<RankedPlace>& places, const SearchOptions& options, Match&
   match.score = options.score == Score::kBest ? best : 2 * best - kth;
 }
 
+void unit_length(std::span<const float> x, double length, std::span<float> direction) {
+  const double scale = length > 0 ? 1 / length : 0;
+  std::ranges::transform(x, direction.begin(),
+                         [scale](float v) { return static_cast<float>(v * scale); });
+}
+
 /// Rows of `d` floats that a product takes together.
 int64_t rows_together_of(int64_t d, int64_t most) {
   return std::clamp<int64_t>(kFloatsTogether / std::max<int64_t>(1, d), 8, most);
@@ -53,6 +59,7 @@ struct PlaceSearch::Asked {
   double length = 0;                        // for cosines
   size_t first_range = 0, after_range = 0;  // of its candidates, in Memory::ranges
   int64_t n_candidates = 0;
+  bool proposed = false;  // those that are compared, by the source
 };
 
 /// What one thread finds in its share of the places.
@@ -73,11 +80,11 @@ struct PlaceSearch::Comparing {
 
 struct PlaceSearch::Memory {
   std::vector<Asked> asked;
-  std::vector<CandidateRange> ranges;  // of all queries, none of them empty
-  std::vector<CandidateRange> united;  // what any of them may find
-  std::vector<float> keys;             // [queries][key_numbers()]
+  std::vector<CandidateRange> ranges;          // of all queries, none of them empty
+  std::vector<CandidateRange> united;          // what any of them may find
+  std::vector<std::vector<int64_t>> proposed;  // to each query by the source
+  std::vector<float> directions;               // of the queries, at unit length
   std::vector<Part> parts;
-  std::vector<int64_t> proposed;
 };
 
 PlaceSearch::Memory& PlaceSearch::memory_of_this_thread() {
@@ -97,25 +104,20 @@ PlaceSearch::PlaceSearch(const PlaceIndex& index, const SearchOptions& options)
   if (index.by_cosine()) {
     keep_ = options.k;
     slack_ = rounding_of_cosines(index.dim_);
-  } else if (index.comparison_.key_candidates > 0) {
-    keep_ = index.comparison_.key_candidates;
   }
 }
 
 size_t PlaceSearch::most_together() const {
-  if (index_.source_) return 1;
   return static_cast<size_t>(index_.by_cosine() ? rows_together_of(index_.dim_, 512) : 64);
 }
 
 void PlaceSearch::answer(std::span<const Query> queries, int64_t first, std::span<Match> matches) {
   take(queries);
-  const bool any_narrowed =
-      std::ranges::any_of(memory_.asked, [this](const Asked& asked) { return narrowed(asked); });
-  if (any_narrowed || index_.source_) make_keys();
-  const bool proposed = index_.source_ && propose();
-  if (any_narrowed && !proposed) choose_by_products();
+  if (index_.source_) propose();
+  if (std::ranges::any_of(memory_.asked, [this](const Asked& asked) { return narrowed(asked); }))
+    choose_by_products();
   parallel_for(static_cast<int64_t>(queries.size()), options_.threads, [&](int64_t q) {
-    matches[static_cast<size_t>(q)] = compare(static_cast<size_t>(q), proposed, first + q);
+    matches[static_cast<size_t>(q)] = compare(static_cast<size_t>(q), first + q);
   });
 }
 
@@ -157,58 +159,37 @@ std::span<const CandidateRange> PlaceSearch::candidates_of(const Asked& asked) c
       .subspan(asked.first_range, asked.after_range - asked.first_range);
 }
 
-/// Whether not all of its candidates are compared.
+/// Whether products choose those of its candidates that are compared.
 bool PlaceSearch::narrowed(const Asked& asked) const {
-  return keep_ < asked.n_candidates;
+  return keep_ < asked.n_candidates && !asked.proposed;
 }
 
-void PlaceSearch::make_keys() {
-  const auto numbers = static_cast<size_t>(index_.key_numbers());
-  memory_.keys.resize(memory_.asked.size() * numbers);
-  for (size_t q = 0; q < memory_.asked.size(); ++q)
-    index_.make_key(memory_.asked[q].descriptor,
-                    std::span(memory_.keys).subspan(q * numbers, numbers));
-}
-
-/// The candidates of the only query that the source knows of; false when they are fewer than asked
-/// for.
-bool PlaceSearch::propose() {
-  const Asked& asked = memory_.asked.front();
-  // What is left out of the candidates, as the last places often are, may be the most similar.
-  const int64_t left_out = index_.size_ - asked.n_candidates;
-  std::vector<int64_t>& proposed = memory_.proposed;
-  index_.source_->find(memory_.keys, index_.from_source_ + std::min(left_out, index_.from_source_),
-                       proposed);
-  std::erase_if(proposed, [ranges = candidates_of(asked)](int64_t place) {
-    return std::ranges::none_of(ranges, [place](const CandidateRange& range) {
-      return place >= range.begin && place < range.end;
-    });
+/// Asks the source where there are more candidates than it is to propose.
+void PlaceSearch::propose() {
+  const auto n_queries = static_cast<int64_t>(memory_.asked.size());
+  if (memory_.proposed.size() < memory_.asked.size()) memory_.proposed.resize(memory_.asked.size());
+  // Several queries are shared among the threads, or the places of one.
+  const int threads_of_one = n_queries > 1 ? 1 : options_.threads;
+  parallel_for(n_queries, options_.threads, [&](int64_t q) {
+    Asked& asked = memory_.asked[static_cast<size_t>(q)];
+    if (asked.n_candidates <= index_.from_source_) return;
+    std::vector<int64_t>& proposed = memory_.proposed[static_cast<size_t>(q)];
+    index_.source_->find(asked.descriptor, candidates_of(asked), index_.from_source_,
+                         threads_of_one, proposed);
+    std::ranges::sort(proposed);
+    asked.proposed =
+        static_cast<int64_t>(proposed.size()) >= std::min<int64_t>(options_.k, index_.from_source_);
   });
-  std::ranges::sort(proposed);
-  return static_cast<int64_t>(proposed.size()) >= std::min<int64_t>(options_.k, asked.n_candidates);
-}
-
-/// Calls `run(place, n)` for the places [from, to), as they are counted over the united candidates:
-/// n that follow each other in a block, and not too many numbers.
-template <class Run>
-void PlaceSearch::for_each_run(int64_t from, int64_t to, const Run& run) const {
-  const int64_t most = rows_together_of(index_.dim_, kPlacesInBlock);
-  int64_t before = 0;
-  for (const CandidateRange& range : memory_.united) {
-    const int64_t last = std::min(range.end, range.begin + to - before);
-    for (int64_t place = range.begin + std::max<int64_t>(0, from - before); place < last;) {
-      const int64_t n = std::min({last - place, kPlacesInBlock - row_of(place), most});
-      run(place, n);
-      place += n;
-    }
-    before += range.size();
-  }
 }
 
 /// Fills the shortlists of memory_.parts[0].
 void PlaceSearch::choose_by_products() {
-  int64_t n_places = 0;
-  for (const CandidateRange& range : memory_.united) n_places += range.size();
+  const auto d = static_cast<size_t>(index_.dim_);
+  memory_.directions.resize(memory_.asked.size() * d);
+  for (size_t q = 0; q < memory_.asked.size(); ++q)
+    unit_length(memory_.asked[q].descriptor, memory_.asked[q].length,
+                std::span(memory_.directions).subspan(q * d, d));
+  const int64_t n_places = places_of(memory_.united);
   const int64_t n_parts = std::clamp<int64_t>(n_places / kPlacesInBlock, 1, options_.threads);
   const size_t n_queries = memory_.asked.size();
   std::vector<Part>& parts = memory_.parts;
@@ -218,7 +199,8 @@ void PlaceSearch::choose_by_products() {
     if (part.shortlists.size() < n_queries) part.shortlists.resize(n_queries);
     for (size_t q = 0; q < n_queries; ++q)
       if (narrowed(memory_.asked[q])) part.shortlists[q].begin(keep_, slack_);
-    for_each_run(n_places * i / n_parts, n_places * (i + 1) / n_parts,
+    for_each_run(memory_.united, n_places * i / n_parts, n_places * (i + 1) / n_parts,
+                 rows_together_of(index_.dim_, kPlacesInBlock),
                  [&](int64_t place, int64_t n) { products_of_run(place, n, part); });
   });
   for (int64_t i = 1; i < n_parts; ++i)
@@ -243,21 +225,16 @@ const float* PlaceSearch::rows_together(int64_t place, int64_t n, Part& part) co
 }
 
 void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
-  const bool cosines = index_.by_cosine();
-  const PlaceIndex::Block& block = index_.blocks_[static_cast<size_t>(place / kPlacesInBlock)];
-  const int64_t d = index_.key_numbers();
+  const int64_t d = index_.dim_;
   const auto n_queries = static_cast<int64_t>(memory_.asked.size());
-  const float* const rows =
-      cosines ? rows_together(place, n, part) : block.keys.row(row_of(place)).data();
+  const float* const rows = rows_together(place, n, part);
   part.products.resize(static_cast<size_t>(n_queries * n));
-  // Keys are multiplied in one way only, as no slack makes up for another rounding of products.
-  if (cosines && n_queries > 1)
-    multiply_transposed(n_queries, n, d, memory_.keys.data(), d, rows, d, part.products.data(), n);
+  if (n_queries > 1)
+    multiply_transposed(n_queries, n, d, memory_.directions.data(), d, rows, d,
+                        part.products.data(), n);
   else
-    for (int64_t q = 0; q < n_queries; ++q)
-      products_of_rows({memory_.keys.data() + q * d, static_cast<size_t>(d)}, rows,
-                       {part.products.data() + q * n, static_cast<size_t>(n)});
-  if (cosines) scale_to_cosines(place, n, part);
+    products_of_rows(memory_.directions, rows, part.products);
+  scale_to_cosines(place, n, part);
   for (int64_t q = 0; q < n_queries; ++q) {
     const Asked& asked = memory_.asked[static_cast<size_t>(q)];
     if (!narrowed(asked)) continue;
@@ -299,11 +276,11 @@ double PlaceSearch::length_at(int64_t place) const {
 }
 
 /// The places that query `q` is compared with, ascending.
-void PlaceSearch::list_chosen(size_t q, bool proposed, std::vector<int64_t>& chosen) const {
+void PlaceSearch::list_chosen(size_t q, std::vector<int64_t>& chosen) const {
   const Asked& asked = memory_.asked[q];
   chosen.clear();
-  if (proposed)
-    chosen = memory_.proposed;
+  if (asked.proposed)
+    chosen = memory_.proposed[q];
   else if (narrowed(asked))
     for (const Shortlist::Entry& entry : memory_.parts[0].shortlists[q].finish())
       chosen.push_back(entry.position);
@@ -312,13 +289,13 @@ void PlaceSearch::list_chosen(size_t q, bool proposed, std::vector<int64_t>& cho
       for (int64_t place = range.begin; place < range.end; ++place) chosen.push_back(place);
 }
 
-Match PlaceSearch::compare(size_t q, bool proposed, int64_t number) const {
+Match PlaceSearch::compare(size_t q, int64_t number) const {
   thread_local Comparing memory;
   const Asked& asked = memory_.asked[q];
   Match match;
   match.query = number;
   if (asked.n_candidates == 0) return match;
-  list_chosen(q, proposed, memory.chosen);
+  list_chosen(q, memory.chosen);
   memory.places.clear();
   for (const int64_t place : memory.chosen) memory.places.push_back(index_.descriptor(place));
   memory.similarities.resize(memory.chosen.size());

@@ -4,12 +4,11 @@
 #include <span>
 #include <vector>
 
+#include "retrieve/runs.h"
 #include "retrieve/shortlist.h"
 #include "revisit/recognition/place_index.h"
 
 namespace revisit::pipeline {
-
-inline constexpr int64_t kPlacesInBlock = 1024;
 
 /// Answers queries of a PlaceIndex, several together. It works in memory that its thread keeps for
 /// the next search.
@@ -34,24 +33,21 @@ class PlaceSearch {
   void unite_candidates();
   std::span<const CandidateRange> candidates_of(const Asked& asked) const;
   bool narrowed(const Asked& asked) const;
-  void make_keys();
-  bool propose();
+  void propose();
 
-  template <class Run>
-  void for_each_run(int64_t from, int64_t to, const Run& run) const;
   void choose_by_products();
   void products_of_run(int64_t place, int64_t n, Part& part) const;
   void scale_to_cosines(int64_t place, int64_t n, Part& part) const;
   const float* rows_together(int64_t place, int64_t n, Part& part) const;
 
   double length_at(int64_t place) const;
-  void list_chosen(size_t q, bool proposed, std::vector<int64_t>& chosen) const;
-  Match compare(size_t q, bool proposed, int64_t number) const;
+  void list_chosen(size_t q, std::vector<int64_t>& chosen) const;
+  Match compare(size_t q, int64_t number) const;
 
   const PlaceIndex& index_;
   const SearchOptions& options_;
   Memory& memory_;
-  int64_t keep_;  // so many, those with the largest products, are compared
+  int64_t keep_;  // of cosines so many, those with the largest products, are compared
   float slack_;
 };
 

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <numeric>
 
 #include "revisit/proto/error.h"
 #include "ring/correlation.h"
+#include "ring/keys.h"
 #include "ring/spectrum.h"
 
 namespace revisit::pipeline {
@@ -72,20 +72,6 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
   return {std::clamp(correlation.at(best), -1.0, 1.0), -std::remainder(best, 2 * std::numbers::pi)};
 }
 
-namespace {
-
-void make_ring_key(const std::vector<int>& counts, std::span<const float> x, std::span<float> key) {
-  size_t first = 0, to = 0;
-  for (size_t f = 0; f < counts.size(); ++f) {
-    const auto n = static_cast<size_t>(counts[f]);
-    for (size_t i = first; i < first + n; ++i)
-      key[to++] = f > 0 ? std::sqrt(x[i] * x[i] + x[n + i] * x[n + i]) : std::abs(x[i]);
-    first += f > 0 ? 2 * n : n;
-  }
-}
-
-}  // namespace
-
 Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
   if (layout.counts.size() > kRingFrequencies)
     throw UsageError(str("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
@@ -104,10 +90,7 @@ Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
   rings.turn = [layout](std::span<const float> a, std::span<const float> b) {
     return match_rings(a, b, layout).turn;
   };
-  rings.make_key = [counts = layout.counts](std::span<const float> x, std::span<float> key) {
-    make_ring_key(counts, x, key);
-  };
-  rings.key_numbers = std::accumulate(layout.counts.begin(), layout.counts.end(), int64_t{0});
+  rings.keys = [layout] { return std::make_unique<RingKeys>(layout); };
   rings.key_candidates = key_candidates;
   return rings;
 }

@@ -4,9 +4,10 @@
 
 #include "revisit/recognition/place_index.h"
 
-/// Candidates for PlaceIndex::choose_by() in maps too large to compare every place, by FAISS. Both
-/// sources know the keys of the places in `index` and take new ones. They throw UsageError for an
-/// index without keys or places, for bad options, and in a program built without FAISS.
+/// Candidates for PlaceIndex::choose_by() in maps too large to compare every place, by FAISS, of
+/// descriptors compared by cosine. Both sources know the places in `index` by their keys, which are
+/// descriptors at unit length, and take new ones. They throw UsageError for an index without places
+/// or with another comparison, for bad options, and in a program built without FAISS.
 namespace revisit::pipeline {
 
 /// A graph from place to similar place (HNSW), keys in half precision.

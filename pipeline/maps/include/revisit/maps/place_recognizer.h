@@ -24,9 +24,9 @@ struct RecognizerOptions {
   std::optional<double> threshold;
   int k = 4;
   Score score = Score::kMargin;
-  /// Of large maps: this many places, proposed by a graph of their keys, are compared
-  /// (large_maps.h). The graph is made when a map is opened, grows with it and is not kept.
-  /// 0: no graph.
+  /// Of large maps of a feature compared by cosine: this many places, proposed by a graph, are
+  /// compared (large_maps.h). The graph is made when a map is opened, grows with it and is not
+  /// kept. 0: no graph.
   int64_t graph_candidates = 0;
 };
 

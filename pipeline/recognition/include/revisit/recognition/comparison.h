@@ -2,7 +2,10 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
+
+#include "revisit/recognition/candidate_source.h"
 
 namespace revisit::pipeline {
 
@@ -18,12 +21,10 @@ struct Comparison {
   /// Heading of b less heading of a, counter-clockwise [rad]. Empty: descriptors do not tell it.
   std::function<double(std::span<const float> a, std::span<const float> b)> turn;
 
-  /// A short vector of a descriptor. The product of two of them says roughly how alike their
-  /// descriptors are, in less time than their similarity. Cosines need none: there the key is the
-  /// descriptor at unit length.
-  std::function<void(std::span<const float> descriptor, std::span<float> key)> make_key;
-  int64_t key_numbers = 0;     // of a key; 0: there are no keys
-  int64_t key_candidates = 0;  // so many, those with the largest products, are compared; 0: all
+  /// Makes a source without places that chooses whom to compare by keys: rough copies of
+  /// descriptors, all of which are compared, in a fraction of the time. Empty: there are none.
+  std::function<std::unique_ptr<CandidateSource>()> keys;
+  int64_t key_candidates = 0;  // so many of them, the most similar, are compared; 0: all places
 };
 
 }  // namespace revisit::pipeline

@@ -15,12 +15,6 @@
 
 namespace revisit::pipeline {
 
-/// Places that may be found, [begin, end): what is in no range is left out.
-struct CandidateRange {
-  int64_t begin = 0, end = 0;
-  int64_t size() const { return end - begin; }
-};
-
 /// What is asked, and who may be found. Refers to both.
 struct Query {
   std::span<const float> descriptor;
@@ -58,19 +52,18 @@ class PlaceIndex {
   void refer_to(std::span<const float> descriptor);
   std::span<const float> descriptor(int64_t place) const;
 
-  /// Numbers of a key; 0 when there are none. For cosines the key is the descriptor at unit length.
-  int64_t key_numbers() const { return comparison_.key_numbers; }
-  /// The key of `descriptor` [dim] -> `key` [key_numbers()].
-  void make_key(std::span<const float> descriptor, std::span<float> key) const;
+  /// Whether descriptors are compared by their cosine.
+  bool by_cosine() const { return !comparison_.similarity; }
 
   /// From now on `source`, which knows all places there are, proposes the `count` places that are
   /// compared; places added later are added to it, too. Throws UsageError when it knows more or
-  /// fewer, when there are no keys and for a count below 1.
+  /// fewer and for a count below 1.
   void choose_by(std::unique_ptr<CandidateSource> source, int64_t count);
 
   /// The options.k candidates most similar to `query` [dim]; no ranks where there is no candidate.
-  /// When keys choose (Comparison::key_candidates), only those chosen are compared. All places are
-  /// searched when a source proposes fewer than options.k of the candidates.
+  /// Where keys (Comparison::key_candidates) or another source choose among more of them, only
+  /// those chosen are compared. All are when a source finds fewer than asked for and than
+  /// options.k.
   ///
   /// For cosines the matrix product only selects, what is kept is computed again in double
   /// precision. Allocates nothing but the result once a thread has asked before, besides what
@@ -91,18 +84,16 @@ class PlaceIndex {
   struct Block {
     FloatMatrix copies;              // of descriptors
     std::vector<const float*> rows;  // the descriptors, there or where they are referred to
-    FloatMatrix keys;             // empty for cosines: a descriptor is its key but for the length
-    std::vector<double> lengths;  // of the descriptors, for cosines
+    std::vector<double> lengths;     // of the descriptors, for cosines
   };
-  bool by_cosine() const { return !comparison_.similarity; }
   Block& block_to_add_to();
   void check(std::span<const float> descriptor, const char* what) const;
 
   int64_t dim_;
   Comparison comparison_;
   std::deque<Block> blocks_;
-  std::unique_ptr<CandidateSource> source_;
-  int64_t from_source_ = 0;  // so many are asked of it
+  std::unique_ptr<CandidateSource> source_;  // none: all are compared
+  int64_t from_source_ = 0;                  // so many are asked of it
   int64_t size_ = 0;
 };
 

@@ -14,8 +14,7 @@ struct RingOptions {
   /// Added to the total spread, in units of its mean eigenvalue: how much small variances count.
   double regularisation = 1e-2;
   double adapt = 0.3;  // see fit_to_map()
-  /// This many candidates are compared, those with the most similar keys (ring_comparison()); 0:
-  /// all.
+  /// This many candidates are compared, those with the most similar keys (match.h); 0: all.
   int64_t key_candidates = 0;
 };
 

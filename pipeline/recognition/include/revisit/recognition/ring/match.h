@@ -24,9 +24,8 @@ struct RingMatch {
 RingMatch match_rings(std::span<const float> a, std::span<const float> b, const RingLayout& layout);
 
 /// The same of a query with many: similarity (0 for a descriptor that is all zero) and turn. A key
-/// is what a turn of the sensor does not change: the moduli of a descriptor's complex numbers. The
-/// product of two keys is never less than the similarity of their descriptors. Throws UsageError
-/// for more frequencies than rings have.
+/// is a rough copy of a descriptor, 128 of its complex numbers in a byte each, compared at 32
+/// turns. Throws UsageError for more frequencies than rings have.
 Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates = 0);
 
 }  // namespace revisit::pipeline
