@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Makes the ring models that the program carries, pipeline/recognition/ring_models/SENSOR.ring, anew:
-# for each sensor a drive through a simulated town, and what scans of one place share in it. The
-# drives take 4 GB in FOLDER (default results/ring_models) and some minutes. With the folder of
+# for each sensor a drive through a simulated town, and what scans of one place share in it; and
+# drives through other towns and surroundings, which tell how sure a match with some score is. The
+# drives take 20 GB in FOLDER (default results/ring_models) and half an hour. With the folder of
 # SqueezeNet v1.0 also those of its columns, SENSOR-squeezenet.ring.
 #   tools/learn_ring_models.sh [FOLDER [DEPLOY.PROTOTXT WEIGHTS.CAFFEMODEL]]
 set -euo pipefail
@@ -10,6 +11,21 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 revisit=${REVISIT:-$root/build/release/tools/revisit}
 work=${1:-$root/results/ring_models}
 mkdir -p "$work"
+
+# calibrate SENSOR MODEL [OPTION...]
+calibrate() {
+  local sensor=$1 model=$2 drives=()
+  for surroundings in town village country motorway car-park old-town; do
+    # In half of them most scans are of places that were not seen before.
+    route=both
+    case $surroundings in village | motorway | car-park) route=loop ;; esac
+    drives+=("$work/$sensor-$surroundings")
+    "$revisit" simulate -o "${drives[-1]}" --sensor "$sensor" --surroundings $surroundings \
+      --route $route --length 1600 --every 4 --seed 31 --quiet
+  done
+  "$revisit" calibrate "$model" "${drives[@]}" "${@:3}"
+}
+
 for sensor in hdl64 vlp16 ouster-os1-64; do
   net=ring64
   [ $sensor != vlp16 ] || net=ring16
@@ -17,9 +33,11 @@ for sensor in hdl64 vlp16 ouster-os1-64; do
   "$revisit" simulate -o "$work/$sensor" --sensor $sensor --route both --length 2400 --every 4 --seed 3 --quiet
   "$revisit" learn "$work/$sensor" --sensor $sensor --model "$work/$net/${net}_random.prototxt" --layers pool1=64 \
     --cache "$work/$sensor/rings" -o "$root/pipeline/recognition/ring_models/$sensor.ring"
+  calibrate $sensor "$root/pipeline/recognition/ring_models/$sensor.ring"
   [ $# -eq 3 ] || continue
   layers=pool1=32,pool4=32
   [ $sensor != vlp16 ] || layers=pool1=64  # 16 rows are too few for the deeper one
   "$revisit" learn "$work/$sensor" --sensor $sensor --model "$2" --weights "$3" --layers $layers \
     --cache "$work/$sensor/squeezenet_rings" -o "$root/pipeline/recognition/ring_models/$sensor-squeezenet.ring"
+  calibrate $sensor "$root/pipeline/recognition/ring_models/$sensor-squeezenet.ring" --weights "$3"
 done

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calibration/content.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/file_content.h"
@@ -138,6 +139,7 @@ std::string ring_model_content(const RingModel& model) {
   message.set_sensor(model.sensor);
   message.set_learnt_from(model.learnt_from);
   message.set_scans(model.scans);
+  if (model.calibration) fill(*model.calibration, *message.mutable_calibration());
   fill(model.columns, *message.mutable_columns());
   fill(model.polar, *message.mutable_polar());
   ring::File whole;
@@ -206,6 +208,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
                 "one of its rings was learnt from pairs, the other was not");
   to.learnt_from = from.learnt_from();
   to.scans = from.scans();
+  if (from.has_calibration()) to.calibration = calibration_from(from.calibration(), name);
   return to;
 }
 

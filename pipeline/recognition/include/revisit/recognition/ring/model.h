@@ -4,10 +4,12 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "revisit/recognition/calibration.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/polar_heights.h"
 #include "revisit/recognition/range_image.h"
@@ -52,6 +54,8 @@ struct RingModel {
   RingStatistics columns, polar;
   std::string learnt_from;  // for people
   int64_t scans = 0;        // that the rings were learnt from
+  /// Of matches of ring_recogniser()'s descriptors with its default options.
+  std::optional<Calibration> calibration;
   /// Floats of a scan's feature: both rings.
   int64_t dim() const { return columns.size() + polar.size(); }
 };
