@@ -209,11 +209,11 @@ TEST(PlaceRecognizer, ThresholdsAreNumbers) {
   EXPECT_FALSE(recognizer.threshold());
 }
 
-/// Matches scored less than 0.2 are wrong, from 0.7 on right, between them mostly.
+/// Matches scored less than 0.2 are wrong, from 1.1 on right, between them mostly.
 Calibration some_calibration() {
   Calibration calibration;
   calibration.learnt_from = "a town";
-  calibration.blocks = {{-1, 1000, 0}, {0.2, 100, 95}, {0.7, 1000, 1000}};
+  calibration.blocks = {{-1, 1000, 0}, {0.2, 100, 80}, {1.1, 1000, 1000}};
   return calibration;
 }
 
@@ -225,7 +225,7 @@ FeatureExtractor calibrated_coordinates() {
 
 TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
   PlaceRecognizer recognizer(calibrated_coordinates(), {.first_stretch = 30});
-  EXPECT_EQ(recognizer.threshold(), 0.7);
+  EXPECT_EQ(recognizer.threshold(), 1.1);
   EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.precision = 0.9}).threshold(), 0.2);
   EXPECT_FALSE(PlaceRecognizer(calibrated_coordinates(), {.precision = 0.9999}).threshold());
   EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.threshold = 0.3}).threshold(), 0.3);
@@ -234,7 +234,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
   for (int i = 50; i < 150; ++i) {  // the first half without its own place
     const std::vector<int64_t> without = i < 100 ? std::vector<int64_t>{i} : std::vector<int64_t>{};
     const auto loop = recognizer.query(recognizer.describe(view_of(scan_of(i))), without);
-    EXPECT_EQ(loop->accepted, loop->score >= 0.7);
+    EXPECT_EQ(loop->accepted, loop->score >= 1.1);
     EXPECT_EQ(loop->probability, some_calibration().probability(loop->score));
     accepted += loop->accepted ? 1 : 0;
   }
@@ -261,17 +261,17 @@ TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
     return PlaceRecognizer(calibrated_coordinates(), options, map_in(folder / "a.map"));
   };
   Calibration own = some_calibration();
-  own.blocks[2].lowest = 0.8;
+  own.blocks[2].lowest = 1.2;
   own.learnt_from = "this robot";
   {
     PlaceRecognizer recognizer = opened();
-    EXPECT_EQ(recognizer.threshold(), 0.7);
+    EXPECT_EQ(recognizer.threshold(), 1.1);
     recognizer.calibrate(own);
-    EXPECT_EQ(recognizer.threshold(), 0.8);
+    EXPECT_EQ(recognizer.threshold(), 1.2);
   }
   {
     PlaceRecognizer again = opened();
-    EXPECT_EQ(again.threshold(), 0.8);
+    EXPECT_EQ(again.threshold(), 1.2);
     EXPECT_EQ(again.calibration(), own);
     again.calibrate(0.4);
     EXPECT_EQ(again.threshold(), 0.4);
@@ -282,7 +282,7 @@ TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
     EXPECT_EQ(bare.calibration(), some_calibration()) << "then of the feature";
     bare.calibrate(own);
   }
-  EXPECT_EQ(opened().threshold(), 0.8) << "the threshold has no say any more";
+  EXPECT_EQ(opened().threshold(), 1.2) << "the threshold has no say any more";
   EXPECT_EQ(opened({.threshold = 0.1}).threshold(), 0.1);
   EXPECT_EQ(opened({.precision = 0.9}).threshold(), 0.2);
   open_map(folder / "a.map", MapAccess::kWrite)->set_value(kCalibrationValue, "nonsense");

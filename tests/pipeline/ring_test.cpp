@@ -382,17 +382,6 @@ TEST(RingModelFile, KeepsItsCalibration) {
   learnt.model.calibration->blocks = {{0.1, 50, 0}, {0.6, 900, 899.5}};
   const std::string content = ring_model_content(learnt.model);
   EXPECT_EQ(parse_ring_model(content, "x").calibration, learnt.model.calibration);
-  // A feature of other options has other scores. A map's basis is the same, however calibrated.
-  const engine::Net net = ring_net(learnt.model);
-  const FeatureExtractor rings = ring_recogniser(learnt.model, net, {});
-  EXPECT_EQ(rings.calibration, learnt.model.calibration);
-  EXPECT_FALSE(ring_recogniser(learnt.model, net, {.adapt = 0.5}).calibration);
-  RingModel plain = learnt.model;
-  plain.calibration.reset();
-  const FeatureExtractor without = ring_recogniser(plain, net, {});
-  EXPECT_EQ(rings.key, without.key);
-  EXPECT_EQ(rings.reduce(learnt.rings.rows(), learnt.scans).content,
-            without.reduce(learnt.rings.rows(), learnt.scans).content);
   learnt.model.calibration->blocks[1].right = 1000;
   expect_error<InputError>([&] { parse_ring_model(ring_model_content(learnt.model), "x.ring"); },
                            {"x.ring", "1000 of 900"});
