@@ -71,7 +71,7 @@ function(revisit_precompile target)
                                               <vector> ${ARGN})
 endfunction()
 
-# revisit_schema(TARGET FILE.proto): protobuf's code for it, compiled apart from ours, as it does not meet our warnings.
+# revisit_schema(TARGET FILES): protobuf's code for them, compiled apart from ours, as it does not meet our warnings.
 function(revisit_schema target file)
   add_library(${target} OBJECT ${file})
   target_link_libraries(${target} PUBLIC protobuf::libprotobuf)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Draws the loops of a drive: where they are, and one of them close to, with range images and headings.
 
-  revisit loops drive --threshold 0.6 --all --format jsonl -o loops.jsonl      # the drive needs poses
+  revisit loops drive --all --format jsonl -o loops.jsonl      # the drive needs poses
   draw_loops.py loops.jsonl -o loops.png
   revisit image drive/velodyne/000452.bin --align none --gamma 2 -o look       # scan 452; the same for its place
   draw_loops.py loops.jsonl --frame 452 --images look -o loops.png

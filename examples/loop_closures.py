@@ -50,7 +50,7 @@ def main():
                         help='make a drive of this length in the folder first')
     parser.add_argument('--sensor', help='found from the scans unless given')
     parser.add_argument('--map', help='where places are kept; nowhere unless given')
-    parser.add_argument('--threshold', type=float, default=0.5, help='of the score')
+    parser.add_argument('--threshold', type=float, help='of the score (default: where 99 of 100 loops are right)')
     parser.add_argument('--same-moment', type=int, default=20, help='scans just before, which are not compared')
     parser.add_argument('-o', '--output', help='a picture (needs matplotlib)')
     o = parser.parse_args()

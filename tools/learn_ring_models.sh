@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Makes the ring models that the program carries, pipeline/recognition/ring_models/SENSOR.ring, anew:
-# for each sensor drives through three simulated towns, and what scans of one place share in them.
-# The drives take 12 GB in FOLDER (default results/ring_models) and a quarter of an hour. With the folder of
+# for each sensor drives through three simulated towns, and what scans of one place share in them; and
+# drives through other towns and surroundings, which tell how sure a match with some score is. The
+# drives take 25 GB in FOLDER (default results/ring_models) and half an hour. With the folder of
 # SqueezeNet v1.0 also those of its columns, SENSOR-squeezenet.ring.
 #   tools/learn_ring_models.sh [FOLDER [DEPLOY.PROTOTXT WEIGHTS.CAFFEMODEL]]
 set -euo pipefail
@@ -10,6 +11,24 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 revisit=${REVISIT:-$root/build/release/tools/revisit}
 work=${1:-$root/results/ring_models}
 mkdir -p "$work"
+
+# Both take their drives from FOLDER, where they simulate them once.
+simulate() {  # simulate FOLDER OPTION...
+  [ -d "$1" ] || "$revisit" simulate -o "$1" --every 4 --quiet "${@:2}"
+}
+calibrate() {  # calibrate SENSOR MODEL [OPTION...]
+  local sensor=$1 model=$2 drives=()
+  for surroundings in town village country motorway car-park old-town; do
+    # In half of them most scans are of places that were not seen before.
+    route=both
+    case $surroundings in village | motorway | car-park) route=loop ;; esac
+    drives+=("$work/$sensor-$surroundings")
+    simulate "${drives[-1]}" --sensor "$sensor" --surroundings $surroundings --route $route \
+      --length 1600 --seed 31
+  done
+  "$revisit" calibrate "$model" "${drives[@]}" "${@:3}"
+}
+
 for sensor in hdl64 vlp16 ouster-os1-64; do
   net=ring64
   [ $sensor != vlp16 ] || net=ring16
@@ -17,13 +36,16 @@ for sensor in hdl64 vlp16 ouster-os1-64; do
   drives=()
   for seed in 3 7 8; do
     drives+=("$work/$sensor-$seed")
-    "$revisit" simulate -o "${drives[-1]}" --sensor $sensor --route both --length 2400 --every 4 --seed $seed --quiet
+    simulate "${drives[-1]}" --sensor $sensor --route both --length 2400 --seed $seed
   done
-  learn() { "$revisit" learn "${drives[@]}" --sensor $sensor --cache "$work/$sensor-rings" "$@"; }
-  learn --model "$work/$net/${net}_random.prototxt" --weights "$work/$net/${net}_random.caffemodel" --layers pool1=64 \
-    -o "$root/pipeline/recognition/ring_models/$sensor.ring"
+  model=$root/pipeline/recognition/ring_models/$sensor
+  "$revisit" learn "${drives[@]}" --sensor $sensor --model "$work/$net/${net}_random.prototxt" --layers pool1=64 \
+    --weights "$work/$net/${net}_random.caffemodel" --cache "$work/$sensor-rings" -o "$model.ring"
+  calibrate $sensor "$model.ring"
   [ $# -eq 3 ] || continue
   layers=pool1=32,pool4=32
   [ $sensor != vlp16 ] || layers=pool1=64  # 16 rows are too few for the deeper one
-  learn --model "$2" --weights "$3" --layers $layers -o "$root/pipeline/recognition/ring_models/$sensor-squeezenet.ring"
+  "$revisit" learn "${drives[@]}" --sensor $sensor --model "$2" --weights "$3" --layers $layers \
+    --cache "$work/$sensor-rings" -o "$model-squeezenet.ring"
+  calibrate $sensor "$model-squeezenet.ring" --weights "$3"
 done

@@ -40,11 +40,8 @@ class LoopClosureNode : public rclcpp::Node {
   LoopClosureNode() : Node("loop_closure") {
     const RingModel model = shipped_ring_model(declare_parameter("sensor", "hdl64"));
     const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
-    // `revisit loops --calibrate` finds a threshold, and keeps it in the map: then give a negative
-    // one.
-    const double threshold = declare_parameter("threshold", 0.55);
     RecognizerOptions options;
-    if (threshold >= 0) options.threshold = threshold;
+    options.precision = declare_parameter("precision", options.precision);
     same_moment_ = declare_parameter("exclusion_seconds", 30.0);
     const std::string file = declare_parameter("map", "");
     const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);

@@ -16,12 +16,13 @@ KEY_CANDIDATES = 1000
 
 def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
              model: recognition.RingModel | None = None, threshold: float | None = None,
-             first_stretch: int = 200, threads: int = 1) -> PlaceRecognizer:
+             precision: float = 0.99, first_stretch: int = 200, threads: int = 1) -> PlaceRecognizer:
     """A recogniser by rings whose places are in `file`, made when it is missing; None: nowhere.
 
     sensor: whose model comes with the library (recognition.shipped_ring_models()).
     model: another one, as `revisit learn` writes them (recognition.read_ring_model()).
-    threshold: from which score a loop is accepted; None: what the map was calibrated to.
+    threshold: from which score a loop is accepted; None: from where the precision is reached.
+    precision: the share of accepted loops that are to be right, as far as the calibration of the map or the model holds.
     first_stretch: how many places rings learn their mean from.
     threads: of describing one scan.
     `revisit loops --map` reads and writes the same maps.
@@ -32,4 +33,4 @@ def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
     store = None
     if file is not None:
         store = MapStore.open(file, PlaceRecognizer.identity_of(extractor))
-    return PlaceRecognizer(extractor, store, threshold=threshold, first_stretch=first_stretch)
+    return PlaceRecognizer(extractor, store, threshold=threshold, precision=precision, first_stretch=first_stretch)

@@ -72,6 +72,8 @@ void bind_records(nb::module_& module) {
       .def_ro("similarity", &Loop::similarity)
       .def_ro("runner_up", &Loop::runner_up, "The similarity of the k-th best.")
       .def_ro("score", &Loop::score)
+      .def_ro("probability", &Loop::probability,
+              "That the place is right; None without a calibration for this score.")
       .def_ro("turn", &Loop::turn,
               "Heading of the scan less heading of the place, counter-clockwise [rad], or None.")
       .def_ro("accepted", &Loop::accepted, "The score reaches the threshold; False without one.")
@@ -90,11 +92,12 @@ void bind_recognizer(nb::module_& module) {
           "__init__",
           [](Recognizer* self, const FeatureExtractor& extractor, OpenMap* map,
              const std::string& align, const ImageGeometry& geometry, int64_t first_stretch,
-             std::optional<double> threshold, int k, const std::string& score) {
+             std::optional<double> threshold, double precision, int k, const std::string& score) {
             const RecognizerOptions options{.align = parse_align_case(align),
                                             .geometry = geometry,
                                             .first_stretch = first_stretch,
                                             .threshold = threshold,
+                                            .precision = precision,
                                             .k = k,
                                             .score = parse_score(score)};
             without_lock(
@@ -102,12 +105,15 @@ void bind_recognizer(nb::module_& module) {
           },
           "extractor"_a, "map"_a.none() = nb::none(), nb::kw_only(), "align"_a = "none",
           "geometry"_a = ImageGeometry(), "first_stretch"_a = RecognizerOptions().first_stretch,
-          "threshold"_a = nb::none(), "k"_a = RecognizerOptions().k, "score"_a = "margin",
+          "threshold"_a = nb::none(), "precision"_a = RecognizerOptions().precision,
+          "k"_a = RecognizerOptions().k, "score"_a = "margin",
           "map: its places are known at once, and it belongs to the recogniser; None: nothing is "
           "kept.\n"
           "first_stretch: a feature that learns from the map's scans does so from this many.\n"
-          "threshold: of the score, from which a loop is accepted; None: what the map was "
-          "calibrated to.\n"
+          "threshold: of the score, from which a loop is accepted; None: from where the precision "
+          "is reached.\n"
+          "precision: the share of accepted loops that are to be right, as far as the calibration "
+          "of the map or the feature holds.\n"
           "score: 'margin' (2 c1 - ck) or 'cosine' (c1).\n"
           "Raises InputError when the map was made with another feature.")
       .def(
@@ -159,7 +165,7 @@ void bind_recognizer(nb::module_& module) {
           [](Recognizer& self, double threshold) {
             without_lock([&] { self.calibrate(threshold); });
           },
-          "threshold"_a, "Keeps the threshold in the map.")
+          "threshold"_a, "Keeps the threshold in the map, in the place of a calibration.")
       .def_static(
           "identity_of",
           [](const FeatureExtractor& extractor, const std::string& align,

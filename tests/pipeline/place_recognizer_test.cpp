@@ -209,6 +209,86 @@ TEST(PlaceRecognizer, ThresholdsAreNumbers) {
   EXPECT_FALSE(recognizer.threshold());
 }
 
+/// Matches scored less than 0.2 are wrong, from 1.1 on right, between them mostly.
+Calibration some_calibration() {
+  Calibration calibration;
+  calibration.learnt_from = "a town";
+  calibration.blocks = {{-1, 1000, 0}, {0.2, 100, 80}, {1.1, 1000, 1000}};
+  return calibration;
+}
+
+FeatureExtractor calibrated_coordinates() {
+  FeatureExtractor extractor = coordinates();
+  extractor.calibration = some_calibration();
+  return extractor;
+}
+
+TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
+  PlaceRecognizer recognizer(calibrated_coordinates(), {.first_stretch = 30});
+  EXPECT_EQ(recognizer.threshold(), 1.1);
+  EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.precision = 0.9}).threshold(), 0.2);
+  EXPECT_FALSE(PlaceRecognizer(calibrated_coordinates(), {.precision = 0.9999}).threshold());
+  EXPECT_EQ(PlaceRecognizer(calibrated_coordinates(), {.threshold = 0.3}).threshold(), 0.3);
+  drive(recognizer, 0, 100);
+  int accepted = 0;
+  for (int i = 50; i < 150; ++i) {  // the first half without its own place
+    const std::vector<int64_t> without = i < 100 ? std::vector<int64_t>{i} : std::vector<int64_t>{};
+    const auto loop = recognizer.query(recognizer.describe(view_of(scan_of(i))), without);
+    EXPECT_EQ(loop->accepted, loop->score >= 1.1);
+    EXPECT_EQ(loop->probability, some_calibration().probability(loop->score));
+    accepted += loop->accepted ? 1 : 0;
+  }
+  EXPECT_GT(accepted, 0);
+  EXPECT_LT(accepted, 100);
+  // Of other scores it knows nothing.
+  for (const RecognizerOptions& other :
+       {RecognizerOptions{.k = 2}, RecognizerOptions{.score = Score::kBest}}) {
+    PlaceRecognizer uncalibrated(calibrated_coordinates(), other);
+    drive(uncalibrated, 0, 5);
+    EXPECT_FALSE(uncalibrated.threshold());
+    EXPECT_FALSE(uncalibrated.calibration());
+    EXPECT_FALSE(uncalibrated.query(uncalibrated.describe(view_of(scan_of(9))))->probability);
+    expect_error<UsageError>([&] { uncalibrated.calibrate(some_calibration()); }, {"k = 4"});
+  }
+  for (const double precision : {0.0, 1.0, -1.0, std::nan("")})
+    expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.precision = precision}); },
+                             {"precision"});
+}
+
+TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
+  const test::TempDir folder;
+  const auto opened = [&](const RecognizerOptions& options = {}) {
+    return PlaceRecognizer(calibrated_coordinates(), options, map_in(folder / "a.map"));
+  };
+  Calibration own = some_calibration();
+  own.blocks[2].lowest = 1.2;
+  own.learnt_from = "this robot";
+  {
+    PlaceRecognizer recognizer = opened();
+    EXPECT_EQ(recognizer.threshold(), 1.1);
+    recognizer.calibrate(own);
+    EXPECT_EQ(recognizer.threshold(), 1.2);
+  }
+  {
+    PlaceRecognizer again = opened();
+    EXPECT_EQ(again.threshold(), 1.2);
+    EXPECT_EQ(again.calibration(), own);
+    again.calibrate(0.4);
+    EXPECT_EQ(again.threshold(), 0.4);
+  }
+  {
+    PlaceRecognizer bare = opened();
+    EXPECT_EQ(bare.threshold(), 0.4) << "a bare threshold, as older programs keep it";
+    EXPECT_EQ(bare.calibration(), some_calibration()) << "then of the feature";
+    bare.calibrate(own);
+  }
+  EXPECT_EQ(opened().threshold(), 1.2) << "the threshold has no say any more";
+  EXPECT_EQ(opened({.threshold = 0.1}).threshold(), 0.1);
+  EXPECT_EQ(opened({.precision = 0.9}).threshold(), 0.2);
+  open_map(folder / "a.map", MapAccess::kWrite)->set_value(kCalibrationValue, "nonsense");
+  expect_error<InputError>([&] { opened(); }, {"the map's calibration"});
+}
+
 TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {
   PlaceRecognizer recognizer(coordinates(), {});
   const Description none = recognizer.describe({});

@@ -174,5 +174,25 @@ TEST(RingFeatures, OfATrainedNetworkFindEveryPlace) {
   expect_every_place_found(kitti, model, ring_net(model, weights));
 }
 
+TEST(ShippedRings, ACalibrationIsOfTheUsualOptionsAndNoPartOfAMapsBasis) {
+  RingModel model = shipped_ring_model("vlp16");
+  model.calibration.reset();
+  const engine::Net net = ring_net(model);
+  const FeatureExtractor without = ring_recogniser(model, net, {});
+  EXPECT_FALSE(without.calibration);
+  model.calibration.emplace();
+  model.calibration->blocks = {{0.1, 50, 0}, {0.6, 900, 899}};
+  const FeatureExtractor rings = ring_recogniser(model, net, {});
+  EXPECT_EQ(rings.calibration, model.calibration);
+  EXPECT_FALSE(ring_recogniser(model, net, {.adapt = 0.5}).calibration);
+  EXPECT_EQ(rings.key, without.key);
+  FloatMatrix features(3, model.dim());
+  for (size_t i = 0; i < features.values.size(); ++i)
+    features.values[i] = static_cast<float>(i % 7);
+  const std::vector<int64_t> all = {0, 1, 2};
+  EXPECT_EQ(rings.reduce(features.rows(), all).content,
+            without.reduce(features.rows(), all).content);
+}
+
 }  // namespace
 }  // namespace revisit::pipeline

@@ -286,9 +286,9 @@ TEST(World, NothingStandsOnAGeneratedRoad) {
     }
 }
 
-constexpr Surroundings kAllSurroundings[] = {Surroundings::kTown,    Surroundings::kVillage,
-                                             Surroundings::kCountry, Surroundings::kMotorway,
-                                             Surroundings::kCarPark, Surroundings::kOldTown};
+constexpr Surroundings kAllSurroundings[] = {
+    Surroundings::kTown,    Surroundings::kVillage, Surroundings::kCountry, Surroundings::kMotorway,
+    Surroundings::kCarPark, Surroundings::kOldTown, Surroundings::kRows};
 
 TEST(World, NothingStandsOnTheRoadOfAnySurroundings) {
   for (const Surroundings surroundings : kAllSurroundings) {

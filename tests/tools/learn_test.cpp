@@ -1,6 +1,8 @@
 // `revisit learn` and what --feature ring makes of it.
 #include <gtest/gtest.h>
 
+#include <sstream>
+
 #include "revisit/recognition/ring/model.h"
 #include "test_data.h"
 
@@ -94,6 +96,47 @@ TEST_F(Learn, MistakesAreSaid) {
   expect_in(run("eval " + path("town") + " --feature ring --ring " + path("no.ring"), 3),
             "not a usable ring model");
   EXPECT_FALSE(fs::exists(path("x.ring")));
+}
+
+TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
+  run("simulate -o " + path("town2") +
+      " --seed 2 --sensor vlp16 --route opposite --length 300 --every 12 -q");
+  run(learn("c.ring"));
+  const std::string calibrate = "calibrate " + path("c.ring") + " ",
+                    same = " --exclusion frames=200 --precision 0.6 ";
+  expect_in(run(calibrate + path("town2") + " --judge", 3), "no calibration");
+  const std::string printed = run(calibrate + path("town2") + same + "-q");
+  for (const char* part : {"as they are", "altered", "predicted", "precision 0.6 from the score"})
+    expect_in(printed, part);
+  const pipeline::RingModel model = pipeline::read_ring_model(path("c.ring"));
+  ASSERT_TRUE(model.calibration);
+  expect_in(model.calibration->learnt_from, "town2");
+  EXPECT_EQ(model.calibration->wrong_beyond, 10);
+  const double threshold = model.calibration->threshold_for(0.6).value();
+  // Judging it on the drive it was learnt from changes nothing and finds the same.
+  const std::string before = test::read_file(path("c.ring"));
+  EXPECT_EQ(run(calibrate + path("town2") + same + "--judge -q"), printed);
+  EXPECT_EQ(test::read_file(path("c.ring")), before);
+  const std::string found = run("loops " + path("town") + " --ring " + path("c.ring") + same +
+                                "--all --format jsonl --no-progress -q");
+  int accepted = 0;
+  std::istringstream lines(found);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.find("\"score\"") == std::string::npos) continue;
+    const auto value = [&](const std::string& name) {
+      const size_t at = line.find("\"" + name + "\":");
+      return at == std::string::npos ? -9 : std::stod(line.substr(at + name.size() + 3));
+    };
+    EXPECT_NEAR(value("probability"), model.calibration->probability(value("score")), 1e-12);
+    const bool is_accepted = line.find("\"accepted\":true") != std::string::npos;
+    EXPECT_EQ(is_accepted, value("score") >= threshold) << line;
+    accepted += is_accepted ? 1 : 0;
+  }
+  EXPECT_GT(accepted, 5);
+  expect_in(run("calibrate " + path("c.ring"), 2), "DRIVE");
+  expect_in(run(calibrate + path("town2") + " --judge -o x", 2), "one of the two");
+  expect_in(run(calibrate + path("town2") + " --radius 0", 2), "--radius");
+  expect_in(run(calibrate + path("town2/sequences/00/velodyne"), 3), "poses");
 }
 
 }  // namespace

@@ -79,6 +79,7 @@ struct PlaceRecognizer::Impl {
   bool has_graph = false;  // the index
   FloatMatrix features;    // of the places, while the basis is not settled
   MapPosition read_to;
+  std::optional<Calibration> calibration;
   std::optional<double> threshold;
 
   Impl(FeatureExtractor feature, const RecognizerOptions& chosen, std::unique_ptr<MapStore> store,
@@ -90,10 +91,32 @@ struct PlaceRecognizer::Impl {
         workers([this] { return from_scan(extractor, options.align, options.geometry); }) {
     workers.give_back(workers.take());  // what cannot be described at all is said at once
     features.d = extractor.dim;
-    threshold = options.threshold;
+    take_over_calibration();
     if (!extractor.reduce) settle(as_it_is(extractor));
     if (map) take_in_new_places();
     use_graph();
+  }
+
+  bool is_mine(const Calibration& one) const {
+    return one.k == options.k && one.score == options.score;
+  }
+
+  /// What the map was calibrated to comes before what the feature was.
+  void take_over_calibration() {
+    const auto kept = [&](const char* name) {
+      return map ? map->value(name).value_or("") : std::string();
+    };
+    calibration = extractor.calibration;
+    const std::string text = kept(kThresholdValue), content = kept(kCalibrationValue);
+    if (!content.empty()) calibration = parse_calibration(content, "the map's calibration");
+    if (calibration && !is_mine(*calibration)) calibration.reset();
+    threshold = options.threshold;
+    if (!threshold && !text.empty()) {
+      double value = 0;
+      std::from_chars(text.data(), text.data() + text.size(), value);
+      threshold = value;
+    }
+    if (!threshold && calibration) threshold = calibration->threshold_for(options.precision);
   }
 
   /// Once there are descriptors that stay.
@@ -167,12 +190,7 @@ struct PlaceRecognizer::Impl {
 
   void take_in_new_places() {
     if (!settled) look_for_a_basis();
-    if (!options.threshold)
-      if (const auto text = map->value(kThresholdValue)) {
-        double value = 0;
-        std::from_chars(text->data(), text->data() + text->size(), value);
-        threshold = value;
-      }
+    take_over_calibration();
     if (settled) {
       read_to = map->read(
           read_to.last, [&](StoredPlace&& place) { take_in(std::move(place)); }, damaged);
@@ -243,6 +261,14 @@ struct PlaceRecognizer::Impl {
     use_graph();
   }
 
+  /// In the map, if there is one; an empty one of the two says nothing.
+  void keep_calibration(const std::string& content, const std::string& text) {
+    if (!map) return;
+    for (const auto& [name, bytes] :
+         {std::pair(kCalibrationValue, &content), std::pair(kThresholdValue, &text)})
+      if (!bytes->empty() || map->value(name)) map->set_value(name, *bytes);
+  }
+
   Impl& need_map() {
     if (!map) throw UsageError("this PlaceRecognizer has no map to share the work of");
     return *this;
@@ -298,6 +324,10 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
               extractor.name, "'"));
   }
   check_threshold(options.threshold);
+  if (!(options.precision > 0 && options.precision < 1))
+    throw UsageError(
+        str("RecognizerOptions::precision: expected more than 0 and less than 1, found ",
+            options.precision));
   impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), damaged);
 }
 
@@ -385,7 +415,9 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
             match.similarities.front(),
             match.similarities.back(),
             match.score,
+            {},
             match.turn};
+  if (impl.calibration) loop.probability = impl.calibration->probability(loop.score);
   loop.accepted = impl.threshold && loop.score >= *impl.threshold;
   return loop;
 }
@@ -398,6 +430,11 @@ int64_t PlaceRecognizer::size() const {
 std::optional<double> PlaceRecognizer::threshold() const {
   const std::shared_lock lock(impl_->mutex);
   return impl_->threshold;
+}
+
+std::optional<Calibration> PlaceRecognizer::calibration() const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->calibration;
 }
 
 void PlaceRecognizer::refresh() {
@@ -428,8 +465,19 @@ int64_t PlaceRecognizer::expected(const std::string& drive) const {
 void PlaceRecognizer::calibrate(double threshold) {
   check_threshold(threshold);
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->map) impl_->map->set_value(kThresholdValue, str(threshold));
+  impl_->keep_calibration({}, str(threshold));
   impl_->threshold = threshold;
+}
+
+void PlaceRecognizer::calibrate(const Calibration& calibration) {
+  const std::unique_lock lock(impl_->mutex);
+  if (!impl_->is_mine(calibration))
+    throw UsageError(str(
+        "the calibration is for k = ", calibration.k, " and the score ", name_of(calibration.score),
+        ", RecognizerOptions has k = ", impl_->options.k, " and ", name_of(impl_->options.score)));
+  impl_->keep_calibration(calibration_content(calibration), {});
+  impl_->calibration = calibration;
+  impl_->threshold = calibration.threshold_for(impl_->options.precision);
 }
 
 }  // namespace revisit::pipeline

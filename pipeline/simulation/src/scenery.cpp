@@ -20,6 +20,7 @@ constexpr Fences all(FenceKind kind) {
 
 constexpr Scenery kTown = {
     .name = "town",
+    .equal = false,
     .oncoming = kOncomingOffset,
     .kerb = {3.5, 5.6},
     .kerb_height = 0.12,
@@ -267,9 +268,29 @@ constexpr Scenery old_town() {
   return s;
 }
 
+/// One house, garden and lamp every 16 m, again and again.
+constexpr Scenery rows() {
+  Scenery s = kTown;
+  s.name = "rows";
+  s.equal = true;
+  s.kerb = {3.4, 3.4};
+  s.side_streets = {};
+  s.green_below = kAlways, s.urban_above = kNever;
+  s.villa_width = {16, 16}, s.other_depth = {18, 18};
+  s.villa_floors = {2, 2};
+  s.setback = {4, 4}, s.beside = {6, 6};
+  s.lines = {};
+  s.things = {16, 16};
+  s.lamps = 1, s.signs = 0, s.trees = 0;
+  s.parked = {};
+  s.far_houses = {};
+  s.far_plants = {};
+  return s;
+}
+
 // In the order of the enumeration.
-constexpr std::array<Scenery, 6> kSceneries = {kTown,      village(),  country(),
-                                               motorway(), car_park(), old_town()};
+constexpr std::array<Scenery, 7> kSceneries = {kTown,      village(),  country(), motorway(),
+                                               car_park(), old_town(), rows()};
 
 }  // namespace
 

@@ -33,6 +33,7 @@ struct RoadsideLine {
 /// is a chance where a smooth random field is 0 and where it is 1.
 struct Scenery {
   const char* name;
+  bool equal;  // lots and things along the road are alike, built of the same random numbers
 
   // The road.
   double oncoming;             // the lane of oncoming cars, to the left of the driven path

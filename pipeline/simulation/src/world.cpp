@@ -71,6 +71,15 @@ class Builder {
   double lane_edge(int side) const { return side > 0 ? scenery_.oncoming - 1 : 0; }
   Vec2 along(const PathPoint& p, int side) const { return side > 0 ? p.forward : Vec2(-p.forward); }
 
+  /// Builds something, in surroundings of equal things always of the same random numbers.
+  template <class Build>
+  void alike(uint64_t purpose, const Build& build) {
+    const Random others = random_;
+    if (scenery_.equal) random_ = Random(seed_, purpose);
+    build();
+    if (scenery_.equal) random_ = others;
+  }
+
   /// Puts an object with its origin at `origin` if that keeps the road clear.
   bool put(const Mesh& object, const Vec2& origin, const Vec2& x_axis, const Footprint& footprint) {
     if (!roads_.clear(footprint, kClearance)) return false;
@@ -151,8 +160,9 @@ class Builder {
         const Footprint land = lot.footprint();
         if (!roads_.clear(land, kerb + scenery_.front - 0.3) || !taken_.free(land)) continue;
         taken_.take(land);
-        fill(lot, urban, green);
-        return w + (urban && random_.chance(scenery_.gapless) ? 0.0 : random_.uniform(0, 1.5));
+        alike(0x6c6f7473, [&] { fill(lot, urban, green); });
+        const bool touches = scenery_.equal || (urban && random_.chance(scenery_.gapless));
+        return w + (touches ? 0.0 : random_.uniform(0, 1.5));
       }
     }
     return 0;
@@ -389,28 +399,29 @@ class Builder {
         // One thing every few metres, also on a second visit.
         const Footprint around{at, p.forward, {2.6, 1.0}};
         if (!taken_.free(at) || !furniture_.free(around)) continue;
-        const double kind = random_.uniform(),
-                     crown = std::min(kerb + scenery_.verge - kClearance - 0.3, 2.4);
-        const Vec2 to_road = -side * p.left();
-        const Footprint small{at, p.forward, {0.75, 0.6}};
-        bool done;
-        double until = scenery_.boards;
-        if (kind < until)
-          done = put(make_board(random_), at, along(p, side), {at, p.forward, {0.75, 1.9}});
-        else if (kind < (until += scenery_.posts))
-          done = put(make_post(random_), at, to_road, small);
-        else if (kind < (until += scenery_.lamps))
-          done = put(make_lamp(random_), at, to_road, small);
-        else if (kind < (until += scenery_.signs))
-          done = put(make_sign(random_), at, random_.chance(0.5) ? p.forward : Vec2(-p.forward),
-                     small);
-        else if (kind < until + scenery_.trees && crown > 1.2)
-          done = put_round(make_tree(random_, crown), at, crown + 0.3);
-        else
-          done = put(make_street_furniture(random_), at, p.forward, small);
+        const double crown = std::min(kerb + scenery_.verge - kClearance - 0.3, 2.4);
+        bool done = false;
+        alike(0x7468696e, [&] { done = thing(p, side, at, crown); });
         if (done) furniture_.take(around);
       }
     }
+  }
+
+  /// Something on the pavement; false when it found no room. `crown`: of a tree, at most [m].
+  bool thing(const PathPoint& p, int side, const Vec2& at, double crown) {
+    const double kind = random_.uniform();
+    const Vec2 to_road = -side * p.left();
+    const Footprint small{at, p.forward, {0.75, 0.6}};
+    double until = scenery_.boards;
+    if (kind < until)
+      return put(make_board(random_), at, along(p, side), {at, p.forward, {0.75, 1.9}});
+    if (kind < (until += scenery_.posts)) return put(make_post(random_), at, to_road, small);
+    if (kind < (until += scenery_.lamps)) return put(make_lamp(random_), at, to_road, small);
+    if (kind < (until += scenery_.signs))
+      return put(make_sign(random_), at, random_.chance(0.5) ? p.forward : Vec2(-p.forward), small);
+    if (kind < until + scenery_.trees && crown > 1.2)
+      return put_round(make_tree(random_, crown), at, crown + 0.3);
+    return put(make_street_furniture(random_), at, p.forward, small);
   }
 
   /// Trees about 5 m apart.

@@ -4,7 +4,7 @@ import csv
 import json
 import math
 
-COLUMNS = ('frame time match_drive match_frame match_time similarity runner_up score yaw_deg accepted registered '
+COLUMNS = ('frame time match_drive match_frame match_time similarity runner_up score probability yaw_deg accepted registered '
            'x y z qx qy qz qw inliers fitness here_x here_y here_z match_x match_y match_z').split()
 DIGITS = {'yaw_deg': 2, 'here_x': 3, 'here_y': 3, 'here_z': 3, 'match_x': 3, 'match_y': 3, 'match_z': 3}
 POSITIONS = {'position': 'here', 'match_position': 'match'}
@@ -20,7 +20,7 @@ def line_of(visit, drive) -> dict:
     line = {'frame': scan.frame, 'time': scan.time}
     if loop is not None:
         line |= {'match_drive': loop.drive, 'match_frame': loop.frame, 'match_time': loop.time, 'similarity': loop.similarity,
-                 'runner_up': loop.runner_up, 'score': loop.score,
+                 'runner_up': loop.runner_up, 'score': loop.score, 'probability': loop.probability,
                  'yaw_deg': None if loop.turn is None else math.degrees(loop.turn), 'accepted': loop.accepted}
     if scan.pose is not None:
         line['position'] = position_of(scan.pose)

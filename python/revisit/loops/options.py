@@ -10,10 +10,10 @@ from revisit.recordings import READERS
 
 EXAMPLES = """\
 examples:
-  revisit-loops drive.bag --threshold 0.6                              # ROS 1; the only topic of PointCloud2
+  revisit-loops drive.bag                                              # ROS 1; the only topic of PointCloud2
   revisit-loops drive_ros2/ --topic /ouster/points -o loops.csv        # ROS 2: a folder, .db3 or .mcap
   revisit-loops drive.mcap --poses kiss_icp_tum.txt --pose-frame lidar --exclusion metres=50
-  revisit-loops KITTI --sequence 00 --threshold 0.6 --report loops.html
+  revisit-loops KITTI --sequence 00 --report loops.html
   revisit-loops MulRan/KAIST01 --sensor ouster-os1-64 --map kaist.map --plot loops.png
 
 exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 6 done, but some scans could not be
@@ -54,7 +54,9 @@ def make_parser():
                        help='between a scan and its pose (default %(default)s)')
     where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
     loops = parser.add_argument_group('loops')
-    loops.add_argument('--threshold', type=float, metavar='S', help="accept loops from this score on (default: the map's)")
+    loops.add_argument('--threshold', type=float, metavar='S', help='accept loops from this score on (default: from where --precision is reached)')
+    loops.add_argument('--precision', type=float, metavar='P', help='share of accepted loops that are to be right (default 0.99), as far '
+                       'as the calibration of the map or the ring model holds')
     loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of the drive that are not compared: '
                        'frames=50 (default), seconds=30, metres=50 or none')
     loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
@@ -82,6 +84,8 @@ def parse(arguments):
     for name in ('pose_format', 'pose_frame', 'calib'):
         if getattr(o, name) and not o.poses:
             raise UsageError(f'--{name.replace("_", "-")} is about --poses, which is not given')
+    if o.threshold is not None and o.precision is not None:
+        raise UsageError('--threshold and --precision: one of the two')
     if not (o.max_gap >= 0):
         raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
     return o

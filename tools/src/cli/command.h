@@ -45,6 +45,7 @@ int net_command(const Arguments&);
 int image_command(const Arguments&);
 int describe_command(const Arguments&);
 int learn_command(const Arguments&);
+int calibrate_command(const Arguments&);
 int loops_command(const Arguments&);
 int map_command(const Arguments&);
 int eval_command(const Arguments&);

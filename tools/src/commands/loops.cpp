@@ -7,11 +7,11 @@
 #include "cli/messages.h"
 #include "cli/progress.h"
 #include "cli/table.h"
+#include "loops/judge_drive.h"
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
 #include "loops/pose_files.h"
 #include "loops/recognise.h"
-#include "revisit/evaluation/precision_recall.h"
 
 namespace revisit::cli {
 namespace {
@@ -30,7 +30,7 @@ struct LoopsOptions {
   std::optional<double> threshold;
   fs::path calibrate;
   std::string calibrate_sequence;
-  double precision = 1, radius = 5;
+  double precision = pipeline::RecognizerOptions().precision, radius = 5;
   int k = pipeline::RecognizerOptions().k;
   int64_t graph_candidates = 0;
   std::optional<double> follow;
@@ -48,16 +48,22 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "metres=50 or none",
               &o.exclusion)
       .option("threshold", "S",
-              "a loop is accepted from this score on (default: the map's, which --calibrate gave)",
+              "a loop is accepted from this score on (default: from where --precision is reached)",
               &o.threshold)
+      .option("precision", "P",
+              "the share of accepted loops that are to be right, 0 to 1 (default 0.99), as far as "
+              "the calibration holds: the map's, or that of the ring model",
+              &o.precision)
       .option("calibrate", "DRIVE",
-              "learn the threshold on this drive with poses, and keep it in the map", &o.calibrate)
+              "adapt the calibration to the matches of this drive with poses, and keep it in the "
+              "map",
+              &o.calibrate)
       .option("calibrate-sequence", "NN", "sequence of DRIVE when it is a KITTI root",
               &o.calibrate_sequence)
-      .option("precision", "P", "precision that --calibrate must reach, 0 to 1 (default 1)",
-              &o.precision)
       .option("radius", "METRES",
-              "for --calibrate: scans nearer than this are of one place (default 5)", &o.radius)
+              "for --calibrate: a match nearer than this is right, one twice as far wrong (default "
+              "5)",
+              &o.radius)
       .flag("verify",
             "register accepted loops with GICP: where the scan was, and how sure that is; loops "
             "that do not fit are not accepted",
@@ -82,10 +88,11 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               &o.tum);
   parser.parse(arguments);
   o.feature.check_given(parser);
-  if (!(o.precision > 0 && o.precision <= 1))
-    throw UsageError(str("--precision: expected more than 0, at most 1, found ", o.precision));
-  if (o.threshold && !o.calibrate.empty())
-    throw UsageError("--threshold and --calibrate: one of the two");
+  if (!(o.precision > 0 && o.precision < 1))
+    throw UsageError(str("--precision: expected more than 0, less than 1, found ", o.precision));
+  for (const char* option : {"calibrate", "precision"})
+    if (o.threshold && parser.given(option))
+      throw UsageError(str("--threshold and --", option, ": one of the two"));
   if (o.follow && !(*o.follow > 0))
     throw UsageError(str("--follow: expected a positive number, found ", *o.follow));
   o.map.check();
@@ -127,37 +134,44 @@ Source open_source(const LoopsOptions& o) {
   return {with(*first, stream), one_scan(*first)};
 }
 
-/// The lowest score with the precision asked for, on a drive whose poses are known.
-double calibrated(const LoopsOptions& o, const RecognizerSource& source) {
+/// The feature's calibration, adapted to a drive whose poses are known; of that drive alone for a
+/// feature without one.
+pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source) {
   FeatureOptions there = o.feature;
   there.data = o.calibrate;
   there.sequence = o.calibrate_sequence;
   const pipeline::Dataset dataset = open_scans(there, {.poses = true});
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options);
-  std::vector<Eigen::Vector3d> positions;
-  std::vector<pipeline::Verdict> verdicts;
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
-  int64_t done = 0;
-  recognise(
-      scans_of(dataset), recognizer,
-      {.exclusion = pipeline::parse_exclusion(o.exclusion), .stop = interrupted},
-      [&](const Visit& visit) {
-        progress.update(++done, static_cast<int64_t>(dataset.scans.size()));
-        if (!visit.position) return;
-        positions.push_back(visit.scan.pose->translation());
-        if (!visit.loop) return;
-        const Eigen::Vector3d apart =
-            positions.back() - positions[static_cast<size_t>(visit.loop->position)];
-        const bool correct = std::hypot(apart.x(), apart.z()) < o.radius;
-        verdicts.push_back({.score = visit.loop->score, .correct = correct, .positive = correct});
-      });
-  std::optional<double> threshold;
-  for (const pipeline::PrPoint& point : precision_recall(verdicts))
-    if (point.tp > 0 && point.precision >= o.precision) threshold = point.threshold;
-  if (!threshold)
-    throw InputError(str(o.calibrate.string(), ": no score reaches the precision ", o.precision,
-                         " on it; it needs places that are seen again"));
-  return *threshold;
+  JudgeDrive how;
+  how.exclusion = pipeline::parse_exclusion(o.exclusion);
+  how.rule = rule_of(o.radius);
+  how.stop = interrupted;
+  how.done = progress.callback();
+  std::vector<pipeline::JudgedScore> matches;
+  for (const JudgedMatch& match : judge_drive(dataset, recognizer, how))
+    matches.push_back(match.judged);
+  if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
+    throw InputError(o.calibrate.string() +
+                     ": no match on it is right; it needs places that are seen again");
+  const std::optional<pipeline::Calibration> before = recognizer.calibration();
+  pipeline::Calibration calibration =
+      before ? refined(*before, matches) : pipeline::isotonic_calibration(matches);
+  calibration.k = source.options.k;
+  calibration.score = source.options.score;
+  calibration.radius = how.rule.radius;
+  calibration.wrong_beyond = how.rule.false_beyond;
+  calibration.learnt_from = (before ? before->learnt_from + ", and " : "") + dataset.name;
+  return calibration;
+}
+
+/// Throws UsageError, naming what is calibrated, when it does not promise the precision.
+void need_promise(const pipeline::Calibration& calibration, double precision) {
+  if (!calibration.threshold_for(precision))
+    throw UsageError(str("--precision ", precision, ": learnt from ", calibration.learnt_from,
+                         ", the calibration promises at most ",
+                         number(calibration.highest_precision(), 3),
+                         "; ask for less, --calibrate on a longer drive, or give --threshold"));
 }
 
 /// What a scan took, for people.
@@ -198,17 +212,25 @@ int loops_command(const Arguments& arguments) {
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
   described.options.graph_candidates = o.graph_candidates;
-  std::optional<double> threshold = o.threshold;
+  described.options.precision = o.precision;
   auto map = o.map.open(described);  // before the work of calibrating
+  std::optional<pipeline::Calibration> learnt;
   if (!o.calibrate.empty()) {
-    threshold = calibrated(o, described);
-    if (!o.feature.quiet) note(str("threshold ", *threshold, ", from ", o.calibrate.string()));
+    learnt = calibrated(o, described);
+    need_promise(*learnt, o.precision);
   }
   pipeline::PlaceRecognizer recognizer(described.extractor, described.options, std::move(map),
                                        warn);
-  if (!o.calibrate.empty()) recognizer.calibrate(*threshold);
-  if (!recognizer.threshold() && !o.all && !o.feature.quiet)
-    note("no threshold: every scan is printed; --calibrate DRIVE learns one");
+  if (learnt) recognizer.calibrate(*learnt);
+  if (!recognizer.threshold()) {
+    if (const auto calibration = recognizer.calibration()) need_promise(*calibration, o.precision);
+    if (parser.given("precision"))
+      throw UsageError("--precision: this feature is not calibrated; add --calibrate DRIVE");
+    if (!o.all && !o.feature.quiet)
+      note("no threshold: every scan is printed; --calibrate DRIVE learns one");
+  } else if (!o.threshold && !o.feature.quiet) {
+    note(str("loops are accepted from the score ", number(*recognizer.threshold(), 3), " on"));
+  }
   const bool all = o.all || !recognizer.threshold();
 
   std::ofstream file;

@@ -37,8 +37,13 @@ int info(const Arguments& arguments) {
   table.row({"numbers",
              map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
   for (const auto& [name, value] : map->identity()) table.row({name, value});
-  const auto threshold = map->value(pipeline::kThresholdValue);
-  table.row({"threshold", threshold ? *threshold : "none: not calibrated"});
+  const std::string threshold = map->value(pipeline::kThresholdValue).value_or(""),
+                    calibration = map->value(pipeline::kCalibrationValue).value_or("");
+  if (!threshold.empty()) table.row({"threshold", threshold});
+  table.row({"calibration",
+             calibration.empty()
+                 ? "none of its own"
+                 : pipeline::parse_calibration(calibration, "the calibration").learnt_from});
   table.row({"basis", map->value(pipeline::kBasisValue) ? "learnt" : "not learnt yet"});
   table.print(std::cout);
   return kOk;
@@ -140,6 +145,7 @@ int query(const Arguments& arguments) {
   fs::path map;
   std::vector<fs::path> scans;
   std::optional<double> threshold;
+  double precision = pipeline::RecognizerOptions().precision;
   std::string format = "csv";
   Parser parser("revisit map query", "MAP SCAN...",
                 "For each scan, the place of a map that is most like it.",
@@ -148,8 +154,13 @@ int query(const Arguments& arguments) {
   parser.positional("MAP", &map)
       .optional_positional("SCAN", &scans)
       .group("Query:")
-      .option("threshold", "S", "a place is accepted from this score on (default: the map's)",
+      .option("threshold", "S",
+              "a place is accepted from this score on (default: from where --precision is reached)",
               &threshold)
+      .option("precision", "P",
+              "the share of accepted places that are to be right, 0 to 1 (default 0.99), as far as "
+              "the calibration of the map or the ring model holds",
+              &precision)
       .choice("format", {"csv", "jsonl"}, "one line per scan (default csv)", &format);
   parser.parse(arguments);
   if (scans.empty()) throw UsageError("give the scans to ask: SCAN...");
@@ -160,6 +171,7 @@ int query(const Arguments& arguments) {
   }
   RecognizerSource source = recognizer_source(options, parser, dataset);
   source.options.threshold = threshold;
+  source.options.precision = precision;
   const pipeline::MapIdentity identity =
       pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
   const pipeline::PlaceRecognizer recognizer(

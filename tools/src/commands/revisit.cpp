@@ -43,6 +43,7 @@ int revisit_command(const Arguments& arguments) {
       {"loops", "scans as they come -> places seen before", loops_command},
       {"map", "places that are kept: info, places, query, merge, check", map_command},
       {"learn", "drives -> a ring model, for --feature ring", learn_command},
+      {"calibrate", "a ring model -> how sure its matches are, for loops", calibrate_command},
       {"image", "the range image the network sees, as PNG", image_command},
       {"gt", "the ground truth itself: number and list of true pairs", gt_command},
       {"simulate", "a KITTI-layout data set in a synthetic town", simulate_command},

@@ -129,7 +129,8 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
                              {"country", Surroundings::kCountry},
                              {"motorway", Surroundings::kMotorway},
                              {"car-park", Surroundings::kCarPark},
-                             {"old-town", Surroundings::kOldTown}},
+                             {"old-town", Surroundings::kOldTown},
+                             {"rows", Surroundings::kRows}},
                             "(default: town)", &o.drive.surroundings)
       .option("traffic", "SHARE", "of the moving vehicles usual there, 0 to 10 (default 1)",
               &o.drive.traffic)

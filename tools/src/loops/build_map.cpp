@@ -11,7 +11,6 @@
 namespace revisit::cli {
 namespace {
 
-using pipeline::Claim;
 using pipeline::Description;
 using pipeline::ScanRef;
 

@@ -30,6 +30,7 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
       optional_number(loop.has_similarity(), loop.similarity(), kDigits),
       optional_number(loop.has_runner_up(), loop.runner_up(), kDigits),
       optional_number(loop.has_score(), loop.score(), kDigits),
+      optional_number(loop.has_probability(), loop.probability(), kDigits),
       optional_number(loop.has_yaw_deg(), loop.yaw_deg(), 2),
       loop.has_accepted() ? str(loop.accepted() ? 1 : 0) : ""};
   const bool there = loop.has_registered();
@@ -47,10 +48,10 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
 
 Table csv_table() {
   return Table({"frame",     "time",    "match_drive", "match_frame", "match_time", "similarity",
-                "runner_up", "score",   "yaw_deg",     "accepted",    "registered", "x",
-                "y",         "z",       "qx",          "qy",          "qz",         "qw",
-                "inliers",   "fitness", "here_x",      "here_y",      "here_z",     "match_x",
-                "match_y",   "match_z", "drive"});
+                "runner_up", "score",   "probability", "yaw_deg",     "accepted",   "registered",
+                "x",         "y",       "z",           "qx",          "qy",         "qz",
+                "qw",        "inliers", "fitness",     "here_x",      "here_y",     "here_z",
+                "match_x",   "match_y", "match_z",     "drive"});
 }
 
 template <class Message>
@@ -80,6 +81,7 @@ reports::LoopLine line_of(const Visit& visit) {
   line.set_similarity(loop.similarity);
   line.set_runner_up(loop.runner_up);
   line.set_score(loop.score);
+  if (loop.probability) line.set_probability(*loop.probability);
   if (loop.turn) line.set_yaw_deg(*loop.turn * 180 / std::numbers::pi);
   line.set_accepted(loop.accepted);
   if (!visit.registered) return line;

@@ -1,9 +1,9 @@
 #include "recognise.h"
 
-#include <deque>
 #include <unordered_map>
 
 #include "loops/describe_scan.h"
+#include "loops/recent_places.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/stopwatch.h"
 #include "revisit/proto/error.h"
@@ -11,14 +11,8 @@
 namespace revisit::cli {
 namespace {
 
-using pipeline::Exclusion;
 using pipeline::PreparedScan;
 using pipeline::ScanRef;
-
-std::optional<Eigen::Vector3d> position_of(const ScanRef& scan) {
-  if (!scan.pose) return std::nullopt;
-  return Eigen::Vector3d(scan.pose->translation());
-}
 
 /// The scans of a drive by their positions in the recogniser, read again to be registered.
 class Files {
@@ -39,13 +33,7 @@ class Files {
 
 void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
                const Recognise& options, const std::function<void(const Visit&)>& visit) {
-  struct Recent {
-    int64_t position = 0;
-    double along = 0;
-  };
-  std::deque<Recent> recent;
-  std::vector<int64_t> without;
-  pipeline::WayDriven driven(options.exclusion.kind);
+  RecentPlaces recent(options.exclusion);
   Files files;
   pipeline::PointCloud cloud;
   while (const std::optional<ScanRef> scan = next()) {
@@ -53,14 +41,7 @@ void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
     Visit seen;
     seen.drive = options.drive;
     seen.scan = *scan;
-    const double along = driven.at(scan->frame, scan->time, position_of(*scan));
-    if (options.exclusion.kind == Exclusion::Kind::kNone)
-      recent.clear();
-    else
-      while (!recent.empty() && along - recent.front().along > options.exclusion.amount)
-        recent.pop_front();
-    without.clear();
-    for (const Recent& before : recent) without.push_back(before.position);
+    const std::span<const int64_t> without = recent.at(*scan);
 
     DescribedScan described = describe_scan(*scan, options.drive, recognizer, cloud);
     if (!described.description.described()) {
@@ -74,7 +55,7 @@ void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
     const int64_t position = recognizer.add(described.description, std::move(described.place));
     seen.position = position;
     seen.milliseconds = described.milliseconds + watch.lap();
-    recent.push_back({position, along});
+    recent.add(position);
     if (options.verify) {
       files.remember(position, scan->file);
       if (seen.loop && seen.loop->accepted && seen.loop->turn)

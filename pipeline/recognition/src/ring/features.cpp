@@ -91,6 +91,13 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
 
 namespace {
 
+/// Descriptors made with these options have the scores that a model was calibrated to.
+bool calibrated_with(const RingOptions& options) {
+  const RingOptions usual;
+  return options.numbers == usual.numbers && options.regularisation == usual.regularisation &&
+         options.adapt == usual.adapt;
+}
+
 Basis basis_of(const RingModel& fitted, const RingOptions& options) {
   const RingDescriber describer(fitted, options);
   const RingLayout& layout = describer.layout();
@@ -112,6 +119,7 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
   FeatureExtractor extractor = ring_features(model, net, forward);
   extractor.reduce = [model, options](const Rows& rings, std::span<const int64_t> learn_from) {
     RingModel fitted = model;
+    fitted.calibration.reset();  // maps of one basis can be merged, however they are calibrated
     fit_to_map(fitted, rings, learn_from, options.adapt);
     return basis_of(fitted, options);
   };
@@ -119,6 +127,7 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
     return basis_of(parse_ring_model(content, "the basis"), options);
   };
   extractor.comparison = ring_comparison({});  // its descriptors': no cosine
+  if (calibrated_with(options)) extractor.calibration = model.calibration;
   return extractor;
 }
 

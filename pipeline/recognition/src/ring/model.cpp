@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calibration/content.h"
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/file_content.h"
@@ -148,6 +149,7 @@ std::string ring_model_content(const RingModel& model) {
   message.set_learnt_from(model.learnt_from);
   message.set_scans(model.scans);
   message.set_columns_share(model.columns_share);
+  if (model.calibration) fill(*model.calibration, *message.mutable_calibration());
   fill(model.columns, *message.mutable_columns());
   fill(model.polar, *message.mutable_polar());
   ring::File whole;
@@ -232,6 +234,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name) {
                 "one of its rings was learnt from pairs, the other was not");
   to.learnt_from = from.learnt_from();
   to.scans = from.scans();
+  if (from.has_calibration()) to.calibration = calibration_from(from.calibration(), name);
   return to;
 }
 

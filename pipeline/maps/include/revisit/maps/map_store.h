@@ -110,9 +110,11 @@ class MapStore {
       const std::map<std::string, std::string>& values, int64_t revision) = 0;
 };
 
-/// The names of the values that hold what the descriptors of a map were made with, and the score
-/// from which a place is accepted.
+/// The names of the values that hold what the descriptors of a map were made with, how its scores
+/// become probabilities (calibration_content()), and the score from which a place is accepted. The
+/// last two may be empty, which says nothing.
 inline constexpr const char* kBasisValue = "basis";
+inline constexpr const char* kCalibrationValue = "calibration";
 inline constexpr const char* kThresholdValue = "threshold";
 
 /// What messages call a map: without the password of a server's address.

@@ -20,8 +20,12 @@ struct RecognizerOptions {
   /// A feature that learns from the map's scans (rings their mean) does so from the first places,
   /// so many, and describes them again; what comes later is described as these are.
   int64_t first_stretch = 200;
-  /// Of the score: at least so much is accepted. Absent: what the map was calibrated to.
+  /// Of the score: at least so much is accepted. Absent: what the map was calibrated to; in a map
+  /// that was not, what the feature was.
   std::optional<double> threshold;
+  /// Of what is accepted, this share is right, as far as the calibration of the map or of the
+  /// feature holds (Calibration::threshold_for()).
+  double precision = 0.99;
   int k = 4;
   Score score = Score::kMargin;
   /// Of large maps of a feature compared by cosine: this many places, proposed by a graph, are
@@ -45,9 +49,11 @@ struct Loop {
   int64_t frame = 0;
   std::optional<double> time;
   std::optional<Eigen::Isometry3d> pose;
-  double similarity = 0;       // of the descriptors
-  double runner_up = 0;        // the similarity of the k-th best
-  double score = 0;            // as RecognizerOptions::score says
+  double similarity = 0;  // of the descriptors
+  double runner_up = 0;   // the similarity of the k-th best
+  double score = 0;       // as RecognizerOptions::score says
+  /// That the place is right; absent without a calibration for this score.
+  std::optional<double> probability;
   std::optional<double> turn;  // heading of the scan less heading of the place, ccw [rad]
   bool accepted = false;       // the score reaches the threshold; false without one
 };
@@ -55,7 +61,7 @@ struct Loop {
 /// Knows places and recognises them, one scan at a time. With a map every place is on the disk when
 /// add() returns. Any number of threads may call.
 ///
-///   PlaceRecognizer recognizer(ring_recogniser(model, ring_net(model), {}), {.threshold = 0.3});
+///   PlaceRecognizer recognizer(ring_recogniser(model, ring_net(model), {}), {});
 ///   const Description scan = recognizer.describe({points.data(), points.size(), sizeof(MyPoint)});
 ///   if (const auto loop = recognizer.query(scan, recent)) close_loop(*loop);
 ///   recognizer.add(scan, {.frame = 17, .pose = T_world_sensor});
@@ -86,7 +92,11 @@ class PlaceRecognizer {
 
   /// Places known.
   int64_t size() const;
+  /// The score from which places are accepted; absent when neither the options, nor the map, nor a
+  /// calibration that promises RecognizerOptions::precision give one.
   std::optional<double> threshold() const;
+  /// The map's, or else the feature's; absent when none is for the k and score of the options.
+  std::optional<Calibration> calibration() const;
   /// Takes in what others have added to the map.
   void refresh();
   /// The same when the map says that there is something (MapStore::has_news()): cheap when not.
@@ -96,8 +106,10 @@ class PlaceRecognizer {
   void expect(const std::string& drive, std::span<const int64_t> frames);
   std::unique_ptr<Claim> claim(const std::string& drive, int64_t most);
   int64_t expected(const std::string& drive) const;
-  /// Keeps the threshold in the map. Throws UsageError for one that is not finite.
+  /// Keeps a threshold or a calibration in the map, in the place of either. Throws UsageError for a
+  /// threshold that is not finite, and for a calibration of another k or score.
   void calibrate(double threshold);
+  void calibrate(const Calibration& calibration);
 
  private:
   struct Impl;

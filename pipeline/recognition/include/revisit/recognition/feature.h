@@ -3,12 +3,14 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <variant>
 
 #include "revisit/engine/net.h"
 #include "revisit/recognition/align.h"
+#include "revisit/recognition/calibration.h"
 #include "revisit/recognition/comparison.h"
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/gray_image.h"
@@ -47,6 +49,7 @@ struct FeatureExtractor {
   /// The similarity of the best alone says how sure a match is, as a probability does; by default
   /// it also has to stand out (Score::kMargin).
   bool best_is_sure = false;
+  std::optional<Calibration> calibration;  // of its matches, where one is known
 
   template <class Input>
   bool sees() const {

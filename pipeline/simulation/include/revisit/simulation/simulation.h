@@ -26,7 +26,8 @@ enum class Surroundings {
   kCountry,   ///< fields, hedgerows, woods and few farms
   kMotorway,  ///< a wide carriageway, guard rails, banks, noise screens, woods, lorries
   kCarPark,   ///< asphalt with rows of parked cars and lamps; buildings at the rim
-  kOldTown    ///< high fronts without gaps at both sides of a narrow lane
+  kOldTown,   ///< high fronts without gaps at both sides of a narrow lane
+  kRows       ///< the same house every 16 m: places that look alike
 };
 /// What `--surroundings` calls them.
 const char* name_of(Surroundings surroundings);

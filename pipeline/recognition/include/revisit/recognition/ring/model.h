@@ -4,10 +4,12 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "revisit/recognition/calibration.h"
 #include "revisit/recognition/matrix.h"
 #include "revisit/recognition/range_image.h"
 
@@ -73,6 +75,8 @@ struct RingModel {
   RingStatistics columns, polar;
   std::string learnt_from;  // for people
   int64_t scans = 0;        // that the rings were learnt from
+  /// Of matches of ring_recogniser()'s descriptors with its default options.
+  std::optional<Calibration> calibration;
   /// Floats of a scan's feature: both rings and their weights.
   int64_t dim() const {
     return columns.size() + polar.size() + columns.weights_size() + polar.weights_size();

@@ -1,0 +1,175 @@
+#include "revisit/recognition/calibration.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "revisit/proto/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+double share(const CalibrationBlock& block) {
+  return block.right / block.matches;
+}
+
+/// With the right match that is counted in the lowest block and the wrong one in the highest.
+std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks) {
+  blocks.front().right += 1;
+  blocks.front().matches += 1;
+  blocks.back().matches += 1;
+  return blocks;
+}
+
+/// Pool-adjacent-violators, for non-decreasing shares.
+std::vector<CalibrationBlock> pooled(std::vector<CalibrationBlock> blocks) {
+  std::vector<CalibrationBlock> pools;
+  for (CalibrationBlock pool : with_extremes(std::move(blocks))) {
+    while (!pools.empty() && share(pools.back()) >= share(pool)) {
+      pool.lowest = pools.back().lowest;
+      pool.matches += pools.back().matches;
+      pool.right += pools.back().right;
+      pools.pop_back();
+    }
+    pools.push_back(pool);
+  }
+  pools.front().right -= 1;
+  pools.front().matches -= 1;
+  pools.back().matches -= 1;
+  return pools;
+}
+
+/// Lower end of the one-sided 95 % interval of a share.
+double wilson_lower_end(double right, double matches) {
+  constexpr double z = 1.6448536269514722;  // 95 % of a normal distribution are below
+  const double p = right / matches, zz = z * z / matches;
+  return (p + zz / 2 - z * std::sqrt(p * (1 - p) / matches + zz / (4 * matches))) / (1 + zz);
+}
+
+double logit(double p) {
+  return std::log(p / (1 - p));
+}
+double sigmoid(double x) {
+  return 1 / (1 + std::exp(-x));
+}
+
+void check(std::span<const JudgedScore> matches) {
+  if (matches.empty()) throw UsageError("a calibration needs judged matches, there are none");
+  for (const JudgedScore& match : matches)
+    if (!std::isfinite(match.score))
+      throw UsageError(str("a calibration needs scores that are numbers, found ", match.score));
+}
+
+/// The a and b of refined(): the maximum of a concave function of two variables, by Newton's steps.
+std::array<double, 2> shift_and_slope(const Calibration& before,
+                                      std::span<const JudgedScore> matches) {
+  constexpr double kShiftWeight = 1, kSlopeWeight = 4;  // 1 / variance
+  constexpr int kSteps = 50;
+  double a = 0, b = 1;
+  for (int step = 0; step < kSteps; ++step) {
+    double ga = -kShiftWeight * a, gb = -kSlopeWeight * (b - 1);
+    double haa = kShiftWeight, hab = 0, hbb = kSlopeWeight;
+    for (const JudgedScore& match : matches) {
+      const double x = logit(before.probability(match.score)), p = sigmoid(a + b * x);
+      const double error = (match.right ? 1 : 0) - p, weight = p * (1 - p);
+      ga += error, gb += error * x;
+      haa += weight, hab += weight * x, hbb += weight * x * x;
+    }
+    const double determinant = haa * hbb - hab * hab;
+    const double da = (hbb * ga - hab * gb) / determinant;
+    const double db = (haa * gb - hab * ga) / determinant;
+    // Far from the maximum a whole step could go beyond it.
+    const double part = std::min(1.0, 1 / std::max(std::abs(da), std::abs(db)));
+    a += part * da, b += part * db;
+    if (std::abs(da) + std::abs(db) < 1e-12) break;
+  }
+  return {a, std::max(0.0, b)};
+}
+
+}  // namespace
+
+bool Calibration::operator==(const Calibration& other) const {
+  return calibration_content(*this) == calibration_content(other);
+}
+
+double Calibration::probability(double of) const {
+  const auto after = std::ranges::upper_bound(blocks, of, {}, &CalibrationBlock::lowest);
+  const auto i = after == blocks.begin() ? 0 : static_cast<size_t>(after - blocks.begin()) - 1;
+  return share(with_extremes(blocks)[i]);
+}
+
+std::optional<double> Calibration::threshold_for(double precision) const {
+  if (!(precision > 0 && precision < 1))
+    throw UsageError(str("precision: expected more than 0 and less than 1, found ", precision));
+  std::optional<double> threshold;
+  double matches = 0, right = 0;
+  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].right > blocks[i].matches;) {
+    matches += blocks[i].matches;
+    right += blocks[i].right;
+    if (wilson_lower_end(right, matches) >= precision) threshold = blocks[i].lowest;
+  }
+  return threshold;
+}
+
+double Calibration::highest_precision() const {
+  double highest = 0, matches = 0, right = 0;
+  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].right > blocks[i].matches;) {
+    matches += blocks[i].matches;
+    right += blocks[i].right;
+    highest = std::max(highest, wilson_lower_end(right, matches));
+  }
+  return highest;
+}
+
+Calibration isotonic_calibration(std::vector<JudgedScore> matches) {
+  check(matches);
+  std::ranges::sort(matches, {}, &JudgedScore::score);
+  std::vector<CalibrationBlock> equal;  // matches of one score
+  for (const JudgedScore& match : matches) {
+    if (equal.empty() || equal.back().lowest < match.score) equal.push_back({match.score});
+    equal.back().matches += 1;
+    equal.back().right += match.right ? 1 : 0;
+  }
+  Calibration result;
+  result.blocks = pooled(std::move(equal));
+  return result;
+}
+
+Calibration refined(const Calibration& before, std::span<const JudgedScore> matches) {
+  check(matches);
+  const auto [a, b] = shift_and_slope(before, matches);
+  Calibration result = before;
+  for (CalibrationBlock& block : result.blocks)
+    block.right = block.matches * sigmoid(a + b * logit(before.probability(block.lowest)));
+  result.blocks = pooled(std::move(result.blocks));
+  return result;
+}
+
+double brier_score(const Calibration& calibration, std::span<const JudgedScore> matches) {
+  double sum = 0;
+  for (const JudgedScore& match : matches) {
+    const double error = calibration.probability(match.score) - (match.right ? 1 : 0);
+    sum += error * error;
+  }
+  return sum / static_cast<double>(matches.size());
+}
+
+std::vector<ReliabilityBin> reliability(const Calibration& calibration,
+                                        std::span<const JudgedScore> matches, int bins) {
+  std::vector<ReliabilityBin> table(static_cast<size_t>(bins));
+  for (const JudgedScore& match : matches) {
+    const double p = calibration.probability(match.score);
+    ReliabilityBin& bin = table[static_cast<size_t>(std::min(bins - 1.0, p * bins))];
+    bin.predicted += p;
+    bin.observed += match.right ? 1 : 0;
+    ++bin.matches;
+  }
+  std::erase_if(table, [](const ReliabilityBin& bin) { return bin.matches == 0; });
+  for (ReliabilityBin& bin : table) {
+    bin.predicted /= static_cast<double>(bin.matches);
+    bin.observed /= static_cast<double>(bin.matches);
+  }
+  return table;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <calibration.pb.h>
+
+#include <string>
+
+#include "revisit/recognition/calibration.h"
+
+namespace revisit::pipeline {
+
+void fill(const Calibration& from, ring::Calibration& to);
+/// Throws InputError naming `name` and what is wrong.
+Calibration calibration_from(const ring::Calibration& from, const std::string& name);
+
+}  // namespace revisit::pipeline
