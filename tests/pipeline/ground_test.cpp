@@ -13,7 +13,7 @@ namespace {
 /// Points on z = slope_x x + slope_y y - height, with things that stand on it.
 PointCloud plane(double slope_x, double slope_y, double height, double share_standing) {
   std::mt19937 random(3);
-  std::uniform_real_distribution<double> along(-25, 25), share(0, 1);
+  std::uniform_real_distribution<double> along(-15, 15), share(0, 1);
   PointCloud cloud;
   for (int i = 0; i < 20000; ++i) {
     const double x = along(random), y = along(random);

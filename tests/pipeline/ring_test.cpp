@@ -10,7 +10,7 @@
 #include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/proto/npy.h"
-#include "revisit/recognition/place_index.h"
+#include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/learn.h"
 #include "ring/spectrum.h"

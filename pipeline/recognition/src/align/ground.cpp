@@ -10,8 +10,10 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr float kReach = 20, kOwnVehicle = 2, kCell = 2.5F;  // [m]
-constexpr int kCellsAcross = 16;
+// Farther away stand embankments, ditches and fields, which are no part of what the sensor's
+// vehicle stands on.
+constexpr float kReach = 10, kOwnVehicle = 2, kCell = 2;  // [m]
+constexpr int kCellsAcross = 10;
 static_assert(kCellsAcross * kCell == 2 * kReach);
 
 /// The low point of each cell that has enough of them.
@@ -94,8 +96,8 @@ PointCloud level(const PointCloud& cloud, double sensor_height) {
   static const double kLevelUp = std::cos(1.5 * std::numbers::pi / 180);
   const std::optional<Ground> ground = find_ground(cloud);
   Eigen::Isometry3f T = Eigen::Isometry3f::Identity();
-  if (ground && (ground->up.z() < kLevelUp ||
-                 std::abs(ground->sensor_height - sensor_height) > kLevelHeight))
+  if (ground &&
+      (ground->up.z() < kLevelUp || std::abs(ground->sensor_height - sensor_height) > kLevelHeight))
     T = T_level_sensor(*ground, sensor_height);
   const Eigen::Matrix3f R = T.linear();
   const Eigen::Vector3f t = T.translation();

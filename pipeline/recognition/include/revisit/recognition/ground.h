@@ -13,7 +13,7 @@ struct Ground {
   double sensor_height = 0;                       // of the sensor above the plane [m]
 };
 
-/// The plane through the lowest points within 20 m, when they agree on one: a cell of 2.5 x 2.5 m
+/// The plane through the lowest points within 10 m, when they agree on one: a cell of 2 x 2 m
 /// gives its height that 5 % of its points lie below, and reweighted least squares leave out cells
 /// that hold something else. Nothing when fewer than 12 cells, or fewer than a third of them, lie
 /// within 0.2 m of it, and for a plane that is tilted by more than 20 degrees.
