@@ -37,13 +37,13 @@ PlaceIndex index_of(const FloatMatrix& all, int64_t n) {
 }
 
 /// Numbers that no whole number of bytes codes.
-constexpr int64_t kNumbers = 43;
+constexpr int64_t kOddNumbers = 43;
 
 /// Nearly all is found, what is found is scored exactly, and places may be added.
 template <class Make>
 void expect_found(const Make& make, double least_recall) {
   constexpr int64_t kBuilt = 2000, kAll = 2300;
-  const FloatMatrix all = descriptors(kAll, kNumbers);
+  const FloatMatrix all = descriptors(kAll, kOddNumbers);
   const PlaceIndex exact = index_of(all, kAll);
   PlaceIndex index = index_of(all, kBuilt);
   index.choose_by(make(index), 100);

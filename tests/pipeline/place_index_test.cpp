@@ -284,7 +284,7 @@ TEST(PlaceIndex, ComparesWhatASourceProposes) {
 }
 
 /// It finds one place only.
-struct OnePlace : CandidateSource {
+struct OnlyPlaceThree : CandidateSource {
   int64_t size() const override { return 1500; }
   void add(std::span<const float>) override {}
   void find(std::span<const float>, std::span<const CandidateRange>, int64_t, int,
@@ -301,7 +301,7 @@ TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
     PlaceIndex index = index_of(all, comparison);
     const Match expected = index.best(all.row(8), {&candidates, 1}),
                 best = index.best(all.row(8), {&candidates, 1}, {.k = 1});
-    index.choose_by(std::make_unique<OnePlace>(), 10);
+    index.choose_by(std::make_unique<OnlyPlaceThree>(), 10);
     expect_same(index.best(all.row(8), {&candidates, 1}), expected);
     EXPECT_EQ(index.best(all.row(8), {&third, 1}).ranks, std::vector<int64_t>{3});
     // One place is as many as were wanted.
@@ -312,7 +312,7 @@ TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
 
 TEST(PlaceIndex, RefusesASourceOfOtherPlaces) {
   PlaceIndex index(2);
-  expect_error<UsageError>([&] { index.choose_by(std::make_unique<OnePlace>(), 5); },
+  expect_error<UsageError>([&] { index.choose_by(std::make_unique<OnlyPlaceThree>(), 5); },
                            {"source of 0 places", "1500"});
   expect_error<UsageError>([&] { index.choose_by(std::make_unique<AllCosines>(), 0); },
                            {"at least 1 candidate"});

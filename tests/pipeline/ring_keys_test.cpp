@@ -14,7 +14,7 @@ namespace revisit::pipeline {
 namespace {
 
 using test::kTurn;
-using Key = std::vector<std::vector<std::complex<int>>>;  // [frequency]
+using KeyNumbers = std::vector<std::vector<std::complex<int>>>;  // [frequency]
 
 /// What a model of 1024 numbers has; more than a key takes.
 const RingLayout kMany{{39, 39, 38, 34, 34, 35, 33, 31, 29, 29, 30, 27, 28, 27, 27, 26, 25}};
@@ -33,7 +33,7 @@ std::complex<double> as_double(std::complex<int> z) {
 }
 
 /// The largest of the sums over frequencies of Re(exp(2 pi i f s / 32) sum of a conj(b)).
-double slow_product(const Key& a, const Key& b) {
+double slow_product(const KeyNumbers& a, const KeyNumbers& b) {
   double largest = -1e9;
   for (int s = 0; s < 32; ++s) {
     double sum = 0;
@@ -50,7 +50,7 @@ double slow_product(const Key& a, const Key& b) {
 /// Products of one query with keys, as many as 32 times `groups`.
 void expect_slow_products(const std::vector<int>& counts, size_t groups, int largest_of_query,
                           const std::function<int(int largest)>& part) {
-  Key a(counts.size());
+  KeyNumbers a(counts.size());
   KeyQuery query;
   for (size_t f = 0; f < counts.size(); ++f) {
     query.counts[f] = counts[f];
@@ -62,7 +62,7 @@ void expect_slow_products(const std::vector<int>& counts, size_t groups, int lar
     }
   }
   const size_t n = groups * kKeysTogether, numbers = query.parts.size() / 2;
-  std::vector<Key> b(n, Key(counts.size()));
+  std::vector<KeyNumbers> b(n, KeyNumbers(counts.size()));
   std::vector<float> scales, largest(n);
   const auto keys = hwy::AllocateAligned<uint8_t>(std::max<size_t>(1, n * numbers));
   for (size_t place = 0; place < n; ++place) {
@@ -103,7 +103,7 @@ TEST(RingKeyProducts, FillSixteenBits) {
 }
 
 struct SlowKey {
-  Key numbers;
+  KeyNumbers numbers;
   double scale = 0;
 };
 
@@ -132,7 +132,7 @@ SlowKey slow_key(std::span<const float> x, const RingLayout& layout, double larg
     for (const auto& number : numbers)
       most = std::max({most, std::abs(number.real()), std::abs(number.imag())});
   }
-  SlowKey key{Key(z.size()), most / largest};
+  SlowKey key{KeyNumbers(z.size()), most / largest};
   for (size_t f = 0; f < z.size(); ++f)
     for (const auto& number : z[f])
       key.numbers[f].emplace_back(most > 0 ? std::lround(number.real() / key.scale) : 0,
@@ -224,7 +224,7 @@ TEST(RingKeys, TakeNumbersOfAnySize) {
 }
 
 /// `x` as it is after a turn of the sensor.
-std::vector<float> turned(std::span<const float> x, const RingLayout& layout, double angle) {
+std::vector<float> turned_ring(std::span<const float> x, const RingLayout& layout, double angle) {
   std::vector<float> result(x.begin(), x.end());
   size_t at = static_cast<size_t>(layout.counts[0]);
   for (size_t f = 1; f < layout.counts.size(); ++f) {
@@ -254,8 +254,8 @@ TEST(RingKeys, FindAPlaceAtAnyHeading) {
   const CandidateRange among{0, all.n};
   std::vector<int64_t> places;
   for (int64_t place = 0; place < all.n; place += 30) {
-    keys.find(turned(all.row(place), kMany, 0.1 * static_cast<double>(place)), {&among, 1}, 1, 1,
-              places);
+    keys.find(turned_ring(all.row(place), kMany, 0.1 * static_cast<double>(place)), {&among, 1}, 1,
+              1, places);
     EXPECT_EQ(places, std::vector<int64_t>{place});
   }
 }
