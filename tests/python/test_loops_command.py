@@ -224,7 +224,7 @@ class Faults(Command):
 
     def test_scans_that_are_none_are_left_out(self):
         (self.scans / '2.bin').write_bytes(b'12345')
-        code, out, said = run(self.scans)
+        code, out, said = run(self.scans, '--all')
         self.assertEqual(code, 6)
         self.assertEqual(len(out.splitlines()), 4)
         self.assertRegex(said, r'2\.bin.*left out')

@@ -103,7 +103,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
       " --seed 2 --sensor vlp16 --route opposite --length 300 --every 12 -q");
   run(learn("c.ring"));
   const std::string calibrate = "calibrate " + path("c.ring") + " ",
-                    same = " --exclusion frames=200 --precision 0.6 ";
+                    same = " --exclusion frames=200 --sure 0.6 ";
   expect_in(run(calibrate + path("town2") + " --judge", 3), "no calibration");
   const std::string printed = run(calibrate + path("town2") + same + "-q");
   for (const char* part : {"as they are", "altered", "predicted", "precision 0.6 from the score"})

@@ -212,10 +212,10 @@ TEST_F(Loops, SayWhatCannotBe) {
     EXPECT_NE(result.err.find(part), std::string::npos) << result.err;
   };
   fails(loops("--threshold 1 --calibrate " + path("town2")), 2, "one of the two");
-  fails(loops("--threshold 1 --precision 0.9"), 2, "one of the two");
-  fails(loops("--precision 0.99999"), 2, "promises at most");
-  fails(loops("--feature scan-context --precision 0.9"), 2, "not calibrated");
-  fails(loops("--precision 2"), 2, "--precision");
+  fails(loops("--threshold 1 --sure 0.9"), 2, "one of the two");
+  fails(loops("--sure 0.99999"), 2, "promises at most");
+  fails(loops("--feature scan-context --sure 0.9"), 2, "not calibrated");
+  fails(loops("--sure 2"), 2, "--sure");
   fails(loops("--exclusion years=2"), 2, "exclusion");
   fails(loops("--cache x"), 2, "--cache");
   fails(loops("--first-stretch 1"), 2, "--first-stretch");

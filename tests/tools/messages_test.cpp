@@ -67,8 +67,8 @@ TEST(Messages, EveryFieldThatLibrariesNameHasAWordHere) {
 
 TEST(Messages, TheWordsAreFlagsAndCommandsThatThereAre) {
   std::string help;
-  for (const char* command :
-       {"net inspect", "net layers", "eval", "learn", "loops", "simulate", "models list"}) {
+  for (const char* command : {"net inspect", "net layers", "eval", "learn", "loops", "simulate",
+                              "robustness", "models list"}) {
     const auto result = test::run_revisit(std::string(command) + " --help");
     EXPECT_EQ(result.exit_code, 0) << command;
     help += "'revisit " + std::string(command) + "'" + result.out;

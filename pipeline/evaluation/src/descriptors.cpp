@@ -177,8 +177,12 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
     const FeatureFile& features = case1.file();
     const Basis basis = extractor.reduce(features.rows(), rows);
     Descriptors result;
-    result.case1 = FloatMatrix(features.n(), basis.dim);
-    for (int64_t i = 0; i < features.n(); ++i) basis.describe(features.row(i), result.case1.row(i));
+    result.of_more = [basis](const FeatureFile& more) {
+      FloatMatrix descriptors(more.n(), basis.dim);
+      for (int64_t i = 0; i < more.n(); ++i) basis.describe(more.row(i), descriptors.row(i));
+      return descriptors;
+    };
+    result.case1 = result.of_more(features);
     clear_rows(result.case1, case1.left_out());
     result.comparison = basis.comparison;
     result.pca_fit = fit_text(options, static_cast<int64_t>(rows.size()), result.case1.d);
@@ -188,7 +192,10 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
     Descriptors whole;
     whole.comparison = extractor.comparison;
     whole.pca_fit = "none";
-    whole.case1 = all_rows(case1.file(), options.memory_gb);
+    whole.of_more = [gb = options.memory_gb](const FeatureFile& more) {
+      return all_rows(more, gb);
+    };
+    whole.case1 = whole.of_more(case1.file());
     if (case2) whole.case2 = all_rows(case2->file(), options.memory_gb);
     return checked(std::move(whole));
   }
@@ -217,7 +224,15 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   } else {
     all = PcaModel(options.pca_fit).project(files, pca);
     result.pca_fit = str(options.pca_fit, ": ", all.d, " components");
+    pca.model_folder = options.pca_fit;
   }
+  if (!pca.model_folder.empty())
+    result.of_more = [pca, numbers = all.d](const FeatureFile& more) {
+      PcaOptions quiet = pca;
+      quiet.progress = {};
+      quiet.components = numbers;
+      return PcaModel(pca.model_folder).project({&more}, quiet);
+    };
   result.case1 = rows_of(all, 0, n);
   clear_rows(result.case1, left_out);
   if (case2) {

@@ -95,10 +95,10 @@ def work(o):
         raise InputError(f'{o.data}: there are no scans')
     recognizer = revisit.open_map(
         o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
-        precision=0.99 if o.precision is None else o.precision, first_stretch=o.first_stretch, threads=o.threads)
+        precision=0.99 if o.sure is None else o.sure, first_stretch=o.first_stretch, threads=o.threads)
     every_line = o.all or recognizer.threshold is None
     if every_line and not o.all:
-        say(o, 'no threshold: every scan is printed; give --threshold or a lower --precision, or a map that '
+        say(o, 'no threshold: every scan is printed; give --threshold or a lower --sure, or a map that '
                '`revisit loops --calibrate` has calibrated')
     drive = recording.name if o.drive is None else o.drive
     if o.poses_out and first[0].pose is None:

@@ -54,8 +54,8 @@ def make_parser():
                        help='between a scan and its pose (default %(default)s)')
     where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
     loops = parser.add_argument_group('loops')
-    loops.add_argument('--threshold', type=float, metavar='S', help='accept loops from this score on (default: from where --precision is reached)')
-    loops.add_argument('--precision', type=float, metavar='P', help='share of accepted loops that are to be right (default 0.99), as far '
+    loops.add_argument('--threshold', type=float, metavar='S', help='accept loops from this score on (default: from where --sure is reached)')
+    loops.add_argument('--sure', type=float, metavar='P', help='share of accepted loops that are to be right (default 0.99), as far '
                        'as the calibration of the map or the ring model holds')
     loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of the drive that are not compared: '
                        'frames=50 (default), seconds=30, metres=50 or none')
@@ -84,8 +84,8 @@ def parse(arguments):
     for name in ('pose_format', 'pose_frame', 'calib'):
         if getattr(o, name) and not o.poses:
             raise UsageError(f'--{name.replace("_", "-")} is about --poses, which is not given')
-    if o.threshold is not None and o.precision is not None:
-        raise UsageError('--threshold and --precision: one of the two')
+    if o.threshold is not None and o.sure is not None:
+        raise UsageError('--threshold and --sure: one of the two')
     if not (o.max_gap >= 0):
         raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
     return o

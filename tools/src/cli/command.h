@@ -51,6 +51,7 @@ int map_command(const Arguments&);
 int eval_command(const Arguments&);
 int summarize_command(const Arguments&);
 int experiment_command(const Arguments&);
+int robustness_command(const Arguments&);
 int report_command(const Arguments&);
 int gt_command(const Arguments&);
 int simulate_command(const Arguments&);

@@ -48,9 +48,9 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "metres=50 or none",
               &o.exclusion)
       .option("threshold", "S",
-              "a loop is accepted from this score on (default: from where --precision is reached)",
+              "a loop is accepted from this score on (default: from where --sure is reached)",
               &o.threshold)
-      .option("precision", "P",
+      .option("sure", "P",
               "the share of accepted loops that are to be right, 0 to 1 (default 0.99), as far as "
               "the calibration holds: the map's, or that of the ring model",
               &o.precision)
@@ -89,8 +89,8 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   parser.parse(arguments);
   o.feature.check_given(parser);
   if (!(o.precision > 0 && o.precision < 1))
-    throw UsageError(str("--precision: expected more than 0, less than 1, found ", o.precision));
-  for (const char* option : {"calibrate", "precision"})
+    throw UsageError(str("--sure: expected more than 0, less than 1, found ", o.precision));
+  for (const char* option : {"calibrate", "sure"})
     if (o.threshold && parser.given(option))
       throw UsageError(str("--threshold and --", option, ": one of the two"));
   if (o.follow && !(*o.follow > 0))
@@ -168,7 +168,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
 /// Throws UsageError, naming what is calibrated, when it does not promise the precision.
 void need_promise(const pipeline::Calibration& calibration, double precision) {
   if (!calibration.threshold_for(precision))
-    throw UsageError(str("--precision ", precision, ": learnt from ", calibration.learnt_from,
+    throw UsageError(str("--sure ", precision, ": learnt from ", calibration.learnt_from,
                          ", the calibration promises at most ",
                          number(calibration.highest_precision(), 3),
                          "; ask for less, --calibrate on a longer drive, or give --threshold"));
@@ -224,8 +224,8 @@ int loops_command(const Arguments& arguments) {
   if (learnt) recognizer.calibrate(*learnt);
   if (!recognizer.threshold()) {
     if (const auto calibration = recognizer.calibration()) need_promise(*calibration, o.precision);
-    if (parser.given("precision"))
-      throw UsageError("--precision: this feature is not calibrated; add --calibrate DRIVE");
+    if (parser.given("sure"))
+      throw UsageError("--sure: this feature is not calibrated; add --calibrate DRIVE");
     if (!o.all && !o.feature.quiet)
       note("no threshold: every scan is printed; --calibrate DRIVE learns one");
   } else if (!o.threshold && !o.feature.quiet) {

@@ -155,9 +155,9 @@ int query(const Arguments& arguments) {
       .optional_positional("SCAN", &scans)
       .group("Query:")
       .option("threshold", "S",
-              "a place is accepted from this score on (default: from where --precision is reached)",
+              "a place is accepted from this score on (default: from where --sure is reached)",
               &threshold)
-      .option("precision", "P",
+      .option("sure", "P",
               "the share of accepted places that are to be right, 0 to 1 (default 0.99), as far as "
               "the calibration of the map or the ring model holds",
               &precision)

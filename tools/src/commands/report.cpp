@@ -46,15 +46,18 @@ int report_command(const Arguments& arguments) {
   PageOptions options;
   std::optional<double> follow;
   bool quiet = false, force = false;
-  Parser parser("revisit report", "RUN_OR_EXPERIMENT_OR_LOOPS...",
-                "One HTML file that opens offline, from the folders that `revisit eval` and "
-                "`revisit experiment` wrote: interactive precision-recall curves, maps, range "
-                "images of the queries worth looking at, times, and the command beside each "
-                "number. Each figure can be saved as a picture. Of a file that `revisit loops "
-                "--all --format jsonl` writes it shows the map of loops, also while it grows.",
-                "  revisit report results/town_05/latest -o report.html\n"
-                "  revisit report results/paper -o report.html   # all experiments below\n"
-                "  revisit report loops.jsonl --follow 10 -o loops.html\n");
+  Parser parser(
+      "revisit report", "RUN_OR_EXPERIMENT_OR_LOOPS...",
+      "One HTML file that opens offline, from the folders that `revisit eval`, `revisit "
+      "experiment` and `revisit robustness` wrote: interactive precision-recall curves, maps, "
+      "range "
+      "images of the queries worth looking at, times, and the command beside each "
+      "number. Each figure can be saved as a picture. Tables of robustness that were asked "
+      "the same are one, with all features. Of a file that `revisit loops "
+      "--all --format jsonl` writes it shows the map of loops, also while it grows.",
+      "  revisit report results/town_05/latest -o report.html\n"
+      "  revisit report results/paper -o report.html   # all experiments below\n"
+      "  revisit report loops.jsonl --follow 10 -o loops.html\n");
   parser.positional("FOLDER", &folders);
   parser.group("Output:");
   parser.option("page", "FILE", "the HTML file (default report.html)", &output, 'o');
@@ -108,7 +111,8 @@ int report_command(const Arguments& arguments) {
   if (!quiet)
     (streams ? std::cerr : std::cout)
         << "report: " << output.string() << " (" << page.experiments_size() << " experiments, "
-        << page.runs_size() << " runs, lists of loops: " << page.loops_size() << ")\n";
+        << page.runs_size() << " runs, lists of loops: " << page.loops_size()
+        << ", tables of robustness: " << page.robustness_size() << ")\n";
   return kOk;
 }
 

@@ -38,6 +38,8 @@ int revisit_command(const Arguments& arguments) {
       {"summarize", "mean and standard deviation over runs, e.g. of several seeds",
        summarize_command},
       {"experiment", "the experiments of the paper, each one command", experiment_command},
+      {"robustness", "how features stand scans that are altered as robots alter them",
+       robustness_command},
       {"report", "one HTML file of runs and experiments, with interactive figures", report_command},
       {"describe", "scans -> descriptors", describe_command},
       {"loops", "scans as they come -> places seen before", loops_command},

@@ -80,10 +80,17 @@ bool FeatureOptions::uses(const std::string& option) const {
 }
 
 void FeatureOptions::check_given(const Parser& parser) const {
+  check_given(parser, {feature});
+}
+
+void FeatureOptions::check_given(const Parser& parser, const std::vector<std::string>& features) {
   for (const auto& [option, owners] : kFeaturesOf)
-    if (!uses(option) && parser.given(option))
+    if (parser.given(option) && std::ranges::none_of(features, [&](const std::string& feature) {
+          return is_word_of(owners, feature);
+        }))
       throw UsageError(str("--", option, " belongs to --feature ",
-                           owners.substr(0, owners.find(' ')), ", not to --feature ", feature));
+                           owners.substr(0, owners.find(' ')), ", not to --feature ",
+                           joined(features, ",")));
 }
 
 void FeatureOptions::declare(Parser& parser) {

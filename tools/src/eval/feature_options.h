@@ -50,6 +50,8 @@ struct FeatureOptions {
   /// Throws UsageError for an option on the command line that `feature` does not use, like --end
   /// with --feature data: one of the two is a mistake. (Files and the environment may hold more.)
   void check_given(const Parser& parser) const;
+  /// The same where several features are asked for, of which none uses it.
+  static void check_given(const Parser& parser, const std::vector<std::string>& features);
   /// False for the options of other features.
   bool uses(const std::string& option) const;
   int thread_count() const;

@@ -7,6 +7,7 @@
 #include "experiment/catalog.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/file_content.h"
+#include "robustness/robustness_report.h"
 
 namespace revisit::cli {
 namespace {
@@ -89,6 +90,34 @@ void read_loops(const fs::path& file, reports::LoopList* loops) {
   }
 }
 
+/// Features that were asked the same are put side by side.
+void read_robustness(const fs::path& file, reports::Page* page) {
+  reports::Robustness found;
+  read_report(file, &found);
+  found.clear_folder();
+  const auto rows = [](const reports::RobustnessFeature& feature) { return feature.rows_size(); };
+  if (found.features().empty() || rows(found.features(0)) == 0 ||
+      !std::ranges::all_of(found.features(), [&](const reports::RobustnessFeature& feature) {
+        return rows(feature) == rows(found.features(0));
+      }))
+    throw InputError(file.string() + ": not a file of `revisit robustness`");
+  auto& all = *page->mutable_robustness();
+  const auto same = std::ranges::find_if(
+      all, [&](const reports::Robustness& other) { return same_question(found, other); });
+  if (same == all.end()) {
+    *page->add_robustness() = std::move(found);
+    return;
+  }
+  for (reports::RobustnessFeature& feature : *found.mutable_features()) {
+    const std::string label = feature.label();
+    for (int again = 2; std::ranges::count(same->features(), feature.label(),
+                                           &reports::RobustnessFeature::label) > 0;
+         ++again)
+      feature.set_label(str(label, " (", again, ")"));
+    *same->add_features() = std::move(feature);
+  }
+}
+
 size_t catalog_position(const std::string& name) {
   const auto& all = experiments();
   return static_cast<size_t>(std::ranges::find(all, name, &ExperimentInfo::name) - all.begin());
@@ -110,12 +139,15 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
       found.emplace_back(reports::Experiment{}, experiment);
       read_report(experiment / "experiment.json", &found.back().first);
     }
+    const std::vector<fs::path> of_robustness = folders_with(folder, "robustness.json");
+    for (const fs::path& run : of_robustness) read_robustness(run / "robustness.json", &page);
     if (!of_experiments.empty()) continue;
     const std::vector<fs::path> of_runs = folders_with(folder, "report.json");
-    if (of_runs.empty())
+    if (of_runs.empty() && of_robustness.empty())
       throw InputError(folder.string() +
-                       ": neither a run (report.json) nor an experiment (experiment.json) is here "
-                       "or below; 'revisit eval' and 'revisit experiment' write them");
+                       ": neither a run (report.json) nor an experiment (experiment.json) nor a "
+                       "table of robustness (robustness.json) is here or below; 'revisit eval', "
+                       "'revisit experiment' and 'revisit robustness' write them");
     for (const fs::path& run : of_runs) runs.read(run);
   }
   std::ranges::stable_sort(

@@ -8,7 +8,7 @@
 namespace revisit::cli {
 
 /// A page with what is in folders of runs (report.json), of experiments (experiment.json, with
-/// their runs), in folders that have such below them, and in files of loops (`revisit loops
+/// their runs), of tables of robustness (robustness.json), in folders that have such below them, and in files of loops (`revisit loops
 /// --format jsonl`), whose last line may still be written. A run that several experiments share is
 /// there once. Throws InputError for a folder with neither and for files that are not as revisit
 /// writes them.

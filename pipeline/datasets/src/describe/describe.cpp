@@ -111,12 +111,21 @@ void naming_the_file(const ScanRef& scan, const Doing& doing) {
   }
 }
 
+void alter_scan(const ScanRef& scan, const AlteredScans& altered, PointCloud& cloud) {
+  const auto frame = static_cast<uint32_t>(scan.frame);
+  alter(cloud, altered.alteration, uint64_t{altered.seed} << 32 | frame);
+  if (std::ranges::none_of(cloud.points, is_return))
+    throw InputError(str("nothing of the scan is left by '", text_of(altered.alteration), "'"));
+}
+
 template <class Input>
 void describe_scan(const ScanRef& scan, const DescribeOptions& options,
                    const FeatureFunction<Input>& describe, Memory& memory, Work& work) {
   work.ms = {};
   Stopwatch watch;
   read_scan_into(scan.file, memory.cloud);
+  if (options.altered)
+    naming_the_file(scan, [&] { alter_scan(scan, *options.altered, memory.cloud); });
   work.ms.read = watch.lap();
   const double processor_start = processor_ms();
   Alignment alignment;
@@ -230,6 +239,9 @@ FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,
   FeaturePaths paths;
   paths.key = str("version ", kFeatureVersion, "\n", extractor.key, "\nalign ",
                   name_of(options.align), "\n", dataset_key(dataset), "\n");
+  if (options.altered)
+    paths.key += str("altered ", text_of(options.altered->alteration), ", seed ",
+                     options.altered->seed, ", version ", kAlterationVersion, "\n");
   const std::string stem =
       file_name(extractor.name) + "-" + name_of(options.align) + "-" + short_name_of(paths.key);
   paths.features = folder / (stem + ".npy");

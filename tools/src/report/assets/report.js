@@ -368,14 +368,76 @@
       found.length ? el("div", { class: "grid" }, el("div", { class: "card" }, matrix), el("div", { class: "card" }, scores)) : el("p", {}, "No place was recognised."));
   }
 
+  // ---- robustness
+  /** A name on lines of about so many letters, broken between the steps of an alteration. */
+  function folded(name, letters = 26) {
+    const lines = [];
+    for (const step of name.split(" + ")) {
+      const last = lines.length - 1;
+      if (last >= 0 && lines[last].length + step.length < letters) lines[last] += " + " + step;
+      else lines.push(last >= 0 ? "+ " + step : step);
+    }
+    return lines;
+  }
+  /** Bars to the right, a group for each alteration; `data` of a feature are numbers, or [from, to]. */
+  function alterationPlot(name, entry, title, data, range, tooltip, line) {
+    const features = list(entry.features), rows = list(features[0].rows), mark = { id: "mark", afterDatasetsDraw: chart => {
+      const x = chart.scales.x.getPixelForValue(line), { top, bottom } = chart.chartArea, context = chart.ctx;
+      context.save();
+      context.strokeStyle = css("--text");
+      context.setLineDash([5, 4]);
+      context.beginPath();
+      context.moveTo(x, top);
+      context.lineTo(x, bottom);
+      context.stroke();
+      context.restore();
+    } };
+    const datasets = features.map((feature, i) => ({ label: feature.label, data: list(feature.rows).map(data), borderColor: kColours[i % kColours.length],
+      backgroundColor: kColours[i % kColours.length] + "cc", minBarLength: 2 }));
+    return plot(name, { type: "bar", data: { labels: rows.map(row => folded(row.name || "")), datasets }, plugins: line === undefined ? [] : [mark], options: {
+      indexAxis: "y", parsing: true, normalized: false, scales: { x: axis(title, range), y: { type: "category", ticks: { autoSkip: false, font: { size: 11 } } } },
+      plugins: { tooltip: { callbacks: { title: items => items.length ? rows[items[0].dataIndex].name : "",
+        label: item => `${item.dataset.label}: ${tooltip(list(features[item.datasetIndex].rows)[item.dataIndex])}` } } } } }, .8);
+  }
+  function robustnessSection(entry, index) {
+    const features = list(entry.features), rows = list(features[0].rows), all = features.flatMap(feature => list(feature.rows));
+    const hasNear = all.some(row => row.asked_near), hasRatio = all.some(row => row.ratio_median !== undefined);
+    const of = (found, asked) => asked ? `${found || 0}/${asked}` : "", share = (found, asked) => asked ? 100 * (found || 0) / asked : null;
+    const toned = (text, good, fair) => text ? el("span", { class: good ? "good" : fair ? "warn" : "bad" }, text) : "";
+    const found = (part, asked) => toned(of(part, asked), (part || 0) === asked, (part || 0) >= .9 * asked);
+    const ratio = value => toned(number(value, 2), value >= 1, value >= .95);
+    const most = all.reduce((high, row) => Math.max(high, row.ratio_median || 0), 1.3);
+    const data = [entry.data.split("/").filter(Boolean).pop(), entry.sequence].filter(Boolean).join(" "), name = `robustness, ${data}`;
+    const untrained = features.filter(feature => feature.trained === false).map(feature => feature.label);
+    return el("section", { id: `robustness${index + 1}` }, el("h2", {}, `Altered scans: ${data}`),
+      el("p", {}, `${rows[0].asked || 0} scans were altered and each compared with ${entry.stored || 0} unaltered ones${list(entry.among).length ? ", also of other places" : ""}. ` +
+        `Own: finds its own original. Near: finds a scan nearer than ${entry.radius_m} m (${entry.distance}) when its own original${entry.exclusion === "none" ? "" : ` and what is within ${entry.exclusion}`} is left out. ` +
+        `Ratio: similarity of the best such scan to that of the best of another place${entry.other_beyond_m > entry.radius_m ? `, farther than ${entry.other_beyond_m} m` : ""}: median, and least.`),
+      untrained.length ? el("p", { class: "warn" }, `UNTRAINED: ${untrained.join(", ")} (random weights) says nothing about the method.`) : null,
+      el("div", { class: "grid" },
+        el("div", { class: "card" }, hasNear
+          ? alterationPlot(`found, ${name}`, entry, "near scans found [%]", row => share(row.near, row.asked_near), { min: 0, max: 100 }, row => of(row.near, row.asked_near))
+          : alterationPlot(`found, ${name}`, entry, "own originals found [%]", row => share(row.own, row.asked), { min: 0, max: 100 }, row => of(row.own, row.asked))),
+        hasRatio ? el("div", { class: "card" }, alterationPlot(`ratio, ${name}`, entry, "ratio, from least to median; left of the line the place is lost",
+          row => row.ratio_median === undefined ? null : [row.ratio_least, row.ratio_median], { min: 0, max: Math.min(4, 1.05 * most) },
+          row => `median ${number(row.ratio_median, 2)}, least ${number(row.ratio_least, 2)}`, 1)) : null),
+      table([["alteration"], ...features.flatMap(feature => [[`${feature.label}: own`, "n"], ["near", "n"], ["ratio", "n"], ["least", "n"]])],
+        rows.map((row, i) => [row.name, ...features.flatMap(feature => {
+          const cell = list(feature.rows)[i];
+          return [found(cell.own, cell.asked), found(cell.near, cell.asked_near), ratio(cell.ratio_median), ratio(cell.ratio_least)];
+        })])),
+      el("details", {}, el("summary", { class: "soft" }, "commands"), features.map(feature => el("pre", {}, el("code", {}, feature.command || "")))));
+  }
+
   // ---- the page
-  const experiments = list(page.experiments), runs = list(page.runs), loops = list(page.loops);
+  const experiments = list(page.experiments), runs = list(page.runs), loops = list(page.loops), robustness = list(page.robustness);
   document.title = page.title || "revisit";
   root.append(
     el("header", {}, el("h1", {}, page.title || ""), el("p", { class: "soft" }, `revisit ${page.version}, ${page.made}`)),
     list(page.warnings).length ? el("div", {}, page.warnings.map(warning => el("p", { class: "note" }, warning))) : "",
-    el("nav", {}, experiments.map(entry => el("a", { href: "#" + entry.experiment.name }, entry.experiment.title)), runs.length ? el("a", { href: "#runs" }, "Runs") : null),
-    ...loops.map(loopSection), experiments.length || runs.length || !loops.length ? overview() : "", ...experiments.map(experimentSection));
+    el("nav", {}, experiments.map(entry => el("a", { href: "#" + entry.experiment.name }, entry.experiment.title)),
+      robustness.length && (experiments.length || runs.length) ? el("a", { href: "#robustness1" }, "Altered scans") : null, runs.length ? el("a", { href: "#runs" }, "Runs") : null),
+    ...loops.map(loopSection), experiments.length || runs.length || !(loops.length || robustness.length) ? overview() : "", ...robustness.map(robustnessSection), ...experiments.map(experimentSection));
   if (runs.length) root.append(el("section", { id: "runs" }, el("h2", {}, `Runs (${runs.length})`), ...runs.map((run, i) => runSection(run, i, runs.length === 1))));
   root.append(commandBox(page.command));
 

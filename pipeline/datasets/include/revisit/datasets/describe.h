@@ -3,17 +3,27 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "revisit/datasets/alteration.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/recognition/feature.h"
 
 namespace revisit::pipeline {
 
+/// Scans that are altered before they are described. A scan is altered in one way for one seed,
+/// whatever other scans there are.
+struct AlteredScans {
+  Alteration alteration;
+  uint32_t seed = 0;
+};
+
 struct DescribeOptions {
   ImageGeometry geometry;
   AlignCase align = AlignCase::kOne;
+  std::optional<AlteredScans> altered;
   /// Scans in flight, one thread each. The values do not depend on it.
   int threads = 1;
   /// A scan that cannot be described (its file is cut off, it holds too few points ...) ends the

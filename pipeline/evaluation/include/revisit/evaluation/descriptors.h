@@ -29,6 +29,9 @@ struct Descriptors {
   Comparison comparison;
   std::string pca_fit;  // what the PCA learnt from, for people
   std::string note;     // when fewer components were kept than asked
+  /// Descriptors of more features, [n][d], by what was learnt for these. Empty when a PCA was
+  /// learnt and not written to a folder.
+  std::function<FloatMatrix(const FeatureFile& features)> of_more;
 };
 /// Throws Error naming the scan (the row) and the alignment case of a number that is not finite.
 void check_finite(const Descriptors& descriptors);

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "revisit/datasets/alteration.h"
+#include "revisit/evaluation/descriptors.h"
+#include "revisit/evaluation/ground_truth.h"
+
+namespace revisit::pipeline {
+
+/// Which scans are altered, how, and what they are to find.
+struct RobustnessOptions {
+  std::vector<Alteration> alterations = standard_alterations();
+  uint32_t seed = 0;    // of what is random in them
+  int64_t queries = 0;  // so many scans, evenly through the drive, are altered; 0: all
+  TrueMatchRule rule;   // which scans show the same place, and which another one
+  /// Scans this near in time are left out when a neighbour is looked for, as the scan's own
+  /// original always is.
+  Exclusion exclusion{Exclusion::Kind::kNone, 0};
+  bool both_cases =
+      false;        // scans are asked in alignment cases 1 and 2; the higher similarity counts
+  int threads = 1;  // of the search; the figures do not depend on it
+  DescribeOptions describe;
+  ReductionOptions reduction;
+  std::filesystem::path cache;  // folder of the features, and of the PCA
+};
+
+/// How scans fare that were altered in one way. Scans of which nothing can be described find
+/// nothing, and are as alike as 0 to their place.
+struct RobustnessRow {
+  Alteration alteration;
+  int64_t asked = 0, own = 0;        // scans, and those that find their own original
+  int64_t asked_near = 0, near = 0;  // that have a neighbour, and those that find one of theirs
+  /// Similarity of the best neighbour to that of the best scan of another place, over the scans
+  /// that have a neighbour; NaN without any.
+  double ratio_median = 0, ratio_least = 0;
+  int64_t not_described = 0;
+};
+
+struct RobustnessResult {
+  std::vector<RobustnessRow> rows;  // as the alterations
+  int64_t stored = 0;               // scans that could be found
+  std::vector<int64_t> left_out;    // scans of the drive, then of `among`, that are not
+  int64_t numbers = 0;              // of a descriptor
+};
+
+/// Alters scans of a drive in many ways and asks each which unaltered one it is: among those of the
+/// drive itself and of `among`, other places of the same sensor. Features are kept in the cache: a
+/// call that was interrupted goes on where it was.
+///
+/// Throws UsageError for a drive without poses (named places, for Distance::kPlace), a feature of
+/// camera images or invalid options, Interrupted, and what describing and reducing throw.
+RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& among,
+                            const FeatureExtractor& extractor, const RobustnessOptions& options,
+                            const Observer& observer = {});
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,215 @@
+#include "revisit/evaluation/robustness.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "revisit/proto/error.h"
+#include "revisit/proto/text.h"
+#include "revisit/recognition/place_index.h"
+
+namespace revisit::pipeline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kNever = -std::numeric_limits<double>::infinity();
+
+void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
+                      const RobustnessOptions& options) {
+  if (extractor.sees<GrayImage>())
+    throw UsageError(
+        str("the feature ", extractor.name, " sees camera images, which are not altered"));
+  if (drive.scans.empty()) throw UsageError("robustness: the drive has no scans");
+  if (options.alterations.empty())
+    throw UsageError("RobustnessOptions::alterations: there are none");
+  if (options.queries < 0)
+    throw UsageError(
+        str("RobustnessOptions::queries: expected at least 0, found ", options.queries));
+  if (!(options.rule.radius > 0))
+    throw UsageError(
+        str("RobustnessOptions::rule: expected a radius above 0, found ", options.rule.radius));
+  if (options.both_cases && options.describe.align != AlignCase::kOne)
+    throw UsageError("RobustnessOptions::both_cases takes DescribeOptions::align case1");
+}
+
+/// What a scan that is asked may find. Places are counted as they are stored.
+struct Asked {
+  int64_t scan = 0;  // row of the drive
+  int64_t own = 0;
+  std::vector<int64_t> near;
+  std::vector<bool> other;  // of each place: whether it is another one
+};
+
+/// Everything that is there to be found.
+struct Places {
+  Dataset scans;              // of the drive, then of the others
+  std::vector<int64_t> rows;  // of those that are stored, ascending
+};
+
+/// The rows of the scans that are asked.
+std::vector<int64_t> evenly(int64_t scans, int64_t wanted) {
+  const int64_t n = wanted ? std::min(wanted, scans) : scans;
+  std::vector<int64_t> rows;
+  for (int64_t i = 0; i < n; ++i) rows.push_back((2 * i + 1) * scans / (2 * n));
+  return rows;
+}
+
+std::vector<Asked> asked_scans(const Trajectory& trajectory, const Places& places,
+                               const RobustnessOptions& options) {
+  const std::vector<int64_t> before = earlier_candidates(trajectory, options.exclusion);
+  const std::vector<int64_t> after = later_candidates(trajectory, options.exclusion);
+  std::vector<Asked> all;
+  for (const int64_t scan : evenly(trajectory.size(), options.queries)) {
+    const auto own = std::ranges::lower_bound(places.rows, scan);
+    if (own == places.rows.end() || *own != scan) continue;  // it cannot be described
+    Asked asked{scan, own - places.rows.begin(), {}, std::vector<bool>(places.rows.size())};
+    for (size_t place = 0; place < places.rows.size(); ++place) {
+      const int64_t row = places.rows[place];
+      if (row >= trajectory.size()) {
+        asked.other[place] = true;
+        continue;
+      }
+      const auto at = static_cast<size_t>(scan);
+      if (row == scan || (row >= before[at] && row < after[at])) continue;
+      const double metres = distance_between(trajectory, scan, row, options.rule.distance);
+      if (options.rule.is_true(metres)) asked.near.push_back(static_cast<int64_t>(place));
+      asked.other[place] = options.rule.is_false(metres);
+    }
+    all.push_back(std::move(asked));
+  }
+  return all;
+}
+
+/// Of every scan [scan][place], kNever where a place was not compared.
+using Similarities = std::vector<std::vector<double>>;
+
+/// The larger ones are taken in.
+void compare_all(const PlaceIndex& index, const FloatMatrix& descriptors,
+                 const RobustnessOptions& options, const Observer& observer,
+                 Similarities& highest) {
+  constexpr int64_t kAtOnce = 256;  // all similarities of so many scans are in memory
+  const CandidateRange all{0, index.size()};
+  SearchOptions search;
+  search.k = static_cast<int>(index.size());
+  search.threads = options.threads;
+  search.stop = observer.stop;
+  for (int64_t first = 0; first < descriptors.n; first += kAtOnce) {
+    std::vector<Query> queries;
+    for (int64_t i = first; i < std::min(first + kAtOnce, descriptors.n); ++i)
+      queries.push_back({descriptors.row(i), {&all, 1}});
+    for (const Match& match : index.best_of_many(queries, search)) {
+      std::vector<double>& of_scan = highest[static_cast<size_t>(first + match.query)];
+      for (size_t rank = 0; rank < match.ranks.size(); ++rank) {
+        double& similarity = of_scan[static_cast<size_t>(match.ranks[rank])];
+        similarity = std::max(similarity, match.similarities[rank]);
+      }
+    }
+  }
+}
+
+double median(std::vector<double> values) {
+  std::ranges::sort(values);
+  const size_t half = values.size() / 2;
+  return values.size() % 2 ? values[half] : (values[half - 1] + values[half]) / 2;
+}
+
+/// How alike the scan is to the most similar of some places; none: kNever.
+template <class IsOne>
+double best_of(const std::vector<double>& similarities, const IsOne& is_one) {
+  double best = kNever;
+  for (size_t place = 0; place < similarities.size(); ++place)
+    if (is_one(place)) best = std::max(best, similarities[place]);
+  return best;
+}
+
+RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities& similarities,
+                            const std::vector<bool>& described) {
+  constexpr double kLeast = 1e-3;  // similarity that is divided by
+  RobustnessRow row;
+  std::vector<double> ratios;
+  for (size_t i = 0; i < asked.size(); ++i) {
+    const std::vector<double>& of = similarities[i];
+    const auto first = std::ranges::max_element(of) - of.begin();  // of equal ones
+    ++row.asked;
+    row.own += described[i] && first == asked[i].own;
+    row.not_described += !described[i];
+    if (asked[i].near.empty()) continue;
+    ++row.asked_near;
+    double near = kNever;
+    for (const int64_t place : asked[i].near) near = std::max(near, of[static_cast<size_t>(place)]);
+    const double other = best_of(of, [&](size_t place) { return asked[i].other[place]; });
+    row.near += described[i] && near > other;
+    if (std::ranges::find(asked[i].other, true) == asked[i].other.end()) continue;
+    ratios.push_back(described[i] && near > kNever ? near / std::max(other, kLeast) : 0);
+  }
+  row.ratio_median = ratios.empty() ? std::numeric_limits<double>::quiet_NaN() : median(ratios);
+  row.ratio_least = ratios.empty() ? row.ratio_median : std::ranges::min(ratios);
+  return row;
+}
+
+}  // namespace
+
+RobustnessResult robustness(const Dataset& drive, const std::vector<Dataset>& among,
+                            const FeatureExtractor& extractor, const RobustnessOptions& options,
+                            const Observer& observer) {
+  check_robustness(drive, extractor, options);
+  const Trajectory trajectory = make_trajectory(drive);
+  need_distances(trajectory, options.rule.distance, "robustness");
+
+  RobustnessResult result;
+  Places places{drive, {}};
+  for (const Dataset& other : among)
+    places.scans.scans.insert(places.scans.scans.end(), other.scans.begin(), other.scans.end());
+  DatasetFeatures features(places.scans, extractor, options.describe, options.cache, observer);
+  result.left_out = features.left_out();
+  for (int64_t row = 0; row < features.n(); ++row)
+    if (!std::ranges::binary_search(result.left_out, row)) places.rows.push_back(row);
+  result.stored = static_cast<int64_t>(places.rows.size());
+  const std::vector<Asked> asked = asked_scans(trajectory, places, options);
+  if (asked.empty()) throw InputError("robustness: none of the scans asked can be described");
+
+  Task task;
+  task.stored = places.rows;
+  const fs::path model = options.cache / ("pca-" + short_name_of(features.key()));
+  const Descriptors stored =
+      reduce(options.reduction, task, features, nullptr, observer,
+             options.reduction.components >= 0 && !extractor.reduce ? model : fs::path());
+  result.numbers = stored.case1.d;
+  PlaceIndex index(stored.case1.d, stored.comparison);
+  for (const int64_t row : places.rows) index.refer_to(stored.case1.row(row));
+
+  Dataset queries = drive;
+  queries.scans.clear();
+  for (const Asked& one : asked)
+    queries.scans.push_back(drive.scans[static_cast<size_t>(one.scan)]);
+  std::vector<AlignCase> cases{options.describe.align};
+  if (options.both_cases) cases.push_back(AlignCase::kTwo);
+  const auto n = static_cast<int64_t>(queries.scans.size());
+  const auto total = n * static_cast<int64_t>(cases.size() * options.alterations.size());
+  const Progress progress = observer.stage("altering", "scans");
+  int64_t before = 0;
+  for (const Alteration& alteration : options.alterations) {
+    Similarities highest(asked.size(), std::vector<double>(places.rows.size(), kNever));
+    std::vector<bool> described(asked.size(), true);
+    for (const AlignCase align : cases) {
+      DescribeOptions how = options.describe;
+      how.align = align;
+      if (!alteration.steps.empty()) how.altered = {alteration, options.seed};
+      how.stop = observer.stop;
+      how.progress = [&](int64_t done, int64_t) { progress(before + done, total); };
+      const FeaturePaths paths = feature_paths(options.cache, queries, extractor, how);
+      write_features(paths, queries, extractor, how);
+      before += n;
+      progress(before, total);
+      const std::vector<AlignmentRecord> records = read_alignments(paths.alignments);
+      for (size_t i = 0; i < records.size(); ++i)
+        described[i] = described[i] && records[i].described != 0;
+      compare_all(index, stored.of_more(FeatureFile(paths.features)), options, observer, highest);
+    }
+    result.rows.push_back(judge_altered(asked, highest, described));
+    result.rows.back().alteration = alteration;
+  }
+  return result;
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,145 @@
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+
+#include "cli/json.h"
+#include "cli/messages.h"
+#include "cli/shell.h"
+#include "eval/run_folder.h"
+#include "report/page.h"
+#include "revisit/proto/atomic_file.h"
+#include "robustness/robustness_options.h"
+#include "robustness/robustness_report.h"
+
+namespace revisit::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string label_of(const FeatureSource& source) {
+  if (!source.model) return source.extractor.name;
+  return source.model->name + " " + source.extractor.name +
+         (source.model->trained ? "" : " (UNTRAINED)");
+}
+
+reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
+  reports::RobustnessRow out;
+  out.set_alteration(text_of(row.alteration));
+  out.set_name(name_of(row.alteration));
+  out.set_asked(static_cast<int>(row.asked));
+  out.set_own(static_cast<int>(row.own));
+  out.set_asked_near(static_cast<int>(row.asked_near));
+  out.set_near(static_cast<int>(row.near));
+  if (!std::isnan(row.ratio_median)) out.set_ratio_median(row.ratio_median);
+  if (!std::isnan(row.ratio_least)) out.set_ratio_least(row.ratio_least);
+  out.set_not_described(static_cast<int>(row.not_described));
+  return out;
+}
+
+/// What all features are asked.
+struct Question {
+  pipeline::Dataset drive;
+  std::vector<pipeline::Dataset> among;
+};
+
+Question open_question(const RobustnessCommand& o) {
+  Question q;
+  q.drive = open_scans(o.feature, {.poses = o.asked.rule.distance != pipeline::Distance::kPlace});
+  for (const fs::path& folder : o.among) {
+    q.among.push_back(pipeline::open_dataset(folder, ""));
+    if (!o.feature.quiet)
+      for (const std::string& warning : q.among.back().warnings) warn(warning);
+  }
+  return q;
+}
+
+reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& name,
+                               const Question& question, const std::string& command, int& stored) {
+  FeatureOptions options = o.feature;
+  options.feature = name;
+  const std::string sensor = resolve_sensor(options, question.drive);
+  if (!sensor.empty()) options.observer().note("sensor: " + sensor);
+  const fs::path cache = options.cache_folder(o.output);
+  const FeatureSource source = open_feature(options, question.drive, cache);
+  pipeline::RobustnessOptions asked = o.asked;
+  asked.both_cases = asked.both_cases && source.align == pipeline::AlignCase::kOne;
+  asked.describe = options.describe(source);
+  asked.reduction = options.reduction(source);
+  asked.cache = cache;
+  const pipeline::RobustnessResult result = pipeline::robustness(
+      question.drive, question.among, source.extractor, asked, options.observer());
+  reports::RobustnessFeature out;
+  out.set_label(o.label.empty() ? label_of(source) : o.label);
+  out.set_feature(name);
+  if (source.model) out.set_trained(source.model->trained);
+  out.set_numbers(static_cast<double>(result.numbers));
+  out.set_command(command);
+  for (const pipeline::RobustnessRow& row : result.rows) *out.add_rows() = row_report(row);
+  stored = static_cast<int>(result.stored);
+  return out;
+}
+
+reports::Robustness report_of(const RobustnessCommand& o, const Question& question) {
+  reports::Robustness report;
+  report.set_version(REVISIT_VERSION);
+  report.set_data(fs::absolute(o.feature.data).string());
+  report.set_sequence(question.drive.sequence);
+  for (const fs::path& folder : o.among) report.add_among(fs::absolute(folder).string());
+  report.set_distance(name_of(o.asked.rule.distance));
+  report.set_radius_m(o.asked.rule.radius);
+  report.set_other_beyond_m(std::max(o.asked.rule.radius, o.asked.rule.false_beyond));
+  report.set_exclusion(to_string(o.asked.exclusion));
+  report.set_query_case(o.asked.both_cases ? "both" : "1");
+  report.set_seed(o.asked.seed);
+  return report;
+}
+
+/// Of scans that an alteration left nothing of.
+void print_not_described(const reports::Robustness& report) {
+  for (const reports::RobustnessFeature& feature : report.features())
+    for (const reports::RobustnessRow& row : feature.rows())
+      if (row.not_described() > 0)
+        std::cout << row.name() << ", " << feature.label() << ": " << row.not_described()
+                  << " scans could not be described; they count as not found\n";
+}
+
+}  // namespace
+
+int robustness_command(const Arguments& arguments) {
+  if (lists_sensors(arguments)) return kOk;
+  const RobustnessCommand o = parse_robustness(arguments);
+  const Question question = open_question(o);
+  reports::Robustness report = report_of(o, question);
+  const std::string command = shell_command("revisit robustness", arguments);
+  for (const std::string& name : o.features) {
+    int stored = 0;
+    *report.add_features() = ask(o, name, question, command, stored);
+    report.set_stored(stored);
+  }
+
+  const fs::path run = make_run_folder(o.output, question.drive);
+  write_atomically(run / "robustness.csv",
+                   [&](std::ostream& out) { robustness_lines(report).print_csv(out); });
+  write_atomically(run / "robustness.json",
+                   [&](std::ostream& out) { out << to_json(report) << "\n"; });
+  link_latest(run);
+  PageOptions page;
+  page.command =
+      shell_command("revisit report", {run.string(), "-o", (run / "report.html").string()});
+  if (!o.no_report) write_report({run}, run / "report.html", page);
+
+  if (o.format == "json") {
+    report.set_folder(run.string());
+    std::cout << to_json(report) << "\n";
+  } else if (o.format == "csv") {
+    robustness_lines(report).print_csv(std::cout);
+  } else {
+    robustness_table(report).print(std::cout);
+    print_not_described(report);
+    std::cout << "\nresults: " << run.string() << "\n";
+    if (!o.no_report) std::cout << "report: " << (run / "report.html").string() << "\n";
+  }
+  return kOk;
+}
+
+}  // namespace revisit::cli

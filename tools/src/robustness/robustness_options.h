@@ -1,0 +1,28 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "cli/command.h"
+#include "eval/feature_options.h"
+#include "revisit/evaluation/robustness.h"
+
+namespace revisit::cli {
+
+/// Everything that `revisit robustness` is told.
+struct RobustnessCommand {
+  FeatureOptions feature;             // its name is the list as given
+  std::vector<std::string> features;  // of the list
+  std::string label;                  // of the only feature; "" for its name
+  std::vector<std::filesystem::path> among;
+  pipeline::RobustnessOptions asked;  // what describes and reduces is known once a feature is open
+  std::filesystem::path output = "results";
+  std::string format = "table";
+  bool no_report = false;
+};
+
+/// Reads the command line. Throws UsageError.
+RobustnessCommand parse_robustness(const Arguments& arguments);
+
+}  // namespace revisit::cli
