@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of up to 100,000 places these had all that every heading finds, and 995 of 1000 of the four
+/// Of up to a million places these had all that every heading finds, and 995 of 1000 of the four
 /// best, which the score is made of (docs/SPEED.md).
 constexpr int64_t kCandidates = 1000;
 
