@@ -157,9 +157,13 @@ TEST_F(Robustness, AnotherSeedAltersOtherwiseAndOneIsKept) {
 }
 
 TEST_F(Robustness, AStoppedCallGoesOn) {
-  int asked_to_stop = 0;
+  bool enough = false;
   Observer observer;
-  observer.stop = [&] { return ++asked_to_stop > 14; };
+  observer.stop = [&] { return enough; };
+  observer.stage = [&](const char* verb, const char*) -> Progress {
+    if (std::string(verb) != "altering") return [](int64_t, int64_t) {};
+    return [&](int64_t done, int64_t) { enough = done >= 7; };
+  };
   options_.alterations = {parse_alteration("none"), parse_alteration("height=0.5")};
   EXPECT_THROW(robustness(drive_, {}, extractor_, options_, observer), Interrupted);
   int64_t first = -1;

@@ -69,13 +69,14 @@ TEST_F(Loops, AreFoundAtTheThresholdOfAnotherTownAndNoneIsWrong) {
     std::getline(cells, drive, ',');
     std::getline(cells, match, ',');
     const auto a = at.at(std::stoul(frame)), b = at.at(std::stoul(match));
-    EXPECT_LT(std::hypot(a.first - b.first, a.second - b.second), 5) << found[i];
+    // What a calibration counts as another place.
+    EXPECT_LT(std::hypot(a.first - b.first, a.second - b.second), 10) << found[i];
   }
 }
 
 TEST_F(Loops, AMapIsContinuedAndKeepsItsThreshold) {
   const std::string whole = run(loops("--calibrate " + path("town2") + " --map " + path("a.map")));
-  EXPECT_NE(run("map info " + path("a.map")).find("threshold"), std::string::npos);
+  EXPECT_NE(run("map info " + path("a.map")).find("town2"), std::string::npos);
   EXPECT_NE(run("map check " + path("a.map")).find("sound"), std::string::npos);
   const size_t places = lines(run("map places " + path("a.map"))).size() - 1;
   // A second drive knows the first, whose scans all look like their own places.

@@ -22,7 +22,7 @@ class RobustnessOfFeatures : public testing::Test {
   static void SetUpTestSuite() {
     folder_ = new test::TempDir;
     run("simulate -o " + path("town") +
-        " --sensor vlp16 --route opposite --length 240 --every 12 -q");
+        " --sensor vlp16 --route opposite --length 300 --every 12 -q");
   }
   static void TearDownTestSuite() {
     delete folder_;
@@ -114,7 +114,7 @@ TEST_F(RobustnessOfFeatures, AReportPutsWhatWasAskedTheSameTogether) {
 
 TEST_F(RobustnessOfFeatures, OtherPlacesAreStored) {
   const std::string options = "--feature scan-context --alter none --queries 2 ";
-  run("simulate -o " + path("elsewhere") + " --sensor vlp16 --seed 9 --length 100 --every 20 -q");
+  run("simulate -o " + path("elsewhere") + " --sensor vlp16 --seed 9 --length 300 --every 40 -q");
   const reports::Robustness alone = ask(options, "among"),
                             more = ask(options + "--among " + path("elsewhere"), "among");
   EXPECT_GT(more.stored(), alone.stored());

@@ -56,7 +56,9 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
       .option("altered", "N", "altered copies of every scan that are asked, too (default 1)",
               &o.altered)
       .option("seed", "S", "of the alterations (default 1)", &o.seed)
-      .option("precision", "P", "that is accepted with, for the table (default 0.99)", &o.precision)
+      .option("sure", "P",
+              "the share of accepted matches that are to be right, for the table (default 0.99)",
+              &o.precision)
       .group("Network:")
       .option("weights", "W", "caffemodel, of a model that does not carry it", &o.weights)
       .group("Running:")
