@@ -74,6 +74,7 @@ endfunction()
 # revisit_schema(TARGET FILES): protobuf's code for them, compiled apart from ours, as it does not meet our warnings.
 function(revisit_schema target file)
   add_library(${target} OBJECT ${file})
+  set_target_properties(${target} PROPERTIES UNITY_BUILD OFF)  # each file has the same static names
   target_link_libraries(${target} PUBLIC protobuf::libprotobuf)
   target_include_directories(${target} SYSTEM PUBLIC ${CMAKE_CURRENT_BINARY_DIR})
   target_compile_options(${target} PRIVATE -O1 -w ${REVISIT_NO_SANITIZER})
