@@ -370,7 +370,7 @@
 
   // ---- robustness
   /** A name on lines of about so many letters, broken between the steps of an alteration. */
-  function folded(name, letters = 26) {
+  function folded(name, letters = 32) {
     const lines = [];
     for (const step of name.split(" + ")) {
       const last = lines.length - 1;
