@@ -44,9 +44,9 @@ function(revisit_simd_targets target)
   target_compile_definitions(${target} PRIVATE "HWY_DISABLED_TARGETS=(${disabled})")
 endfunction()
 
-# Batches read headers once for 32 files. Files that Highway includes once for every target stay by themselves.
+# Batches read headers once for 64 files. Files that Highway includes once for every target stay by themselves.
 set(CMAKE_UNITY_BUILD ${REVISIT_UNITY})
-set(CMAKE_UNITY_BUILD_BATCH_SIZE 32)
+set(CMAKE_UNITY_BUILD_BATCH_SIZE 64)
 
 # revisit_alone(FILES...): these are not compiled in batches.
 function(revisit_alone)

@@ -55,11 +55,15 @@ HWY_INLINE void dot_products(int64_t k, const float* input, const Weight* weight
       odd[i] = hn::MulAdd(x1, load(weights + i * k + j + lanes), odd[i]);
     }
   }
+  const hn::CappedTag<float, 1> one;
 #pragma GCC unroll 4
   for (int i = 0; i < kCount; ++i) {
-    float sum = hn::GetLane(hn::SumOfLanes(d, hn::Add(even[i], odd[i])));
-    for (int64_t rest = j; rest < k; ++rest) sum += input[rest] * to_float(weights[i * k + rest]);
-    output[i] = bias ? sum + bias[i] : sum;
+    auto sum = hn::Set(one, hn::GetLane(hn::SumOfLanes(d, hn::Add(even[i], odd[i]))));
+    // In vectors of one number, so that no compiler rounds one type's products and not the other's.
+    for (int64_t rest = j; rest < k; ++rest)
+      sum =
+          hn::MulAdd(hn::Set(one, input[rest]), hn::Set(one, to_float(weights[i * k + rest])), sum);
+    output[i] = bias ? hn::GetLane(sum) + bias[i] : hn::GetLane(sum);
   }
 }
 

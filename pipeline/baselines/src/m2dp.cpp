@@ -1,18 +1,18 @@
 #include "revisit/baselines/m2dp.h"
 
-#include <Eigen/Dense>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "near_return.h"
 #include "revisit/proto/error.h"
+#include "revisit/recognition/linear_algebra.h"
 
 namespace revisit::pipeline {
 namespace {
-
-using Signatures = Eigen::Matrix<double, kM2dpPlanes, kM2dpBins, Eigen::RowMajor>;
 
 /// Points from their centroid, along their principal directions; coordinate by coordinate.
 struct AlignedPoints {
@@ -147,17 +147,23 @@ std::vector<double> m2dp_signatures(const PointCloud& cloud) {
 }
 
 void m2dp(const PointCloud& cloud, std::span<float> descriptor) {
-  const std::vector<double> values = m2dp_signatures(cloud);
-  const Eigen::Map<const Signatures> signatures(values.data());
+  const std::vector<double> signatures = m2dp_signatures(cloud);  // A [kM2dpPlanes][kM2dpBins]
   // A A^T has A's left singular vectors; 64 x 64 is the smaller side. Its entries are not negative,
   // so neither are those of its first eigenvector, up to a common sign (Perron and Frobenius).
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(signatures * signatures.transpose());
-  const Eigen::VectorXd left = solver.eigenvectors().col(kM2dpPlanes - 1).cwiseAbs();
-  const Eigen::VectorXd right = (signatures.transpose() * left).normalized();
-  for (int i = 0; i < kM2dpPlanes; ++i)
-    descriptor[static_cast<size_t>(i)] = static_cast<float>(left[i]);
-  for (int i = 0; i < kM2dpBins; ++i)
-    descriptor[kM2dpPlanes + static_cast<size_t>(i)] = static_cast<float>(right[i]);
+  std::vector<double> squares(int64_t{kM2dpPlanes} * kM2dpPlanes);
+  multiply_transposed(kM2dpPlanes, kM2dpPlanes, kM2dpBins, signatures.data(), kM2dpBins,
+                      signatures.data(), kM2dpBins, squares.data(), kM2dpPlanes);
+  const std::vector<double> left = largest_eigenpairs(squares, kM2dpPlanes, 1).vectors;
+  std::array<double, kM2dpBins> right{};  // A^T left
+  for (size_t plane = 0; plane < kM2dpPlanes; ++plane)
+    for (size_t bin = 0; bin < kM2dpBins; ++bin)
+      right[bin] += std::abs(left[plane]) * signatures[plane * kM2dpBins + bin];
+  const double length =
+      std::sqrt(std::inner_product(right.begin(), right.end(), right.begin(), 0.0));
+  const auto rest = std::ranges::transform(
+      left, descriptor.begin(), [](double v) { return static_cast<float>(std::abs(v)); });
+  std::ranges::transform(right, rest.out,
+                         [length](double v) { return static_cast<float>(v / length); });
 }
 
 FeatureExtractor m2dp_features() {

@@ -19,8 +19,8 @@ std::string signed_(double degrees) {
   return (degrees > 0 ? "+" : "") + number(degrees, 1);
 }
 
-/// To hundredths of a degree, to be read and given again.
-double rounded(double degrees) {
+/// Of a degree, to be read and given again.
+double to_hundredths(double degrees) {
   return std::round(100 * degrees) / 100;
 }
 
@@ -97,8 +97,8 @@ std::string GeometryOptions::resolve(const std::vector<pipeline::PointCloud>& sc
   }
   top = top.value_or(found.image.elevation_top);
   bottom = bottom.value_or(found.image.elevation_bottom);
-  closing_width = closing_width.value_or(rounded(found.image.closing_width));
-  closing_height = closing_height.value_or(rounded(found.image.closing_height));
+  closing_width = closing_width.value_or(to_hundredths(found.image.closing_width));
+  closing_height = closing_height.value_or(to_hundredths(found.image.closing_height));
   return str(seen, ": not a known sensor, so --top ", exact(*top), " --bottom ", exact(*bottom),
              " --closing-width ", exact(*closing_width), " --closing-height ",
              exact(*closing_height));

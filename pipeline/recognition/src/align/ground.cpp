@@ -1,6 +1,6 @@
 #include "revisit/recognition/ground.h"
 
-#include <Eigen/Cholesky>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -55,7 +55,7 @@ Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
       squares += weight * row * row.transpose();
       products += weight * p.z() * row;
     }
-    plane = squares.ldlt().solve(products);
+    plane = squares.inverse() * products;
     scale = std::max(kRoad, scale * kNarrower);
   }
   return plane;
@@ -83,8 +83,12 @@ std::optional<Ground> find_ground(const PointCloud& cloud) {
 }
 
 Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
+  const Eigen::Vector3d& up = ground.up;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = Eigen::Quaterniond::FromTwoVectors(ground.up, Eigen::Vector3d::UnitZ()).matrix();
+  // Rodrigues' formula about up x z, whose length is the sine and whose cosine is up.z().
+  Eigen::Matrix3d cross;
+  cross << 0, 0, -up.x(), 0, 0, -up.y(), up.x(), up.y(), 0;
+  T.linear() += cross + cross * cross / (1 + up.z());
   T.translation().z() = ground.sensor_height - sensor_height;
   return T.cast<float>();
 }

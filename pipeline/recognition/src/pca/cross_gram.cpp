@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "linear_algebra/linear_algebra.h"
 #include "revisit/engine/parallel_for.h"
+#include "revisit/recognition/linear_algebra.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -6,9 +6,9 @@
 
 #include "cross_gram.h"
 #include "feature_panels.h"
-#include "linear_algebra/linear_algebra.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/proto/error.h"
+#include "revisit/recognition/linear_algebra.h"
 #include "write_model.h"
 
 namespace revisit::pipeline {

@@ -5,10 +5,10 @@
 #include <numeric>
 
 #include "feature_panels.h"
-#include "linear_algebra/linear_algebra.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
+#include "revisit/recognition/linear_algebra.h"
 #include "revisit/recognition/pca.h"
 
 namespace revisit::pipeline {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "feature_panels.h"
-#include "linear_algebra/linear_algebra.h"
+#include "revisit/recognition/linear_algebra.h"
 
 namespace revisit::pipeline {
 

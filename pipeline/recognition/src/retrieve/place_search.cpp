@@ -5,10 +5,10 @@
 #include <limits>
 #include <utility>
 
-#include "linear_algebra/linear_algebra.h"
 #include "retrieve/products.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/recognition/cosine.h"
+#include "revisit/recognition/linear_algebra.h"
 
 namespace revisit::pipeline {
 namespace {

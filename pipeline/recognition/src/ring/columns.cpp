@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "linear_algebra/linear_algebra.h"
 #include "project/between_beams.h"
+#include "revisit/recognition/linear_algebra.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <optional>
 
-#include "linear_algebra/linear_algebra.h"
+#include "revisit/recognition/linear_algebra.h"
 #include "ring/columns.h"
 #include "ring/projection.h"
 #include "ring/spectrum.h"

@@ -1,4 +1,4 @@
-#include "linear_algebra.h"
+#include "revisit/recognition/linear_algebra.h"
 
 #include <cblas.h>
 
