@@ -120,22 +120,23 @@ class BlockEpilogue {
         slopes_(epilogue.slopes ? epilogue.slopes + block * kLanes : nullptr),
         lanes_(std::min(channels - block * kLanes, kLanes)) {}
 
-  /// Of pixels side by side; `addend` is null or that of the first.
+  /// Of pixels `step` values apart; `addend` is null or that of the first.
   template <class T, int kCount>
-  HWY_INLINE void finish(Block (&sums)[kCount], const T* addend, T* output) const {
+  HWY_INLINE void finish(Block (&sums)[kCount], const T* addend, T* output,
+                         int64_t step = kLanes) const {
     const Block bias = bias_;
     REVISIT_UNROLL
     for (Block& sum : sums) sum = sum + bias;
     if (addend) {
       REVISIT_UNROLL
-      for (int i = 0; i < kCount; ++i) sums[i] = sums[i] + load_block(addend + i * kLanes);
+      for (int i = 0; i < kCount; ++i) sums[i] = sums[i] + load_block(addend + i * step);
     }
     activate(epilogue_, slopes_, sums);
     // 0 * infinity and an activation of 0 need not be 0.
     if (lanes_ < kLanes)
       for (Block& sum : sums) sum = first_lanes(lanes_, sum);
     REVISIT_UNROLL
-    for (int i = 0; i < kCount; ++i) store_block(sums[i], output + i * kLanes);
+    for (int i = 0; i < kCount; ++i) store_block(sums[i], output + i * step);
   }
 
  private:

@@ -246,15 +246,21 @@ class Winograd {
         Block line[kRows];
         REVISIT_UNROLL
         for (int i = 0; i < kRows; ++i) line[i] = load_block(half[i][j]);
-        // Finished one by one: code for all of a line at once would be most of a variant's.
-        alignas(64) float sums[kTile.rows][kLanes];
-        transform_output_line<Rows>(
-            line, [&](int i, const Block& b) HWY_ATTR { store_block(b, sums[i]); });
+        Block sums[kTile.rows];
+        transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR { sums[i] = b; });
+        const int64_t at = (first + j) * kLanes, row = p_.out_w * kLanes;
+        const T* const addend = a_.addend ? static_cast<const T*>(a_.addend) + at : nullptr;
+        T* const output = static_cast<T*>(a_.output) + at;
+        if (rows == kTile.rows) {
+          epilogue.finish(sums, addend, output, row);
+          continue;
+        }
+        alignas(64) float pixels[kTile.rows][kLanes];  // of a tile across the image's lower edge
+        REVISIT_UNROLL
+        for (int i = 0; i < kTile.rows; ++i) store_block(sums[i], pixels[i]);
         for (int64_t i = 0; i < rows; ++i) {
-          const int64_t at = (first + i * p_.out_w + j) * kLanes;
-          Block sum[] = {load_block(sums[i])};
-          epilogue.finish(sum, a_.addend ? static_cast<const T*>(a_.addend) + at : nullptr,
-                          static_cast<T*>(a_.output) + at);
+          Block sum[] = {load_block(pixels[i])};
+          epilogue.finish(sum, addend ? addend + i * row : nullptr, output + i * row);
         }
       }
     });
