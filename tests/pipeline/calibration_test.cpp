@@ -52,6 +52,22 @@ TEST(Calibration, NeighboursInTheWrongOrderArePooled) {
     EXPECT_DOUBLE_EQ(c.probability(score), probability) << score;
 }
 
+TEST(Calibration, WhereFewerMatchesAreRightAWrongOneCountsMore) {
+  // 3 of 6 are right; for 1 of 4 each wrong one counts three times. With one more at both ends:
+  //   score      1    2    3    4    5    6
+  //   right    1/4  0/3  1/1  0/3  1/1  1/2
+  //   pooled   1/7       1/4       2/3
+  const Calibration c = isotonic_calibration(
+      {{4, false}, {1, false}, {3, true}, {6, true}, {2, false}, {5, true}}, 0.25);
+  ASSERT_EQ(c.blocks.size(), 3);
+  EXPECT_DOUBLE_EQ(c.probability(1), 1 / 7.0);
+  EXPECT_DOUBLE_EQ(c.probability(3), 1 / 4.0);
+  EXPECT_DOUBLE_EQ(c.probability(5), 2 / 3.0);
+  EXPECT_DOUBLE_EQ(c.blocks[0].matches, 6);
+  // Nothing tells how often such would be wrong.
+  EXPECT_DOUBLE_EQ(isotonic_calibration({{1, true}}, 0.25).probability(1), 2 / 3.0);
+}
+
 TEST(Calibration, MatchesOfOneScoreAreOneGroup) {
   // 2: 1 of 2 right, and one right more; 3: 2 of 2, and one wrong more.
   const Calibration c = isotonic_calibration({{2, true}, {3, true}, {2, false}, {3, true}});
@@ -229,6 +245,12 @@ TEST(Calibration, DamagedOnesAreRefused) {
 TEST(Calibration, NeedsMatchesWithScores) {
   expect_error<UsageError>([] { isotonic_calibration({}); }, {"there are none"});
   expect_error<UsageError>([] { isotonic_calibration({{std::nan(""), true}}); }, {"nan"});
+  for (const double share : {0.0, 1.0, std::nan("")})
+    expect_error<UsageError>(
+        [share] {
+          isotonic_calibration({{1, true}, {0, false}}, share);
+        },
+        {"share of right matches", "found"});
   expect_error<UsageError>([] { refined(of_blocks({{0, 2, 1}}), {}); }, {"there are none"});
 }
 

@@ -46,6 +46,23 @@ double wilson_lower_end(double right, double matches) {
   return (p + zz / 2 - z * std::sqrt(p * (1 - p) / matches + zz / (4 * matches))) / (1 + zz);
 }
 
+/// The precision of matches from `score` on.
+struct Promise {
+  double score = 0, precision = 0;
+};
+
+/// By falling score, down to the blocks that are wrong more often than right.
+std::vector<Promise> promises(const std::vector<CalibrationBlock>& blocks) {
+  std::vector<Promise> result;
+  double matches = 0, right = 0;
+  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].right > blocks[i].matches;) {
+    matches += blocks[i].matches;
+    right += blocks[i].right;
+    result.push_back({blocks[i].lowest, wilson_lower_end(right, matches)});
+  }
+  return result;
+}
+
 double logit(double p) {
   return std::log(p / (1 - p));
 }
@@ -58,6 +75,17 @@ void check(std::span<const JudgedScore> matches) {
   for (const JudgedScore& match : matches)
     if (!std::isfinite(match.score))
       throw UsageError(str("a calibration needs scores that are numbers, found ", match.score));
+}
+
+/// What a wrong match counts for, that the share of right ones is `right_share`.
+double weight_of_wrong(std::span<const JudgedScore> matches, std::optional<double> right_share) {
+  if (!right_share) return 1;
+  if (!(*right_share > 0 && *right_share < 1))
+    throw UsageError(
+        str("share of right matches: expected more than 0 and less than 1, found ", *right_share));
+  const auto right = static_cast<double>(std::ranges::count(matches, true, &JudgedScore::right)),
+             wrong = static_cast<double>(matches.size()) - right;
+  return right > 0 && wrong > 0 ? right / wrong * (1 - *right_share) / *right_share : 1;
 }
 
 /// The a and b of refined(): the maximum of a concave function of two variables, by Newton's steps.
@@ -102,32 +130,26 @@ std::optional<double> Calibration::threshold_for(double precision) const {
   if (!(precision > 0 && precision < 1))
     throw UsageError(str("precision: expected more than 0 and less than 1, found ", precision));
   std::optional<double> threshold;
-  double matches = 0, right = 0;
-  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].right > blocks[i].matches;) {
-    matches += blocks[i].matches;
-    right += blocks[i].right;
-    if (wilson_lower_end(right, matches) >= precision) threshold = blocks[i].lowest;
-  }
+  for (const Promise& promise : promises(blocks))
+    if (promise.precision >= precision) threshold = promise.score;
   return threshold;
 }
 
 double Calibration::highest_precision() const {
-  double highest = 0, matches = 0, right = 0;
-  for (size_t i = blocks.size(); i-- > 0 && 2 * blocks[i].right > blocks[i].matches;) {
-    matches += blocks[i].matches;
-    right += blocks[i].right;
-    highest = std::max(highest, wilson_lower_end(right, matches));
-  }
+  double highest = 0;
+  for (const Promise& promise : promises(blocks)) highest = std::max(highest, promise.precision);
   return highest;
 }
 
-Calibration isotonic_calibration(std::vector<JudgedScore> matches) {
+Calibration isotonic_calibration(std::vector<JudgedScore> matches,
+                                 std::optional<double> right_share) {
   check(matches);
+  const double wrong_weight = weight_of_wrong(matches, right_share);
   std::ranges::sort(matches, {}, &JudgedScore::score);
   std::vector<CalibrationBlock> equal;  // matches of one score
   for (const JudgedScore& match : matches) {
     if (equal.empty() || equal.back().lowest < match.score) equal.push_back({match.score});
-    equal.back().matches += 1;
+    equal.back().matches += match.right ? 1 : wrong_weight;
     equal.back().right += match.right ? 1 : 0;
   }
   Calibration result;

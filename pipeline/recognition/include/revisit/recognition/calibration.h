@@ -48,10 +48,14 @@ struct Calibration {
   double highest_precision() const;
 };
 
-/// Pool-adjacent-violators: the non-decreasing shares of right matches that fit best. Fills all but
-/// `k`, `score`, the distances and `learnt_from`. Throws UsageError without matches and for a score
-/// that is not finite.
-Calibration isotonic_calibration(std::vector<JudgedScore> matches);
+/// Pool-adjacent-violators: the non-decreasing shares of right matches that fit best. Where the
+/// calibration is for drives that come back less often, or more often, than those judged,
+/// `right_share` is the share of right matches there: each wrong one counts so much that the judged
+/// have it (Elkan, IJCAI 2001, theorem 2). Fills all but `k`, `score`, the distances and
+/// `learnt_from`. Throws UsageError without matches, for a score that is not finite and unless
+/// 0 < right_share < 1; matches that are all right, or all wrong, keep their weight.
+Calibration isotonic_calibration(std::vector<JudgedScore> matches,
+                                 std::optional<double> right_share = std::nullopt);
 
 /// What `matches` of another place or robot add to `before`: logit p' = a + b logit p, with the
 /// most likely a and b when a is about 0 and b about 1, by a normal distribution of deviation 1 and
