@@ -3,9 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <numbers>
 #include <random>
 
 #include "angles.h"
@@ -335,6 +337,30 @@ TEST(Alteration, ASeedIsAlwaysTheSame) {
                         text.starts_with("noise") || text.starts_with("rain=");
     EXPECT_EQ(same_points(a, c), !random) << text;
   }
+}
+
+TEST(Alteration, RandomOnesHideEverySide) {
+  // The seed of a random alteration is that of alter(), too; its draws are others.
+  std::array<int, 8> hidden{};  // eighths of a turn
+  PointCloud around;
+  for (int i = 0; i < 360; ++i) {
+    const double azimuth = (i + 0.5) * std::numbers::pi / 180;
+    around.points.push_back({static_cast<float>(10 * std::cos(azimuth)),
+                             static_cast<float>(10 * std::sin(azimuth)), 0, 0});
+  }
+  for (uint64_t seed = 0; seed < 4000; ++seed) {
+    const Alteration alteration = random_alteration(seed);
+    if (alteration.steps.empty() || alteration.steps.front().kind != AlterationStep::Kind::kSector)
+      continue;
+    PointCloud cloud = around;
+    alter(cloud, {{alteration.steps.front()}}, seed);
+    std::array<int, 8> seen{};
+    for (const Point& point : cloud.points)
+      ++seen[static_cast<size_t>((std::atan2(point.y, point.x) / std::numbers::pi + 1) * 4)];
+    for (size_t i = 0; i < hidden.size(); ++i) hidden[i] += 45 - seen[i];
+  }
+  const auto [least, most] = std::ranges::minmax(hidden);
+  EXPECT_GT(least, 0.8 * most);
 }
 
 TEST(Alteration, EachStandardOneIsDifferent) {

@@ -170,6 +170,15 @@ TEST(Calibration, MatchesOfAnotherDriveMoveItAsFarAsTheyTell) {
 }
 
 /// The same maximum, looked for on a grid.
+TEST(Calibration, MatchesThatAreAsWasSaidTakeNothingFromThePromise) {
+  std::vector<JudgedScore> matches(300, {1, true});
+  matches.insert(matches.end(), 500, {0, false});
+  const Calibration before = isotonic_calibration(matches);
+  const Calibration after = refined(before, matches);
+  EXPECT_GE(after.highest_precision(), before.highest_precision());
+  EXPECT_LE(after.probability(0), before.probability(0));
+}
+
 TEST(Calibration, TheMostLikelyShiftAndSlopeAreTaken) {
   const Calibration before = isotonic_calibration(drawn(4000, 0.5, 1));
   const std::vector<JudgedScore> matches = drawn(60, 0.62, 5);

@@ -49,6 +49,17 @@ TEST(Ground, IsNotFoundWhereNothingSaysWhereItIs) {
   EXPECT_FALSE(find_ground(little));
 }
 
+TEST(Ground, TakesPointsThatRoundToItsBorder) {
+  // Nearer than 10 m, but 10 m more is 20 m in float.
+  PointCloud cloud = plane(0, 0, 1.73, 0);
+  const float nearly = std::nextafter(10.0F, 0.0F);
+  for (const auto& [x, y] : {std::pair(0.0F, nearly), std::pair(nearly, 0.0F)})
+    cloud.points.insert(cloud.points.end(), 10000, {x, y, -1.73F, 0});
+  const auto ground = find_ground(cloud);
+  ASSERT_TRUE(ground);
+  EXPECT_NEAR(ground->sensor_height, 1.73, 1e-3);
+}
+
 /// However it was tilted and mounted, a levelled scan is the same, but for its yaw, which stays.
 TEST(Ground, LevelsAScanThatWasTilted) {
   const PointCloud scan = plane(0, 0, 1.73, 0.3);

@@ -134,6 +134,10 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   }
   EXPECT_GT(accepted, 5);
   expect_in(run("calibrate " + path("c.ring"), 2), "DRIVE");
+  expect_in(run(calibrate + path("town2") + " --sure 1", 2), "--sure");
+  expect_in(run(calibrate + path("town2") + same + "--radius 1e-9", 3), "no match is right");
+  expect_in(run(calibrate + path("town2") + " --exclusion frames=9999", 3), "right or wrong");
+  EXPECT_EQ(test::read_file(path("c.ring")), before);
   expect_in(run(calibrate + path("town2") + " --judge -o x", 2), "one of the two");
   expect_in(run(calibrate + path("town2") + " --radius 0", 2), "--radius");
   expect_in(run(calibrate + path("town2/sequences/00/velodyne"), 3), "poses");

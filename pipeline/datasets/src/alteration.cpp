@@ -120,8 +120,11 @@ std::string name_of_step(const AlterationStep& step) {
 /// Random numbers that are the same with every standard library, whose distributions are not.
 class Draws {
  public:
-  explicit Draws(uint64_t seed) {
-    std::seed_seq mixed{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32)};
+  /// What is drawn for one purpose tells nothing of what the same seed draws for another.
+  enum class Purpose : uint32_t { kChoose, kAlter };
+  Draws(uint64_t seed, Purpose purpose) {
+    std::seed_seq mixed{static_cast<uint32_t>(seed), static_cast<uint32_t>(seed >> 32),
+                        static_cast<uint32_t>(purpose)};
     random_.seed(mixed);
   }
   /// In [0, 1).
@@ -306,7 +309,7 @@ std::vector<Alteration> standard_alterations() {
 }
 
 Alteration random_alteration(uint64_t seed) {
-  Draws draws(seed);
+  Draws draws(seed, Draws::Purpose::kChoose);
   Alteration alteration;
   const auto add = [&](StepKind kind, double amount) {
     constexpr double kHundred = 100;  // amounts of two decimals, for people
@@ -337,7 +340,7 @@ void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed) {
   std::erase_if(points, [](const Point& p) { return !is_return(p); });
   for (const AlterationStep& step : alteration.steps)
     if (step.kind == StepKind::kBeams) keep_every_beam(points, static_cast<int>(*step.amount));
-  Draws draws(seed);
+  Draws draws(seed, Draws::Purpose::kAlter);
   for (const AlterationStep& step : alteration.steps) take_step(points, step, draws);
 }
 

@@ -1,7 +1,9 @@
 #include <iostream>
+#include <limits>
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
+#include "cli/messages.h"
 #include "cli/table.h"
 #include "eval/feature_options.h"
 #include "loops/judge_drive.h"
@@ -73,21 +75,30 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
   if (o.drives.empty()) throw UsageError("give at least one drive with poses: DRIVE");
   if (o.judge && !o.output.empty())
     throw UsageError("--judge and --output: one of the two, --judge writes nothing");
-  if (!(o.right_share > 0 && o.right_share < 1))
-    throw UsageError(
-        str("--right-share: expected more than 0 and less than 1, found ", o.right_share));
+  for (const auto& [option, share] :
+       {std::pair("--right-share", o.right_share), std::pair("--sure", o.precision)}) {
+    constexpr double kLeast = 1e-6;
+    if (!(share >= kLeast && share <= 1 - kLeast))
+      throw UsageError(str(option, ": expected 0.000001 to 0.999999, found ", share));
+  }
+  if (o.seed < 0 || o.seed > std::numeric_limits<uint32_t>::max())
+    throw UsageError(str("--seed: expected 0 to 4294967295, found ", o.seed));
   if (o.altered < 0) throw UsageError(str("--altered: expected at least 0, found ", o.altered));
   return o;
 }
 
 /// The matches of all drives, each recognised by itself.
 std::vector<JudgedMatch> judged(const CalibrateOptions& o, const pipeline::FeatureExtractor& rings,
-                                std::string& names) {
+                                std::string& names, int64_t& left_out) {
   JudgeDrive how;
   how.exclusion = pipeline::parse_exclusion(o.exclusion);
   how.rule = rule_of(o.radius);
   how.altered = o.altered;
   how.seed = static_cast<uint64_t>(o.seed) << 32;
+  how.left_out = [&left_out](const std::string& why) {
+    ++left_out;
+    warn(why + "; this scan is left out");
+  };
   how.stop = interrupted;
   std::vector<JudgedMatch> all;
   const pipeline::Observer observer = o.running.observer();
@@ -158,7 +169,13 @@ int calibrate_command(const Arguments& arguments) {
   const pipeline::FeatureExtractor rings = pipeline::ring_recogniser(
       model, pipeline::ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
   std::string names;
-  const std::vector<JudgedMatch> matches = judged(o, rings, names);
+  int64_t left_out = 0;
+  const std::vector<JudgedMatch> matches = judged(o, rings, names, left_out);
+  if (matches.empty() ||
+      (!o.judge && std::ranges::none_of(scores_of(matches), &JudgedScore::right)))
+    throw InputError(
+        str(names, ": no match is ", matches.empty() ? "right or wrong" : "right",
+            "; it takes drives with places that are seen again, and an --exclusion they allow"));
   if (!o.judge) {
     model.calibration = pipeline::isotonic_calibration(scores_of(matches), o.right_share);
     const pipeline::TrueMatchRule rule = rule_of(o.radius);
@@ -168,7 +185,7 @@ int calibrate_command(const Arguments& arguments) {
     write_ring_model(o.output.empty() ? o.model : o.output, model);
   }
   print(*model.calibration, matches, o.precision);
-  return kOk;
+  return left_out > 0 ? kScansLeftOut : kOk;
 }
 
 }  // namespace revisit::cli

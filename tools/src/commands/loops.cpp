@@ -146,6 +146,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   JudgeDrive how;
   how.exclusion = pipeline::parse_exclusion(o.exclusion);
   how.rule = rule_of(o.radius);
+  how.left_out = [](const std::string& why) { warn(why + "; this scan is left out"); };
   how.stop = interrupted;
   how.done = progress.callback();
   std::vector<pipeline::JudgedScore> matches;
@@ -170,7 +171,7 @@ void need_promise(const pipeline::Calibration& calibration, double precision) {
   if (!calibration.threshold_for(precision))
     throw UsageError(str("--sure ", precision, ": learnt from ", calibration.learnt_from,
                          ", the calibration promises at most ",
-                         number(calibration.highest_precision(), 3),
+                         number(calibration.highest_precision(), 5),
                          "; ask for less, --calibrate on a longer drive, or give --threshold"));
 }
 

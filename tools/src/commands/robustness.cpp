@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
+#include <set>
 
 #include "cli/json.h"
 #include "cli/messages.h"
@@ -42,11 +43,23 @@ struct Question {
   std::vector<pipeline::Dataset> among;
 };
 
+/// A scan among the others would be another place than it is.
+void need_others(const pipeline::Dataset& drive, const pipeline::Dataset& others,
+                 const fs::path& folder) {
+  std::set<fs::path> files;
+  for (const pipeline::ScanRef& scan : drive.scans) files.insert(fs::weakly_canonical(scan.file));
+  for (const pipeline::ScanRef& scan : others.scans)
+    if (files.contains(fs::weakly_canonical(scan.file)))
+      throw UsageError(str("--among ", folder.string(), ": ", scan.file.string(),
+                           " is a scan of the drive itself; expected scans of other places"));
+}
+
 Question open_question(const RobustnessCommand& o) {
   Question q;
   q.drive = open_scans(o.feature, {.poses = o.asked.rule.distance != pipeline::Distance::kPlace});
   for (const fs::path& folder : o.among) {
     q.among.push_back(pipeline::open_dataset(folder, ""));
+    need_others(q.drive, q.among.back(), folder);
     if (!o.feature.quiet)
       for (const std::string& warning : q.among.back().warnings) warn(warning);
   }
@@ -54,7 +67,8 @@ Question open_question(const RobustnessCommand& o) {
 }
 
 reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& name,
-                               const Question& question, const std::string& command, int& stored) {
+                               const Question& question, const std::string& command, int& stored,
+                               bool& whole) {
   FeatureOptions options = o.feature;
   options.feature = name;
   const std::string sensor = resolve_sensor(options, question.drive);
@@ -76,6 +90,7 @@ reports::RobustnessFeature ask(const RobustnessCommand& o, const std::string& na
   out.set_command(command);
   for (const pipeline::RobustnessRow& row : result.rows) *out.add_rows() = row_report(row);
   stored = static_cast<int>(result.stored);
+  whole = whole && result.left_out.empty();
   return out;
 }
 
@@ -111,9 +126,10 @@ int robustness_command(const Arguments& arguments) {
   const Question question = open_question(o);
   reports::Robustness report = report_of(o, question);
   const std::string command = shell_command("revisit robustness", arguments);
+  bool whole = true;  // every scan could be described
   for (const std::string& name : o.features) {
     int stored = 0;
-    *report.add_features() = ask(o, name, question, command, stored);
+    *report.add_features() = ask(o, name, question, command, stored, whole);
     report.set_stored(stored);
   }
 
@@ -139,7 +155,7 @@ int robustness_command(const Arguments& arguments) {
     std::cout << "\nresults: " << run.string() << "\n";
     if (!o.no_report) std::cout << "report: " << (run / "report.html").string() << "\n";
   }
-  return kOk;
+  return whole ? kOk : kScansLeftOut;
 }
 
 }  // namespace revisit::cli

@@ -34,7 +34,10 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
     options.done(++done, static_cast<int64_t>(drive.scans.size()));
     const std::span<const int64_t> without = recent.at(scan);
     DescribedScan described = describe_scan(scan, drive.sequence, recognizer, cloud);
-    if (!described.description.described()) continue;
+    if (!described.description.described()) {
+      options.left_out(described.description.why_not);
+      continue;
+    }
     const auto ask = [&](const pipeline::Description& description, bool is_altered) {
       const auto loop = recognizer.query(description, without);
       if (!loop) return;
@@ -45,8 +48,10 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
     ask(described.description, false);
     for (int copy = 0; copy < options.altered && !poses.empty(); ++copy) {
       const uint64_t seed = options.seed + asked++;
+      const pipeline::Alteration alteration = pipeline::random_alteration(seed);
+      if (alteration.steps.empty()) continue;  // asked already
       altered = cloud;
-      alter(altered, pipeline::random_alteration(seed), seed);
+      alter(altered, alteration, seed);
       ask(recognizer.describe(view_of(altered)), true);
     }
     recent.add(recognizer.add(described.description, std::move(described.place)));

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "revisit/datasets/dataset.h"
@@ -15,6 +16,7 @@ struct JudgeDrive {
   pipeline::TrueMatchRule rule;
   int altered = 0;    // copies of every scan, altered at random, that are asked beside it
   uint64_t seed = 0;  // of the alterations
+  std::function<void(const std::string& why)> left_out = [](const std::string&) {};
   std::function<bool()> stop = [] { return false; };
   std::function<void(int64_t done, int64_t total)> done = [](int64_t, int64_t) {};
 };
@@ -27,7 +29,7 @@ struct JudgedMatch {
 /// The best matches of a drive's scans, each asked among those before it as
 /// recognise() does it, and whether the matches are right by the poses. The places are the scans as
 /// they are. Matches that are neither right nor wrong are left out, as are scans that cannot be
-/// described. `recognizer` has no places yet.
+/// described and copies that their alteration leaves as they are. `recognizer` has no places yet.
 /// Throws what recognise() does, UsageError for a drive without poses.
 std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
                                      pipeline::PlaceRecognizer& recognizer,

@@ -24,8 +24,10 @@ std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
     if (!is_return(point)) continue;
     const float square = point.x * point.x + point.y * point.y;
     if (square <= kOwnVehicle * kOwnVehicle || square >= kReach * kReach) continue;
-    const auto row = static_cast<int>((point.y + kReach) / kCell),
-               column = static_cast<int>((point.x + kReach) / kCell);
+    const auto cell_of = [](float metres) {  // kReach itself by rounding, of what is nearer
+      return std::min(static_cast<int>((metres + kReach) / kCell), kCellsAcross - 1);
+    };
+    const int row = cell_of(point.y), column = cell_of(point.x);
     cells[static_cast<size_t>(row * kCellsAcross + column)].emplace_back(point.x, point.y, point.z);
   }
   std::vector<Eigen::Vector3d> low;

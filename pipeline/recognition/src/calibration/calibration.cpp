@@ -21,10 +21,11 @@ std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks
   return blocks;
 }
 
-/// Pool-adjacent-violators, for non-decreasing shares.
-std::vector<CalibrationBlock> pooled(std::vector<CalibrationBlock> blocks) {
+/// Pool-adjacent-violators, for non-decreasing shares. `blocks` are with extremes, the result is
+/// without.
+std::vector<CalibrationBlock> pooled(const std::vector<CalibrationBlock>& blocks) {
   std::vector<CalibrationBlock> pools;
-  for (CalibrationBlock pool : with_extremes(std::move(blocks))) {
+  for (CalibrationBlock pool : blocks) {
     while (!pools.empty() && share(pools.back()) >= share(pool)) {
       pool.lowest = pools.back().lowest;
       pool.matches += pools.back().matches;
@@ -80,9 +81,10 @@ void check(std::span<const JudgedScore> matches) {
 /// What a wrong match counts for, that the share of right ones is `right_share`.
 double weight_of_wrong(std::span<const JudgedScore> matches, std::optional<double> right_share) {
   if (!right_share) return 1;
-  if (!(*right_share > 0 && *right_share < 1))
+  constexpr double kLeast = 1e-6;
+  if (!(*right_share >= kLeast && *right_share <= 1 - kLeast))
     throw UsageError(
-        str("share of right matches: expected more than 0 and less than 1, found ", *right_share));
+        str("share of right matches: expected 0.000001 to 0.999999, found ", *right_share));
   const auto right = static_cast<double>(std::ranges::count(matches, true, &JudgedScore::right)),
              wrong = static_cast<double>(matches.size()) - right;
   return right > 0 && wrong > 0 ? right / wrong * (1 - *right_share) / *right_share : 1;
@@ -153,17 +155,21 @@ Calibration isotonic_calibration(std::vector<JudgedScore> matches,
     equal.back().right += match.right ? 1 : 0;
   }
   Calibration result;
-  result.blocks = pooled(std::move(equal));
+  result.blocks = pooled(with_extremes(std::move(equal)));
   return result;
 }
 
 Calibration refined(const Calibration& before, std::span<const JudgedScore> matches) {
   check(matches);
   const auto [a, b] = shift_and_slope(before, matches);
+  std::vector<CalibrationBlock> blocks = with_extremes(before.blocks);
+  for (CalibrationBlock& block : blocks)
+    block.right = block.matches * sigmoid(a + b * logit(share(block)));
+  // What with_extremes() added stays.
+  blocks.front().right = std::max(blocks.front().right, 1.0);
+  blocks.back().right = std::min(blocks.back().right, blocks.back().matches - 1);
   Calibration result = before;
-  for (CalibrationBlock& block : result.blocks)
-    block.right = block.matches * sigmoid(a + b * logit(before.probability(block.lowest)));
-  result.blocks = pooled(std::move(result.blocks));
+  result.blocks = pooled(blocks);
   return result;
 }
 

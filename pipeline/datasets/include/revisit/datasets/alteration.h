@@ -52,12 +52,12 @@ std::vector<Alteration> standard_alterations();
 /// A mixture for learning and calibration: about a quarter are none; the others have a tilt of up
 /// to 8 deg, up to 1 m of height, up to three sectors, a range from 15 m on, missing beams and
 /// points, noise, rain and a truck, some of these each. Never turned by yaw: the headings of a
-/// drive stay true.
+/// drive stay true. alter() may be given the same seed.
 Alteration random_alteration(uint64_t seed);
 
 /// To be raised with every change after which a seed alters some scan otherwise, as features of
 /// altered scans are kept.
-constexpr int kAlterationVersion = 1;
+constexpr int kAlterationVersion = 2;
 
 /// Alters a scan; points without a return are left out (but of a scan that stays as it is). The
 /// same for the same seed, in every process and on every machine whose sines are the same.

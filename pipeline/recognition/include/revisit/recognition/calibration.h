@@ -53,7 +53,7 @@ struct Calibration {
 /// `right_share` is the share of right matches there: each wrong one counts so much that the judged
 /// have it (Elkan, IJCAI 2001, theorem 2). Fills all but `k`, `score`, the distances and
 /// `learnt_from`. Throws UsageError without matches, for a score that is not finite and unless
-/// 0 < right_share < 1; matches that are all right, or all wrong, keep their weight.
+/// right_share is 1e-6 to 1 - 1e-6; matches that are all right, or all wrong, keep their weight.
 Calibration isotonic_calibration(std::vector<JudgedScore> matches,
                                  std::optional<double> right_share = std::nullopt);
 
