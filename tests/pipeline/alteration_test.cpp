@@ -348,7 +348,7 @@ TEST(Alteration, RandomOnesHideEverySide) {
     around.points.push_back({static_cast<float>(10 * std::cos(azimuth)),
                              static_cast<float>(10 * std::sin(azimuth)), 0, 0});
   }
-  for (uint64_t seed = 0; seed < 4000; ++seed) {
+  for (uint64_t seed = 0; seed < 20000; ++seed) {
     const Alteration alteration = random_alteration(seed);
     if (alteration.steps.empty() || alteration.steps.front().kind != AlterationStep::Kind::kSector)
       continue;
