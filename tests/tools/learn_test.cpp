@@ -3,8 +3,8 @@
 
 #include <sstream>
 
+#include "program_test.h"
 #include "revisit/recognition/ring/model.h"
-#include "test_data.h"
 
 namespace revisit::cli {
 namespace {
@@ -12,25 +12,15 @@ namespace {
 namespace fs = std::filesystem;
 
 /// A street driven down and back up, seen by the quick sensor, and its network.
-class Learn : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    folder_ = new test::TempDir;
+class Learn : public test::ProgramTest<Learn> {
+ public:
+  static void fill() {
     run("simulate -o " + path("town") +
         " --sensor vlp16 --route opposite --length 300 --every 12 -q");
     run("models make-random --net ring16 -o " + path("net"));
   }
-  static void TearDownTestSuite() {
-    delete folder_;
-    folder_ = nullptr;
-  }
 
-  static std::string path(const std::string& name) { return (*folder_ / name).string(); }
-  static std::string run(const std::string& command, int expected = 0) {
-    const auto result = test::run_revisit(command);
-    EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
-    return result.out + result.err;
-  }
+ protected:
   static std::string learn(const std::string& output, const std::string& more = "") {
     return "learn " + path("town") + " --sensor vlp16 -o " + path(output) + " --model " +
            path("net/ring16_random.prototxt") + " --layers pool1=24 --no-progress " + more;
@@ -38,10 +28,7 @@ class Learn : public testing::Test {
   static void expect_in(const std::string& text, const std::string& part) {
     EXPECT_NE(text.find(part), std::string::npos) << "no \"" << part << "\" in: " << text;
   }
-
-  static test::TempDir* folder_;
 };
-test::TempDir* Learn::folder_ = nullptr;
 
 TEST_F(Learn, EveryLessonGivesAModelThatRecognisesThePlaces) {
   for (const char* lesson : {"loops", "odometry", "sequence", "scans"}) {

@@ -10,7 +10,7 @@
 #include <set>
 #include <sstream>
 
-#include "test_data.h"
+#include "program_test.h"
 
 namespace revisit::cli {
 namespace {
@@ -18,23 +18,17 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Two towns' streets, driven down and back up.
-class Loops : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    folder_ = new test::TempDir;
+class Loops : public test::ProgramTest<Loops> {
+ public:
+  static void fill() {
     for (const char* seed : {"1", "2"})
       run("simulate -o " + path(std::string("town") + seed) + " --seed " + seed +
           " --sensor vlp16 --route opposite --length 400 --every 6 -q");
   }
-  static void TearDownTestSuite() {
-    delete folder_;
-    folder_ = nullptr;
-  }
-  static std::string path(const std::string& name) { return (*folder_ / name).string(); }
+
+ protected:
   static std::string run(const std::string& command, int expected = 0) {
-    const auto result = test::run_revisit(command);
-    EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
-    return result.out;
+    return result_of(command, expected).out;
   }
   static std::string loops(const std::string& more) {
     return "loops " + path("town1") + " --exclusion frames=150 --no-progress -q " + more;
@@ -45,9 +39,7 @@ class Loops : public testing::Test {
     for (std::string line; std::getline(in, line);) result.push_back(line);
     return result;
   }
-  static test::TempDir* folder_;
 };
-test::TempDir* Loops::folder_ = nullptr;
 
 TEST_F(Loops, AreFoundAtTheThresholdOfAnotherTownAndNoneIsWrong) {
   const std::vector<std::string> found = lines(run(loops("--calibrate " + path("town2"))));

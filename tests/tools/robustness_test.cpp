@@ -5,11 +5,11 @@
 
 #include "cli/json.h"
 #include "expect_error.h"
+#include "program_test.h"
 #include "report/read_runs.h"
 #include "reports.pb.h"
 #include "robustness/robustness_options.h"
 #include "small_drive.h"
-#include "test_data.h"
 
 namespace revisit::cli {
 namespace {
@@ -17,23 +17,14 @@ namespace {
 namespace fs = std::filesystem;
 
 /// A street driven down and back up, seen by the quick sensor.
-class RobustnessOfFeatures : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    folder_ = new test::TempDir;
+class RobustnessOfFeatures : public test::ProgramTest<RobustnessOfFeatures> {
+ public:
+  static void fill() {
     run("simulate -o " + path("town") +
         " --sensor vlp16 --route opposite --length 300 --every 12 -q");
   }
-  static void TearDownTestSuite() {
-    delete folder_;
-    folder_ = nullptr;
-  }
-  static std::string path(const std::string& name) { return (*folder_ / name).string(); }
-  static std::string run(const std::string& command, int expected = 0) {
-    const auto result = test::run_revisit(command);
-    EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
-    return result.out + result.err;
-  }
+
+ protected:
   static reports::Robustness ask(const std::string& options, const std::string& output) {
     reports::Robustness report;
     parse_report(test::run_revisit("robustness " + path("town") + " -q --format json -o " +
@@ -42,10 +33,7 @@ class RobustnessOfFeatures : public testing::Test {
                  "robustness", &report);
     return report;
   }
-
-  static test::TempDir* folder_;
 };
-test::TempDir* RobustnessOfFeatures::folder_ = nullptr;
 
 TEST_F(RobustnessOfFeatures, FeaturesStandSideBySide) {
   const reports::Robustness report =

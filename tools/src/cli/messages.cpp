@@ -73,4 +73,8 @@ void warn(const std::string& message) {
   std::cerr << "warning: " << in_our_words(message) << "\n";
 }
 
+void warn_left_out(const std::string& why) {
+  warn(why + "; this scan is left out");
+}
+
 }  // namespace revisit::cli

@@ -20,5 +20,7 @@ std::string in_our_words(std::string message);
 /// "note: ..." and "warning: ..." on standard error, in our words.
 void note(const std::string& message);
 void warn(const std::string& message);
+/// Of a scan that cannot be described.
+void warn_left_out(const std::string& why);
 
 }  // namespace revisit::cli

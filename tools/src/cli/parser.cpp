@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <span>
 
 namespace revisit::cli {
@@ -102,6 +103,14 @@ int parse_value(const std::string& what, const std::string& text) {
 template <>
 int64_t parse_value(const std::string& what, const std::string& text) {
   return parse_number<int64_t>(what, text);
+}
+template <>
+uint32_t parse_value(const std::string& what, const std::string& text) {
+  const auto value = parse_number<int64_t>(what, text);
+  constexpr uint32_t kMost = std::numeric_limits<uint32_t>::max();
+  if (value < 0 || value > kMost)
+    throw UsageError(str(what, ": expected 0 to ", kMost, ", found ", value));
+  return static_cast<uint32_t>(value);
 }
 template <>
 uint64_t parse_value(const std::string& what, const std::string& text) {

@@ -1,5 +1,4 @@
 #include <iostream>
-#include <limits>
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
@@ -21,7 +20,7 @@ struct CalibrateOptions {
   std::vector<fs::path> drives;
   std::string sequence, exclusion = "frames=50";
   int every = 1, altered = 1;
-  int64_t seed = 1;
+  uint32_t seed = 1;
   double radius = 5, right_share = 0.1, precision = pipeline::RecognizerOptions().precision;
   bool judge = false;
   FeatureOptions running;  // of these only how it runs
@@ -81,8 +80,6 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
     if (!(share >= kLeast && share <= 1 - kLeast))
       throw UsageError(str(option, ": expected 0.000001 to 0.999999, found ", share));
   }
-  if (o.seed < 0 || o.seed > std::numeric_limits<uint32_t>::max())
-    throw UsageError(str("--seed: expected 0 to 4294967295, found ", o.seed));
   if (o.altered < 0) throw UsageError(str("--altered: expected at least 0, found ", o.altered));
   return o;
 }
@@ -94,10 +91,10 @@ std::vector<JudgedMatch> judged(const CalibrateOptions& o, const pipeline::Featu
   how.exclusion = pipeline::parse_exclusion(o.exclusion);
   how.rule = rule_of(o.radius);
   how.altered = o.altered;
-  how.seed = static_cast<uint64_t>(o.seed) << 32;
+  how.seed = uint64_t{o.seed} << 32;
   how.left_out = [&left_out](const std::string& why) {
     ++left_out;
-    warn(why + "; this scan is left out");
+    warn_left_out(why);
   };
   how.stop = interrupted;
   std::vector<JudgedMatch> all;

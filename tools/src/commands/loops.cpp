@@ -146,7 +146,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   JudgeDrive how;
   how.exclusion = pipeline::parse_exclusion(o.exclusion);
   how.rule = rule_of(o.radius);
-  how.left_out = [](const std::string& why) { warn(why + "; this scan is left out"); };
+  how.left_out = warn_left_out;
   how.stop = interrupted;
   how.done = progress.callback();
   std::vector<pipeline::JudgedScore> matches;
@@ -257,7 +257,7 @@ int loops_command(const Arguments& arguments) {
     progress.update(++scans, std::max(scans, total));
     if (!visit.position) {
       ++left_out;
-      warn(visit.why_not + "; this scan is left out");
+      warn_left_out(visit.why_not);
       return;
     }
     milliseconds.push_back(visit.milliseconds);

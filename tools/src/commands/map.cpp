@@ -129,7 +129,7 @@ int build(const Arguments& arguments) {
   how.threads = options.thread_count();
   how.stop = interrupted;
   how.done = [&](int64_t done, int64_t all) { progress.update(done, all); };
-  how.left_out = [](const std::string& why) { warn(why + "; this scan is left out"); };
+  how.left_out = warn_left_out;
   const Built built = build_map(with_sensor_poses(dataset), recognizer, how);
   if (!options.quiet)
     std::cout << pipeline::shown_name(map.file) << ": " << recognizer.size() << " places, "

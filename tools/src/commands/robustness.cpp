@@ -44,12 +44,10 @@ struct Question {
 };
 
 /// A scan among the others would be another place than it is.
-void need_others(const pipeline::Dataset& drive, const pipeline::Dataset& others,
+void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& others,
                  const fs::path& folder) {
-  std::set<fs::path> files;
-  for (const pipeline::ScanRef& scan : drive.scans) files.insert(fs::weakly_canonical(scan.file));
   for (const pipeline::ScanRef& scan : others.scans)
-    if (files.contains(fs::weakly_canonical(scan.file)))
+    if (drive.contains(fs::weakly_canonical(scan.file)))
       throw UsageError(str("--among ", folder.string(), ": ", scan.file.string(),
                            " is a scan of the drive itself; expected scans of other places"));
 }
@@ -57,9 +55,13 @@ void need_others(const pipeline::Dataset& drive, const pipeline::Dataset& others
 Question open_question(const RobustnessCommand& o) {
   Question q;
   q.drive = open_scans(o.feature, {.poses = o.asked.rule.distance != pipeline::Distance::kPlace});
+  std::set<fs::path> drive;
+  if (!o.among.empty())
+    for (const pipeline::ScanRef& scan : q.drive.scans)
+      drive.insert(fs::weakly_canonical(scan.file));
   for (const fs::path& folder : o.among) {
     q.among.push_back(pipeline::open_dataset(folder, ""));
-    need_others(q.drive, q.among.back(), folder);
+    need_others(drive, q.among.back(), folder);
     if (!o.feature.quiet)
       for (const std::string& warning : q.among.back().warnings) warn(warning);
   }

@@ -1,7 +1,6 @@
 #include "robustness/robustness_options.h"
 
 #include <algorithm>
-#include <limits>
 #include <sstream>
 
 namespace revisit::cli {
@@ -42,7 +41,6 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
   std::vector<std::string> alterations;
   std::string distance = "xz", exclusion = "none", query_case = "1";
   double radius = o.asked.rule.radius, other_beyond = 0;
-  int64_t seed = 0;
   o.asked.queries = 200;
   Parser parser(
       "revisit robustness", "DATA",
@@ -70,7 +68,7 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
                 "(default: " +
                     joined(pipeline::standard_alterations(), " ", pipeline::text_of) + ")",
                 &alterations);
-  parser.option("seed", "N", "of what is random in them (default 0)", &seed);
+  parser.option("seed", "N", "of what is random in them (default 0)", &o.asked.seed);
   parser.option("queries", "N",
                 "so many scans, evenly through the drive, are altered; 0: all (default 200)",
                 &o.asked.queries);
@@ -109,9 +107,6 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
   if (!o.label.empty() && o.features.size() > 1)
     throw UsageError("--label: there are several features; run one after the other");
   o.asked.alterations = parse_alterations(alterations);
-  if (seed < 0 || seed > std::numeric_limits<uint32_t>::max())
-    throw UsageError(str("--seed: expected 0 to 4294967295, found ", seed));
-  o.asked.seed = static_cast<uint32_t>(seed);
   if (o.asked.queries < 0)
     throw UsageError(str("--queries: expected at least 0, found ", o.asked.queries));
   if (!(radius > 0)) throw UsageError(str("--radius: expected a positive number, found ", radius));

@@ -157,8 +157,9 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
       const std::vector<int64_t> more = again.left_out();
       left_out.insert(left_out.end(), more.begin(), more.end());
     }
+    std::ranges::sort(left_out);
     for (int64_t row = 0; row < lesson.rings.n; ++row)
-      if (std::ranges::find(left_out, row) == left_out.end()) lesson.scans.push_back(row);
+      if (!std::ranges::binary_search(left_out, row)) lesson.scans.push_back(row);
   }
   learn_rings(model, lessons);  // from the scans alone
   if (options.lesson == RingLesson::kScans) return;

@@ -95,13 +95,15 @@ std::array<double, 2> shift_and_slope(const Calibration& before,
                                       std::span<const JudgedScore> matches) {
   constexpr double kShiftWeight = 1, kSlopeWeight = 4;  // 1 / variance
   constexpr int kSteps = 50;
+  std::vector<double> logits;
+  for (const JudgedScore& match : matches) logits.push_back(logit(before.probability(match.score)));
   double a = 0, b = 1;
   for (int step = 0; step < kSteps; ++step) {
     double ga = -kShiftWeight * a, gb = -kSlopeWeight * (b - 1);
     double haa = kShiftWeight, hab = 0, hbb = kSlopeWeight;
-    for (const JudgedScore& match : matches) {
-      const double x = logit(before.probability(match.score)), p = sigmoid(a + b * x);
-      const double error = (match.right ? 1 : 0) - p, weight = p * (1 - p);
+    for (size_t i = 0; i < matches.size(); ++i) {
+      const double x = logits[i], p = sigmoid(a + b * x);
+      const double error = (matches[i].right ? 1 : 0) - p, weight = p * (1 - p);
       ga += error, gb += error * x;
       haa += weight, hab += weight * x, hbb += weight * x * x;
     }

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <string>
+
+#include "test_data.h"
+
+namespace revisit::test {
+
+/// Tests that run the program in a folder of their suite, which `Suite::fill()` fills before the
+/// first of them.
+template <class Suite>
+class ProgramTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_.emplace();
+    Suite::fill();
+  }
+  static void TearDownTestSuite() { folder_.reset(); }
+
+  static std::string path(const std::string& name) { return (*folder_ / name).string(); }
+  static ProgramResult result_of(const std::string& command, int expected) {
+    ProgramResult result = run_revisit(command);
+    EXPECT_EQ(result.exit_code, expected) << command << "\n" << result.err;
+    return result;
+  }
+  /// All that the program says.
+  static std::string run(const std::string& command, int expected = 0) {
+    const ProgramResult result = result_of(command, expected);
+    return result.out + result.err;
+  }
+
+  inline static std::optional<TempDir> folder_;
+};
+
+}  // namespace revisit::test
