@@ -85,6 +85,19 @@ TEST_F(Learn, MistakesAreSaid) {
   EXPECT_FALSE(fs::exists(path("x.ring")));
 }
 
+TEST_F(Learn, AModelOfAnotherSensorIsSaid) {
+  pipeline::RingModel model = pipeline::shipped_ring_model("vlp16");
+  model.sensor = "hdl64";
+  pipeline::write_ring_model(path("other.ring"), model);
+  const std::string said = "the sensor of these scans looks like vlp16, not hdl64";
+  expect_in(run("calibrate " + path("other.ring") + " " + path("town") +
+                " --judge --altered 0 --exclusion frames=200 --no-progress"),
+            said);
+  expect_in(run("loops " + path("town") + " --no-progress --ring " + path("other.ring")), said);
+  run("simulate -o " + path("hdl64") + " --sensor hdl64 --length 300 --every 300 -q");
+  expect_in(run("loops " + path("hdl64") + " --no-progress --calibrate " + path("town")), said);
+}
+
 TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   run("simulate -o " + path("town2") +
       " --seed 2 --sensor vlp16 --route opposite --length 300 --every 12 -q");
@@ -100,6 +113,7 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   expect_in(model.calibration->learnt_from, "town2");
   EXPECT_EQ(model.calibration->wrong_beyond, 10);
   const double threshold = model.calibration->threshold_for(0.6).value();
+  EXPECT_EQ(run(calibrate + path("town2") + same + "--judge").find("sensor"), std::string::npos);
   // Judging it on the drive it was learnt from changes nothing and finds the same.
   const std::string before = test::read_file(path("c.ring"));
   EXPECT_EQ(run(calibrate + path("town2") + same + "--judge -q"), printed);

@@ -20,7 +20,7 @@ namespace revisit::pipeline {
 namespace {
 
 /// To be raised with every change after which the same scan has another descriptor.
-constexpr int kRecognizerVersion = 1;
+constexpr int kRecognizerVersion = 2;
 
 /// Of a feature that learns nothing: it is the descriptor.
 Basis as_it_is(const FeatureExtractor& extractor) {

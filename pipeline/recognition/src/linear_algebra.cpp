@@ -3,6 +3,7 @@
 #include <cblas.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "revisit/engine/blas.h"
 #include "revisit/proto/error.h"
@@ -14,6 +15,11 @@ extern "C" void dsyevr_(const char* jobz, const char* range, const char* uplo, c
                         double* z, const int* ldz, int* isuppz, double* work, const int* lwork,
                         int* iwork, const int* liwork, int* info, size_t jobz_length,
                         size_t range_length, size_t uplo_length);
+extern "C" void zhegvd_(const int* itype, const char* jobz, const char* uplo, const int* n,
+                        std::complex<double>* a, const int* lda, std::complex<double>* b,
+                        const int* ldb, double* w, std::complex<double>* work, const int* lwork,
+                        double* rwork, const int* lrwork, int* iwork, const int* liwork, int* info,
+                        size_t jobz_length, size_t uplo_length);
 
 namespace revisit::pipeline {
 namespace {
@@ -61,6 +67,14 @@ void multiply_transposed(int64_t m, int64_t n, int64_t k, const double* a, int64
               as_int(lda), b, as_int(ldb), 0, c, as_int(ldc));
 }
 
+void add_product_with_adjoint(int64_t m, int64_t k, double factor, const std::complex<double>* a,
+                              const std::complex<double>* b, std::complex<double>* c) {
+  const OneThreadWithRoom one_thread;
+  const std::complex<double> alpha = factor, beta = 1;
+  cblas_zgemm(CblasColMajor, CblasNoTrans, CblasConjTrans, as_int(m), as_int(m), as_int(k), &alpha,
+              a, as_int(m), b, as_int(m), &beta, c, as_int(m));
+}
+
 Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
   const OneThreadWithRoom one_thread;
   const int n = as_int(m), first = as_int(m - k + 1), last = n;  // LAPACK counts from 1, ascending
@@ -92,6 +106,42 @@ Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
     std::copy_n(vectors.begin() + (k - 1 - i) * m, m, pairs.vectors.begin() + i * m);
   }
   return pairs;
+}
+
+std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<double>* b,
+                                         int64_t m) {
+  const OneThreadWithRoom one_thread;
+  const int n = as_int(m), kind = 1;  // A v = l B v
+  int info = 0, size = -1, real_size = -1, int_size = -1;
+  std::vector<double> values(m), real_work(1);
+  std::vector<std::complex<double>> work(1);
+  std::vector<int> int_work(1);
+  const auto solve = [&] {
+    zhegvd_(&kind, "V", "L", &n, a, &n, b, &n, values.data(), work.data(), &size, real_work.data(),
+            &real_size, int_work.data(), &int_size, &info, 1, 1);
+  };
+  solve();  // asks for the sizes
+  size = static_cast<int>(work[0].real());
+  real_size = static_cast<int>(real_work[0]);
+  int_size = int_work[0];
+  work.resize(size);
+  real_work.resize(real_size);
+  int_work.resize(int_size);
+  solve();
+  if (info != 0)
+    throw Error(str("the eigenvalues of a Hermitian ", m, " x ", m,
+                    " matrix did not converge, or it was compared with one that is not positive "
+                    "definite (LAPACK zhegvd: ",
+                    info, ")"));
+  for (int64_t i = 0; i < m; ++i) {
+    std::complex<double>* const v = a + i * m;
+    std::complex<double> product = 0;  // with cos(k^2), to which nothing natural is orthogonal
+    for (int64_t k = 0; k < m; ++k) product += std::cos(static_cast<double>(k * k)) * v[k];
+    const double length = std::abs(product);
+    if (length == 0) continue;
+    for (int64_t k = 0; k < m; ++k) v[k] *= std::conj(product) / length;
+  }
+  return values;
 }
 
 }  // namespace revisit::pipeline

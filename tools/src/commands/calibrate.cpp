@@ -85,8 +85,9 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
 }
 
 /// The matches of all drives, each recognised by itself.
-std::vector<JudgedMatch> judged(const CalibrateOptions& o, const pipeline::FeatureExtractor& rings,
-                                std::string& names, int64_t& left_out) {
+std::vector<JudgedMatch> judged(const CalibrateOptions& o, const std::string& sensor,
+                                const pipeline::FeatureExtractor& rings, std::string& names,
+                                int64_t& left_out) {
   JudgeDrive how;
   how.exclusion = pipeline::parse_exclusion(o.exclusion);
   how.rule = rule_of(o.radius);
@@ -105,6 +106,7 @@ std::vector<JudgedMatch> judged(const CalibrateOptions& o, const pipeline::Featu
     options.sequence = o.sequence;
     options.every = o.every;
     const pipeline::Dataset drive = open_scans(options, {.poses = true});
+    if (!o.running.quiet) warn_of_other_sensor(drive, sensor);
     pipeline::PlaceRecognizer recognizer(rings, {});
     how.done = observer.stage("judging", "scans");
     const std::vector<JudgedMatch> of_drive = judge_drive(drive, recognizer, how);
@@ -167,7 +169,7 @@ int calibrate_command(const Arguments& arguments) {
       model, pipeline::ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
   std::string names;
   int64_t left_out = 0;
-  const std::vector<JudgedMatch> matches = judged(o, rings, names, left_out);
+  const std::vector<JudgedMatch> matches = judged(o, model.sensor, rings, names, left_out);
   if (matches.empty() ||
       (!o.judge && std::ranges::none_of(scores_of(matches), &JudgedScore::right)))
     throw InputError(

@@ -136,11 +136,13 @@ Source open_source(const LoopsOptions& o) {
 
 /// The feature's calibration, adapted to a drive whose poses are known; of that drive alone for a
 /// feature without one.
-pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source) {
+pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& source,
+                                 const std::string& sensor) {
   FeatureOptions there = o.feature;
   there.data = o.calibrate;
   there.sequence = o.calibrate_sequence;
   const pipeline::Dataset dataset = open_scans(there, {.poses = true});
+  if (!o.feature.quiet) warn_of_other_sensor(dataset, sensor);
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options);
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
   JudgeDrive how;
@@ -217,7 +219,7 @@ int loops_command(const Arguments& arguments) {
   auto map = o.map.open(described);  // before the work of calibrating
   std::optional<pipeline::Calibration> learnt;
   if (!o.calibrate.empty()) {
-    learnt = calibrated(o, described);
+    learnt = calibrated(o, described, sensor_of(source.some));
     need_promise(*learnt, o.precision);
   }
   pipeline::PlaceRecognizer recognizer(described.extractor, described.options, std::move(map),

@@ -17,6 +17,7 @@
 #include "models/checksum.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/sensor.h"
 
 namespace revisit::cli {
 namespace {
@@ -263,7 +264,7 @@ FeatureSource open_network(const FeatureOptions& options) {
   return source;
 }
 
-FeatureSource open_ring(const FeatureOptions& options) {
+FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& dataset) {
   if (options.ring.empty() && options.image.is_auto())
     throw UsageError(
         "--feature ring: no model comes with the program for the sensor of these scans (" +
@@ -274,6 +275,7 @@ FeatureSource open_ring(const FeatureOptions& options) {
                                  options.image.sensor,
                                  options.weights.empty() ? "" : models::file_sha1(options.weights))
                            : pipeline::read_ring_model(options.ring);
+  if (!options.ring.empty() && !options.quiet) warn_of_other_sensor(dataset, model.sensor);
   fs::path weights;
   if (model.weights.empty()) {
     weights = options.weights.empty() ? models::find_model({}).weights : options.weights;
@@ -289,6 +291,19 @@ FeatureSource open_ring(const FeatureOptions& options) {
       model, pipeline::ring_net(model, weights), ring_options,
       {.threads = options.threads_per_scan, .precision = options.precision});
   return source;
+}
+
+/// Enough scans that can be read to show the sensor.
+std::vector<pipeline::PointCloud> first_scans(const pipeline::Dataset& dataset) {
+  constexpr size_t kEnough = 3, kTried = 20;
+  std::vector<pipeline::PointCloud> scans;
+  for (size_t i = 0; i < std::min(dataset.scans.size(), kTried) && scans.size() < kEnough; ++i) {
+    try {
+      scans.push_back(pipeline::read_scan(dataset.scans[i].file));
+    } catch (const InputError&) {  // said when it is described
+    }
+  }
+  return scans;
 }
 
 bool is_range_image_feature(const FeatureSource& source) {
@@ -345,7 +360,7 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
   else if (options.feature == "data")
     source.extractor = pipeline::range_vector_features(options.image.geometry());
   else if (options.feature == "ring")
-    source = open_ring(options);
+    source = open_ring(options, dataset);
   else
     source.extractor = competitor(options, dataset, folder);
   source.inputs = source.extractor.sees<pipeline::GrayImage>()
@@ -361,18 +376,23 @@ std::string similarity_name(const FeatureSource& source) {
 }
 
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset) {
-  constexpr size_t kEnough = 3, kTried = 20;
   const bool sees_image = options.feature == "cnn" || options.feature == "data" ||
                           (options.feature == "ring" && options.ring.empty());
   if (!sees_image || !options.image.is_auto()) return "";
-  std::vector<pipeline::PointCloud> scans;
-  for (size_t i = 0; i < std::min(dataset.scans.size(), kTried) && scans.size() < kEnough; ++i) {
-    try {
-      scans.push_back(pipeline::read_scan(dataset.scans[i].file));
-    } catch (const InputError&) {  // said when it is described
-    }
-  }
+  const std::vector<pipeline::PointCloud> scans = first_scans(dataset);
   return scans.empty() ? "" : options.image.resolve(scans);
+}
+
+std::string sensor_of(const pipeline::Dataset& dataset) {
+  return pipeline::find_sensor(first_scans(dataset)).name;
+}
+
+void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& sensor) {
+  const std::string found = sensor_of(dataset);
+  const std::vector<std::string> known = pipeline::sensor_names();
+  if (found.empty() || found == sensor || std::ranges::find(known, sensor) == known.end()) return;
+  warn(str(dataset.name, ": the sensor of these scans looks like ", found, ", not ", sensor,
+           ": what was learnt for one sensor means little for another"));
 }
 
 pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {

@@ -91,6 +91,13 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
 /// images. Returns what was found, for people; "" when there was nothing to find.
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset);
 
+/// The sensor that the first scans look like they were taken by; "" when none is known.
+std::string sensor_of(const pipeline::Dataset& dataset);
+
+/// Warns when the scans look like those of another known sensor than `sensor`, which a model was
+/// learnt for. Says nothing when either is unknown.
+void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& sensor);
+
 /// The scans of the data set that `options.every` takes. Throws InputError, UsageError.
 pipeline::Dataset open_scans(const FeatureOptions& options,
                              const pipeline::DatasetNeeds& needs = {});

@@ -83,7 +83,8 @@ void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& p
         spectra_of(way == 0 ? drive.rings : drive.altered[way - 1], drive.scans, place, mean);
     for (size_t f = 0; f < spectra.size(); ++f) {
       const MatrixXcd x = spectra[f].cast<std::complex<double>>();
-      ring.total[f] += x * x.adjoint() / ways;
+      add_product_with_adjoint(x.rows(), x.cols(), 1 / ways, x.data(), x.data(),
+                               ring.total[f].data());
     }
     if (way == 0) sums.resize(spectra.size(), Eigen::MatrixXcf::Zero(ring.numbers, drive.rings.n));
     for (size_t f = 0; f < spectra.size(); ++f) sums[f] += spectra[f];
@@ -98,8 +99,9 @@ void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& p
       a.col(i) = x.col(pair.a);
       b.col(i) = x.col(pair.b) * std::polar(1.0, static_cast<double>(f) * pair.turn);
     }
-    const MatrixXcd product = a * b.adjoint();
-    ring.shared[f] += 0.5 * (product + product.adjoint());
+    MatrixXcd product = MatrixXcd::Zero(a.rows(), a.rows());
+    add_product_with_adjoint(a.rows(), n, 0.5, a.data(), b.data(), product.data());
+    ring.shared[f] += product + product.adjoint();
   }
 }
 

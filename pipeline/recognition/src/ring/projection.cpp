@@ -1,12 +1,11 @@
 #include "ring/projection.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <numeric>
 
-#include "revisit/proto/error.h"
+#include "revisit/recognition/linear_algebra.h"
 #include "ring/spectrum.h"
 
 namespace revisit::pipeline {
@@ -22,27 +21,25 @@ struct Direction {
 };
 
 /// Only what agrees between scans of a place counts; what agrees fully by chance not more.
-void add_discriminants(int f, const MatrixXcd& shared, const MatrixXcd& total,
+void add_discriminants(int f, MatrixXcd shared, MatrixXcd total,
                        std::vector<Direction>& directions) {
   constexpr double kMost = 0.98;
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXcd> solver(shared, total);
-  if (solver.info() != Eigen::Success)
-    throw Error(str("ring model: the eigenvalues of frequency ", f, " did not converge"));
+  const std::vector<double> values =
+      hermitian_eigenpairs(shared.data(), total.data(), total.rows());
   for (Eigen::Index i = 0; i < total.rows(); ++i) {
-    const double l = std::clamp(solver.eigenvalues()[i], 0.0, kMost);
-    directions.push_back({f, l, std::sqrt(l) * solver.eigenvectors().col(i)});
+    const double l = std::clamp(values[static_cast<size_t>(i)], 0.0, kMost);
+    directions.push_back({f, l, std::sqrt(l) * shared.col(i)});
   }
 }
 
 /// Part of the way to equal variances: all the way would raise noise.
-void add_whitening(int f, const MatrixXcd& total, std::vector<Direction>& directions) {
+void add_whitening(int f, MatrixXcd total, std::vector<Direction>& directions) {
   constexpr double kPower = -0.3;
-  const Eigen::SelfAdjointEigenSolver<MatrixXcd> solver(total);
-  if (solver.info() != Eigen::Success)
-    throw Error(str("ring model: the eigenvalues of frequency ", f, " did not converge"));
+  MatrixXcd one = MatrixXcd::Identity(total.rows(), total.rows());
+  const std::vector<double> values = hermitian_eigenpairs(total.data(), one.data(), total.rows());
   for (Eigen::Index i = 0; i < total.rows(); ++i) {
-    const double t = solver.eigenvalues()[i];
-    directions.push_back({f, t, std::pow(t, kPower) * solver.eigenvectors().col(i)});
+    const double t = values[static_cast<size_t>(i)];
+    directions.push_back({f, t, std::pow(t, kPower) * total.col(i)});
   }
 }
 

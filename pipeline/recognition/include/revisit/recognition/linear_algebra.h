@@ -1,5 +1,6 @@
 #pragma once
 
+#include <complex>
 #include <cstdint>
 #include <vector>
 
@@ -22,6 +23,10 @@ void multiply_by_own_transpose(int64_t m, int64_t k, const float* a, int64_t lda
 void multiply(int64_t m, int64_t n, int64_t k, const float* a, int64_t lda, const float* b,
               int64_t ldb, float* c, int64_t ldc);
 
+/// C [m][m] += factor A B^H, A and B [m][k]; complex and column-major.
+void add_product_with_adjoint(int64_t m, int64_t k, double factor, const std::complex<double>* a,
+                              const std::complex<double>* b, std::complex<double>* c);
+
 /// The `k` largest eigenvalues of a symmetric matrix, largest first, with orthonormal eigenvectors.
 struct Eigenpairs {
   std::vector<double> values;   // [k]
@@ -30,5 +35,14 @@ struct Eigenpairs {
 /// `a` [m][m] row-major, of which only the upper triangle is read; it is destroyed. k <= m.
 /// Throws Error when LAPACK does not converge.
 Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k);
+
+/// All eigenvalues l of A v = l B v, smallest first, [m]; A [m][m] Hermitian, B positive definite,
+/// both column-major, of which only the lower triangles are read. `a` becomes the eigenvectors v, a
+/// column each: v_i^H B v_j is 1 for i = j, else 0. B is destroyed. An eigenvector's phase, which
+/// the equation leaves open, is that of a positive inner product with a fixed real vector:
+/// machines agree on it, whose LAPACKs round differently, and real matrices give real vectors.
+/// Throws Error when LAPACK does not converge or B is not positive definite.
+std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<double>* b,
+                                         int64_t m);
 
 }  // namespace revisit::pipeline
