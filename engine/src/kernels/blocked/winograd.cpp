@@ -95,45 +95,42 @@ class Winograd {
     const int64_t first = shape_.chunks.columns.begin(chunk) + panels.begin(panel);
     float* const to =
         inputs + (panels.begin(panel) * shape_.in_blocks + block * width) * kPoints * kLanes;
-    for (int64_t t = 0; t < width; ++t) {
-      const Tile tile = locate(first + t);
-      transform_input(tile, (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes,
-                      to + t * kLanes, width * kLanes);
-    }
+    with_type(p_.values, [&](auto type) HWY_ATTR {
+      using T = decltype(type);
+      for (int64_t t = 0; t < width; ++t) {
+        const Tile tile = locate(first + t);
+        const T* const image = static_cast<const T*>(a_.input) +
+                               (tile.image * shape_.in_blocks + block) * p_.h * p_.w * kLanes;
+        transform_input(image, tile.y - p_.pad_h, tile.x - p_.pad_w, to + t * kLanes,
+                        width * kLanes);
+      }
+    });
   }
 
   /// Point (i, j) goes to `to + (i * kColumns + j) * step`. Columns of the tile are transformed
   /// first, each on its own.
-  void transform_input(const Tile& tile, int64_t plane, float* to, int64_t step) const {
-    alignas(64) static constexpr float kZeros[kColumns * kLanes] = {};
-    const int64_t y0 = tile.y - p_.pad_h, x0 = tile.x - p_.pad_w;
+  template <class T>
+  void transform_input(const T* image, int64_t y0, int64_t x0, float* to, int64_t step) const {
+    alignas(64) static constexpr T kZeros[kColumns * kLanes] = {};
     const int64_t x_begin = std::clamp<int64_t>(-x0, 0, kColumns);
     const int64_t x_end = std::clamp<int64_t>(p_.w - x0, x_begin, kColumns);
-    const int64_t pixel_bytes = kLanes * value_bytes(p_.values);
-    const auto* const image =
-        static_cast<const std::byte*>(a_.input) + plane * pixel_bytes / kLanes;
-    const std::byte* rows[kRows];
+    const T* rows[kRows];
     for (int i = 0; i < kRows; ++i) {
       const int64_t y = y0 + i;
-      rows[i] = y >= 0 && y < p_.h ? image + (y * p_.w + x0 + x_begin) * pixel_bytes
-                                   : reinterpret_cast<const std::byte*>(kZeros);
+      rows[i] = y >= 0 && y < p_.h ? image + (y * p_.w + x0 + x_begin) * kLanes : kZeros;
     }
     alignas(64) float half[kRows][kColumns][kLanes];
-    with_type(p_.values, [&](auto type) HWY_ATTR {
-      for (int64_t j = 0; j < kColumns; ++j) {
-        if (j < x_begin || j >= x_end) {
-          for (int i = 0; i < kRows; ++i) store_block(zero_block(), half[i][j]);
-          continue;
-        }
-        Block line[kRows];
-        REVISIT_UNROLL
-        for (int i = 0; i < kRows; ++i)
-          line[i] =
-              load_block(reinterpret_cast<const decltype(type)*>(rows[i]) + (j - x_begin) * kLanes);
-        transform_input_line<Rows>(
-            line, [&](int i, const Block& b) HWY_ATTR { store_block(b, half[i][j]); });
+    for (int64_t j = 0; j < kColumns; ++j) {
+      if (j < x_begin || j >= x_end) {
+        for (int i = 0; i < kRows; ++i) store_block(zero_block(), half[i][j]);
+        continue;
       }
-    });
+      Block line[kRows];
+      REVISIT_UNROLL
+      for (int i = 0; i < kRows; ++i) line[i] = load_block(rows[i] + (j - x_begin) * kLanes);
+      transform_input_line<Rows>(
+          line, [&](int i, const Block& b) HWY_ATTR { store_block(b, half[i][j]); });
+    }
     for (int i = 0; i < kRows; ++i) {
       Block line[kColumns];
       REVISIT_UNROLL
@@ -171,14 +168,11 @@ class Winograd {
       for (int64_t i = 0; i < n_panels; ++i)
         multiply_step(panels[i], order, step, n_panels - 1 - i);
 
-    for (int64_t b = 0; b < blocks; ++b) {
-      const BlockEpilogue epilogue(a_.epilogue, a_.bias, first_block + b, p_.c_out);
-      for (int64_t i = 0; i < n_panels; ++i)
-        for (int64_t t = 0; t < panels[i].width; ++t)
-          transform_output(locate(panels[i].first_tile + t),
-                           panels[i].products + b * panels[i].block_floats + t * kLanes,
-                           panels[i].width * kLanes, first_block + b, epilogue);
-    }
+    with_type(p_.values, [&](auto type) HWY_ATTR {
+      for (int64_t b = 0; b < blocks; ++b)
+        for (int64_t i = 0; i < n_panels; ++i)
+          transform_outputs<decltype(type)>(panels[i], b, first_block + b);
+    });
   }
 
   struct ChunkPanel {
@@ -226,6 +220,17 @@ class Winograd {
              StoreProducts{panel.products + begin * block_floats + offset, block_floats});
   }
 
+  /// The panel's products number `b` are those of output block `block`.
+  template <class T>
+  void transform_outputs(const ChunkPanel& panel, int64_t b, int64_t block) const {
+    const BlockEpilogue epilogue(a_.epilogue, a_.bias, block, p_.c_out);
+    for (int64_t t = 0; t < panel.width; ++t)
+      transform_output<T>(locate(panel.first_tile + t),
+                          panel.products + b * panel.block_floats + t * kLanes,
+                          panel.width * kLanes, block, epilogue);
+  }
+
+  template <class T>
   void transform_output(const Tile& tile, const float* from, int64_t step, int64_t block,
                         const BlockEpilogue& epilogue) const {
     alignas(64) float half[kRows][kTile.columns][kLanes];
@@ -240,30 +245,25 @@ class Winograd {
     const int64_t columns = std::min<int64_t>(kTile.columns, p_.out_w - tile.x);
     const int64_t first =
         ((tile.image * shape_.out_blocks + block) * p_.out_h + tile.y) * p_.out_w + tile.x;
-    with_type(p_.values, [&](auto type) HWY_ATTR {
-      using T = decltype(type);
-      for (int64_t j = 0; j < columns; ++j) {
-        Block line[kRows];
-        REVISIT_UNROLL
-        for (int i = 0; i < kRows; ++i) line[i] = load_block(half[i][j]);
-        Block sums[kTile.rows];
-        transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR { sums[i] = b; });
-        const int64_t at = (first + j) * kLanes, row = p_.out_w * kLanes;
-        const T* const addend = a_.addend ? static_cast<const T*>(a_.addend) + at : nullptr;
-        T* const output = static_cast<T*>(a_.output) + at;
-        if (rows == kTile.rows) {
-          epilogue.finish(sums, addend, output, row);
-          continue;
-        }
-        alignas(64) float pixels[kTile.rows][kLanes];  // of a tile across the image's lower edge
-        REVISIT_UNROLL
-        for (int i = 0; i < kTile.rows; ++i) store_block(sums[i], pixels[i]);
-        for (int64_t i = 0; i < rows; ++i) {
-          Block sum[] = {load_block(pixels[i])};
+    const int64_t row = p_.out_w * kLanes;
+    const T* addend = a_.addend ? static_cast<const T*>(a_.addend) + first * kLanes : nullptr;
+    T* output = static_cast<T*>(a_.output) + first * kLanes;
+    for (int64_t j = 0; j < columns; ++j, output += kLanes, addend += addend ? kLanes : 0) {
+      Block line[kRows];
+      REVISIT_UNROLL
+      for (int i = 0; i < kRows; ++i) line[i] = load_block(half[i][j]);
+      if (rows < kTile.rows) {  // across the image's lower edge
+        transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR {
+          if (i >= rows) return;
+          Block sum[] = {b};
           epilogue.finish(sum, addend ? addend + i * row : nullptr, output + i * row);
-        }
+        });
+        continue;
       }
-    });
+      Block sums[kTile.rows];
+      transform_output_line<Rows>(line, [&](int i, const Block& b) HWY_ATTR { sums[i] = b; });
+      epilogue.finish(sums, addend, output, row);
+    }
   }
 
   const ConvolutionProblem& p_;
