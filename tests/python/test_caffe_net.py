@@ -103,6 +103,20 @@ class MemoryData(Scripts):
             net.set_input_arrays(self.IMAGES, self.LABELS[:3])
 
 
+class BnWeights(Scripts):
+    def test_without_a_file_are_what_the_fillers_say(self):
+        layer = 'layer { name: "%s" type: "BN" bottom: "data" top: "%s" bn_param { %s } }'
+        net = self.net(
+            'layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 2 dim: 4 } } }'
+            + layer % ('p', 'p', 'slope_filler { value: 3 } bias_filler { value: 2 } frozen: true')
+            + layer % ('s', 's', 'scale_filler { value: 4 } shift_filler { value: 0.5 } bn_mode: INFERENCE')
+        )
+        values = {name: [blob.data.ravel().tolist() for blob in blobs] for name, blobs in net.params.items()}
+        self.assertEqual(values['p'], [[3, 3], [2, 2], [0, 0], [1, 1]])
+        self.assertEqual(values['s'], [[4, 4], [0.5, 0.5]])
+        self.assertEqual(net.params['s'][0].data.shape, (1, 2, 1, 1))
+
+
 class Names(Scripts):
     def test_are_those_of_caffe(self):
         net = self.net()
