@@ -92,8 +92,12 @@ std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
     if (param.type() == entry.type) return entry.make(param);
   std::vector<std::string> known;
   for (const LayerType& type : layer_types()) known.push_back(type.type);
+  const char* reads_data =
+      param.bottom_size() == 0 && param.top_size() > 0
+          ? "; it reads no blob: if it reads data, write an Input layer instead"
+          : "";
   throw UnsupportedError(str("layer type '", param.type(), "' is not supported",
-                             did_you_mean(param.type(), known),
+                             did_you_mean(param.type(), known), reads_data,
                              "; engine::layer_types lists them"));
 }
 
