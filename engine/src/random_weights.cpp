@@ -14,15 +14,20 @@ uint64_t next_random(uint64_t& state) {
   return z ^ (z >> 31);
 }
 
+/// Whether values of a weight blob have to be around 1: variances of BatchNorm (blob 1; blob 2
+/// divides both sums), scales and variances of BN.
+bool is_around_one(const std::string& type, size_t blob) {
+  return (type == "BatchNorm" && blob > 0) || (type == "BN" && (blob == 0 || blob == 3));
+}
+
 }  // namespace
 
-/// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth;
-/// moving variances of BatchNorm (blob 1; blob 2 divides both sums) around 1.
+/// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth.
 void fill_randomly(Net::Impl& net, uint64_t seed) {
   uint64_t state = seed;
   std::map<std::string, const Tensor*> first_of;  // of each group that shares a parameter
   for (Node& node : net.graph.nodes) {
-    const bool batch_norm = node.param.type() == "BatchNorm";
+    const std::string& type = node.param.type();
     for (size_t blob = 0; blob < node.weights.size(); ++blob) {
       Tensor& weight = node.weights[blob];
       const auto group = net.sharing.find({node.name, blob});
@@ -33,11 +38,10 @@ void fill_randomly(Net::Impl& net, uint64_t seed) {
           continue;
         }
       }
-      const int64_t fan_in =
-          weight.shape.rank() > 1 ? weight.shape.product(1, weight.shape.rank()) : 1;
-      const double limit =
-          weight.shape.rank() > 1 ? std::sqrt(6.0 / static_cast<double>(fan_in)) : 0.1;
-      const double centre = batch_norm && blob > 0 ? 1 : 0;
+      const bool is_summed = weight.shape.rank() > 1 && type != "BN";
+      const int64_t fan_in = is_summed ? weight.shape.product(1, weight.shape.rank()) : 1;
+      const double limit = is_summed ? std::sqrt(6.0 / static_cast<double>(fan_in)) : 0.1;
+      const double centre = is_around_one(type, blob) ? 1 : 0;
       weight.values.resize(weight.shape.elements());
       for (float& value : weight.values) {
         const double unit = static_cast<double>(next_random(state) >> 11) * 0x1.0p-53;  // [0, 1)

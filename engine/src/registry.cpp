@@ -25,6 +25,7 @@ constexpr Entry kTable[] = {
     {"BatchNorm", make_batch_norm, "Caffe", "(x - mean) / deviation per channel"},
     {"BatchReindex", make_batch_reindex, "Caffe", "chooses and repeats batch items"},
     {"Bias", make_bias, "Caffe", "adds a learned or given blob"},
+    {"BN", make_bn, "PSPNet, SegNet", "batch normalisation with learned scale and shift"},
     {"BNLL", make_bnll, "Caffe", "log(1 + exp x)"},
     {"Clip", make_clip, "Caffe", "limits to [min, max]"},
     {"Concat", make_concat, "Caffe", "joins along an axis"},
@@ -33,6 +34,7 @@ constexpr Entry kTable[] = {
     {"ConvolutionDepthwise", make_convolution_depthwise, "forks",
      "convolution, one group a channel"},
     {"Crop", make_crop, "Caffe", "cuts to the size of another blob"},
+    {"CropCenter", make_crop_center, "waifu2x-caffe", "cuts off both ends of axes"},
     {"Deconvolution", make_deconvolution, "Caffe", "transposed convolution"},
     {"DepthwiseConvolution", make_depthwise_convolution, "forks",
      "convolution, one group a channel"},
@@ -42,6 +44,7 @@ constexpr Entry kTable[] = {
     {"Eltwise", make_eltwise, "Caffe", "product, weighted sum, maximum"},
     {"ELU", make_elu, "Caffe", "exponential linear unit"},
     {"Embed", make_embed, "Caffe", "rows of a table by index"},
+    {"EuclideanLoss", make_euclidean_loss, "Caffe", "half the squared distance, mean of images"},
     {"Exp", make_exp, "Caffe", "base ^ (shift + scale x)"},
     {"Filter", make_filter, "Caffe", "batch items chosen by a selector"},
     {"Flatten", make_flatten, "Caffe", "merges axes"},
@@ -89,8 +92,12 @@ std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
     if (param.type() == entry.type) return entry.make(param);
   std::vector<std::string> known;
   for (const LayerType& type : layer_types()) known.push_back(type.type);
+  const char* reads_data =
+      param.bottom_size() == 0 && param.top_size() > 0
+          ? "; it reads no blob: if it reads data, write an Input layer instead"
+          : "";
   throw UnsupportedError(str("layer type '", param.type(), "' is not supported",
-                             did_you_mean(param.type(), known),
+                             did_you_mean(param.type(), known), reads_data,
                              "; engine::layer_types lists them"));
 }
 

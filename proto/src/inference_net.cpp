@@ -21,8 +21,9 @@ const Names kTrainingTypes = {
     "HingeLoss", "InfogainLoss",    "MultinomialLogisticLoss", "SigmoidCrossEntropyLoss",
     "Silence",   "SoftmaxWithLoss"};
 /// What comes out of one of these was learned: it is a prediction, not a label.
-const Names kLearnedTypes = {"BatchNorm",    "Bias", "Convolution", "Deconvolution", "Embed",
-                             "InnerProduct", "LSTM", "PReLU",       "RNN",           "Scale"};
+const Names kLearnedTypes = {"BatchNorm",     "Bias",  "BN",           "Convolution",
+                             "Deconvolution", "Embed", "InnerProduct", "LSTM",
+                             "PReLU",         "RNN",   "Scale"};
 
 /// The shape of a data layer's images, as far as the file says it; empty when it does not.
 std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <optional>
 #include <string>
 #include <type_traits>
 
@@ -18,7 +19,23 @@ namespace {
 constexpr size_t kCaffeMostAxes = 32;  // Caffe's limit
 
 // Field numbers of BlobProto and BlobShape.
-constexpr uint32_t kNum = 1, kWidth = 4, kData = 5, kShape = 7, kDoubleData = 8, kDim = 1;
+constexpr uint32_t kNum = 1, kWidth = 4, kData = 5, kShape = 7, kDoubleData = 8, kRawDataType = 10,
+                   kRawData = 12, kDim = 1;
+
+/// A float of 16 bits as a file has it (IEEE 754 binary16).
+struct Half {
+  uint16_t bits;
+  explicit operator float() const {
+    const uint32_t sign = uint32_t{bits} >> 15 << 31, exponent = bits >> 10 & 31;
+    const uint32_t mantissa = bits & 1023;
+    if (exponent == 0) {  // a multiple of the smallest
+      const float value = static_cast<float>(mantissa) * 0x1p-24F;
+      return sign == 0 ? value : -value;
+    }
+    const uint32_t wide = exponent == 31 ? 255 : exponent + 112;
+    return std::bit_cast<float>(sign | wide << 23 | mantissa << 13);
+  }
+};
 
 /// Appends the values of one field, a single number or a packed run of them, as floats.
 template <class Number>
@@ -42,6 +59,22 @@ void append(FileCursor& cursor, const WireField& field, std::vector<float>& out)
       for (size_t i = 0; i < n; ++i) out.push_back(static_cast<float>(chunk[i]));
       done += n;
     }
+  }
+}
+
+/// Appends the bytes of raw_data, whose type says what they are.
+void append_raw(FileCursor& cursor, const WireField& field, uint64_t type,
+                std::vector<float>& out) {
+  switch (type) {
+    case 0:
+      return append<double>(cursor, field, out);
+    case 1:
+      return append<float>(cursor, field, out);
+    case 2:
+      return append<Half>(cursor, field, out);
+    default:
+      throw FormatError(field.begin, str("raw_data of raw_data_type ", type,
+                                         "; expected 0 (double), 1 (float) or 2 (float16)"));
   }
 }
 
@@ -83,6 +116,8 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
   Blob blob;
   std::array<int32_t, 4> legacy{};
   std::vector<float> doubles;
+  std::optional<WireField> raw;
+  uint64_t raw_type = 0;
   WireReader reader(cursor, begin, end);
   for (WireField field; reader.next(field);) {
     const bool is_run = field.type == WireType::kLength;
@@ -93,12 +128,17 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
       append<float>(cursor, field, blob.data);
     } else if (field.number == kDoubleData && (is_run || field.type == WireType::kFixed64)) {
       append<double>(cursor, field, doubles);
+    } else if (field.is(kRawDataType, WireType::kVarint)) {
+      raw_type = field.value;
+    } else if (field.is(kRawData, WireType::kLength)) {
+      raw = field;
     } else if (field.is(kShape, WireType::kLength)) {
       append_shape(cursor, field, blob.shape);
     }
   }
   if (blob.legacy_shape) blob.shape.assign(legacy.begin(), legacy.end());
   if (!doubles.empty()) blob.data = std::move(doubles);
+  if (raw && blob.data.empty()) append_raw(cursor, *raw, raw_type, blob.data);
 
   const int64_t wanted = count_elements(blob.shape, begin);
   if (static_cast<uint64_t>(wanted) != blob.data.size()) {

@@ -132,6 +132,43 @@ TEST(BatchNorm, RefusesLearningRatesAndSingleAxes) {
   expect_error<InputError>([] { layer_of("BatchNorm", "")->infer({Shape{3}}, 1); }, {"2 axes"});
 }
 
+TEST(Bn, OfPspNetHasSlopeBiasMeanAndVariance) {
+  // Mean 2 and 0, variance 3 and 0, with eps 4 and 1.
+  const std::string param = "bn_param { slope_filler { value: 1 } frozen: true eps: 1 }";
+  expect_near(run("BN", param, {1, 2, 2}, {2, 6, 3, kInf}, {{10, 4}, {100, -1}, {2, 0}, {3, 0}}),
+              {100, 120, 11, kInf});
+  // eps is 1e-5 when nothing is said.
+  expect_near(run("BN", "", {1, 1, 1, 1}, {6}, {{1}, {0}, {2}, {0}}), {4 / std::sqrt(1e-5F)},
+              1e-3F);
+  EXPECT_EQ(layer_of("BN", "")->weight_shapes({Shape{2, 5, 3, 3}}),
+            std::vector<Shape>(4, Shape{1, 5, 1, 1}));
+}
+
+TEST(Bn, OfSegNetHasScaleAndShift) {
+  expect_near(run("BN", "bn_param { bn_mode: INFERENCE scale_filler { value: 1 } }", {1, 2, 2},
+                  {1, 2, 3, kInf}, {{10, 4}, {100, -1}}),
+              {110, 120, 11, kInf});
+  EXPECT_EQ(
+      layer_of("BN", "bn_param { shift_filler { value: 0 } }")->weight_shapes({Shape{2, 5, 3, 3}}),
+      std::vector<Shape>(2, Shape{1, 5, 1, 1}));
+}
+
+TEST(Bn, OfSegNetTakesTheStatisticsOfTheBatchUnlessToldNotTo) {
+  // Channel 0 holds 1, 3, 5, 7 (mean 4, variance 5), channel 1 zeros.
+  const float far = 3 / std::sqrt(5.0F), near = 1 / std::sqrt(5.0F);
+  for (const std::string param :
+       {"bn_param { bn_mode: LEARN }", "bn_param { scale_filler { value: 1 } }"})
+    expect_near(run("BN", param, {2, 2, 2}, {1, 3, 0, 0, 5, 7, 0, 0}, {{10, 1}, {100, 2}}),
+                {100 - 10 * far, 100 - 10 * near, 2, 2, 100 + 10 * near, 100 + 10 * far, 2, 2},
+                1e-5F);
+}
+
+TEST(Bn, RefusesFieldsOfBothForks) {
+  expect_error<InputError>([] { layer_of("BN", "bn_param { frozen: true bn_mode: LEARN }"); },
+                           {"SegNet", "PSPNet"});
+  expect_error<InputError>([] { layer_of("BN", "")->infer({Shape{3}}, 1); }, {"2 axes"});
+}
+
 TEST(Mvn, PerChannelOrAcross) {
   const std::vector<float> x{1, 3, 10, 30};
   const Shape shape{1, 2, 1, 2};

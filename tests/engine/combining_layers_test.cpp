@@ -81,6 +81,19 @@ TEST(Reduction, OverTheLastAxes) {
   expect_error<InputError>([&] { reduce("axis: 2"); }, {"axis 2", "2x3"});
 }
 
+TEST(EuclideanLoss, IsHalfTheSquaredDistanceOfAnImage) {
+  const Tensor a{Shape{2, 2}, {1, 2, 3, 4}}, b{Shape{2, 1, 2}, {0, 2, 6, 8}};
+  const Tensor loss = run_checked("EuclideanLoss", "", {a, b})[0];
+  EXPECT_EQ(loss.shape, Shape{});
+  expect_near(loss.values, {(1 + 9 + 16) / 4.0F});
+  const auto infer = [](const std::vector<Shape>& inputs) {
+    layer_of("EuclideanLoss", "")->infer(inputs, 1);
+  };
+  expect_error<InputError>([&] { infer({Shape{2, 2}, Shape{4, 1}}); }, {"2x2", "4x1"});
+  expect_error<InputError>([&] { infer({Shape{2, 2}, Shape{2, 3}}); }, {"2x2", "2x3"});
+  expect_error<InputError>([&] { infer({Shape{2, 2}}); }, {"2 inputs", "found 1"});
+}
+
 TEST(ArgMax, OfAllValuesOfAnImage) {
   const std::vector<float> x{1, 5, 5, 0, 9, 2, 3, 9};
   Shape shape;

@@ -109,6 +109,17 @@ TEST(FusedAffine, BatchNormScaleAndBiasGoIntoTheWeights) {
     EXPECT_NE(kernel_of(net.plan({}, {.keep_all = true}), name), "in c");
 }
 
+TEST(FusedAffine, BnGoesIntoTheWeightsUnlessItIsOfTheBatch) {
+  const Net net = small_net(
+      kFuseData, conv("c", "data") + in_place("pspnet", "BN", "c") + conv("d", "c") +
+                     in_place("segnet", "BN", "d", "bn_param { bn_mode: INFERENCE }") +
+                     conv("e", "d") + layer("batch", "BN", {"e"}, "bn_param { bn_mode: LEARN }"));
+  const Plan plan = expect_as_reference(net);
+  EXPECT_EQ(kernel_of(plan, "pspnet"), "in c");
+  EXPECT_EQ(kernel_of(plan, "segnet"), "in d");
+  EXPECT_EQ(kernel_of(plan, "batch"), "bn-of-batch");
+}
+
 TEST(FusedAffine, OnlyWhatIsOneNumberAChannel) {
   const Net net = small_net(
       {1, 16, 9, 16},

@@ -28,9 +28,9 @@ Net in_place(const std::string& type, const std::string& param = "") {
 
 TEST(InPlace, IsForLayersThatReadEachValueBeforeTheyWriteIt) {
   for (const std::string type :
-       {"BNLL",  "BatchNorm", "Bias",      "Clip",  "Dropout", "ELU",      "Exp",
-        "Log",   "MVN",       "Normalize", "Power", "PReLU",   "ReLU",     "ReLU6",
-        "Scale", "Sigmoid",   "Softmax",   "Swish", "TanH",    "Threshold"})
+       {"BN",    "BNLL",  "BatchNorm", "Bias",      "Clip",  "Dropout", "ELU",
+        "Exp",   "Log",   "MVN",       "Normalize", "Power", "PReLU",   "ReLU",
+        "ReLU6", "Scale", "Sigmoid",   "Softmax",   "Swish", "TanH",    "Threshold"})
     EXPECT_EQ(in_place(type).outputs().size(), 2U) << type;
 }
 
@@ -42,6 +42,8 @@ TEST(InPlace, IsRefusedWhereItIsUndefined) {
   };
   refused("AbsVal");
   refused("ArgMax");
+  refused("CropCenter",
+          "crop_center_param { crop_size: 0 crop_size: 0 crop_size: 0 crop_size: 0 }");
   refused("Convolution", "convolution_param " + kernel);
   refused("Flatten");
   refused("InnerProduct", "inner_product_param { num_output: 4 }");

@@ -143,6 +143,9 @@ TEST(Flatten, MergesARangeOfAxes) {
 TEST(Layers, RefuseWhatCannotBe) {
   expect_error<UnsupportedError>([] { layer_of("Convolutoin", ""); },
                                  {"did you mean 'Convolution'"});
+  // A data layer of a fork, which deploy files have an Input layer for.
+  expect_error<UnsupportedError>([] { layer_of("MolGridData", "top: 'data'"); },
+                                 {"'MolGridData'", "write an Input layer"});
   expect_error<InputError>(
       [] { layer_of("Convolution", "convolution_param { num_output: 3 group: 2 }"); },
       {"multiple of group"});

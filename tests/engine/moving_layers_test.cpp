@@ -124,6 +124,21 @@ TEST(Crop, ToTheSizeOfTheSecondInput) {
       {"fewer axes"});
 }
 
+TEST(CropCenter, CutsBothEndsOfEachAxis) {
+  Shape shape;
+  expect_near(run("CropCenter", "crop_center_param { crop_size: 0 crop_size: 1 crop_size: 2 }",
+                  {1, 3, 6}, count_up({1, 3, 6}).values, {}, &shape),
+              {8, 9});
+  EXPECT_EQ(shape, (Shape{1, 1, 2}));
+  const auto infer = [](const std::string& sizes) {
+    layer_of("CropCenter", "crop_center_param { " + sizes + " }")->infer({Shape{4, 5}}, 1);
+  };
+  expect_error<InputError>([&] { infer("crop_size: 1"); }, {"2 axes", "4x5", "found 1"});
+  expect_error<InputError>([&] { infer("crop_size: 2 crop_size: 0"); },
+                           {"axis 0", "leaves nothing"});
+  expect_error<InputError>([&] { infer("crop_size: 0 crop_size: 4294967295"); }, {"crop_size"});
+}
+
 TEST(BatchReindex, ChoosesImagesAndMarksBadIndices) {
   const auto reindex = [](const std::vector<float>& indices) {
     return run_checked(
@@ -247,6 +262,10 @@ TEST(MovingLayers, KnowWhichPixelsTheySee) {
   EXPECT_FALSE(window("Slice", "slice_param { axis: 2 }"));
   EXPECT_TRUE(window("Tile", "tile_param { tiles: 2 }"));
   EXPECT_FALSE(window("Tile", "tile_param { axis: -1 tiles: 2 }"));
+  const auto center = window(
+      "CropCenter", "crop_center_param { crop_size: 0 crop_size: 0 crop_size: 3 crop_size: 2 }");
+  EXPECT_EQ(center->h.pad, -3);
+  EXPECT_EQ(center->w.pad, -2);
   EXPECT_TRUE(window("ShuffleChannel", ""));
   EXPECT_FALSE(window("Permute", ""));
   EXPECT_FALSE(window("Reshape", ""));

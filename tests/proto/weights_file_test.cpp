@@ -108,6 +108,25 @@ TEST(BlobEncoding, DoubleDataIsPreferred) {
   EXPECT_TRUE(std::equal(many.begin(), many.end(), blob.data.begin(), blob.data.end()));
 }
 
+/// As NVIDIA's fork and OpenCV's shrinkCaffeModel() write numbers.
+TEST(BlobEncoding, RawDataOfFloat16FloatOrDouble) {
+  const std::vector<uint16_t> halves{0x3C00, 0xC100, 0x7BFF, 0x0400,
+                                     0x8001, 0x8000, 0x7C00, 0x7E00};
+  const std::vector<float> values{1, -2.5F, 65504, 0x1p-14F, -0x1p-24F, -0.0F, INFINITY, NAN};
+  const auto type = [](uint64_t number) { return varint_field(10, number); };
+  EXPECT_TRUE(same_bits(decode(shape({8}) + type(2) + bytes_field(12, raw(halves))).data, values));
+  EXPECT_TRUE(
+      same_bits(decode(bytes_field(12, raw(halves)) + type(2) + shape({2, 4})).data, values));
+  EXPECT_TRUE(same_bits(decode(shape({8}) + type(1) + bytes_field(12, raw(values))).data, values));
+  EXPECT_EQ(decode(shape({2}) + bytes_field(12, raw<double>({0.5, 1e-3}))).data,
+            (std::vector<float>{0.5F, 1e-3F}));
+  EXPECT_EQ(decode(shape({1}) + packed_data({4}) + type(2) + bytes_field(12, raw(halves))).data,
+            std::vector<float>{4});
+  contains(decode_error(shape({1}) + type(3) + bytes_field(12, "abcd")), "raw_data_type 3");
+  contains(decode_error(shape({1}) + type(2) + bytes_field(12, "abc")), "2-byte values");
+  contains(decode_error(shape({3}) + type(2) + bytes_field(12, "abcd")), "3 values, found 2");
+}
+
 TEST(BlobEncoding, DiffsAndUnknownFieldsAreSkipped) {
   const std::string group = tag(20, 3) + tag(21, 3) + varint_field(1, 9) + tag(5, 5) +
                             raw<float>({9}) + tag(21, 4) + tag(20, 4);
@@ -276,6 +295,13 @@ std::optional<Blob> twin_blob(const caffe::BlobProto& proto) {
   if (proto.double_data_size() > 0) {
     blob.data.clear();
     for (const double value : proto.double_data()) blob.data.push_back(static_cast<float>(value));
+  }
+  if (blob.data.empty() && proto.has_raw_data()) {  // one damaged byte makes doubles at most
+    const std::string& bytes = proto.raw_data();
+    if (proto.raw_data_type() != 0 || bytes.size() % sizeof(double) != 0) return std::nullopt;
+    std::vector<double> values(bytes.size() / sizeof(double));
+    std::memcpy(values.data(), bytes.data(), bytes.size());
+    for (const double value : values) blob.data.push_back(static_cast<float>(value));
   }
   long double count = 1;
   for (const int64_t dim : blob.shape) {

@@ -65,6 +65,58 @@ def convolved(net, fc='fc'):
     return conv, conv.reshape(1, -1) @ weights.T + bias
 
 
+class MemoryData(Scripts):
+    NET = '''
+    layer { name: "images" type: "MemoryData" top: "data" top: "label"
+            memory_data_param { batch_size: 2 channels: 1 height: 1 width: 3 } }
+    layer { name: "double" type: "Power" bottom: "data" top: "double" power_param { scale: 2 } }
+    '''
+    IMAGES = np.arange(12, dtype=np.float32).reshape(4, 1, 1, 3)
+    LABELS = np.float32([5, 6, 7, 8]).reshape(4, 1, 1, 1)
+
+    def net(self, more=''):
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # that the layer is an input now
+            return super().net(self.NET + more)
+
+    def test_batches_follow_each_other(self):
+        net = self.net()
+        net.set_input_arrays(self.IMAGES, self.LABELS)
+        for batch in (self.IMAGES[:2], self.IMAGES[2:], self.IMAGES[:2]):
+            np.testing.assert_array_equal(net.forward()['double'], 2 * batch)
+        net.forward(data=self.IMAGES[2:])
+        np.testing.assert_array_equal(net.forward()['double'], 2 * self.IMAGES[2:])
+
+    def test_labels_go_where_they_are_read(self):
+        net = self.net('layer { name: "less" type: "Power" bottom: "label" top: "less" power_param { shift: -5 } }')
+        net.set_input_arrays(self.IMAGES, self.LABELS)
+        net.forward()
+        np.testing.assert_array_equal(net.forward()['less'], [2, 3])
+
+    def test_refuses_what_does_not_fit(self):
+        net = self.net()
+        with self.assertRaisesRegex(ValueError, 'multiple of the batch size 2, found .3, 1, 1, 3.'):
+            net.set_input_arrays(self.IMAGES[:3], self.LABELS[:3])
+        with self.assertRaisesRegex(ValueError, 'expected images of .1, 1, 3.'):
+            net.set_input_arrays(self.IMAGES[..., :2], self.LABELS)
+        with self.assertRaisesRegex(ValueError, 'expected 4 labels'):
+            net.set_input_arrays(self.IMAGES, self.LABELS[:3])
+
+
+class BnWeights(Scripts):
+    def test_without_a_file_are_what_the_fillers_say(self):
+        layer = 'layer { name: "%s" type: "BN" bottom: "data" top: "%s" bn_param { %s } }'
+        net = self.net(
+            'layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 2 dim: 4 } } }'
+            + layer % ('p', 'p', 'slope_filler { value: 3 } bias_filler { value: 2 } frozen: true')
+            + layer % ('s', 's', 'scale_filler { value: 4 } shift_filler { value: 0.5 } bn_mode: INFERENCE')
+        )
+        values = {name: [blob.data.ravel().tolist() for blob in blobs] for name, blobs in net.params.items()}
+        self.assertEqual(values['p'], [[3, 3], [2, 2], [0, 0], [1, 1]])
+        self.assertEqual(values['s'], [[4, 4], [0.5, 0.5]])
+        self.assertEqual(net.params['s'][0].data.shape, (1, 2, 1, 1))
+
+
 class Names(Scripts):
     def test_are_those_of_caffe(self):
         net = self.net()

@@ -111,7 +111,9 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
 void Builder::add_weights(const Shape& shape, const std::string& type, size_t blob,
                           caffe::LayerParameter* layer) {
   double low = -1, high = 1;
-  if (shape.rank() > 1) {
+  if (type == "BN") {
+    low = blob == 0 || blob == 3 ? 0.5 : -1, high = blob == 3 ? 2 : 1.5;  // slope, variance
+  } else if (shape.rank() > 1) {
     high = std::sqrt(6.0 / static_cast<double>(shape.product(1, shape.rank())));
     low = -high;
   } else if (type == "BatchNorm" && blob > 0) {

@@ -200,6 +200,14 @@ void batch_norm(Builder& b, const char* type) {
         b.random.chance(0.8) ? "" : "batch_norm_param { use_global_stats: false }");
 }
 
+/// PSPNet's, or SegNet's with stored statistics or those of the batch.
+void bn(Builder& b, const char* type) {
+  b.add(type, {b.of_rank(2)},
+        b.random.chance(0.5)   ? ""
+        : b.random.chance(0.6) ? "bn_param { bn_mode: INFERENCE }"
+                               : "bn_param { bn_mode: LEARN }");
+}
+
 void lrn(Builder& b, const char* type) {
   b.add(type, {b.of_rank(4, 4)},
         str("lrn_param { local_size: ", 2 * b.random.between(0, 3) + 1,
@@ -405,6 +413,14 @@ void crop(Builder& b, const char* type) {
             " offset: ", b.random.between(0, 2), " }"));
 }
 
+void crop_center(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  std::string sizes;
+  for (size_t axis = 0; axis < b.shape(x).rank(); ++axis)
+    sizes += str(" crop_size: ", axis < 2 ? 0 : b.random.between(0, 2));
+  b.add(type, {x}, "crop_center_param {" + sizes + " }");
+}
+
 void flatten(Builder& b, const char* type) {
   const size_t x = b.of_rank(1);
   const int64_t axis = b.random.between(0, signed_rank(b.shape(x)) - 1);
@@ -566,6 +582,11 @@ void softmax_with_loss(Builder& b, const char* type) {
         static_cast<size_t>(b.random.between(1, 2)));
 }
 
+void euclidean_loss(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  b.add(type, {x, b.same_shape(x)});
+}
+
 size_t prior_boxes(Builder& b, size_t feature, size_t image) {
   return b.add("PriorBox", {feature, image},
                str("prior_box_param { min_size: ", b.random.between(1, 8),
@@ -627,12 +648,14 @@ const std::vector<LayerMaker>& layer_makers() {
       {"BatchNorm", 8, batch_norm},
       {"BatchReindex", 1, batch_reindex},
       {"Bias", 8, scale_or_bias},
+      {"BN", 4, bn},
       {"BNLL", 1, elementwise},
       {"Clip", 2, clip},
       {"Concat", 16, concat},
       {"Convolution", 30, convolution},
       {"ConvolutionDepthwise", 2, convolution_depthwise},
       {"Crop", 2, crop},
+      {"CropCenter", 1, crop_center},
       {"Deconvolution", 3, convolution},
       {"DepthwiseConvolution", 3, depthwise_convolution},
       {"DetectionOutput", 2, detection_output},
@@ -641,6 +664,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Eltwise", 14, eltwise},
       {"ELU", 3, elu},
       {"Embed", 1, embed},
+      {"EuclideanLoss", 1, euclidean_loss},
       {"Exp", 1, exp},
       {"Filter", 1, filter},
       {"Flatten", 3, flatten},

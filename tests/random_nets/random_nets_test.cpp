@@ -18,8 +18,6 @@ constexpr uint64_t kNetsOfATest = 8;
 constexpr uint64_t kNetsOfATest = 60;
 #endif
 constexpr uint64_t kTests = 8, kGenerated = 480;
-/// 256 and 396 show a cache that confuses packed weights for two shapes, 517 work in place over an
-/// operand: defects that the engine has had.
 constexpr uint64_t kFirst = 100;
 
 TEST(RandomNets, CoverEveryLayerType) {

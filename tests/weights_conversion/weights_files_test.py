@@ -44,6 +44,21 @@ class Weights(ConversionTest):
                 self.convert('weights', folder / f'{name}.caffemodel', self.path('old.h5'), '--force')
                 weights.require_same(weights.read(self.path('old.h5')), expected)
 
+    def test_numbers_as_bytes(self):
+        """As NVIDIA's fork and OpenCV's shrinkCaffeModel() write them."""
+        path, values = self.path('raw.caffemodel'), np.float16([[1, -2.5], [0.1, 65504]])
+        for number, kind in enumerate(('<f8', '<f4', '<f2', '<i4')):
+            net = messages.NetParameter()
+            blob = net.layer.add(name='a', type='InnerProduct').blobs.add(
+                raw_data_type=number, raw_data=values.astype(kind).tobytes())
+            blob.shape.dim.extend(values.shape)
+            path.write_bytes(net.SerializeToString())
+            if number < 3:
+                np.testing.assert_array_equal(weights.read(path)['a'][0], values.astype(np.float32))
+            else:
+                with self.assertRaisesRegex(weights.InputError, 'raw_data_type 3'):
+                    weights.read(path)
+
     def test_float16(self):
         self.convert('weights', self.model, self.path('half.npz'), '--float16')
         with np.load(self.path('half.npz')) as file:

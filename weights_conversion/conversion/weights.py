@@ -65,6 +65,8 @@ def _array(layer, index):
     legacy = any(blob.HasField(field) for field in ('num', 'channels', 'height', 'width'))
     shape = [blob.num, blob.channels, blob.height, blob.width] if legacy else list(blob.shape.dim)
     values = np.frombuffer(blob.double_data, '<f8') if blob.double_data else np.frombuffer(blob.data, '<f4')
+    if not values.size and blob.HasField('raw_data'):
+        values = _raw_values(layer, blob)
     if values.size != np.prod(shape, dtype=np.int64):
         raise InputError(f"layer '{layer.name}' has {values.size} numbers in an array of shape {shape}")
     array = values.astype(np.float32).reshape(shape)
@@ -72,6 +74,17 @@ def _array(layer, index):
     if legacy and axes:
         array = array.reshape(array.shape[4 - axes[min(index, 1)]:])
     return array
+
+
+def _raw_values(layer, blob):
+    """What NVIDIA's fork and OpenCV's shrinkCaffeModel() write in the place of `data`."""
+    kinds = ('<f8', '<f4', '<f2')
+    if blob.raw_data_type not in range(len(kinds)):
+        raise InputError(f"layer '{layer.name}' has raw_data of raw_data_type {blob.raw_data_type}; expected 0, 1 or 2")
+    try:
+        return np.frombuffer(blob.raw_data, kinds[blob.raw_data_type])
+    except ValueError as error:
+        raise InputError(f"layer '{layer.name}', raw_data: {error}") from None
 
 
 def net_of(weights, types=None):

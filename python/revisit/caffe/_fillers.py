@@ -84,9 +84,20 @@ _FILLERS = {
 }
 
 
+def _initial_of_bn(param, index, shape):
+    """SegNet's has scale and shift; PSPNet's slope, bias, mean and variance."""
+    if index > 1:
+        return np.full(shape, index == 3 and param.frozen, np.float32)
+    of_segnet = any(map(param.HasField, ('scale_filler', 'shift_filler', 'bn_mode')))
+    names = ('scale_filler', 'shift_filler') if of_segnet else ('slope_filler', 'bias_filler')
+    return fill(getattr(param, names[index]), shape)
+
+
 def initial(message, index, shape):
     """What Caffe gives weight blob `index` of a layer that no weights file has, float32 of `shape`."""
     shape = tuple(shape)
+    if message.type == 'BN':
+        return _initial_of_bn(message.bn_param, index, shape)
     if message.type not in _FILLERS:  # BatchNorm and Parameter begin with zeros
         return np.zeros(shape, np.float32)
     param, weight, bias, constant = _FILLERS[message.type]

@@ -1,5 +1,6 @@
 """caffe.Net: a network with its weights, and the blobs it computes."""
 
+import itertools
 import os
 import warnings
 from collections import OrderedDict
@@ -64,6 +65,7 @@ class Net:
         self._blob_names = _structure.blob_names(self.layers)
         self.inputs = _structure.inputs(self.layers)
         self.outputs = _structure.outputs(self.layers)
+        self._batches = None  # where the next batches of _images begin: set_input_arrays()
         self.blobs = OrderedDict()
         self._make_inputs(net.layer)
         self._detectors = {
@@ -257,6 +259,8 @@ class Net:
         if self._phase == caffe_pb2.TRAIN:
             raise TrainingError('forward() of a net in the phase caffe.TRAIN')
         self._update_weights()
+        if first == 0 and self._batches is not None:
+            self._take_batch()
         for step in _structure.steps(self.layers, first, last):
             if isinstance(step, _structure.Layer):
                 blobs = self._blobs_of(step)
@@ -314,6 +318,7 @@ class Net:
                     f"input '{name}': expected a batch of shape {blob.shape}, found {list(found)}"
                 )
             blob.data[...] = array
+        self._batches = None
 
     def forward_all(self, blobs=None, **inputs):
         """Runs the net on any number of images, batch after batch.
@@ -353,6 +358,37 @@ class Net:
                 )
             yield batch
 
+    def set_input_arrays(self, data, labels):
+        """Gives a MemoryData layer, which is an input here, its images: each forward() takes the next batch.
+
+        After the last batch comes the first again. forward() with arrays of its own ends that.
+
+        Args:
+            data: [n][c][h][w], n a multiple of the batch size that the layer has.
+            labels: [n][1][1][1], or [n]; not looked at where nothing in the net reads labels.
+        Raises:
+            ValueError: arrays that do not fit the layer.
+        """
+        if self.layers[0].type != 'Input':
+            raise ValueError('set_input_arrays() is for nets whose first layer is a MemoryData layer')
+        data, labels = np.asarray(data, np.float32), np.asarray(labels, np.float32)
+        size, *image = self.blobs[self.inputs[0]].shape
+        if list(data.shape[1:]) != image or len(data) == 0 or len(data) % size:
+            raise ValueError(
+                f"input '{self.inputs[0]}': expected images of {image}, as many as a multiple of the batch size "
+                f'{size}, found {list(data.shape)}'
+            )
+        if labels.size != len(data):
+            raise ValueError(f'expected {len(data)} labels, one for each image, found {labels.size}')
+        self._batches = itertools.cycle(range(0, len(data), size))
+        self._images = [data, labels.reshape(-1)][: len(self.inputs)]
+
+    def _take_batch(self):
+        begin = next(self._batches)
+        for name, array in zip(self.inputs, self._images):
+            blob = self.blobs[name]
+            blob.data[...] = array[begin : begin + blob.shape[0]].reshape(blob.shape)
+
     # -- Training.
 
     def backward(self, diffs=None, start=None, end=None, **gradients):
@@ -371,9 +407,3 @@ class Net:
             for blob in layer.blobs:
                 blob.diff[...] = 0
 
-    def set_input_arrays(self, data, labels):
-        """Of MemoryData layers, which are inputs here."""
-        raise NotImplementedError(
-            f'a MemoryData layer is an input here: call forward({", ".join(self.inputs)}=...) instead of '
-            'set_input_arrays()'
-        )

@@ -59,6 +59,12 @@ def _crop(g, site):
     return [g.node('Slice', site.x[0], begin, end, g.integers(*range(first, rank)))]
 
 
+def _crop_center(g, site):
+    cut = site.message.crop_center_param.crop_size
+    ends = [-size if size else INT_MAX for size in cut]
+    return [g.node('Slice', site.x[0], g.integers(*cut), g.integers(*ends), g.integers(*range(len(cut))))]
+
+
 def _shuffle_channel(g, site):
     groups = site.message.shuffle_channel_param.group
     split = g.reshape(site.x[0], 0, groups, site.shapes[0][1] // groups, -1)
@@ -149,8 +155,8 @@ def _prior_box(g, site):
 
 
 EMIT = {
-    'ArgMax': _argmax, 'BatchReindex': _batch_reindex, 'Concat': _concat, 'Crop': _crop, 'DummyData': _constants,
-    'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Interp': _interp, 'Parameter': _parameter,
+    'ArgMax': _argmax, 'BatchReindex': _batch_reindex, 'Concat': _concat, 'Crop': _crop, 'CropCenter': _crop_center,
+    'DummyData': _constants, 'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Interp': _interp, 'Parameter': _parameter,
     'Permute': _permute, 'PriorBox': _prior_box, 'Reshape': _reshape, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Tile': _tile,
     'Upsample': _upsample,
 }

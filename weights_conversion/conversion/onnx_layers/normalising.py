@@ -16,6 +16,20 @@ def _batch_norm(g, site):
                    epsilon=p.eps)]
 
 
+def _bn(g, site):
+    p, rank = site.message.bn_param, len(site.shapes[0])
+    scale, shift, *statistics = (blob.ravel() for blob in site.blobs)
+    if not statistics and p.bn_mode == p.LEARN:
+        centred, variance = _centred(g, site.x[0], [axis for axis in range(rank) if axis != 1])
+        normed = g.node('Div', centred, g.node('Sqrt', g.affine(variance, shift=1e-9)))
+        beside = [-1] + [1] * (rank - 2)
+        scaled = g.node('Mul', normed, g.constant(scale.reshape(beside)))
+        return [g.node('Add', scaled, g.constant(shift.reshape(beside)))]
+    mean, variance = statistics or (np.zeros_like(scale), np.ones_like(scale))
+    return [g.node('BatchNormalization', site.x[0], *map(g.constant, (scale, shift, mean, variance)),
+                   epsilon=p.eps if statistics else 0.0)]
+
+
 def _centred(g, x, axes):
     """x less its mean over `axes`, and its variance."""
     centred = g.node('Sub', x, g.node('ReduceMean', x, axes=axes, keepdims=1))
@@ -66,5 +80,5 @@ def _reduction(g, site):
     return [g.affine(y, p.coeff)]
 
 
-EMIT = {'BatchNorm': _batch_norm, 'LRN': _lrn, 'MVN': _mvn, 'Normalize': _normalize, 'Reduction': _reduction,
+EMIT = {'BatchNorm': _batch_norm, 'BN': _bn, 'LRN': _lrn, 'MVN': _mvn, 'Normalize': _normalize, 'Reduction': _reduction,
         'Softmax': _softmax}
