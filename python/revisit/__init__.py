@@ -12,7 +12,7 @@ __all__ = [
     '__version__', 'engine', 'errors', 'proto']
 
 if hasattr(_core, 'maps'):  # else a build with REVISIT_PIPELINE=OFF: the engine alone
-    from revisit import datasets, maps, recognition, simulation
+    from revisit import datasets, evaluation, maps, recognition, simulation
     from revisit.maps import PlaceRecognizer, open_map
 
-    __all__ += ['PlaceRecognizer', 'datasets', 'maps', 'open_map', 'recognition', 'simulation']
+    __all__ += ['PlaceRecognizer', 'datasets', 'evaluation', 'maps', 'open_map', 'recognition', 'simulation']

@@ -1,15 +1,16 @@
-"""From scans to features: sensors, range images, networks, rings, Scan Context, M2DP."""
+"""From scans to features: sensors, range images, networks, rings, Scan Context, M2DP; their principal components."""
 
 from revisit._core.recognition import (
-    Alignment, FeatureExtractor, ImageGeometry, RingModel, ScanContextOptions, ScanFeature, Sensor,
+    Alignment, FeatureExtractor, ImageGeometry, PcaResult, RingModel, ScanContextOptions, ScanFeature, Sensor,
     SensorFound, context_distance, cosine, find_sensor, from_scan, m2dp_features, network_features,
     principal_alignment, project, range_vector_features, read_ring_model, ring_net, ring_recogniser,
     scan_context, scan_context_features, scan_to_image, sensor_geometry, sensors, shipped_ring_model,
     shipped_ring_models)
+from revisit._pca import PcaModel, fit_pca
 
 __all__ = [
-    'Alignment', 'FeatureExtractor', 'ImageGeometry', 'RingModel', 'ScanContextOptions',
-    'ScanFeature', 'Sensor', 'SensorFound', 'context_distance', 'cosine', 'find_sensor', 'from_scan',
+    'Alignment', 'FeatureExtractor', 'ImageGeometry', 'PcaModel', 'PcaResult', 'RingModel', 'ScanContextOptions',
+    'ScanFeature', 'Sensor', 'SensorFound', 'context_distance', 'cosine', 'find_sensor', 'fit_pca', 'from_scan',
     'm2dp_features', 'network_features', 'principal_alignment', 'project', 'range_vector_features',
     'read_ring_model', 'ring_net', 'ring_recogniser', 'scan_context', 'scan_context_features',
     'scan_to_image', 'sensor_geometry', 'sensors', 'shipped_ring_model', 'shipped_ring_models']

@@ -70,16 +70,18 @@ void bind_open_map(nb::module_& module) {
       .def_static(
           "open",
           [](const fs::path& file, const std::optional<MapIdentity>& identity,
-             const std::string& numbers) {
+             const std::string& numbers, bool write) {
             const NumberFormat format = parse_numbers(numbers);
             return std::make_unique<OpenMap>(without_lock([&] {
-              return identity ? open_map(file, MapAccess::kWrite, &*identity, format)
-                              : open_map(file, MapAccess::kRead);
+              return open_map(file, write || identity ? MapAccess::kWrite : MapAccess::kRead,
+                              identity ? &*identity : nullptr, format);
             }));
           },
           "file"_a, "identity"_a = nb::none(), nb::kw_only(), "numbers"_a = "float32",
-          "Without an identity: a map that is there, for reading. With one "
-          "(PlaceRecognizer.identity_of()): for writing, made when there is none.\n\n"
+          "write"_a = false,
+          "Without an identity: a map that is there, for reading, or with `write` for remove(). "
+          "With "
+          "one (PlaceRecognizer.identity_of()): for writing, made when there is none.\n\n"
           "numbers: of a new map, 'float32' or 'float16'.\n"
           "Raises InputError for a file that is not a map, a damaged map, and another identity.")
       .def_prop_ro("identity",
@@ -117,6 +119,27 @@ void bind_open_map(nb::module_& module) {
           "after"_a = 0,
           "Those with ids above `after`, ascending, as they are at one moment. Damaged ones are "
           "left out; `warnings` has a message for each.")
+      .def(
+          "remove",
+          [](OpenMap& map, const std::vector<int64_t>& ids) {
+            return without_lock(
+                [&] { return map.with([&](MapStore& store) { return store.remove(ids); }); });
+          },
+          "ids"_a,
+          "Removes places for good, in one step, damaged ones, too. Their ids are not given again. "
+          "Returns how many there were to remove.\n"
+          "Raises UsageError for an id that no place has had, and in a map opened for reading.")
+      .def(
+          "removed",
+          [](OpenMap& map, int64_t after) {
+            return without_lock([&] {
+              return map.with([&](const MapStore& store) { return store.removed(after); });
+            });
+          },
+          "after"_a = 0,
+          "The ids of the places that were removed, in the order of their removal, but for the "
+          "first "
+          "`after`.")
       .def_prop_ro(
           "warnings", [](const OpenMap& map) { return map.messages.all(); },
           "Of places that could not be read.")

@@ -147,6 +147,15 @@ void bind_recognizer(nb::module_& module) {
               "def add(self, scan: Description, *, drive: str = '', frame: int = 0, time: float "
               "| None = None, pose: numpy.typing.NDArray[numpy.float64] | None = None) -> int"),
           "Adds a place and returns its position. `pose`: T_world_sensor, float64 [4][4].")
+      .def(
+          "remove",
+          [](Recognizer& self, const std::vector<int64_t>& positions) {
+            return without_lock([&] { return self.remove(positions); });
+          },
+          "positions"_a,
+          "Removes the places at these positions, from the map, too: no query answers with them. "
+          "The "
+          "others keep their positions. Returns how many had not been removed.")
       .def("__len__",
            [](const Recognizer& self) { return without_lock([&] { return self.size(); }); })
       .def_prop_ro(
@@ -155,7 +164,7 @@ void bind_recognizer(nb::module_& module) {
       .def_prop_ro("warnings", &Recognizer::warnings, "Of places that could not be read.")
       .def(
           "refresh", [](Recognizer& self) { without_lock([&] { self.refresh(); }); },
-          "Takes in what others have added to the map.")
+          "Takes in what others have added to the map, and out what they have removed.")
       .def(
           "refresh_on_news",
           [](Recognizer& self) { without_lock([&] { self.refresh_on_news(); }); },

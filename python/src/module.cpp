@@ -15,6 +15,7 @@ NB_MODULE(_core, core) {
 #ifdef REVISIT_HAVE_PIPELINE
   library("recognition", "From scans to features.", bind_recognition);
   library("datasets", "Drives and folders of scans.", bind_datasets);
+  library("evaluation", "How well places are recognised.", bind_evaluation);
   library("maps", "Places, kept and recognised.", bind_maps);
   library("simulation", "Drives through synthetic worlds.", bind_simulation);
 #endif

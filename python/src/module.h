@@ -13,7 +13,9 @@ void bind_engine(nb::module_& module);
 #ifdef REVISIT_HAVE_PIPELINE
 void bind_recognition(nb::module_& module);
 void bind_features(nb::module_& module);
+void bind_pca(nb::module_& module);
 void bind_datasets(nb::module_& module);
+void bind_evaluation(nb::module_& module);
 void bind_maps(nb::module_& module);
 void bind_simulation(nb::module_& module);
 #endif

@@ -152,6 +152,7 @@ void bind_recognition(nb::module_& module) {
   bind_sensors(module);
   bind_alignment(module);
   bind_features(module);
+  bind_pca(module);
   module.def(
       "cosine",
       [](nb::handle a, nb::handle b) {

@@ -1,6 +1,7 @@
 // Any file as a map. (A log beside it is what tests/pipeline/map_store_test.cpp damages.)
 #include <unistd.h>
 
+#include <array>
 #include <fstream>
 
 #include "fuzz.h"
@@ -25,6 +26,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
         },
         [](const std::string&) {});
     map->value("threshold");
+    map->removed();
   });
   fuzz::works_or_refuses([&] { pipeline::check_map(file); });
   fuzz::works_or_refuses([&] {
@@ -38,6 +40,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
                                  .revision;
     map->replace_descriptors([](const pipeline::StoredPlace& found) { return found.descriptor; },
                              {}, revision);
+    map->remove(std::array<int64_t, 1>{1});
   });
   for (const char* ending : {"", "-wal", "-shm", "-journal"}) fs::remove(file.string() + ending);
   return 0;

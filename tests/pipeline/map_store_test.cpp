@@ -328,8 +328,8 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   EXPECT_EQ(check_map(dir / "other").size(), 1);
 
   writer_of(dir / "later");
-  execute(dir / "later", "PRAGMA user_version = 2");
-  refused(dir / "later", {"later: a map of version 2, this program knows version 1"});
+  execute(dir / "later", "PRAGMA user_version = 3");
+  refused(dir / "later", {"later: a map of version 3, this program knows version 2"});
   writer_of(dir / "odd");
   execute(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
   refused(dir / "odd", {"odd: the head of this map is damaged", "'v'"});

@@ -201,6 +201,47 @@ TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {
   EXPECT_FALSE(recognizer.query(scan, std::vector<int64_t>{4, 3, 2, 1, 0, INT64_MIN}));
 }
 
+TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
+  const test::TempDir folder;
+  for (const int64_t stretch :
+       {int64_t{1000}, int64_t{10}}) {  // before there is a basis, and after
+    const std::filesystem::path file = folder / std::to_string(stretch);
+    auto writer = std::make_unique<PlaceRecognizer>(
+        coordinates(), RecognizerOptions{.first_stretch = stretch}, map_in(file));
+    drive(*writer, 0, 60);
+    PlaceRecognizer reader(coordinates(), {.first_stretch = stretch},
+                           open_map(file, MapAccess::kRead));
+    const Description scan = reader.describe(view_of(scan_of(107)));
+    ASSERT_EQ(reader.query(scan)->position, 7);
+    EXPECT_EQ(writer->remove(std::vector<int64_t>{7, 30, 7}), 2);
+    EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
+    expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"position 60"});
+    EXPECT_NE(writer->query(scan)->position, 7);
+    reader.refresh();
+    EXPECT_NE(reader.query(scan)->position, 7);
+    // The others keep their positions, and a new place gets the next one.
+    EXPECT_EQ(reader.query(reader.describe(view_of(scan_of(108))))->position, 8);
+    EXPECT_EQ(writer->size(), 60);
+    drive(*writer, 60, 70);
+    reader.refresh();
+    const PlaceRecognizer* const both[] = {writer.get(), &reader};
+    for (const PlaceRecognizer* one : both)
+      EXPECT_EQ(one->query(one->describe(view_of(scan_of(165))))->position, 65);
+    // The street as it is now takes the place of what was removed.
+    writer->add(writer->describe(view_of(scan_of(7))), {.drive = "anew", .frame = 70});
+    EXPECT_EQ(writer->query(scan)->drive, "anew");
+    writer.reset();
+    const PlaceRecognizer again(coordinates(), {.first_stretch = stretch}, map_in(file));
+    EXPECT_EQ(again.size(), 69);
+    EXPECT_EQ(again.query(scan)->drive, "anew");
+    EXPECT_EQ(again.query(again.describe(view_of(scan_of(108))))->id, 9);
+  }
+  PlaceRecognizer nowhere(coordinates(), {.first_stretch = 2});
+  drive(nowhere, 0, 10);
+  EXPECT_EQ(nowhere.remove(std::vector<int64_t>{3}), 1);
+  EXPECT_NE(nowhere.query(nowhere.describe(view_of(scan_of(103))))->position, 3);
+}
+
 TEST(PlaceRecognizer, ThresholdsAreNumbers) {
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.threshold = NAN}); },
                            {"threshold"});

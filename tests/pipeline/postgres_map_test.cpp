@@ -319,6 +319,79 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   EXPECT_EQ(frames_of(*b)["x"], (std::set<int64_t>{0, 2, 3, 4, 5, 6, 7, 8, 9}));
 }
 
+TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
+  const auto map = writer();
+  std::vector<StoredPlace> places;
+  for (int64_t frame = 1; frame <= 600; ++frame) places.push_back(made("x", frame));
+  map->add(places);
+  // As a map of before, which has no table of them.
+  server_->execute("DROP TABLE town.removed");
+  const auto watcher = reader();
+  EXPECT_EQ(read_all(*watcher).position.removed, 0);
+  EXPECT_EQ(map->remove(std::vector<int64_t>{600, 256, 257, 3}), 4);
+  EXPECT_EQ(map->remove(std::vector<int64_t>{3, 4}), 1);
+  EXPECT_EQ(map->remove(std::vector<int64_t>{3}), 0);
+  expect_error<UsageError>([&] { map->remove(std::vector<int64_t>{601}); }, {"1 to 600"});
+  expect_error<UsageError>([&] { watcher->remove(std::vector<int64_t>{5}); }, {"for reading"});
+  ASSERT_TRUE(watcher->has_news(milliseconds(20'000)));
+  const WhatWasRead read = read_all(*watcher);
+  EXPECT_EQ(read.damages, std::vector<std::string>());
+  EXPECT_EQ(read.places.size(), 595);
+  for (const StoredPlace& place : read.places)
+    EXPECT_TRUE(place.frame == place.id && place.id != 3 && place.id != 256) << place.id;
+  EXPECT_EQ(read.position.removed, 5);
+  EXPECT_EQ(watcher->removed(4), std::vector<int64_t>{4});
+  EXPECT_EQ(watcher->size(), 595);
+  EXPECT_EQ(map->add({&places[0], 1}), std::vector<int64_t>{601});
+  EXPECT_TRUE(
+      map->replace_descriptors([](const StoredPlace& place) { return place.descriptor; }, {}, 0));
+  EXPECT_EQ(read_all(*watcher).places.size(), 596);
+  EXPECT_EQ(check_map(server_->url("town")), std::vector<std::string>());
+  // What is lost is still named, and so is a place whose removal is not to be believed.
+  server_->execute(
+      "DELETE FROM town.place WHERE id = 5; UPDATE town.removed SET checksum = 0 "
+      "WHERE place = 256");
+  EXPECT_EQ(check_map(server_->url("town")).size(), 2);
+  EXPECT_EQ(map->remove(std::vector<int64_t>{5, 256}), 2);
+  EXPECT_EQ(check_map(server_->url("town")), std::vector<std::string>());
+}
+
+TEST_F(PostgresMap, ARemovedPlacesScanIsExpectedAgain) {
+  const auto map = writer();
+  const std::vector<int64_t> frames = frames_to(3);
+  map->expect("x", frames);
+  {
+    const auto claim = map->claim("x", 10);
+    map->add(places_of(*claim), {}, claim.get());
+  }
+  EXPECT_EQ(map->remove(std::vector<int64_t>{2}), 1);
+  map->expect("x", frames);
+  EXPECT_EQ(map->claim("x", 10)->frames, std::vector<int64_t>{1});
+}
+
+TEST_F(PostgresMap, RemovalsOutliveTheirProcessAndTheServer) {
+  std::vector<StoredPlace> places;
+  for (int64_t frame = 1; frame <= 300; ++frame) places.push_back(made("x", frame));
+  writer()->add(places);
+  std::atomic<int64_t> removed = 0;
+  std::thread robot([&] {
+    const auto map = writer();
+    for (int64_t id = 1; id <= 200; ++id) {
+      EXPECT_EQ(map->remove({&id, 1}), 1) << id;
+      ++removed;
+    }
+  });
+  for (int kill = 1; kill <= 2; ++kill) {
+    while (removed < kill * 60) std::this_thread::sleep_for(milliseconds(1));
+    restart();
+  }
+  robot.join();
+  const auto map = reader();
+  EXPECT_EQ(map->removed().size(), 200);
+  EXPECT_EQ(read_all(*map).places.size(), 100);
+  EXPECT_EQ(check_map(server_->url("town")), std::vector<std::string>());
+}
+
 /// Does its share of the work, and ends when all is done.
 [[noreturn]] void do_a_share(const std::string& url) {
   int code = 1;

@@ -1,4 +1,4 @@
-"""The programs of docs/PYTHON.md run, in the order of the text, in a folder that has what they speak of."""
+"""The programs of docs/PYTHON.md and docs/MAPS.md run, in the order of the text, in a folder that has what they speak of."""
 
 import importlib
 import os
@@ -39,9 +39,10 @@ def prepare(folder):
 
 class Documents(unittest.TestCase):
     def test_programs_run(self):
-        programs = [program for program in re.findall(r'```python\n(.*?)```', (ROOT / 'docs/PYTHON.md').read_text(), re.DOTALL)
+        text = (ROOT / 'docs/PYTHON.md').read_text() + (ROOT / 'docs/MAPS.md').read_text()
+        programs = [program for program in re.findall(r'```python\n(.*?)```', text, re.DOTALL)
                     if 'import revisit.caffe' not in program]  # test_caffe_scripts.py runs the one that does
-        self.assertEqual(len(programs), 3)
+        self.assertEqual(len(programs), 5)
         with tempfile.TemporaryDirectory() as folder:
             prepare(Path(folder))
             for program in programs:
@@ -52,10 +53,10 @@ class Documents(unittest.TestCase):
     def test_modules_are_those_of_the_table(self):
         import revisit
         text = (ROOT / 'docs/PYTHON.md').read_text()
-        for name in ('datasets', 'engine', 'maps', 'proto', 'recognition', 'simulation'):
+        for name in ('datasets', 'engine', 'evaluation', 'maps', 'proto', 'recognition', 'simulation'):
             self.assertIn(f'| `{name}` |', text)
             self.assertTrue(hasattr(revisit, name))
-        for name in ('loops', 'poses', 'recordings'):  # these are imported when they are needed
+        for name in ('loops', 'poses', 'program', 'recordings', 'report'):  # these are imported when they are needed
             self.assertIn(f'| `{name}` |', text)
             importlib.import_module(f'revisit.{name}')
 

@@ -116,6 +116,31 @@ class Maps(unittest.TestCase):
             len(store)
         self.assertEqual(maps.check_map(self.file), [])
 
+    def test_places_are_removed(self):
+        recognizer = filled(revisit.open_map(self.file, threshold=0.2, first_stretch=4))
+        scan = recognizer.describe(room(7))
+        self.assertEqual(recognizer.query(scan).position, 7)
+        self.assertEqual(recognizer.remove([7, 2]), 2)
+        self.assertNotEqual(recognizer.query(scan).position, 7)
+        self.assertEqual(recognizer.query(recognizer.describe(room(8))).position, 8)
+        with self.assertRaisesRegex(revisit.UsageError, 'position 12'):
+            recognizer.remove([12])
+        del recognizer
+        with maps.MapStore.open(self.file) as store:
+            with self.assertRaisesRegex(revisit.UsageError, 'for reading'):
+                store.remove([1])
+            self.assertEqual(store.removed(), [3, 8])
+        with maps.MapStore.open(self.file, write=True) as store:
+            self.assertEqual(store.remove([place.id for place in store.places() if place.time < 0.5]), 4)
+            self.assertEqual([place.frame for place in store.places()], [50, 60, 80, 90, 100, 110])
+            self.assertEqual((len(store), store.removed(2)), (6, [1, 2, 4, 5]))
+            with self.assertRaisesRegex(revisit.UsageError, '1 to 12'):
+                store.remove([13])
+        self.assertEqual(maps.check_map(self.file), [])
+        again = revisit.open_map(self.file)
+        self.assertEqual(len(again), 6)
+        self.assertEqual(again.query(again.describe(room(8))).frame, 80)
+
     def test_belong_to_one_recogniser(self):
         extractor = revisit.recognition.m2dp_features()
         store = maps.MapStore.open(self.file, maps.PlaceRecognizer.identity_of(extractor))

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the wheel as users do, lets auditwheel bundle its libraries, and uses it in a clean virtual environment.
 
-  tests/python/wheel.py                        # compiles everything, which takes minutes; leaves dist/*.whl
+  tests/python/wheel.py                        # compiles everything and the program, which takes minutes; leaves dist/*.whl
   tests/python/wheel.py --built build/dev/python    # of a package that a build has made, which takes seconds
 """
 
@@ -27,7 +27,7 @@ def run(*command, **options):
 def make(folder, built):
     """The wheel, with the libraries of this machine that it needs."""
     settings = [f'--config-settings=cmake.define.REVISIT_PYTHON_BUILT={built}',
-                f'--config-settings=build-dir={folder}/build'] if built else []
+                f'--config-settings=build-dir={folder}/build'] if built else ['--config-settings=cmake.define.REVISIT_TOOLS=ON']
     isolation = ['--no-build-isolation'] if built else []
     run(sys.executable, '-m', 'pip', '-q', 'wheel', ROOT, '--no-deps', *isolation, *settings, '-w', folder / 'raw')
     raw, = (folder / 'raw').glob('*.whl')
@@ -39,16 +39,18 @@ def make(folder, built):
 
 
 def clean_environment(folder, wheel):
-    """Its interpreter. numpy is PyPI's, which has an OpenBLAS of its own; without a network this interpreter's."""
+    """Its interpreter. numpy is PyPI's, which has an OpenBLAS of its own; without a network this interpreter's. protobuf, too."""
     venv.create(folder)
     python = folder / 'bin' / 'python'
     install = [sys.executable, '-m', 'pip', '-q', '--disable-pip-version-check', '--python', python, 'install']
     try:
-        run(*install, '--retries', 0, '--timeout', 10, 'numpy')
+        run(*install, '--retries', 0, '--timeout', 10, 'numpy', 'protobuf>=3.20')
     except subprocess.CalledProcessError:
+        import google.protobuf
         import numpy
         packages, = folder.glob('lib/python*/site-packages')
-        print('numpy is not to be had from PyPI: taking', numpy.__path__[0])
+        print('numpy and protobuf are not to be had from PyPI: taking', numpy.__path__[0])
+        (packages / 'google').symlink_to(Path(google.protobuf.__path__[0]).parent)
         (packages / 'numpy').symlink_to(numpy.__path__[0])
         for libraries in Path(numpy.__path__[0]).parent.glob('numpy*.libs'):
             (packages / libraries.name).symlink_to(libraries)

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import revisit
-from revisit import datasets, proto, simulation
+import revisit.caffe
+from revisit import datasets, evaluation, maps, program, proto, recognition, report, simulation
 from revisit.engine import Net
 
 NET = """
@@ -69,8 +70,44 @@ def has_the_commands():
     assert done.returncode == 0 and 'onnx' in done.stdout, done.stdout + done.stderr
 
 
+def evaluates():
+    """Precision and recall of own scores, and PCA."""
+    judged = evaluation.verdicts([4, 3, 2, 1], np.array([True, False, True, False]), np.array([True, True, True, False]))
+    figures = evaluation.summarize(judged)
+    assert np.allclose([figures.average_precision, figures.recall_at_1], [(1 + 2 / 3) / 3, 2 / 3]), figures.average_precision
+    line = np.outer(np.arange(5), np.ones(3)).astype(np.float32)
+    assert recognition.fit_pca(line, 2).rank == 1
+
+
+def has_the_program():
+    """The whole program `revisit`, as a command and from Python, where the package was built with it."""
+    command = Path(sys.executable).with_name('revisit')
+    try:
+        program.path()
+    except revisit.UnsupportedError as error:
+        done = subprocess.run([command, '--version'], text=True, capture_output=True)
+        assert done.returncode == 4 and 'REVISIT_TOOLS=ON' in done.stderr, done.stderr
+        print(f'without the program: {error}')
+        return
+    done = subprocess.run([command, '--version'], text=True, capture_output=True)
+    assert done.returncode == 0 and revisit.__version__ in done.stdout, done.stdout + done.stderr
+    with tempfile.TemporaryDirectory() as folder:
+        program.run('simulate', '-q', '-o', f'{folder}/town', '--length', 300, '--every', 100)
+        done = subprocess.run([command, 'loops', f'{folder}/town', '--map', f'{folder}/town.map', '-q'], text=True, capture_output=True)
+        assert done.returncode == 0 and done.stdout.startswith('frame,time,'), done.stdout + done.stderr
+        places = len(maps.MapStore.open(f'{folder}/town.map'))
+        assert f' {places} places' in program.run('map', 'remove', f'{folder}/town.map', '--ids', 1).stdout
+        try:
+            report.write_report(f'{folder}/nothing', f'{folder}/report.html')
+            assert False, 'a report of nothing'
+        except revisit.InputError as error:
+            assert 'nothing' in str(error)
+
+
 classifies()
 finds_a_loop()
+evaluates()
 has_the_commands()
+has_the_program()
 stands_alone()
 print(f'revisit {revisit.__version__} with numpy {np.__version__} works')

@@ -107,6 +107,76 @@ TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
   EXPECT_FALSE(fs::exists(path("none.map")));
 }
 
+TEST_F(Loops, PlacesAreRemovedAndForgotten) {
+  const std::string map = path("changing.map");
+  run(loops("--first-stretch 30 --map " + map));
+  const auto column = [&](size_t index) {
+    std::vector<double> values;
+    const std::vector<std::string> rows = lines(run("map places " + map));
+    for (size_t row = 1; row < rows.size(); ++row) {
+      std::istringstream cells(rows[row]);
+      std::string cell;
+      for (size_t i = 0; i <= index; ++i) std::getline(cells, cell, ',');
+      values.push_back(std::stod(cell));
+    }
+    return values;
+  };
+  const std::vector<double> x = column(4), y = column(5), z = column(6), times = column(3);
+  const size_t all = x.size();
+  const auto count = [](const std::string& output) {
+    return std::stoul(output.substr(output.find(": ") + 2));
+  };
+
+  // By what is near: a place that the same scan was recognised as.
+  const std::string ask = "map query " + map + " --sensor vlp16 --threshold 0 -q " +
+                          path("town1/sequences/00/velodyne/000024.bin");
+  ASSERT_NE(run(ask).find("0,,00,24,"), std::string::npos);
+  const auto at = [](double v) { return std::to_string(v); };
+  const std::vector<double> frames = column(2);
+  const auto here = static_cast<size_t>(std::ranges::find(frames, 24.0) - frames.begin());
+  size_t near = 0;
+  for (size_t i = 0; i < all; ++i)
+    near += std::hypot(x[i] - x[here], y[i] - y[here], z[i] - z[here]) <= 20 ? 1 : 0;
+  ASSERT_GT(near, 1);
+  const std::string region = "map remove " + map + " --near=" + at(x[here]) + "," + at(y[here]) +
+                             "," + at(z[here]) + " --radius 20 ";
+  const std::string would = run(region + "--dry-run");
+  EXPECT_EQ(count(would), near) << would;
+  EXPECT_NE(would.find("would be removed"), std::string::npos) << would;
+  EXPECT_EQ(column(0).size(), all);
+  EXPECT_EQ(count(run(region + "--drive other")), 0);
+  EXPECT_EQ(count(run(region)), near);
+  EXPECT_EQ(column(0).size(), all - near);
+  EXPECT_EQ(run(ask).find("0,,00,24,"), std::string::npos);
+  EXPECT_NE(run("map check " + map).find("sound"), std::string::npos);
+
+  // The street as it is today.
+  run("loops " + path("town1") + " --no-progress -q --threshold 0 --drive today --map " + map);
+  EXPECT_NE(run(ask).find("0,,today,24,"), std::string::npos);
+
+  // By id, by age.
+  const std::vector<double> ids = column(0);
+  const std::string two = std::to_string(static_cast<int>(ids[0])) + "," +
+                          std::to_string(static_cast<int>(ids[1])) + "-" +
+                          std::to_string(static_cast<int>(ids[1]));
+  EXPECT_EQ(count(run("map remove " + map + " --ids " + two)), 2);
+  EXPECT_EQ(count(run("map remove " + map + " --ids " + two)), 0);
+  EXPECT_EQ(count(run("map remove " + map + " --drive 00")), all - near - 2);
+  const double newest = std::ranges::max(times);
+  const auto old = static_cast<size_t>(
+      std::ranges::count_if(times, [&](double time) { return time < newest - 10; }));
+  ASSERT_GT(old, 3);
+  EXPECT_EQ(count(run("map forget " + map + " --dry-run --older " + at(10.0 / 86400))), old);
+  EXPECT_EQ(count(run("map forget " + map + " --before " + at(newest - 10))), old);
+  EXPECT_EQ(column(0).size(), all - old);
+  EXPECT_NE(run("map check " + map).find("sound"), std::string::npos);
+
+  for (const char* wrong : {"remove", "remove --near 1,2,3", "remove --near 1,2 --radius 3",
+                            "remove --ids 9999", "remove --ids 3-1", "remove --ids x", "forget",
+                            "forget --older 1 --before 2", "forget --older -1"})
+    run("map " + std::string(wrong) + " " + map, 2);
+}
+
 TEST_F(Loops, AMapIsBuiltOfWhatIsMissing) {
   const auto built = [](const std::string& more, int expected = 0) {
     return run("map build " + path("town2") + " --first-stretch 30 --no-progress --map " + more,

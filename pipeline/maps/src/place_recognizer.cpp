@@ -76,8 +76,9 @@ struct PlaceRecognizer::Impl {
   bool settled = false;             // the basis will not change any more
   std::vector<StoredPlace> places;  // without descriptor and feature
   std::optional<PlaceIndex> index;
-  bool has_graph = false;  // the index
-  FloatMatrix features;    // of the places, while the basis is not settled
+  bool has_graph = false;        // the index
+  std::vector<int64_t> removed;  // positions, ascending; no query answers with them
+  FloatMatrix features;          // of the places, while the basis is not settled
   MapPosition read_to;
   std::optional<Calibration> calibration;
   std::optional<double> threshold;
@@ -188,7 +189,28 @@ struct PlaceRecognizer::Impl {
     know(std::move(place));
   }
 
+  /// Places of these ids that are known. They keep their positions, which callers hold.
+  void take_out(std::span<const int64_t> ids) {
+    for (const int64_t id : ids) {
+      const auto found = std::ranges::lower_bound(places, id, {}, &StoredPlace::id);
+      if (found != places.end() && found->id == id) take_out(found - places.begin());
+    }
+  }
+  /// Whether it was there until now.
+  bool take_out(int64_t position) {
+    const auto at = std::ranges::lower_bound(removed, position);
+    if (at != removed.end() && *at == position) return false;
+    removed.insert(at, position);
+    return true;
+  }
+
   void take_in_new_places() {
+    const int64_t removed_before = read_to.removed;
+    read_new_places();
+    if (read_to.removed > removed_before) take_out(map->removed(removed_before));
+  }
+
+  void read_new_places() {
     if (!settled) look_for_a_basis();
     take_over_calibration();
     if (settled) {
@@ -289,8 +311,7 @@ void check_threshold(std::optional<double> threshold) {
 }
 
 /// All of `places` but those at some positions.
-std::vector<CandidateRange> ranges_without(std::span<const int64_t> positions, int64_t places) {
-  std::vector<int64_t> left_out(positions.begin(), positions.end());
+std::vector<CandidateRange> ranges_without(std::vector<int64_t> left_out, int64_t places) {
   std::ranges::sort(left_out);
   std::vector<CandidateRange> ranges;
   int64_t begin = 0;
@@ -399,7 +420,10 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   const std::shared_lock lock(impl_->mutex);
   const Impl& impl = *impl_;
   if (!scan.described() || impl.places.empty()) return std::nullopt;
-  const std::vector<CandidateRange> candidates = ranges_without(without, impl.index->size());
+  std::vector<int64_t> left_out(without.begin(), without.end());
+  left_out.insert(left_out.end(), impl.removed.begin(), impl.removed.end());
+  const std::vector<CandidateRange> candidates =
+      ranges_without(std::move(left_out), impl.index->size());
   const std::vector<float> descriptor = impl.descriptor_of(scan.feature);
   const Match match =
       impl.index->best(descriptor, candidates, {.k = impl.options.k, .score = impl.options.score});
@@ -420,6 +444,21 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   if (impl.calibration) loop.probability = impl.calibration->probability(loop.score);
   loop.accepted = impl.threshold && loop.score >= *impl.threshold;
   return loop;
+}
+
+int64_t PlaceRecognizer::remove(std::span<const int64_t> positions) {
+  const std::unique_lock lock(impl_->mutex);
+  Impl& impl = *impl_;
+  std::vector<int64_t> ids;
+  for (const int64_t position : positions) {
+    if (position < 0 || position >= static_cast<int64_t>(impl.places.size()))
+      throw UsageError(str("no place is at position ", position, " to be removed: there are ",
+                           impl.places.size(), " places"));
+    ids.push_back(impl.places[static_cast<size_t>(position)].id);
+  }
+  if (impl.map) impl.map->remove(ids);
+  return std::ranges::count_if(positions,
+                               [&](int64_t position) { return impl.take_out(position); });
 }
 
 int64_t PlaceRecognizer::size() const {

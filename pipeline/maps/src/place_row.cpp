@@ -62,6 +62,14 @@ void check_places_of(const Claim& claim, std::span<const StoredPlace> places) {
                            "' is not in this claim, of drive '", claim.drive, "'"));
 }
 
+std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t places) {
+  for (const int64_t id : ids)
+    if (id < 1 || id > places)
+      throw UsageError(str("place ", id, " cannot be removed: the map has had ", places,
+                           " places, with the ids 1 to ", places));
+  return {ids.begin(), ids.end()};
+}
+
 PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number) {
   const std::string of = str("place ", number, " of those to add");
   if (place.time && !std::isfinite(*place.time))
@@ -151,7 +159,7 @@ void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& plac
 std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
                          NumberFormat format, int64_t revision, StoredPlace& place) {
   const int code = select.reset().bind(1, id).try_step();
-  if (code == SQLITE_DONE) return "not found";
+  if (code == SQLITE_DONE) return kNotFound;
   if (code != SQLITE_ROW) {
     if (!sqlite::is_damage(code)) connection.fail(code);
     return sqlite3_errstr(code);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 
 #include "revisit/maps/map_store.h"
@@ -19,6 +20,9 @@ PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number)
 
 /// Throws UsageError when the claim does not have all of the places.
 void check_places_of(const Claim& claim, std::span<const StoredPlace> places);
+
+/// Throws UsageError unless all are ids of the places 1 to `places`.
+std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t places);
 
 /// Throws UsageError.
 std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat format,
@@ -49,7 +53,10 @@ inline constexpr const char* kReplacePlace =
     "UPDATE place SET drive = ?, frame = ?, time = ?, pose = ?, descriptor = ?, feature = ?, "
     "revision = ?, checksum = ? WHERE id = ?";
 
-/// Reads place `id`; returns "", or what is wrong with it. Throws for anything but damage.
+inline constexpr const char* kNotFound = "not found";
+
+/// Reads place `id`; returns "", kNotFound, or what else is wrong with it. Throws for anything but
+/// damage.
 std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
                          NumberFormat format, int64_t revision, StoredPlace& place);
 inline constexpr const char* kSelectPlace =

@@ -1,5 +1,6 @@
 #include "schema.h"
 
+#include <algorithm>
 #include <array>
 
 #include "checksum.h"
@@ -33,6 +34,9 @@ constexpr std::array<Table, 5> kMapTables{{
      "CREATE TABLE place (id INTEGER PRIMARY KEY, drive TEXT, frame INTEGER, time REAL, pose BLOB, "
      "descriptor BLOB, feature BLOB, revision INTEGER, checksum INTEGER)"},
 }};
+constexpr Table kTableOfRemoved{
+    // the last, from the first removal on
+    "removed", "CREATE TABLE removed (id INTEGER PRIMARY KEY, place INTEGER, checksum INTEGER)"};
 constexpr std::array<const char*, 2> kHeads{"map", "map_copy"};
 
 /// "", or what is wrong with the head in `table`.
@@ -56,9 +60,9 @@ std::string read_head_of(Connection& connection, const char* table, MapHead& hea
   return "";
 }
 
-/// The largest id in a table, as far as SQLite finds its way.
-int64_t largest_id(Connection& connection, const char* table) {
-  return connection.integer(str("SELECT max(id) FROM ", table));
+/// The largest number in a column, as far as SQLite finds its way.
+int64_t largest(Connection& connection, const char* column, const char* table) {
+  return connection.integer(str("SELECT max(", column, ") FROM ", table));
 }
 
 }  // namespace
@@ -77,11 +81,21 @@ void make_map(Connection& connection, const MapHead& head) {
   connection.execute("PRAGMA auto_vacuum = NONE");
   sqlite::Transaction step(connection, sqlite::Locking::kWrites);
   connection.execute(str("PRAGMA application_id = ", kApplicationId));
-  connection.execute(str("PRAGMA user_version = ", kMapVersion));
+  connection.execute(str("PRAGMA user_version = ", kFirstMapVersion));
   for (const Table& table : kMapTables) connection.execute(table.sql);
   write_head(connection, head);
   write_counts(connection, {});
   step.commit();
+}
+
+bool may_have_removed(Connection& connection) {
+  return connection.integer("PRAGMA user_version") > kFirstMapVersion;
+}
+
+void make_table_of_removed(Connection& connection) {
+  if (may_have_removed(connection)) return;
+  connection.execute(kTableOfRemoved.sql);
+  connection.execute(str("PRAGMA user_version = ", kMapVersion));
 }
 
 void check_schema(Connection& connection) {
@@ -101,16 +115,18 @@ void check_schema(Connection& connection) {
     if (expected != found)
       throw InputError(str(damaged, what, " is '", found, "', not '", expected, "'", remedy));
   };
-  must_be("its version", str(kMapVersion), str(version));
+  must_be("its version", str(std::max<int64_t>(version, kFirstMapVersion)), str(version));
   must_be("the page size", str(kPageSize), str(connection.integer("PRAGMA page_size")));
   must_be("auto_vacuum", "0", str(connection.integer("PRAGMA auto_vacuum")));
   must_be("the encoding", "UTF-8", connection.text("PRAGMA encoding"));
   Statement select(connection, "SELECT name, sql FROM sqlite_schema ORDER BY rowid");
-  for (const Table& table : kMapTables) {
+  const auto must_come = [&](const Table& table) {
     if (!select.step()) throw InputError(str(damaged, "no table '", table.name, "'", remedy));
     must_be("a table's name", table.name, std::string(select.bytes(0)));
     must_be(str("the table '", table.name, "'"), table.sql, std::string(select.bytes(1)));
-  }
+  };
+  for (const Table& table : kMapTables) must_come(table);
+  if (version > kFirstMapVersion) must_come(kTableOfRemoved);
   if (select.step())
     throw InputError(
         str(damaged, "it has '", select.bytes(0), "', which is not part of a map", remedy));
@@ -166,8 +182,10 @@ Counts read_counts(Connection& connection) {
     counts.damage = sqlite3_errstr(code);
   }
   if (!counts.damage.empty()) {
-    counts.places = largest_id(connection, "place");
-    counts.values = largest_id(connection, "value");
+    counts.places = largest(connection, "id", "place");
+    if (may_have_removed(connection))  // the last place may be one of them
+      counts.places = std::max(counts.places, largest(connection, "place", "removed"));
+    counts.values = largest(connection, "id", "value");
   }
   // A row takes more than 16 bytes: with this, no file can ask for endless work.
   const int64_t most =

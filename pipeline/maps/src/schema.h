@@ -9,7 +9,10 @@
 namespace revisit::pipeline {
 
 constexpr int kApplicationId = 0x52565354;  // "RVST"
-constexpr int kMapVersion = 1;
+constexpr int kMapVersion = 2;
+/// Of a map that no place was removed from. The first removal makes it kMapVersion: a program that
+/// knows no removal would call these places lost, and refuses that instead.
+constexpr int kFirstMapVersion = 1;
 /// The smallest unit of disks and file systems: damage costs one page, and a step writes few bytes.
 constexpr int kPageSize = 4096;
 
@@ -20,7 +23,8 @@ struct MapHead {
   int64_t revision = 0;  // how often descriptors were replaced
 };
 
-/// How many rows there are: ids are 1 to these. So no row can be missing unnoticed.
+/// How many rows there are or were: ids are 1 to these. So no row can be missing unnoticed, but for
+/// places in the table `removed`.
 struct Counts {
   int64_t places = 0, values = 0;
   std::string damage;  // when they had to be taken from the tables, why
@@ -35,6 +39,10 @@ void make_map(sqlite::Connection& connection, const MapHead& head);
 
 /// Holds the file against what make_map() makes. Throws InputError.
 void check_schema(sqlite::Connection& connection);
+
+/// Whether the file has the table `removed`. It gets it with the first removal, within a step.
+bool may_have_removed(sqlite::Connection& connection);
+void make_table_of_removed(sqlite::Connection& connection);
 
 /// Throws InputError when both copies are damaged. `damage`: what is wrong with either.
 MapHead read_head(sqlite::Connection& connection, std::string* damage = nullptr);

@@ -3,6 +3,7 @@
 #include "checksum.h"
 #include "damaged_places.h"
 #include "place_row.h"
+#include "removed_places.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
@@ -57,7 +58,7 @@ void SqliteMap::must_be_writer() const {
 
 int64_t SqliteMap::size() const {
   const Transaction moment(*connection_, Locking::kReads);
-  return read_counts(*connection_).places;
+  return std::max<int64_t>(0, read_counts(*connection_).places - count_removed(*connection_));
 }
 
 std::optional<std::string> SqliteMap::value(const std::string& name) const {
@@ -177,20 +178,31 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
                   " is the last that was found"));
   Statement select(*connection_, kSelectPlace);
   DamagedPlaces places(file, damaged);
+  std::optional<std::set<int64_t>> removed;  // read when a row is missing
+  const auto was_removed = [&](int64_t id) {
+    if (!removed) {
+      const RemovedPlaces found = read_removed(*connection_, 0);
+      removed.emplace(found.ids.begin(), found.ids.end());
+      if (!found.damage.empty())
+        tell_once(str(file, ": the list of removed places is damaged: ", found.damage,
+                      "; those that it lacks count as lost"));
+    }
+    return removed->contains(id);
+  };
   // One by one: a damaged page in the middle hides no other.
   for (int64_t id = std::max<int64_t>(after, 0) + 1; id <= counts.places; ++id) {
     StoredPlace place;
     const std::string damage =
         select_place(*connection_, select, id, head.format, head.revision, place);
-    if (!damage.empty()) {
+    if (!damage.empty() && !(damage == kNotFound && was_removed(id))) {
       places.add(id, damage);
       continue;
     }
     places.flush();
-    take(std::move(place));
+    if (damage.empty()) take(std::move(place));
   }
   places.flush();
-  return {.last = counts.places, .revision = head.revision};
+  return {.last = counts.places, .revision = head.revision, .removed = count_removed(*connection_)};
 }
 
 bool SqliteMap::replace_descriptors(
@@ -219,6 +231,26 @@ bool SqliteMap::replace_descriptors(
   for (const auto& [name, bytes] : values) put_value(name, bytes);
   step.commit();
   return true;
+}
+
+int64_t SqliteMap::remove(std::span<const int64_t> ids) {
+  must_be_writer();
+  Transaction step(*connection_, Locking::kWrites);
+  std::set<int64_t> to_remove = ids_to_remove(ids, read_counts(*connection_).places);
+  for (const int64_t id : read_removed(*connection_, 0).ids) to_remove.erase(id);
+  if (to_remove.empty()) return 0;
+  {
+    Statement remove(*connection_, "DELETE FROM place WHERE id = ?");
+    for (const int64_t id : to_remove) remove.reset().bind(1, id).step();
+  }
+  write_removed(*connection_, std::vector<int64_t>(to_remove.begin(), to_remove.end()));
+  step.commit();
+  return static_cast<int64_t>(to_remove.size());
+}
+
+std::vector<int64_t> SqliteMap::removed(int64_t after) const {
+  const Transaction moment(*connection_, Locking::kReads);
+  return read_removed(*connection_, after).ids;
 }
 
 std::vector<std::string> SqliteMap::check() const {

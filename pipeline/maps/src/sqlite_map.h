@@ -33,6 +33,8 @@ class SqliteMap : public MapStore {
   bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
       const std::map<std::string, std::string>& values, int64_t revision) override;
+  int64_t remove(std::span<const int64_t> ids) override;
+  std::vector<int64_t> removed(int64_t after = 0) const override;
 
   /// What is wrong, a message each.
   std::vector<std::string> check() const;

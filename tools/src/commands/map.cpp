@@ -5,6 +5,7 @@
 #include "cli/messages.h"
 #include "cli/progress.h"
 #include "cli/table.h"
+#include "commands/map_commands.h"
 #include "loops/build_map.h"
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
@@ -34,6 +35,7 @@ int info(const Arguments& arguments) {
   const auto map = pipeline::open_map(file, MapAccess::kRead);
   Table table({"map", pipeline::shown_name(file)});
   table.row({"places", str(map->size())});
+  table.row({"removed", str(map->removed().size())});
   table.row({"numbers",
              map->number_format() == pipeline::NumberFormat::kFloat16 ? "float16" : "float32"});
   for (const auto& [name, value] : map->identity()) table.row({name, value});
@@ -198,14 +200,17 @@ int query(const Arguments& arguments) {
 }  // namespace
 
 int map_command(const Arguments& arguments) {
-  return dispatch("revisit map", "The places that `revisit loops --map` keeps.\n",
-                  {{"build", "describe a data set into it", build},
-                   {"info", "what a map was made with", info},
-                   {"places", "its places, as CSV", places},
-                   {"query", "what scans look like", query},
-                   {"merge", "one map of several", merge},
-                   {"check", "what is wrong with it", check}},
-                  arguments);
+  return dispatch(
+      "revisit map", "The places that `revisit loops --map` keeps.\n",
+      {{"build", "describe a data set into it", build},
+       {"info", "what a map was made with", info},
+       {"places", "its places, as CSV", places},
+       {"query", "what scans look like", query},
+       {"merge", "one map of several", merge},
+       {"remove", "places that have changed: by id, drive, position", map_remove_command},
+       {"forget", "old places", map_forget_command},
+       {"check", "what is wrong with it", check}},
+      arguments);
 }
 
 }  // namespace revisit::cli

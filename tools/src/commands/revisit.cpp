@@ -43,7 +43,7 @@ int revisit_command(const Arguments& arguments) {
       {"report", "one HTML file of runs and experiments, with interactive figures", report_command},
       {"describe", "scans -> descriptors", describe_command},
       {"loops", "scans as they come -> places seen before", loops_command},
-      {"map", "places that are kept: info, places, query, merge, check", map_command},
+      {"map", "places that are kept: build, query, merge, remove, forget, check", map_command},
       {"learn", "drives -> a ring model, for --feature ring", learn_command},
       {"calibrate", "a ring model -> how sure its matches are, for loops", calibrate_command},
       {"image", "the range image the network sees, as PNG", image_command},

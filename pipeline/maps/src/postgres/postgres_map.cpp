@@ -1,5 +1,6 @@
 #include "postgres_map.h"
 
+#include <algorithm>
 #include <random>
 #include <set>
 
@@ -34,7 +35,7 @@ class PostgresMap : public MapStore {
   int64_t size() const override {
     return server_->run([&](pqxx::connection& connection) {
       Moment moment(connection);
-      return read_places(moment, "");
+      return std::max<int64_t>(0, read_places(moment, "") - count_removed(moment));
     });
   }
 
@@ -159,6 +160,8 @@ class PostgresMap : public MapStore {
                       " is the last that was found"));
       // The connection was lost on the way, and the moment is another: the next read() goes on.
       if (at.revision >= 0 && at.revision != head.revision) return;
+      // Of the first moment: what was removed after it may have been handed over.
+      if (at.revision < 0) at.removed = count_removed(moment);
       at.revision = head.revision;
       select_places(
           moment, head, there, at.last,
@@ -199,6 +202,39 @@ class PostgresMap : public MapStore {
       server_->tell_others(step);
       step.commit();
       return true;
+    });
+  }
+
+  int64_t remove(std::span<const int64_t> ids) override {
+    must_be_writer();
+    std::optional<int64_t> before;  // how many were removed before the first try
+    std::set<int64_t> to_remove;
+    const auto n = [&] { return static_cast<int64_t>(to_remove.size()); };
+    return server_->run([&](pqxx::connection& connection) {
+      pqxx::work step(connection);
+      const int64_t there = lock_places(step);
+      // A connection that is lost in a commit leaves open what became of it: the list says it.
+      const bool was_done =
+          before &&
+          std::ranges::equal(
+              to_remove, read_removed(step, str("id > ", *before, " AND id <= ", *before + n())));
+      if (!was_done) {
+        to_remove = ids_to_remove(ids, there);
+        for (const int64_t id : read_removed(step, "true")) to_remove.erase(id);
+        if (to_remove.empty()) return int64_t{0};
+        before = count_removed(step);
+        remove_places(step, to_remove);
+        server_->tell_others(step);
+        step.commit();
+      }
+      return n();
+    });
+  }
+
+  std::vector<int64_t> removed(int64_t after) const override {
+    return server_->run([&](pqxx::connection& connection) {
+      Moment moment(connection);
+      return read_removed(moment, str("id > ", after));
     });
   }
 
@@ -318,6 +354,7 @@ std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess acc
       if (!is_there()) {
         step.exec(str("CREATE SCHEMA IF NOT EXISTS ", server->map()));
         step.exec(kTables);
+        step.exec(kTableOfRemoved);
         write_head(step, {.identity = *identity, .format = format});
         write_places(step, 0);
       }

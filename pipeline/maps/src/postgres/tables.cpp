@@ -4,11 +4,21 @@
 
 #include "checksum.h"
 #include "identity.h"
+#include "removed_places.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::pipeline::postgres {
 
 using pqxx::binarystring;
+
+namespace {
+
+bool may_have_removed(pqxx::transaction_base& step) {
+  const pqxx::result rows = step.exec("SELECT version FROM map WHERE id = 1");
+  return !rows.empty() && rows[0][0].as<int>() > kFirstMapVersion;
+}
+
+}  // namespace
 
 binarystring bytes_of(std::string_view text) {
   return binarystring(text.data(), text.size());
@@ -47,7 +57,7 @@ void write_head(pqxx::transaction_base& step, const MapHead& head) {
   step.exec_params(
       "INSERT INTO map VALUES (1, $1, $2, $3, $4, $5) ON CONFLICT (id) DO UPDATE SET revision = "
       "EXCLUDED.revision, checksum = EXCLUDED.checksum",
-      kMapVersion, identity, bytes_per_number, head.revision,
+      kFirstMapVersion, identity, bytes_per_number, head.revision,
       head_checksum(identity, bytes_per_number, head.revision));
 }
 
@@ -69,6 +79,38 @@ int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string*
   }
   if (damage != nullptr) *damage = rows.empty() ? "not found" : "its checksum is wrong";
   return step.exec("SELECT coalesce(max(id), 0) FROM place")[0][0].as<int64_t>();
+}
+
+int64_t count_removed(pqxx::transaction_base& step) {
+  if (!may_have_removed(step)) return 0;
+  return step.exec("SELECT coalesce(max(id), 0) FROM removed")[0][0].as<int64_t>();
+}
+
+std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& where) {
+  std::vector<int64_t> places;
+  if (!may_have_removed(step)) return places;
+  const pqxx::result rows =
+      step.exec(str("SELECT id, place, checksum FROM removed WHERE ", where, " ORDER BY id"));
+  for (const pqxx::row& row : rows)
+    if (removed_checksum(row[0].as<int64_t>(), row[1].as<int64_t>()) == row[2].as<int64_t>())
+      places.push_back(row[1].as<int64_t>());
+  return places;
+}
+
+void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places) {
+  step.exec(kTableOfRemoved);
+  step.exec(kTableOfExpected);
+  step.exec(str("UPDATE map SET version = ", kMapVersion, " WHERE id = 1"));
+  int64_t id = count_removed(step);
+  for (const int64_t place : places) {
+    ++id;
+    step.exec_params("DELETE FROM place WHERE id = $1", place);
+    step.exec_params("DELETE FROM expected WHERE place = $1", place);  // may be described again
+    step.exec_params(
+        "INSERT INTO removed VALUES ($1, $2, $3) ON CONFLICT (place) DO UPDATE SET id = "
+        "EXCLUDED.id, checksum = EXCLUDED.checksum",
+        id, place, removed_checksum(id, place));
+  }
 }
 
 int64_t lock_places(pqxx::transaction_base& step) {

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <pqxx/pqxx>
+#include <set>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "place_row.h"
+#include "revisit/proto/error.h"
 #include "schema.h"
 
 /// The tables of a map on a server, and the statements about them. All happen within a transaction
@@ -30,6 +33,12 @@ inline constexpr const char* kTableOfExpected =
     "CREATE TABLE IF NOT EXISTS expected (drive TEXT NOT NULL, frame BIGINT NOT NULL, place "
     "BIGINT, why_not TEXT, PRIMARY KEY (drive, frame))";
 
+/// The places that were removed, in the order of removal. A map has it from the start or from the
+/// first removal on, which raises the version of the map.
+inline constexpr const char* kTableOfRemoved =
+    "CREATE TABLE IF NOT EXISTS removed (id BIGINT PRIMARY KEY, place BIGINT NOT NULL UNIQUE, "
+    "checksum BIGINT NOT NULL)";
+
 inline constexpr int kPlacesAtOnce = 256;  // in memory
 
 pqxx::binarystring bytes_of(std::string_view text);
@@ -47,6 +56,13 @@ void write_places(pqxx::transaction_base& step, int64_t places);
 /// the commits: a reader who has seen id 7 never meets a 6 that was committed later, as it would
 /// with a sequence. It also waits for a lost connection's own commit to end.
 int64_t lock_places(pqxx::transaction_base& step);
+
+/// How many places were removed, 0 from a map without the table.
+int64_t count_removed(pqxx::transaction_base& step);
+/// The places of the rows of `removed` that `where` chooses, in the order of removal.
+std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& where);
+/// Removes places that are there or lost, and notes it.
+void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places);
 
 /// `sql`: kInsertPlaceAt or kReplacePlaceAt.
 void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,
@@ -70,9 +86,15 @@ void select_places(pqxx::transaction_base& step, const MapHead& head, int64_t pl
         "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum, call FROM "
         "place WHERE id > $1 AND id <= $2 ORDER BY id",
         last, end);
+    std::vector<int64_t> removed;
+    if (static_cast<int64_t>(rows.size()) < end - last)
+      removed = read_removed(step, str("place > ", last, " AND place <= ", end));
+    const auto miss = [&](int64_t id) {
+      if (std::ranges::count(removed, id) == 0) damaged(id, kNotFound);
+    };
     for (const pqxx::row& found : rows) {
       const auto id = found[0].as<int64_t>();
-      while (++last < id) damaged(last, "not found");
+      while (++last < id) miss(last);
       const std::string drive = found[1].as<std::string>(), pose = bytes_in(found[4]),
                         descriptor = bytes_in(found[5]), feature = bytes_in(found[6]);
       RowView row{.drive = drive,
@@ -90,7 +112,7 @@ void select_places(pqxx::transaction_base& step, const MapHead& head, int64_t pl
       else
         damaged(id, damage);
     }
-    while (last < end) damaged(++last, "not found");
+    while (last < end) miss(++last);
   }
 }
 

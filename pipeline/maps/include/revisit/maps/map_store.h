@@ -38,6 +38,7 @@ enum class NumberFormat { kFloat32, kFloat16 };
 struct MapPosition {
   int64_t last = 0;      // the last place there is: `after` of the next read()
   int64_t revision = 0;  // how often descriptors were replaced: when it grows, read again from 0
+  int64_t removed = 0;   // how many places were removed: when it grows, removed() names them
 };
 
 /// Scans of a drive that one process describes into a map, and no other meanwhile. It ends when
@@ -69,7 +70,7 @@ class MapStore {
   virtual ~MapStore() = default;
   virtual const MapIdentity& identity() const = 0;
   virtual NumberFormat number_format() const = 0;
-  /// How many places were added.
+  /// How many places there are: those that were added, less those that were removed.
   virtual int64_t size() const = 0;
 
   /// Bytes kept beside the places: the basis, a threshold. Throws InputError when they are damaged.
@@ -97,6 +98,14 @@ class MapStore {
   /// ones are left out; `damaged` gets a message that names them. So it does, once, for what else
   /// was lost. The callbacks must not call this object.
   virtual MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
+
+  /// Removes places for good, in one step. Their ids are not given again. Damaged and lost places
+  /// can be removed, too, and are then no damage any more. Returns how many there were to remove:
+  /// those removed before do not count. Throws UsageError for an id that no place has had.
+  virtual int64_t remove(std::span<const int64_t> ids) = 0;
+  /// The ids of the places that were removed, in the order of their removal, but for the first
+  /// `after`.
+  virtual std::vector<int64_t> removed(int64_t after = 0) const = 0;
 
   /// Whether others may have changed the map since the last read(); waits at most so long for it.
   /// A file says nothing of others: false at once.

@@ -90,14 +90,19 @@ class PlaceRecognizer {
   /// nothing when there is none or the scan was not described.
   std::optional<Loop> query(const Description& scan, std::span<const int64_t> without = {}) const;
 
-  /// Places known.
+  /// Removes the places at these positions, from the map, too (MapStore::remove()). Returns how
+  /// many had not been removed. No query answers with them; the others keep their positions. Throws
+  /// UsageError for a position without a place.
+  int64_t remove(std::span<const int64_t> positions);
+
+  /// Places known, with those removed since this object knows them: the next one's position.
   int64_t size() const;
   /// The score from which places are accepted; absent when neither the options, nor the map, nor a
   /// calibration that promises RecognizerOptions::precision give one.
   std::optional<double> threshold() const;
   /// The map's, or else the feature's; absent when none is for the k and score of the options.
   std::optional<Calibration> calibration() const;
-  /// Takes in what others have added to the map.
+  /// Takes in what others have added to the map, and out what they have removed.
   void refresh();
   /// The same when the map says that there is something (MapStore::has_news()): cheap when not.
   void refresh_on_news();

@@ -1,0 +1,63 @@
+"""Principal components of features in arrays or in .npy files, which may be larger than memory."""
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from revisit._core.recognition import PcaFolder, PcaResult, fit_pca_of_files
+
+
+@contextlib.contextmanager
+def _files(features):
+    """Names of .npy files with the features, which are an array [n][d], such a file, or several of either."""
+    several = features if isinstance(features, (list, tuple)) else [features]
+    with tempfile.TemporaryDirectory(prefix='revisit_pca_') as folder:
+        names = []
+        for number, part in enumerate(several):
+            if isinstance(part, (str, os.PathLike)):
+                names.append(Path(part))
+                continue
+            if not isinstance(part, np.ndarray) or part.dtype != np.float32 or part.ndim != 2:
+                found = f'{part.dtype} array of shape {part.shape}' if isinstance(part, np.ndarray) else type(part).__name__
+                raise TypeError(f'features: expected a float32 array [n][d] or a .npy file of one, found {found}')
+            names.append(Path(folder, f'{number}.npy'))
+            np.save(names[-1], np.ascontiguousarray(part))
+        yield names
+
+
+def fit_pca(features, components: int = 400, *, fit_rows=None, model_folder: str | os.PathLike | None = None,
+            memory_gb: float = 2, threads: int = 1) -> PcaResult:
+    """Learns principal components and applies them to all rows.
+
+    features: float32 [n][d], a .npy file of such an array, or a list of either, whose rows are counted through.
+    fit_rows: rows they are learnt from; None: all.
+    model_folder: is made, and keeps the model for PcaModel.
+    Raises UsageError for values that cannot be, InputError for features that do not fit or are not finite.
+    """
+    with _files(features) as files:
+        return fit_pca_of_files(files, components, [] if fit_rows is None else [int(row) for row in fit_rows],
+                                model_folder, memory_gb, threads)
+
+
+class PcaModel:
+    """Components that fit_pca(model_folder=...), or `revisit eval --pca`, learnt: `mean.npy` [d] and `basis.npy` [k][d]."""
+
+    def __init__(self, folder: str | os.PathLike):
+        """Raises InputError when the files are missing or do not fit together."""
+        self._folder = PcaFolder(folder)
+
+    @property
+    def components(self) -> int:
+        return self._folder.components
+
+    @property
+    def dim(self) -> int:
+        return self._folder.dim
+
+    def project(self, features, components: int | None = None, *, threads: int = 1) -> np.ndarray:
+        """(x - mean) basis^T of all rows: float32 [n][components]; features as in fit_pca()."""
+        with _files(features) as files:
+            return self._folder.project(files, self.components if components is None else components, threads)

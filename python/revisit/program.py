@@ -1,0 +1,51 @@
+"""The whole program `revisit`, which packages carry that were built with it: the command of the same name, and run()."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from revisit import errors
+
+__all__ = ['main', 'path', 'run']
+
+# Exit codes of the program and what the libraries raise for the same reasons.
+ERRORS = {2: errors.UsageError, 3: errors.InputError, 4: errors.UnsupportedError, 130: errors.Interrupted}
+
+
+def path() -> Path:
+    """Where the program is. Raises UnsupportedError in a package that was built without it."""
+    program = Path(__file__).with_name('bin') / 'revisit'
+    if not program.is_file():
+        raise errors.UnsupportedError(
+            'this package was built without the program `revisit`; build it with the program: '
+            "pip install . -C cmake.define.REVISIT_TOOLS=ON, in the root of the sources")
+    return program
+
+
+def run(*arguments, **options) -> subprocess.CompletedProcess:
+    """Runs `revisit ARGUMENTS`, e.g. run('loops', folder), and returns its output as text; options are subprocess.run()'s.
+
+    Raises UsageError, InputError and UnsupportedError as the libraries do, else Error, with the message of the program.
+    Codes 5 (a check failed) and 6 (scans were left out) are results: `returncode` has them.
+    """
+    options = {'text': True, 'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE} | options
+    done = subprocess.run([path(), *(os.fspath(word) if isinstance(word, os.PathLike) else str(word) for word in arguments)],
+                          **options)
+    if done.returncode in (0, 5, 6):
+        return done
+    raise ERRORS.get(done.returncode, errors.Error)((done.stderr or f'revisit: exit code {done.returncode}').strip())
+
+
+def main():
+    """The command `revisit`: this process becomes the program."""
+    try:
+        program = path()
+    except errors.UnsupportedError as error:
+        print(f'revisit: {error}', file=sys.stderr)
+        return 4
+    os.execv(program, ['revisit', *sys.argv[1:]])
+
+
+if __name__ == '__main__':
+    sys.exit(main())

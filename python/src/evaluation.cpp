@@ -1,0 +1,323 @@
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "arrays.h"
+#include "listener.h"
+#include "module.h"
+#include "revisit/evaluation/pairs.h"
+#include "revisit/evaluation/retrieve.h"
+
+namespace revisit::python {
+namespace {
+
+using namespace nb::literals;
+using namespace pipeline;
+
+Missed parse_missed(const std::string& text) {
+  if (text == "not-found") return Missed::kNotFound;
+  if (text == "rejected") return Missed::kRejected;
+  throw UsageError(str("missed: expected 'not-found' or 'rejected', found '", text, "'"));
+}
+
+nb::tuple pair_of(const Interval& interval) {
+  return nb::make_tuple(interval.low, interval.high);
+}
+
+/// The points of a curve as columns.
+nb::dict columns_of(const std::vector<PrPoint>& curve) {
+  nb::dict columns;
+  const auto column = [&](const char* name, auto PrPoint::*field) {
+    std::vector<std::decay_t<decltype(curve.front().*field)>> values;
+    for (const PrPoint& point : curve) values.push_back(point.*field);
+    columns[name] = array_of(std::move(values), {static_cast<int64_t>(curve.size())});
+  };
+  column("threshold", &PrPoint::threshold);
+  column("tp", &PrPoint::tp);
+  column("fp", &PrPoint::fp);
+  column("fn", &PrPoint::fn);
+  column("tn", &PrPoint::tn);
+  column("precision", &PrPoint::precision);
+  column("recall", &PrPoint::recall);
+  column("f1", &PrPoint::f1);
+  return columns;
+}
+
+Descriptors descriptors_from(nb::handle array) {
+  const auto floats = contiguous_floats(array, "descriptors");
+  if (floats.ndim() != 2)
+    throw nb::value_error(
+        str("descriptors: expected [scans][numbers], found ", description_of(array)).c_str());
+  Descriptors descriptors;
+  descriptors.case1 =
+      FloatMatrix(static_cast<int64_t>(floats.shape(0)), static_cast<int64_t>(floats.shape(1)));
+  std::copy_n(floats.data(), floats.size(), descriptors.case1.values.begin());
+  return descriptors;
+}
+
+/// As make_trajectory() checks it.
+Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
+                         const std::vector<double>& times, const std::vector<std::string>& places,
+                         std::optional<int64_t> n_poses) {
+  nb::ndarray<nb::numpy, const double, nb::shape<-1, 3>, nb::c_contig> at;
+  if (!positions.is_none() && !nb::try_cast(positions, at, false))
+    throw nb::type_error(str("positions: expected a float64 array [scans][3] in C order, found ",
+                             description_of(positions))
+                             .c_str());
+  const auto fits = [&](const char* what, size_t found) {
+    if (found != frames.size())
+      throw nb::value_error(
+          str(what, ": expected one a frame, ", frames.size(), ", found ", found).c_str());
+  };
+  if (!positions.is_none()) fits("positions", at.shape(0));
+  if (!times.empty()) fits("times", times.size());
+  if (!places.empty()) fits("places", places.size());
+  Dataset dataset;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    ScanRef& scan = dataset.scans.emplace_back();
+    scan.frame = frames[i];
+    if (!positions.is_none()) {
+      scan.pose = Pose::Identity();
+      scan.pose->translation() << at(i, 0), at(i, 1), at(i, 2);
+    }
+    if (!times.empty()) scan.time = times[i];
+    if (!places.empty()) scan.place = places[i];
+  }
+  dataset.n_poses = n_poses.value_or(positions.is_none() ? 0 : static_cast<int64_t>(frames.size()));
+  return make_trajectory(dataset);
+}
+
+void bind_judging(nb::module_& module) {
+  nb::class_<Verdict>(module, "Verdict", "One query, judged.")
+      .def(
+          "__init__",
+          [](Verdict* self, double score, bool correct, bool positive, bool ignored) {
+            new (self) Verdict{score, correct, positive, ignored};
+          },
+          "score"_a, "correct"_a, "positive"_a, "ignored"_a = false)
+      .def_ro("score", &Verdict::score)
+      .def_ro("correct", &Verdict::correct, "The best match is a true one.")
+      .def_ro("positive", &Verdict::positive, "There was a true match to find.")
+      .def_ro("ignored", &Verdict::ignored, "The best match is neither right nor wrong.");
+  nb::class_<PrSummary>(module, "PrSummary",
+                        "The usual one-number summaries; NaN: nothing was there to find.")
+      .def_ro("n_queries", &PrSummary::n_queries)
+      .def_ro("n_positives", &PrSummary::n_positives)
+      .def_ro("n_pairs", &PrSummary::n_pairs, "Of tasks that decide on pairs; else 0.")
+      .def_ro("n_true_pairs", &PrSummary::n_true_pairs)
+      .def_ro("f1_max", &PrSummary::f1_max)
+      .def_ro("f1_max_threshold", &PrSummary::f1_max_threshold)
+      .def_ro("average_precision", &PrSummary::average_precision,
+              "The sum of (R_i - R_{i-1}) P_i, without interpolation.")
+      .def_ro("recall_at_1", &PrSummary::recall_at_1)
+      .def_ro("max_recall_at_precision_1", &PrSummary::max_recall_at_precision_1)
+      .def_ro("extended_precision", &PrSummary::extended_precision);
+  nb::class_<PrIntervals> intervals(module, "PrIntervals",
+                                    "Confidence intervals of a PrSummary: (low, high) each.");
+  const auto interval = [&](const char* name, Interval PrIntervals::*field) {
+    intervals.def_prop_ro(
+        name, [field](const PrIntervals& self) { return pair_of(self.*field); },
+        nb::sig(str("def ", name, "(self) -> tuple[float, float]").c_str()));
+  };
+  interval("f1_max", &PrIntervals::f1_max);
+  interval("average_precision", &PrIntervals::average_precision);
+  interval("recall_at_1", &PrIntervals::recall_at_1);
+  interval("max_recall_at_precision_1", &PrIntervals::max_recall_at_precision_1);
+  interval("extended_precision", &PrIntervals::extended_precision);
+  module.def(
+      "precision_recall",
+      [](const std::vector<Verdict>& verdicts, const std::string& missed) {
+        return columns_of(precision_recall(verdicts, parse_missed(missed)));
+      },
+      "verdicts"_a, "missed"_a = "not-found",
+      nb::sig("def precision_recall(verdicts: collections.abc.Sequence[Verdict], missed: str = "
+              "'not-found') -> dict[str, numpy.typing.NDArray]"),
+      "The curve as columns: threshold, tp, fp, fn, tn, precision, recall, f1. One point per "
+      "distinct score, highest first.\n\n"
+      "missed: what is a false negative: all positives but the true ones ('not-found'), or those "
+      "rejected ('rejected').");
+  module.def(
+      "summarize",
+      [](const std::vector<Verdict>& verdicts, const std::string& missed) {
+        return summarize(verdicts, parse_missed(missed));
+      },
+      "verdicts"_a, "missed"_a = "not-found");
+  module.def(
+      "bootstrap",
+      [](const std::vector<Verdict>& verdicts, const std::string& missed, int resamples,
+         double confidence, uint64_t seed, int threads) {
+        Listener listener;
+        return listener.run([&] {
+          return bootstrap(verdicts, parse_missed(missed),
+                           {resamples, confidence, seed, threads, [&] { return listener.stop(); }});
+        });
+      },
+      "verdicts"_a, "missed"_a = "not-found", nb::kw_only(),
+      "resamples"_a = BootstrapOptions().resamples, "confidence"_a = BootstrapOptions().confidence,
+      "seed"_a = BootstrapOptions().seed, "threads"_a = 1,
+      "The percentile bootstrap over the queries (Efron 1979).");
+}
+
+void bind_tasks(nb::module_& module) {
+  nb::class_<Trajectory>(module, "Trajectory", "Where and when each scan was taken.")
+      .def(
+          "__init__",
+          [](Trajectory* self, const std::vector<int>& frames, nb::handle positions,
+             const std::vector<double>& times, const std::vector<std::string>& places,
+             std::optional<int64_t> n_poses) {
+            new (self) Trajectory(trajectory_of(frames, positions, times, places, n_poses));
+          },
+          "frames"_a, "positions"_a.none() = nb::none(), nb::kw_only(),
+          "times"_a = std::vector<double>(), "places"_a = std::vector<std::string>(),
+          "n_poses"_a = nb::none(),
+          nb::sig("def __init__(self, frames: collections.abc.Sequence[int], positions: "
+                  "numpy.typing.NDArray[numpy.float64] | None = None, *, times: "
+                  "collections.abc.Sequence[float] = [], places: collections.abc.Sequence[str] = "
+                  "[], n_poses: int | None = None) -> None"),
+          "positions: [m], KITTI's axes: x right, y down, z forward; frames ascend.\n"
+          "n_poses: of the whole drive, which tells KITTI's drives from others.")
+      .def("__len__", &Trajectory::size)
+      .def_ro("frames", &Trajectory::frames)
+      .def_ro("times", &Trajectory::times)
+      .def_ro("places", &Trajectory::places);
+  module.def("make_trajectory", nb::overload_cast<const Dataset&>(&make_trajectory), "dataset"_a,
+             "Of the scans of a data set.");
+  nb::class_<Protocol>(module, "Protocol", "A named evaluation.")
+      .def_ro("name", &Protocol::name)
+      .def_ro("definition", &Protocol::definition)
+      .def_ro("source", &Protocol::source, "Where it was published.");
+  module.def("protocols", &protocols, nb::rv_policy::copy, "All that make_tasks() knows.");
+  nb::class_<Task>(module, "Task", "Which scans are stored, which are asked, what is true.")
+      .def_ro("name", &Task::name)
+      .def_ro("definition", &Task::definition)
+      .def_ro("population", &Task::population)
+      .def_ro("stored", &Task::stored, "Rows of the data set.")
+      .def_prop_ro(
+          "queries",
+          [](const Task& task) {
+            std::vector<int64_t> rows;
+            for (const TaskQuery& query : task.queries) rows.push_back(query.scan);
+            return rows;
+          },
+          "Rows of the data set.")
+      .def(
+          "candidates",
+          [](const Task& task, size_t query) {
+            if (query >= task.queries.size()) throw nb::index_error("no such query");
+            std::vector<int64_t> rows;
+            for (const CandidateRange& range : task.queries[query].candidates)
+              for (int64_t i = range.begin; i < range.end; ++i)
+                rows.push_back(task.stored[static_cast<size_t>(i)]);
+            return rows;
+          },
+          "query"_a, "Rows that the query, by its position in `queries`, may be recognised as.")
+      .def_prop_rw(
+          "radius", [](const Task& task) { return task.rule.radius; },
+          [](Task& task, double radius) { task.rule.radius = radius; },
+          "A match nearer than this is true [m].")
+      .def_prop_rw(
+          "distance", [](const Task& task) { return name_of(task.rule.distance); },
+          [](Task& task, const std::string& text) { task.rule.distance = parse_distance(text); },
+          "'xz', '3d', 'box' or 'place'.")
+      .def_prop_ro("exclusion", [](const Task& task) { return to_string(task.exclusion); })
+      .def_prop_ro(
+          "decides_on_pairs", [](const Task& task) { return task.decision == Decision::kPair; },
+          "Pairs of scans are accepted, not the best match of each query: evaluate_pairs().")
+      .def_prop_ro("missed",
+                   [](const Task& task) {
+                     return task.missed == Missed::kRejected ? "rejected" : "not-found";
+                   })
+      .def_prop_ro(
+          "score",
+          [](const Task& task) {
+            return name_of(task.margin_score ? Score::kMargin : Score::kBest);
+          },
+          "Which score the protocol uses: 'margin' or 'cosine'.");
+  module.def(
+      "make_tasks",
+      [](const std::string& protocol, const std::string& sequence, const Trajectory& trajectory,
+         const std::optional<std::string>& exclusion) {
+        return make_tasks(protocol, sequence, trajectory,
+                          exclusion ? std::optional(parse_exclusion(*exclusion)) : std::nullopt);
+      },
+      "protocol"_a, "sequence"_a, "trajectory"_a, "exclusion"_a = nb::none(),
+      "The tasks of a protocol on a sequence.\n\n"
+      "exclusion: 'frames=50', 'seconds=30', 'metres=50' or 'none', in place of the protocol's.\n"
+      "Raises UsageError for a protocol that the data set cannot have.");
+}
+
+void bind_matching(nb::module_& module) {
+  nb::class_<Match>(module, "Match", "The answer to one query.")
+      .def(
+          "__init__",
+          [](Match* self, int64_t query, std::vector<int64_t> ranks, double score) {
+            new (self) Match{query, std::move(ranks), {}, score};
+          },
+          "query"_a, "ranks"_a, "score"_a, "One of your own. ranks: rows, the best first.")
+      .def_ro("query", &Match::query, "Row of the data set.")
+      .def_ro("ranks", &Match::ranks, "Rows, the best first.")
+      .def_ro("similarities", &Match::similarities)
+      .def_ro("score", &Match::score);
+  module.def(
+      "retrieve",
+      [](nb::handle array, const Task& task, int k, const std::optional<std::string>& score,
+         int threads) {
+        const Descriptors descriptors = descriptors_from(array);
+        const Score chosen =
+            score ? parse_score(*score) : (task.margin_score ? Score::kMargin : Score::kBest);
+        Listener listener;
+        return listener.run([&] {
+          return retrieve(descriptors, task,
+                          {k, chosen, threads, {}, [&] { return listener.stop(); }});
+        });
+      },
+      "descriptors"_a, "task"_a, nb::kw_only(), "k"_a = SearchOptions().k, "score"_a = nb::none(),
+      "threads"_a = 1,
+      nb::sig(
+          "def retrieve(descriptors: numpy.typing.NDArray[numpy.float32], task: Task, *, k: int "
+          "= 4, score: str | None = None, threads: int = 1) -> list[Match]"),
+      "The k stored scans most similar to every query, by cosine.\n\n"
+      "descriptors: [scans of the data set][numbers].\n"
+      "score: 'margin' (2 c1 - ck), 'cosine' (c1) or the protocol's.");
+  module.def(
+      "judge",
+      [](const std::vector<Match>& matches, const Task& task, const Trajectory& trajectory) {
+        return judge(matches, task, trajectory, task.rule);
+      },
+      "matches"_a, "task"_a, "trajectory"_a,
+      "Whether matches, in the order of task.queries, are right: a Verdict each.");
+  nb::class_<PairResult>(module, "PairResult", "What deciding on pairs gave.")
+      .def_ro("summary", &PairResult::summary)
+      .def_ro("intervals", &PairResult::intervals)
+      .def_prop_ro(
+          "curve", [](const PairResult& result) { return columns_of(result.curve); },
+          nb::sig("def curve(self) -> dict[str, numpy.typing.NDArray]"),
+          "As precision_recall(), thinned to about 1000 points.");
+  module.def(
+      "evaluate_pairs",
+      [](nb::handle array, const Task& task, const Trajectory& trajectory, int resamples,
+         int threads) {
+        const Descriptors descriptors = descriptors_from(array);
+        Listener listener;
+        return listener.run([&] {
+          PairOptions options{.threads = threads, .stop = [&] { return listener.stop(); }};
+          if (resamples > 0)
+            options.bootstrap = {.resamples = resamples, .threads = threads, .stop = options.stop};
+          return evaluate_pairs(task, trajectory, descriptors, options);
+        });
+      },
+      "descriptors"_a, "task"_a, "trajectory"_a, nb::kw_only(), "resamples"_a = 0, "threads"_a = 1,
+      nb::sig("def evaluate_pairs(descriptors: numpy.typing.NDArray[numpy.float32], task: Task, "
+              "trajectory: Trajectory, *, resamples: int = 0, threads: int = 1) -> PairResult"),
+      "A task that decides on pairs: each pair of a query and a candidate is accepted or not.");
+}
+
+}  // namespace
+
+void bind_evaluation(nb::module_& module) {
+  bind_judging(module);
+  bind_tasks(module);
+  bind_matching(module);
+}
+
+}  // namespace revisit::python
