@@ -16,9 +16,7 @@ NB_MODULE(_core, core) {
   library("recognition", "From scans to features.", bind_recognition);
   library("datasets", "Drives and folders of scans.", bind_datasets);
   library("maps", "Places, kept and recognised.", bind_maps);
-  library("simulation", "Drives through synthetic worlds.", bind_simulation);
-#endif
-#ifdef REVISIT_HAVE_PCL
   library("registration", "How two scans of a place lie to each other.", bind_registration);
+  library("simulation", "Drives through synthetic worlds.", bind_simulation);
 #endif
 }
