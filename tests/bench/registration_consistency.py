@@ -2,7 +2,7 @@
 """Does the information of a registration promise what holds? Pairs of scans of one place, of simulated drives.
 
   revisit simulate -o drive --route both --length 600 --every 3 --seed 21
-  PYTHONPATH=build/dev/python tests/bench/registration_consistency.py drive [DRIVE ...] --pairs 200
+  env PYTHONPATH=build/dev/python python3 tests/bench/registration_consistency.py drive [DRIVE ...] --pairs 200
 
 e^T I e, the error of the pose squared and normalised, has 6 degrees of freedom: were all errors normal, its mean was 6,
 its median 5.35, and one of ten pairs was above 10.6. The poses of drives along KITTI's routes are not exact: their height
