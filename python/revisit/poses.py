@@ -12,8 +12,8 @@ import numpy as np
 from revisit.datasets import read_kitti_calibration, read_kitti_poses
 from revisit.errors import InputError, UsageError
 
-__all__ = ['AXES_OF_CAMERA', 'FORMATS', 'FRAMES', 'Trajectory', 'in_frame', 'in_kitti_world', 'matched', 'read_extrinsic',
-           'read_trajectory', 'rigid', 'tum_line']
+__all__ = ['AXES_OF_CAMERA', 'FORMATS', 'FRAMES', 'Trajectory', 'in_frame', 'in_kitti_world', 'matched', 'quaternion',
+           'read_extrinsic', 'read_trajectory', 'rigid', 'tum_line']
 
 FORMATS = ('kitti', 'tum', 'euroc')
 FRAMES = ('lidar', 'camera')
@@ -161,9 +161,8 @@ def matched(trajectory, frames, times, max_gap) -> np.ndarray:
     return trajectory.poses[index]
 
 
-def tum_line(time, pose) -> str:
-    """time x y z qx qy qz qw"""
-    R = pose[:3, :3]
+def quaternion(R) -> np.ndarray:
+    """x, y, z, w of a rotation [3][3], w not negative."""
     # the largest of the four squares, so that nothing is divided by a small number
     squares = np.array([1 + 2 * R[i, i] - np.trace(R) for i in range(3)] + [1 + np.trace(R)])
     i = int(squares.argmax())
@@ -174,5 +173,10 @@ def tum_line(time, pose) -> str:
     else:
         j, k = (i + 1) % 3, (i + 2) % 3
         q[3], q[j], q[k] = R[k, j] - R[j, k], R[j, i] + R[i, j], R[k, i] + R[i, k]
-    q /= np.linalg.norm(q) * (-1 if q[3] < 0 else 1)
+    return q / (np.linalg.norm(q) * (-1 if q[3] < 0 else 1))
+
+
+def tum_line(time, pose) -> str:
+    """time x y z qx qy qz qw"""
+    q = quaternion(pose[:3, :3])
     return ' '.join([f'{time:.6f}', *(f'{value:.6f}' for value in pose[:3, 3]), *(f'{value:.9f}' for value in q)])

@@ -17,9 +17,7 @@ NB_MODULE(_core, core) {
   library("datasets", "Drives and folders of scans.", bind_datasets);
   library("evaluation", "How well places are recognised.", bind_evaluation);
   library("maps", "Places, kept and recognised.", bind_maps);
-  library("simulation", "Drives through synthetic worlds.", bind_simulation);
-#endif
-#ifdef REVISIT_HAVE_PCL
   library("registration", "How two scans of a place lie to each other.", bind_registration);
+  library("simulation", "Drives through synthetic worlds.", bind_simulation);
 #endif
 }

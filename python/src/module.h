@@ -17,10 +17,8 @@ void bind_pca(nb::module_& module);
 void bind_datasets(nb::module_& module);
 void bind_evaluation(nb::module_& module);
 void bind_maps(nb::module_& module);
-void bind_simulation(nb::module_& module);
-#endif
-#ifdef REVISIT_HAVE_PCL
 void bind_registration(nb::module_& module);
+void bind_simulation(nb::module_& module);
 #endif
 
 }  // namespace revisit::python

@@ -1,16 +1,36 @@
 #include "revisit/registration/registration.h"
 
 #include <nanobind/eigen/dense.h>
+#include <nanobind/stl/optional.h>
+
+#include <algorithm>
 
 #include "listener.h"
 #include "module.h"
 #include "points.h"
 #include "poses.h"
+#include "revisit/recognition/optional_library.h"
 
 namespace revisit::python {
 
 using namespace nb::literals;
 using namespace pipeline;
+
+namespace {
+
+bool has_pcl() {
+  return std::ranges::find(optional_libraries(), "PCL", &OptionalLibrary::name)->built_in;
+}
+
+/// A view of what `self` holds, [n][3].
+ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)() const,
+                       nb::handle self) {
+  const std::vector<Eigen::Vector3f>& held = (nb::cast<const PreparedScan&>(self).*rows)();
+  return view_of(held.empty() ? nullptr : held[0].data(), {static_cast<int64_t>(held.size()), 3},
+                 self);
+}
+
+}  // namespace
 
 void bind_registration(nb::module_& module) {
   nb::class_<RegistrationOptions>(module, "RegistrationOptions")
@@ -38,7 +58,8 @@ void bind_registration(nb::module_& module) {
       .def_ro("least_constraint", &RegistrationOptions::least_constraint);
   nb::class_<PreparedScan>(
       module, "PreparedScan",
-      "A scan thinned, with its search tree and normals: as query and as place.")
+      "A scan thinned, with its search tree and normals: as query and as place.",
+      nb::is_weak_referenceable())
       .def(
           "__init__",
           [](PreparedScan* self, nb::handle points, const RegistrationOptions& options) {
@@ -48,7 +69,13 @@ void bind_registration(nb::module_& module) {
           "points"_a, "options"_a = RegistrationOptions(),
           nb::sig("def __init__(self, points: " REVISIT_POINTS
                   ", options: RegistrationOptions = ...) -> None"))
-      .def("__len__", &PreparedScan::size);
+      .def("__len__", &PreparedScan::size)
+      .def_prop_ro(
+          "points", [](nb::handle self) { return rows_of(&PreparedScan::points, self); },
+          "In the sensor's frame, float32 [n][3] [m], read-only.")
+      .def_prop_ro(
+          "normals", [](nb::handle self) { return rows_of(&PreparedScan::normals, self); },
+          "float32 [n][3], of either sign; none of a scan of fewer than 100 points.");
   nb::class_<Registration>(module, "Registration", "How a query lies to a place.")
       .def_prop_ro(
           "T_place_query", [](const Registration& r) { return Matrix4d(r.T_place_query.matrix()); },
@@ -60,15 +87,23 @@ void bind_registration(nb::module_& module) {
       .def_ro("inliers", &Registration::inliers, "Share of the query's upright points, 0 to 1.")
       .def_ro("constraint", &Registration::constraint, "0 (along a corridor) to 1/3.")
       .def_ro("accepted", &Registration::accepted);
+  module.attr("HAS_PCL") = has_pcl();
   module.def(
       "register_scans",
       [](const PreparedScan& query, const PreparedScan& place, double turn,
-         const RegistrationOptions& options) {
-        return without_lock([&] { return register_scans(query, place, turn, options); });
+         const RegistrationOptions& options, const std::optional<nb::callable>& refine) {
+        return without_lock([&] {
+          if (!refine) return register_scans(query, place, turn, options);
+          return register_scans(query, place, turn, options, [&](const Eigen::Isometry3d& start) {
+            const nb::gil_scoped_acquire lock;
+            return *pose_from((*refine)(Matrix4d(start.matrix())));
+          });
+        });
       },
       "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(),
-      "Registers a query with a place. `turn`: heading of the query less that of the place, "
-      "counter-clockwise [rad], as Loop.turn.");
+      "refine"_a = nb::none(),
+      "revisit.registration.register_scans(), by PCL, or by a function that takes T_place_query of "
+      "the start, float64 [4][4], and returns where the scans fit best.");
 }
 
 }  // namespace revisit::python

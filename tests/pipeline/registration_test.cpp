@@ -47,14 +47,15 @@ TEST(CoarsePose, FindsShiftAndTurn) {
 }
 
 TEST(Registration, RefusesOptionsThatCannotBe) {
-#ifdef REVISIT_HAVE_PCL
+  const Refine stay = [](const Eigen::Isometry3d& start) { return start; };
   expect_error<UsageError>([] { PreparedScan(PointCloud{}, {.voxel = 0}); }, {"voxel"});
   const PreparedScan scan{PointCloud{}};
-  expect_error<UsageError>([&] { register_scans(scan, scan, 0, {.max_distance = -1}); },
+  expect_error<UsageError>([&] { register_scans(scan, scan, 0, {.max_distance = -1}, stay); },
                            {"max_distance"});
-  expect_error<UsageError>([&] { register_scans(scan, scan, std::nan("")); }, {"finite turn"});
-#else
-  expect_error<UsageError>([] { PreparedScan(PointCloud{}, {}); }, {"without PCL"});
+  expect_error<UsageError>([&] { register_scans(scan, scan, std::nan(""), {}, stay); },
+                           {"finite turn"});
+#ifndef REVISIT_HAVE_PCL
+  expect_error<UsageError>([&] { register_scans(scan, scan, 0); }, {"without PCL"});
 #endif
 }
 
@@ -162,6 +163,7 @@ TEST(Registration, AWrongPlaceIsNotAccepted) {
     }
 }
 
+/// What tests/python/test_registration.py holds for whole poses, of noise alone.
 TEST(Registration, InformationSaysHowMuchNoiseMovesThePose) {
   const Eigen::Isometry3d a = street().pose(60), b = street().pose(61, 0.5, 0.1);
   const Eigen::Isometry3d truth = a.inverse() * b;

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -12,9 +13,12 @@ import numpy as np
 
 from nets import CONVOLVE
 from revisit import proto
+from revisit._core import registration as core
 
 EXAMPLES = Path(__file__).resolve().parents[2] / 'examples'
 PICTURES = importlib.util.find_spec('matplotlib') is not None
+SLAM = all(importlib.util.find_spec(name) for name in ('kiss_icp', 'gtsam', 'evo', 'matplotlib')) and (
+    core.HAS_PCL or importlib.util.find_spec('small_gicp') is not None)
 
 
 def run(name, *arguments):
@@ -74,6 +78,17 @@ class Examples(unittest.TestCase):
             self.assertGreater(int(scan), int(frame) + 300)
         self.assertTrue((self.folder / 'town.map').is_file())
         self.check_picture()
+
+    @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo, matplotlib and small_gicp (or PCL): pip install kiss-icp gtsam evo small_gicp')
+    def test_slam(self):
+        """A drive round a block and back ends nearer to the truth than odometry does."""
+        printed = run('slam', self.folder / 'town', '--simulate', 300, '-o', self.folder)
+        self.assertRegex(printed, r'[1-9]\d* loops')
+        before, after = (float(re.search(rf'error, {name}: ([\d.]+) m', printed)[1]) for name in ('odometry', 'corrected'))
+        self.assertLess(after, max(before, 0.2))
+        lines = (self.folder / 'trajectory.tum').read_text().splitlines()
+        self.assertEqual(len(lines), len(list((self.folder / 'town').glob('sequences/00/velodyne/*.bin'))))
+        self.assertEqual((self.folder / 'trajectory.png').read_bytes()[1:4], b'PNG')
 
     @unittest.skipUnless(PICTURES, 'matplotlib is not installed')
     def test_draw_loops(self):

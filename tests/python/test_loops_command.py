@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import importlib.util
 import io
 import json
 import os
@@ -19,6 +20,7 @@ import numpy as np
 import revisit
 from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
 from revisit import datasets, poses, simulation
+from revisit._core import registration as core
 from revisit.loops import Exclusion, command, lines, progress
 from scans import room
 
@@ -96,6 +98,28 @@ class Drives(Command):
                 path = write_bag(self.folder, kind, {'/points': [packed(points) for points in self.scans]})
                 found = self.loops(path, *SAME_MOMENT)
                 self.assertEqual(self.without(found, 'time', 'match_time'), self.found)
+
+    @unittest.skipUnless(core.HAS_PCL or importlib.util.find_spec('small_gicp'), 'without PCL, and without the package small_gicp')
+    def test_loops_are_registered(self):
+        found = {line['frame']: line for line in self.loops(self.plain, *SAME_MOMENT, '--verify')}
+        self.assertGreater(len(found), 3)
+        for line in found.values():
+            there = line['registered']
+            self.assertTrue(there['accepted'])
+            truth = np.linalg.inv(self.camera[line['match_frame']]) @ self.camera[line['frame']]
+            # KITTI's camera looks along z, its x is to the right; it stands a little beside the lidar
+            self.assertLess(np.hypot(there['x'] - truth[2, 3], there['y'] + truth[0, 3]), 0.8)
+        csv_rows = list(csv.DictReader(io.StringIO(run(self.plain, *SAME_MOMENT, '--verify')[1])))
+        self.assertEqual([(int(row['frame']), row['registered']) for row in csv_rows], [(frame, '1') for frame in found])
+        if not (PROGRAM and core.HAS_PCL):
+            return
+        done = subprocess.run([PROGRAM, 'loops', self.plain, *SAME_MOMENT, '--verify', '--format', 'jsonl'], text=True,
+                              capture_output=True, check=True)
+        theirs = [json.loads(line) for line in done.stdout.splitlines()]
+        self.assertEqual([line['frame'] for line in theirs], list(found))
+        for line in theirs:
+            for name, value in line['registered'].items():
+                self.assertAlmostEqual(value, found[line['frame']]['registered'][name], delta=0.03, msg=name)
 
     @unittest.skipUnless(PROGRAM, 'without the C++ program: REVISIT_PROGRAM names none')
     def test_the_program_finds_the_same(self):

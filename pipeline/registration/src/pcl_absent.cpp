@@ -5,16 +5,6 @@
 
 namespace revisit::pipeline {
 
-struct PreparedScan::Parts {};
-
-PreparedScan::PreparedScan(const PointCloud&, const RegistrationOptions&) {
-  built_without("registration", "PCL");
-}
-
-int64_t PreparedScan::size() const {
-  built_without("registration", "PCL");
-}
-
 Registration register_scans(const PreparedScan&, const PreparedScan&, double,
                             const RegistrationOptions&) {
   built_without("registration", "PCL");

@@ -112,7 +112,7 @@ def work(o):
         write_all = lines.writer(jsonl, 'jsonl') if jsonl else None
         try:
             told = scans_told(itertools.chain(first, scans), count, False if o.quiet else None)
-            for visit in recognise(told, recognizer, o.exclusion, drive):
+            for visit in recognise(told, recognizer, o.exclusion, drive, o.verify):
                 n += 1
                 if view:
                     view(visit)
@@ -121,15 +121,14 @@ def work(o):
                     say(o, f'{visit.why_not}; this scan is left out')
                     continue
                 line = lines.line_of(visit, drive)
-                is_loop = visit.loop is not None and visit.loop.accepted
-                accepted += is_loop
-                if is_loop or every_line:
+                accepted += visit.accepted
+                if visit.accepted or every_line:
                     write(line)
                 if write_all:
                     write_all(line)
                 if o.plot:
                     seen.append(line)
-                if trajectory and is_loop and visit.scan.pose is not None:
+                if trajectory and visit.accepted and visit.scan.pose is not None:
                     time = visit.scan.frame if visit.scan.time is None else visit.scan.time
                     pose = poses.in_frame(visit.scan.pose, o.pose_frame or 'lidar')
                     print(poses.tum_line(time, pose), file=trajectory, flush=True)

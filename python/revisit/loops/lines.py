@@ -4,6 +4,8 @@ import csv
 import json
 import math
 
+from revisit.poses import quaternion
+
 COLUMNS = ('frame time match_drive match_frame match_time similarity runner_up score probability yaw_deg accepted registered '
            'x y z qx qy qz qw inliers fitness here_x here_y here_z match_x match_y match_z').split()
 DIGITS = {'yaw_deg': 2, 'here_x': 3, 'here_y': 3, 'here_z': 3, 'match_x': 3, 'match_y': 3, 'match_z': 3}
@@ -15,13 +17,18 @@ def position_of(pose):
 
 
 def line_of(visit, drive) -> dict:
-    """The fields of the JSON line. Registration is the C++ program's alone."""
-    scan, loop = visit.scan, visit.loop
+    """The fields of the JSON line."""
+    scan, loop, registered = visit.scan, visit.loop, visit.registered
     line = {'frame': scan.frame, 'time': scan.time}
     if loop is not None:
         line |= {'match_drive': loop.drive, 'match_frame': loop.frame, 'match_time': loop.time, 'similarity': loop.similarity,
                  'runner_up': loop.runner_up, 'score': loop.score, 'probability': loop.probability,
-                 'yaw_deg': None if loop.turn is None else math.degrees(loop.turn), 'accepted': loop.accepted}
+                 'yaw_deg': None if loop.turn is None else math.degrees(loop.turn), 'accepted': visit.accepted}
+    if registered is not None:
+        T = registered.T_place_query
+        line['registered'] = {
+            'accepted': registered.accepted, **position_of(T), **dict(zip(('qx', 'qy', 'qz', 'qw'), map(float, quaternion(T[:3, :3])))),
+            'inliers': registered.inliers, 'fitness': registered.fitness}
     if scan.pose is not None:
         line['position'] = position_of(scan.pose)
     if loop is not None and loop.pose is not None:
@@ -50,7 +57,8 @@ def cell(name, value) -> str:
 
 
 def cells_of(line) -> list[str]:
-    flat = dict(line)
+    registered = line.get('registered', {})
+    flat = line | registered | {'accepted': line.get('accepted'), 'registered': registered.get('accepted')}
     for name, prefix in POSITIONS.items():
         flat |= {f'{prefix}_{axis}': value for axis, value in line.get(name, {}).items()}
     return [cell(name, flat.get(name)) for name in [*COLUMNS, 'drive']]

@@ -41,7 +41,7 @@ def viewer(file=None):
             rr.log('score', rr.Scalars(loop.score))
         if scan.pose is not None:
             path(scan.pose[:3, 3])
-        if loop is not None and loop.accepted:
+        if visit.accepted:
             frames([scan.frame, loop.frame])
             if scan.pose is not None and loop.pose is not None:
                 loops([scan.pose[:3, 3], loop.pose[:3, 3]])

@@ -4,7 +4,7 @@ import argparse
 import os
 
 from revisit import poses, recognition
-from revisit.errors import UsageError
+from revisit.errors import Error, UsageError
 from revisit.loops.recognise import Exclusion
 from revisit.recordings import READERS
 
@@ -13,7 +13,7 @@ examples:
   revisit-loops drive.bag                                              # ROS 1; the only topic of PointCloud2
   revisit-loops drive_ros2/ --topic /ouster/points -o loops.csv        # ROS 2: a folder, .db3 or .mcap
   revisit-loops drive.mcap --poses kiss_icp_tum.txt --pose-frame lidar --exclusion metres=50
-  revisit-loops KITTI --sequence 00 --report loops.html
+  revisit-loops KITTI --sequence 00 --verify --report loops.html
   revisit-loops MulRan/KAIST01 --sensor ouster-os1-64 --map kaist.map --plot loops.png
 
 exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 6 done, but some scans could not be
@@ -59,6 +59,8 @@ def make_parser():
                        'as the calibration of the map or the ring model holds')
     loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of the drive that are not compared: '
                        'frames=50 (default), seconds=30, metres=50 or none')
+    loops.add_argument('--verify', action='store_true', help='register accepted loops by GICP: where the scan was; loops that do '
+                       'not fit are not accepted (needs small_gicp, or a build with PCL)')
     loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
                        '(default %(default)s)')
     loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
@@ -88,4 +90,9 @@ def parse(arguments):
         raise UsageError('--threshold and --sure: one of the two')
     if not (o.max_gap >= 0):
         raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
+    if o.verify:
+        try:
+            import revisit.registration  # noqa: F401
+        except ImportError as error:
+            raise Error(f'--verify: {error}') from None
     return o

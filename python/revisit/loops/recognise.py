@@ -43,6 +43,13 @@ class Visit(NamedTuple):
     why_not: str
     """It was not described."""
     points: np.ndarray | None
+    registered: 'registration.Registration | None' = None
+    """How the scan lies to the place, when that was asked for."""
+
+    @property
+    def accepted(self) -> bool:
+        """It is a loop; one that was registered also fits."""
+        return self.loop is not None and self.loop.accepted and (self.registered is None or self.registered.accepted)
 
 
 def ways_driven(kind):
@@ -66,12 +73,16 @@ def ways_driven(kind):
     return at
 
 
-def recognise(scans, recognizer, exclusion=Exclusion(), drive=''):
+def recognise(scans, recognizer, exclusion=Exclusion(), drive='', verify=False):
     """Yields a Visit for each of the scans. `drive` is its name in the map.
 
+    verify: registers accepted loops to places of this drive, for which half a megabyte of each scan is kept.
     A scan that cannot be read or described is left out: its Visit says why. Raises UsageError for an exclusion that the scans
     know nothing of, what the recording raises when it ends early, and what the recogniser raises.
     """
+    if verify:
+        from revisit import registration
+    prepared = {}  # by position in the recogniser
     recent = deque()  # (position, how far along), of the same moment
     along_of = ways_driven(exclusion.kind)
     for scan in scans:
@@ -91,4 +102,9 @@ def recognise(scans, recognizer, exclusion=Exclusion(), drive=''):
         loop = recognizer.query(description, [position for position, _ in recent])
         position = recognizer.add(description, drive=drive, frame=scan.frame, time=scan.time, pose=scan.pose)
         recent.append((position, along))
-        yield Visit(scan, position, loop, '', points)
+        registered = None
+        if verify:
+            prepared[position] = registration.PreparedScan(points)
+            if loop is not None and loop.accepted and loop.turn is not None and loop.position in prepared:
+                registered = registration.register_scans(prepared[position], prepared[loop.position], loop.turn)
+        yield Visit(scan, position, loop, '', points, registered)

@@ -1,4 +1,4 @@
-#include "pcl/prepared_scan.h"
+#include "prepared_scan.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -12,7 +12,7 @@ namespace {
 
 /// The mean of the points of each voxel, in the order of voxels: that of the file's points does not
 /// show, but for rounding.
-Points::Ptr thinned(const PointCloud& cloud, double voxel, double range) {
+std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, double range) {
   struct Entry {
     uint64_t voxel;
     size_t point;
@@ -32,31 +32,33 @@ Points::Ptr thinned(const PointCloud& cloud, double voxel, double range) {
   }
   std::sort(entries.begin(), entries.end());
 
-  Points::Ptr points(new Points);
+  std::vector<Eigen::Vector3f> points;
   for (size_t first = 0, last = 0; first < entries.size(); first = last) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (; last < entries.size() && entries[last].voxel == entries[first].voxel; ++last) {
       const Point& point = cloud.points[entries[last].point];
       sum += Eigen::Vector3f(point.x, point.y, point.z).cast<double>();
     }
-    const Eigen::Vector3f mean = (sum / static_cast<double>(last - first)).cast<float>();
-    points->push_back({mean.x(), mean.y(), mean.z()});
+    points.emplace_back((sum / static_cast<double>(last - first)).cast<float>());
   }
   return points;
 }
 
 /// The direction in which the points spread least.
-Eigen::Vector3d normal_of(const Points& points, const pcl::Indices& indices) {
+Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
+                          const std::vector<uint32_t>& indices) {
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const int i : indices)
-    mean += points[static_cast<size_t>(i)].getVector3fMap().cast<double>();
+  for (const uint32_t i : indices) mean += points[i].cast<double>();
   mean /= static_cast<double>(indices.size());
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const int i : indices) {
-    const Eigen::Vector3d p = points[static_cast<size_t>(i)].getVector3fMap().cast<double>() - mean;
+  for (const uint32_t i : indices) {
+    const Eigen::Vector3d p = points[i].cast<double>() - mean;
     scatter += p * p.transpose();
   }
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter).eigenvectors().col(0);
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter)
+      .eigenvectors()
+      .col(0)
+      .cast<float>();
 }
 
 }  // namespace
@@ -67,28 +69,29 @@ PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& o
   parts_ = parts;
   parts->range = options.max_range;
   parts->points = thinned(cloud, options.voxel, options.max_range);
-  if (parts->points->size() < kLeastPoints) return;
+  if (parts->points.size() < kLeastPoints) return;
 
-  parts->tree.reset(new Tree);
-  parts->tree->setInputCloud(parts->points);
-  parts->covariances.reset(new Covariances);
-  // Of the GICP paper.
-  constexpr int kNeighbours = 20;
-  constexpr double kFlatness = 1e-3;
-  pcl::Indices neighbours;
-  std::vector<float> squared_distances;
-  for (const pcl::PointXYZ& point : *parts->points) {
-    parts->tree->nearestKSearch(point, kNeighbours, neighbours, squared_distances);
-    const Eigen::Vector3d normal = normal_of(*parts->points, neighbours);
-    parts->normals.push_back(normal.cast<float>());
-    parts->covariances->push_back(Eigen::Matrix3d::Identity() -
-                                  (1 - kFlatness) * normal * normal.transpose());
-    if (is_upright(parts->normals.back())) parts->upright.emplace_back(point.getVector3fMap());
+  parts->tree.emplace(parts->points);
+  constexpr size_t kNeighbours = 20;  // of the GICP paper
+  std::vector<uint32_t> neighbours;
+  std::vector<float> squares;
+  for (const Eigen::Vector3f& point : parts->points) {
+    parts->tree->nearest(point, kNeighbours, &neighbours, &squares);
+    parts->normals.push_back(normal_of(parts->points, neighbours));
+    if (is_upright(parts->normals.back())) parts->upright.push_back(point);
   }
 }
 
 int64_t PreparedScan::size() const {
-  return static_cast<int64_t>(parts_->points->size());
+  return static_cast<int64_t>(parts_->points.size());
+}
+
+const std::vector<Eigen::Vector3f>& PreparedScan::points() const {
+  return parts_->points;
+}
+
+const std::vector<Eigen::Vector3f>& PreparedScan::normals() const {
+  return parts_->normals;
 }
 
 }  // namespace revisit::pipeline
