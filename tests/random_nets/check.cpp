@@ -79,10 +79,12 @@ class Check {
     const bool has_other = random_net_.sizes[0] != random_net_.sizes[1];
     statistics_.other_shapes += has_other;
     for (size_t set = 0; set < (has_other ? 2 : 1); ++set) cases_.push_back(inputs_for(set));
+    const int64_t too_large = statistics_.too_large;
     for (const Case& c : cases_) {
       std::string fault = compare_with_reference(c);
       if (!fault.empty()) return fault;
     }
+    statistics_.too_large = std::min(statistics_.too_large, too_large + 1);  // a net counts once
     // These cost most: with one set of instructions, which the seed chooses.
     const std::vector<int64_t> targets = hwy::SupportedAndGeneratedTargets();
     const int64_t target = targets[random_net_.seed % targets.size()];
