@@ -31,7 +31,7 @@ std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Sha
   return costs;
 }
 
-int64_t bytes_of(const std::vector<size_t>& values, const Schedule& schedule) {
+int64_t stored_bytes(const std::vector<size_t>& values, const Schedule& schedule) {
   int64_t bytes = 0;
   for (const size_t id : values) bytes += schedule.stored[id].bytes;
   return bytes;
@@ -50,9 +50,9 @@ void count_traffic(const Step& step, const Schedule& schedule, LayerCost* cost) 
   if (!step.runs) return;
   // What lies in its input already is not moved.
   const bool moves_the_rest = step.kernel.cuts_input;
-  const int64_t written = moves_the_rest ? step.new_bytes : bytes_of(step.outputs, schedule);
+  const int64_t written = moves_the_rest ? step.new_bytes : stored_bytes(step.outputs, schedule);
   cost->written_bytes += written;
-  cost->read_bytes += (moves_the_rest ? written : bytes_of(step.inputs, schedule)) +
+  cost->read_bytes += (moves_the_rest ? written : stored_bytes(step.inputs, schedule)) +
                       weight_bytes(step, written, *cost);
 }
 
