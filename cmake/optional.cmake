@@ -27,7 +27,7 @@ function(revisit_optional key name package use header folders libraries)
   set(REVISIT_${key}_LIBRARIES ${files} CACHE INTERNAL "Files of ${name}")
   # A row of the table in recognition/src/optional_library.cpp.
   set_property(GLOBAL APPEND_STRING PROPERTY revisit_optional
-               "{\"${name}\",\"${package}\",\"REVISIT_${key}\",${built_in}},\n")
+               "{\"${name}\",\"${package}\",\"REVISIT_${key}\",\"${use}\",${built_in}},\n")
 endfunction()
 
 # revisit_use(TARGET KEY LIBRARIES...): compiles src/<key>/*.cpp with an optional library and those it needs itself, or

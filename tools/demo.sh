@@ -12,10 +12,8 @@ revisit="$root/build/release/tools/revisit"
 step() { printf '\n== %s\n' "$*"; }
 
 step "1/4  build"
-"$root/tools/install_packages.sh" demo
+"$root/tools/build.sh" demo
 mkdir -p "$output"
-(cd "$root" && cmake --preset release -DREVISIT_TESTS=OFF) >"$output/build.log" 2>&1 || { cat "$output/build.log" >&2; exit 1; }
-cmake --build "$root/build/release" --target revisit
 
 step "2/4  drive: a 64-beam LiDAR through a synthetic town, some streets twice"
 "$revisit" simulate --output "$output/town" --length 600 --every 5 | sed -n 1p

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Installs the Debian packages of packages.txt that are missing. Usage: install_packages.sh [engine|demo]
+# Installs the Debian packages of packages.txt that are missing. Usage: install_packages.sh [engine|demo|program]
 set -euo pipefail
 
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 case "${1:-all}" in
   all) list=$(cat "$here/packages.txt") ;;
-  engine | demo) list=$(sed "/^# --- $1 ends here/,\$d" "$here/packages.txt") ;;
-  *) echo "usage: $0 [engine|demo]" >&2; exit 2 ;;
+  engine | demo | program) list=$(sed "/^# --- $1 ends here/,\$d" "$here/packages.txt") ;;
+  *) echo "usage: $0 [engine|demo|program]" >&2; exit 2 ;;
 esac
 wanted=$(sed 's/#.*//' <<<"$list" | xargs -n1)
 

@@ -40,6 +40,8 @@ struct Kernel {
   std::function<void(const Call&)> run;
   Bytes scratch = {};
   int64_t macs = 0;
+  int64_t multiplications = 0;  // LayerCost::multiplications; 0: as many as macs
+  Precision products = Precision::kFloat32;
   /// Memory that starts as zeros and keeps its values from one forward pass to the next, for layers
   /// that remember (LSTM).
   Bytes state = {};

@@ -1,5 +1,7 @@
 #include "layer_costs.h"
 
+#include <algorithm>
+
 #include "receptive_field.h"
 
 namespace revisit::engine {
@@ -29,10 +31,38 @@ std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Sha
   return costs;
 }
 
+int64_t stored_bytes(const std::vector<size_t>& values, const Schedule& schedule) {
+  int64_t bytes = 0;
+  for (const size_t id : values) bytes += schedule.stored[id].bytes;
+  return bytes;
+}
+
+/// The weights that a kernel reads. One that multiplies nothing reads at most one for every number
+/// that it writes: Embed a few rows of many.
+int64_t weight_bytes(const Step& step, int64_t written, const LayerCost& cost) {
+  if (step.is_reorder) return 0;
+  if (step.kernel.packed.count > 0) return step.kernel.packed.count;
+  const int64_t all = floats(cost.parameters).count;
+  return step.kernel.macs > 0 ? all : std::min(all, written);
+}
+
+void count_traffic(const Step& step, const Schedule& schedule, LayerCost* cost) {
+  if (!step.runs) return;
+  // What lies in its input already is not moved.
+  const bool moves_the_rest = step.kernel.cuts_input;
+  const int64_t written = moves_the_rest ? step.new_bytes : stored_bytes(step.outputs, schedule);
+  cost->written_bytes += written;
+  cost->read_bytes += (moves_the_rest ? written : stored_bytes(step.inputs, schedule)) +
+                      weight_bytes(step, written, *cost);
+}
+
 void count_step(const Step& step, LayerCost* cost) {
   cost->activation_bytes += step.new_bytes;
   cost->packed_weight_bytes += step.kernel.packed.count;
   cost->macs += step.kernel.macs;
+  cost->multiplications +=
+      step.kernel.multiplications > 0 ? step.kernel.multiplications : step.kernel.macs;
+  if (step.kernel.macs > 0) cost->products = step.kernel.products;
   const std::string name = step.kernel.joins_inputs && !step.runs ? "in place" : step.kernel.name;
   // A reorder only shows where its layer runs nothing else; a view runs nothing.
   if (cost->kernel.empty() || (!step.is_reorder && !name.empty())) cost->kernel = name;
@@ -44,7 +74,10 @@ void count_step(const Step& step, LayerCost* cost) {
 std::vector<LayerCost> layer_costs(const Net::Impl& net, const std::vector<Shape>& shapes,
                                    const Operations& operations, const Schedule& schedule) {
   std::vector<LayerCost> costs = describe_layers(net.graph, shapes);
-  for (const Step& step : schedule.steps) count_step(step, &costs[step.layer]);
+  for (const Step& step : schedule.steps) {
+    count_step(step, &costs[step.layer]);
+    count_traffic(step, schedule, &costs[step.layer]);
+  }
   // Every layer that another does the work of says which.
   for (const Operation& operation : operations.list)
     for (const size_t layer : operation.absorbed)

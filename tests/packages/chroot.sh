@@ -19,7 +19,7 @@ chmod 755 "$scratch"
 cat >"$scratch/use.sh" <<'USE'
 set -eux
 export HOME=/tmp MANWIDTH=100
-test "$(revisit --version)" = "revisit $1"
+test "$(revisit --version | sed -n 1p)" = "revisit $1"
 revisit doctor
 cd /tmp
 revisit simulate -q -o drive --frames 0-60 --every 10

@@ -60,7 +60,7 @@ home=$PWD/home
 rm -rf home drive && mkdir home
 revisit() { env -i HOME="$home" PATH=/usr/bin:/bin "$PWD/root/usr/bin/revisit" "$@"; }
 version=$(field "$program" Version)
-[ "$(revisit --version)" = "revisit ${version%-*}" ] || fail "the program is of another version than $version"
+[ "$(revisit --version | sed -n 1p)" = "revisit ${version%-*}" ] || fail "the program is of another version than $version"
 revisit doctor >doctor || { cat doctor; fail "revisit doctor: exit code $?"; }
 revisit simulate -q -o drive --frames 0-60 --every 10
 [ "$(revisit loops drive --all --quiet --exclusion frames=20 | wc -l)" -eq 8 ] || fail "revisit loops says nothing"

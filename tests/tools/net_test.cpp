@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "caffe_schema.pb.h"
+#include "cli/json.h"
 #include "compare.h"
+#include "reports.pb.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/npy.h"
 #include "test_data.h"
@@ -127,6 +129,55 @@ TEST_F(NetCommand, ProfilePrintsLayersAndTheWhole) {
     EXPECT_NE(json.out.find(part), std::string::npos) << part;
   const auto csv = run_revisit("net profile " + path("net.prototxt") + " --repeat 1 --format csv");
   EXPECT_EQ(std::count(csv.out.begin(), csv.out.end(), '\n'), 5);
+}
+
+TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {
+  test::write_file(dir_ / "wide.prototxt",
+                   "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 1 "
+                   "dim: 64 dim: 96 dim: 96 } } } layer { name: 'c' type: 'Convolution' bottom: "
+                   "'data' top: 'c' convolution_param { num_output: 64 kernel_size: 3 pad: 1 } } "
+                   "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' pooling_param { "
+                   "kernel_size: 2 stride: 2 } }");
+  const std::string profile = "net profile " + path("wide.prototxt");
+  const auto json = run_revisit(profile + " --format json");
+  ASSERT_EQ(json.exit_code, 0) << json.err;
+  test::write_file(dir_ / "old.json", json.out);
+  reports::NetReport report;
+  cli::read_report(dir_ / "old.json", &report);
+  EXPECT_GT(report.limits().float32_gflops(), 1);
+  EXPECT_EQ(report.limits().threads(), 1);
+  const reports::NetLayer &convolution = report.layers(1), &pooling = report.layers(2);
+  EXPECT_LE(convolution.multiplications(), convolution.macs());
+  for (const double share : {convolution.peak_share(), pooling.memory_share()}) {
+    EXPECT_GT(share, 0);
+    EXPECT_LT(share, 2) << "of limits that were measured beside other tests";
+  }
+  EXPECT_FALSE(pooling.has_peak_share());
+  EXPECT_LE(convolution.ms().low(), convolution.ms().median());
+  EXPECT_GE(convolution.ms().high(), convolution.ms().median());
+
+  // One profile against itself, as it is and ten times as long.
+  const auto against = [&](double factor) {
+    reports::NetReport old = report;
+    for (reports::NetLayer& layer : *old.mutable_layers())
+      for (const char* field : {"min", "median", "p95", "low", "high"}) {
+        reports::Timing& ms = *layer.mutable_ms();
+        const auto* const number = ms.GetDescriptor()->FindFieldByName(field);
+        ms.GetReflection()->SetDouble(&ms, number,
+                                      factor * ms.GetReflection()->GetDouble(ms, number));
+      }
+    test::write_file(dir_ / "old.json", cli::to_json(old));
+    return run_revisit(profile + " --against " + path("old.json"));
+  };
+  const auto faster = against(100);
+  EXPECT_EQ(faster.exit_code, 0) << faster.err;
+  EXPECT_NE(faster.out.find("against " + path("old.json")), std::string::npos) << faster.out;
+  EXPECT_NE(faster.out.find("faster"), std::string::npos) << faster.out;
+  EXPECT_NE(against(0.01).out.find("slower"), std::string::npos);
+  expect_failure(3, profile + " --input-shape 1x64x96x97 --against " + path("old.json"),
+                 "old.json: a profile of another net or input: input 1 is 'data' of 1x64x96x96");
+  expect_failure(2, profile + " --repeat 7 --against " + path("old.json"), "at least 8");
+  expect_failure(3, profile + " --against " + path("net.caffemodel"), "net.caffemodel");
 }
 
 TEST_F(NetCommand, AccuracyIsAnOptionAndItsRuleIsSaid) {

@@ -426,5 +426,27 @@ TEST_F(ReportCommand, ABrowserDrawsTheMapOfLoops) {
     EXPECT_NE(dom.find(shown), std::string::npos) << shown;
 }
 
+TEST_F(ReportCommand, ABrowserDrawsAProfile) {
+  const std::string browser = find_browser();
+  if (browser.empty()) GTEST_SKIP() << "no browser here (Debian: chromium)";
+  test::write_file(dir_ / "net.prototxt",
+                   "name: '</script>' layer { name: 'data' type: 'Input' top: 'data' input_param { "
+                   "shape { dim: 1 dim: 32 dim: 48 dim: 48 } } } layer { name: 'conv7' type: "
+                   "'Convolution' bottom: 'data' top: 'c' convolution_param { num_output: 64 "
+                   "kernel_size: 3 } } layer { name: 'pool7' type: 'Pooling' bottom: 'c' top: 'p' "
+                   "pooling_param { kernel_size: 2 } }");
+  const std::string profile = "net profile " + path("net.prototxt");
+  test::write_file(dir_ / "old.json", run_revisit(profile + " --format json").out);
+  const auto page = run_revisit(profile + " --format html --against " + path("old.json"));
+  ASSERT_EQ(page.exit_code, 0) << page.err;
+  test::write_file(dir_ / "r.html", page.out);
+  const std::string dom = browse(browser, path("r.html"), "--dump-dom");
+  EXPECT_EQ(dom.find("CONSOLE"), std::string::npos) << dom.substr(dom.find("CONSOLE"), 500);
+  for (const char* shown :
+       {"Layers of &lt;/script&gt;", "<td>pool7</td>", ">beyond the limits<", ">layers \\(1\\)<",
+        ">memory, [0-9.]+ GB/s<", "data-drawn=\"3\"", "(within noise|faster|slower): "})
+    EXPECT_TRUE(std::regex_search(dom, std::regex(shown))) << shown;
+}
+
 }  // namespace
 }  // namespace revisit

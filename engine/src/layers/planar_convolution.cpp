@@ -35,9 +35,15 @@ struct RunBlocked {
   ConvolutionMaxPool with_pooling() const {
     return {problem, lrn ? &*lrn : nullptr, *pooling, chosen.products == Products::kTiles};
   }
+  Precision products() const {
+    return chosen.products == Products::kFloat32 ? Precision::kFloat32 : problem.values;
+  }
+  int64_t multiplications() const {
+    return chosen.multiplications ? chosen.multiplications(problem) : problem.macs();
+  }
   std::string name() const {
-    const bool bf16 = chosen.products != Products::kFloat32 && problem.values == Precision::kBf16;
-    return str(chosen.name, bf16 ? " bf16" : "", lrn ? " + lrn" : "", pooling ? " + max-pool" : "");
+    return str(chosen.name, products() == Precision::kBf16 ? " bf16" : "", lrn ? " + lrn" : "",
+               pooling ? " + max-pool" : "");
   }
   int64_t scratch_floats() const {
     return pooling ? blocked_convolution_max_pool_scratch_floats(with_pooling())
@@ -108,6 +114,8 @@ Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& bindi
   const RunBlocked run{convolution.problem(), chosen, fusion.lrn, fusion.pooling};
   Kernel kernel;
   kernel.name = run.name();
+  kernel.multiplications = static_cast<int64_t>(binding.outputs.size()) * run.multiplications();
+  kernel.products = run.products();
   kernel.reads.assign(binding.inputs.size(), chosen.input);
   if (fusion.adds_last_input) kernel.reads.back() = Layout::kNChw16c;
   kernel.writes = Layout::kNChw16c;

@@ -91,9 +91,12 @@ class Recurrent : public Layer {
       if (tensor.shape.rank() == 2) each_step += tensor.shape.elements();
     const int64_t once = p.static_input > 0 ? binding.weights[2].shape.elements() : 0;
     const int64_t macs = p.streams * (p.steps * (each_step - once) + once);
-    return {cell_ == Cell::kLstm ? "lstm-gemm" : "rnn-gemm", run,
-            engine::floats(cell_ == Cell::kLstm ? lstm_scratch_floats(p) : rnn_scratch_floats(p)),
-            macs, engine::floats(expose_ ? 0 : floats * static_cast<int64_t>(n_states()))};
+    Kernel kernel{
+        cell_ == Cell::kLstm ? "lstm-gemm" : "rnn-gemm", run,
+        engine::floats(cell_ == Cell::kLstm ? lstm_scratch_floats(p) : rnn_scratch_floats(p)),
+        macs};
+    kernel.state = engine::floats(expose_ ? 0 : floats * static_cast<int64_t>(n_states()));
+    return kernel;
   }
 
  private:

@@ -8,9 +8,6 @@
 
 namespace revisit::pipeline {
 
-/// Whether this is the address of a PostgreSQL server rather than a file.
-bool is_on_a_server(std::string_view where);
-
 /// As open_map() and check_map().
 std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
                                             const MapIdentity* identity, NumberFormat format);

@@ -1,5 +1,6 @@
 #include <iostream>
 
+#include "cli/built_in.h"
 #include "cli/command.h"
 #include "cli/interrupt.h"
 #include "cli/messages.h"
@@ -26,6 +27,7 @@ fs::path one_map(const char* command, const char* summary, const Arguments& argu
   Parser parser(command, "FILE", summary, str("  ", command, " town.map\n"));
   parser.positional("FILE", &file);
   parser.parse(arguments);
+  need_built_in_for_map(command, file);
   return file;
 }
 
@@ -95,6 +97,8 @@ int merge(const Arguments& arguments) {
                 "  revisit map merge monday.map tuesday.map -o week.map\n");
   parser.optional_positional("MAP", &maps).option("output", "FILE", "the new map", &output, 'o');
   parser.parse(arguments);
+  for (const fs::path& map : maps) need_built_in_for_map("revisit map merge", map);
+  need_built_in_for_map("--output", output);
   if (maps.size() < 2) throw UsageError("give at least two maps");
   if (output.empty()) throw UsageError("give the file for the map: -o FILE");
   const int64_t places = pipeline::merge_maps(maps, output, warn);
@@ -165,6 +169,8 @@ int query(const Arguments& arguments) {
               &precision)
       .choice("format", {"csv", "jsonl"}, "one line per scan (default csv)", &format);
   parser.parse(arguments);
+  options.check_given(parser);
+  need_built_in_for_map("revisit map query", map);
   if (scans.empty()) throw UsageError("give the scans to ask: SCAN...");
   pipeline::Dataset dataset;
   for (const fs::path& scan : scans) {

@@ -1,8 +1,13 @@
 #pragma once
 
+#include <filesystem>
+#include <string>
+
 #include "cli/command.h"
 #include "cli/net_options.h"
+#include "reports.pb.h"
 #include "revisit/engine/profile.h"
+#include "revisit/engine/speed_limits.h"
 
 namespace revisit::cli {
 
@@ -19,11 +24,30 @@ struct NetFindings {
   std::string weights;
   const engine::Net& net;
   const engine::Plan& plan;
-  const engine::Profile* profile;  // null: nothing was timed
-  bool with_buffers;               // also the memory plan
+  bool with_buffers = false;                 // also the memory plan
+  const engine::Profile* profile = nullptr;  // null: nothing was timed
+  const engine::SpeedLimits* limits =
+      nullptr;  // of the machine; these two are there with `profile`
+  double peak_resident_bytes = 0;
 };
+reports::NetReport net_report(const NetFindings& findings);
 
 /// Prints the layers and totals as "table", "json" or "csv".
-void print_net_report(const NetFindings& findings, const std::string& format);
+void print_net_report(const reports::NetReport& report, const std::string& format);
+
+/// A page of HTML with figures: what `revisit net profile --format html` prints. Only in a program
+/// with the pipeline.
+std::string profile_page(const reports::NetReport& report, const std::string& command);
+
+/// An earlier profile. Throws InputError for what is none, or of too few passes to compare.
+reports::NetReport read_profile(const std::filesystem::path& file);
+/// Throws InputError, naming `file` and what differs, unless both are of the same layers, inputs
+/// and outputs.
+void need_same_net(const std::filesystem::path& file, const reports::NetReport& before,
+                   const reports::NetReport& now);
+/// How `now` differs from `before`, layer by layer. `file` is that of `before`.
+reports::NetComparison compare_profiles(const std::filesystem::path& file,
+                                        const reports::NetReport& before,
+                                        const reports::NetReport& now);
 
 }  // namespace revisit::cli

@@ -32,8 +32,8 @@ int net_inspect_command(const Arguments& arguments) {
   const engine::Net net = load_net(options, NoWeights::kNone);
   const engine::Plan plan = net.plan({}, options.plan_options());
   if (!graph.empty()) write_graph(graph, net, plan);
-  print_net_report({options, weights_source(options, NoWeights::kNone), net, plan, nullptr, memory},
-                   format);
+  print_net_report(
+      net_report({options, weights_source(options, NoWeights::kNone), net, plan, memory}), format);
   return kOk;
 }
 

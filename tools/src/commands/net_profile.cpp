@@ -1,8 +1,13 @@
+#include <sys/resource.h>
+
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <iostream>
 
 #include "cli/interrupt.h"
+#include "cli/printable.h"
+#include "cli/shell.h"
 #include "net_commands.h"
 #include "revisit/engine/blas.h"
 
@@ -37,21 +42,67 @@ void warn_of_slow_settings() {
         << "warning: OPENBLAS_L2_SIZE is set: OpenBLAS may block for another cache; unset it\n";
 }
 
+/// A share of more than all means that the limits are too low.
+void warn_of_shares(const reports::NetReport& report) {
+  constexpr double kMost = 1.1, kLeastMs = 0.01;
+  for (const reports::NetLayer& layer : report.layers())
+    if (layer.ms().median() > kLeastMs &&
+        std::max(layer.peak_share(), layer.memory_share()) > kMost) {
+      std::cerr << "warning: layer '" << printable(layer.name())
+                << "' took less time than the limits of the machine allow: something else ran "
+                   "while they were measured; profile again\n";
+      return;
+    }
+}
+
+double peak_resident_bytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) * 1024;
+}
+
+std::vector<std::string> formats() {
+  std::vector<std::string> words = {"table", "json", "csv"};
+#ifdef REVISIT_HAVE_PIPELINE
+  words.emplace_back("html");  // the page is that of reports
+#endif
+  return words;
+}
+
+void print(const reports::NetReport& report, const std::string& format,
+           [[maybe_unused]] const Arguments& arguments) {
+#ifdef REVISIT_HAVE_PIPELINE
+  if (format == "html") {
+    std::cout << profile_page(report, shell_command("revisit net profile", arguments));
+    return;
+  }
+#endif
+  print_net_report(report, format);
+}
+
 }  // namespace
 
 int net_profile_command(const Arguments& arguments) {
   NetOptions options;
   engine::ProfileOptions measure;
   std::string format = "table";
+  std::optional<std::filesystem::path> against;
   bool reference = false, gray = false;
   Parser parser("revisit net profile", "PROTOTXT [WEIGHTS]",
                 "Time every layer of a Caffe net and the whole. Instrumented and uninstrumented "
                 "passes alternate after "
-                "a warm-up. Without WEIGHTS the net gets random ones: the time is the same.",
+                "a warm-up. Without WEIGHTS the net gets random ones: the time is the same. Then "
+                "the limits of the machine are measured on as many threads: `peak %` is the share "
+                "of a layer's time that its multiplications would take at the most that the CPU "
+                "does, `memory %` the share that its inputs, weights and outputs would take to be "
+                "moved once, and `gain ms` what both leave.",
                 "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
                 "--graft pool5\n"
                 "  revisit net profile deploy.prototxt model.caffemodel --threads 2 --repeat 50 "
-                "--format json\n");
+                "--format json > old.json\n"
+                "  revisit net profile deploy.prototxt model.caffemodel --threads 2 --repeat 50 "
+                "--against old.json\n"
+                "  revisit net profile deploy.prototxt --format html > profile.html\n");
   options.declare(parser);
   parser.group("Measurement:");
   parser.option("repeat", "R", "timed passes (default 20)", &measure.repeat);
@@ -60,13 +111,24 @@ int net_profile_command(const Arguments& arguments) {
               "as on range images: the input's channels are one picture, up to a constant each",
               &gray);
   parser.flag("reference", "time the slow reference kernels instead", &reference);
-  parser.choice("format", {"table", "json", "csv"}, "form of the output (default table)", &format);
+  parser.option("against", "FILE",
+                "say what became faster or slower than in this profile (--format json), with 99 % "
+                "confidence",
+                &against);
+  parser.choice("format", formats(), "form of the output (default table)", &format);
   parser.parse(arguments);
   if (measure.repeat < 1)
     throw UsageError(str("--repeat: expected at least 1, found ", measure.repeat));
   if (measure.warmup < 0)
     throw UsageError(str("--warmup: expected at least 0, found ", measure.warmup));
   measure.stop = interrupted;
+  std::optional<reports::NetReport> before;
+  if (against) {
+    if (measure.repeat < engine::kLeastForBounds)
+      throw UsageError(str("--against: expected --repeat of at least ", engine::kLeastForBounds,
+                           ", found ", measure.repeat));
+    before = read_profile(*against);
+  }
 
   warn_of_slow_settings();
   const engine::Net net = load_net(options, NoWeights::kRandom);
@@ -74,11 +136,20 @@ int net_profile_command(const Arguments& arguments) {
   plan_options.reference_kernels = reference;
   if (gray) plan_options.gray_offsets = some_offsets(net);
   const engine::Plan plan = net.plan({}, plan_options);
+  const std::string weights = weights_source(options, NoWeights::kRandom);
+  if (before) need_same_net(*against, *before, net_report({options, weights, net, plan}));
   engine::Run run(plan);
   for (const engine::Port& port : plan.inputs()) fill_input(run.input(port.name));
   const engine::Profile profile = engine::profile(run, measure);
-  print_net_report(
-      {options, weights_source(options, NoWeights::kRandom), net, plan, &profile, false}, format);
+  // Before the limits are measured, which takes memory of its own.
+  const double peak_resident = peak_resident_bytes();
+  const engine::SpeedLimits limits = engine::measure_speed_limits(options.threads);
+  reports::NetReport report =
+      net_report({options, weights, net, plan, false, &profile, &limits, peak_resident});
+  if (before && report.passes() >= engine::kLeastForBounds)
+    *report.mutable_against() = compare_profiles(*against, *before, report);
+  print(report, format, arguments);
+  warn_of_shares(report);
   return interrupted() ? kInterrupted : kOk;
 }
 

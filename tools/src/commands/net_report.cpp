@@ -1,5 +1,4 @@
-#include <sys/resource.h>
-
+#include <algorithm>
 #include <cmath>
 #include <iostream>
 #include <limits>
@@ -8,7 +7,6 @@
 #include "cli/printable.h"
 #include "cli/table.h"
 #include "net_commands.h"
-#include "reports.pb.h"
 #include "revisit/engine/simd.h"
 #include "revisit/proto/joined.h"
 
@@ -30,18 +28,13 @@ std::string shape_text(const Repeated& shape) {
 reports::Timing timing(const engine::Timing& t) {
   reports::Timing result;
   result.set_min(t.min), result.set_median(t.median), result.set_p95(t.p95);
+  result.set_low(t.low), result.set_high(t.high);
   return result;
 }
 
 /// A MAC is two floating-point operations.
 double gflops(double macs, double ms) {
   return ms > 0 ? 2 * macs / ms / 1e6 : 0;
-}
-
-double peak_resident_bytes() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) * 1024;
 }
 
 reports::ReceptiveField receptive_field(const engine::ReceptiveField& field) {
@@ -64,8 +57,17 @@ std::string field_text(const reports::NetLayer& layer) {
          pair([](const auto& f) { return f.start(); }, ",");
 }
 
+std::string threads_text(int threads) {
+  return str(threads, threads == 1 ? " thread" : " threads");
+}
+
 std::string mebi(double bytes) {
   return number(bytes / 1048576, 2);
+}
+
+/// What the layer takes beyond the machine's limits; NaN where nothing runs.
+double gain_ms(const reports::NetLayer& layer) {
+  return layer.has_best_ms() ? std::max(layer.ms().median() - layer.best_ms(), 0.0) : kNone;
 }
 
 Table layer_table(const reports::NetReport& report) {
@@ -73,7 +75,9 @@ Table layer_table(const reports::NetReport& report) {
   std::vector<std::string> header{"layer",      "type",  "kernel",     "why",       "output",
                                   "parameters", "MMACs", "packed MiB", "memory MiB"};
   if (!timed) header.push_back("sees /stride @start");
-  if (timed) header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "share %"});
+  if (timed)
+    header.insert(header.end(), {"min ms", "median ms", "p95 ms", "GFLOP/s", "share %", "peak %",
+                                 "memory %", "gain ms"});
   Table table(std::move(header));
   for (const reports::NetLayer& layer : report.layers()) {
     std::vector<std::string> row{layer.name(),
@@ -87,15 +91,83 @@ Table layer_table(const reports::NetReport& report) {
                                  mebi(layer.activation_bytes())};
     if (!timed) row.push_back(field_text(layer));
     if (timed)
-      for (const auto& [value, digits] : {std::pair{layer.ms().min(), 3},
-                                          {layer.ms().median(), 3},
-                                          {layer.ms().p95(), 3},
-                                          {layer.has_gflops() ? layer.gflops() : kNone, 1},
-                                          {100 * layer.share(), 1}})
+      for (const auto& [value, digits] :
+           {std::pair{layer.ms().min(), 3},
+            {layer.ms().median(), 3},
+            {layer.ms().p95(), 3},
+            {layer.has_gflops() ? layer.gflops() : kNone, 1},
+            {100 * layer.share(), 1},
+            {layer.has_peak_share() ? 100 * layer.peak_share() : kNone, 1},
+            {layer.has_memory_share() ? 100 * layer.memory_share() : kNone, 1},
+            {gain_ms(layer), 3}})
         row.push_back(number(value, digits));
     table.row(std::move(row));
   }
   return table;
+}
+
+/// The limits of the machine, and which layers are farthest from them.
+void print_limits(const reports::NetReport& report) {
+  const reports::SpeedLimits& limits = report.limits();
+  const reports::Bandwidth& memory = limits.bandwidths(limits.bandwidths_size() - 1);
+  double nearest = 0;
+  for (const reports::Bandwidth& bandwidth : limits.bandwidths())
+    nearest = std::max({nearest, bandwidth.read(), bandwidth.copied()});
+  std::cout << "limits of " << threads_text(limits.threads()) << ": "
+            << number(limits.float32_gflops(), 1) << " GFLOP/s in float32"
+            << (limits.bf16_gflops() > 0 ? ", " + number(limits.bf16_gflops(), 1) + " in bfloat16"
+                                         : "")
+            << "; memory " << number(memory.read(), 1) << " GB/s read, "
+            << number(memory.copied(), 1) << " copied; caches up to " << number(nearest, 1)
+            << " GB/s\n";
+  std::vector<const reports::NetLayer*> layers;
+  for (const reports::NetLayer& layer : report.layers())
+    if (layer.has_best_ms()) layers.push_back(&layer);
+  std::ranges::stable_sort(layers, std::ranges::greater{},
+                           [](const auto* layer) { return gain_ms(*layer); });
+  layers.resize(std::min<size_t>(layers.size(), 3));
+  std::cout << "at these the layers take " << number(report.best_ms(), 3) << " ms, "
+            << number(100 * report.best_ms() / report.layer_sum_ms().median(), 1)
+            << " % of their sum; most to gain: "
+            << joined(layers, ", ",
+                      [](const auto* layer) {
+                        return printable(layer->name()) + " " + number(gain_ms(*layer), 3) + " ms";
+                      })
+            << "\n";
+}
+
+/// Percent with a sign.
+std::string percent(double share) {
+  return (share > 0 ? "+" : "") + number(100 * share, 1);
+}
+
+void print_comparison(const reports::NetReport& report) {
+  const reports::NetComparison& against = report.against();
+  Table table({"layer", "before ms", "now ms", "change %", "from %", "to %", "verdict"});
+  const auto row = [&](const std::string& name, const reports::NetChange& change) {
+    if (change.verdict().empty()) return;
+    const auto share = [&](double value) { return change.has_change() ? percent(value) : ""; };
+    table.row({name, number(change.before_ms(), 3), number(change.now_ms(), 3),
+               share(change.change()), share(change.low()), share(change.high()),
+               change.verdict()});
+  };
+  for (const reports::NetChange& change : against.layers()) row(change.layer(), change);
+  row("(sum of the layers)", against.layer_sum());
+  row("(whole, uninstrumented)", against.whole());
+  std::cout << "\nagainst " << printable(against.file()) << ":\n";
+  const auto setting = [](const char* what, const std::string& before, const std::string& now) {
+    if (before != now)
+      std::cout << "  " << what << ": " << printable(before) << " there, " << now << " here\n";
+  };
+  setting("threads", str(against.threads()), str(report.threads()));
+  setting("precision", against.precision(), report.precision());
+  setting("kernels", against.simd(), report.simd());
+  const auto limits = [](const reports::SpeedLimits& of) {
+    return str(number(of.float32_gflops(), 1), " GFLOP/s, memory ",
+               number(of.bandwidths(of.bandwidths_size() - 1).read(), 1), " GB/s");
+  };
+  setting("limits of the machine", limits(against.limits()), limits(report.limits()));
+  table.print(std::cout);
 }
 
 void print_summary(const reports::NetReport& report) {
@@ -123,9 +195,10 @@ void print_summary(const reports::NetReport& report) {
   };
   line("whole, uninstrumented ", report.total_ms());
   line("sum of the layers     ", report.layer_sum_ms());
-  std::cout << report.passes() << " passes, " << report.threads() << " thread"
-            << (report.threads() == 1 ? "" : "s") << ", " << number(report.gflops(), 1)
-            << " GFLOP/s, peak resident memory " << mebi(report.peak_resident_bytes()) << " MiB\n";
+  std::cout << report.passes() << " passes, " << threads_text(report.threads()) << ", "
+            << number(report.gflops(), 1) << " GFLOP/s, peak resident memory "
+            << mebi(report.peak_resident_bytes()) << " MiB\n";
+  print_limits(report);
 }
 
 /// The arena in the order of time: what is where, while which layers run.
@@ -160,8 +233,35 @@ std::string instructions(engine::Precision precision) {
                               : " with " + bf16);
 }
 
+reports::SpeedLimits message_of(const engine::SpeedLimits& limits) {
+  reports::SpeedLimits message;
+  message.set_threads(limits.threads);
+  message.set_float32_gflops(limits.float32_gflops);
+  message.set_bf16_gflops(limits.bf16_gflops);
+  for (const engine::Bandwidth& bandwidth : limits.bandwidths) {
+    reports::Bandwidth& out = *message.add_bandwidths();
+    out.set_bytes(static_cast<double>(bandwidth.bytes));
+    out.set_read(bandwidth.read);
+    out.set_copied(bandwidth.copy);
+  }
+  return message;
+}
+
+/// How near a layer that was timed comes to the limits.
+void set_limits(const engine::SpeedLimits& limits, const engine::LayerCost& cost,
+                reports::NetLayer* layer) {
+  const double median = layer->ms().median();
+  if (median <= 0) return;
+  const double compute = limits.compute_ms(cost), traffic = limits.traffic_ms(cost);
+  if (cost.macs > 0) layer->set_peak_share(compute / median);
+  layer->set_memory_share(traffic / median);
+  layer->set_best_ms(std::max(compute, traffic));
+}
+
+}  // namespace
+
 reports::NetReport net_report(const NetFindings& findings) {
-  const auto& [options, weights, net, plan, profile, with_buffers] = findings;
+  const auto& [options, weights, net, plan, with_buffers, profile, limits, resident] = findings;
   reports::NetReport report;
   report.set_net(net.name());
   report.set_prototxt(options.prototxt.string());
@@ -175,6 +275,7 @@ reports::NetReport net_report(const NetFindings& findings) {
   report.set_weight_bytes(static_cast<double>(plan.weight_bytes()));
   report.set_packed_weight_bytes(static_cast<double>(plan.packed_weight_bytes()));
   report.set_simd(instructions(options.precision));
+  report.set_precision(options.precision == engine::Precision::kBf16 ? "bf16" : "float32");
   const auto add_port = [](const engine::Port& port, reports::NamedShape* out) {
     out->set_name(port.name);
     set_shape(port.shape, out->mutable_shape());
@@ -182,7 +283,7 @@ reports::NetReport net_report(const NetFindings& findings) {
   for (const engine::Port& port : plan.inputs()) add_port(port, report.add_inputs());
   for (const engine::Port& port : plan.outputs()) add_port(port, report.add_outputs());
 
-  double macs = 0, parameters = 0, medians = 0;
+  double macs = 0, parameters = 0, medians = 0, best = 0;
   if (profile)
     for (const engine::Timing& t : profile->layers) medians += t.median;
   for (size_t i = 0; i < plan.layers().size(); ++i) {
@@ -194,6 +295,9 @@ reports::NetReport net_report(const NetFindings& findings) {
     layer.set_why(cost.why);
     if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
     layer.set_macs(static_cast<double>(cost.macs));
+    layer.set_multiplications(static_cast<double>(cost.multiplications));
+    layer.set_read_bytes(static_cast<double>(cost.read_bytes));
+    layer.set_written_bytes(static_cast<double>(cost.written_bytes));
     layer.set_parameters(static_cast<double>(cost.parameters));
     layer.set_packed_weight_bytes(static_cast<double>(cost.packed_weight_bytes));
     layer.set_activation_bytes(static_cast<double>(cost.activation_bytes));
@@ -205,6 +309,8 @@ reports::NetReport net_report(const NetFindings& findings) {
     *layer.mutable_ms() = timing(profile->layers[i]);
     layer.set_share(medians > 0 ? profile->layers[i].median / medians : 0);
     if (cost.macs > 0) layer.set_gflops(gflops(layer.macs(), profile->layers[i].median));
+    if (limits) set_limits(*limits, cost, &layer);
+    best += layer.best_ms();
   }
   report.set_macs(macs);
   report.set_parameters(parameters);
@@ -213,23 +319,24 @@ reports::NetReport net_report(const NetFindings& findings) {
     *report.mutable_layer_sum_ms() = timing(profile->layer_sum);
     report.set_passes(profile->passes);
     report.set_gflops(gflops(macs, profile->total.median));
-    report.set_peak_resident_bytes(peak_resident_bytes());
+    report.set_peak_resident_bytes(resident);
+  }
+  if (limits) {
+    *report.mutable_limits() = message_of(*limits);
+    report.set_best_ms(best);
   }
   if (with_buffers) add_buffers(plan, &report);
   return report;
 }
 
-}  // namespace
-
-void print_net_report(const NetFindings& findings, const std::string& format) {
-  const reports::NetReport report = net_report(findings);
+void print_net_report(const reports::NetReport& report, const std::string& format) {
   if (format == "table")
-    std::cout << "kernels: " << report.simd() << ", " << report.threads() << " thread"
-              << (report.threads() == 1 ? "" : "s") << "\n\n";
+    std::cout << "kernels: " << report.simd() << ", " << threads_text(report.threads()) << "\n\n";
   print_report(format, report, layer_table(report));
   if (format != "table") return;
   if (report.buffers_size() > 0) print_buffers(report);
   print_summary(report);
+  if (report.has_against()) print_comparison(report);
 }
 
 }  // namespace revisit::cli

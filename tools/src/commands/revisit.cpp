@@ -1,5 +1,6 @@
 #include <iostream>
 
+#include "cli/built_in.h"
 #include "cli/command.h"
 #include "revisit/proto/error.h"
 
@@ -30,6 +31,11 @@ std::string introduction() {
 int revisit_command(const Arguments& arguments) {
   if (!arguments.empty() && (arguments[0] == "--version" || arguments[0] == "version")) {
     std::cout << "revisit " << REVISIT_VERSION << "\n";
+#ifdef REVISIT_HAVE_PIPELINE
+    std::cout << built_in_text();
+#else
+    std::cout << "built in: the engine alone, `revisit net`\n";
+#endif
     return kOk;
   }
   const std::vector<Command> commands = {

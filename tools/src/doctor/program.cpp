@@ -1,11 +1,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cli/built_in.h"
 #include "cli/messages.h"
 #include "doctor/checks.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/net_file.h"
+#include "revisit/recognition/optional_library.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"
 
@@ -85,6 +87,11 @@ void check_program(Checks& checks) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   checks.push_back({"program", "sanitizers", Status::kWarn, "on", "for tests only: slow"});
 #endif
+  for (const pipeline::OptionalLibrary& library : pipeline::optional_libraries())
+    checks.push_back({"program", std::string(library.name),
+                      library.built_in ? Status::kOk : Status::kMissing,
+                      str(library.built_in ? "built in: " : "left out: ", library.use),
+                      library.built_in ? "" : cli::how_to_complete()});
   checks.push_back(self_test());
 }
 

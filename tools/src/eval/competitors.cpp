@@ -47,15 +47,17 @@ struct Competitor {
   const char* name;
   pipeline::FeatureExtractor (*make)(const FeatureOptions&, const pipeline::Dataset&,
                                      const fs::path&);
+  const char* library = nullptr;  // an optional one that it needs
 };
 
 const Competitor kCompetitors[] = {
-    {"vfh", [](const auto&, const auto&, const auto&) { return pipeline::vfh_features(); }},
-    {"esf", [](const auto&, const auto&, const auto&) { return pipeline::esf_features(); }},
-    {"grsd", [](const auto&, const auto&, const auto&) { return pipeline::grsd_features(); }},
+    {"vfh", [](const auto&, const auto&, const auto&) { return pipeline::vfh_features(); }, "PCL"},
+    {"esf", [](const auto&, const auto&, const auto&) { return pipeline::esf_features(); }, "PCL"},
+    {"grsd", [](const auto&, const auto&, const auto&) { return pipeline::grsd_features(); },
+     "PCL"},
     {"scan-context", scan_context},
     {"m2dp", [](const auto&, const auto&, const auto&) { return pipeline::m2dp_features(); }},
-    {"fabmap", fabmap},
+    {"fabmap", fabmap, "OpenCV"},
 };
 
 }  // namespace
@@ -64,6 +66,12 @@ std::vector<std::string> competitor_names() {
   std::vector<std::string> names;
   for (const Competitor& competitor : kCompetitors) names.emplace_back(competitor.name);
   return names;
+}
+
+std::optional<std::string> library_of_competitor(const std::string& name) {
+  for (const Competitor& competitor : kCompetitors)
+    if (name == competitor.name && competitor.library) return competitor.library;
+  return std::nullopt;
 }
 
 pipeline::FeatureExtractor competitor(const FeatureOptions& options,

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <thread>
 
+#include "cli/built_in.h"
 #include "cli/interrupt.h"
 #include "cli/mean_file.h"
 #include "cli/messages.h"
@@ -85,6 +86,9 @@ void FeatureOptions::check_given(const Parser& parser) const {
 }
 
 void FeatureOptions::check_given(const Parser& parser, const std::vector<std::string>& features) {
+  for (const std::string& feature : features)
+    if (const auto library = library_of_competitor(feature))
+      need_built_in("--feature " + feature, *library);
   for (const auto& [option, owners] : kFeaturesOf)
     if (parser.given(option) && std::ranges::none_of(features, [&](const std::string& feature) {
           return is_word_of(owners, feature);

@@ -47,8 +47,9 @@ struct FeatureOptions {
   void declare(Parser& parser);
   /// The same without the data.
   void declare_describing(Parser& parser);
-  /// Throws UsageError for an option on the command line that `feature` does not use, like --end
-  /// with --feature data: one of the two is a mistake. (Files and the environment may hold more.)
+  /// Throws UsageError for a feature whose library is not built in, and for an option on the
+  /// command line that `feature` does not use, like --end with --feature data: one of the two is a
+  /// mistake. (Files and the environment may hold more.)
   void check_given(const Parser& parser) const;
   /// The same where several features are asked for, of which none uses it.
   static void check_given(const Parser& parser, const std::vector<std::string>& features);

@@ -1,5 +1,6 @@
 #include "map_options.h"
 
+#include "cli/built_in.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
@@ -26,6 +27,8 @@ void MapOptions::declare(Parser& parser) {
 }
 
 void MapOptions::check() const {
+  need_built_in_for_map("--map", file);
+  need_built_in_for_map("--basis", basis);
   if (!basis.empty() && file.empty()) throw UsageError("--basis: add --map, which takes it");
 }
 

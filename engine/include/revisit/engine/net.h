@@ -135,9 +135,16 @@ struct LayerCost {
   std::string why;
   std::vector<Shape> inputs, outputs;
   std::vector<std::string>
-      blobs;               // what the file calls the outputs; an in-place layer repeats a name
-  int64_t macs = 0;        // multiply-accumulates; 0 where the notion does not apply
-  int64_t parameters = 0;  // weights and biases
+      blobs;         // what the file calls the outputs; an in-place layer repeats a name
+  int64_t macs = 0;  // multiply-accumulates; 0 where the notion does not apply
+  /// What its kernel multiplies for them: less by Winograd's algorithm and of a gray input. The
+  /// factors are of `products`.
+  int64_t multiplications = 0;
+  Precision products = Precision::kFloat32;
+  /// What its kernel reads, weights too, and writes, each number once: what has to be moved. Not
+  /// what it keeps in between.
+  int64_t read_bytes = 0, written_bytes = 0;
+  int64_t parameters = 0;           // weights and biases
   int64_t packed_weight_bytes = 0;  // its weights once more, in the order its kernel wants
   int64_t activation_bytes = 0;     // memory of its outputs; 0 when they share their input's
   /// Of the rows and columns of the first output; absent when it sees the whole input, or is no

@@ -10,7 +10,14 @@ namespace revisit::engine {
 /// Of repeated timings [ms].
 struct Timing {
   double min = 0, median = 0, p95 = 0;
+  /// The median of all passes that could have been made is between these with 99 % confidence, as
+  /// far as passes do not depend on each other. Of fewer than kLeastForBounds they are the least
+  /// and the largest sample.
+  double low = 0, high = 0;
 };
+
+/// So many samples, and all on one side of the median, happen once in a hundred times.
+constexpr int kLeastForBounds = 8;
 
 /// Order statistics; p95 is the nearest-rank 95th percentile. `samples` must not be empty.
 Timing summarize(std::vector<double> samples_ms);

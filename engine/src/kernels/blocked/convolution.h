@@ -44,6 +44,8 @@ struct BlockedConvolutionKernel {
   /// Of a line of its Winograd transform, 0 for others: rounding grows quickly with it.
   int transform_points = 0;
   Products products = Products::kFloat32;
+  /// How often it multiplies; null: as the definition does.
+  int64_t (*multiplications)(const ConvolutionProblem&) = nullptr;
 };
 
 constexpr int kAnyPoints = 99;

@@ -369,7 +369,12 @@ constexpr BlockedConvolutionKernel kernel() {
             REVISIT_DISPATCH(run_winograd, instructions_for(p.values))(kVariant, p, a);
           },
           std::max(kVariants[kVariant].rows, kVariants[kVariant].columns) +
-              kVariants[kVariant].taps - 1};
+              kVariants[kVariant].taps - 1,
+          Products::kFloat32,
+          [](const ConvolutionProblem& p) {
+            const WinogradShape shape(kVariants[kVariant], p);
+            return shape.points * shape.tiles() * p.c_in_per_group() * p.c_out;
+          }};
 }
 
 template <size_t... kVariant>

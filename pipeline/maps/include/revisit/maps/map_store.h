@@ -126,6 +126,9 @@ inline constexpr const char* kBasisValue = "basis";
 inline constexpr const char* kCalibrationValue = "calibration";
 inline constexpr const char* kThresholdValue = "threshold";
 
+/// Whether this is the address of a PostgreSQL server rather than a file.
+bool is_on_a_server(std::string_view where);
+
 /// What messages call a map: without the password of a server's address.
 std::string shown_name(const std::filesystem::path& map);
 

@@ -10,11 +10,15 @@ struct OptionalLibrary {
   std::string_view name;     ///< "PCL"
   std::string_view package;  ///< Debian's, e.g. "libpcl-dev"
   std::string_view option;   ///< CMake's, e.g. "REVISIT_PCL"
+  std::string_view use;      ///< what does not work without it
   bool built_in;
 };
 
 /// The table in pipeline/CMakeLists.txt.
 std::span<const OptionalLibrary> optional_libraries();
+
+/// The row of this name. Throws std::logic_error for one that is not in the table.
+const OptionalLibrary& optional_library(std::string_view name);
 
 /// Throws UsageError that says which package and option `what` needs, unless the library of this
 /// name is built in.

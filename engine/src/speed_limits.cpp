@@ -1,0 +1,160 @@
+#include "revisit/engine/speed_limits.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "aligned.h"
+#include "budget.h"
+#include "kernels/busy_loops.h"
+#include "kernels/parallel.h"
+#include "revisit/engine/simd.h"
+
+namespace revisit::engine {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kGiga = 1e9;
+constexpr double kPerMs = 1e6;  // of a GFLOP/s or a GB/s
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// Times of runs in which every thread does `work(run, part)`, a part each: at least `least` runs,
+/// and as many as the budget allows [s]. Runs of less than a millisecond find moments in which
+/// nothing else runs.
+template <class Work>
+std::vector<double> seconds_of_runs(int threads, int64_t least, const Work& work) {
+  constexpr double kBudget = 0.02;
+  std::vector<double> seconds;
+  const Clock::time_point start = Clock::now();
+  for (int64_t run = 0; run < least || seconds_since(start) < kBudget; ++run) {
+    const Clock::time_point begin = Clock::now();
+    parallel_for(threads, threads, [&](int64_t part, int) { work(run, part); });
+    seconds.push_back(seconds_since(begin));
+  }
+  return seconds;
+}
+
+void keep(float result) {
+  [[maybe_unused]] const volatile float kept = result;
+}
+
+double gflops(int threads, int64_t rounds, LoopWork (*multiply)(int64_t)) {
+  constexpr int64_t kLeastRuns = 5;
+  int64_t count = 0;  // of one thread
+  const std::vector<double> seconds =
+      seconds_of_runs(threads, kLeastRuns, [&](int64_t, int64_t part) {
+        const LoopWork done = multiply(rounds);
+        keep(done.result);
+        if (part == 0) count = done.count;
+      });
+  return static_cast<double>(count * threads) / *std::ranges::min_element(seconds) / kGiga;
+}
+
+double bf16_gflops(int threads) {
+  constexpr int64_t kRounds = 1 << 16, kTileRounds = 1 << 14;
+  double most = 0;
+  if (has_bf16_instructions()) most = gflops(threads, kRounds, multiply_bf16);
+  if (has_bf16_tiles()) most = std::max(most, gflops(threads, kTileRounds, multiply_bf16_tiles));
+  return most;
+}
+
+/// More than any cache holds, but no more memory than a small machine can spare.
+int64_t bytes_beyond_caches() {
+  constexpr int64_t kLeast = 64 << 20, kMost = 256 << 20;
+#ifdef _SC_LEVEL3_CACHE_SIZE
+  return std::clamp<int64_t>(4 * sysconf(_SC_LEVEL3_CACHE_SIZE), kLeast, kMost);
+#else
+  return kLeast;
+#endif
+}
+
+/// [GB/s] of `bytes` at the beginning of `memory`, which are moved again and again, in runs of
+/// about kMoved: several times what is less, and slices in turn of what is more. Of these the
+/// median counts, as some may have stayed in a cache.
+Bandwidth bandwidth(int threads, const AlignedFloats& memory, int64_t bytes) {
+  constexpr int64_t kMoved = 4 << 20;  // [bytes]
+  const int64_t floats = bytes / int64_t{sizeof(float)};
+  const auto measure = [&](int64_t items, const auto& move) {
+    const Split slices{items, std::max<int64_t>(bytes / kMoved, 1), kLoopFloats};
+    const int64_t passes = std::max<int64_t>(kMoved / bytes, 1);
+    std::vector<double> seconds =
+        seconds_of_runs(threads, 2 * slices.parts, [&](int64_t run, int64_t part) {
+          const int64_t slice = run % slices.parts;
+          const Split parts{slices.width(slice), threads, kLoopFloats};
+          const int64_t first = slices.begin(slice) + parts.begin(part);
+          for (int64_t pass = 0; pass < passes; ++pass) move(first, parts.width(part));
+        });
+    const auto rank = slices.parts > 1 ? static_cast<int64_t>(seconds.size() / 2) : 0;
+    std::ranges::nth_element(seconds, seconds.begin() + rank);
+    const auto moved = static_cast<double>(bytes * passes) / static_cast<double>(slices.parts);
+    return moved / seconds[static_cast<size_t>(rank)] / kGiga;
+  };
+  float* const from = memory.data();
+  float* const to = from + floats / 2;
+  return {bytes,
+          measure(floats, [&](int64_t first, int64_t n) { keep(read_floats(from + first, n)); }),
+          measure(floats / 2,
+                  [&](int64_t first, int64_t n) { copy_floats(from + first, to + first, n); })};
+}
+
+std::vector<Bandwidth> bandwidths(int threads) {
+  constexpr int64_t kSmallest = 64 << 10, kStep = 4;
+  const int64_t largest = bytes_beyond_caches();
+  const AlignedFloats memory(largest / int64_t{sizeof(float)});
+  const Split parts{memory.size(), threads, kLoopFloats};
+  // Pages are near the thread that writes to them first.
+  parallel_for(threads, threads, [&](int64_t part, int) {
+    std::fill_n(memory.data() + parts.begin(part), parts.width(part), 0.0F);
+  });
+  std::vector<Bandwidth> result;
+  for (int64_t bytes = kSmallest; bytes < largest; bytes *= kStep)
+    result.push_back(bandwidth(threads, memory, bytes));
+  result.push_back(bandwidth(threads, memory, largest));
+  return result;
+}
+
+/// Of a working set between two that were measured.
+Bandwidth bandwidth_at(const std::vector<Bandwidth>& measured, int64_t bytes) {
+  const auto next = std::ranges::lower_bound(measured, bytes, {}, &Bandwidth::bytes);
+  if (next == measured.begin()) return measured.front();
+  if (next == measured.end()) return measured.back();
+  const Bandwidth &low = *std::prev(next), &high = *next;
+  const double share = std::log(static_cast<double>(bytes) / static_cast<double>(low.bytes)) /
+                       std::log(static_cast<double>(high.bytes) / static_cast<double>(low.bytes));
+  return {bytes, std::lerp(low.read, high.read, share), std::lerp(low.copy, high.copy, share)};
+}
+
+}  // namespace
+
+double SpeedLimits::compute_ms(const LayerCost& cost) const {
+  const bool bf16 = cost.products == Precision::kBf16 && bf16_gflops > 0;
+  return 2 * static_cast<double>(cost.multiplications) / (bf16 ? bf16_gflops : float32_gflops) /
+         kPerMs;
+}
+
+double SpeedLimits::traffic_ms(const LayerCost& cost) const {
+  const Bandwidth here = bandwidth_at(bandwidths, cost.read_bytes + cost.written_bytes);
+  const auto both = static_cast<double>(2 * std::min(cost.read_bytes, cost.written_bytes));
+  const auto more = static_cast<double>(cost.read_bytes - cost.written_bytes);
+  // Nothing is only written faster than it is copied: a cache line is read before.
+  return (both / here.copy + (more > 0 ? more / here.read : -more / here.copy)) / kPerMs;
+}
+
+SpeedLimits measure_speed_limits(int threads) {
+  constexpr int64_t kRounds = 1 << 16;
+  check_threads(threads);
+  SpeedLimits limits;
+  limits.threads = threads;
+  limits.float32_gflops = gflops(threads, kRounds, multiply_float32);
+  limits.bf16_gflops = bf16_gflops(threads);
+  limits.bandwidths = bandwidths(threads);
+  return limits;
+}
+
+}  // namespace revisit::engine

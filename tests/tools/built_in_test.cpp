@@ -1,0 +1,115 @@
+// What needs a library that this build lacks is refused before any work; --version and doctor say
+// which those are.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <vector>
+
+#include "revisit/proto/error.h"
+#include "revisit/recognition/optional_library.h"
+#include "small_drive.h"
+#include "test_data.h"
+
+namespace revisit {
+namespace {
+
+namespace fs = std::filesystem;
+using pipeline::OptionalLibrary;
+
+constexpr const char* kServer = "'postgresql://nobody@127.0.0.1:1/none?map=m&patience=0'";
+
+struct Need {
+  std::string command;  // DATA, OUT and SERVER stand for a drive, a folder, and kServer
+  std::string library;
+  std::string option;  // that is refused
+};
+
+const std::vector<Need>& needs() {
+  static const std::vector<Need> list = [] {
+    std::vector<Need> needs = {
+        {"loops DATA --verify -o OUT/loops.csv --g2o OUT/loops.g2o", "PCL", "--verify"},
+        {"loops DATA --verify --map OUT/places.map", "PCL", "--verify"},
+        {"describe DATA --feature fabmap -o OUT/described", "OpenCV", "--feature fabmap"},
+        {"loops DATA --feature m2dp --graph-candidates 10 -o OUT/loops.csv", "FAISS",
+         "--graph-candidates"},
+        {"loops DATA --map SERVER -o OUT/loops.csv", "libpqxx", "--map"},
+        {"loops DATA --map OUT/places.map --basis SERVER", "libpqxx", "--basis"},
+        {"map build DATA --map SERVER", "libpqxx", "--map"},
+        {"map query SERVER scan.bin", "libpqxx", "map query"},
+        {"map merge OUT/a.map SERVER -o OUT/both.map", "libpqxx", "map merge"},
+        {"map merge OUT/a.map OUT/b.map -o SERVER", "libpqxx", "--output"}};
+    for (const char* command : {"info", "places", "check"})
+      needs.push_back({str("map ", command, " SERVER"), "libpqxx", str("map ", command)});
+    for (const char* feature : {"vfh", "esf", "grsd"}) {
+      const std::string option = str("--feature ", feature);
+      needs.push_back({"loops DATA -o OUT/loops.csv " + option, "PCL", option});
+      needs.push_back({"eval DATA -o OUT/results " + option, "PCL", option});
+      needs.push_back(
+          {"robustness DATA -o OUT/results --feature ring," + std::string(feature), "PCL", option});
+    }
+    return needs;
+  }();
+  return list;
+}
+
+std::string with(std::string command, const std::string& word, const std::string& value) {
+  for (size_t at = 0; (at = command.find(word, at)) != std::string::npos; at += value.size())
+    command.replace(at, word.size(), value);
+  return command;
+}
+
+TEST(BuiltIn, WhatALeftOutLibraryIsForIsRefusedBeforeAnyWork) {
+  const test::TempDir dir;
+  test::write_small_drive(dir / "drive", 6);
+  fs::create_directory(dir / "out");
+  for (const Need& need : needs()) {
+    const bool built_in = pipeline::optional_library(need.library).built_in;
+    // Where the library is there, the command comes as far as looking for the drive.
+    const fs::path data = built_in ? dir / "none" : dir / "drive";
+    std::string command = with(need.command, "DATA", data.string());
+    command = with(with(command, "OUT", (dir / "out").string()), "SERVER", kServer);
+    const auto result = test::run_revisit(command);
+    const std::string refusal =
+        need.option + ": this program was built without " + need.library + "; `tools/build.sh`";
+    if (built_in) {
+      EXPECT_NE(result.exit_code, 0) << command;
+      EXPECT_EQ(result.err.find("built without"), std::string::npos) << command << result.err;
+      continue;
+    }
+    EXPECT_EQ(result.exit_code, 2) << command << "\n" << result.err;
+    EXPECT_NE(result.err.find(refusal), std::string::npos) << command << "\n" << result.err;
+    EXPECT_EQ(result.out, "") << command;
+    EXPECT_TRUE(fs::is_empty(dir / "out")) << command;
+  }
+}
+
+TEST(BuiltIn, TheTableHasEveryOptionalLibrary) {
+  for (const OptionalLibrary& library : pipeline::optional_libraries())
+    EXPECT_TRUE(std::ranges::count(needs(), library.name, &Need::library)) << library.name;
+}
+
+TEST(BuiltIn, VersionAndDoctorSayWhatIsThere) {
+  const std::string version = test::run_revisit("--version").out;
+  EXPECT_TRUE(version.starts_with("revisit " REVISIT_VERSION "\nbuilt in: ")) << version;
+  const std::string line = version.substr(0, version.find('\n', version.find("built in: ")));
+  const std::string doctor = test::run_revisit("doctor --format json").out;
+  bool complete = true;
+  for (const OptionalLibrary& library : pipeline::optional_libraries()) {
+    complete &= library.built_in;
+    EXPECT_EQ(line.find(library.name) != std::string::npos, library.built_in) << version;
+    EXPECT_EQ(version.find(str("left out: ", library.name, " (")) == std::string::npos,
+              library.built_in)
+        << version;
+    const size_t at = doctor.find(str("\"name\": \"", library.name, "\""));
+    ASSERT_NE(at, std::string::npos) << doctor;
+    EXPECT_EQ(doctor.find("\"status\": \"ok\"", at) < doctor.find("\"found\"", at),
+              library.built_in)
+        << doctor;
+  }
+  EXPECT_EQ(version.find("tools/build.sh") == std::string::npos, complete) << version;
+  EXPECT_EQ(doctor.find("tools/build.sh") == std::string::npos, complete) << doctor;
+}
+
+}  // namespace
+}  // namespace revisit

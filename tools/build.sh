@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that are missing and builds the program with everything it can do:
+# build/release/tools/revisit. `tools/build.sh demo` is smaller: it does without the libraries that
+# few commands need.
+set -euo pipefail
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+options=(-DREVISIT_TESTS=OFF)
+case "${1:-program}" in
+  program) for library in PCL OPENCV FAISS POSTGRES; do options+=("-DREVISIT_$library=ON"); done ;;
+  demo) ;;
+  *) echo "usage: $0 [demo]" >&2; exit 2 ;;
+esac
+
+"$root/tools/install_packages.sh" "${1:-program}"
+mkdir -p "$root/build"
+log=$root/build/release.log
+(cd "$root" && cmake --preset release "${options[@]}") >"$log" 2>&1 || { cat "$log" >&2; exit 1; }
+cmake --build "$root/build/release" --target revisit

@@ -1,0 +1,39 @@
+#include "cli/built_in.h"
+
+#include "revisit/maps/map_store.h"
+#include "revisit/proto/error.h"
+#include "revisit/proto/joined.h"
+#include "revisit/recognition/optional_library.h"
+
+namespace revisit::cli {
+
+using pipeline::OptionalLibrary;
+
+std::string how_to_complete() {
+  return "`tools/build.sh` in its sources builds it with everything";
+}
+
+void need_built_in(const std::string& option, std::string_view library) {
+  if (!pipeline::optional_library(library).built_in)
+    throw UsageError(
+        str(option, ": this program was built without ", library, "; ", how_to_complete()));
+}
+
+void need_built_in_for_map(const std::string& option, const std::filesystem::path& map) {
+  if (pipeline::is_on_a_server(map.string())) need_built_in(option, "libpqxx");
+}
+
+std::string built_in_text() {
+  std::vector<std::string> built_in;
+  std::string left_out;
+  for (const OptionalLibrary& library : pipeline::optional_libraries())
+    if (library.built_in)
+      built_in.emplace_back(library.name);
+    else
+      left_out += str("left out: ", library.name, " (", library.use, ")\n");
+  if (!left_out.empty()) left_out += how_to_complete() + "\n";
+  return str("built in: ", built_in.empty() ? "no optional library" : joined(built_in, ", "), "\n",
+             left_out);
+}
+
+}  // namespace revisit::cli
