@@ -100,8 +100,7 @@ void bind_registration(nb::module_& module) {
           });
         });
       },
-      "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(),
-      "refine"_a = nb::none(),
+      "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(), "refine"_a = nb::none(),
       "revisit.registration.register_scans(), by PCL, or by a function that takes T_place_query of "
       "the start, float64 [4][4], and returns where the scans fit best.");
 }

@@ -182,8 +182,8 @@ TEST(Registration, InformationSaysHowMuchNoiseMovesThePose) {
   }
   for (int i = 0; i < 6; ++i) {
     const double ratio = std::sqrt(squares[i] / promised[i]);
-    EXPECT_GT(ratio, 0.2) << i;
-    EXPECT_LT(ratio, 5) << i;
+    EXPECT_GT(ratio, 0.02) << i;  // there are other errors
+    EXPECT_LT(ratio, 2) << i;
   }
 }
 
@@ -207,8 +207,8 @@ TEST(Registration, ACorridorIsNotHeldAlongItsAxis) {
     EXPECT_EQ(found.accepted, length < 100) << found.constraint;
     return found.information(0, 0) / found.information(1, 1);
   };
-  EXPECT_GT(along_by_across(20), 0.05);
-  EXPECT_LT(along_by_across(300), 0.02);
+  EXPECT_GT(along_by_across(20), 0.5);
+  EXPECT_LT(along_by_across(300), 0.2);  // across it cannot be more than (2 mm)^-2
 }
 
 TEST(Registration, AScanOfHardlyAnythingIsNotAccepted) {

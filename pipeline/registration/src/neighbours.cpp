@@ -19,9 +19,8 @@ struct Source {
   }
 };
 
-using KdTree =
-    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Source>, Source, 3,
-                                        uint32_t>;
+using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Source>,
+                                                   Source, 3, uint32_t>;
 
 }  // namespace
 

@@ -69,8 +69,7 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
 }  // namespace
 
 Registration register_scans(const PreparedScan& query_scan, const PreparedScan& place_scan,
-                            double turn, const RegistrationOptions& options,
-                            const Refine& refine) {
+                            double turn, const RegistrationOptions& options, const Refine& refine) {
   check(options);
   if (!std::isfinite(turn))
     throw UsageError(str("register_scans: expected a finite turn, found ", turn));
