@@ -188,7 +188,7 @@ class Drives(Command):
             self.fails(1, 'pip install matplotlib', self.plain, '--plot', 'x.png')
         with mock.patch.dict(sys.modules, {'rerun': None}):
             self.fails(1, 'pip install rerun-sdk', self.plain, '--rerun')
-        with mock.patch.dict(os.environ, {'PATH': ''}):
+        with mock.patch('revisit.loops.show.program', lambda: None):
             self.fails(1, 'the program revisit, which is not on PATH', self.plain, '--report', 'x.html')
         if PROGRAM:
             page = self.folder / 'loops.html'
