@@ -13,7 +13,7 @@ set(sees_pipeline/registration registration recognition engine proto)
 set(sees_pipeline/simulation simulation datasets engine proto)  # knows no recognition
 set(sees_pipeline/maps maps recognition engine proto)
 set(sees_weights_conversion weights_conversion proto)
-set(sees_python maps registration simulation baselines datasets recognition engine proto)
+set(sees_python maps evaluation registration simulation baselines datasets recognition engine proto)
 set(sees_tools tools maps registration simulation baselines evaluation datasets recognition engine proto weights_conversion)
 
 # library header pattern -> files that may include it
