@@ -34,7 +34,7 @@ constexpr std::array<Table, 5> kMapTables{{
      "CREATE TABLE place (id INTEGER PRIMARY KEY, drive TEXT, frame INTEGER, time REAL, pose BLOB, "
      "descriptor BLOB, feature BLOB, revision INTEGER, checksum INTEGER)"},
 }};
-constexpr Table kTableOfRemoved{
+constexpr Table kRemovedTable{
     // the last, from the first removal on
     "removed", "CREATE TABLE removed (id INTEGER PRIMARY KEY, place INTEGER, checksum INTEGER)"};
 constexpr std::array<const char*, 2> kHeads{"map", "map_copy"};
@@ -94,7 +94,7 @@ bool may_have_removed(Connection& connection) {
 
 void make_table_of_removed(Connection& connection) {
   if (may_have_removed(connection)) return;
-  connection.execute(kTableOfRemoved.sql);
+  connection.execute(kRemovedTable.sql);
   connection.execute(str("PRAGMA user_version = ", kMapVersion));
 }
 
@@ -126,7 +126,7 @@ void check_schema(Connection& connection) {
     must_be(str("the table '", table.name, "'"), table.sql, std::string(select.bytes(1)));
   };
   for (const Table& table : kMapTables) must_come(table);
-  if (version > kFirstMapVersion) must_come(kTableOfRemoved);
+  if (version > kFirstMapVersion) must_come(kRemovedTable);
   if (select.step())
     throw InputError(
         str(damaged, "it has '", select.bytes(0), "', which is not part of a map", remedy));
