@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "expect_error.h"
+#include "killed_writer.h"
 #include "read_map.h"
 #include "test_data.h"
 
@@ -354,21 +355,16 @@ TEST(MapStore, ACutFileIsRefusedOrNamed) {
 }
 
 /// Adds places one by one and says each id that was acknowledged, until it is killed.
-[[noreturn]] void add_for_ever(const fs::path& file, int pipe) {
-  try {
-    const auto map = writer_of(file);
-    int64_t id = map->size();
-    while (true) {
-      ++id;
-      if (id % 7 == 0) map->set_value("threshold", std::to_string(id));
-      const StoredPlace place = made(id);
-      const int64_t given = map->add({&place, 1}).at(0);
-      if (given != id || ::write(pipe, &given, sizeof(given)) != sizeof(given)) break;
-    }
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
+void add_for_ever(const fs::path& file, int pipe) {
+  const auto map = writer_of(file);
+  int64_t id = map->size();
+  while (true) {
+    ++id;
+    if (id % 7 == 0) map->set_value("threshold", std::to_string(id));
+    const StoredPlace place = made(id);
+    const int64_t given = map->add({&place, 1}).at(0);
+    if (given != id || ::write(pipe, &given, sizeof(given)) != sizeof(given)) break;
   }
-  std::_Exit(1);
 }
 
 TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
@@ -381,22 +377,11 @@ TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
       file = dir / ("map" + std::to_string(kill));
       acknowledged = 0;
     }
-    int ends[2];
-    ASSERT_EQ(::pipe(ends), 0);
-    const pid_t child = ::fork();
-    if (child == 0) add_for_ever(file, ends[1]);
-    ::close(ends[1]);
     // Three times of four soon after an answer, else at any time.
-    int64_t id = 0;
-    for (int wanted = static_cast<int>(random() % 4); wanted > 0; --wanted)
-      if (::read(ends[0], &id, sizeof(id)) == sizeof(id)) acknowledged = id;
-    ::usleep(static_cast<useconds_t>(random() % 4000));
-    ::kill(child, SIGKILL);
-    while (::read(ends[0], &id, sizeof(id)) == sizeof(id)) acknowledged = id;
-    ::close(ends[0]);
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    ASSERT_TRUE(WIFSIGNALED(status)) << "the writer ended by itself";
+    const auto answers = static_cast<int>(random() % 4), wait = static_cast<int>(random() % 4000);
+    acknowledged = test::last_before_kill([&](int pipe) { add_for_ever(file, pipe); }, answers,
+                                          wait, acknowledged);
+    ASSERT_FALSE(HasFailure());
 
     if (acknowledged > 0 && kill % 2 == 0) {
       ASSERT_EQ(check_map(file), std::vector<std::string>()) << kill;
@@ -413,22 +398,17 @@ TEST(MapStore, AKillLosesNothingThatWasAcknowledged) {
 }
 
 /// Replaces the descriptors by the number of the revision, says each that was acknowledged.
-[[noreturn]] void replace_for_ever(const fs::path& file, int pipe) {
-  try {
-    const auto map = writer_of(file);
-    for (int64_t revision = read_all(*map).position.revision;; ++revision) {
-      const int64_t next = revision + 1;
-      const auto number = [next](const StoredPlace&) {
-        return std::vector<float>{static_cast<float>(next)};
-      };
-      if (!map->replace_descriptors(number, {{"basis", std::to_string(next)}}, revision) ||
-          ::write(pipe, &next, sizeof(next)) != sizeof(next))
-        break;
-    }
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
+void replace_for_ever(const fs::path& file, int pipe) {
+  const auto map = writer_of(file);
+  for (int64_t revision = read_all(*map).position.revision;; ++revision) {
+    const int64_t next = revision + 1;
+    const auto number = [next](const StoredPlace&) {
+      return std::vector<float>{static_cast<float>(next)};
+    };
+    if (!map->replace_descriptors(number, {{"basis", std::to_string(next)}}, revision) ||
+        ::write(pipe, &next, sizeof(next)) != sizeof(next))
+      break;
   }
-  std::_Exit(1);
 }
 
 TEST(MapStore, AKillLeavesTheDescriptorsOfOneRevision) {
@@ -437,22 +417,10 @@ TEST(MapStore, AKillLeavesTheDescriptorsOfOneRevision) {
   std::mt19937 random(5);
   int64_t acknowledged = 0;
   for (int kill = 0; kill < 60; ++kill) {
-    int ends[2];
-    ASSERT_EQ(::pipe(ends), 0);
-    const pid_t child = ::fork();
-    if (child == 0) replace_for_ever(dir / "map", ends[1]);
-    ::close(ends[1]);
-    int64_t revision = 0;
-    if (kill % 4 != 0 && ::read(ends[0], &revision, sizeof(revision)) == sizeof(revision))
-      acknowledged = revision;
-    ::usleep(static_cast<useconds_t>(random() % 8000));
-    ::kill(child, SIGKILL);
-    while (::read(ends[0], &revision, sizeof(revision)) == sizeof(revision))
-      acknowledged = revision;
-    ::close(ends[0]);
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    ASSERT_TRUE(WIFSIGNALED(status)) << "the writer ended by itself";
+    const auto wait = static_cast<int>(random() % 8000);
+    acknowledged = test::last_before_kill([&](int pipe) { replace_for_ever(dir / "map", pipe); },
+                                          kill % 4 != 0 ? 1 : 0, wait, acknowledged);
+    ASSERT_FALSE(HasFailure());
 
     const auto map = writer_of(dir / "map");
     const WhatWasRead read = read_all(*map);

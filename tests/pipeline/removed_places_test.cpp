@@ -1,15 +1,14 @@
 // Places that are removed from a map in a file: gone for good, and never taken for lost.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <csignal>
 #include <fstream>
 #include <random>
 #include <set>
 
 #include "expect_error.h"
+#include "killed_writer.h"
 #include "read_map.h"
 #include "test_data.h"
 
@@ -164,17 +163,12 @@ TEST(RemovedPlaces, NoDamagedByteBringsOneBackOrHidesALoss) {
 }
 
 /// Removes places one by one and says each that was acknowledged, until it is killed.
-[[noreturn]] void remove_for_ever(const fs::path& file, int64_t from, int pipe) {
-  try {
-    const auto map = writer_at(file);
-    for (int64_t id = from;; ++id) {
-      map->remove({&id, 1});
-      if (::write(pipe, &id, sizeof(id)) != sizeof(id)) break;
-    }
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
+void remove_for_ever(const fs::path& file, int64_t from, int pipe) {
+  const auto map = writer_at(file);
+  for (int64_t id = from;; ++id) {
+    map->remove({&id, 1});
+    if (::write(pipe, &id, sizeof(id)) != sizeof(id)) break;
   }
-  std::_Exit(1);
 }
 
 TEST(RemovedPlaces, AKillLeavesEachRemovalDoneWholeOrNotAtAll) {
@@ -185,20 +179,11 @@ TEST(RemovedPlaces, AKillLeavesEachRemovalDoneWholeOrNotAtAll) {
   std::set<int64_t> removed;
   for (int kill = 0; kill < 25; ++kill) {
     const auto from = static_cast<int64_t>(removed.size()) + 1;
-    int ends[2];
-    ASSERT_EQ(::pipe(ends), 0);
-    const pid_t child = ::fork();
-    if (child == 0) remove_for_ever(dir / "map", from, ends[1]);
-    ::close(ends[1]);
-    int64_t id = 0, acknowledged = from - 1;
-    if (kill % 4 != 0 && ::read(ends[0], &id, sizeof(id)) == sizeof(id)) acknowledged = id;
-    ::usleep(static_cast<useconds_t>(random() % 5000));
-    ::kill(child, SIGKILL);
-    while (::read(ends[0], &id, sizeof(id)) == sizeof(id)) acknowledged = id;
-    ::close(ends[0]);
-    int status = 0;
-    ::waitpid(child, &status, 0);
-    ASSERT_TRUE(WIFSIGNALED(status)) << "the writer ended by itself";
+    const auto wait = static_cast<int>(random() % 5000);
+    const int64_t acknowledged =
+        test::last_before_kill([&](int pipe) { remove_for_ever(dir / "map", from, pipe); },
+                               kill % 4 != 0 ? 1 : 0, wait, from - 1);
+    ASSERT_FALSE(HasFailure());
 
     const auto map = open_map(dir / "map", MapAccess::kRead);
     const std::vector<int64_t> now = map->removed();
