@@ -16,7 +16,7 @@ ERRORS = {2: errors.UsageError, 3: errors.InputError, 4: errors.UnsupportedError
 def path() -> Path:
     """Where the program is. Raises UnsupportedError in a package that was built without it."""
     program = Path(__file__).with_name('bin') / 'revisit'
-    if not program.is_file():
+    if not (program.is_file() and os.access(program, os.X_OK)):
         raise errors.UnsupportedError(
             'this package was built without the program `revisit`; build it with the program: '
             "pip install . -C cmake.define.REVISIT_TOOLS=ON, in the root of the sources")

@@ -1,18 +1,19 @@
 """Pictures of the loops: the report of the C++ program, or one drawn with matplotlib."""
 
 import math
-import os
 import shutil
 import subprocess
-from pathlib import Path
 
-from revisit.errors import Error
+from revisit import program as bundled
+from revisit.errors import Error, UnsupportedError
 
 
 def program() -> str | None:
-    """`revisit`, on PATH or in the package."""
-    bundled = Path(__file__).parents[1] / 'bin' / 'revisit'
-    return str(bundled) if os.access(bundled, os.X_OK) else shutil.which('revisit')
+    """`revisit`, in the package or on PATH."""
+    try:
+        return str(bundled.path())
+    except UnsupportedError:
+        return shutil.which('revisit')
 
 
 def need_program():
