@@ -310,9 +310,8 @@ void check_threshold(std::optional<double> threshold) {
     throw UsageError(str("the threshold: expected a number, found ", *threshold));
 }
 
-/// All of `places` but those at some positions.
-std::vector<CandidateRange> ranges_without(std::vector<int64_t> left_out, int64_t places) {
-  std::ranges::sort(left_out);
+/// All of `places` but those at some positions, which ascend.
+std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out, int64_t places) {
   std::vector<CandidateRange> ranges;
   int64_t begin = 0;
   for (const int64_t position : left_out) {
@@ -421,9 +420,10 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   const Impl& impl = *impl_;
   if (!scan.described() || impl.places.empty()) return std::nullopt;
   std::vector<int64_t> left_out(without.begin(), without.end());
-  left_out.insert(left_out.end(), impl.removed.begin(), impl.removed.end());
-  const std::vector<CandidateRange> candidates =
-      ranges_without(std::move(left_out), impl.index->size());
+  std::ranges::sort(left_out);
+  const auto middle = left_out.insert(left_out.end(), impl.removed.begin(), impl.removed.end());
+  std::ranges::inplace_merge(left_out, middle);
+  const std::vector<CandidateRange> candidates = ranges_without(left_out, impl.index->size());
   const std::vector<float> descriptor = impl.descriptor_of(scan.feature);
   const Match match =
       impl.index->best(descriptor, candidates, {.k = impl.options.k, .score = impl.options.score});

@@ -133,10 +133,12 @@ std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<d
                     " matrix did not converge, or it was compared with one that is not positive "
                     "definite (LAPACK zhegvd: ",
                     info, ")"));
+  std::vector<double> fixed(m);  // cos(k^2), to which nothing natural is orthogonal
+  for (int64_t k = 0; k < m; ++k) fixed[k] = std::cos(static_cast<double>(k * k));
   for (int64_t i = 0; i < m; ++i) {
     std::complex<double>* const v = a + i * m;
-    std::complex<double> product = 0;  // with cos(k^2), to which nothing natural is orthogonal
-    for (int64_t k = 0; k < m; ++k) product += std::cos(static_cast<double>(k * k)) * v[k];
+    std::complex<double> product = 0;
+    for (int64_t k = 0; k < m; ++k) product += fixed[k] * v[k];
     const double length = std::abs(product);
     if (length == 0) continue;
     for (int64_t k = 0; k < m; ++k) v[k] *= std::conj(product) / length;
