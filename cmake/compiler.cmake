@@ -6,6 +6,8 @@ target_compile_options(revisit_build_flags INTERFACE
   $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)  # g++ 12 warns falsely about std::string operator+ (GCC bug 105651)
 # A file of a batch is a header to g++, which then warns of a class that has a field of an anonymous namespace.
 target_compile_options(revisit_build_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+# g++ collects garbage from 128 MB on, which is a tenth of the time to compile a batch. The largest batch takes 1.2 GB either way.
+add_compile_options($<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CXX_COMPILER_ID:GNU>>:--param=ggc-min-heapsize=524288>)  # kB
 if(REVISIT_WERROR)
   target_compile_options(revisit_build_flags INTERFACE -Werror)
 endif()
