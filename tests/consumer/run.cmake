@@ -1,5 +1,4 @@
-# Installs the build tree into a scratch folder, builds pipeline/whole_path.cpp and loop_closure.cpp against it and
-# asks them for places.
+# Installs the build tree into a scratch folder, builds the programs of pipeline/ against it and asks them for places.
 #   cmake -DBUILD=<build tree> -DSOURCE=<tests/consumer> -DGENERATOR=... -P run.cmake
 cmake_policy(VERSION 3.25)
 set(work ${BUILD}/tests/consumer_work)
@@ -14,8 +13,7 @@ function(must)
 endfunction()
 must(${CMAKE_COMMAND} --install ${BUILD} --prefix ${work}/prefix)
 must(${CMAKE_COMMAND} -S ${SOURCE} -B ${work}/build -G ${GENERATOR} -DCMAKE_PREFIX_PATH=${work}/prefix
-     -DWHOLE_PATH=${SOURCE}/../../pipeline/whole_path.cpp -DLOOP_CLOSURE=${SOURCE}/../../pipeline/loop_closure.cpp
-     -DCMAKE_BUILD_TYPE=Debug)
+     -DPROGRAMS=${SOURCE}/../../pipeline -DCMAKE_BUILD_TYPE=Debug)
 must(${CMAKE_COMMAND} --build ${work}/build)
 
 # The same by pkg-config: a program, and each library whole, so that the linker asks for all that it needs.
@@ -66,6 +64,12 @@ foreach(known 3 6)  # the second time it knows the places of the first
     message(FATAL_ERROR "expected ${known} places, found: ${out}")
   endif()
 endforeach()
+# Another day, on one of two floors.
+must(${work}/build/loop_closure upper.map second.pcd)
+must(${work}/build/two_sessions both.map second.pcd upper.map places.map)
+if(NOT out MATCHES "place 1 of upper.map, .*7 places in both.map")
+  message(FATAL_ERROR "expected the place of upper.map and 7 places, found: ${out}")
+endif()
 file(GLOB_RECURSE headers ${work}/prefix/include/*.h)
 foreach(header IN LISTS headers)
   file(STRINGS ${header} bad REGEX "#include.*(google/protobuf|pb\\.h|pcl/|opencv|embree|sqlite)")
