@@ -79,6 +79,23 @@ def evaluates():
     assert recognition.fit_pca(line, 2).rank == 1
 
 
+def registers():
+    """A scan with itself, seen 1 m further on; without PCL and small_gicp the message says what to install."""
+    try:
+        from revisit.registration import PreparedScan, register_scans
+    except ImportError as error:
+        assert "pip install 'revisit[registration]'" in str(error), error
+        print(error)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        simulation.simulate(folder, length=300, every=200)
+        place = datasets.read_scan(datasets.open_dataset(folder).scans[0].file)
+    query = place.copy()
+    query[:, 0] -= 1
+    found = register_scans(PreparedScan(query), PreparedScan(place), 0)
+    assert found.accepted and np.allclose(found.T_place_query[:3, 3], [1, 0, 0], atol=0.05), found.T_place_query
+
+
 def has_the_program():
     """The whole program `revisit`, as a command and from Python, where the package was built with it."""
     command = Path(sys.executable).with_name('revisit')
@@ -97,6 +114,9 @@ def has_the_program():
         assert done.returncode == 0 and done.stdout.startswith('frame,time,'), done.stdout + done.stderr
         places = len(maps.MapStore.open(f'{folder}/town.map'))
         assert f' {places} places' in program.run('map', 'remove', f'{folder}/town.map', '--ids', 1).stdout
+        program.run('loops', f'{folder}/town', '--all', '-q', '--format', 'jsonl', '-o', f'{folder}/loops.jsonl')
+        report.write_report(f'{folder}/loops.jsonl', f'{folder}/report.html')
+        assert 'loops.jsonl' in Path(f'{folder}/report.html').read_text()
         try:
             report.write_report(f'{folder}/nothing', f'{folder}/report.html')
             assert False, 'a report of nothing'
@@ -107,6 +127,7 @@ def has_the_program():
 classifies()
 finds_a_loop()
 evaluates()
+registers()
 has_the_commands()
 has_the_program()
 stands_alone()
