@@ -188,9 +188,8 @@ void measure(const RingMap& map, int64_t n) {
     const Answers with_keys = ask(all, map, queries, candidates, 3);
     int64_t right = 0;
     const double share = kept(map, queries, exact, with_keys, right);
-    std::printf("| %lld | %lld | %.2f | %.3g, %.3g | %.3g | %lld | %.4f | %.4f |\n", (long long)n,
-                (long long)candidates, with_keys.build, with_keys.at(0.5), with_keys.at(0.99),
-                exact.at(0.5), (long long)right, share,
+    std::printf("| %ld | %ld | %.2f | %.3g, %.3g | %.3g | %ld | %.4f | %.4f |\n", n, candidates,
+                with_keys.build, with_keys.at(0.5), with_keys.at(0.99), exact.at(0.5), right, share,
                 recall_of(exact.matches, with_keys.matches));
     std::fflush(stdout);
   }
