@@ -1,6 +1,7 @@
 #include "upgrade.h"
 
-#include <algorithm>
+#include <string_view>
+#include <unordered_set>
 
 #include "revisit/proto/error.h"
 #include "upgrade_v0.h"
@@ -42,15 +43,17 @@ std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {
   return shapes;
 }
 
-/// Whether some layer reads this blob and none writes it.
-bool is_missed(const caffe::NetParameter& net, const std::string& blob) {
-  bool is_read = false;
+/// Names of the blobs that some layer reads and none makes; to change one in place is to read it.
+std::unordered_set<std::string_view> missed_blobs(const caffe::NetParameter& net) {
+  std::unordered_set<std::string_view> missed;
+  for (const caffe::LayerParameter& layer : net.layer())
+    missed.insert(layer.bottom().begin(), layer.bottom().end());
   for (const caffe::LayerParameter& layer : net.layer()) {
-    const bool reads = std::ranges::find(layer.bottom(), blob) != layer.bottom().end();
-    if (!reads && std::ranges::find(layer.top(), blob) != layer.top().end()) return false;
-    is_read |= reads;
+    const std::unordered_set<std::string_view> read(layer.bottom().begin(), layer.bottom().end());
+    for (const std::string& blob : layer.top())
+      if (!read.contains(blob)) missed.erase(blob);
   }
-  return is_read;
+  return missed;
 }
 
 void put_in_front(caffe::LayerParameter& layer, caffe::NetParameter& net) {
@@ -69,8 +72,9 @@ void upgrade_inputs(caffe::NetParameter& net, ShapelessInputs inputs,
     if (has_shape || has_dim)
       warnings.emplace_back("input_shape or input_dim without `input` is ignored");
   } else if (!has_shape && !has_dim) {
+    const auto missed = missed_blobs(net);
     for (const std::string& blob : net.input()) {
-      if (inputs == ShapelessInputs::kKept && is_missed(net, blob)) {
+      if (inputs == ShapelessInputs::kKept && missed.contains(blob)) {
         input.add_top(blob);
       } else {
         warnings.push_back(

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cctype>
+#include <chrono>
 #include <map>
 
 #include "expect_error.h"
@@ -69,6 +70,31 @@ TEST(UpgradeInputs, InputWithoutDimsIsDropped) {
   EXPECT_EQ(
       expect_upgrade("input_dim: 3 layer { name: 'r' }", "layer { name: 'r' }").warnings.size(),
       1U);
+}
+
+/// They took minutes when each input looked at all layers.
+TEST(UpgradeInputs, ManyWithoutDimsAreQuick) {
+  std::string text;
+  for (int i = 0; i < 100'000; ++i) text += "input:'a'";
+  for (int i = 0; i < 15'000; ++i) text += "layer{top:'b'bottom:'c'}";
+  const auto begin = std::chrono::steady_clock::now();
+  EXPECT_EQ(parse_net(text, "net").warnings.size(), 100'000U);
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(4));
+}
+
+TEST(UpgradeInputs, OnlyThoseThatAreReadAndNotMadeAreKept) {
+  const NetFile file = parse_net(
+      "input: 'read' input: 'made' input: 'changed' input: 'read, then made' input: 'none'"
+      "layer { name: 'm' type: 'DummyData' top: 'made' }"
+      "layer { name: 'p' type: 'Power' bottom: 'changed' top: 'changed' }"
+      "layer { name: 'q' type: 'Eltwise' bottom: 'read' bottom: 'made' bottom: 'read, then made' "
+      "top: 'q' }"
+      "layer { name: 'r' type: 'Power' bottom: 'q' top: 'read, then made' }",
+      "net");
+  const auto& kept = file.net.layer(0).top();
+  EXPECT_EQ(std::vector<std::string>(kept.begin(), kept.end()),
+            (std::vector<std::string>{"read", "changed"}));
+  EXPECT_EQ(file.warnings.size(), 3U);
 }
 
 TEST(UpgradeInputs, StandsBesideAnInputLayerOfItsOwn) {
