@@ -160,6 +160,14 @@ class Temporary {
   std::optional<FileBuffer> buffer_;
 };
 
+/// Gives a file the permissions of the one that it is to replace, which may be private. Where the
+/// system refuses, it has those of a new one.
+void take_permissions(int descriptor, const fs::path& from) {
+  struct stat there {};
+  if (::stat(from.c_str(), &there) == 0)
+    static_cast<void>(::fchmod(descriptor, there.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO)));
+}
+
 /// Fills what the buffer is open on, down to the disk.
 void fill(FileBuffer& buffer, const fs::path& file,
           const std::function<void(std::ostream&)>& write) {
@@ -191,6 +199,7 @@ void write_atomically(const fs::path& file, const std::function<void(std::ostrea
   const Target target = resolve(file);
   if (target.writing == Writing::kStreams) return write_stream(file, target, write);
   Temporary temporary(file, target.file);
+  take_permissions(temporary.buffer().fd(), target.file);
   fill(temporary.buffer(), file, write);
   temporary.rename_to(target.file);
 }

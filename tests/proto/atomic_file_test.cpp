@@ -33,6 +33,21 @@ TEST(WriteAtomically, ReplacesTheWholeFileAndLeavesNothingElse) {
   EXPECT_EQ(n_files(dir.path()), 1U);
 }
 
+TEST(WriteAtomically, TheNewFileHasThePermissionsOfTheOld) {
+  const test::TempDir dir;
+  for (const mode_t mode : {0600, 0664, 0400}) {
+    test::write_file(dir / "f", "old");
+    ASSERT_EQ(::chmod((dir / "f").c_str(), mode), 0);
+    write_atomically(dir / "f", [&](std::ostream& out) {
+      out << "new";
+      EXPECT_EQ(fs::status(dir / "f.1.part").permissions(), fs::perms{mode}) << "private before";
+    });
+    EXPECT_EQ(test::read_file(dir / "f"), "new");
+    EXPECT_EQ(fs::status(dir / "f").permissions(), fs::perms{mode});
+    fs::remove(dir / "f");
+  }
+}
+
 TEST(WriteAtomically, KeepsTheOldFileWhenWritingFails) {
   const test::TempDir dir;
   test::write_file(dir / "f", "old");

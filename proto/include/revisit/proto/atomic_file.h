@@ -21,8 +21,9 @@ Writing writing_of(const std::filesystem::path& file);
 
 /// Writes a file so that it appears whole or not at all: `write` fills a temporary file beside it
 /// (NAME.1.part), which is flushed to disk, checked and renamed. Behind a symbolic link the file it
-/// names is replaced, and the link stays. What a writer that was killed left at the same target is
-/// removed. Any number of threads and processes may write at one target; the last one's file stays.
+/// names is replaced, and the link stays. The new file has the old one's permissions. What a writer
+/// that was killed left at the same target is removed. Any number of threads and processes may
+/// write at one target; the last one's file stays.
 ///
 /// Only regular files are ever replaced: FIFOs, character devices (/dev/null) and descriptors
 /// of this process (/dev/stdout) are written to as they are; anything else is refused
