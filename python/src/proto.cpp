@@ -5,6 +5,7 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
+#include <deque>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -12,6 +13,7 @@
 #include "arrays.h"
 #include "listener.h"
 #include "module.h"
+#include "revisit/proto/atomic_file.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 
@@ -101,6 +103,32 @@ void set_weights(NetFile& file, const nb::dict& weights) {
       throw UsageError(
           str("set_weights: there is no layer '", name, "'", did_you_mean(name, names)));
   }
+}
+
+/// The memory of an object that has the buffer protocol.
+class Chunk {
+ public:
+  explicit Chunk(nb::handle object) {
+    if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_SIMPLE) != 0) nb::raise_python_error();
+  }
+  ~Chunk() { PyBuffer_Release(&view_); }
+  Chunk(const Chunk&) = delete;
+  Chunk& operator=(const Chunk&) = delete;
+
+  void write(std::ostream& out) const { out.write(static_cast<const char*>(view_.buf), view_.len); }
+
+ private:
+  Py_buffer view_;
+};
+
+void write_chunks(const fs::path& path, const nb::list& objects) {
+  std::deque<Chunk> chunks;
+  for (const nb::handle object : objects) chunks.emplace_back(object);
+  without_lock([&] {
+    write_atomically(path, [&](std::ostream& out) {
+      for (const Chunk& chunk : chunks) chunk.write(out);
+    });
+  });
 }
 
 void bind_net_file(nb::module_& module) {
@@ -235,6 +263,9 @@ void bind_proto(nb::module_& module) {
       .def_ro("layers", &Limits::layers);
   bind_net_file(module);
   bind_weights(module);
+  module.def("write_atomically", &write_chunks, "path"_a, "chunks"_a,
+             "Writes bytes, one after the other, as a file that appears whole or not at all. FIFOs "
+             "and devices are written to; behind a link the file it names is replaced.");
 }
 
 }  // namespace revisit::python

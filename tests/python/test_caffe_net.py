@@ -1,6 +1,7 @@
 """revisit.caffe.Net: what pycaffe's nets do, on nets small enough to compute by hand."""
 
 import gc
+import os
 import tempfile
 import unittest
 import warnings
@@ -426,6 +427,26 @@ class Weights(Scripts):
             with self.assertRaises(OSError):
                 net.save(path)
         self.assertEqual(sorted(p.name for p in self.folder.iterdir()), ['folder', 'net.prototxt'])
+
+    def test_save_through_a_link_and_into_a_fifo(self):
+        net = self.net(WEIGHTED)
+        net.save(self.folder / 'wanted')
+        wanted = (self.folder / 'wanted').read_bytes()
+        (self.folder / 'link').symlink_to('real')
+        net.save(self.folder / 'link')
+        self.assertTrue((self.folder / 'link').is_symlink())
+        self.assertEqual((self.folder / 'real').read_bytes(), wanted)
+        fifo = self.folder / 'fifo'
+        os.mkfifo(fifo)
+        reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)  # a net this small fits into it
+        self.addCleanup(os.close, reader)
+        net.save(fifo)
+        self.assertTrue(fifo.is_fifo())
+        self.assertEqual(os.read(reader, 1 << 16), wanted)
+        self.assertEqual(
+            sorted(p.name for p in self.folder.iterdir()),
+            ['fifo', 'link', 'net.prototxt', 'real', 'wanted'],
+        )
 
     def test_save_and_load_hdf5(self):
         try:

@@ -7,7 +7,9 @@ from collections import OrderedDict
 
 import numpy as np
 
-from ..errors import InputError
+from revisit._core.proto import write_atomically
+
+from ..errors import Error, InputError
 from . import _caffemodel, _engine, _scripts, _structure
 from ._blob import Blob
 from ._net_weights import NetWeights
@@ -148,7 +150,11 @@ class Net:
             self._ranges.clear()
 
     def save(self, path):
-        """Writes a caffemodel of all layers and weights, which appears whole or not at all."""
+        """Writes a caffemodel of all layers and weights, which appears whole or not at all.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
         layers = []
         for layer in self.layers:
             message = caffe_pb2.LayerParameter()
@@ -161,15 +167,10 @@ class Net:
             message.ClearField('blobs')
             layers.append((message, [blob.read() for blob in layer.blobs]))
         chunks = _caffemodel.caffemodel(self._name, layers)
-        part = os.fsdecode(path) + '.part'
         try:
-            with open(part, 'wb') as file:
-                file.writelines(chunks)
-            os.replace(part, path)
-        except OSError:
-            if os.path.exists(part):
-                os.remove(part)
-            raise
+            write_atomically(os.fsdecode(path), chunks)
+        except Error as error:
+            raise OSError(str(error)) from None
 
     def save_hdf5(self, path):
         """Writes the weights as an HDF5 file in Caffe's layout. Needs the package h5py."""
