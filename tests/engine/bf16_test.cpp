@@ -448,6 +448,18 @@ TEST(Bf16Nets, AreCloseToFloat32AndTheSameForAnyNumberOfThreads) {
             output_of(net, {.reference_kernels = true}));
 }
 
+/// A strip of the pooling that has only the last window, which is empty, and strides beyond the
+/// kernels: of a row that nobody reads nothing must be made.
+TEST(Bf16Nets, PoolWindowsThatAreEmptyBehindTheFirstConvolution) {
+  const Net net = test::small_net(
+      {1, 3, 140, 140},
+      test::conv("c", "data", "num_output: 512 kernel_size: 2 stride: 4") +
+          test::layer("i", "Pooling", {"c"}, "pooling_param { kernel_size: 1 stride: 33 }"));
+  EXPECT_EQ(test::kernel_of(net.plan({}, {.precision = Precision::kBf16}), "i"), "in c");
+  EXPECT_EQ(output_of(net, {.precision = Precision::kBf16}),
+            output_of(net, {.keep = {"c"}, .precision = Precision::kBf16}));
+}
+
 TEST(Bf16Nets, TakeLessMemoryAndKeepToTheLimit) {
   const Net net = mixed_net();
   const Plan wide = net.plan(), narrow = net.plan({}, {.precision = Precision::kBf16});

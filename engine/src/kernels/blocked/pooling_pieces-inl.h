@@ -81,8 +81,8 @@ struct PoolingPiece {
   }
 };
 
-/// `make_row(range, row, step)` writes the pixels of the range to `row`, `step` floats from block
-/// to block; it is called for the rows that some window has, from top to bottom.
+/// `make_row(range, row, step)` writes the pixels of the range, which has some, to `row`, `step`
+/// floats from block to block; it is called for the rows that some window has, from top to bottom.
 template <class T, class MakeRow>
 HWY_INLINE void pool_piece(const PoolingPiece<T>& piece, const MakeRow& make_row) {
   const PoolingProblem& p = piece.pooling;
@@ -91,7 +91,8 @@ HWY_INLINE void pool_piece(const PoolingPiece<T>& piece, const MakeRow& make_row
   for (int64_t y = piece.first_row; y < piece.end_row; ++y) {
     while (first < p.out_h && piece.rows(first).end <= y) ++first;
     if (first == p.out_h || piece.rows(first).begin > y) continue;
-    make_row(PixelRange{y, left, right}, piece.row, (right - left) * kLanes);
+    if (left < right)  // else a last window that is empty is the only one
+      make_row(PixelRange{y, left, right}, piece.row, (right - left) * kLanes);
     for (int64_t out_y = first; out_y < p.out_h && piece.rows(out_y).begin <= y; ++out_y)
       piece.add(out_y, 1, y > std::max(piece.rows(out_y).begin, piece.first_row), left, right);
   }
