@@ -106,6 +106,21 @@ TEST(PriorBox, RefusesWhatCannotBe) {
   expect_error<InputError>(make("min_size: 4 step: 1 step_h: 2 step_w: 2"), {"not both"});
 }
 
+/// What some lines of text ask for must not take the machine's memory.
+TEST(PriorBox, RefusesMoreBoxesThanAnyDetectorHas) {
+  const auto make = [](int n_sizes, int n_ratios) {
+    std::string param;
+    for (int i = 0; i < n_sizes; ++i) param += "min_size: 4 ";
+    for (int i = 0; i < n_ratios; ++i) param += str("aspect_ratio: ", 2 + i, " ");
+    return layer_of("PriorBox", "prior_box_param { " + param + " }");
+  };
+  make(1000, 4);
+  make(4, 1000);
+  expect_error<InputError>([&] { make(1001, 0); }, {"1000 min_size", "found 1001"});
+  expect_error<InputError>([&] { make(1, 1001); }, {"1000 aspect_ratio", "found 1001"});
+  expect_error<InputError>([&] { make(1000, 5); }, {"10000 boxes", "found 11000"});
+}
+
 TEST(Detection, BoxesAreDecodedInThreeWays) {
   const Box prior{0, 0, 2, 4};
   const float variance[] = {0.5F, 0.5F, 1, 1}, t[] = {1, 2, 0, std::log(2.0F)};

@@ -11,6 +11,11 @@ struct Size {
   float w, h;
 };
 
+// SSD has 6 boxes a cell, of 2 sizes. They are made when a file is read: its text, which can list
+// millions of sizes and of ratios, must not take the machine's memory.
+constexpr int kMostListed = 1000;
+constexpr size_t kMostBoxes = 10'000;
+
 /// SSD's reference boxes: around the centre of every cell of the first input, in fractions of the
 /// image, which is the second. Output `[1][2][cells * boxes * 4]`: the corners xmin, ymin, xmax,
 /// ymax, and then the variances that go with them.
@@ -65,9 +70,16 @@ class PriorBox : public Layer {
     float offset;              // of a cell's centre [cells]
   };
 
+  static void check_listed(int count, const char* what) {
+    if (count > kMostListed)
+      throw InputError(str("expected at most ", kMostListed, " ", what, ", found ", count));
+  }
+
   void check_sizes() const {
     if (param_.min_size_size() < 1) throw InputError("min_size must be given");
     const int n = param_.min_size_size();
+    check_listed(n, "min_size");
+    check_listed(param_.aspect_ratio_size(), "aspect_ratio");
     if (param_.max_size_size() != 0 && param_.max_size_size() != n)
       throw InputError(str("expected one max_size for each of ", n, " min_size, or none, found ",
                            param_.max_size_size()));
@@ -108,6 +120,10 @@ class PriorBox : public Layer {
   std::vector<Size> boxes_of_a_cell() const {
     std::vector<Size> boxes;
     const std::vector<float> ratios = aspect_ratios();
+    const size_t count =
+        static_cast<size_t>(param_.min_size_size()) * ratios.size() + param_.max_size_size();
+    if (count > kMostBoxes)
+      throw InputError(str("expected at most ", kMostBoxes, " boxes for each cell, found ", count));
     for (int i = 0; i < param_.min_size_size(); ++i) {
       // SSD keeps sizes as integers here.
       const double least = std::trunc(param_.min_size(i));
