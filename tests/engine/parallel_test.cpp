@@ -1,12 +1,15 @@
-// Which items of a parallel region are done, and where a thread begins.
+// Which items of a parallel region are done, where a thread begins, and what fork() leaves of it.
 #include "kernels/parallel.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <array>
 #include <atomic>
 #include <thread>
 #include <vector>
+
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {
@@ -39,6 +42,36 @@ TEST(KernelThreads, BeginWithTheSamePartOfEveryRegion) {
     });
     EXPECT_EQ(first[0], 0);
     EXPECT_EQ(first[1], items / 2);
+  }
+}
+
+/// How many threads meet in a region of four items; a second that is missing is not waited for.
+int threads_that_meet(bool of_kernels) {
+  std::array<std::atomic<bool>, 4> here = {};
+  std::atomic<int> met = 0;
+  const auto meet = [&](int64_t item) {
+    if (!here[item].exchange(true)) ++met;
+    for (int i = 0; i < 1000 && met < 2; ++i) ::usleep(1000);
+  };
+  if (of_kernels)
+    parallel_for(4, 2, [&](int64_t, int thread) { meet(thread); });
+  else
+    revisit::parallel_for(4, 2, [&](int64_t) { meet(omp_get_thread_num()); });
+  return met;
+}
+
+/// A child of fork() has none of its parent's threads: it must not wait for them, and may have its
+/// own.
+TEST(Forked, RegionsWorkInParentAndChild) {
+  for (const bool of_kernels : {true, false}) {
+    EXPECT_EQ(threads_that_meet(of_kernels), 2);
+    EXPECT_EXIT(
+        {
+          ::alarm(10);
+          ::_exit(threads_that_meet(of_kernels));
+        },
+        testing::ExitedWithCode(2), "");
+    EXPECT_EQ(threads_that_meet(of_kernels), 2);
   }
 }
 

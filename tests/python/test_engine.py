@@ -1,6 +1,8 @@
 """revisit.engine: nets, plans, runs, their arrays and their errors."""
 
 import gc
+import multiprocessing
+import sys
 import threading
 import time
 import unittest
@@ -228,6 +230,24 @@ class Threads(unittest.TestCase):
             thread.join()
         for result in results[1:]:
             np.testing.assert_array_equal(result, results[0])
+
+
+    def test_a_forked_process_passes_on_threads_of_its_own(self):
+        run = small_net(end='conv', inputs={'data': (1, 3, 300, 300)}).plan(threads=2).run()
+        image = np.random.default_rng(4).standard_normal((1, 3, 300, 300), np.float32)
+        run.forward({'data': image})
+        before = run.output('conv').copy()
+
+        def work():
+            run.forward({'data': image})
+            sys.exit(not np.array_equal(run.output('conv'), before))
+
+        child = multiprocessing.get_context('fork').Process(target=work)
+        child.start()
+        child.join(10)
+        child.kill()  # one that hangs
+        child.join()
+        self.assertEqual(child.exitcode, 0)
 
 
 class Costs(unittest.TestCase):

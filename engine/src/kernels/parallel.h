@@ -9,6 +9,7 @@
 
 #include "kernels/float_mode.h"
 #include "kernels/split.h"
+#include "revisit/engine/fork.h"
 #include "revisit/engine/parallel_region.h"
 
 namespace revisit::engine {

@@ -275,7 +275,8 @@ class StepObserver {
 };
 
 /// One execution context: owns the memory of a plan. Use one per thread; several runs of one plan
-/// may work at the same time. Threads are OpenMP's, a team for each thread that calls forward().
+/// may work at the same time. Threads are OpenMP's, a team for each thread that calls forward();
+/// fork() ends that of the thread that calls it, so that parent and child both make new ones.
 /// What matrix products do to OpenBLAS's threads: OneBlasThread in blas.h. A run that was moved
 /// from may be assigned to or destroyed; all else throws UsageError, and forward() without an
 /// observer, which cannot throw, ends the program with it (std::terminate).

@@ -5,6 +5,7 @@
 #include <exception>
 #include <mutex>
 
+#include "revisit/engine/fork.h"
 #include "revisit/engine/parallel_region.h"
 
 namespace revisit {
