@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "kernels/blocked/dispatch.h"
+#include "kernels/blocked/pooling_pieces.h"
 #include "layers/planar_convolution.h"
 
 namespace revisit::engine {
@@ -128,8 +129,9 @@ class Fuser {
 
   bool take(const Operation& operation, const PoolingProblem& pooling) {
     Operation* const maker = only_maker(operation.inputs[0]);
-    if (!maker || operation.outputs.size() != 1 || !has_blocked_kernels() ||
-        !std::holds_alternative<LrnProblem>(maker->form) || maker->fusion.pooling)
+    const auto* lrn = maker ? std::get_if<LrnProblem>(&maker->form) : nullptr;
+    if (!lrn || operation.outputs.size() != 1 || maker->fusion.pooling || !has_blocked_kernels() ||
+        !fills_blocks(lrn->c) || !is_worth_pooling_in_pieces(pooling, lrn->c))
       return false;
     maker->fusion.pooling = pooling;
     absorb(maker, operation);
@@ -150,6 +152,7 @@ class Fuser {
       return false;
     Fusion fusion = first->fusion;
     fusion.pooling = alone ? *alone : operation.fusion.pooling;
+    if (!is_worth_pooling_in_pieces(*fusion.pooling, convolving->problem.c_out)) return false;
     if (lrn) fusion.lrn = *lrn;
     const BlockedConvolutionKernel* const kernel = choose_convolution(
         convolving->problem, fusion, Layout::kNchw, {first->most_winograd_points, packed_left_});

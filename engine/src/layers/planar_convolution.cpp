@@ -10,12 +10,12 @@
 namespace revisit::engine {
 namespace {
 
-/// Whether lanes and weights are not mostly padding: a few channels on a large image, or a huge
-/// kernel of one channel, would take many times the memory of the plain kernels.
+/// Whether lanes and weights are not mostly padding: a huge kernel of one channel, too, would take
+/// many times the memory of the plain kernels.
 bool is_worth_blocking(const BlockedConvolutionKernel& kernel, const ConvolutionProblem& p) {
-  constexpr int64_t kMostWaste = 2, kMostExpansion = 16, kSmall = 4 << 20;
+  constexpr int64_t kMostExpansion = 16, kSmall = 4 << 20;
   const int64_t packed = kernel.packed_floats(p);
-  return padded_channels(p.c_out) <= kMostWaste * p.c_out &&
+  return fills_blocks(p.c_out) &&
          (packed <= kSmall || packed / kMostExpansion <= p.c_out * p.depth());
 }
 

@@ -65,4 +65,11 @@ struct PoolingPieces {
   }
 };
 
+/// Whether pooling costs less with what comes before it than after it. Wide windows of many
+/// channels leave a strip few windows; then strips make the same columns again and again.
+inline bool is_worth_pooling_in_pieces(const PoolingProblem& p, int64_t channels) {
+  const PoolingPieces pieces(p, channels, 1);
+  return 2 * pieces.strips * pieces.columns <= 3 * p.w;
+}
+
 }  // namespace revisit::engine
