@@ -4,10 +4,13 @@
 #include <ostream>
 
 #include "revisit/proto/joined.h"
+#include "revisit/proto/limits.h"
 
 namespace revisit::engine {
 
 Shape::Shape(std::vector<int64_t> axes) : axes_(std::move(axes)) {
+  if (rank() > proto::kMostAxes)
+    throw InputError(str("a shape of ", rank(), " axes; Caffe's have at most ", proto::kMostAxes));
   int64_t elements = 1;
   for (const int64_t size : axes_) {
     if (size < 1) throw InputError(str("a shape of ", text(), " has an axis below 1"));

@@ -16,8 +16,6 @@ static_assert(std::endian::native == std::endian::little, "the wire format is li
 namespace revisit::proto {
 namespace {
 
-constexpr size_t kCaffeMostAxes = 32;  // Caffe's limit
-
 // Field numbers of BlobProto and BlobShape.
 constexpr uint32_t kNum = 1, kWidth = 4, kData = 5, kShape = 7, kDoubleData = 8, kRawDataType = 10,
                    kRawData = 12, kDim = 1;
@@ -79,8 +77,8 @@ void append_raw(FileCursor& cursor, const WireField& field, uint64_t type,
 }
 
 void append_dim(uint64_t value, uint64_t offset, std::vector<int64_t>& shape) {
-  if (shape.size() == kCaffeMostAxes)
-    throw FormatError(offset, str("a shape of more than ", kCaffeMostAxes, " axes"));
+  if (shape.size() == kMostAxes)
+    throw FormatError(offset, str("a shape of more than ", kMostAxes, " axes"));
   shape.push_back(static_cast<int64_t>(value));
 }
 

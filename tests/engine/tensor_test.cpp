@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "expect_error.h"
+
 namespace revisit::engine {
 namespace {
 
@@ -28,6 +30,11 @@ TEST(Shape, RefusesEmptyAndHugeOnes) {
   EXPECT_NO_THROW((Shape{INT32_MAX}));
   EXPECT_THROW((Shape{65536, 32768}), InputError);
   EXPECT_THROW((Shape{INT64_MAX, INT64_MAX}), InputError);
+}
+
+TEST(Shape, HasAsManyAxesAsCaffesAtMost) {
+  EXPECT_EQ(Shape(std::vector<int64_t>(32, 1)).rank(), 32U);
+  test::expect_error<InputError>([] { Shape(std::vector<int64_t>(33, 1)); }, {"33 axes", "32"});
 }
 
 TEST(Shape, ParsesWhatPeopleType) {

@@ -14,14 +14,14 @@ namespace revisit::engine {
 /// As Shape::text(), of axes that need not be a shape.
 std::string text_of(const std::vector<int64_t>& axes);
 
-/// The size of a tensor, slowest axis first; for images `[n][c][h][w]`. Any number of axes; none is
-/// a single number. The product of the axes is at most kMaxElements (checked on construction).
+/// The size of a tensor, slowest axis first; for images `[n][c][h][w]`. Up to 32 axes, as Caffe has
+/// them; none is a single number. Their product is at most kMaxElements (checked on construction).
 class Shape {
  public:
   static constexpr int64_t kMaxElements = INT32_MAX;  // Caffe's own limit
 
   Shape() = default;
-  /// Throws InputError for an axis below 1 or too many elements.
+  /// Throws InputError for an axis below 1, too many axes or too many elements.
   Shape(std::initializer_list<int64_t> axes) : Shape(std::vector<int64_t>(axes)) {}
   explicit Shape(std::vector<int64_t> axes);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace revisit::proto {
@@ -18,6 +19,8 @@ struct Limits {
 
 /// Of one array: Caffe's own limit.
 inline constexpr int64_t kMostElements = INT32_MAX;
+/// Of the shape of one: the same.
+inline constexpr size_t kMostAxes = 32;
 /// Of messages inside messages: protobuf's own limit.
 inline constexpr int kDeepestNesting = 100;
 
