@@ -10,6 +10,7 @@
 #include "blocked.h"
 #include "compare.h"
 #include "kernels/blocked/convolution.h"
+#include "kernels/blocked/tile_shape.h"
 #include "problems.h"
 #include "simd_targets.h"
 #include "single_layer.h"
@@ -293,6 +294,18 @@ TEST(ChooseBlockedConvolution, TakesTheFastestThatTakesTheLayout) {
       EXPECT_EQ(chosen->input, layout) << name;
       EXPECT_TRUE(chosen->supports(p)) << name;
     }
+}
+
+/// Not even where no number of chunks gives every thread as many.
+TEST(Chunks, AllHaveColumns) {
+  for (const Panel panel : {kRegisterPanel, kTilePanel})
+    for (int64_t products = 1; products < 20; ++products)
+      for (const int64_t columns : {1, 2, 3, 13, 15, 29, 64, 1000})
+        for (int threads = 1; threads < 20; ++threads) {
+          const Split cut = cut_into_chunks(products, columns, 8, threads, panel).columns;
+          EXPECT_LE(cut.parts, cut.units())
+              << products << " products of " << columns << " columns, threads: " << threads;
+        }
 }
 
 /// The planner falls back to im2col where groups begin and end within blocks.

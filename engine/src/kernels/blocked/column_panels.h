@@ -69,14 +69,15 @@ class Pieces {
 };
 
 /// Of `products` products alike, in chunks of at most `panels` panels. Where threads have at least
-/// one each, there are as many for each.
+/// one each, there are as many for each, if the columns are enough for that.
 inline Chunks cut_into_chunks(int64_t products, int64_t columns, int64_t panels, int threads,
                               Panel panel = kRegisterPanel) {
   int64_t chunks = panels_of(columns, panel).parts;
   chunks = (chunks + panels - 1) / panels;
   if (products * chunks < threads) return {{columns, chunks, panel.unit}, false};
+  const int64_t most = Split{columns, 1, panel.unit}.units();
   if (products * chunks < 4 * threads)
-    while (products * chunks % threads != 0) ++chunks;
+    while (products * chunks % threads != 0 && chunks < most) ++chunks;
   return {{columns, chunks, panel.unit}, true};
 }
 
