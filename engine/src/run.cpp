@@ -29,6 +29,18 @@ void poison(std::byte* arena, int64_t bytes) {
   if (kPoison) std::memset(arena, 0xFF, static_cast<size_t>(bytes));  // NaN of every type
 }
 
+/// Of what a step remembers: whole cache lines.
+int64_t state_floats(const Step& step) {
+  constexpr int64_t kLine = 64, kFloats = kLine / static_cast<int64_t>(sizeof(float));
+  return (step.kernel.state.count + kLine - 1) / kLine * kFloats;
+}
+
+int64_t state_floats(const std::vector<Step>& steps) {
+  int64_t all = 0;
+  for (const Step& step : steps) all += state_floats(step);
+  return all;
+}
+
 template <class Slots>
 const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, const char* what) {
   const auto found = slots.find(name);
@@ -47,7 +59,7 @@ FloatMode mode_of(const Plan::Impl& plan) {
 
 struct Run::Memory {
   std::unique_ptr<BlasRoom> blas_room;  // null: not needed
-  AlignedFloats own;                    // empty where the arena is the caller's
+  AlignedFloats own;                    // the arena; where that is the caller's, the states
   std::byte* arena = nullptr;
   struct Operands {
     std::vector<const float*> inputs;
@@ -86,16 +98,19 @@ Run::Run(Plan plan, std::span<std::byte> arena) : plan_(std::move(plan)) {  // N
   prepare(arena.data());
 }
 
-/// Without an arena of the caller's it makes one.
+/// Without an arena of the caller's it makes one. Another run may write into that of the caller's
+/// between two passes: what steps remember then is elsewhere.
 void Run::prepare(std::byte* arena) {
   const Plan::Impl& impl = *plan_.impl_;
+  const bool is_own = !arena;
   if (!impl.net->has_weights)
     throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
   try {
     memory_ = std::make_unique<Memory>();
     memory_->rows.assign(impl.costs.size(), 0);
-    if (!arena)
-      memory_->own = AlignedFloats(impl.schedule.arena_bytes / static_cast<int64_t>(sizeof(float)));
+    memory_->own =
+        AlignedFloats(is_own ? impl.schedule.arena_bytes / static_cast<int64_t>(sizeof(float))
+                             : state_floats(impl.schedule.steps));
     if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
   } catch (const std::bad_alloc&) {
     throw MemoryError(str(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
@@ -103,16 +118,18 @@ void Run::prepare(std::byte* arena) {
                           " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
                           "or fewer runs at a time"));
   }
-  if (!arena) arena = reinterpret_cast<std::byte*>(memory_->own.data());
+  if (is_own) arena = reinterpret_cast<std::byte*>(memory_->own.data());
   memory_->arena = arena;
   poison(arena, impl.schedule.arena_bytes);
   for (const auto& [blob, slot] : impl.input_slots)  // one that is not filled shows
     std::fill_n(floats_at(arena + slot.offset), slot.shape.elements(), kNan);
   const std::vector<Stored>& stored = impl.schedule.stored;
+  float* next_state = memory_->own.data();  // where it is not in the arena
   for (const Step& step : impl.schedule.steps) {
-    std::fill_n(arena + step.state, step.kernel.state.count, std::byte{});
-    Memory::Operands operands{
-        {}, {}, floats_at(arena + step.scratch), floats_at(arena + step.state)};
+    float* const state = is_own ? floats_at(arena + step.state) : next_state;
+    next_state += state_floats(step);
+    std::fill_n(reinterpret_cast<std::byte*>(state), step.kernel.state.count, std::byte{});
+    Memory::Operands operands{{}, {}, floats_at(arena + step.scratch), state};
     for (const size_t id : step.inputs)
       operands.inputs.push_back(floats_at(arena + stored[id].offset));
     for (const size_t id : step.outputs)

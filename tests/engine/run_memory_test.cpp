@@ -2,8 +2,10 @@
 // have copies of them.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <memory>
 #include <thread>
 
 #include "caffe_schema.pb.h"
@@ -188,6 +190,36 @@ TEST_F(ReleasedWeights, AreNotReadFromAnotherFile) {
 TEST(RunMemory, InputsThatAreNotFilledShow) {
   engine::Run run(small_net({1, 4}, test::layer("r", "ReLU", {"data"})).plan());
   for (const float x : run.input("data").values()) EXPECT_TRUE(std::isnan(x));
+}
+
+/// Only inputs and outputs are lost to another run in the same arena.
+TEST(RunMemory, WhatAnLstmRemembersIsEachRunsOwn) {
+  const Net net =
+      small_net({2, 1, 4},
+                "layer { name: 'cont' type: 'Input' top: 'cont' input_param { shape { dim: 2 dim: "
+                "1 } } }" +
+                    test::layer("l", "LSTM", {"data", "cont"},
+                                "recurrent_param { num_output: 3 weight_filler { type: 'xavier' } "
+                                "}"));
+  const Plan plan = net.plan();
+  std::vector<float> memory(static_cast<size_t>(plan.arena_bytes()) / sizeof(float) + 16);
+  void* begin = memory.data();
+  size_t bytes = memory.size() * sizeof(float);
+  ASSERT_TRUE(std::align(64, static_cast<size_t>(plan.arena_bytes()), begin, bytes));
+  const std::span<std::byte> arena(static_cast<std::byte*>(begin), bytes);
+  engine::Run alone(plan), shared(plan, arena), other(plan, arena);
+  const auto pass = [](engine::Run& run, float x) {
+    std::ranges::fill(run.input("data").values(), x);
+    std::ranges::fill(run.input("cont").values(), 1.0F);
+    run.forward();
+    const auto found = run.output("l").values();
+    return std::vector<float>(found.begin(), found.end());
+  };
+  const std::vector<float> first = pass(alone, 0.5F), second = pass(alone, 0.5F);
+  EXPECT_NE(first, second);
+  EXPECT_EQ(pass(shared, 0.5F), first);
+  pass(other, -3);
+  EXPECT_EQ(pass(shared, 0.5F), second);
 }
 
 class NoObserver : public StepObserver {

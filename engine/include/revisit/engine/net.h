@@ -289,8 +289,8 @@ class Run {
   explicit Run(Plan plan);
   /// The same in memory of the caller's, which must outlive the run: two runs that never work at
   /// the same time may share it, but each then finds its inputs and outputs overwritten by the
-  /// other. Throws UsageError unless `arena` has Plan::arena_bytes() and begins on a multiple of 64
-  /// bytes.
+  /// other. What layers remember from pass to pass (LSTM, RNN) is the run's own. Throws UsageError
+  /// unless `arena` has Plan::arena_bytes() and begins on a multiple of 64 bytes.
   Run(Plan plan, std::span<std::byte> arena);
   Run(Run&&) noexcept;
   Run& operator=(Run&&) noexcept;
