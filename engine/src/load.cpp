@@ -110,7 +110,8 @@ void make_releasable(Net::Impl& net) {
 Net Net::load(const fs::path& prototxt, const fs::path& weights, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
   check_weight_bytes(*net, options.limits.weight_bytes);
-  const fs::path file = fs::absolute(weights);
+  std::error_code failed;  // of a name that cannot be opened either, which says more
+  const fs::path file = fs::absolute(weights, failed);
   const FileState state = state_of(file);
   load_weights(*net, proto::WeightsFile::open(weights, options.limits), options);
   if (options.release_weights) {

@@ -210,6 +210,12 @@ TEST_F(NetTest, WeightsOfAnotherNetworkAreRefused) {
   EXPECT_EQ(net.warnings().size(), 2U);
 }
 
+TEST_F(NetTest, WeightsWithoutANameAreAnInputError) {
+  for (const bool release : {false, true})
+    expect_error<InputError>([&] { Net::load(prototxt(), "", {.release_weights = release}); },
+                             {"cannot open"});
+}
+
 TEST_F(NetTest, NamedParametersAreShared) {
   // Two layers share weight and bias; the file has them for the first only (as HDF5 does), or for
   // both.
