@@ -28,6 +28,19 @@ TEST(PReLU, OneSlopePerChannelOrOneForAll) {
   expect_error<InputError>([] { layer_of("PReLU", "")->infer({Shape{3}}, 1); }, {"2 axes"});
 }
 
+/// What is merged leaves positive numbers as they are: a slope that has diverged would not show.
+TEST(PReLU, IsMergedWhereItsSlopesAreFinite) {
+  const auto layer = layer_of("PReLU", "");
+  const auto form = [&](float slope) {
+    return layer->form({Shape{1, 2, 3, 3}}, {{Shape{2}, {0.5F, slope}}});
+  };
+  EXPECT_TRUE(std::holds_alternative<Activating>(form(3)));
+  for (const float slope : {kNan, kInf, -kInf}) {
+    EXPECT_TRUE(std::holds_alternative<std::monostate>(form(slope))) << slope;
+    expect_near(run("PReLU", "", {1, 2}, {1, 1}, {{0.5F, slope}}), {1, kNan});
+  }
+}
+
 TEST(Scale, AlongAnyRangeOfAxes) {
   const std::vector<float> x{1, 2, 3, 4, 5, 6, 7, 8};
   const Shape shape{2, 2, 2};

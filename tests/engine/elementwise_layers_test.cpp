@@ -89,6 +89,15 @@ TEST(ReLU6, SaturatesAtSix) {
   expect_near(of("ReLU6", "relu_param { negative_slope: 0.5 }", {-2, 7}), {-1, 6});
 }
 
+/// Caffe's expressions multiply the 0 of positive numbers by the slope, too.
+TEST(ReluAndElu, ASlopeThatIsNotFiniteShowsEverywhere) {
+  for (const char* slope : {"inf", "nan"}) {
+    expect_near(of("ReLU", str("relu_param { negative_slope: ", slope, " }"), {2, 0}),
+                {kNan, kNan});
+    expect_near(of("ELU", str("elu_param { alpha: ", slope, " }"), {2, 0}), {kNan, kNan});
+  }
+}
+
 TEST(Sigmoid, IsZeroAndOneFarOut) {
   expect_near(of("Sigmoid", "", {0, kInf, -kInf, 500, -500, kNan}), {0.5F, 1, 0, 1, 0, kNan});
   expect_near(of("Sigmoid", "", {std::log(3.0F)}), {0.75F}, 1e-7F);

@@ -58,9 +58,11 @@ std::unique_ptr<Layer> elementwise(const char* name, Function function, bool in_
                                                  std::move(form));
 }
 
-/// A function that kernels can apply while their results are in registers.
+/// A function that kernels can apply while their results are in registers. They leave positive
+/// numbers as they are, which Caffe's expressions do not where the slope is not finite.
 template <class Function>
 std::unique_ptr<Layer> activation(const char* name, Function function, const Epilogue& epilogue) {
+  if (!std::isfinite(epilogue.slope)) return elementwise(name, std::move(function));
   return elementwise(name, std::move(function), true, Activating{epilogue});
 }
 

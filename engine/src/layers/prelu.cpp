@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cmath>
+
 #include "kernels/post_ops.h"
 #include "layers/layers.h"
 
@@ -23,6 +26,8 @@ class PReLU : public OneToOneLayer {
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
     std::vector<float> slopes = weights[0].values;
+    // What is merged leaves positive numbers as they are; bind() has Caffe's expression.
+    if (!std::ranges::all_of(slopes, [](float slope) { return std::isfinite(slope); })) return {};
     slopes.resize(inputs[0][1], shared_ && !slopes.empty() ? slopes[0] : 0);
     auto held =
         std::make_shared<const AlignedFloats>(padded(slopes, padded_channels(inputs[0][1])));
