@@ -32,8 +32,9 @@ class Trajectory(NamedTuple):
 
 
 def rigid(translations, quaternions):
-    """[n][4][4] of translations [n][3] and quaternions [n][4] as x, y, z, w of any length but 0."""
-    x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
+    """[n][4][4] of translations [n][3] and quaternions [n][4] as x, y, z, w of any length; NaN where it is 0."""
+    with np.errstate(invalid='ignore'):
+        x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
     poses = np.zeros((len(x), 4, 4))
     poses[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], 1)
     poses[:, 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], 1)
@@ -43,16 +44,29 @@ def rigid(translations, quaternions):
     return poses
 
 
-def table_of(file, delimiter=None):
-    """The numbers of a text file, float64 [rows][columns]; lines that begin with # are skipped."""
+def are_rigid(poses):
+    """[n]: each is a rotation and a translation, as far as a file with few digits says it."""
+    R = poses[:, :3, :3]
+    off = abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
+    return (off < 1e-3) & (np.linalg.det(R) > 0) & np.isfinite(poses).all((1, 2))
+
+
+def table_of(file, delimiter=None, holes=False):
+    """The numbers of a text file, float64 [rows][columns]; lines that begin with # are skipped.
+
+    holes: rows with NaN are left out, too, not refused.
+    """
     try:
         table = np.loadtxt(file, delimiter=delimiter, comments='#', ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError(f'{file}: cannot be read as a table of numbers: {error}') from None
+    if holes:
+        table = table[~np.isnan(table).any(1)]
     if not table.size:
         raise InputError(f'{file}: is empty')
     if not np.isfinite(table).all():
-        raise InputError(f'{file}: line {int(np.argmin(np.isfinite(table).all(1))) + 1} holds numbers that are not finite')
+        raise InputError(f'{file}: row {int(np.argmin(np.isfinite(table).all(1))) + 1} of the numbers holds some that are '
+                         'not finite')
     return table
 
 
@@ -105,7 +119,7 @@ def read_extrinsic(file) -> np.ndarray:
         raise InputError(f'{file}: expected a calib.txt with Tr, or 3 x 4 or 4 x 4 numbers, found {numbers.size}')
     T = np.eye(4)
     T[:3] = numbers[:12].reshape(3, 4)
-    if abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-3 or np.linalg.det(T[:3, :3]) < 0:
+    if not are_rigid(T[None])[0]:
         raise InputError(f'{file}: expected a rotation and a translation, found {T[:3].tolist()}')
     return T
 

@@ -3,6 +3,7 @@
 import contextlib
 import importlib.util
 import json
+import os
 import sqlite3
 import struct
 import tempfile
@@ -194,8 +195,15 @@ class Layouts(Folders):
             np.save(self.folder / f'{name}.npy', array)
         self.check(self.points)
         np.save(self.folder / '12.npy', np.zeros((5, 2)))
-        with self.assertRaisesRegex(revisit.InputError, r'12.npy: expected .* found float64 of shape \(5, 2\)'):
-            list(open_recording(self.folder).scans())[-1].points()
+        with (self.folder / '13.npy').open('wb') as file:
+            np.savez(file, self.points[0])
+        header = b"{'descr': (".ljust(117) + b'\n'  # cut off in the middle
+        self.put('14.npy', b'\x93NUMPY\1\0' + struct.pack('<H', 118) + header)
+        scans = list(open_recording(self.folder).scans())
+        for scan, says in zip(scans[3:], (r'12.npy: expected .* found float64 of shape \(5, 2\)', '13.npy: .* an archive',
+                                          '14.npy: cannot be read')):
+            with self.assertRaisesRegex(revisit.InputError, says):
+                scan.points()
 
     def test_kitti_360(self):
         drive = '2013_05_28_drive_0003_sync'
@@ -209,9 +217,22 @@ class Layouts(Folders):
         for path, options in ((self.folder, {'sequence': '3'}), (self.folder / 'data_3d_raw' / drive, {})):
             scans = self.check(self.points, [1369730762 + 0.1 * i for i in range(3)], path, **options)
             self.assertIsNone(scans[0].pose)
+            self.assertEqual(open_recording(path, **options).name, drive)
             # the IMU's is x forward, y right, z down; the camera is 1, 2, 3 from it and 0.5, 0.25, 0 from the velodyne;
             # in KITTI's axes the place 5 + 0.5, 6 + 2 + 0.25, 7 + 3 has y to the left first
             np.testing.assert_allclose(scans[1].pose[:3, 3], [-8.25, -10, 5.5])
+        self.addCleanup(os.chdir, os.getcwd())
+        for inside, path in (('velodyne_points', '..'), ('.', '.')):
+            os.chdir(self.folder / 'data_3d_raw' / drive / inside)
+            recording = open_recording(path)
+            self.assertEqual(recording.name, drive)
+            self.assertIsNotNone(list(recording.scans())[1].pose)
+        self.put(f'data_3d_raw/{drive}/velodyne_points/timestamps.txt', b'\xff\xfe2')
+        with self.assertRaisesRegex(revisit.InputError, 'timestamps.txt:1: expected a date'):
+            open_recording(self.folder)
+        self.put(f'data_poses/{drive}/poses.txt', '1 2 0 0 5 0 1 0 6 0 0 1 7\n')
+        with self.assertRaisesRegex(revisit.InputError, 'poses.txt: expected a rotation'):
+            open_recording(self.folder)
 
     def write_mulran(self, folder='Ouster'):
         for i, points in enumerate(self.points):
@@ -230,6 +251,18 @@ class Layouts(Folders):
         recording = open_recording(self.folder)
         self.assertEqual([scan.pose is None for scan in recording.scans()], [False, False, True])
         self.assertIn('1 of 3 scans have no pose', recording.warnings[0])
+        self.put('global_pose.csv', f'{T0},1,0,0,0,0,1,0,0,0,0,1,0\n{T0 + 10**8},0,0,0,0,0,0,0,0,0,0,0,0\n')
+        with self.assertRaisesRegex(revisit.InputError, f'global_pose.csv: .* at the time {T0 + 10**8}'):
+            open_recording(self.folder)
+
+    def test_names_that_are_no_numbers(self):
+        for name in ('1566279795.718219613.bin', '\u00b2.bin'):
+            self.put(f'MulRan/Ouster/{name}', bytes(16))
+            self.put(f'k360/velodyne_points/data/{name}', bytes(16))
+        with self.assertRaisesRegex(revisit.InputError, 'looked for Ouster/TIME.bin'):
+            open_recording(self.folder / 'MulRan', format='mulran')
+        with self.assertRaisesRegex(revisit.InputError, 'no files NUMBER.bin here'):
+            open_recording(self.folder / 'k360')
 
     def test_helipr(self):
         layouts = {'Ouster': ('<ffffIHHH', (1.5, 7, 8, 9, 10)), 'Velodyne': ('<ffffHf', (1.5, 3, 0.1)),
@@ -248,6 +281,10 @@ class Layouts(Folders):
         np.testing.assert_allclose(scans[1].pose[:3, 0], [-1, 0, 0], atol=1e-6)  # it looks to the left
         with self.assertRaisesRegex(revisit.UsageError, '--sequence: Ouster, Velodyne, Avia, Aeva'):
             open_recording(self.folder)
+        truth = self.put('LiDAR_GT/Aeva_gt.txt', f'{1691936557946849180} 1 2 3 0 0 0 0\n')
+        with self.assertRaisesRegex(revisit.InputError, 'Aeva_gt.txt: .* at the time 1691936557946849'):
+            open_recording(self.folder, sequence='Aeva')
+        truth.unlink()
         old = b''.join(struct.pack('<fffffiB', *point, 0.5, -2.0, 5, 6) for point in self.points[0].tolist())
         self.put('LiDAR/Aeva/1691936557946849179.bin', old)
         self.check([self.points[0], *self.points], sequence='Aeva')
@@ -265,6 +302,12 @@ class Layouts(Folders):
         # its world has x to the north, y to the east, z down
         np.testing.assert_allclose(scans[1].pose[:3, 3], [2, 3, 1])
         np.testing.assert_allclose(scans[1].pose[:3, 0], [1, 0, 0], atol=1e-6)
+        truth = self.folder / 'ground_truth/groundtruth_2012-01-08.csv'
+        truth.write_text(f'1326030974900000,{"nan," * 5}nan\n' + truth.read_text())  # as its files begin
+        np.testing.assert_array_equal([scan.pose for scan in open_recording(day).scans()], [scan.pose for scan in scans])
+        truth.write_text(f'1326030974900000,{"nan," * 5}nan\n')
+        with self.assertRaisesRegex(revisit.InputError, 'is empty'):
+            open_recording(day)
 
     def test_nuscenes(self):
         name = 'n015-2018-07-24-11-22-45+0800__LIDAR_TOP__{}.pcd.bin'
@@ -291,6 +334,10 @@ class Layouts(Folders):
             np.testing.assert_allclose(scans[2].pose[:3, 1], [0, 0, 1], atol=1e-6)  # its y is forward
         with self.assertRaisesRegex(revisit.UsageError, 'scene-0061, scene-0103'):
             open_recording(self.folder)
+        tables['ego_pose'][1]['rotation'] = [0, 0, 0, 0]
+        self.put('v1.0-mini/ego_pose.json', json.dumps(tables['ego_pose']))
+        with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: no tables of nuScenes: .* expected a rotation'):
+            open_recording(self.folder, sequence='61')
 
     def test_a_file_cut_off_is_one_scan(self):
         self.write_mulran()

@@ -38,6 +38,8 @@ def open_recording(path, *, format=None, topic=None, sequence='', meta=None) -> 
     path = Path(path)
     if not path.exists():
         raise InputError(f'{path}: there is no such file or folder')
+    if path.name in ('', '..'):  # the drive is named after the folder, and KITTI-360's poses are found by that name
+        path = path.resolve()
     names = [reader.name for reader in READERS]
     if format is not None and format not in names:
         raise UsageError(f'format of the data: expected one of {", ".join(names)}, found {format!r}')

@@ -3,7 +3,7 @@
 import numpy as np
 
 from revisit.errors import InputError, UsageError
-from revisit.poses import in_kitti_world, nearest, rigid, table_of
+from revisit.poses import are_rigid, in_kitti_world, nearest, rigid, table_of
 from revisit.recordings.recording import Scan, files_in, is_numbered, read_records, recording_of
 
 MAX_GAP = 0.1
@@ -44,16 +44,22 @@ MULRAN_EXTRINSIC[:3, :3] = euler(np.radians([[0.0001, 0.0003, 179.6654]]))[0]
 MULRAN_EXTRINSIC[:3, 3] = 1.7042, -0.021, 1.8047
 
 
-def timed(name, files, unit, read, table, poses_of):
+def timed(name, files, unit, read, truth, poses_of):
     """A recording of files whose names are times in `unit` seconds.
 
-    table: of the poses, the time in the same unit first, or None. poses_of: its other columns -> T_world_lidar [n][4][4].
+    truth: a file and its table of the poses, the time in the same unit first, or None.
+    poses_of: its other columns -> T_world_lidar [n][4][4].
     """
     times = [int(file.stem) * unit for file in files]
     poses, warnings = [None] * len(files), []
-    if table is not None:
+    if truth is not None:
+        file, table = truth
         table = table[np.argsort(table[:, 0], kind='stable')]
         all_poses = poses_of(table[:, 1:])
+        fine = are_rigid(all_poses)
+        if not fine.all():
+            raise InputError(f'{file}: expected rotations and translations, found another pose at the time '
+                             f'{table[np.argmin(fine), 0]:.0f}')
         index, gaps = nearest(table[:, 0] * unit, np.asarray(times))
         poses = [all_poses[i] if gap <= MAX_GAP else None for i, gap in zip(index, gaps)]
         if lost := sum(pose is None for pose in poses):
@@ -62,13 +68,14 @@ def timed(name, files, unit, read, table, poses_of):
                                for i, (file, time, pose) in enumerate(zip(files, times, poses))], warnings)
 
 
-def first_table(files, delimiter, columns):
+def first_table(files, delimiter, columns, holes=False):
+    """The first of the files that is there, and its table."""
     for file in files:
         if file.is_file():
-            table = table_of(file, delimiter)
+            table = table_of(file, delimiter, holes)
             if table.shape[1] < columns:
                 raise InputError(f'{file}: expected {columns} columns, found {table.shape[1]}')
-            return table
+            return file, table
     return None
 
 
@@ -154,7 +161,5 @@ def open_nclt(path, options):
         poses[:, :3, :3], poses[:, :3, 3] = euler(rows[:, 3:6]), rows[:, :3]
         return in_kitti_world(Z_UP_OF_NCLT @ poses @ Z_UP_OF_NCLT, 'lidar')
 
-    table = first_table([path / truth, path.parent / 'ground_truth' / truth], ',', 7)
-    if table is not None:
-        table = table[np.isfinite(table).all(1)]
-    return timed(path.resolve().name, files_in(path / 'velodyne_sync', '.bin'), 1e-6, read_nclt, table, poses_of)
+    return timed(path.resolve().name, files_in(path / 'velodyne_sync', '.bin'), 1e-6, read_nclt,
+                 first_table([path / truth, path.parent / 'ground_truth' / truth], ',', 7, holes=True), poses_of)

@@ -31,8 +31,11 @@ def read_npy(file):
     """Floating-point [n][3 or more], or a structured array with such fields x, y, z."""
     try:
         points = np.load(file, mmap_mode='r', allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except Exception as error:  # numpy parses the header as Python, which can fail in many ways
         raise InputError(f'{file}: cannot be read as an array: {error}') from None
+    if not isinstance(points, np.ndarray):
+        points.close()
+        raise InputError(f'{file}: expected one array, found an archive of them')
     if points.dtype.names and {'x', 'y', 'z'} <= set(points.dtype.names) and points.ndim == 1:
         points = np.stack([points[axis] for axis in 'xyz'], -1)
     if points.ndim != 2 or points.shape[1] < 3 or points.dtype.kind != 'f':

@@ -6,7 +6,7 @@ import numpy as np
 
 from revisit.datasets import read_scan
 from revisit.errors import InputError, UsageError
-from revisit.poses import in_kitti_world, table_of
+from revisit.poses import are_rigid, in_kitti_world, table_of
 from revisit.recordings.recording import Scan, files_in, recording_of
 
 
@@ -33,7 +33,7 @@ def times_of(file):
     if not file.is_file():
         return None
     times = []
-    for number, line in enumerate(file.read_text().split('\n'), 1):
+    for number, line in enumerate(file.read_text(errors='replace').split('\n'), 1):
         if not line.strip():
             continue
         try:
@@ -50,6 +50,8 @@ def matrix(numbers, file):
         raise InputError(f'{file}: expected the 12 numbers of a 3 x 4 matrix, found {len(numbers)}')
     T = np.eye(4)
     T[:3] = np.reshape(numbers, (3, 4))
+    if not are_rigid(T[None])[0]:
+        raise InputError(f'{file}: expected a rotation and a translation, found {T[:3].tolist()}')
     return T
 
 

@@ -8,7 +8,7 @@ import json
 import numpy as np
 
 from revisit.errors import InputError, UsageError
-from revisit.poses import in_kitti_world, rigid
+from revisit.poses import are_rigid, in_kitti_world, rigid
 from revisit.recordings.data_sets import record
 from revisit.recordings.recording import Scan, read_records, recording_of
 
@@ -36,7 +36,10 @@ def load(file):
 
 def pose_of(row):
     w, x, y, z = row['rotation']
-    return rigid(np.array([row['translation']], np.float64), np.array([[x, y, z, w]], np.float64))[0]
+    pose = rigid(np.array([row['translation']], np.float64), np.array([[x, y, z, w]], np.float64))
+    if not are_rigid(pose)[0]:
+        raise ValueError(f'expected a rotation and a translation, found {row}')
+    return pose[0]
 
 
 def scan_of(frame, file, time, pose):
@@ -84,7 +87,7 @@ def without_tables(path):
     files = []
     for file in (file for folder in folders for file in folder.glob(f'*{ENDING}')):
         stamp = file.name.removesuffix(ENDING).rpartition('__')[2]
-        if not stamp.isdigit():
+        if not stamp.isdecimal():
             raise InputError(f'{file}: expected a name that ends in __MICROSECONDS{ENDING}')
         files.append((int(stamp), file))
     if not files:

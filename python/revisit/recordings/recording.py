@@ -64,7 +64,7 @@ def recording_of(name, scans, warnings=()) -> Recording:
 
 
 def is_numbered(file) -> bool:
-    return file.stem.split('.')[0].isdigit()
+    return file.stem.isdecimal()
 
 
 def files_in(folder, ending) -> list[Path]:
@@ -72,7 +72,7 @@ def files_in(folder, ending) -> list[Path]:
     files = [file for file in folder.glob(f'*{ending}') if is_numbered(file)]
     if not files:
         raise InputError(f'{folder}: no files NUMBER{ending} here')
-    return sorted(files, key=lambda file: int(file.stem.split('.')[0]))
+    return sorted(files, key=lambda file: int(file.stem))
 
 
 def read_records(file, record) -> np.ndarray:
