@@ -52,6 +52,9 @@ class Resizing(unittest.TestCase):
         np.testing.assert_allclose(
             io.resize_image(image, (2, 5))[0, :, 3], [0, 1, 2, 3, 4], atol=1e-6
         )
+        for size, labels in [(2, [0, 4]), (5, [0, 2, 2, 4, 4]), (1, [0])]:
+            found = io.resize_image(image, (2, size), interp_order=0)
+            np.testing.assert_array_equal(found[1, :, 2], labels)
 
     def test_one_value_stays(self):
         np.testing.assert_array_equal(
@@ -85,8 +88,11 @@ class Resizing(unittest.TestCase):
         except ImportError:
             self.skipTest('scipy is not installed')
         image = picture(17, 23, 5)
-        expected = zoom(image, (34 / 17, 46 / 23, 1), order=1)
-        np.testing.assert_allclose(io.resize_image(image, (34, 46)), expected, atol=1e-5)
+        for size in [(34, 46), (9, 12)]:
+            for order in (0, 1, 3):
+                expected = zoom(image, (size[0] / 17, size[1] / 23, 1), order=order)
+                found = io.resize_image(image, size, interp_order=order)
+                np.testing.assert_allclose(found, expected, atol=1e-5)
 
     def test_what_is_no_image(self):
         for image, size in [

@@ -321,6 +321,10 @@ class Passes(Scripts):
         with self.assertRaisesRegex(ValueError, 'data'):
             self.net().forward_all()
 
+    def test_forward_all_of_nothing_is_nothing(self):
+        out = self.net().forward_all(data=np.zeros((0, 3), np.float32), blobs=['double'])
+        self.assertEqual({name: array.size for name, array in out.items()}, {'double': 0, 'sum': 0})
+
     def test_no_detection_is_a_row_for_each_image(self):
         net = self.net("""
 layer { name: "in" type: "Input" top: "loc" top: "conf" top: "prior" input_param {

@@ -338,8 +338,9 @@ class Net:
         for batch in self._batch(inputs):
             for name, values in self.forward(blobs=blobs, **batch).items():
                 collected[name].extend(values.copy())
+        n_rows = max(1, n_images + n_padding)  # of no images no batch
         return {
-            name: np.asarray(rows[: len(rows) * n_images // (n_images + n_padding)])
+            name: np.asarray(rows[: len(rows) * n_images // n_rows])
             for name, rows in collected.items()
         }
 

@@ -36,6 +36,15 @@ def _resampled(image, size, weights):
     return image[low] * a[:, np.newaxis, np.newaxis] + image[high] * b[:, np.newaxis, np.newaxis]
 
 
+def _nearest_corner(image, size):
+    """As _corner_weights(); a place in the middle of two pixels is the second's."""
+    rows, columns = (
+        np.floor(np.arange(n_out) * ((n_in - 1) / (n_out - 1) if n_out > 1 else 0) + 0.5).astype(int)
+        for n_in, n_out in zip(image.shape, size)
+    )
+    return image[rows][:, columns]
+
+
 def _nearest(image, size):
     rows, columns = (
         np.clip(np.rint((np.arange(n_out) + 0.5) * (n_in / n_out) - 0.5).astype(int), 0, n_in - 1)
@@ -44,7 +53,7 @@ def _nearest(image, size):
     return image[rows][:, columns]
 
 
-def _by_splines(image, size, order):
+def _by_splines(image, size, order, **mode):
     try:
         from scipy.ndimage import zoom
     except ImportError as error:
@@ -52,7 +61,15 @@ def _by_splines(image, size, order):
             f'resize_image() with interp_order={order} needs the package scipy: pip install scipy (orders 0 and 1 do not)'
         ) from error
     scale = (size[0] / image.shape[0], size[1] / image.shape[1], 1)
-    return zoom(image, scale, order=order, mode='grid-constant', grid_mode=True)
+    return zoom(image, scale, order=order, **mode)
+
+
+def _with_corners(image, size, order):
+    if order == 0:
+        return _nearest_corner(image, size)
+    if order == 1:
+        return _resampled(image, size, _corner_weights)
+    return _by_splines(image, size, order)
 
 
 def resize_image(im, new_dims, interp_order=1):
@@ -68,8 +85,8 @@ def resize_image(im, new_dims, interp_order=1):
         raise ValueError(
             f'expected an image of 3 axes and a size of at least 1 x 1, found {im.shape} and {size}'
         )
-    if im.shape[2] not in (1, 3) and interp_order == 1:
-        return _resampled(im.astype(float), size, _corner_weights).astype(np.float32)
+    if im.shape[2] not in (1, 3):
+        return _with_corners(im.astype(float), size, interp_order).astype(np.float32)
     low, high = float(im.min()), float(im.max())
     if high <= low:
         return np.full((*size, im.shape[2]), low, np.float32)
@@ -79,7 +96,8 @@ def resize_image(im, new_dims, interp_order=1):
     elif interp_order == 1:
         image = _resampled(image, size, _line_weights)
     else:
-        image = np.clip(_by_splines(image, size, interp_order), 0, 1)
+        image = _by_splines(image, size, interp_order, mode='grid-constant', grid_mode=True)
+        image = np.clip(image, 0, 1)
     return (image * (high - low) + low).astype(np.float32)
 
 
