@@ -2,7 +2,10 @@
 
 import importlib.util
 import pickle
+import sys
 import unittest
+from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 from safetensors.numpy import save_file
@@ -74,6 +77,14 @@ class Torchvision(ConversionTest):
         code, words = (3, 'holds numbers only') if HAS_TORCH else (1, 'needs PyTorch')
         self.refused(code, words, 'torch', 'alexnet', self.path('state.pth'), *self.outputs)
         self.assertFalse(ran.exists())
+
+    def test_a_torch_that_may_run_code_is_not_asked(self):
+        self.path('state.pth').touch()
+        for version, code, words in (('1.13.1', 1, 'before 2.6 PyTorch may run'), ('2.5.1+cpu', 1, '2.5.1+cpu is installed'),
+                                     ('2.6.0', 3, 'was read'), ('2.10.0a0+git1', 3, 'was read')):
+            torch = SimpleNamespace(__version__=version, load=mock.Mock(side_effect=ValueError('was read')))
+            with self.subTest(version), mock.patch.dict(sys.modules, {'torch': torch}):
+                self.refused(code, words, 'torch', 'alexnet', self.path('state.pth'), *self.outputs)
 
     @unittest.skipUnless(HAS_TORCH, 'PyTorch and torchvision are not installed')
     def test_against_torchvision(self):

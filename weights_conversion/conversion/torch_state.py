@@ -42,6 +42,10 @@ def _torch(path):
         import torch
     except ImportError:
         raise ConversionError(f'{path}: reading it needs PyTorch (pip install torch); .safetensors and .npz do not') from None
+    major, minor = torch.__version__.split('.')[:2]
+    if (int(major), int(minor)) < (2, 6):  # CVE-2025-32434: weights_only lets code through
+        raise ConversionError(f'{path}: before 2.6 PyTorch may run what such a file holds, and {torch.__version__} is '
+                              'installed (pip install -U torch); .safetensors and .npz do not need it')
     try:
         state = torch.load(path, map_location='cpu', weights_only=True)  # refuses everything but numbers
     except Exception as error:  # pickle, zip and torch have many
