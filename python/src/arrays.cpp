@@ -17,7 +17,9 @@ std::string description_of(nb::handle object) {
   const auto text = [](nb::handle value) { return std::string(nb::str(value).c_str()); };
   if (!nb::hasattr(object, "dtype") || !nb::hasattr(object, "shape"))
     return text(object.type().attr("__name__"));
-  return str(text(object.attr("dtype")), " array of shape ", text(object.attr("shape")));
+  const std::string device = text(nb::getattr(object, "device", nb::str("cpu")));
+  return str(text(object.attr("dtype")), " array of shape ", text(object.attr("shape")),
+             device == "cpu" ? "" : " on " + device);
 }
 
 std::string name_from(nb::handle key, const char* what) {
@@ -27,17 +29,24 @@ std::string name_from(nb::handle key, const char* what) {
   return name;
 }
 
-nb::ndarray<nb::numpy, const float> float_array(nb::handle object, const std::string& what) {
-  nb::ndarray<nb::numpy, const float> array;
-  if (!nb::ndarray_check(object) || !nb::try_cast(object, array, false))
-    throw nb::type_error(
-        str(what, ": expected a numpy array of float32, found ", description_of(object),
-            "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)")
-            .c_str());
-  return array;
+bool is_float32(nb::handle dtype) {
+  return nb::cast<std::string>(nb::str(dtype)) == "float32";
 }
 
-nb::ndarray<nb::numpy, const float> contiguous_floats(nb::handle object, const std::string& what) {
+GivenArray<float> float_array(nb::handle object, const std::string& what) {
+  GivenArray<float> array;
+  if (nb::ndarray_check(object) && nb::try_cast(object, array, false)) return array;
+  if (nb::hasattr(object, "__array_interface__") &&
+      is_float32(nb::getattr(object, "dtype", nb::none())))
+    return nb::cast<GivenArray<float>>(
+        nb::module_::import_("numpy").attr("ascontiguousarray")(object));
+  throw nb::type_error(
+      str(what, ": expected a numpy array of float32, found ", description_of(object),
+          "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)")
+          .c_str());
+}
+
+GivenArray<float> contiguous_floats(nb::handle object, const std::string& what) {
   auto array = float_array(object, what);
   int64_t step = 1;
   for (size_t axis = array.ndim(); axis-- > 0;) {

@@ -20,6 +20,9 @@ namespace nb = nanobind;
 using ShapeTuple = nb::typed<nb::tuple, int, nb::ellipsis>;
 using FloatArray = nb::ndarray<nb::numpy, float>;
 using ReadOnlyFloats = nb::ndarray<nb::numpy, const float>;
+/// What somebody gave. Without a device nanobind takes arrays of a GPU, too.
+template <class T, class... Rules>
+using GivenArray = nb::ndarray<nb::numpy, const T, nb::device::cpu, Rules...>;
 
 /// (1, 3, 227, 227)
 ShapeTuple tuple_of(const std::vector<int64_t>& axes);
@@ -43,17 +46,20 @@ nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, const std::vector<int6
   return view_of(kept->data(), shape, owner);
 }
 
-/// "float64 array of 3 x 227", "list": what was found where an array was expected.
+/// "float64 array of shape (3, 227)", "list": what was found where an array was expected.
 std::string description_of(nb::handle object);
 
 /// The name that somebody gave as a key. Throws nb::type_error for anything but text.
 std::string name_from(nb::handle key, const char* what);
 
-/// What somebody gave as an array of float32, with any strides. `what` begins the message of the
-/// TypeError for anything else: nothing is converted.
-nb::ndarray<nb::numpy, const float> float_array(nb::handle object, const std::string& what);
-/// The same, in C order: ValueError for other strides.
-nb::ndarray<nb::numpy, const float> contiguous_floats(nb::handle object, const std::string& what);
+/// Of numpy's types.
+bool is_float32(nb::handle dtype);
+
+/// What somebody gave as an array of float32, with any strides; a copy where these are no multiple
+/// of 4 bytes. `what` begins the message of the TypeError for anything else: nothing is converted.
+GivenArray<float> float_array(nb::handle object, const std::string& what);
+/// The same, in C order: ValueError for strides that float_array() does not copy.
+GivenArray<float> contiguous_floats(nb::handle object, const std::string& what);
 
 /// The axes of an array.
 template <class Array>

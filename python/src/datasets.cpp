@@ -56,8 +56,7 @@ void bind_datasets(nb::module_& module) {
   module.def(
       "write_kitti_scan",
       [](const fs::path& file, nb::handle points) {
-        PointCloud cloud = GivenPoints(points).cloud();
-        copy_intensity(points, cloud);
+        const PointCloud cloud = GivenPoints(points).cloud_with_intensity();
         without_lock([&] { write_kitti_scan(file, cloud); });
       },
       "file"_a, "points"_a,

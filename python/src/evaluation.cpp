@@ -59,7 +59,7 @@ Descriptors descriptors_from(nb::handle array) {
 Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
                          const std::vector<double>& times, const std::vector<std::string>& places,
                          std::optional<int64_t> n_poses) {
-  nb::ndarray<nb::numpy, const double, nb::shape<-1, 3>, nb::c_contig> at;
+  GivenArray<double, nb::shape<-1, 3>, nb::c_contig> at;
   if (!positions.is_none() && !nb::try_cast(positions, at, false))
     throw nb::type_error(str("positions: expected a float64 array [scans][3] in C order, found ",
                              description_of(positions))

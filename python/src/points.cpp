@@ -22,10 +22,6 @@ using pipeline::PointCloud;
           .c_str());
 }
 
-bool is_float32(nb::handle dtype) {
-  return nb::cast<std::string>(nb::str(dtype)) == "float32";
-}
-
 /// Where the coordinates of a point of this type are [bytes].
 std::array<int64_t, 3> offsets_of_fields(nb::handle points) {
   std::array<int64_t, 3> offsets{};
@@ -62,16 +58,18 @@ GivenPoints::GivenPoints(nb::handle points) : owner_(nb::borrow(points)) {
       throw wrong_shape("an array of shape (n, 3) or (n, 4)");
     const auto column = nb::cast<int64_t>(strides[1]);
     offsets = {0, column, 2 * column};
+    if (nb::cast<int64_t>(shape[1]) > 3) intensity_ = 3 * column;
   }
   const nb::object interface = points.attr("__array_interface__");
   const nb::object address = interface["data"][0];
-  take_columns(static_cast<const char*>(PyLong_AsVoidPtr(address.ptr())),
-               nb::cast<int64_t>(shape[0]), nb::cast<int64_t>(strides[0]), offsets);
+  base_ = static_cast<const char*>(PyLong_AsVoidPtr(address.ptr()));
+  stride_ = nb::cast<int64_t>(strides[0]);
+  take_columns(nb::cast<int64_t>(shape[0]), offsets);
 }
 
 void GivenPoints::take_axes(nb::handle points) {
   if (nb::len(points) != 3) refuse_type(points);
-  std::array<nb::ndarray<nb::numpy, const float>, 3> axes;
+  std::array<GivenArray<float>, 3> axes;
   for (size_t axis = 0; axis < 3; ++axis) {
     axes[axis] = float_array(points[axis], str("points, ", "xyz"[axis]));
     if (axes[axis].ndim() != 1 || axes[axis].shape(0) != axes[0].shape(0))
@@ -90,17 +88,16 @@ void GivenPoints::take_axes(nb::handle points) {
   view_ = pipeline::view_of(copy_);
 }
 
-void GivenPoints::take_columns(const char* base, int64_t count, int64_t stride,
-                               const std::array<int64_t, 3>& offsets) {
+void GivenPoints::take_columns(int64_t count, const std::array<int64_t, 3>& offsets) {
   constexpr auto kBytes = static_cast<int64_t>(sizeof(float));
   bool fits = true;  // the coordinates lie within a stride
-  for (const int64_t offset : offsets) fits = fits && offset >= 0 && offset + kBytes <= stride;
+  for (const int64_t offset : offsets) fits = fits && offset >= 0 && offset + kBytes <= stride_;
   if (fits || count == 0) {
-    view_ = {base, static_cast<size_t>(count)};
+    view_ = {base_, static_cast<size_t>(count)};
     if (fits)
-      view_ = {base,
+      view_ = {base_,
                static_cast<size_t>(count),
-               static_cast<size_t>(stride),
+               static_cast<size_t>(stride_),
                static_cast<size_t>(offsets[0]),
                static_cast<size_t>(offsets[1]),
                static_cast<size_t>(offsets[2])};
@@ -109,9 +106,9 @@ void GivenPoints::take_columns(const char* base, int64_t count, int64_t stride,
   copy_.points.resize(static_cast<size_t>(count));
   for (int64_t i = 0; i < count; ++i) {
     Point& point = copy_.points[static_cast<size_t>(i)];
-    std::memcpy(&point.x, base + i * stride + offsets[0], sizeof(float));
-    std::memcpy(&point.y, base + i * stride + offsets[1], sizeof(float));
-    std::memcpy(&point.z, base + i * stride + offsets[2], sizeof(float));
+    std::memcpy(&point.x, base_ + i * stride_ + offsets[0], sizeof(float));
+    std::memcpy(&point.y, base_ + i * stride_ + offsets[1], sizeof(float));
+    std::memcpy(&point.z, base_ + i * stride_ + offsets[2], sizeof(float));
   }
   view_ = pipeline::view_of(copy_);
 }
@@ -122,13 +119,15 @@ PointCloud GivenPoints::cloud() const {
   return cloud;
 }
 
-void copy_intensity(nb::handle points, PointCloud& cloud) {
-  nb::ndarray<nb::numpy, const float> array;
-  if (!nb::ndarray_check(points) || !nb::try_cast(points, array, false)) return;
-  if (array.ndim() != 2 || array.shape(1) < 4) return;
-  for (size_t i = 0; i < cloud.points.size(); ++i)
-    cloud.points[i].intensity =
-        array.data()[static_cast<int64_t>(i) * array.stride(0) + 3 * array.stride(1)];
+PointCloud GivenPoints::cloud_with_intensity() const {
+  PointCloud with = cloud();
+  if (!intensity_) return with;
+  const char* from = base_ + *intensity_;  // which need not be aligned
+  for (Point& point : with.points) {
+    std::memcpy(&point.intensity, from, sizeof(float));
+    from += stride_;
+  }
+  return with;
 }
 
 FloatArray array_of(PointCloud cloud) {

@@ -3,6 +3,7 @@
 #include <nanobind/nanobind.h>
 
 #include <array>
+#include <optional>
 
 #include "arrays.h"
 #include "revisit/recognition/point_cloud.h"
@@ -24,22 +25,24 @@ class GivenPoints {
   const pipeline::PointsView& view() const { return view_; }
   /// A copy for what needs a cloud of its own.
   pipeline::PointCloud cloud() const;
+  /// The same; the fourth column of a plain array is intensity.
+  pipeline::PointCloud cloud_with_intensity() const;
 
  private:
   void take_axes(nb::handle points);
-  void take_columns(const char* base, int64_t count, int64_t stride,
-                    const std::array<int64_t, 3>& offsets);
+  void take_columns(int64_t count, const std::array<int64_t, 3>& offsets);
 
   nb::object owner_;
+  // Of an array: its first point, from one to the next and to the intensity [bytes].
+  const char* base_ = nullptr;
+  int64_t stride_ = 0;
+  std::optional<int64_t> intensity_;
   pipeline::PointCloud copy_;
   pipeline::PointsView view_;
 };
 
 /// float32 [n][4]: x, y, z, intensity. It owns the cloud.
 FloatArray array_of(pipeline::PointCloud cloud);
-
-/// The fourth column of a plain array is intensity.
-void copy_intensity(nb::handle points, pipeline::PointCloud& cloud);
 
 /// The type of a scan, in signatures of functions.
 #define REVISIT_POINTS                                                        \

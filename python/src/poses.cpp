@@ -6,7 +6,7 @@ namespace revisit::python {
 
 std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix) {
   if (matrix.is_none()) return std::nullopt;
-  nb::ndarray<nb::numpy, const double> array;
+  GivenArray<double> array;
   if (!nb::ndarray_check(matrix) || !nb::try_cast(matrix, array, false))
     throw nb::type_error(
         str("pose: expected a numpy array of float64 [4][4], found ", description_of(matrix))

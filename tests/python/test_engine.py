@@ -105,6 +105,13 @@ class Running(unittest.TestCase):
         run.forward({'data': values.T.copy().T})  # other strides
         np.testing.assert_array_equal(run.outputs()['out'], 2 * values + 1)
 
+    def test_strides_may_be_any(self):
+        run = scale_run()
+        packed = np.zeros(2, [('values', 'f4', 3), ('flag', 'u1')])['values']  # 13 bytes from row to row
+        packed[...] = np.arange(6).reshape(2, 3)
+        run.forward({'data': packed})
+        np.testing.assert_array_equal(run.output('out'), 2 * packed + 1)
+
     def test_outputs_are_read_only_views(self):
         run = scale_run()
         out = run.output('out')

@@ -1,5 +1,6 @@
 """revisit.recognition and revisit.datasets: points, images, features, files."""
 
+import ctypes
 import gc
 import tempfile
 import unittest
@@ -22,6 +23,26 @@ def structured(points):
     return scan
 
 
+class OnGpu:
+    """What torch.zeros(shape, device='cuda') hands out: an address that is not the host's."""
+
+    def __init__(self, *shape):
+        self.dtype, self.shape, self.device = 'torch.float32', shape, 'cuda:0'
+        self.host = np.zeros(shape, np.float32)
+
+    def __dlpack__(self, **_):
+        capsule = self.host.__dlpack__()
+        get = ctypes.pythonapi.PyCapsule_GetPointer
+        get.restype, get.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+        tensor = get(capsule, b'dltensor')  # DLManagedTensor: the address, and the type of the device, 2 for CUDA
+        ctypes.c_uint64.from_address(tensor).value = 0x7f0000000040
+        ctypes.c_int32.from_address(tensor + 8).value = 2
+        return capsule
+
+    def __dlpack_device__(self):
+        return 2, 0
+
+
 class Points(unittest.TestCase):
     def setUp(self):
         self.points = room(1)
@@ -33,7 +54,8 @@ class Points(unittest.TestCase):
             'three columns': p[:, :3], 'contiguous': np.ascontiguousarray(p[:, :3]),
             'columns': np.asfortranarray(p), 'twice as wide': np.repeat(p, 2, 1)[:, ::2],
             'structured': structured(p), 'every other': np.repeat(structured(p), 2)[::2],
-            'tuple': tuple(p[:, :3].T), 'list': [p[:, 0].copy(), p[:, 1], p[:, 2]],
+            'tuple': tuple(p[:, :3].T), 'tuple of fields': tuple(structured(p)[axis] for axis in 'xyz'),
+            'list': [p[:, 0].copy(), p[:, 1], p[:, 2]],
             'backwards': p[::-1]}
         read_only = p.copy()
         read_only.flags.writeable = False
@@ -52,6 +74,13 @@ class Points(unittest.TestCase):
                 recognition.project(wrong)
         with self.assertRaisesRegex(TypeError, r'found float64 array of shape \(57600, 4\)'):
             recognition.project(p.astype(np.float64))
+
+    def test_arrays_of_a_gpu_are_refused(self):
+        column, context = OnGpu(5), OnGpu(20, 60)
+        for call in (lambda: recognition.project((column, column, column)), lambda: recognition.cosine(column, column),
+                     lambda: recognition.context_distance(context, context)):
+            with self.assertRaisesRegex(TypeError, 'found torch.float32 array of shape .* on cuda:0'):
+                call()
 
     def test_none_are_an_empty_image(self):
         self.assertFalse(recognition.project(np.zeros((0, 3), np.float32)).any())
@@ -150,6 +179,19 @@ class Files(unittest.TestCase):
         self.assertTrue(read.flags.writeable)
         self.assertEqual([scan.file for scan in scans], [file])
         self.assertIsNone(scans[0].pose)
+
+    def test_intensity_is_the_fourth_column_of_any_strides(self):
+        points = room(5)[:50]
+        points[:, 3] = np.arange(50)
+        packed = np.ndarray((50, 4), '<f4', np.zeros(18 * 50, np.uint8), 0, (18, 4))  # as in a PointCloud2 with rings
+        packed[:] = points
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / '000000.bin'
+            for layout in (packed, packed[::-1], points, np.asfortranarray(points), np.repeat(points, 2, 1)[:, ::2]):
+                datasets.write_kitti_scan(file, layout)
+                np.testing.assert_array_equal(datasets.read_scan(file), layout)
+            datasets.write_kitti_scan(file, points[:, :3])
+            self.assertFalse(datasets.read_scan(file)[:, 3].any())
 
     def test_poses(self):
         with tempfile.TemporaryDirectory() as folder:
