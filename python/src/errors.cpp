@@ -1,4 +1,5 @@
 #include <new>
+#include <string_view>
 
 #include "module.h"
 #include "revisit/engine/net.h"
@@ -7,10 +8,13 @@
 namespace revisit::python {
 namespace {
 
-/// Makes the exception of this name in revisit/errors.py the pending one of Python's.
-void raise(const char* name, const char* message) {
+/// Makes the exception of this name in revisit/errors.py the pending one of Python's. Names of
+/// files and layers in the message may be any bytes.
+void raise(const char* name, std::string_view message) {
   try {
-    PyErr_SetString(nb::module_::import_("revisit.errors").attr(name).ptr(), message);
+    const auto text = nb::steal(PyUnicode_DecodeUTF8(
+        message.data(), static_cast<Py_ssize_t>(message.size()), "surrogateescape"));
+    PyErr_SetObject(nb::module_::import_("revisit.errors").attr(name).ptr(), text.ptr());
   } catch (nb::python_error& error) {  // the interpreter is going down
     error.restore();
   }

@@ -79,6 +79,10 @@ class Errors(unittest.TestCase):
         with self.assertRaisesRegex(revisit.UsageError, 'thread'):
             small_net().plan(threads=0)
 
+    def test_names_may_be_any_bytes(self):
+        with self.assertRaisesRegex(revisit.InputError, 'stra\udcdfe.prototxt.*No such file'):
+            Net.load_without_weights(os.fsdecode(b'stra\xdfe.prototxt'))
+
     def test_have_one_base(self):
         for name in ('UsageError', 'InputError', 'UnsupportedError', 'Interrupted', 'MemoryError'):
             self.assertTrue(issubclass(getattr(revisit, name), revisit.Error), name)

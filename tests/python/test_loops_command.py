@@ -256,6 +256,14 @@ class Faults(Command):
         self.assertRegex(said, r'2\.bin.*left out')
         self.assertIn('4 scans, 0 loops accepted, 1 scans left out, 3 places known', said)
 
+    def test_names_may_be_any_bytes(self):
+        latin = self.folder / os.fsdecode(b'Stra\xdfe')
+        self.scans.rename(latin)
+        (latin / '2.bin').write_bytes(b'12345')
+        code, out, said = run(latin, '--all', '--sensor', 'hdl64')
+        self.assertEqual((code, len(out.splitlines())), (6, 4), said)
+        self.assertRegex(said, r'Stra\udcdfe/2\.bin.*left out')
+
     @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
     def test_bags_that_are_none(self):
         cloud, few = packed(room(1)[:500, :3]), ['-q', '--sensor', 'hdl64']

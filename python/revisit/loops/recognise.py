@@ -92,11 +92,11 @@ def recognise(scans, recognizer, exclusion=Exclusion(), drive='', verify=False):
         try:
             points = scan.points()
             description = recognizer.describe(points)
-            why_not = '' if description.described else f'{scan.source}: {description.why_not}'
         except InputError as error:
-            points, why_not = None, str(error)
-        if why_not:
-            yield Visit(scan, None, None, why_not, points)
+            yield Visit(scan, None, None, str(error), None)
+            continue
+        if not description.described:
+            yield Visit(scan, None, None, f'{scan.source}: {description.why_not}', points)
             continue
         recognizer.refresh_on_news()
         loop = recognizer.query(description, [position for position, _ in recent])
