@@ -6,6 +6,7 @@
 #include <type_traits>
 
 #include "revisit/proto/error.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 
@@ -16,9 +17,13 @@ class Listener {
   /// True when the work is to end.
   bool stop() {
     const nanobind::gil_scoped_acquire lock;
-    if (!error_ && PyErr_CheckSignals() != 0)
-      error_ = std::make_exception_ptr(nanobind::python_error());
-    return error_ != nullptr;
+    if (error_) return true;
+    if (Call::interpreter_ends() && !at_end_)
+      PyErr_SetNone(PyExc_SystemExit);  // which ends a thread silently
+    else if (PyErr_CheckSignals() == 0)
+      return false;
+    error_ = std::make_exception_ptr(nanobind::python_error());
+    return true;
   }
 
   /// Calls a function of Python's, unless it is None. What it raises ends the work.
@@ -54,20 +59,21 @@ class Listener {
  private:
   template <class Work>
   static auto released(const Work& work) {
-    const nanobind::gil_scoped_release unlocked;
+    const Unlocked unlocked;
     return work();
   }
   void rethrow() const {
     if (error_) std::rethrow_exception(error_);
   }
 
-  std::exception_ptr error_;  // guarded by the interpreter's lock
+  std::exception_ptr error_;                      // guarded by the interpreter's lock
+  const bool at_end_ = Call::interpreter_ends();  // a function of atexit's made this
 };
 
 /// Calls `work` without the interpreter's lock. It must not touch objects of Python's.
 template <class Work>
 auto without_lock(const Work& work) {
-  const nanobind::gil_scoped_release unlocked;
+  const Unlocked unlocked;
   return work();
 }
 

@@ -1,10 +1,13 @@
 #include "module.h"
 
+#include "unlocked.h"
+
 NB_MODULE(_core, core) {
   using namespace revisit::python;
   core.doc() = "What revisit's C++ libraries offer to Python: a module a library.";
   core.attr("__version__") = REVISIT_VERSION;
   translate_errors();
+  wait_for_calls_at_exit();
 
   const auto library = [&](const char* name, const char* doc, void (*bind)(nb::module_&)) {
     nb::module_ module = core.def_submodule(name, doc);

@@ -17,30 +17,26 @@ Run& run_of(nb::handle self) {
   return nb::cast<Run&>(self);
 }
 
-FloatArray input_of(nb::handle self, const std::string& name) {
-  const auto view = run_of(self).input(name);
+template <class T>
+nb::ndarray<nb::numpy, T> array_of_view(const engine::View<T>& view, nb::handle self) {
   return view_of(view.data, view.shape.axes(), self);
 }
 
 ReadOnlyFloats output_of(nb::handle self, const std::string& name) {
-  const auto view = run_of(self).output(name);
-  return view_of(view.data, view.shape.axes(), self);
+  return run_of(self).alone(
+      [&](const engine::Run& run) { return array_of_view(run.output(name), self); });
 }
 
 /// numpy copies, whatever the strides; types and shapes have to be right.
-void set_input(nb::handle self, const std::string& name, nb::handle values) {
-  const auto view = run_of(self).input(name);
+void set_input(engine::Run& run, nb::handle self, const std::string& name, nb::handle values) {
+  const auto view = run.input(name);
   const auto array = float_array(values, "input '" + name + "'");
   if (shape_of(array) != view.shape.axes())
     throw nb::value_error(str("input '", name, "': expected an array of shape ",
                               engine::text_of(view.shape.axes()), ", found ",
                               engine::text_of(shape_of(array)))
                               .c_str());
-  nb::cast(input_of(self, name))[nb::ellipsis()] = values;
-}
-
-void set_inputs(nb::handle self, const nb::dict& inputs) {
-  for (const auto& [name, values] : inputs) set_input(self, name_from(name, "inputs"), values);
+  nb::cast(array_of_view(view, self))[nb::ellipsis()] = values;
 }
 
 void bind_profile(nb::module_& module) {
@@ -89,18 +85,30 @@ void bind_run(nb::module_& module) {
            "Allocates Plan.arena_bytes. Inputs are NaN until they are filled. Raises UsageError "
            "for a net without weights, MemoryError.")
       .def_prop_ro("plan", [](const Run& run) { return run.plan(); })
-      .def("input", &input_of, "name"_a,
-           "The memory of an input, to be written to; it keeps its values over forward passes.")
-      .def("set_input", &set_input, "name"_a, "values"_a,
-           "Copies an array of float32 of exactly the input's shape, with any strides. Raises "
-           "TypeError for another type, ValueError for another shape.",
-           nb::sig("def set_input(self, name: str, values: numpy.typing.NDArray[numpy.float32]) -> "
-                   "None"))
+      .def(
+          "input",
+          [](nb::handle self, const std::string& name) {
+            return array_of_view(run_of(self).input(name), self);
+          },
+          "name"_a,
+          "The memory of an input, to be written to, but not during a pass; it keeps its values "
+          "over forward passes.")
+      .def(
+          "set_input",
+          [](nb::handle self, const std::string& name, nb::handle values) {
+            run_of(self).alone([&](engine::Run& run) { set_input(run, self, name, values); });
+          },
+          "name"_a, "values"_a,
+          "Copies an array of float32 of exactly the input's shape, with any strides. Raises "
+          "TypeError for another type, ValueError for another shape.",
+          nb::sig("def set_input(self, name: str, values: numpy.typing.NDArray[numpy.float32]) -> "
+                  "None"))
       .def(
           "forward",
           [](nb::handle self, const nb::dict& inputs) {
             run_of(self).alone([&](engine::Run& run) {
-              set_inputs(self, inputs);
+              for (const auto& [name, values] : inputs)
+                set_input(run, self, name_from(name, "inputs"), values);
               without_lock([&] { run.forward(); });
             });
           },
@@ -114,8 +122,9 @@ void bind_run(nb::module_& module) {
       .def(
           "layer_output",
           [](nb::handle self, const std::string& name) {
-            const auto view = run_of(self).layer_output(name);
-            return view_of(view.data, view.shape.axes(), self);
+            return run_of(self).alone([&](const engine::Run& run) {
+              return array_of_view(run.layer_output(name), self);
+            });
           },
           "name"_a,
           "What a layer put out, before any later layer worked on it in place; port_name() names "

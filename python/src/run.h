@@ -7,6 +7,7 @@
 
 #include "arrays.h"
 #include "revisit/engine/net.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 
@@ -17,15 +18,13 @@ class Run {
   explicit Run(const engine::Plan& plan);
 
   const engine::Plan& plan() const { return run_.plan(); }
+  /// The memory, which stays where it is; who writes to it during a pass is to blame.
   engine::View<float> input(const std::string& name) { return run_.input(name); }
-  engine::View<const float> output(const std::string& name) const { return run_.output(name); }
-  engine::View<const float> layer_output(const std::string& name) const {
-    return run_.layer_output(name);
-  }
 
   /// Calls `work(run)`; UsageError while another thread is in here.
   template <class Work>
   auto alone(const Work& work) {
+    const Call call;  // numpy gives the lock away while it copies
     if (working_.exchange(true))
       throw UsageError(
           "another thread is using this run; make one for each thread (Plan.run()), which is "
