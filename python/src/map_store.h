@@ -18,11 +18,12 @@ class OpenMap {
   explicit OpenMap(std::unique_ptr<pipeline::MapStore> store) : store_(std::move(store)) {}
   Messages messages;  // of damaged places
 
-  /// UsageError when it was taken or closed before.
-  std::unique_ptr<pipeline::MapStore> take() {
+  /// Calls `take(store)`, which may move from it. UsageError when it was taken or closed before.
+  template <class Take>
+  void give(const Take& take) {
     const std::lock_guard lock(mutex_);
     check();
-    return std::move(store_);
+    take(std::move(store_));
   }
   void close() {
     const std::lock_guard lock(mutex_);

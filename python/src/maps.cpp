@@ -27,13 +27,13 @@ using namespace pipeline;
 class Recognizer : public PlaceRecognizer {
  public:
   Recognizer(const FeatureExtractor& extractor, const RecognizerOptions& options,
-             std::unique_ptr<MapStore> map)
+             std::unique_ptr<MapStore>&& map)
       : Recognizer(extractor, options, std::move(map), std::make_shared<Messages>()) {}
   std::vector<std::string> warnings() const { return messages_->all(); }
 
  private:
   Recognizer(const FeatureExtractor& extractor, const RecognizerOptions& options,
-             std::unique_ptr<MapStore> map, const std::shared_ptr<Messages>& messages)
+             std::unique_ptr<MapStore>&& map, const std::shared_ptr<Messages>& messages)
       : PlaceRecognizer(extractor, options, std::move(map),
                         [messages](const std::string& message) { messages->add(message); }),
         messages_(messages) {}
@@ -100,8 +100,10 @@ void bind_recognizer(nb::module_& module) {
                                             .precision = precision,
                                             .k = k,
                                             .score = parse_score(score)};
-            without_lock(
-                [&] { new (self) Recognizer(extractor, options, map ? map->take() : nullptr); });
+            const auto make = [&](std::unique_ptr<MapStore>&& store) {
+              new (self) Recognizer(extractor, options, std::move(store));
+            };
+            without_lock([&] { map ? map->give(make) : make(nullptr); });
           },
           "extractor"_a, "map"_a.none() = nb::none(), nb::kw_only(), "align"_a = "none",
           "geometry"_a = ImageGeometry(), "first_stretch"_a = RecognizerOptions().first_stretch,

@@ -148,6 +148,14 @@ class Maps(unittest.TestCase):
         with self.assertRaisesRegex(revisit.UsageError, 'belongs to'):
             maps.PlaceRecognizer(extractor, store)
 
+    def test_stay_open_when_a_recogniser_refuses(self):
+        filled(revisit.open_map(self.file, first_stretch=4))
+        store = maps.MapStore.open(self.file, write=True)
+        for options, says in (({'k': 0}, 'RecognizerOptions::k'), ({}, 'expected a descriptor of 192 numbers')):
+            with self.assertRaisesRegex(revisit.UsageError, says):
+                maps.PlaceRecognizer(revisit.recognition.m2dp_features(), store, **options)
+        self.assertEqual(len(store), len(PLACES))
+
     def test_of_another_feature_are_refused(self):
         filled(revisit.open_map(self.file, first_stretch=4))
         with self.assertRaisesRegex(revisit.InputError, 'feature'):

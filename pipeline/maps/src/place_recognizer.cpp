@@ -83,15 +83,17 @@ struct PlaceRecognizer::Impl {
   std::optional<Calibration> calibration;
   std::optional<double> threshold;
 
-  Impl(FeatureExtractor feature, const RecognizerOptions& chosen, std::unique_ptr<MapStore> store,
-       MapStore::Damaged say)
+  Impl(FeatureExtractor feature, const RecognizerOptions& chosen, MapStore::Damaged say)
       : extractor(std::move(feature)),
         options(chosen),
-        map(std::move(store)),
         damaged(say ? std::move(say) : [](const std::string&) {}),
         workers([this] { return from_scan(extractor, options.align, options.geometry); }) {
     workers.give_back(workers.take());  // what cannot be described at all is said at once
     features.d = extractor.dim;
+  }
+
+  /// To be called once, when `map` is there.
+  void begin() {
     take_over_calibration();
     if (!extractor.reduce) settle(as_it_is(extractor));
     if (map) take_in_new_places();
@@ -326,7 +328,8 @@ std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out,
 }  // namespace
 
 PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
-                                 std::unique_ptr<MapStore> map, const MapStore::Damaged& damaged) {
+                                 std::unique_ptr<MapStore>&& map,
+                                 const MapStore::Damaged& damaged) {
   if (options.first_stretch < 2)
     throw UsageError(str("RecognizerOptions::first_stretch: expected at least 2, found ",
                          options.first_stretch));
@@ -348,7 +351,14 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
     throw UsageError(
         str("RecognizerOptions::precision: expected more than 0 and less than 1, found ",
             options.precision));
-  impl_ = std::make_unique<Impl>(std::move(extractor), options, std::move(map), damaged);
+  impl_ = std::make_unique<Impl>(std::move(extractor), options, damaged);
+  impl_->map = std::move(map);
+  try {
+    impl_->begin();
+  } catch (...) {
+    map = std::move(impl_->map);
+    throw;
+  }
 }
 
 PlaceRecognizer::~PlaceRecognizer() = default;

@@ -69,9 +69,10 @@ class PlaceRecognizer {
  public:
   /// The places of `map` are known at once; null: nothing is kept. Throws UsageError for a feature
   /// of camera images or invalid options, InputError when the map was made with another
-  /// feature (identity_of()). `damaged` gets a message for each place that cannot be read.
+  /// feature (identity_of()); `map` then stays with the caller. `damaged` gets a message for each
+  /// place that cannot be read.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
-                  std::unique_ptr<MapStore> map = nullptr, const MapStore::Damaged& damaged = {});
+                  std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Damaged& damaged = {});
   ~PlaceRecognizer();
 
   /// What a map that this feature and these options fill must have been made with.
