@@ -5,6 +5,8 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "arrays.h"
@@ -27,6 +29,12 @@ struct Files {
     for (const fs::path& path : paths) all.push_back(&files.emplace_back(path));
   }
 };
+
+int64_t bytes_of(double gigabytes) {
+  if (!std::isfinite(gigabytes) || gigabytes <= 0)
+    throw UsageError(str("memory_gb: expected a number above 0, found ", gigabytes));
+  return static_cast<int64_t>(std::min(gigabytes * 0x1p30, 0x1p62));
+}
 
 FloatArray array_of_matrix(FloatMatrix matrix) {
   const std::vector<int64_t> shape = {matrix.n, matrix.d};
@@ -56,13 +64,12 @@ void bind_pca(nb::module_& module) {
         const Files features(files);
         Listener listener;
         return listener.run([&] {
-          return fit_pca(features.all,
-                         {.components = components,
-                          .fit_rows = fit_rows,
-                          .memory = static_cast<int64_t>(memory_gb * (int64_t{1} << 30)),
-                          .threads = threads,
-                          .model_folder = model_folder.value_or(""),
-                          .stop = [&] { return listener.stop(); }});
+          return fit_pca(features.all, {.components = components,
+                                        .fit_rows = fit_rows,
+                                        .memory = bytes_of(memory_gb),
+                                        .threads = threads,
+                                        .model_folder = model_folder.value_or(""),
+                                        .stop = [&] { return listener.stop(); }});
         });
       },
       "files"_a, "components"_a, "fit_rows"_a, "model_folder"_a, "memory_gb"_a, "threads"_a);

@@ -196,6 +196,10 @@ class Pca(unittest.TestCase):
             recognition.fit_pca(np.full((3, 4), np.nan, np.float32))
         with self.assertRaises(revisit.UsageError):
             recognition.fit_pca(self.x, 0)
+        for memory in (0, -1, math.inf, math.nan):
+            with self.assertRaisesRegex(revisit.UsageError, 'memory_gb'):
+                recognition.fit_pca(self.x, 4, memory_gb=memory)
+        self.assertEqual(recognition.fit_pca(self.x, 4, memory_gb=1e12).rank, 4)
         with self.assertRaises(revisit.InputError):
             recognition.PcaModel(self.folder / 'nowhere')
 
