@@ -1,4 +1,7 @@
-"""The whole program `revisit`, which packages carry that were built with it: the command of the same name, and run()."""
+"""The whole program `revisit`, which packages carry that were built with it: the command of the same name, and run().
+
+Also the command `revisit-loops`: this module can be imported whatever the package was built with.
+"""
 
 import os
 import subprocess
@@ -7,7 +10,7 @@ from pathlib import Path
 
 from revisit import errors
 
-__all__ = ['main', 'path', 'run']
+__all__ = ['loops', 'main', 'path', 'run']
 
 # Exit codes of the program and what the libraries raise for the same reasons.
 ERRORS = {2: errors.UsageError, 3: errors.InputError, 4: errors.UnsupportedError, 130: errors.Interrupted}
@@ -45,6 +48,17 @@ def main():
         print(f'revisit: {error}', file=sys.stderr)
         return 4
     os.execv(program, ['revisit', *sys.argv[1:]])
+
+
+def loops():
+    """The command `revisit-loops`, which a package of the engine alone has, too, but cannot do."""
+    from revisit import _core
+    if not hasattr(_core, 'maps'):
+        print('revisit-loops: this package is of the engine alone; build it with the pipeline: pip install . in the root of '
+              'the sources, without REVISIT_PIPELINE=OFF', file=sys.stderr)
+        return 4
+    from revisit.loops.command import main as command
+    return command()
 
 
 if __name__ == '__main__':

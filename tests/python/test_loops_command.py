@@ -19,7 +19,7 @@ import numpy as np
 
 import revisit
 from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
-from revisit import datasets, poses, simulation
+from revisit import datasets, poses, program, simulation
 from revisit._core import registration as core
 from revisit.loops import Exclusion, command, lines, progress
 from scans import room
@@ -314,6 +314,12 @@ class Pieces(unittest.TestCase):
         for wrong in ('', 'frames', 'frames=', 'frames=2.5', 'frames=-1', 'seconds=nan', 'seconds=inf', 'none=3', 'hours=1'):
             with self.assertRaisesRegex(revisit.UsageError, 'expected frames=N'):
                 Exclusion.parse(wrong)
+
+    def test_a_package_of_the_engine_alone_says_so(self):
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said), mock.patch.object(revisit, '_core', object()):
+            self.assertEqual(program.loops(), 4)
+        self.assertRegex(said.getvalue(), '^revisit-loops: this package is of the engine alone')
 
     def test_lines(self):
         self.assertEqual(lines.json_text({'frame': 3, 'score': float('nan')}), '{"frame":3,"score":"NaN"}')
