@@ -20,19 +20,32 @@ using Pose = geometry_msgs::msg::PoseWithCovarianceStamped;
 
 namespace {
 
-/// The points of a message, where they are. Throws UsageError when x, y, z are not floats.
-PointsView view_of(const PointCloud2& message) {
-  PointsView view{message.data.data(), size_t{message.width} * message.height, message.point_step};
+/// The points of a message. Throws UsageError when x, y, z are not floats or the message is shorter
+/// than it says.
+PointCloud cloud_of(const PointCloud2& message) {
+  PointsView row{message.data.data(), message.width, message.point_step};
   int found = 0;
   for (const PointField& field : message.fields) {
     const bool wanted = field.name == "x" || field.name == "y" || field.name == "z";
     if (!wanted || field.datatype != PointField::FLOAT32) continue;
-    (field.name == "x" ? view.x : field.name == "y" ? view.y : view.z) = field.offset;
+    (field.name == "x" ? row.x : field.name == "y" ? row.y : row.z) = field.offset;
     ++found;
   }
-  if (found != 3 || message.is_bigendian || message.data.size() < view.count * view.stride)
+  if (found != 3 || message.is_bigendian)
     throw revisit::UsageError("points: expected little-endian float32 fields x, y and z");
-  return view;
+  PointCloud cloud, part;
+  const size_t bytes = row.count * row.stride;
+  const size_t step = message.height > 1 ? message.row_step : bytes;  // rows may be padded
+  if (bytes == 0 || message.height == 0) return cloud;
+  if (bytes > step || message.data.size() < bytes ||
+      message.data.size() - bytes < (message.height - 1) * step)
+    throw revisit::UsageError("points: the message is shorter than it says");
+  for (size_t i = 0; i < message.height; ++i) {
+    row.data = message.data.data() + i * step;
+    copy_points(row, part);
+    cloud.points.insert(cloud.points.end(), part.points.begin(), part.points.end());
+  }
+  return cloud;
 }
 
 class LoopClosureNode : public rclcpp::Node {
@@ -55,8 +68,14 @@ class LoopClosureNode : public rclcpp::Node {
 
  private:
   void take(const PointCloud2& message) {
-    const PointsView points = view_of(message);
-    const Description scan = recognizer_->describe(points);
+    PointCloud cloud;
+    Description scan;
+    try {
+      cloud = cloud_of(message);
+      scan = recognizer_->describe(view_of(cloud));
+    } catch (const revisit::UsageError& error) {  // the next message may be fine
+      scan.why_not = error.what();
+    }
     if (!scan.described()) {
       RCLCPP_WARN(get_logger(), "%s", scan.why_not.c_str());
       return;
@@ -66,8 +85,6 @@ class LoopClosureNode : public rclcpp::Node {
       without_.erase(without_.begin());
       recent_.pop_front();
     }
-    PointCloud cloud;
-    copy_points(points, cloud);
     const PreparedScan prepared(cloud);
     if (const auto loop = recognizer_->query(scan, without_); loop && loop->accepted && loop->turn)
       if (const auto there = prepared_.find(loop->position); there != prepared_.end()) {
