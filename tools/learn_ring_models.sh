@@ -12,9 +12,9 @@ revisit=${REVISIT:-$root/build/release/tools/revisit}
 work=${1:-$root/results/ring_models}
 mkdir -p "$work"
 
-# Both take their drives from FOLDER, where they simulate them once.
+# Both take their drives from FOLDER, where scans that are complete are kept.
 simulate() {  # simulate FOLDER OPTION...
-  [ -d "$1" ] || "$revisit" simulate -o "$1" --every 4 --quiet "${@:2}"
+  "$revisit" simulate -o "$1" --every 4 --quiet "${@:2}"
 }
 calibrate() {  # calibrate SENSOR MODEL [OPTION...]
   local sensor=$1 model=$2 drives=()
