@@ -75,8 +75,10 @@ class Scripts(unittest.TestCase):
         (self.folder / 'scripts').mkdir()
         (self.folder / 'scripts/look.py').write_text(SCRIPT)
         (self.folder / 'scripts/neighbour.py').write_text('NAME = "beside"')
-        out = self.run_python('-m', 'revisit.caffe', 'scripts/look.py', 'deploy.prototxt')
-        self.assertEqual(out.strip(), '3 [1, 3, 1, 1] beside __main__')
+        (self.folder / 'link.py').symlink_to('scripts/look.py')  # its neighbours are those of the file, as Python has it
+        for script in ('scripts/look.py', 'link.py'):
+            out = self.run_python('-m', 'revisit.caffe', script, 'deploy.prototxt')
+            self.assertEqual(out.strip(), '3 [1, 3, 1, 1] beside __main__')
 
 
 if __name__ == '__main__':

@@ -28,7 +28,7 @@ def main():
     if len(sys.argv) < 2 or sys.argv[1].startswith('-'):
         sys.exit('usage: python -m revisit.caffe SCRIPT [ARGUMENTS]')
     del sys.argv[0]
-    sys.path[0] = os.path.dirname(os.path.abspath(sys.argv[0]))
+    sys.path[0] = os.path.dirname(os.path.realpath(sys.argv[0]))
     _stand_in()
     runpy.run_path(sys.argv[0], run_name='__main__')
 
