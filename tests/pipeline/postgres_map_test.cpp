@@ -315,6 +315,8 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   b->add(places_of(*of_b), {}, of_b.get());
   of_b.reset();
   b->expect("x", frames);
+  EXPECT_EQ(reader()->expected("x"), 0);  // there is no such table yet
+  EXPECT_EQ(a->claim("x", 1), nullptr);
   EXPECT_EQ(b->expected("x"), 0);
   EXPECT_EQ(frames_of(*b)["x"], (std::set<int64_t>{0, 2, 3, 4, 5, 6, 7, 8, 9}));
 }

@@ -121,6 +121,7 @@ class PostgresMap : public MapStore {
       } catch (const pqxx::usage_error&) {
         throw UsageError("the previous claim has not ended");
       }
+      if (!has_table(*claim->step, server_->map(), "expected")) return nullptr;
       const pqxx::result rows = claim->step->exec_params(
           "SELECT frame FROM expected WHERE drive = $1 AND place IS NULL ORDER BY frame LIMIT $2 "
           "FOR UPDATE SKIP LOCKED",
@@ -134,6 +135,7 @@ class PostgresMap : public MapStore {
   int64_t expected(const std::string& drive) const override {
     return server_->run([&](pqxx::connection& connection) {
       Moment moment(connection);
+      if (!has_table(moment, server_->map(), "expected")) return int64_t{0};
       return moment
           .exec_params("SELECT count(*) FROM expected WHERE drive = $1 AND place IS NULL",
                        drive)[0][0]
@@ -339,13 +341,7 @@ std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess acc
   auto server = std::make_unique<Server>(postgres::parse_address(where));
   const MapHead head = server->run([&](pqxx::connection& connection) {
     pqxx::work step(connection);
-    // Not to_regclass(): it remembers within a transaction that there was no such schema.
-    const auto is_there = [&] {
-      return !step.exec_params(
-                      "SELECT 1 FROM pg_tables WHERE schemaname = $1 AND tablename = 'map'",
-                      server->map())
-                  .empty();
-    };
+    const auto is_there = [&] { return has_table(step, server->map(), "map"); };
     if (!is_there()) {
       if (identity == nullptr || access == MapAccess::kRead)
         throw InputError(

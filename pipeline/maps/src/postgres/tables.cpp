@@ -67,6 +67,13 @@ void write_places(pqxx::transaction_base& step, int64_t places) {
       "EXCLUDED.places, checksum = EXCLUDED.checksum",
       places, checksum_of(Counts{.places = places, .values = 0, .damage = ""}));
 }
+bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table) {
+  // Not to_regclass(): it remembers within a transaction that there was no such schema.
+  return !step.exec_params("SELECT 1 FROM pg_tables WHERE schemaname = $1 AND tablename = $2", map,
+                           table)
+              .empty();
+}
+
 
 int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string* damage) {
   const pqxx::result rows =

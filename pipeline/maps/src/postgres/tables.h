@@ -49,6 +49,9 @@ int64_t value_checksum(std::string_view name, std::string_view bytes);
 MapHead read_head(pqxx::transaction_base& step, const std::string& name);
 void write_head(pqxx::transaction_base& step, const MapHead& head);
 
+/// Whether the schema of this map has a table.
+bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table);
+
 /// How many places there are; `damage`: when that had to be taken from the places, why.
 int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string* damage = nullptr);
 void write_places(pqxx::transaction_base& step, int64_t places);
