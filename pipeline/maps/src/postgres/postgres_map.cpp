@@ -275,7 +275,8 @@ class PostgresMap : public MapStore {
   };
 
   /// The id of the first; the others follow.
-  int64_t insert(pqxx::work& step, const Places& all, int64_t there, const MapHead& head) const {
+  int64_t insert(pqxx::transaction_base& step, const Places& all, int64_t there,
+                 const MapHead& head) const {
     for (size_t i = 0; i < all.rows.size(); ++i)
       write_place(step, kInsertPlaceAt, there + 1 + static_cast<int64_t>(i), all.places[i],
                   all.rows[i], head.revision, all.call);
@@ -293,12 +294,13 @@ class PostgresMap : public MapStore {
     std::vector<int64_t> ids;
     pqxx::work& step = *own->step;
     try {
-      const int64_t there = lock_places(step);
-      const MapHead head = read_head(step, server_->name());
+      pqxx::subtransaction adding(step);  // taken back, it lets go of the lock, not of the claim
+      const int64_t there = lock_places(adding);
+      const MapHead head = read_head(adding, server_->name());
       if (revision && *revision != head.revision && !all.rows.empty()) return ids;
-      const int64_t first = insert(step, all, there, head);
+      const int64_t first = insert(adding, all, there, head);
       const auto set = [&](int64_t frame, int64_t place, const std::string& why_not) {
-        step.exec_params(
+        adding.exec_params(
             "UPDATE expected SET place = $3, why_not = nullif($4, '') WHERE drive = $1 AND frame "
             "= $2",
             claim.drive, frame, place, why_not);
@@ -308,6 +310,7 @@ class PostgresMap : public MapStore {
         set(place.frame, ids.back(), "");
       }
       for (const auto& [frame, why_not] : claim.left_out) set(frame, 0, why_not);
+      adding.commit();
       step.commit();
       own->step.reset();
     } catch (const pqxx::pqxx_exception& error) {
