@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <clocale>
 #include <cmath>
 #include <csignal>
 #include <cstring>
@@ -124,6 +125,16 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
   ASSERT_EQ(read.damages.size(), 2);
   EXPECT_NE(read.damages[0].find("place 7 is damaged: its checksum"), std::string::npos);
   EXPECT_NE(read.damages[1].find("place 9 is damaged: not found"), std::string::npos);
+}
+
+TEST_F(PostgresMap, TimesDoNotDependOnTheLocale) {
+  if (std::setlocale(LC_NUMERIC, "de_DE.UTF-8") == nullptr)
+    GTEST_SKIP() << "no locale with a decimal comma";
+  const StoredPlace place = made("x", 14);
+  writer()->add({&place, 1});
+  const auto read = read_all(*reader());
+  std::setlocale(LC_NUMERIC, "C");
+  EXPECT_EQ(read.places.at(0).time, place.time);
 }
 
 TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
@@ -283,6 +294,8 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   const auto a = writer(), b = writer();
   const StoredPlace there = made("x", 3);
   a->add({&there, 1});
+  EXPECT_EQ(reader()->expected("x"), 0);  // there is no such table yet
+  EXPECT_EQ(a->claim("x", 1), nullptr);
   const std::vector<int64_t> frames = frames_to(10);
   a->expect("x", frames);
   b->expect("x", frames);
@@ -298,6 +311,7 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   // Made for another revision: the claim goes on.
   of_a->left_out[1] = "no points";
   EXPECT_TRUE(a->add(places_of(*of_a), 7, of_a.get()).empty());
+  server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // nobody has to wait for it
   EXPECT_EQ(a->add(places_of(*of_a), 0, of_a.get()), (std::vector<int64_t>{2, 3}));
   expect_error<UsageError>([&] { a->add({}, {}, of_a.get()); }, {"has ended"});
   EXPECT_EQ(a->expected("x"), 6);
@@ -315,8 +329,6 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   b->add(places_of(*of_b), {}, of_b.get());
   of_b.reset();
   b->expect("x", frames);
-  EXPECT_EQ(reader()->expected("x"), 0);  // there is no such table yet
-  EXPECT_EQ(a->claim("x", 1), nullptr);
   EXPECT_EQ(b->expected("x"), 0);
   EXPECT_EQ(frames_of(*b)["x"], (std::set<int64_t>{0, 2, 3, 4, 5, 6, 7, 8, 9}));
 }
@@ -332,7 +344,6 @@ TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
   EXPECT_EQ(read_all(*watcher).position.removed, 0);
   EXPECT_EQ(map->remove(std::vector<int64_t>{600, 256, 257, 3}), 4);
   EXPECT_EQ(map->remove(std::vector<int64_t>{3, 4}), 1);
-  server_->execute("SELECT 1 FROM town.counts FOR UPDATE NOWAIT");  // nobody has to wait for it
   EXPECT_EQ(map->remove(std::vector<int64_t>{3}), 0);
   expect_error<UsageError>([&] { map->remove(std::vector<int64_t>{601}); }, {"1 to 600"});
   expect_error<UsageError>([&] { watcher->remove(std::vector<int64_t>{5}); }, {"for reading"});

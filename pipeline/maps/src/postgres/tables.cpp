@@ -1,11 +1,10 @@
 #include "tables.h"
 
-#include <cstdio>
-
 #include "checksum.h"
 #include "identity.h"
 #include "removed_places.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/text.h"
 
 namespace revisit::pipeline::postgres {
 
@@ -67,13 +66,13 @@ void write_places(pqxx::transaction_base& step, int64_t places) {
       "EXCLUDED.places, checksum = EXCLUDED.checksum",
       places, checksum_of(Counts{.places = places, .values = 0, .damage = ""}));
 }
+
 bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table) {
   // Not to_regclass(): it remembers within a transaction that there was no such schema.
   return !step.exec_params("SELECT 1 FROM pg_tables WHERE schemaname = $1 AND tablename = $2", map,
                            table)
               .empty();
 }
-
 
 int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string* damage) {
   const pqxx::result rows =
@@ -127,9 +126,8 @@ int64_t lock_places(pqxx::transaction_base& step) {
 void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,
                  const StoredPlace& place, const PlaceRow& row, int64_t revision, int64_t call) {
   const RowView view = view_of(place, row, revision);
-  char time[40] = "";
-  if (view.time) std::snprintf(time, sizeof(time), "%.17g", *view.time);
-  step.exec_params(sql, id, place.drive, view.frame, std::string(time), bytes_of(view.pose),
+  const std::string time = view.time ? exact(*view.time) : "";  // in every locale
+  step.exec_params(sql, id, place.drive, view.frame, time, bytes_of(view.pose),
                    bytes_of(view.descriptor), bytes_of(view.feature), revision,
                    checksum_of(id, view), call);
 }
