@@ -127,6 +127,27 @@ TEST_F(PostgresMap, KeepsWhatItIsGiven) {
   EXPECT_NE(read.damages[1].find("place 9 is damaged: not found"), std::string::npos);
 }
 
+TEST_F(PostgresMap, MergingNeedsANewMap) {
+  const test::TempDir folder;
+  const auto theirs = open_map(folder / "a.map", MapAccess::kWrite, &kServedIdentity);
+  const StoredPlace place = made("x", 1);
+  theirs->add({&place, 1});
+  theirs->set_value(kBasisValue, "theirs");
+  const std::filesystem::path maps[] = {folder / "a.map"};
+  const auto merge_into = [&](const std::string& map) {
+    return merge_maps(maps, server_->url(map), [](const std::string&) {});
+  };
+  const auto map = writer();  // an empty one is somebody's, too
+  expect_error<InputError>([&] { merge_into("town"); }, {"map=town", "already exists"});
+  map->add({&place, 1});
+  map->set_value(kBasisValue, "mine");
+  expect_error<InputError>([&] { merge_into("town"); }, {"already exists"});
+  EXPECT_EQ(map->value(kBasisValue), "mine");
+  EXPECT_EQ(map->size(), 1);
+  EXPECT_EQ(merge_into("village"), 1);
+  EXPECT_EQ(reader("village")->value(kBasisValue), "theirs");
+}
+
 TEST_F(PostgresMap, TimesDoNotDependOnTheLocale) {
   if (std::setlocale(LC_NUMERIC, "de_DE.UTF-8") == nullptr)
     GTEST_SKIP() << "no locale with a decimal comma";

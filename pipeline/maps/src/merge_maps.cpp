@@ -46,7 +46,6 @@ void take_over_basis(MapStore& map, const fs::path& other) {
 int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
                    const MapStore::Damaged& damaged) {
   if (maps.empty()) throw UsageError("merging maps: expected at least one, found none");
-  if (fs::exists(file)) throw InputError(file.string() + ": already exists");
   std::vector<std::unique_ptr<MapStore>> sources;
   for (const fs::path& map : maps) {
     sources.push_back(
@@ -58,7 +57,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
                            maps[0].string(),
                            "; a map can only take over another's basis when it is new"));
   }
-  const auto merged = open_map(file, MapAccess::kWrite, &sources.front()->identity(),
+  const auto merged = open_map(file, MapAccess::kNew, &sources.front()->identity(),
                                sources.front()->number_format());
   if (const auto basis = sources.front()->value(kBasisValue))
     merged->set_value(kBasisValue, *basis);

@@ -135,6 +135,8 @@ std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
     map = open_existing(look_at_existing(file));
   } else {
     const File found = identity == nullptr ? look_at_existing(file) : look_at(file);
+    if (access == MapAccess::kNew && found.is_there)
+      throw InputError(str(found.name, ": already exists"));
     auto lock = std::make_unique<WriterLock>(found.path, found.name);
     std::vector<std::string> losses;
     auto connection = open_for_writing(found, identity, format, losses);

@@ -338,10 +338,11 @@ class PostgresMap : public MapStore {
   mutable std::set<std::string> told_;
 };
 
-/// `identity`: the map is made with it when there is none.
+/// `identity`: the map is made with it when there is none; with kNew there must be none.
 std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess access,
                                          const MapIdentity* identity, NumberFormat format) {
   auto server = std::make_unique<Server>(postgres::parse_address(where));
+  bool made = false;  // perhaps: by the try before this one, whose connection was lost
   const MapHead head = server->run([&](pqxx::connection& connection) {
     pqxx::work step(connection);
     const auto is_there = [&] { return has_table(step, server->map(), "map"); };
@@ -356,8 +357,11 @@ std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess acc
         step.exec(kTableOfRemoved);
         write_head(step, {.identity = *identity, .format = format});
         write_places(step, 0);
+        made = true;
       }
     }
+    if (access == MapAccess::kNew && !made)
+      throw InputError(str(server->name(), ": already exists"));
     // Without this right the server would say that there are no tables.
     if (!step.exec_params("SELECT has_schema_privilege($1, 'USAGE')", server->map())[0][0]
              .as<bool>())

@@ -132,19 +132,20 @@ bool is_on_a_server(std::string_view where);
 /// What messages call a map: without the password of a server's address.
 std::string shown_name(const std::filesystem::path& map);
 
-enum class MapAccess { kRead, kWrite };
+enum class MapAccess { kRead, kWrite, kNew };
 
 /// Opens a map. With kWrite and an `identity` it is made when there is none, with `format`, which
-/// says nothing about a map that is there. One process writes, any number read meanwhile.
+/// says nothing about a map that is there; with kNew there must be none. One process writes, any
+/// number read meanwhile.
 ///
 /// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAPS.md): there any number
 /// of processes write, too. A connection that is lost is made again, for 10 s or patience=SECONDS.
 ///
-/// Throws InputError for a file that is missing, not a map, damaged at its head or of a later
-/// version, and when `identity` is not the map's: the message has every entry that differs. Throws
-/// Error when the file cannot be opened or written, when another process is writing to it, and when
-/// a server does not answer or refuses; UsageError for an invalid address, and for a server in a
-/// build without libpqxx.
+/// Throws InputError for a file that is missing, there although it is to be new, not a map, damaged
+/// at its head or of a later version, and when `identity` is not the map's: the message has every
+/// entry that differs. Throws Error when the file cannot be opened or written, when another process
+/// is writing to it, and when a server does not answer or refuses; UsageError for an invalid
+/// address, and for a server in a build without libpqxx.
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapIdentity* identity = nullptr,
                                    NumberFormat format = NumberFormat::kFloat32);
@@ -154,9 +155,9 @@ std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess 
 /// has places that were described otherwise.
 void take_over_basis(MapStore& map, const std::filesystem::path& other);
 
-/// Puts the places of all `maps` into a new map in `file`, one map after the other, and returns how
+/// Puts the places of all `maps` into a new map, `file`, one map after the other, and returns how
 /// many there are. All must be of one identity and basis. Damaged places are left out and named.
-/// Throws UsageError without maps, InputError for what does not fit and a file that is there.
+/// Throws UsageError without maps, InputError for what does not fit and a map that is there.
 int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::filesystem::path& file,
                    const MapStore::Damaged& damaged);
 
