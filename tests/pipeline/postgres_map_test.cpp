@@ -529,6 +529,22 @@ std::unique_ptr<PlaceRecognizer> robot(const std::string& url) {
                                            open_map(url, MapAccess::kWrite, &identity));
 }
 
+TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
+  const test::TempDir folder;
+  const std::string url = server_->url("town"), other = folder / "other.map";
+  const auto fill = [](PlaceRecognizer& one, int64_t first) {
+    for (int64_t frame = first; frame < first + 30; ++frame)
+      one.add(scan_at(one, frame), {.frame = frame});
+  };
+  fill(*robot(other), 0);
+  const auto early = robot(url);
+  take_over_basis(*open_map(url, MapAccess::kWrite), other);
+  fill(*early, 100);
+  const auto map = open_map(url, MapAccess::kRead);
+  EXPECT_EQ(map->value(kBasisValue), open_map(other, MapAccess::kRead)->value(kBasisValue));
+  for (const StoredPlace& place : read_all(*map).places) EXPECT_TRUE(place.feature.empty());
+}
+
 TEST_F(PostgresMap, RobotsRecogniseEachOthersPlaces) {
   const std::string url = server_->url("town");
   const auto a = robot(url), b = robot(url);

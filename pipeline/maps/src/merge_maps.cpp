@@ -37,10 +37,16 @@ void take_over_basis(MapStore& map, const fs::path& other) {
                          " places, too few"));
   const auto own = map.value(kBasisValue);
   if (own == basis) return;
-  if (own || map.size() > 0)
-    throw InputError(str("the map has ", map.size(), " places, which are not described with the ",
-                         "basis of ", other.string()));
-  map.set_value(kBasisValue, *basis);
+  const auto refuse = [&](const StoredPlace&) -> std::vector<float> {
+    throw InputError("the map has places, which are not described with the basis of " +
+                     other.string());
+  };
+  if (own || map.size() > 0) refuse({});
+  // As a new revision: others who have opened the map learn no basis of their own any more.
+  const auto pass_over = [](auto&&) {};
+  if (!map.replace_descriptors(refuse, {{kBasisValue, *basis}},
+                               map.read(0, pass_over, pass_over).revision))
+    refuse({});
 }
 
 int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,

@@ -161,7 +161,7 @@ class PostgresMap : public MapStore {
         tell_once(str(server_->name(), ": the number of places is damaged: ", damage, "; ", there,
                       " is the last that was found"));
       // The connection was lost on the way, and the moment is another: the next read() goes on.
-      if (at.revision >= 0 && at.revision != head.revision) return;
+      if (at.revision >= 0 && at.revision != head.revision) return server_->has_more_news();
       // Of the first moment: what was removed after it may have been handed over.
       if (at.revision < 0) at.removed = count_removed(moment);
       at.revision = head.revision;

@@ -49,6 +49,8 @@ class Server {
   /// Whether others have told so, or may have while the connection was lost.
   bool was_told(std::chrono::milliseconds wait);
   void forget_news() { news_ = false; }
+  /// Not all that was told was read.
+  void has_more_news() { news_ = true; }
 
  private:
   using Clock = std::chrono::steady_clock;
