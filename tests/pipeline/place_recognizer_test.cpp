@@ -7,9 +7,12 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <iterator>
+#include <map>
 #include <numeric>
 #include <random>
 #include <thread>
+#include <utility>
 
 #include "expect_error.h"
 #include "revisit/evaluation/retrieve.h"
@@ -189,6 +192,141 @@ TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {
   EXPECT_EQ(here->position, 7);
   EXPECT_EQ(here->similarity, there->similarity);
   EXPECT_TRUE(here->accepted);
+}
+
+std::vector<float> coordinates_of(int i) {
+  std::vector<float> feature;
+  for (const Point& p : scan_of(i).points) feature.insert(feature.end(), {p.x, p.y, p.z});
+  return feature;
+}
+
+/// Others add places to it and remove some; what is asked of it may end with an error, once.
+struct BreakingMap : MapStore {
+  mutable int64_t places = 0, breaks_at_place = 0, steps_left = 100;
+  mutable bool breaks_at_removals = false;
+  std::vector<int64_t> those_removed;
+  std::map<std::string, std::string> values;
+
+  const MapIdentity& identity() const override {
+    static const MapIdentity none;
+    return none;
+  }
+  NumberFormat number_format() const override { return NumberFormat::kFloat32; }
+  int64_t size() const override { return places; }
+  std::optional<std::string> value(const std::string& name) const override {
+    const auto found = values.find(name);
+    return found == values.end() ? std::nullopt : std::optional(found->second);
+  }
+  void set_value(const std::string& name, const std::string& bytes) override {
+    if (steps_left-- == 0) throw Error("lost");
+    values[name] = bytes;
+  }
+  std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>, Claim*) override {
+    return {};
+  }
+  void expect(const std::string&, std::span<const int64_t>) override {}
+  std::unique_ptr<Claim> claim(const std::string&, int64_t) override { return nullptr; }
+  int64_t expected(const std::string&) const override { return 0; }
+  MapPosition read(int64_t after, const Take& take, const Damaged&) const override {
+    for (int64_t id = after + 1; id <= places; ++id) {
+      if (id == std::exchange(breaks_at_place, id == breaks_at_place ? 0 : breaks_at_place))
+        throw Error("lost");
+      StoredPlace place;
+      place.id = id;
+      place.descriptor = coordinates_of(static_cast<int>(id));
+      take(std::move(place));
+    }
+    return {.last = places, .revision = 0, .removed = std::ssize(those_removed)};
+  }
+  int64_t remove(std::span<const int64_t>) override { return 0; }
+  std::vector<int64_t> removed(int64_t after) const override {
+    if (std::exchange(breaks_at_removals, false)) throw Error("lost");
+    return {those_removed.begin() + after, those_removed.end()};
+  }
+  bool replace_descriptors(const std::function<std::vector<float>(const StoredPlace&)>&,
+                           const std::map<std::string, std::string>&, int64_t) override {
+    return false;
+  }
+};
+
+TEST(PlaceRecognizer, WhatAnErrorLeftUnreadIsReadTheNextTime) {
+  FeatureExtractor extractor = coordinates();
+  extractor.reduce = nullptr;
+  auto store = std::make_unique<BreakingMap>();
+  BreakingMap& map = *store;
+  PlaceRecognizer recognizer(extractor, {}, std::move(store));
+  map.places = 6;
+  map.breaks_at_place = 4;
+  expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
+  EXPECT_EQ(recognizer.size(), 3);
+  recognizer.refresh_on_news();
+  EXPECT_EQ(recognizer.size(), 6);
+  const Description scan = recognizer.describe(view_of(scan_of(105)));
+  EXPECT_EQ(recognizer.query(scan)->id, 5);
+  map.those_removed = {5};
+  map.breaks_at_removals = true;
+  expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
+  recognizer.refresh_on_news();
+  EXPECT_NE(recognizer.query(scan)->id, 5);
+}
+
+TEST(PlaceRecognizer, DescriptionsOfAnotherSizeAreRefused) {
+  PlaceRecognizer recognizer(coordinates(), {});
+  const Description two{.feature = {1, 2}, .why_not = ""};
+  for (int i = 0; i < 2; ++i) {  // without places, and with some
+    expect_error<UsageError>([&] { recognizer.query(two); }, {"by 2 numbers", "has 6"});
+    expect_error<UsageError>([&] { recognizer.add(two, {}); }, {"by 2 numbers", "has 6"});
+    recognizer.add(recognizer.describe(view_of(scan_of(i))), {});
+  }
+  EXPECT_EQ(recognizer.size(), 2);
+}
+
+TEST(PlaceRecognizer, PlacesOfAnotherSizeAreLeftOutAndNamed) {
+  const test::TempDir folder;
+  {
+    const auto map = map_in(folder / "a.map");
+    StoredPlace place;
+    place.descriptor = {1, 2, 3};
+    map->add({&place, 1});
+  }
+  std::vector<std::string> damages;
+  const auto open = [&] {
+    damages.clear();
+    return std::make_unique<PlaceRecognizer>(
+        coordinates(), RecognizerOptions{.first_stretch = 10}, map_in(folder / "a.map"),
+        [&](const std::string& damage) { damages.push_back(damage); });
+  };
+  auto recognizer = open();
+  ASSERT_EQ(damages.size(), 1);
+  EXPECT_HAS(damages[0], "place 1 is left out: its feature has 0 numbers, expected 6");
+  drive(*recognizer, 0, 30);  // over the end of the stretch
+  recognizer.reset();
+  recognizer = open();
+  ASSERT_EQ(damages.size(), 1);
+  EXPECT_HAS(damages[0], "its descriptor has 3 numbers, expected 6");
+  EXPECT_EQ(recognizer->size(), 30);
+  EXPECT_EQ(recognizer->query(recognizer->describe(view_of(scan_of(107))))->id, 9);
+}
+
+TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
+  const test::TempDir folder;
+  std::vector<StoredPlace> places(60);
+  for (int i = 0; i < 60; ++i) {
+    places[i].feature = coordinates_of(i);
+    places[i].descriptor = places[i].feature;
+  }
+  map_in(folder / "a.map")->add(places);
+  int learnt = 0;
+  FeatureExtractor counting = coordinates();
+  counting.reduce = [&, inner = counting.reduce](const Rows& features,
+                                                 std::span<const int64_t> rows) {
+    ++learnt;
+    return inner(features, rows);
+  };
+  PlaceRecognizer recognizer(counting, {.first_stretch = 10}, map_in(folder / "a.map"));
+  EXPECT_EQ(learnt, 1);
+  drive(recognizer, 60, 70);  // settles it, of all there are by then
+  EXPECT_EQ(learnt, 2);
 }
 
 TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {

@@ -38,6 +38,18 @@ TEST(ShippedRingModel, IsForItsSensorAndSmall) {
   test::expect_error<UsageError>([] { shipped_ring_model("hdl64", "0123"); }, {"these weights"});
 }
 
+TEST(ShippedRingModel, TakesNoBasisOfAnotherSize) {
+  const RingModel model = shipped_ring_model("vlp16");
+  const FeatureExtractor extractor = ring_recogniser(model, ring_net(model), {});
+  EXPECT_GT(extractor.open_basis(ring_model_content(model)).dim, 0);
+  RingModel other = model;
+  other.grid.sectors = other.polar.sectors = model.polar.sectors / 2;
+  other.polar.mean.resize(static_cast<size_t>(other.polar.size()));
+  test::expect_error<InputError>(
+      [&] { extractor.open_basis(ring_model_content(other)); },
+      {std::to_string(other.dim()) + " numbers, expected " + std::to_string(model.dim())});
+}
+
 /// A scan whose every return lies in the middle of a pixel, so that a turn by whole columns moves
 /// it to the middle of another.
 PointCloud in_the_middle_of_pixels(const PointCloud& scan, const ImageGeometry& image,

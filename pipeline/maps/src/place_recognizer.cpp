@@ -4,6 +4,7 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 #include <mutex>
 #include <numeric>
 #include <shared_mutex>
@@ -79,7 +80,10 @@ struct PlaceRecognizer::Impl {
   bool has_graph = false;        // the index
   std::vector<int64_t> removed;  // positions, ascending; no query answers with them
   FloatMatrix features;          // of the places, while the basis is not settled
-  MapPosition read_to;
+  int64_t learnt_from = 0;       // while it is not: so many of the first places
+  MapPosition read_to;           // of `map`
+  int64_t removals_known = 0;    // of read_to.removed
+  bool is_behind = false;        // an error has ended the reading of what is new
   std::optional<Calibration> calibration;
   std::optional<double> threshold;
 
@@ -138,30 +142,53 @@ struct PlaceRecognizer::Impl {
     features = {};
   }
 
+  /// Another recogniser may have described the scan.
+  void check_size(const Description& scan) const {
+    if (std::ssize(scan.feature) != extractor.dim)
+      throw UsageError(str("a scan described by ", scan.feature.size(), " numbers; the feature '",
+                           extractor.name, "' has ", extractor.dim));
+  }
+  void check_added(std::span<const Description> scans) const {
+    for (const Description& scan : scans) {
+      if (!scan.described())
+        throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
+      check_size(scan);
+    }
+  }
+  /// Why a place of the map, which may be a stranger's, cannot be used; "" when it can.
+  std::string misfit_of(const StoredPlace& place) const {
+    const bool by_feature = !settled || !place.feature.empty();
+    const auto numbers = std::ssize(by_feature ? place.feature : place.descriptor);
+    const int64_t expected = by_feature ? extractor.dim : basis->dim;
+    if (numbers == expected) return "";
+    return str("place ", place.id, " is left out: its ", by_feature ? "feature" : "descriptor",
+               " has ", numbers, " numbers, expected ", expected);
+  }
+
   std::vector<float> descriptor_of(std::span<const float> feature) const {
     std::vector<float> descriptor(static_cast<size_t>(basis->dim));
     basis->describe(feature, descriptor);
     return descriptor;
   }
 
-  /// The basis of all features there are, and their descriptors.
-  void learn_again() {
-    std::vector<int64_t> all(static_cast<size_t>(features.n));
-    std::iota(all.begin(), all.end(), 0);
-    basis = extractor.reduce(features.rows(), all);
-    index.emplace(basis->dim, basis->comparison);
-    for (const int64_t i : all) index->add(descriptor_of(features.row(i)));
+  /// The basis of the first `n` features, and the descriptors of all.
+  void learn_from(int64_t n) {
+    if (n != learnt_from) {
+      std::vector<int64_t> rows(static_cast<size_t>(n));
+      std::iota(rows.begin(), rows.end(), 0);
+      basis = extractor.reduce(features.rows(), rows);
+      learnt_from = n;
+      index.emplace(basis->dim, basis->comparison);
+    }
+    for (int64_t i = index->size(); i < features.n; ++i) index->add(descriptor_of(features.row(i)));
   }
 
-  /// One place more while the basis is not settled. It is learnt again whenever the places have
-  /// doubled.
-  void grow(std::span<const float> feature) {
-    features.values.insert(features.values.end(), feature.begin(), feature.end());
-    ++features.n;
-    if (std::has_single_bit(static_cast<uint64_t>(features.n)) || ends_the_stretch())
-      learn_again();
-    else
-      index->add(descriptor_of(feature));
+  /// After places came, one or many, while the basis is not settled: it is learnt again whenever
+  /// they have doubled, and when they end the stretch.
+  void learn_in_time() {
+    if (settled || features.n == 0) return;
+    const auto doubled = static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(features.n)));
+    learn_from(ends_the_stretch() ? std::max(doubled, options.first_stretch) : doubled);
   }
   bool ends_the_stretch() const { return features.n >= options.first_stretch; }
 
@@ -176,18 +203,23 @@ struct PlaceRecognizer::Impl {
   void look_for_a_basis() {
     const auto content = map->value(kBasisValue);
     if (!content) return;
+    Basis theirs = extractor.open_basis(*content);
     const FloatMatrix known = std::move(features);
-    settle(extractor.open_basis(*content));
+    settle(std::move(theirs));
     for (int64_t i = 0; i < known.n; ++i) index->add(descriptor_of(known.row(i)));
   }
 
+  /// learn_in_time() is to follow.
   void take_in(StoredPlace place) {
-    if (!settled)
-      grow(place.feature);
-    else if (place.feature.empty())
+    if (const std::string misfit = misfit_of(place); !misfit.empty()) return damaged(misfit);
+    if (!settled) {
+      features.values.insert(features.values.end(), place.feature.begin(), place.feature.end());
+      ++features.n;
+    } else if (place.feature.empty()) {
       index->add(place.descriptor);
-    else  // it was read before there was a basis
+    } else {  // it was read before there was a basis
       index->add(descriptor_of(place.feature));
+    }
     know(std::move(place));
   }
 
@@ -206,25 +238,34 @@ struct PlaceRecognizer::Impl {
     return true;
   }
 
+  /// What was taken in before an error is not read again; the rest is, the next time.
   void take_in_new_places() {
-    const int64_t removed_before = read_to.removed;
+    is_behind = true;
     read_new_places();
-    if (read_to.removed > removed_before) take_out(map->removed(removed_before));
+    learn_in_time();
+    if (read_to.removed > removals_known) take_out(map->removed(removals_known));
+    removals_known = read_to.removed;
+    is_behind = false;
   }
 
   void read_new_places() {
     if (!settled) look_for_a_basis();
     take_over_calibration();
     if (settled) {
-      read_to = map->read(
-          read_to.last, [&](StoredPlace&& place) { take_in(std::move(place)); }, damaged);
+      const auto take = [&](StoredPlace&& place) {
+        const int64_t id = place.id;
+        take_in(std::move(place));
+        read_to.last = id;
+      };
+      read_to = map->read(read_to.last, take, damaged);
       return;
     }
     std::vector<StoredPlace> places_read;
-    read_to = map->read(
+    const MapPosition position = map->read(
         read_to.last, [&](StoredPlace&& place) { places_read.push_back(std::move(place)); },
         damaged);
     look_for_a_basis();  // another may have settled it meanwhile: then these have no features
+    read_to = position;
     for (StoredPlace& place : places_read) take_in(std::move(place));
   }
 
@@ -252,6 +293,7 @@ struct PlaceRecognizer::Impl {
         places_to_add[i].id = ids[i];
         take_in(std::move(places_to_add[i]));
       }
+      learn_in_time();
     } else {
       take_in_new_places();
     }
@@ -270,9 +312,12 @@ struct PlaceRecognizer::Impl {
   /// its basis.
   void end_the_stretch_in_time() {
     if (settled || !ends_the_stretch()) return use_graph();
+    learn_from(features.n);
     if (map) {
       const bool first = map->replace_descriptors(
-          [&](const StoredPlace& place) { return descriptor_of(place.feature); },
+          [&](const StoredPlace& place) {
+            return misfit_of(place).empty() ? descriptor_of(place.feature) : place.descriptor;
+          },
           {{kBasisValue, basis->content}}, read_to.revision);
       if (!first) {
         take_in_new_places();
@@ -300,12 +345,6 @@ struct PlaceRecognizer::Impl {
 };
 
 namespace {
-
-void check_described(std::span<const Description> scans) {
-  for (const Description& scan : scans)
-    if (!scan.described())
-      throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
-}
 
 void check_threshold(std::optional<double> threshold) {
   if (threshold && !std::isfinite(*threshold))
@@ -397,12 +436,13 @@ Description PlaceRecognizer::describe(const PointsView& points) const {
 }
 
 int64_t PlaceRecognizer::add(const Description& scan, StoredPlace about) {
-  check_described({&scan, 1});
+  impl_->check_added({&scan, 1});
   about.feature = scan.feature;
   const std::unique_lock lock(impl_->mutex);
   Impl& impl = *impl_;
   if (!impl.map) {
     impl.take_in(std::move(about));
+    impl.learn_in_time();
     impl.end_the_stretch_in_time();
     return static_cast<int64_t>(impl.places.size()) - 1;
   }
@@ -417,7 +457,7 @@ void PlaceRecognizer::add(std::span<const Description> scans, std::vector<Stored
                           Claim& claim) {
   if (scans.size() != about.size())
     throw UsageError(str("add(): ", scans.size(), " scans and ", about.size(), " places"));
-  check_described(scans);
+  impl_->check_added(scans);
   for (size_t i = 0; i < scans.size(); ++i) about[i].feature = scans[i].feature;
   const std::unique_lock lock(impl_->mutex);
   impl_->need_map().add_to_map(std::move(about), &claim);
@@ -428,7 +468,9 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
                                            std::span<const int64_t> without) const {
   const std::shared_lock lock(impl_->mutex);
   const Impl& impl = *impl_;
-  if (!scan.described() || impl.places.empty()) return std::nullopt;
+  if (!scan.described()) return std::nullopt;
+  impl.check_size(scan);
+  if (impl.places.empty() || !impl.index) return std::nullopt;
   std::vector<int64_t> left_out(without.begin(), without.end());
   std::ranges::sort(left_out);
   const auto middle = left_out.insert(left_out.end(), impl.removed.begin(), impl.removed.end());
@@ -493,7 +535,7 @@ void PlaceRecognizer::refresh() {
 
 void PlaceRecognizer::refresh_on_news() {
   const std::unique_lock lock(impl_->mutex);
-  if (impl_->map && impl_->map->has_news()) impl_->take_in_new_places();
+  if (impl_->map && (impl_->is_behind || impl_->map->has_news())) impl_->take_in_new_places();
 }
 
 void PlaceRecognizer::expect(const std::string& drive, std::span<const int64_t> frames) {

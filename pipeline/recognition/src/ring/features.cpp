@@ -123,8 +123,11 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
     fit_to_map(fitted, rings, learn_from, options.adapt);
     return basis_of(fitted, options);
   };
-  extractor.open_basis = [options](const std::string& content) {
-    return basis_of(parse_ring_model(content, "the basis"), options);
+  extractor.open_basis = [options, dim = extractor.dim](const std::string& content) {
+    const RingModel fitted = parse_ring_model(content, "the basis");
+    if (fitted.dim() != dim)  // a stranger's map may say so
+      throw InputError(str("the basis is for rings of ", fitted.dim(), " numbers, expected ", dim));
+    return basis_of(fitted, options);
   };
   extractor.comparison = ring_comparison({});  // its descriptors': no cosine
   if (calibrated_with(options)) extractor.calibration = model.calibration;

@@ -81,14 +81,14 @@ class PlaceRecognizer {
 
   Description describe(const PointsView& points) const;
   /// `about`: drive, frame, time and pose; returns the position, which others' places precede when
-  /// they were added to the map before it. Throws UsageError for a scan that
-  /// was not described, and what MapStore::add() throws: the place is then not known either.
+  /// they were added to the map before it. Throws UsageError for a scan that was not described, or
+  /// by another feature, and what MapStore::add() throws: the place is then not known either.
   int64_t add(const Description& scan, StoredPlace about);
   /// The same for several scans in one step, and for `claim`, which ends with it.
   void add(std::span<const Description> scans, std::vector<StoredPlace> about, Claim& claim);
   /// The best place but those at the positions `without` (in any order), which are of the same
-  /// moment;
-  /// nothing when there is none or the scan was not described.
+  /// moment; nothing when there is none or the scan was not described. Throws UsageError for a scan
+  /// that another feature described.
   std::optional<Loop> query(const Description& scan, std::span<const int64_t> without = {}) const;
 
   /// Removes the places at these positions, from the map, too (MapStore::remove()). Returns how
