@@ -263,5 +263,12 @@ TEST(Calibration, NeedsMatchesWithScores) {
   expect_error<UsageError>([] { refined(of_blocks({{0, 2, 1}}), {}); }, {"there are none"});
 }
 
+TEST(Calibration, NeedsBlocks) {
+  const std::vector<JudgedScore> matches = {{1, true}, {0, false}};
+  expect_error<UsageError>([] { Calibration().probability(1); }, {"no blocks"});
+  expect_error<UsageError>([&] { refined({}, matches); }, {"no blocks"});
+  EXPECT_FALSE(Calibration().threshold_for(0.5));
+}
+
 }  // namespace
 }  // namespace revisit::pipeline

@@ -468,6 +468,53 @@ TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
   expect_error<InputError>([&] { opened(); }, {"the map's calibration"});
 }
 
+TEST(PlaceRecognizer, ACalibrationIsTheSameWhenTheMapIsReadAgain) {
+  Calibration own = some_calibration();
+  own.blocks[2].lowest = 1.2;
+  const test::TempDir folder;
+  for (const bool kept : {true, false}) {
+    SCOPED_TRACE(kept);
+    PlaceRecognizer recognizer(calibrated_coordinates(), {},
+                               kept ? map_in(folder / "a.map") : nullptr);
+    const auto expect = [&](double threshold, const Calibration& calibration) {
+      for (int i = 0; i < 2; ++i) {
+        EXPECT_EQ(recognizer.threshold(), threshold);
+        EXPECT_EQ(recognizer.calibration(), calibration);
+        recognizer.refresh();
+      }
+    };
+    recognizer.calibrate(own);
+    expect(1.2, own);
+    recognizer.calibrate(1.0 / 3);
+    expect(1.0 / 3, some_calibration());
+    expect_error<UsageError>([&] { recognizer.calibrate(Calibration{}); }, {"no blocks"});
+    expect(1.0 / 3, some_calibration());
+  }
+  PlaceRecognizer chosen(calibrated_coordinates(), {.threshold = 0.1}, map_in(folder / "a.map"));
+  chosen.calibrate(own);
+  EXPECT_EQ(chosen.threshold(), 0.1);
+}
+
+TEST(PlaceRecognizer, ACalibrationThatIsHalfKeptHasNotTheThresholdOfBefore) {
+  auto store = std::make_unique<BreakingMap>();
+  BreakingMap& map = *store;
+  PlaceRecognizer recognizer(calibrated_coordinates(), {}, std::move(store));
+  Calibration own = some_calibration();
+  own.blocks[2].lowest = 1.2;
+  const auto break_off = [&](const auto& calibration) {
+    map.steps_left = 1;
+    expect_error<Error>([&] { recognizer.calibrate(calibration); }, {"lost"});
+    map.steps_left = 100;
+    recognizer.refresh();
+  };
+  recognizer.calibrate(0.4);
+  break_off(own);
+  EXPECT_EQ(recognizer.threshold(), 1.1);
+  recognizer.calibrate(own);
+  break_off(0.4);
+  EXPECT_EQ(recognizer.threshold(), 0.4);
+}
+
 TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {
   PlaceRecognizer recognizer(coordinates(), {});
   const Description none = recognizer.describe({});

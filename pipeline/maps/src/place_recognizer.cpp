@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <mutex>
 #include <numeric>
 #include <shared_mutex>
@@ -77,13 +78,14 @@ struct PlaceRecognizer::Impl {
   bool settled = false;             // the basis will not change any more
   std::vector<StoredPlace> places;  // without descriptor and feature
   std::optional<PlaceIndex> index;
-  bool has_graph = false;        // the index
-  std::vector<int64_t> removed;  // positions, ascending; no query answers with them
-  FloatMatrix features;          // of the places, while the basis is not settled
-  int64_t learnt_from = 0;       // while it is not: so many of the first places
-  MapPosition read_to;           // of `map`
-  int64_t removals_known = 0;    // of read_to.removed
-  bool is_behind = false;        // an error has ended the reading of what is new
+  bool has_graph = false;                     // the index
+  std::vector<int64_t> removed;               // positions, ascending; no query answers with them
+  FloatMatrix features;                       // of the places, while the basis is not settled
+  int64_t learnt_from = 0;                    // while it is not: so many of the first places
+  MapPosition read_to;                        // of `map`
+  int64_t removals_known = 0;                 // of read_to.removed
+  bool is_behind = false;                     // an error has ended the reading of what is new
+  std::map<std::string, std::string> values;  // what a map would keep, where there is none
   std::optional<Calibration> calibration;
   std::optional<double> threshold;
 
@@ -111,7 +113,7 @@ struct PlaceRecognizer::Impl {
   /// What the map was calibrated to comes before what the feature was.
   void take_over_calibration() {
     const auto kept = [&](const char* name) {
-      return map ? map->value(name).value_or("") : std::string();
+      return map ? map->value(name).value_or("") : values[name];
     };
     calibration = extractor.calibration;
     const std::string text = kept(kThresholdValue), content = kept(kCalibrationValue);
@@ -330,12 +332,17 @@ struct PlaceRecognizer::Impl {
     use_graph();
   }
 
-  /// In the map, if there is one; an empty one of the two says nothing.
+  /// An empty one of the two says nothing. The threshold goes first: between the two steps it has
+  /// the say, or the calibration of before has.
   void keep_calibration(const std::string& content, const std::string& text) {
-    if (!map) return;
     for (const auto& [name, bytes] :
-         {std::pair(kCalibrationValue, &content), std::pair(kThresholdValue, &text)})
-      if (!bytes->empty() || map->value(name)) map->set_value(name, *bytes);
+         {std::pair(kThresholdValue, &text), std::pair(kCalibrationValue, &content)}) {
+      if (!map)
+        values[name] = *bytes;
+      else if (!bytes->empty() || map->value(name))
+        map->set_value(name, *bytes);
+    }
+    take_over_calibration();
   }
 
   Impl& need_map() {
@@ -556,19 +563,22 @@ int64_t PlaceRecognizer::expected(const std::string& drive) const {
 void PlaceRecognizer::calibrate(double threshold) {
   check_threshold(threshold);
   const std::unique_lock lock(impl_->mutex);
-  impl_->keep_calibration({}, str(threshold));
-  impl_->threshold = threshold;
+  impl_->keep_calibration({}, exact(threshold));
 }
 
 void PlaceRecognizer::calibrate(const Calibration& calibration) {
+  const std::string content = calibration_content(calibration);
+  try {
+    parse_calibration(content, "calibrate()");
+  } catch (const InputError& error) {
+    throw UsageError(error.what());
+  }
   const std::unique_lock lock(impl_->mutex);
   if (!impl_->is_mine(calibration))
     throw UsageError(str(
         "the calibration is for k = ", calibration.k, " and the score ", name_of(calibration.score),
         ", RecognizerOptions has k = ", impl_->options.k, " and ", name_of(impl_->options.score)));
-  impl_->keep_calibration(calibration_content(calibration), {});
-  impl_->calibration = calibration;
-  impl_->threshold = calibration.threshold_for(impl_->options.precision);
+  impl_->keep_calibration(content, {});
 }
 
 }  // namespace revisit::pipeline

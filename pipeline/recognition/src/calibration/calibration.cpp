@@ -15,6 +15,7 @@ double share(const CalibrationBlock& block) {
 
 /// With the right match that is counted in the lowest block and the wrong one in the highest.
 std::vector<CalibrationBlock> with_extremes(std::vector<CalibrationBlock> blocks) {
+  if (blocks.empty()) throw UsageError("the calibration has no blocks");
   blocks.front().right += 1;
   blocks.front().matches += 1;
   blocks.back().matches += 1;

@@ -113,7 +113,7 @@ class PlaceRecognizer {
   std::unique_ptr<Claim> claim(const std::string& drive, int64_t most);
   int64_t expected(const std::string& drive) const;
   /// Keeps a threshold or a calibration in the map, in the place of either. Throws UsageError for a
-  /// threshold that is not finite, and for a calibration of another k or score.
+  /// threshold that is not finite, and for a calibration of another k or score, or without blocks.
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
 

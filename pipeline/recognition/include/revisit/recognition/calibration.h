@@ -37,7 +37,7 @@ struct Calibration {
   bool operator==(const Calibration&) const;
   /// In (0, 1), never less for a higher score: the share of right ones in the score's block. One
   /// more right match is counted in the lowest block and one more wrong one in the highest, so that
-  /// no number of examples makes sure of anything.
+  /// no number of examples makes sure of anything. Throws UsageError without blocks.
   double probability(double score) const;
   /// The lowest score from which on matches are right with this precision, or more of them: by the
   /// lower end of a one-sided 95 % interval (Wilson, JASA 1927), so that 100 matches without a
@@ -59,7 +59,7 @@ Calibration isotonic_calibration(std::vector<JudgedScore> matches,
 
 /// What `matches` of another place or robot add to `before`: logit p' = a + b logit p, with the
 /// most likely a and b when a is about 0 and b about 1, by a normal distribution of deviation 1 and
-/// 0.5. Throws as isotonic_calibration() does.
+/// 0.5. Throws as isotonic_calibration() and probability() do.
 Calibration refined(const Calibration& before, std::span<const JudgedScore> matches);
 
 /// The mean of (p - right)^2 over matches (Brier, 1950): 0 is best.
