@@ -7,6 +7,7 @@
 
 #include "revisit/baselines/scan_context.h"
 #include "revisit/datasets/describe.h"
+#include "revisit/evaluation/evaluate.h"
 #include "revisit/proto/fnv1a.h"
 #include "revisit/recognition/sensor.h"
 #include "test_data.h"
@@ -94,6 +95,23 @@ TEST_F(FeatureKeys, ACopiedTimeDoesNotHideAChange) {
   fs::last_write_time(dir_ / "other", time);
   fs::rename(dir_ / "other", file());
   EXPECT_NE(paths().features, written.features) << "put in its place";
+}
+
+/// Of evaluations of these scans.
+TEST_F(FeatureKeys, TellPosesAndTimesApart) {
+  const auto key = [&](double x, double time) {
+    Trajectory trajectory;
+    trajectory.frames = {0};
+    trajectory.positions = {{x, 0, 0}};
+    trajectory.times = {time};
+    EvaluationOptions options;
+    options.cache = dir_ / "cache";
+    return Evaluation(dataset_, extractor_, trajectory, {}, options).key();
+  };
+  const std::string before = key(5428123.25, 1.7e9);
+  EXPECT_EQ(before, key(5428123.25, 1.7e9));
+  EXPECT_NE(before, key(5428123.5, 1.7e9));
+  EXPECT_NE(before, key(5428123.25, 1.7e9 + 0.1));
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "revisit/datasets/stopwatch.h"
+#include "revisit/proto/text.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -90,7 +91,9 @@ Evaluation::Evaluation(const Dataset& dataset, const FeatureExtractor& extractor
 std::string Evaluation::key() const {
   std::string text = str("evaluation ", kEvaluationVersion, "\n", case1_.key(), "poses");
   for (const Eigen::Vector3d& p : trajectory_.positions)
-    text += str(" ", p.x(), ",", p.y(), ",", p.z());
+    text += str(" ", exact(p.x()), ",", exact(p.y()), ",", exact(p.z()));
+  text += "\ntimes";
+  for (const double time : trajectory_.times) text += " " + exact(time);
   return text;
 }
 
