@@ -235,6 +235,22 @@ TEST_F(Loops, ScansAreListedOrComeToAFolder) {
   EXPECT_GT(lines(grown).size(), 5);
 }
 
+TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
+  const std::string options = " --sequence 00 --every 24 --threshold 2 --no-progress -q ";
+  run("loops " + path("town1") + options + "--map " + path("whole.map"));
+  run("loops " + path("town1") + options + "--follow 0.3 --map " + path("followed.map"));
+  const std::string places = run("map places " + path("followed.map"));
+  EXPECT_GT(lines(places).size(), 20);
+  EXPECT_EQ(places, run("map places " + path("whole.map")));
+  // What is wrong with the data is said.
+  fs::copy(path("town1"), path("short"), fs::copy_options::recursive);
+  const std::vector<std::string> poses = lines(test::read_file(path("short/poses/00.txt")));
+  test::write_file(path("short/poses/00.txt"), poses[0] + "\n" + poses[1] + "\n");
+  const auto result = test::run_revisit("loops " + path("short") + " --follow 0.3");
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_NE(result.err.find("holds 2 poses"), std::string::npos) << result.err;
+}
+
 TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {
   const auto result = test::run_revisit(
       loops("--threshold 0.5 --verify --tum " + path("r.tum") + " --g2o " + path("r.g2o")));

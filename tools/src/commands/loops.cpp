@@ -104,12 +104,6 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   return o;
 }
 
-pipeline::Dataset one_scan(const pipeline::ScanRef& scan) {
-  pipeline::Dataset dataset;
-  dataset.scans.push_back(scan);
-  return dataset;
-}
-
 /// The stream with `first` in front.
 ScanStream with(pipeline::ScanRef first, ScanStream rest) {
   return [first = std::optional(std::move(first)),
@@ -130,11 +124,15 @@ Source open_source(const LoopsOptions& o) {
     pipeline::Dataset dataset = open_scans(o.feature);
     return {scans_of(dataset), dataset};
   }
-  ScanStream stream = o.follow ? scans_coming_to(o.feature.data, *o.follow, interrupted)
-                               : scans_listed_in(std::cin);
+  const auto so_far = [feature = o.feature] { return scans_so_far(feature); };
+  ScanStream stream =
+      o.follow ? scans_coming(so_far, *o.follow, interrupted) : scans_listed_in(std::cin);
   const std::optional<pipeline::ScanRef> first = stream();
   if (!first) throw InputError(o.feature.data.string() + ": there are no scans");
-  return {with(*first, stream), one_scan(*first)};
+  pipeline::Dataset some;
+  if (o.follow) some = so_far();  // its name and sequence
+  some.scans = {*first};
+  return {with(*first, stream), some};
 }
 
 /// The feature's calibration, adapted to a drive whose poses are known; of that drive alone for a

@@ -399,17 +399,22 @@ void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& s
            ": what was learnt for one sensor means little for another"));
 }
 
-pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
+pipeline::Dataset scans_so_far(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
   // Less could not hold a handful of descriptors.
   if (!(options.memory_gb >= 0.001))
     throw UsageError(str("--memory: expected at least 0.001 GB, found ", options.memory_gb));
   if (options.every < 1)
     throw UsageError(str("--every: expected at least 1, found ", options.every));
   pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence, needs);
-  if (!options.quiet)
-    for (const std::string& warning : dataset.warnings) warn(warning);
   std::erase_if(dataset.scans,
                 [&](const pipeline::ScanRef& scan) { return scan.frame % options.every != 0; });
+  return dataset;
+}
+
+pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
+  pipeline::Dataset dataset = scans_so_far(options, needs);
+  if (!options.quiet)
+    for (const std::string& warning : dataset.warnings) warn(warning);
   if (dataset.scans.empty())
     throw UsageError(str("--every ", options.every, ": no frame of ", options.data.string(),
                          " has a number that is a multiple of it"));

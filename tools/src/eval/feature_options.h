@@ -99,7 +99,11 @@ std::string sensor_of(const pipeline::Dataset& dataset);
 /// learnt for. Says nothing when either is unknown.
 void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& sensor);
 
-/// The scans of the data set that `options.every` takes. Throws InputError, UsageError.
+/// The scans of the data set that `options.every` takes, so far: of one that grows perhaps none.
+/// Throws InputError, UsageError.
+pipeline::Dataset scans_so_far(const FeatureOptions& options,
+                               const pipeline::DatasetNeeds& needs = {});
+/// The same of one that is complete: says its warnings, and throws UsageError for no scans.
 pipeline::Dataset open_scans(const FeatureOptions& options,
                              const pipeline::DatasetNeeds& needs = {});
 

@@ -7,6 +7,7 @@
 #include <set>
 #include <thread>
 
+#include "cli/messages.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
@@ -62,19 +63,22 @@ ScanStream scans_listed_in(std::istream& list) {
   };
 }
 
-ScanStream scans_coming_to(const fs::path& folder, double patience,
-                           const std::function<bool()>& stop) {
+ScanStream scans_coming(const std::function<pipeline::Dataset()>& so_far, double patience,
+                        const std::function<bool()>& stop) {
   using Clock = std::chrono::steady_clock;
   struct Watch {
     std::set<fs::path> handed_over;
     std::deque<ScanRef> ready;
-    uintmax_t size = 0;  // of the newest file when it was looked at last
+    uintmax_t size = 0;               // of the newest file when it was looked at last
+    std::optional<InputError> error;  // of the last look: what is wrong now may become right
   };
-  const auto look = [folder](Watch& watch) {
+  const auto look = [so_far](Watch& watch) {
     std::vector<ScanRef> scans;
+    watch.error.reset();
     try {
-      scans = pipeline::open_dataset(folder, "").scans;
-    } catch (const InputError&) {  // nothing there yet
+      scans = with_sensor_poses(so_far());
+    } catch (const InputError& error) {
+      watch.error = error;
     }
     std::erase_if(scans,
                   [&](const ScanRef& scan) { return watch.handed_over.contains(scan.file); });
@@ -94,8 +98,12 @@ ScanStream scans_coming_to(const fs::path& folder, double patience,
     while (watch->ready.empty()) {
       look(*watch);
       if (!watch->ready.empty()) break;
-      if (stop() || std::chrono::duration<double>(Clock::now() - start).count() > patience)
+      if (stop()) return std::nullopt;
+      if (std::chrono::duration<double>(Clock::now() - start).count() > patience) {
+        if (watch->error && watch->handed_over.empty()) throw *watch->error;
+        if (watch->error) warn(watch->error->what());
         return std::nullopt;
+      }
       std::this_thread::sleep_for(kMoment);
     }
     ScanRef scan = std::move(watch->ready.front());

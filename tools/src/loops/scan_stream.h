@@ -1,6 +1,5 @@
 #pragma once
 
-#include <filesystem>
 #include <functional>
 #include <iosfwd>
 #include <optional>
@@ -20,10 +19,11 @@ ScanStream scans_of(pipeline::Dataset dataset);
 /// A file a line: "scan.bin". Frames are counted from 0. Empty lines are passed over.
 ScanStream scans_listed_in(std::istream& list);
 
-/// The scan files of a folder in the order of their names, and those that come while it is watched;
-/// a file counts when a later one is there, or when it has not grown for a moment. Ends when `stop`
-/// says so, or when nothing came for `patience` seconds.
-ScanStream scans_coming_to(const std::filesystem::path& folder, double patience,
-                           const std::function<bool()>& stop);
+/// The scans of a data set that grows: those that are there `so_far`, and those that come while it
+/// is watched; a file counts when a later one is there, or when it has not grown for a moment. Ends
+/// when `stop` says so, or when nothing came for `patience` seconds. An InputError of `so_far` is
+/// then thrown when no scan has ever come, else said.
+ScanStream scans_coming(const std::function<pipeline::Dataset()>& so_far, double patience,
+                        const std::function<bool()>& stop);
 
 }  // namespace revisit::cli
