@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "program_test.h"
+#include "revisit/maps/map_store.h"
 
 namespace revisit::cli {
 namespace {
@@ -249,6 +250,27 @@ TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
   const auto result = test::run_revisit("loops " + path("short") + " --follow 0.3");
   EXPECT_EQ(result.exit_code, 3);
   EXPECT_NE(result.err.find("holds 2 poses"), std::string::npos) << result.err;
+}
+
+TEST_F(Loops, DrivesOfOtherClocksAreForgottenByTheirOwn) {
+  const std::string map = path("clocks.map");
+  {
+    const pipeline::MapIdentity identity{{"feature", "x"}};
+    std::vector<pipeline::StoredPlace> places(4);
+    const double times[] = {1, 2, 90'000, 1.7e9};
+    for (size_t i = 0; i < places.size(); ++i) {
+      places[i].drive = i < 3 ? "a" : "b";
+      places[i].time = times[i];
+      places[i].descriptor = {1};
+    }
+    pipeline::open_map(map, pipeline::MapAccess::kWrite, &identity)->add(places);
+  }
+  const auto forgotten = [&](const std::string& drives) {
+    return run("map forget " + map + " --dry-run --older 1 " + drives);
+  };
+  EXPECT_NE(forgotten("--drive a").find(": 2 of 4 places would"), std::string::npos);
+  EXPECT_NE(forgotten("--drive b").find(": 0 of 4 places would"), std::string::npos);
+  EXPECT_NE(forgotten("").find(": 3 of 4 places would"), std::string::npos);
 }
 
 TEST_F(Loops, RegisteredOnesSayWhereTheScansWere) {

@@ -144,7 +144,9 @@ int map_forget_command(const Arguments& arguments) {
                 "  revisit map forget town.map --before $(date -d 2026-11-01 +%s) --dry-run\n");
   removal.declare(parser);
   parser
-      .option("older", "DAYS", "more than so many days older than the newest place of the map",
+      .option("older", "DAYS",
+              "more than so many days older than the newest place of the map, or of the drives "
+              "given",
               &days)
       .option("before", "TIME", "from before this time [s], as `revisit map places` prints them",
               &before);
@@ -161,8 +163,9 @@ int map_forget_command(const Arguments& arguments) {
   std::optional<double> newest;
   int64_t timeless = 0;
   for (const StoredPlace& place : places) {
+    if (!removal.is_of_the_drives(place)) continue;  // others' clocks may differ
     if (place.time) newest = std::max(newest.value_or(*place.time), *place.time);
-    timeless += !place.time && removal.is_of_the_drives(place) ? 1 : 0;
+    timeless += place.time ? 0 : 1;
   }
   if (days && newest) before = *newest - *days * kSecondsADay;
   std::vector<int64_t> old;
