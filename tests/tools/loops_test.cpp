@@ -10,8 +10,10 @@
 #include <set>
 #include <sstream>
 
+#include "loops/recognise.h"
 #include "program_test.h"
 #include "revisit/maps/map_store.h"
+#include "revisit/recognition/ring/features.h"
 
 namespace revisit::cli {
 namespace {
@@ -252,6 +254,34 @@ TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
   EXPECT_NE(result.err.find("holds 2 poses"), std::string::npos) << result.err;
 }
 
+TEST_F(Loops, AScanThatIsGoneIsNotRegistered) {
+  const std::string town = path("town1/sequences/00/velodyne/");
+  std::vector<pipeline::ScanRef> scans(2);
+  fs::create_directory(path("going"));
+  for (int i = 0; i < 2; ++i) {
+    scans[i].frame = i;
+    scans[i].file = path("going/" + std::to_string(i) + ".bin");
+    fs::copy_file(town + "000024.bin", scans[i].file);
+  }
+  const auto stream = [&, next = 0]() mutable -> std::optional<pipeline::ScanRef> {
+    if (next == 1) fs::remove(scans[0].file);
+    if (next == 2) return std::nullopt;
+    return scans[next++];
+  };
+  const pipeline::RingModel model = pipeline::shipped_ring_model("vlp16");
+  pipeline::PlaceRecognizer recognizer(
+      pipeline::ring_recogniser(model, pipeline::ring_net(model), {}), {.threshold = -2});
+  Recognise options;
+  options.exclusion = pipeline::parse_exclusion("none");
+  options.verify = true;
+  std::vector<Visit> visits;
+  recognise(stream, recognizer, options, [&](const Visit& visit) { visits.push_back(visit); });
+  ASSERT_EQ(visits.size(), 2);
+  ASSERT_TRUE(visits[1].loop);
+  EXPECT_TRUE(visits[1].loop->accepted);
+  EXPECT_FALSE(visits[1].registered);
+}
+
 TEST_F(Loops, DrivesOfOtherClocksAreForgottenByTheirOwn) {
   const std::string map = path("clocks.map");
   {
@@ -323,6 +353,7 @@ TEST_F(Loops, SayWhatCannotBe) {
   fails(loops("--feature fabmap"), 2, "camera images");
   fails(loops("--g2o x.g2o"), 2, "--verify");
   fails(loops("--tum x.tum"), 2, "--verify");
+  fails(loops("--feature m2dp --threshold 0 --verify"), 2, "--verify");
   fails("map build " + path("town1"), 2, "--map");
   fails(loops("-o /nowhere/x.csv"), 1, "/nowhere/x.csv");
   fails("loops /nowhere", 3, "/nowhere");

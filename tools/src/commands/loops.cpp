@@ -212,6 +212,9 @@ int loops_command(const Arguments& arguments) {
   LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
   RecognizerSource described = recognizer_source(o.feature, parser, source.some);
+  if (o.verify && !described.extractor.comparison.turn)
+    throw UsageError(str("--verify: the feature ", o.feature.feature,
+                         " tells no heading to start from; take --feature ring"));
   described.options.threshold = o.threshold;
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
@@ -253,7 +256,7 @@ int loops_command(const Arguments& arguments) {
   how.verify = o.verify;
   how.stop = interrupted;
   std::vector<double> milliseconds;
-  int64_t scans = 0, left_out = 0, accepted = 0;
+  int64_t scans = 0, left_out = 0, accepted = 0, unregistered = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
   recognise(source.stream, recognizer, how, [&](const Visit& visit) {
@@ -276,10 +279,14 @@ int loops_command(const Arguments& arguments) {
                       *visit.loop->pose * visit.registered->T_place_query);
     const bool is_loop = visit.loop && visit.loop->accepted;
     accepted += is_loop ? 1 : 0;
+    unregistered += is_loop && o.verify && !visit.registered ? 1 : 0;
     if (is_loop || all) writer.write(line_of(visit));
   });
   if (!o.feature.quiet) {
     std::cerr << scans << " scans, " << accepted << " loops accepted"
+              << (unregistered > 0 ? str(" (", unregistered,
+                                         " not registered: the places' scans are not at hand)")
+                                   : "")
               << (left_out > 0 ? str(", ", left_out, " scans left out") : "") << ", "
               << recognizer.size() << " places known\n";
     print_latencies(std::move(milliseconds), recognizer.size());

@@ -2,6 +2,7 @@
 
 #include <unordered_map>
 
+#include "cli/messages.h"
 #include "loops/describe_scan.h"
 #include "loops/recent_places.h"
 #include "revisit/datasets/scan_file.h"
@@ -18,11 +19,16 @@ using pipeline::ScanRef;
 class Files {
  public:
   void remember(int64_t position, const std::filesystem::path& file) { files_[position] = file; }
-  /// Nothing for a place of another drive, whose scan is not at hand.
+  /// Nothing for a place whose scan is not at hand: of another drive, or gone meanwhile.
   std::optional<PreparedScan> prepared(int64_t position) const {
     const auto file = files_.find(position);
     if (file == files_.end()) return std::nullopt;
-    return PreparedScan(pipeline::read_scan(file->second));
+    try {
+      return PreparedScan(pipeline::read_scan(file->second));
+    } catch (const InputError& error) {
+      warn(str(error.what(), "; the loop is not registered"));
+      return std::nullopt;
+    }
   }
 
  private:
