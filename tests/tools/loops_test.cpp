@@ -9,7 +9,9 @@
 #include <map>
 #include <set>
 #include <sstream>
+#include <utility>
 
+#include "loops/loop_writer.h"
 #include "loops/recognise.h"
 #include "program_test.h"
 #include "revisit/maps/map_store.h"
@@ -280,6 +282,17 @@ TEST_F(Loops, AScanThatIsGoneIsNotRegistered) {
   ASSERT_TRUE(visits[1].loop);
   EXPECT_TRUE(visits[1].loop->accepted);
   EXPECT_FALSE(visits[1].registered);
+}
+
+TEST(LoopWriter, FramesMayBeTimeStamps) {
+  Visit visit;
+  visit.loop.emplace().frame = 1700000000123456789;
+  for (const auto& [format, cell] : {std::pair("csv", ",1700000000123456789,"),
+                                     std::pair("jsonl", "\"match_frame\":1700000000123456789,")}) {
+    std::ostringstream out;
+    LoopWriter(out, format).write(line_of(visit));
+    EXPECT_NE(out.str().find(cell), std::string::npos) << out.str();
+  }
 }
 
 TEST_F(Loops, DrivesOfOtherClocksAreForgottenByTheirOwn) {

@@ -54,6 +54,18 @@ Table csv_table() {
                 "match_x",   "match_y", "match_z",     "drive"});
 }
 
+/// protobuf puts 64-bit integers into quotes.
+std::string json_of(const reports::LoopLine& loop) {
+  std::string json = to_compact_json(loop);
+  const std::string name = "\"match_frame\":\"";  // within a text its quotes would be escaped
+  if (const size_t at = json.find(name); at != std::string::npos) {
+    const size_t quote = at + name.size() - 1;
+    json.erase(json.find('"', quote + 1), 1);
+    json.erase(quote, 1);
+  }
+  return json;
+}
+
 template <class Message>
 void set_position(const std::optional<Eigen::Isometry3d>& pose, const Message& message) {
   if (!pose) return;
@@ -75,7 +87,7 @@ reports::LoopLine line_of(const Visit& visit) {
   if (!visit.loop) return line;
   const pipeline::Loop& loop = *visit.loop;
   line.set_match_drive(loop.drive);
-  line.set_match_frame(static_cast<int32_t>(loop.frame));
+  line.set_match_frame(loop.frame);
   set_position(loop.pose, [&] { return line.mutable_match_position(); });
   if (loop.time) line.set_match_time(*loop.time);
   line.set_similarity(loop.similarity);
@@ -110,7 +122,7 @@ LoopWriter::LoopWriter(std::ostream& out, const std::string& format)
 
 void LoopWriter::write(const reports::LoopLine& loop) {
   if (json_)
-    out_ << to_compact_json(loop) << "\n";
+    out_ << json_of(loop) << "\n";
   else
     Table(cells_of(loop)).print_csv(out_);
   out_.flush();

@@ -351,7 +351,7 @@
     const placed = lines.filter(line => line.position), xs = placed.map(line => line.position.x || 0), zs = placed.map(line => line.position.z || 0);
     const onMap = found.filter(line => line.position && line.match_position);
     const matrix = plot(`who recognised what, ${name}`, { type: "scatter", data: { datasets: drives.map((drive, i) =>
-      dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, line.match_frame)), kColours[i % kColours.length], 2.5)) },
+      dots(found.some(line => own(line) && (line.match_drive || "") === drive) ? "place of this drive" : `place of ${drive}`, found.filter(line => (line.match_drive || "") === drive).map(line => point(line, line.frame, Number(line.match_frame))), kColours[i % kColours.length], 2.5)) },
       options: { scales: { x: axis("scan", { min: 0 }), y: axis("place recognised (its scan)", { min: 0 }) }, plugins: { tooltip: { callbacks: { label } } } } }, 1.35);
     const asked = lines.filter(line => line.score !== undefined);
     const scores = plot(`scores, ${name}`, { type: "scatter", data: { datasets: [dots("accepted", found.map(line => point(line, line.frame, line.score)), kRight, 2.2),
