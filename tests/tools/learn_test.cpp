@@ -94,6 +94,10 @@ TEST_F(Learn, AModelOfAnotherSensorIsSaid) {
                 " --judge --altered 0 --exclusion frames=200 --no-progress"),
             said);
   expect_in(run("loops " + path("town") + " --no-progress --ring " + path("other.ring")), said);
+  expect_in(run("learn " + path("town") + " -o x.ring --layers none=1 --model " +
+                    path("net/ring16_random.prototxt"),
+                2),
+            said);
   run("simulate -o " + path("hdl64") + " --sensor hdl64 --length 300 --every 300 -q");
   expect_in(run("loops " + path("hdl64") + " --no-progress --calibrate " + path("town")), said);
 }

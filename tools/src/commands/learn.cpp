@@ -144,6 +144,7 @@ int learn_command(const Arguments& arguments) {
     options.sequence = o.sequence;
     options.every = o.every;
     drives.push_back(open_scans(options));
+    if (!o.quiet) warn_of_other_sensor(drives.back(), o.sensor);
   }
   const pipeline::RingRecipe recipe{parse_layers(o.layers)};
   const models::FoundModel found =
