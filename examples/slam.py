@@ -6,23 +6,24 @@
   slam.py town --simulate 600 -o out                       # makes a drive there first
 
 Writes out/trajectory.tum (T_world_lidar, z up, of every scan) and out/trajectory.png. Where the recording has poses, the
-error of the trajectory is printed, before and after. pip install 'revisit[slam]'
+error of the trajectory is printed, before and after. Ctrl-C keeps what was done. Exit codes are those of revisit-loops.
 """
 
 import argparse
+import sys
 import time
 from pathlib import Path
 
-import gtsam
-import matplotlib
-import numpy as np
-from evo.core.metrics import APE, PoseRelation
-from evo.core.trajectory import Plane, PosePath3D
-from kiss_icp.config import KISSConfig
-from kiss_icp.kiss_icp import KissICP
-from revisit import errors, open_map, poses, recognition, registration, simulation
-from revisit.loops import Exclusion, recognise
-from revisit.recordings import open_recording
+try:
+    import gtsam
+    import numpy as np
+    from evo.core import geometry, metrics, trajectory
+    from kiss_icp.kiss_icp import KISSConfig, KissICP
+    from matplotlib.figure import Figure
+    from revisit import errors, open_map, poses, recognition, recordings, registration, simulation  # noqa: F401
+    from revisit.loops import Exclusion, command, progress, recognise
+except ImportError as error:
+    sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
 TO_GTSAM = [3, 4, 5, 0, 1, 2]  # its errors have the rotation first
 DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # of the odometry in a metre: rotation [rad], translation 0.017 [m]
@@ -33,20 +34,20 @@ class Odometry:
 
     def __init__(self, max_range):
         self.kiss = KissICP(KISSConfig(data={'max_range': max_range, 'deskew': False}, mapping={'voxel_size': max_range / 100}))
-        self.scans, self.path, self.chosen, self.seconds = [], [], [], 0
+        self.moved, self.chosen, self.seconds = [], [], 0
 
     def keyframes(self, scans, every):
-        """Those of the scans that are `every` metres apart."""
+        """Those of the scans that are `every` metres apart, with the poses of odometry."""
         for scan in scans:
             points = scan.points()
             start = time.perf_counter()
             self.kiss.register_frame(points[:, :3].astype(np.float64), np.zeros(len(points)))
             self.seconds += time.perf_counter() - start
-            self.scans.append(scan._replace(points=None))
-            self.path.append(self.kiss.last_pose.copy())
-            if not self.chosen or np.linalg.norm(self.path[-1][:3, 3] - self.path[self.chosen[-1]][:3, 3]) >= every:
-                self.chosen.append(len(self.path) - 1)
-                yield scan._replace(points=lambda points=points: points)
+            pose = self.kiss.last_pose.copy()
+            self.moved.append((scan._replace(points=None), pose))
+            if not self.chosen or np.linalg.norm((pose - self.moved[self.chosen[-1]][1])[:3, 3]) >= every:
+                self.chosen.append(len(self.moved) - 1)
+                yield scan._replace(points=lambda points=points: points, pose=pose)
 
 
 def optimised(guesses, loops):
@@ -67,35 +68,27 @@ def optimised(guesses, loops):
     return np.array([result.atPose3(i).matrix() for i in range(len(guesses))])
 
 
-def spread(path, chosen, corrected):
-    """All poses, moved along with the keyframe before them."""
-    before = np.searchsorted(chosen, np.arange(len(path)), side='right') - 1
-    return np.array([corrected[k] @ np.linalg.inv(path[chosen[k]]) @ pose for k, pose in zip(before, path)])
-
-
 def fitted(path, truth, flat):
     """The path laid onto the truth, and the root mean square of its distances [m]. flat: seen from above."""
-    path, truth = PosePath3D(poses_se3=list(poses.AXES_OF_CAMERA @ path)), PosePath3D(poses_se3=list(truth))
+    path, truth = (trajectory.PosePath3D(poses_se3=list(each)) for each in (poses.AXES_OF_CAMERA @ path, truth))
     if flat:
-        path.project(Plane.XZ), truth.project(Plane.XZ)
+        path.project(trajectory.Plane.XZ), truth.project(trajectory.Plane.XZ)
     path.align(truth)
-    ape = APE(PoseRelation.translation_part)
+    ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((truth, path))
-    return path.positions_xyz[:, [0, 2]], float(np.sqrt(np.mean(ape.error ** 2)))
+    return path.positions_xyz[:, [0, 2]], ape.get_statistic(metrics.StatisticsType.rmse)
 
 
-def draw(file, paths, loops):
-    matplotlib.use('Agg')
-    from matplotlib import pyplot
-    figure, axes = pyplot.subplots(figsize=(8, 8), layout='constrained')
-    for (label, path), style in zip(paths.items(), ['tab:blue', 'tab:orange', 'k:']):
-        axes.plot(*path.T, style, label=label, linewidth=1.5)
-    for ends in loops:
-        axes.plot(*paths['corrected'][ends].T, '.-', color='tab:green', markersize=3)
-    axes.set_aspect('equal', adjustable='datalim')
-    axes.set(xlabel='[m]', ylabel='[m]', title=f'{len(loops)} loops')
-    axes.legend()
-    figure.savefig(file)
+def draw(file, paths, loops, title):
+    axes = Figure(figsize=(8, 8), layout='constrained').subplots()
+    for (label, path), style, width in zip(paths.items(), ['tab:blue', 'tab:orange', 'k:'], [5, 2.5, 1]):
+        axes.plot(*path.T, style, label=label, linewidth=width)
+    for ends, label in zip(loops, ['loops: a scan, and the one that it was registered with'] + [None] * len(loops)):
+        axes.plot(*paths['corrected'][ends].T, 'o-', color='tab:green', markersize=3, linewidth=1, label=label)
+    axes.plot(*paths['corrected'][0], 'k^', label='start')
+    axes.set(aspect='equal', adjustable='datalim', title=title, xlabel='x [m]', ylabel='z [m]' if 'truth' in paths else 'y [m]')
+    axes.figure.legend(loc='outside lower center', ncols=5)
+    axes.figure.savefig(file)
 
 
 def main():
@@ -108,43 +101,50 @@ def main():
     parser.add_argument('--max-range', type=float, default=100, help='of odometry [m] (default %(default)s)')
     parser.add_argument('--keyframe', type=float, default=1, help='metres from one place to the next (default %(default)s)')
     parser.add_argument('--flat', action='store_true', help='compare with the truth as seen from above')
-    parser.add_argument('-o', '--output', required=True, help='a folder')
+    parser.add_argument('-o', '--output', required=True, type=Path, help='a folder')
     o = parser.parse_args()
-    if o.simulate:
+    o.output.mkdir(parents=True, exist_ok=True)
+    if o.simulate is not None:
         simulation.simulate(o.data, length=o.simulate, every=2, route='both')
-    recording = open_recording(o.data, topic=o.topic, sequence=o.sequence)
-    sensor = o.sensor or recognition.find_sensor([next(recording.scans()).points()[:, :3].copy()]).name
-    odometry, loops, node_of = Odometry(o.max_range), [], {}
-    start = time.perf_counter()
-    moving = odometry.keyframes(recording.scans(), o.keyframe)
-    for visit in recognise(moving, open_map(None, sensor), Exclusion('frames', 50), verify=True):
-        node_of[visit.position] = len(odometry.chosen) - 1
-        if visit.registered and visit.accepted:
-            loops.append((node_of[visit.loop.position], len(odometry.chosen) - 1, visit.registered))
-    recognised = time.perf_counter()
-    path, chosen, scans = np.array(odometry.path), odometry.chosen, odometry.scans
-    corrected = spread(path, chosen, optimised(path[chosen], loops))
-    seconds = {'odometry': odometry.seconds, 'reading and loops': recognised - start - odometry.seconds,
-               'optimisation': time.perf_counter() - recognised}
-
-    folder = Path(o.output)
-    folder.mkdir(parents=True, exist_ok=True)
+    recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
+    found = recognition.find_sensor([next(recording.scans()).points()[:, :3].copy()])
+    sensor = o.sensor or found.name or parser.error('no known sensor; name one like it: --sensor hdl64, vlp16, ouster-os1-64')
+    (o.output / 'trajectory.tum').touch()  # it can be written
+    odometry, loops, node_of, ended, start = Odometry(o.max_range), [], {}, None, time.perf_counter()
+    moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
+    try:
+        for visit in recognise(moving, open_map(None, sensor), Exclusion('metres', 40), verify=True):
+            node_of[visit.position] = len(odometry.chosen) - 1
+            if visit.registered and visit.accepted:
+                loops.append((node_of[visit.loop.position], len(odometry.chosen) - 1, visit.registered))
+    except (KeyboardInterrupt, errors.InputError) as error:  # of a scan, or the recording ends in the middle of one
+        if not odometry.chosen:
+            raise
+        ended = error
+    spent = [odometry.seconds, time.perf_counter() - start - odometry.seconds]
+    scans, path, chosen = [scan for scan, _ in odometry.moved], np.array([pose for _, pose in odometry.moved]), odometry.chosen
+    moved = optimised(path[chosen], loops) @ np.linalg.inv(path[chosen])  # and every scan like the keyframe before it
+    corrected = moved[np.searchsorted(chosen, np.arange(len(path)), side='right') - 1] @ path
+    spent = 1e3 / len(path) * np.array([*spent, time.perf_counter() - start - sum(spent)])
     times = [scan.frame if scan.time is None else scan.time for scan in scans]
-    (folder / 'trajectory.tum').write_text('\n'.join(map(poses.tum_line, times, corrected)) + '\n')
-    paths = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}
-    print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops; ' + ', '.join(
-        f'{what} {1e3 * each / len(path):.1f}' for what, each in seconds.items()) + ' ms a scan')
-    if all(scan.pose is not None for scan in scans):
-        truth = np.array([scan.pose for scan in scans])
-        for name, poses_of in (('odometry', path), ('corrected', corrected)):
-            paths[name], error = fitted(poses_of, truth, o.flat)
-            print(f'absolute trajectory error, {name}: {error:.2f} m')
-        paths['truth'] = truth[:, [0, 2], 3]
-    draw(folder / 'trajectory.png', paths, [[chosen[a], chosen[b]] for a, b, _ in loops])
+    (o.output / 'trajectory.tum').write_text('\n'.join(map(poses.tum_line, times, corrected)) + '\n')
+    paths, error = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}, 'not known'
+    truth = [scan.pose for scan in scans]
+    if all(pose is not None for pose in truth) and len(chosen) > 2:
+        (before, odometry_error), (after, error) = (fitted(each, np.array(truth), o.flat) for each in (path, corrected))
+        paths = {'odometry': before, 'corrected': after, 'truth': np.array(truth)[:, [0, 2], 3]}
+        error = f'odometry {odometry_error:.2f} m, corrected {error:.2f} m'
+    print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops; ms a scan: odometry {spent[0]:.1f}, '
+          f'reading and loops {spent[1]:.1f}, optimisation {spent[2]:.1f}\nabsolute trajectory error: {error}')
+    draw(o.output / 'trajectory.png', paths, [[chosen[a], chosen[b]] for a, b, _ in loops],
+         f'{o.data}: {len(loops)} loops, seen from above\nabsolute trajectory error: {error}')
+    if ended:
+        raise type(ended)(f'{str(ended) or "interrupted"}; {o.output} has the trajectory up to there')
 
 
 if __name__ == '__main__':
     try:
         main()
-    except errors.Error as error:
-        raise SystemExit(f'slam: {error}')
+    except (errors.Error, geometry.GeometryException, OSError, KeyboardInterrupt) as error:
+        print(f'slam: {str(error) or "interrupted"}', file=sys.stderr)
+        sys.exit(next((code for kind, code in [*command.CODES, (KeyboardInterrupt, 130)] if isinstance(error, kind)), 1))

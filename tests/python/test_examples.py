@@ -2,7 +2,9 @@
 
 import importlib.util
 import json
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -12,8 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from nets import CONVOLVE
-from revisit import proto, simulation
+from revisit import datasets, proto, simulation
 from revisit._core import registration as core
+from scans import room
 
 EXAMPLES = Path(__file__).resolve().parents[2] / 'examples'
 PICTURES = importlib.util.find_spec('matplotlib') is not None
@@ -85,11 +88,45 @@ class Examples(unittest.TestCase):
         simulation.simulate(self.folder / 'town', length=300, every=4, route='both', sensor='vlp16')
         printed = run('slam', self.folder / 'town', '-o', self.folder)
         self.assertRegex(printed, r'[1-9]\d* loops')
-        before, after = (float(re.search(rf'error, {name}: ([\d.]+) m', printed)[1]) for name in ('odometry', 'corrected'))
+        before, after = (float(re.search(rf'{name} ([\d.]+) m', printed)[1]) for name in ('odometry', 'corrected'))
         self.assertLess(after, max(before, 0.2))
         lines = (self.folder / 'trajectory.tum').read_text().splitlines()
         self.assertEqual(len(lines), len(list((self.folder / 'town').glob('sequences/00/velodyne/*.bin'))))
         self.assertEqual((self.folder / 'trajectory.png').read_bytes()[1:4], b'PNG')
+
+    def slam(self, *arguments, path=()):
+        """Exit code, standard output, standard error."""
+        env = os.environ | {'PYTHONPATH': os.pathsep.join([*map(str, path), os.environ.get('PYTHONPATH', '')])}
+        done = subprocess.run([sys.executable, EXAMPLES / 'slam.py', *map(str, arguments), '-o', self.folder / 'out'],
+                              text=True, capture_output=True, env=env)
+        return done.returncode, done.stdout, done.stderr
+
+    def test_slam_says_what_to_install(self):
+        (self.folder / 'kiss_icp.py').write_text('raise ImportError("No module named \'kiss_icp\'")')
+        code, _, said = self.slam(self.folder, path=[self.folder])
+        self.assertEqual(code, 1)
+        self.assertRegex(said, r"^slam: No module named '\w+'; .*pip install '\.\[slam\]'\n$")
+
+    @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo, matplotlib and small_gicp (or PCL): pip install kiss-icp gtsam evo small_gicp')
+    def test_slam_keeps_what_was_done(self):
+        """A folder without poses, whose third scan is cut off; one without scans; an output that cannot be written."""
+        scans = self.folder / 'scans'
+        scans.mkdir()
+        code, _, said = self.slam(scans)
+        self.assertEqual((code, said.count('\n')), (3, 1), said)
+        for i in range(3):
+            datasets.write_kitti_scan(scans / f'{i:06}.bin', room(1, shift=(2 * i, 0)))
+        (scans / '000002.bin').write_bytes(b'cut off')
+        code, printed, said = self.slam(scans, '--sensor', 'hdl64')
+        self.assertEqual((code, said.count('\n')), (3, 1), said)
+        self.assertRegex(printed, '^2 scans, 2 keyframes, 0 loops')
+        self.assertIn('000002.bin', said)
+        self.assertEqual(len((self.folder / 'out/trajectory.tum').read_text().splitlines()), 2)
+        self.assertTrue((self.folder / 'out/trajectory.png').is_file())
+        shutil.rmtree(self.folder / 'out')
+        (self.folder / 'out').write_text('a file')
+        code, _, said = self.slam(scans, '--sensor', 'hdl64')
+        self.assertEqual((code, said.count('\n')), (1, 1), said)
 
     @unittest.skipUnless(PICTURES, 'matplotlib is not installed')
     def test_draw_loops(self):
