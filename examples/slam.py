@@ -25,7 +25,7 @@ try:
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
-TO_GTSAM = [3, 4, 5, 0, 1, 2]  # its errors have the rotation first
+TO_GTSAM = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])  # its errors have the rotation first
 DRIFT = np.radians([0.05, 0.05, 0.05, 1, 1, 1])  # of the odometry in a metre: rotation [rad], translation 0.017 [m]
 
 
@@ -51,21 +51,22 @@ class Odometry:
 
 
 def optimised(guesses, loops):
-    """The poses [n][4][4] that odometry and loops agree on best. loops: (place, query, Registration)."""
-    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    """The poses [n][4][4] that odometry and loops agree on: all loops pull, then wrong ones less. (place, query, Registration)"""
+    values = gtsam.Values()
     for i, pose in enumerate(guesses):
         values.insert(i, gtsam.Pose3(pose))
-    graph.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(guesses[0]), gtsam.noiseModel.Isotropic.Sigma(6, 1e-3)))
-    for i in range(1, len(guesses)):
-        step = np.linalg.inv(guesses[i - 1]) @ guesses[i]
-        sigmas = DRIFT * max(1, np.linalg.norm(step[:3, 3])) ** 0.5
-        graph.add(gtsam.BetweenFactorPose3(i - 1, i, gtsam.Pose3(step), gtsam.noiseModel.Diagonal.Sigmas(sigmas)))
-    for place, query, found in loops:
-        noise = gtsam.noiseModel.Gaussian.Information(found.information[np.ix_(TO_GTSAM, TO_GTSAM)])
-        robust = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(3), noise)
-        graph.add(gtsam.BetweenFactorPose3(place, query, gtsam.Pose3(found.T_place_query), robust))
-    result = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
-    return np.array([result.atPose3(i).matrix() for i in range(len(guesses))])
+    for kernel in (gtsam.noiseModel.mEstimator.Huber.Create(3), gtsam.noiseModel.mEstimator.Cauchy.Create(3)):
+        graph = gtsam.NonlinearFactorGraph()
+        graph.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(guesses[0]), gtsam.noiseModel.Isotropic.Sigma(6, 1e-3)))
+        for i in range(1, len(guesses)):
+            step = np.linalg.inv(guesses[i - 1]) @ guesses[i]
+            sigmas = DRIFT * max(1, np.linalg.norm(step[:3, 3])) ** 0.5
+            graph.add(gtsam.BetweenFactorPose3(i - 1, i, gtsam.Pose3(step), gtsam.noiseModel.Diagonal.Sigmas(sigmas)))
+        for place, query, found in loops:
+            robust = gtsam.noiseModel.Robust.Create(kernel, gtsam.noiseModel.Gaussian.Information(found.information[TO_GTSAM]))
+            graph.add(gtsam.BetweenFactorPose3(place, query, gtsam.Pose3(found.T_place_query), robust))
+        values = gtsam.LevenbergMarquardtOptimizer(graph, values).optimize()
+    return np.array([values.atPose3(i).matrix() for i in range(len(guesses))])
 
 
 def fitted(path, truth, flat):
@@ -83,9 +84,8 @@ def draw(file, paths, loops, title):
     axes = Figure(figsize=(8, 8), layout='constrained').subplots()
     for (label, path), style, width in zip(paths.items(), ['tab:blue', 'tab:orange', 'k:'], [5, 2.5, 1]):
         axes.plot(*path.T, style, label=label, linewidth=width)
-    for ends, label in zip(loops, ['loops: a scan, and the one that it was registered with'] + [None] * len(loops)):
+    for ends, label in zip(loops, ['loops'] + [None] * len(loops)):
         axes.plot(*paths['corrected'][ends].T, 'o-', color='tab:green', markersize=3, linewidth=1, label=label)
-    axes.plot(*paths['corrected'][0], 'k^', label='start')
     axes.set(aspect='equal', adjustable='datalim', title=title, xlabel='x [m]', ylabel='z [m]' if 'truth' in paths else 'y [m]')
     axes.figure.legend(loc='outside lower center', ncols=5)
     axes.figure.savefig(file)
@@ -104,12 +104,12 @@ def main():
     parser.add_argument('-o', '--output', required=True, type=Path, help='a folder')
     o = parser.parse_args()
     o.output.mkdir(parents=True, exist_ok=True)
+    (o.output / 'trajectory.tum').touch()  # it can be written
     if o.simulate is not None:
         simulation.simulate(o.data, length=o.simulate, every=2, route='both')
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
     found = recognition.find_sensor([next(recording.scans()).points()[:, :3].copy()])
     sensor = o.sensor or found.name or parser.error('no known sensor; name one like it: --sensor hdl64, vlp16, ouster-os1-64')
-    (o.output / 'trajectory.tum').touch()  # it can be written
     odometry, loops, node_of, ended, start = Odometry(o.max_range), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
     try:
@@ -121,23 +121,23 @@ def main():
         if not odometry.chosen:
             raise
         ended = error
-    spent = [odometry.seconds, time.perf_counter() - start - odometry.seconds]
     scans, path, chosen = [scan for scan, _ in odometry.moved], np.array([pose for _, pose in odometry.moved]), odometry.chosen
     moved = optimised(path[chosen], loops) @ np.linalg.inv(path[chosen])  # and every scan like the keyframe before it
     corrected = moved[np.searchsorted(chosen, np.arange(len(path)), side='right') - 1] @ path
-    spent = 1e3 / len(path) * np.array([*spent, time.perf_counter() - start - sum(spent)])
-    times = [scan.frame if scan.time is None else scan.time for scan in scans]
-    (o.output / 'trajectory.tum').write_text('\n'.join(map(poses.tum_line, times, corrected)) + '\n')
+    fit = sum(np.linalg.norm((np.linalg.inv(corrected[chosen[place]]) @ corrected[chosen[query]] - found.T_place_query)[:3, 3]) < 1
+              for place, query, found in loops)
+    (o.output / 'trajectory.tum').write_text(''.join(
+        f'{poses.tum_line(scan.frame if scan.time is None else scan.time, pose)}\n' for scan, pose in zip(scans, corrected)))
     paths, error = {'odometry': path[:, :2, 3], 'corrected': corrected[:, :2, 3]}, 'not known'
-    truth = [scan.pose for scan in scans]
-    if all(pose is not None for pose in truth) and len(chosen) > 2:
-        (before, odometry_error), (after, error) = (fitted(each, np.array(truth), o.flat) for each in (path, corrected))
-        paths = {'odometry': before, 'corrected': after, 'truth': np.array(truth)[:, [0, 2], 3]}
+    truth = np.array([scan.pose for scan in scans if scan.pose is not None])
+    if len(truth) == len(path) and len(chosen) > 2:
+        (before, odometry_error), (after, error) = (fitted(each, truth, o.flat) for each in (path, corrected))
+        paths = {'odometry': before, 'corrected': after, 'truth': truth[:, [0, 2], 3]}
         error = f'odometry {odometry_error:.2f} m, corrected {error:.2f} m'
-    print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops; ms a scan: odometry {spent[0]:.1f}, '
-          f'reading and loops {spent[1]:.1f}, optimisation {spent[2]:.1f}\nabsolute trajectory error: {error}')
+    print(f'{len(path)} scans, {len(chosen)} keyframes, {len(loops)} loops, {fit} fit within a metre; '
+          f'{time.perf_counter() - start:.1f} s, {odometry.seconds:.1f} s of it odometry\nabsolute trajectory error: {error}')
     draw(o.output / 'trajectory.png', paths, [[chosen[a], chosen[b]] for a, b, _ in loops],
-         f'{o.data}: {len(loops)} loops, seen from above\nabsolute trajectory error: {error}')
+         f'{o.data}, seen from above: {len(loops)} loops, {fit} fit\nabsolute trajectory error: {error}')
     if ended:
         raise type(ended)(f'{str(ended) or "interrupted"}; {o.output} has the trajectory up to there')
 
