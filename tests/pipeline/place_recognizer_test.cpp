@@ -208,8 +208,8 @@ struct BreakingMap : MapStore {
   std::map<std::string, std::string> values;
 
   const MapIdentity& identity() const override {
-    static const MapIdentity none;
-    return none;
+    static const MapIdentity own = PlaceRecognizer::identity_of(coordinates(), {});
+    return own;
   }
   NumberFormat number_format() const override { return NumberFormat::kFloat32; }
   int64_t size() const override { return places; }
@@ -538,6 +538,10 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   const MapIdentity identity = PlaceRecognizer::identity_of(other, {});
   expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &identity); },
                            {"coordinates 1", "coordinates 2"});
+  // Also where it was opened whatever it is.
+  expect_error<InputError>(
+      [&] { PlaceRecognizer(other, {}, open_map(folder / "a.map", MapAccess::kRead)); },
+      {"coordinates 1", "coordinates 2"});
   FeatureExtractor camera = coordinates();
   camera.make = FeatureMaker<GrayImage>();
   expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});

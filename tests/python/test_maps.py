@@ -151,8 +151,9 @@ class Maps(unittest.TestCase):
     def test_stay_open_when_a_recogniser_refuses(self):
         filled(revisit.open_map(self.file, first_stretch=4))
         store = maps.MapStore.open(self.file, write=True)
-        for options, says in (({'k': 0}, 'RecognizerOptions::k'), ({}, 'expected a descriptor of 192 numbers')):
-            with self.assertRaisesRegex(revisit.UsageError, says):
+        for options, error, says in (({'k': 0}, revisit.UsageError, 'RecognizerOptions::k'),
+                                     ({}, revisit.InputError, "feature: the map has .*, this program 'm2dp'")):
+            with self.assertRaisesRegex(error, says):
                 maps.PlaceRecognizer(revisit.recognition.m2dp_features(), store, **options)
         self.assertEqual(len(store), len(PLACES))
 

@@ -12,6 +12,7 @@
 #include <thread>
 #include <utility>
 
+#include "identity.h"
 #include "revisit/maps/large_maps.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/text.h"
@@ -400,6 +401,8 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
   impl_ = std::make_unique<Impl>(std::move(extractor), options, damaged);
   impl_->map = std::move(map);
   try {
+    if (impl_->map)
+      must_match("the map", impl_->map->identity(), identity_of(impl_->extractor, options));
     impl_->begin();
   } catch (...) {
     map = std::move(impl_->map);
