@@ -106,6 +106,17 @@ def read_trajectory(file, form=None) -> Trajectory:
     return Trajectory(str(file), table[:, 0] * (1 if form == 'tum' else 1e-9), rigid(table[:, 1:4], quaternions))
 
 
+def matrix_of(numbers, file) -> np.ndarray:
+    """T [4][4] of the 12 numbers of a 3 x 4 matrix in `file`. Raises InputError when there are others, or T is not rigid."""
+    if len(numbers) != 12:
+        raise InputError(f'{file}: expected the 12 numbers of a 3 x 4 matrix, found {len(numbers)}')
+    T = np.eye(4)
+    T[:3] = np.reshape(numbers, (3, 4))
+    if not are_rigid(T[None])[0]:
+        raise InputError(f'{file}: expected a rotation and a translation, found {T[:3].tolist()}')
+    return T
+
+
 def read_extrinsic(file) -> np.ndarray:
     """T_body_lidar: KITTI's calib.txt (Tr), or 3 or 4 rows of 4 numbers, or these in one line."""
     try:
@@ -117,11 +128,7 @@ def read_extrinsic(file) -> np.ndarray:
     numbers = table_of(file).ravel()
     if numbers.size not in (12, 16):
         raise InputError(f'{file}: expected a calib.txt with Tr, or 3 x 4 or 4 x 4 numbers, found {numbers.size}')
-    T = np.eye(4)
-    T[:3] = numbers[:12].reshape(3, 4)
-    if not are_rigid(T[None])[0]:
-        raise InputError(f'{file}: expected a rotation and a translation, found {T[:3].tolist()}')
-    return T
+    return matrix_of(numbers[:12], file)
 
 
 def in_kitti_world(poses, frame, extrinsic=None) -> np.ndarray:

@@ -204,6 +204,7 @@ std::vector<float> coordinates_of(int i) {
 struct BreakingMap : MapStore {
   mutable int64_t places = 0, breaks_at_place = 0, steps_left = 100;
   mutable bool breaks_at_removals = false;
+  bool breaks_at_descriptors = false;
   std::vector<int64_t> those_removed;
   std::map<std::string, std::string> values;
 
@@ -222,7 +223,7 @@ struct BreakingMap : MapStore {
     values[name] = bytes;
   }
   std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>, Claim*) override {
-    return {};
+    return {++places};
   }
   void expect(const std::string&, std::span<const int64_t>) override {}
   std::unique_ptr<Claim> claim(const std::string&, int64_t) override { return nullptr; }
@@ -244,8 +245,10 @@ struct BreakingMap : MapStore {
     return {those_removed.begin() + after, those_removed.end()};
   }
   bool replace_descriptors(const std::function<std::vector<float>(const StoredPlace&)>&,
-                           const std::map<std::string, std::string>&, int64_t) override {
-    return false;
+                           const std::map<std::string, std::string>& with, int64_t) override {
+    if (std::exchange(breaks_at_descriptors, false)) throw Error("disk full");
+    values = with;
+    return true;
   }
 };
 
@@ -268,6 +271,24 @@ TEST(PlaceRecognizer, WhatAnErrorLeftUnreadIsReadTheNextTime) {
   expect_error<Error>([&] { recognizer.refresh(); }, {"lost"});
   recognizer.refresh_on_news();
   EXPECT_NE(recognizer.query(scan)->id, 5);
+}
+
+TEST(PlaceRecognizer, APlaceThatIsInTheMapIsAddedWhenTheStretchCannotEnd) {
+  auto store = std::make_unique<BreakingMap>();
+  BreakingMap& map = *store;
+  std::vector<std::string> said;
+  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 3}, std::move(store),
+                             [&](const std::string& message) { said.push_back(message); });
+  map.breaks_at_descriptors = true;
+  drive(recognizer, 0, 3);
+  EXPECT_EQ(map.places, 3);
+  EXPECT_FALSE(map.values.contains(kBasisValue));
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_NE(said[0].find("disk full"), std::string::npos) << said[0];
+  drive(recognizer, 3, 4);
+  EXPECT_TRUE(map.values.contains(kBasisValue));
+  EXPECT_EQ(said.size(), 1U);
+  EXPECT_EQ(recognizer.query(recognizer.describe(view_of(scan_of(102))))->position, 2);
 }
 
 TEST(PlaceRecognizer, DescriptionsOfAnotherSizeAreRefused) {

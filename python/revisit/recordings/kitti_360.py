@@ -6,7 +6,7 @@ import numpy as np
 
 from revisit.datasets import read_scan
 from revisit.errors import InputError, UsageError
-from revisit.poses import are_rigid, in_kitti_world, table_of
+from revisit.poses import in_kitti_world, matrix_of, table_of
 from revisit.recordings.recording import Scan, files_in, recording_of
 
 
@@ -45,25 +45,15 @@ def times_of(file):
     return times
 
 
-def matrix(numbers, file):
-    if len(numbers) != 12:
-        raise InputError(f'{file}: expected the 12 numbers of a 3 x 4 matrix, found {len(numbers)}')
-    T = np.eye(4)
-    T[:3] = np.reshape(numbers, (3, 4))
-    if not are_rigid(T[None])[0]:
-        raise InputError(f'{file}: expected a rotation and a translation, found {T[:3].tolist()}')
-    return T
-
-
 def calibration(folder):
     """T_imu_velo of the left camera's in the IMU and the velodyne's frame."""
     to_pose, to_velo = folder / 'calib_cam_to_pose.txt', folder / 'calib_cam_to_velo.txt'
     try:
         left = next(line.split()[1:] for line in to_pose.read_text().splitlines() if line.startswith('image_00:'))
-        T_imu_cam = matrix([float(number) for number in left], to_pose)
+        T_imu_cam = matrix_of([float(number) for number in left], to_pose)
     except (OSError, StopIteration, ValueError):
         raise InputError(f'{to_pose}: expected a line "image_00:" and 12 numbers; without it poses.txt cannot be used') from None
-    return T_imu_cam @ np.linalg.inv(matrix(table_of(to_velo).ravel(), to_velo))
+    return T_imu_cam @ np.linalg.inv(matrix_of(table_of(to_velo).ravel(), to_velo))
 
 
 def poses_of(root, drive):
@@ -75,7 +65,7 @@ def poses_of(root, drive):
     if table.shape[1] != 13:
         raise InputError(f'{file}: expected a frame and 12 numbers a line, found {table.shape[1]} columns')
     T_imu_velo = calibration(root / 'calibration')
-    return {int(row[0]): in_kitti_world(matrix(row[1:], file), 'lidar', T_imu_velo) for row in table}
+    return {int(row[0]): in_kitti_world(matrix_of(row[1:], file), 'lidar', T_imu_velo) for row in table}
 
 
 def open_kitti_360(path, options):

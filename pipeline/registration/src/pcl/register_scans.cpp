@@ -15,14 +15,21 @@ using Gicp = pcl::GeneralizedIterativeClosestPoint<pcl::PointXYZ, pcl::PointXYZ>
 /// As PCL's GICP takes them.
 using Covariances = std::vector<Eigen::Matrix3d, Eigen::aligned_allocator<Eigen::Matrix3d>>;
 
+/// PCL minimises by BFGS, which stops short where a metre changes the sum much less than a radian
+/// does. With lengths in units of 20 m, as far as points are away, both change it alike.
+constexpr double kUnit = 20;
+
 Points::Ptr points_of(const PreparedScan& scan) {
   const Points::Ptr points(new Points);
   points->reserve(scan.points().size());
-  for (const Eigen::Vector3f& p : scan.points()) points->push_back({p.x(), p.y(), p.z()});
+  for (const Eigen::Vector3f& metres : scan.points()) {
+    const Eigen::Vector3f p = metres / static_cast<float>(kUnit);
+    points->push_back({p.x(), p.y(), p.z()});
+  }
   return points;
 }
 
-/// Flat along the normals, as in the GICP paper [m^2].
+/// Flat along the normals, as in the GICP paper.
 pcl::shared_ptr<Covariances> covariances_of(const PreparedScan& scan) {
   constexpr double kFlatness = 1e-3;
   const auto covariances = pcl::make_shared<Covariances>();
@@ -46,13 +53,19 @@ Eigen::Isometry3d refined(const PreparedScan& query, const PreparedScan& place,
   gicp.setInputTarget(points_of(place));
   gicp.setSourceCovariances(covariances_of(query));
   gicp.setTargetCovariances(covariances_of(place));
-  gicp.setMaxCorrespondenceDistance(max_distance);
+  gicp.setMaxCorrespondenceDistance(max_distance / kUnit);
   gicp.setMaximumIterations(20);
-  gicp.setTransformationEpsilon(5e-3);  // [m]
+  gicp.setTransformationEpsilon(1e-3 / kUnit);
   gicp.setRotationEpsilon(1e-4);
+  gicp.setTranslationGradientTolerance(1e-4);
+  gicp.setRotationGradientTolerance(1e-4);
+  Eigen::Isometry3d in_units = start;
+  in_units.translation() /= kUnit;
   Points moved;
-  gicp.align(moved, start.matrix().cast<float>());
-  return Eigen::Isometry3d(gicp.getFinalTransformation().cast<double>());
+  gicp.align(moved, in_units.matrix().cast<float>());
+  Eigen::Isometry3d found(gicp.getFinalTransformation().cast<double>());
+  found.translation() *= kUnit;
+  return found;
 }
 
 }  // namespace

@@ -70,7 +70,7 @@ class PlaceRecognizer {
   /// The places of `map` are known at once; null: nothing is kept. Throws UsageError for a feature
   /// of camera images or invalid options, InputError when the map was made with another
   /// feature (identity_of()); `map` then stays with the caller. `damaged` gets a message for each
-  /// place that cannot be read.
+  /// place that cannot be read, and when the first stretch cannot be ended.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                   std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Damaged& damaged = {});
   ~PlaceRecognizer();
