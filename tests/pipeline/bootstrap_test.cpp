@@ -93,6 +93,7 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
   EXPECT_EQ(at(0.6).low, 0);
   EXPECT_EQ(at(0.6).high, 1);
   // Of two resamples the ends lie between them: at 50 % a quarter of the way from either.
+  int apart = 0;
   for (uint64_t seed = 1; seed < 20; ++seed) {
     const Interval all = bootstrap(verdicts, Missed::kNotFound,
                                    {.resamples = 2, .confidence = 1 - 1e-9, .seed = seed})
@@ -100,9 +101,11 @@ TEST(Bootstrap, PercentilesAreLinearBetweenResamples) {
     const Interval half =
         bootstrap(verdicts, Missed::kNotFound, {.resamples = 2, .confidence = 0.5, .seed = seed})
             .recall_at_1;
+    apart += all.high - all.low > 0.4 ? 1 : 0;
     EXPECT_NEAR(half.low, 0.75 * all.low + 0.25 * all.high, 1e-8);
     EXPECT_NEAR(half.high, 0.25 * all.low + 0.75 * all.high, 1e-8);
   }
+  EXPECT_GT(apart, 5);
 }
 
 TEST(Bootstrap, SameForAnyNumberOfThreads) {

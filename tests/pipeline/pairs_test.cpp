@@ -10,6 +10,7 @@
 #include <set>
 
 #include "decision_cases.h"
+#include "expect_error.h"
 #include "float_matrix.h"
 #include "revisit/proto/error.h"
 #include "test_data.h"
@@ -17,6 +18,7 @@
 namespace revisit::pipeline {
 namespace {
 
+using test::expect_error;
 using test::random_matrix;
 
 Trajectory drive_along_x(const std::vector<double>& xs) {
@@ -372,7 +374,7 @@ TEST(Pairs, RefuseNonsense) {
   EXPECT_THROW(evaluate_pairs(place.task, place.drive, nothing, options), Interrupted);
   FloatMatrix m = random_matrix(3, 2, 1);
   m.row(1)[1] = std::nanf("");
-  EXPECT_THROW(evaluate_pairs(place.task, place.drive, {m}), Error);
+  expect_error<Error>([&] { evaluate_pairs(place.task, place.drive, {m}); }, {"scan 1", "case 1"});
   EXPECT_THROW(evaluate_pairs(place.task, place.drive, {random_matrix(4, 2, 1)}), Error);
 }
 

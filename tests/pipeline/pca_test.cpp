@@ -93,6 +93,23 @@ TEST(Pca, EqualsTheCovarianceRoute) {
   expect_same_up_to_sign(pca.descriptors, truth.descriptors, 2e-4);
 }
 
+TEST(Pca, OfTwoRowsIsTheirDifference) {
+  const test::TempDir dir;
+  const Matrix x = random_features(2, 9, 8);
+  const FeatureFile file = stored(dir, "x.npy", x);
+  const PcaResult pca = fit_pca({&file}, {.components = 3});
+  EXPECT_EQ(pca.rank, 1);
+  EXPECT_NEAR(std::abs(pca.descriptors.row(0)[0]), (x.row(0) - x.row(1)).norm() / 2, 1e-4);
+}
+
+TEST(Pca, OneRowMoreThanATileOfProducts) {
+  const test::TempDir dir;
+  const Matrix x = random_features(513, 12, 10);
+  const FeatureFile file = stored(dir, "x.npy", x);
+  expect_same_up_to_sign(fit_pca({&file}, {.components = 4}).descriptors,
+                         textbook(x, rows(0, 513), 4).descriptors, 1e-3);
+}
+
 TEST(Pca, FitOnSomeRowsInAnyOrderDescribesAll) {
   const test::TempDir dir;
   const Matrix x = random_features(50, 30, 2);

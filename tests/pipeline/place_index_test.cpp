@@ -307,6 +307,8 @@ TEST(PlaceIndex, SearchesAllWhereASourceFindsTooFew) {
     // One place is as many as were wanted.
     EXPECT_EQ(index.best(all.row(8), {&candidates, 1}, {.k = 1}).ranks, std::vector<int64_t>{3});
     EXPECT_NE(best.ranks, std::vector<int64_t>{3});
+    index.choose_by(std::make_unique<OnlyPlaceThree>(), 1);
+    EXPECT_EQ(index.best(all.row(8), {&candidates, 1}, {.k = 1}).ranks, std::vector<int64_t>{3});
   }
 }
 

@@ -286,6 +286,12 @@ TEST(PrecisionRecall, JudgesAgainstTheTasksOwnCandidates) {
   const std::vector<Verdict> tolerant = judge(matches, task, drive, {Distance::kXz, 5, 99.5});
   for (size_t i = 0; i < 4; ++i) EXPECT_EQ(tolerant[i].ignored, i == 0 || i == 3) << i;
   for (const Verdict& verdict : verdicts) EXPECT_FALSE(verdict.ignored);
+  std::vector<Match> others = matches;
+  others[1].query = 4;
+  EXPECT_THROW(judge(others, task, drive, {}), Error);
+  others = matches;
+  others[1].ranks.clear();
+  EXPECT_THROW(judge(others, task, drive, {}), Error);
   matches.pop_back();
   EXPECT_THROW(judge(matches, task, drive, {}), Error);
   EXPECT_THROW(judge(matches, task, Trajectory{}, {}), UsageError);

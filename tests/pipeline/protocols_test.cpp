@@ -260,6 +260,7 @@ TEST(Protocols, Logg3dByHand) {
 TEST(Protocols, PairTasksTakeTheRightCandidates) {
   const Task lcdnet2 = make_tasks("lcdnet2", "", consecutive(110)).at(0);
   EXPECT_EQ(lcdnet2.decision, Decision::kPair);
+  EXPECT_FALSE(lcdnet2.margin_score);
   EXPECT_EQ(lcdnet2.queries.front().scan, 100);
   EXPECT_EQ(lcdnet2.queries.front().n_candidates(), 50);
   const Task ssc = make_tasks("ssc", "", consecutive(110)).at(0);

@@ -246,6 +246,11 @@ TEST(Retrieve, StopsWhenAsked) {
            {.progress = [&](int64_t done, int64_t all) { last = done, total = all; }});
   EXPECT_EQ(last, 10);
   EXPECT_EQ(total, 10);
+  retrieve({m, m}, first_stored(20, 10),
+           {.progress = [&](int64_t done, int64_t all) { last = done, total = all; }},
+           QueryCase::kBoth);
+  EXPECT_EQ(last, 20);
+  EXPECT_EQ(total, 20);
 }
 
 }  // namespace

@@ -348,9 +348,15 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
   const RingDrive all{learnt.rings.rows(), learnt.scans, {}};
   expect_error<InputError>([&] { learn_rings(other, {&all, 1}); }, {"304", "344"});
   expect_error<UsageError>([&] { learnt.describer({.numbers = 1}); }, {"numbers", "found 1"});
+  expect_error<UsageError>([&] { learnt.describer({.numbers = 65537}); }, {"2 to 65536"});
+  expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .regularisation = 0}); },
+                           {"regularisation", "found 0"});
   const Rows rings = learnt.rings.rows();
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, learnt.scans, 2); },
                            {"adapt", "found 2"});
+  expect_error<UsageError>([&] { learnt.describer({.numbers = 60, .adapt = 1.01}); },
+                           {"adapt", "0 to 1"});
+  learnt.describer({.numbers = 60, .adapt = 1});
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, {}, 0); }, {"at least 1 scan"});
   expect_error<UsageError>([&] { learnt.describer({.key_candidates = -1}); },
                            {"key_candidates", "found -1"});
