@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sqlite3.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -338,6 +339,42 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   execute(dir / "counts", "DELETE FROM counts; INSERT INTO place (id) VALUES (1000000000000)");
   expect_error<InputError>([&] { read_all(*open_map(dir / "counts", MapAccess::kRead)); },
                            {"counts: this map is damaged", "1000000000000 places"});
+}
+
+TEST(MapStore, WhatIsBesideAMapHasToBeAFileOfTheMap) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_places(1, 3));
+  const auto refused = [&](const std::string& name) {
+    for (const MapAccess access : {MapAccess::kRead, MapAccess::kWrite})
+      expect_error<InputError>([&] { open_map(dir / "map", access); }, {name, "move it away"});
+    expect_error<InputError>([&] { check_map(dir / "map"); }, {name, "move it away"});
+    fs::remove(dir / name);
+  };
+  for (const char* ending : {"-wal", "-shm", "-journal"}) {
+    const std::string name = std::string("map") + ending;
+    ASSERT_EQ(::mkfifo((dir / name).c_str(), 0600), 0);
+    refused(name);
+    fs::create_directory(dir / name);
+    refused(name);
+    fs::create_symlink("map", dir / name);
+    refused(name);
+  }
+  // SQLite removes the file that a journal names at its end.
+  const std::string magic = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7", lost = dir / "lost";
+  uint32_t sum = 0;
+  for (const char c : lost) sum += static_cast<unsigned char>(c);
+  const auto word = [](uint32_t value) {
+    value = __builtin_bswap32(value);
+    return std::string(reinterpret_cast<const char*>(&value), 4);
+  };
+  std::string journal = magic + word(0) + word(0) + word(0) + word(512) + word(4096);
+  journal.resize(512);
+  journal += word(0xFFFFFFFF) + lost + word(static_cast<uint32_t>(lost.size())) + word(sum) + magic;
+  test::write_file(dir / "map-journal", journal);
+  test::write_file(lost, "precious");
+  refused("map-journal");
+  EXPECT_EQ(test::read_file(lost), "precious");
+  expect_places(*writer_of(dir / "map"), 3);
 }
 
 TEST(MapStore, ACutFileIsRefusedOrNamed) {

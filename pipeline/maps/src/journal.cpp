@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstring>
 #include <fstream>
+#include <string_view>
 #include <vector>
 
 namespace revisit::pipeline {
@@ -86,6 +87,14 @@ std::optional<JournalDamage> journal_damage(const std::filesystem::path& journal
     header = again;
   }
   return damage;
+}
+
+bool names_a_file_to_remove(const std::filesystem::path& rollback_journal) {
+  constexpr std::string_view kAtTheEnd = "\xd9\xd5\x05\xf9\x20\xa1\x63\xd7";
+  std::ifstream in(rollback_journal, std::ios::binary);
+  in.seekg(-static_cast<std::streamoff>(kAtTheEnd.size()), std::ios::end);
+  std::string end(kAtTheEnd.size(), '\0');
+  return in.read(end.data(), static_cast<std::streamsize>(end.size())) && end == kAtTheEnd;
 }
 
 }  // namespace revisit::pipeline

@@ -17,4 +17,8 @@ struct JournalDamage {
 /// https://www.sqlite.org/fileformat2.html#walformat)
 std::optional<JournalDamage> journal_damage(const std::filesystem::path& journal);
 
+/// Whether SQLite's rollback journal names a second file, which SQLite removes when it rolls back.
+/// Journals of maps name none: a stranger's names what the user is to lose.
+bool names_a_file_to_remove(const std::filesystem::path& rollback_journal);
+
 }  // namespace revisit::pipeline

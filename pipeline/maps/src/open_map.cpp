@@ -21,6 +21,23 @@ struct File {
   fs::path journal() const { return path.string() + "-wal"; }
 };
 
+/// SQLite opens what is beside the file whatever it is: a pipe would be waited for without end.
+void must_be_plain(const File& file) {
+  for (const char* ending : {"-wal", "-shm", "-journal"}) {
+    std::error_code none;
+    const fs::file_type type = fs::symlink_status(file.path.string() + ending, none).type();
+    if (type != fs::file_type::regular && type != fs::file_type::not_found &&
+        type != fs::file_type::none)
+      throw InputError(str(file.name, ending,
+                           ": not a file, which it has to be beside a map; "
+                           "move it away"));
+  }
+  if (names_a_file_to_remove(file.path.string() + "-journal"))
+    throw InputError(str(file.name,
+                         "-journal: not of a map, and would remove another file; move "
+                         "it away"));
+}
+
 File look_at(const fs::path& file) {
   std::error_code error;
   File found{.path = fs::weakly_canonical(fs::absolute(file), error), .name = file.string()};
@@ -31,6 +48,7 @@ File look_at(const fs::path& file) {
     throw Error(str(found.name, ": cannot be opened: ", error.message()));
   if (found.is_there && !fs::is_regular_file(status))
     throw InputError(str(found.name, ": not a map: not a file"));
+  must_be_plain(found);
   return found;
 }
 

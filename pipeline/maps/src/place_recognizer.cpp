@@ -191,7 +191,7 @@ struct PlaceRecognizer::Impl {
   void learn_in_time() {
     if (settled || features.n == 0) return;
     const auto doubled = static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(features.n)));
-    learn_from(ends_the_stretch() ? std::max(doubled, options.first_stretch) : doubled);
+    learn_from(ends_the_stretch() ? options.first_stretch : doubled);
   }
   bool ends_the_stretch() const { return features.n >= options.first_stretch; }
 
@@ -312,9 +312,10 @@ struct PlaceRecognizer::Impl {
 
   /// Places that were added may have made the stretch long enough: they are then described with its
   /// basis, in the map, too, by the one of those who add places that comes first. The others take
-  /// its basis.
+  /// its basis. It is learnt from the stretch alone: how many places were added at once, or after a
+  /// kill here, changes nothing.
   void end_the_stretch() {
-    learn_from(features.n);
+    learn_from(options.first_stretch);
     if (map) {
       const bool first = map->replace_descriptors(
           [&](const StoredPlace& place) {
@@ -557,6 +558,7 @@ void PlaceRecognizer::refresh_on_news() {
 void PlaceRecognizer::expect(const std::string& drive, std::span<const int64_t> frames) {
   const std::unique_lock lock(impl_->mutex);
   impl_->need_map().map->expect(drive, frames);
+  impl_->end_the_stretch_in_time();  // a process may have ended before it did
 }
 
 std::unique_ptr<Claim> PlaceRecognizer::claim(const std::string& drive, int64_t most) {
