@@ -16,6 +16,7 @@ TEST(MemoryPlan, ChainNeedsTwoBuffers) {
   const MemoryPlan plan = plan_memory({{100, 0, 1}, {100, 1, 2}, {100, 2, 3}}, 1);
   EXPECT_EQ(plan.total, 200);
   EXPECT_EQ(plan.offsets[0], plan.offsets[2]);
+  EXPECT_EQ(plan_memory({{0, 0, 1}}, 64).total, 0);
 }
 
 TEST(MemoryPlan, AlignsOffsets) {

@@ -64,6 +64,12 @@ TEST(Calibration, WhereFewerMatchesAreRightAWrongOneCountsMore) {
   EXPECT_DOUBLE_EQ(c.probability(3), 1 / 4.0);
   EXPECT_DOUBLE_EQ(c.probability(5), 2 / 3.0);
   EXPECT_DOUBLE_EQ(c.blocks[0].matches, 6);
+  // One of 2 is right: for 1 of 4 the wrong one counts three times.
+  //   score      1    2
+  //   right    1/4  1/2, with one more at both ends
+  const Calibration of_two = isotonic_calibration({{1, false}, {2, true}}, 0.25);
+  EXPECT_DOUBLE_EQ(of_two.probability(1), 1 / 4.0);
+  EXPECT_DOUBLE_EQ(of_two.probability(2), 1 / 2.0);
   // Nothing tells how often such would be wrong.
   EXPECT_DOUBLE_EQ(isotonic_calibration({{1, true}}, 0.25).probability(1), 2 / 3.0);
 }

@@ -348,8 +348,9 @@ TEST(PlaceIndex, RefusesWhatIsNoDescriptor) {
         index.add(std::vector<float>{1, std::numeric_limits<float>::quiet_NaN()});
       },
       {"not finite"});
-  EXPECT_EQ(index.size(), 0);
   const std::vector<float> x{1, 2, 3};
+  expect_error<UsageError>([&] { index.refer_to(x); }, {"2 numbers", "3"});
+  EXPECT_EQ(index.size(), 0);
   const CandidateRange all{0, 1};
   expect_error<UsageError>([&] { index.best(x, {&all, 1}); }, {"query of 2 numbers", "3"});
   const std::span<const float> two = std::span(x).first(2);

@@ -388,7 +388,7 @@ TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
 }
 
 TEST(PlaceRecognizer, PositionsAreLeftOutInAnyOrderAndUnknownOnesDoNotMatter) {
-  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 2});
+  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 2, .k = 1});
   for (int i = 0; i < 5; ++i)
     recognizer.add(recognizer.describe(view_of(scan_of(i))), {.frame = i});
   const Description scan = recognizer.describe(view_of(scan_of(103)));

@@ -1,5 +1,8 @@
 // Places that are removed from a map in a file: gone for good, and never taken for lost.
+#include "removed_places.h"
+
 #include <gtest/gtest.h>
+#include <sqlite3.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -79,8 +82,8 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
     expect_all_but(*reader, 20, {3, 4, 7, 20});
     EXPECT_EQ(map->add(some_places(21, 22)), (std::vector<int64_t>{21, 22}));
     // What is described again for a new basis stays removed.
-    EXPECT_TRUE(
-        map->replace_descriptors([](const StoredPlace& place) { return place.descriptor; }, {}, 0));
+    EXPECT_TRUE(map->replace_descriptors([](const StoredPlace& place) { return place.descriptor; },
+                                         {{kBasisValue, "learnt"}}, 0));
     EXPECT_EQ(read_all(*reader).places.size(), 18);
     // A frame that has no place any more can be described again.
     const int64_t frames[] = {4, 6};
@@ -92,6 +95,7 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
   EXPECT_EQ(merge_maps(std::vector<fs::path>{file}, dir / "merged", [](const std::string&) {}), 18);
   EXPECT_EQ(check_map(dir / "merged"), std::vector<std::string>());
   EXPECT_TRUE(open_map(dir / "merged", MapAccess::kRead)->removed().empty());
+  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "learnt");
 }
 
 /// The version of a map's format, which SQLite keeps at byte 60 of the file.
@@ -125,6 +129,32 @@ TEST(RemovedPlaces, LostOnesAreStillNamedAndCanBeRemoved) {
   EXPECT_EQ(writer_at(dir / "map")->remove(std::vector<int64_t>{6}), 1);
   expect_all_but(*writer_at(dir / "map"), 9, {4, 6});
   EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
+}
+
+TEST(RemovedPlaces, AListThatNoRemovalWritesIsNamed) {
+  const TempDir dir;
+  writer_at(dir / "map")->add(some_places(1, 9));
+  writer_at(dir / "map")->remove(std::vector<int64_t>{2});
+  const std::string whole = test::read_file(dir / "map");
+  // A place twice, one that is there, one that there never was, and a gap in the numbers.
+  for (const auto& [id, place, said] : {std::tuple(2, 2, "has 1 of 1 to 9, expected 2"),
+                                        {2, 5, "place 5 is there"},
+                                        {2, 10, "has 2 of 1 to 9, expected 2"},
+                                        {7, 4, "has 2 of 1 to 9, expected 7"}}) {
+    SCOPED_TRACE(said);
+    test::write_file(dir / "copy", whole);
+    sqlite3* file = nullptr;
+    ASSERT_EQ(sqlite3_open((dir / "copy").c_str(), &file), SQLITE_OK);
+    const std::string row = std::to_string(id) + "," + std::to_string(place) + "," +
+                            std::to_string(removed_checksum(id, place));
+    EXPECT_EQ(sqlite3_exec(file, ("INSERT INTO removed VALUES (" + row + ")").c_str(), nullptr,
+                           nullptr, nullptr),
+              SQLITE_OK);
+    sqlite3_close(file);
+    const std::vector<std::string> wrong = check_map(dir / "copy");
+    ASSERT_FALSE(wrong.empty());
+    EXPECT_NE(wrong[0].find(said), std::string::npos) << wrong[0];
+  }
 }
 
 TEST(RemovedPlaces, NoDamagedByteBringsOneBackOrHidesALoss) {

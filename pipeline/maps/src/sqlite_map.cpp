@@ -178,7 +178,9 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
                   " is the last that was found"));
   Statement select(*connection_, kSelectPlace);
   DamagedPlaces places(file, damaged);
-  std::optional<std::set<int64_t>> removed;  // read when a row is missing
+  const int64_t n_removed = count_removed(*connection_);
+  std::optional<std::set<int64_t>>
+      removed;  // read from the beginning on, and when a row is missing
   const auto was_removed = [&](int64_t id) {
     if (!removed) {
       const RemovedPlaces found = read_removed(*connection_, 0);
@@ -186,9 +188,14 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
       if (!found.damage.empty())
         tell_once(str(file, ": the list of removed places is damaged: ", found.damage,
                       "; those that it lacks count as lost"));
+      else if (std::ssize(*removed) != n_removed ||
+               (n_removed > 0 && *removed->rbegin() > counts.places))
+        tell_once(str(file, ": the list of removed places is damaged: it has ", removed->size(),
+                      " of 1 to ", counts.places, ", expected ", n_removed));
     }
     return removed->contains(id);
   };
+  const bool looks_at_all = after <= 0 && n_removed > 0;
   // One by one: a damaged page in the middle hides no other.
   for (int64_t id = std::max<int64_t>(after, 0) + 1; id <= counts.places; ++id) {
     StoredPlace place;
@@ -198,11 +205,13 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
       places.add(id, damage);
       continue;
     }
+    if (looks_at_all && damage.empty() && was_removed(id))
+      tell_once(str(file, ": place ", id, " is there, and in the list of removed places"));
     places.flush();
     if (damage.empty()) take(std::move(place));
   }
   places.flush();
-  return {.last = counts.places, .revision = head.revision, .removed = count_removed(*connection_)};
+  return {.last = counts.places, .revision = head.revision, .removed = n_removed};
 }
 
 bool SqliteMap::replace_descriptors(

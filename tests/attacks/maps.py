@@ -1,0 +1,856 @@
+#!/usr/bin/env python3
+"""Attacks maps: files, the server, ring models. Prints every fault with its seed; exit code 1 on one.
+
+  tests/attacks/maps.py                                all sections
+  tests/attacks/maps.py flip wal --times 2000          two of them, each with so many cases
+  tests/attacks/maps.py kill --times 300               kill -9 at random moments of a build
+  tests/attacks/maps.py flip --seed 7 --only 1234      one case again
+  tests/attacks/maps.py --build build/asan             another build's program and Python package
+
+A fault is: death by a signal, no end in time, an internal message (std::, an assertion), an exception of
+another type than revisit raises on purpose, places that are wrong, lost without a word, or there twice.
+"""
+
+import argparse
+import os
+import resource
+import shutil
+import signal
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from support import (Checksum, Fault, Section, digest, fresh, in_child, judge, message_of, print_table, run, seeded,
+                     start)
+
+ROOT = Path(__file__).resolve().parents[2]
+STRETCH = '16'  # places that the basis is learnt from
+
+
+class World:
+    """A small drive, the map of it, and what is in that."""
+
+    def __init__(self, arguments, folder):
+        self.seed, self.only, self.folder = arguments.seed, arguments.only, folder
+        self.program = arguments.build / 'tools/revisit'
+        sys.path.insert(0, str(arguments.build / 'python'))
+        import revisit
+        self.revisit = revisit
+        self.drive = folder / 'town'
+        # Scans of one machine are the same bytes each time: the seed is the town's, not the attack's.
+        run(self.program, ['simulate', '--length', '300', '--every', '6', '--sensor', 'vlp16', '-o', self.drive, '-q'])
+        self.first_scan = sorted((self.drive / 'sequences/00/velodyne').iterdir())[0]
+        whole = folder / 'whole.map'
+        begin = time.monotonic()
+        run(self.program, self.build_arguments(whole))
+        self.build_time = time.monotonic() - begin
+        self.built = self.places_of(whole)  # what every build must give, whatever came between
+        # The map that is attacked has all that maps have: values, places that were removed.
+        self.file = folder / 'town.map'
+        shutil.copy(whole, self.file)
+        run(self.program, ['map', 'remove', self.file, '--ids', '5,40'])
+        recognizer = revisit.open_map(self.file, 'vlp16')
+        recognizer.calibrate(0.25)
+        self.description = recognizer.describe(revisit.datasets.read_scan(self.first_scan))
+        del recognizer
+        self.places, self.bytes = self.places_of(self.file), self.file.read_bytes()
+        assert len(self.built) == len(self.places) + 2 > 80
+
+    def build_arguments(self, file, threads='1'):
+        return ['map', 'build', self.drive, '--map', file, '--first-stretch', STRETCH, '--threads', threads, '-q']
+
+    def places_of(self, file):
+        """id -> digest; nothing may be wrong."""
+        def read():
+            with self.revisit.maps.MapStore.open(file) as store:
+                found = {place.id: digest(place) for place in store.places()}
+                return found, store.warnings
+        found, warnings = in_child(read)
+        if warnings:
+            raise Fault(f'damages: {warnings}')
+        if len(set(found.values())) != len(found):
+            raise Fault('places are there twice')
+        return {int(i): d for i, d in found.items()}
+
+    def cases(self, section, times):
+        """Pairs of a number and the random numbers of this case."""
+        for i in range(times) if self.only is None else [self.only]:
+            yield i, seeded(self.seed, section.name, i)
+
+
+def examine(world, file, write=True, may_lack_the_end=False):
+    """Opens, reads, checks, asks, adds and removes, in a child. Returns whether the file was refused."""
+    revisit = world.revisit
+    maps = revisit.maps
+
+    def read():
+        with maps.MapStore.open(file) as store:
+            found = [(place.id, digest(place)) for place in store.places()]
+            for name in ('basis', 'threshold', 'calibration'):
+                try:
+                    store.value(name)
+                except Exception as error:
+                    message_of(error)
+            return found, store.warnings, len(store), store.removed()
+
+    def hold(found, warnings, size, removed, added=()):
+        known = {**world.places, **dict(added)}
+        ids = [i for i, _ in found]
+        if ids != sorted(set(ids)):
+            raise Fault(f'ids do not ascend: {ids}')
+        for i, what in found:
+            if known.get(i) != what:
+                raise Fault(f'place {i} is another than was written')
+        missing = sorted(set(known) - set(ids))
+        if missing and not warnings and not (may_lack_the_end and missing == list(range(missing[0], max(known) + 1))):
+            raise Fault(f'lost without a word: {missing}')
+        if not warnings and not missing and size != len(known):
+            raise Fault(f'{size} places, {len(known)} are there')
+
+    def work():
+        refused = False
+        before = None
+        try:
+            before = read()
+            hold(*before)
+        except Fault:
+            raise
+        except Exception as error:
+            message_of(error)
+            refused = True
+        try:
+            wrong = maps.check_map(file)
+            if not wrong and refused:
+                raise Fault('refused, but sound for check')
+            if before and before[1] and not wrong:
+                raise Fault(f'sound for check, but not read: {before[1]}')
+        except Fault:
+            raise
+        except Exception as error:
+            message_of(error)
+        if not write:
+            return refused
+        added = []
+        try:
+            recognizer = revisit.open_map(file, 'vlp16')
+            recognizer.query(world.description)
+            try:
+                recognizer.add(world.description, drive='new', frame=123456)
+                added.append(123456)
+            except Exception as error:
+                message_of(error)
+            del recognizer
+        except Exception as error:
+            message_of(error)
+        # Writing must have lost nothing.
+        if before is None:
+            return refused
+        try:
+            with maps.MapStore.open(file) as store:
+                places = store.places()
+                new = [place for place in places if place.drive == 'new']
+                old = [(place.id, digest(place)) for place in places if place.drive != 'new']
+                if len(new) != len(added) and not store.warnings:
+                    raise Fault(f'{len(new)} places of {len(added)} added')
+                if lost := set(before[0]) - set(old):
+                    raise Fault(f'adding lost {sorted(lost)}')
+            last = max((place.id for place in places), default=0)
+            if last:
+                with maps.MapStore.open(file, write=True) as store:
+                    store.remove([last])
+        except Fault:
+            raise
+        except Exception as error:
+            message_of(error)
+        return refused
+
+    return in_child(work)
+
+
+def damaged_copy(world, bytes_of, random, cut):
+    """Some bytes, one or a few changed or the end cut away."""
+    data = bytearray(bytes_of)
+    if cut:
+        return data[:random.randrange(len(data))]
+    for _ in range(random.choice((1, 1, 1, 2, 8))):
+        at = random.randrange(len(data))
+        if random.random() < 0.5:  # where the trees are
+            at = min(len(data) - 1, at // 4096 * 4096 + random.randrange(120))
+        data[at] ^= 1 << random.randrange(8) if random.random() < 0.5 else random.randrange(1, 256)
+    return data
+
+
+def attack_flip(world, section, times, cut=False):
+    """Bytes of the map changed."""
+    for i, random in world.cases(section, times or 2000):
+        file = fresh(world.folder / section.name) / 'm.map'
+        file.write_bytes(damaged_copy(world, world.bytes, random, cut))
+        with section.case(f'case {i}') as case:
+            case.refused = examine(world, file)
+
+
+def attack_cut(world, section, times):
+    """The map's end cut away."""
+    attack_flip(world, section, times or 400, cut=True)
+
+
+def killed_copy(world, folder):
+    """A map with its log and shared memory, as a writer leaves them that is killed: FILE -> bytes."""
+    file = fresh(folder) / 'm.map'
+
+    def write():
+        recognizer = world.revisit.open_map(file, 'vlp16', first_stretch=int(STRETCH))
+        for place in range(len(world.built)):
+            recognizer.add(world.description, drive='00', frame=place)
+        os.kill(os.getpid(), signal.SIGKILL)
+    try:
+        in_child(write)
+    except Fault as fault:
+        assert 'signal 9' in str(fault), fault
+    return {end: Path(f'{file}{end}').read_bytes() for end in ('', '-wal', '-shm')}
+
+
+def attack_wal(world, section, times):
+    """Bytes of the log or the shared memory changed, cut away, or the file removed."""
+    files = killed_copy(world, world.folder / 'killed')
+    before = world.places
+    for end, what in files.items():
+        (world.folder / f'killed/k.map{end}').write_bytes(what)
+    world.places = world.places_of(world.folder / 'killed/k.map')
+    for i, random in world.cases(section, times or 1000):
+        file = fresh(world.folder / section.name) / 'm.map'
+        victim = random.choice(('-wal', '-wal', '-shm'))
+        how = random.choice(('flip', 'flip', 'cut', 'remove', 'noise'))
+        for end, what in files.items():
+            data = what
+            if end == victim:
+                data = {'flip': lambda: damaged_copy(world, what, random, False),
+                        'cut': lambda: damaged_copy(world, what, random, True),
+                        'remove': lambda: None,
+                        'noise': lambda: random.randbytes(len(what))}[how]()
+            if data is not None:
+                Path(f'{file}{end}').write_bytes(data)
+        with section.case(f'case {i}: {victim} {how}') as case:
+            lacks = victim == '-wal' and how in ('cut', 'remove')
+            case.refused = examine(world, file, may_lack_the_end=lacks)
+    world.places = before
+
+
+def attack_stale(world, section, times):
+    """The log of one map beside another, or of the map's own past."""
+    files = killed_copy(world, world.folder / 'killed')
+    for name, main in (('another map', world.bytes), ('an empty file', b''), ('text', b'x' * 9000)):
+        for shm in (True, False):
+            file = fresh(world.folder / section.name) / 'm.map'
+            file.write_bytes(main)
+            Path(f'{file}-wal').write_bytes(files['-wal'])
+            if shm:
+                Path(f'{file}-shm').write_bytes(files['-shm'])
+            with section.case(f'{name}, shm {shm}') as case:
+                codes = []
+                for command in ('info', 'check', 'places'):
+                    codes.append(run(world.program, ['map', command, file]).code)
+                codes.append(run(world.program, ['map', 'remove', file, '--ids', '3']).code)
+                case.refused = all(codes)
+
+
+def attack_beside(world, section, times):
+    """Pipes, folders, links and devices where SQLite and the lock have their files."""
+    precious = world.folder / 'precious'
+
+    def journal(of):
+        # A rollback journal that names a "super-journal": SQLite deletes that.
+        name = os.fsencode(of)
+        header = bytes.fromhex('d9d505f920a163d7') + (0).to_bytes(4, 'big') * 3 + (512).to_bytes(4, 'big') + \
+            (4096).to_bytes(4, 'big')
+        return header.ljust(512, b'\0') + (0xFFFFFFFF).to_bytes(4, 'big') + name + len(name).to_bytes(4, 'big') + \
+            (sum(name) & 0xFFFFFFFF).to_bytes(4, 'big') + bytes.fromhex('d9d505f920a163d7')
+
+    kinds = {'pipe': os.mkfifo, 'folder': os.mkdir, 'link': lambda path: os.symlink(precious, path),
+             'zeros': lambda path: os.symlink('/dev/zero', path), 'full': lambda path: os.symlink('/dev/full', path),
+             'dangling': lambda path: os.symlink(world.folder / 'nowhere', path),
+             'itself': lambda path: os.symlink(path, path),
+             'journal': lambda path: Path(path).write_bytes(journal(precious))}
+    for end in ('-wal', '-shm', '-journal', '-writer', ''):
+        for kind, make in kinds.items():
+            for command in (['info'], ['check'], ['remove', '--ids', '3'], ['build']):
+                folder = fresh(world.folder / section.name)
+                file = folder / 'm.map'
+                if end:
+                    file.write_bytes(world.bytes)
+                make(f'{file}{end}')
+                precious.write_bytes(b'precious')
+                line = ['map', command[0], file, *command[1:]] if command != ['build'] else world.build_arguments(file)
+                with section.case(f'FILE{end} is a {kind}: {command[0]}') as case:
+                    result = run(world.program, line, timeout=20)
+                    case.refused = result.code != 0
+                    if not precious.exists() or precious.read_bytes() != b'precious':
+                        if (end, kind) != ('', 'link'):
+                            raise Fault('a file of the user was changed')
+                    if end and result.code == 0 and command == ['info'] and 'places' not in result.out:
+                        raise Fault(result.text)
+
+
+def hostile_schemas():
+    deep = 'SELECT 1 AS id' + ' UNION ALL SELECT 1' * 400
+    endless = 'WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x+1 FROM c) SELECT x AS id'
+    head = ', 1 AS places, 1 AS "values", 0 AS checksum FROM c'
+    yield 'a view for counts', f'DROP TABLE counts; CREATE VIEW counts AS {endless}{head}'
+    yield 'a view for map', ('DROP TABLE map; CREATE VIEW map AS WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x+1 '
+                             'FROM c) SELECT x AS id, x AS identity, 4 AS bytes_per_number, 0 AS revision, 0 AS checksum FROM c')
+    yield 'a view for place', f'DROP TABLE place; CREATE VIEW place AS {deep}'
+    yield 'a view of itself', 'DROP TABLE value; CREATE VIEW value AS SELECT * FROM value'
+    yield 'a trigger', 'CREATE TRIGGER t AFTER INSERT ON place BEGIN DELETE FROM place; END'
+    yield 'a trigger that raises', "CREATE TRIGGER t BEFORE INSERT ON place BEGIN SELECT RAISE(ABORT, 'no'); END"
+    yield 'an index', 'CREATE INDEX i ON place(frame)'
+    yield 'an index of an expression', 'CREATE INDEX i ON place(abs(frame))'
+    yield 'a column more', 'ALTER TABLE place ADD COLUMN more TEXT'
+    yield 'a generated column', ('DROP TABLE counts; CREATE TABLE counts (id INTEGER PRIMARY KEY, places INTEGER AS '
+                                 '(randomblob(1000000000)), "values" INTEGER, checksum INTEGER)')
+    yield 'a virtual table', "CREATE VIRTUAL TABLE v USING fts5(x)"
+    yield 'another type', 'DROP TABLE place; CREATE TABLE place (id TEXT, drive TEXT)'
+    yield 'without rowid', 'DROP TABLE value; CREATE TABLE value (id INTEGER PRIMARY KEY, name TEXT, bytes BLOB, checksum INTEGER) WITHOUT ROWID'
+    yield 'the schema rewritten', "PRAGMA writable_schema=1; UPDATE sqlite_schema SET rootpage=rootpage%3+2"
+    yield 'one root for all', "PRAGMA writable_schema=1; UPDATE sqlite_schema SET rootpage=2"
+    yield 'the root far away', "PRAGMA writable_schema=1; UPDATE sqlite_schema SET rootpage=2000000000 WHERE name='place'"
+    yield 'a root below zero', "PRAGMA writable_schema=1; UPDATE sqlite_schema SET rootpage=-5 WHERE name='place'"
+    yield 'no sql', "PRAGMA writable_schema=1; UPDATE sqlite_schema SET sql=NULL WHERE name='place'"
+    yield 'long sql', "PRAGMA writable_schema=1; UPDATE sqlite_schema SET sql=sql||printf('%.*c',5000000,'-') WHERE name='place'"
+    yield 'two of a name', "PRAGMA writable_schema=1; INSERT INTO sqlite_schema SELECT * FROM sqlite_schema WHERE name='place'"
+    yield 'UTF-16', None
+    yield 'another version', 'PRAGMA user_version=1'
+    yield 'a version below', 'PRAGMA user_version=-3'
+    yield 'a version above', 'PRAGMA user_version=99'
+    yield 'a schema format above', 'PRAGMA writable_schema=1; PRAGMA schema_version=9999999'
+    for column in ('drive', 'frame', 'time', 'pose', 'descriptor', 'feature', 'revision', 'checksum', 'id'):
+        for value in ('NULL', "'text'", '9e999', '-9223372036854775808', '9223372036854775807', "x'ff00ff'", 'zeroblob(0)',
+                      'zeroblob(100000000)', "CAST(x'ff80c0' AS TEXT)", "''"):
+            yield f'place.{column}={value}', f'UPDATE OR REPLACE place SET {column}={value} WHERE id=7'
+    for table, columns in (('map', ('identity', 'bytes_per_number', 'revision', 'checksum', 'id')),
+                           ('counts', ('places', '"values"', 'checksum', 'id')),
+                           ('value', ('name', 'bytes', 'checksum', 'id')),
+                           ('removed', ('place', 'checksum', 'id'))):
+        for column in columns:
+            for value in ('NULL', "'text'", '-1', '-9223372036854775808', '9223372036854775807', 'zeroblob(10000000)',
+                          "CAST(x'ff80c0' AS TEXT)"):
+                yield f'{table}.{column}={value}', f'UPDATE OR REPLACE {table} SET {column}={value}'
+                if table == 'map':
+                    yield f'both heads {column}={value}', (f'UPDATE OR REPLACE map SET {column}={value}; '
+                                                           f'UPDATE OR REPLACE map_copy SET {column}={value}')
+        yield f'{table} empty', f'DELETE FROM {table}'
+    yield 'all empty', 'DELETE FROM map; DELETE FROM map_copy; DELETE FROM counts; DELETE FROM value; DELETE FROM place'
+
+
+def attack_schema(world, section, times):
+    """Another program's or a stranger's tables, and columns of other types."""
+    for i, (name, sql) in enumerate(list(hostile_schemas())[:times or None]):
+        if world.only not in (None, i):
+            continue
+        file = fresh(world.folder / section.name) / 'm.map'
+        file.write_bytes(world.bytes)
+        try:
+            with contextlib_closing(sqlite3.connect(file)) as database:
+                if sql is None:
+                    file.unlink()
+                    database.close()
+                    database = sqlite3.connect(file)
+                    database.executescript(f"PRAGMA encoding='UTF-16le'; PRAGMA application_id={0x52565354}; "
+                                           'PRAGMA user_version=1; CREATE TABLE map (id INTEGER PRIMARY KEY)')
+                else:
+                    database.executescript(sql)
+        except sqlite3.Error as error:
+            print(f'{section.name}: {name}: not made: {error}')
+            continue
+        with section.case(f'case {i}, {name}') as case:
+            if 'removed.' in name or name == 'removed empty':
+                case.refused = drive_all(world, file)
+            else:
+                case.refused = examine(world, file)
+                case.refused = drive_all(world, file) and case.refused
+
+
+class contextlib_closing:
+    """SQLite's own `with` does not close."""
+
+    def __init__(self, database):
+        self.database = database
+
+    def __enter__(self):
+        return self.database
+
+    def __exit__(self, *_):
+        self.database.close()
+
+
+def drive_all(world, file):
+    """Every command on a map; whether all refused it."""
+    copy, codes = Path(f'{file}.out'), []
+    for arguments in (['info', file], ['check', file], ['places', file], ['query', file, world.first_scan, '-q'],
+                      ['remove', file, '--ids', '3', '--dry-run'], ['forget', file, '--older', '1'],
+                      ['merge', file, file, '-o', copy], ['remove', file, '--ids', '3']):
+        if arguments[0] == 'merge':
+            copy.unlink(missing_ok=True)
+        codes.append(run(world.program, ['map', *arguments], timeout=30).code)
+    codes.append(run(world.program, world.build_arguments(file), timeout=60).code)
+    return all(codes)
+
+
+def row_checksum(i, row):
+    drive, frame, time_, pose, descriptor, feature, revision = row
+    bits = int.from_bytes(__import__('struct').pack('<d', time_ or 0.0), 'little')
+    return Checksum().number(i).bytes(drive.encode(errors='surrogateescape')).number(frame).number(
+        0 if time_ is None else 1).number(bits).bytes(pose or b'').bytes(descriptor).bytes(
+        feature or b'').number(revision).value
+
+
+def crafted():
+    """A stranger's numbers with checksums that are right: (name, what to do with the database)."""
+    import struct
+    nan, inf, big = struct.pack('<f', float('nan')), struct.pack('<f', float('inf')), struct.pack('<f', 3e38)
+
+    def place(change, ids=(7,)):
+        def work(database):
+            for i in ids:
+                row = list(database.execute('SELECT drive, frame, time, pose, descriptor, feature, revision FROM place '
+                                            'WHERE id=?', (i,)).fetchone())
+                row = change(row)
+                database.execute('UPDATE place SET drive=?, frame=?, time=?, pose=?, descriptor=?, feature=?, revision=?, '
+                                 'checksum=? WHERE id=?', (*row, row_checksum(i, row), i))
+        return work
+
+    def column(index, make):
+        def change(row):
+            row[index] = make(row[index])
+            return row
+        return change
+
+    everywhere = [i for i in range(1, 89) if i not in (5, 40)]
+    for name, number in (('nan', nan), ('inf', inf), ('3e38', big), ('zero', bytes(4))):
+        for ids in ((7,), everywhere):
+            yield f'descriptor {name} in {len(ids)}', place(column(4, lambda d, n=number: n * (len(d) // 4)), ids)
+    yield 'descriptor nan at one number', place(column(4, lambda d: nan + d[4:]))
+    yield 'descriptor shorter', place(column(4, lambda d: d[:-4]))
+    yield 'descriptor empty', place(column(4, lambda d: b''), everywhere)
+    yield 'descriptor odd', place(column(4, lambda d: d[:-1]))
+    yield 'a feature where none is', place(column(5, lambda f: nan * 25120), everywhere)
+    yield 'a short feature', place(column(5, lambda f: nan * 3), everywhere)
+    for name, number in (('nan', float('nan')), ('inf', float('inf')), ('1e308', 1e308), ('zero', 0.0)):
+        yield f'pose {name}', place(column(3, lambda p, n=number: struct.pack('<12d', *[n] * 12)), everywhere)
+    yield 'time inf', place(column(2, lambda t: float('inf')), everywhere)
+    yield 'time -1e308', place(column(2, lambda t: -1e308), (7,))
+    for frame in (-1, -2**63, 2**63 - 1, 2**31):
+        yield f'frame {frame}', place(column(1, lambda f, n=frame: n), (7,))
+        yield f'frame {frame} everywhere', place(column(1, lambda f, n=frame: n), everywhere)
+    for drive in ('', 'a\0b', '\x1b[2J', 'a\nb,"c"', 'x' * 1000000, '\u202e'):
+        yield f'drive {drive[:8]!r}', place(column(0, lambda d, n=drive: n), everywhere)
+
+    def value(name, content):
+        def work(database):
+            found = database.execute('SELECT id FROM value WHERE name=?', (name,)).fetchone()
+            count, = database.execute('SELECT "values" FROM counts').fetchone()
+            i = found[0] if found else count + 1
+            checksum = Checksum().number(i).bytes(name.encode()).bytes(content).value
+            database.execute('INSERT OR REPLACE INTO value VALUES (?, ?, ?, ?)', (i, name, content, checksum))
+            places, = database.execute('SELECT places FROM counts').fetchone()
+            counts(places, max(i, count))(database)
+        return work
+
+    def counts(places, values=2):
+        return lambda database: database.execute('UPDATE counts SET places=?, "values"=?, checksum=?', (
+            places, values, Checksum().number(places).number(values).value))
+
+    for name in ('threshold', 'calibration', 'basis'):
+        for content in (b'', b'nan', b'inf', b'-inf', b'1e999', b'x', b'0.5 0.5', b'\0' * 100, b'\xff' * 5000, b'{}', b'0' * 100000):
+            yield f'{name} {content[:9]!r}', value(name, content)
+    for places in (0, 1, 87, 88, 89, 1000, 20000, 10**6, -1, 2**63 - 1, -2**63):
+        yield f'counts {places}', counts(places)
+    for values in (0, 1, 3, 20000, -1, 2**63 - 1):
+        yield f'values {values}', counts(88, values)
+
+    def head(identity=None, number=None, revision=None):
+        def work(database):
+            old = database.execute('SELECT identity, bytes_per_number, revision FROM map').fetchone()
+            new = [o if n is None else n for o, n in zip(old, (identity, number, revision))]
+            if callable(new[0]):
+                new[0] = new[0](old[0])
+            for table in ('map', 'map_copy'):
+                database.execute(f'UPDATE {table} SET identity=?, bytes_per_number=?, revision=?, checksum=?', (
+                    *new, Checksum().bytes(new[0].encode()).number(new[1]).number(new[2]).value))
+        return work
+
+    yield 'identity empty', head('')
+    yield 'identity without =', head('abc\n\n\n=\n')
+    yield 'identity commands', head(lambda old: old + 'z=\x1b[2J\n')
+    yield 'identity long', head('x=' + 'y' * 10**7 + '\n')
+    for number in (2, 1, 0, 8, -1):
+        yield f'bytes per number {number}', head(number=number)
+    for revision in (-1, 0, 2**63 - 1, -2**63):
+        yield f'revision {revision}', head(revision=revision)
+
+        def with_places(database, n=revision):
+            head(revision=n)(database)
+            place(column(6, lambda r: n), everywhere)(database)
+        yield f'revision {revision} of all', with_places
+
+        def unsettled(database, n=revision):
+            with_places(database, n)
+            database.execute("DELETE FROM value WHERE name='basis'")
+            database.execute("UPDATE value SET id=1")
+            value('threshold', b'0.25')(database)
+            counts(88, 1)(database)
+            place(column(5, lambda f: __import__('struct').pack('<f', 0.5) * 25120), everywhere)(database)
+        yield f'revision {revision} without basis', unsettled
+
+    def removed(*rows):
+        def work(database):
+            for i, n in rows:
+                database.execute('INSERT OR REPLACE INTO removed VALUES (?, ?, ?)', (i, n, Checksum().number(i).number(n).value))
+        return work
+
+    for i in (2**63 - 1, -2**63, 10**9, 0, -7):
+        for n in (7, 10**9, -1, 2**63 - 1):
+            yield f'removed {i}: {n}', removed((i, n))
+    yield 'removed twice', removed(*((10 + i, 5) for i in range(50)))
+    yield 'removed, but there', removed(*((10 + i, 50 + i) for i in range(30)))
+
+
+def attack_crafted(world, section, times):
+    """Impossible numbers whose checksums are right."""
+    for i, (name, work) in enumerate(list(crafted())[:times or None]):
+        if world.only not in (None, i):
+            continue
+        file = fresh(world.folder / section.name) / 'm.map'
+        file.write_bytes(world.bytes)
+        with contextlib_closing(sqlite3.connect(file)) as database:
+            work(database)
+            database.commit()
+        with section.case(f'case {i}, {name}') as case:
+            def ask():
+                try:
+                    with world.revisit.maps.MapStore.open(file) as store:
+                        n, found = len(store), len(store.places())
+                        if not store.warnings and n != found:
+                            raise Fault(f'{n} places, {found} are read, and nothing is said')
+                except Fault:
+                    raise
+                except Exception as error:
+                    message_of(error)
+                try:
+                    recognizer = world.revisit.open_map(file, 'vlp16', first_stretch=int(STRETCH))
+                    loop = recognizer.query(world.description)
+                    if loop and not (loop.score == loop.score and abs(loop.score) < 1e6):
+                        raise Fault(f'score {loop.score}')
+                except Fault:
+                    raise
+                except Exception as error:
+                    message_of(error)
+            in_child(ask)
+            case.refused = drive_all(world, file)
+            for command in ('query',):
+                out = run(world.program, ['map', command, file, world.first_scan, '-q']).out
+                if 'nan' in out.lower():
+                    raise Fault(f'{command} answers with nan: {out[-200:]}')
+
+
+def same_as_built(world, file):
+    found = world.places_of(file)
+    if found != world.built:
+        lost = sorted(set(world.built) - set(found))
+        other = sorted(i for i in found if world.built.get(i) != found[i])
+        raise Fault(f'not the places of a build in one go: lost {lost[:9]}, other {other[:9]}')
+
+
+def attack_kill(world, section, times):
+    """kill -9 at a random moment of a build, which is then started again, until it is through."""
+    file, last, round_, faults = None, {}, 0, 0
+    for i, random in world.cases(section, times or 300):
+        if file is None or len(section.faults) > faults:
+            faults = len(section.faults)
+            round_ += 1
+            file, last = fresh(world.folder / f'kill{round_ % 2}') / 'm.map', {}
+        with section.case(f'case {i}') as case:
+            process = start(world.program, world.build_arguments(file))
+            # Once it has come as far as the map, mostly.
+            end = time.monotonic() + 30
+            if random.random() < 0.8:
+                while not Path(f'{file}-writer').exists() and process.poll() is None and time.monotonic() < end:
+                    time.sleep(0.0005)
+            time.sleep(random.random() ** 2 * (0.25 if random.random() < 0.8 else world.build_time))
+            process.kill()
+            out, err = process.communicate()
+            ended = process.returncode == 0
+            if not ended and process.returncode != -signal.SIGKILL:
+                judge(process.returncode, out, err, codes=(0,))
+            if not file.exists() or file.stat().st_size == 0:
+                if last or ended:
+                    raise Fault('the map is gone')
+                continue
+            reader = random.random() < 0.5  # else the next writer is the first who sees it
+            if reader:
+                wrong = in_child(lambda: world.revisit.maps.check_map(file))
+                if wrong:
+                    raise Fault(f'check: {wrong}')
+                found = world.places_of(file)
+                if lost := set(last) - set(found):
+                    raise Fault(f'lost: {sorted(lost)}')
+                last = found
+                case.refused = False
+            if ended or len(last) == len(world.built):
+                run(world.program, world.build_arguments(file), codes=(0,))
+                same_as_built(world, file)
+                file = None
+    if file is not None:
+        with section.case('the last build ends') as case:
+            run(world.program, world.build_arguments(file), codes=(0,))
+            same_as_built(world, file)
+    print(f'{section.name}: {round_} maps')
+
+
+def attack_interrupt(world, section, times):
+    """Ctrl-C and SIGTERM at a random moment."""
+    file = fresh(world.folder / section.name) / 'm.map'
+    for i, random in world.cases(section, times or 30):
+        with section.case(f'case {i}') as case:
+            process = start(world.program, world.build_arguments(file))
+            time.sleep(random.random() * world.build_time)
+            number = random.choice((signal.SIGINT, signal.SIGTERM))
+            process.send_signal(number)
+            try:
+                out, err = process.communicate(timeout=20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.communicate()
+                raise Fault('no end within 20 s of Ctrl-C') from None
+            if process.returncode != -number:  # before the program has its handler
+                case.refused = judge(process.returncode, out, err, codes=(0, 130)).code != 0
+            if file.exists():
+                world.places_of(file)
+            if process.returncode == 0:
+                same_as_built(world, file)
+                fresh(file.parent)
+    run(world.program, world.build_arguments(file), codes=(0,))
+    same_as_built(world, file)
+
+
+def attack_writers(world, section, times):
+    """Two and more processes write and read one file."""
+    for i, random in world.cases(section, times or 25):
+        file = fresh(world.folder / section.name) / 'm.map'
+        with section.case(f'case {i}') as case:
+            processes = []
+            for _ in range(3):
+                processes.append(start(world.program, world.build_arguments(file)))
+                time.sleep(random.random() * 0.2)
+            codes = []
+            while any(p.poll() is None for p in processes):
+                if file.exists() and file.stat().st_size:
+                    result = run(world.program, ['map', random.choice(('info', 'places')), file])
+                    if result.code not in (0, 3):
+                        raise Fault(f'a reader: {result.text}')
+                time.sleep(0.02)
+            for process in processes:
+                out, err = process.communicate()
+                codes.append(judge(process.returncode, out, err, codes=(0, 1)).code)
+                if codes[-1] and b'another process is writing' not in err:
+                    raise Fault(err.decode())
+            if 0 not in codes:
+                raise Fault('none of them could write')
+            case.refused = 1 in codes
+            same_as_built(world, file)
+            if wrong := in_child(lambda: world.revisit.maps.check_map(file)):
+                raise Fault(str(wrong))
+
+
+def attack_disk(world, section, times):
+    """A file size limit, and a small file system, at random sizes."""
+    whole = world.file.stat().st_size
+    for i, random in world.cases(section, times or 80):
+        folder = fresh(world.folder / section.name)
+        file = folder / 'm.map'
+        limit = random.randrange(0, int(1.2 * whole) if random.random() < 0.5 else 20000)
+        mounted = os.geteuid() == 0 and i % 2 == 0 and subprocess.run(
+            ['mount', '-t', 'tmpfs', '-o', f'size={max(4096, limit)}', 'attack', folder], capture_output=True).returncode == 0
+        try:
+            with section.case(f'case {i}: {limit} bytes, {"tmpfs" if mounted else "RLIMIT_FSIZE"}') as case:
+                limits = [] if mounted else [(resource.RLIMIT_FSIZE, limit)]
+                result = run(world.program, world.build_arguments(file), limits=limits, codes=(0, 1))
+                case.refused = result.code != 0
+                known = {}
+                if result.code and 'm.map' not in result.err:
+                    raise Fault(f'the error names no file: {result.err}')
+                if file.exists() and file.stat().st_size:
+                    if result.code == 0 or not mounted:
+                        if wrong := in_child(lambda: world.revisit.maps.check_map(file)):
+                            raise Fault(f'check: {wrong}')
+                        known = world.places_of(file)
+                for command in (['remove', file, '--ids', '1'], ['merge', world.file, world.file, '-o', folder / 'x']):
+                    run(world.program, ['map', command[0], *command[1:]], limits=limits) if i % 3 == 0 and command[0] == 'merge' else None
+                if mounted:  # room again
+                    (folder / 'x').unlink(missing_ok=True)
+                    subprocess.run(['mount', '-o', 'remount,size=100m', folder], check=True, capture_output=True)
+                run(world.program, world.build_arguments(file), codes=(0,))
+                same_as_built(world, file)
+                if set(known.values()) - set(world.built.values()):
+                    pass
+        finally:
+            if mounted:
+                subprocess.run(['umount', folder], check=False)
+
+
+def attack_memory(world, section, times):
+    """ulimit -v, from too little for anything to enough."""
+    for i, random in world.cases(section, times or 150):
+        file = fresh(world.folder / section.name) / 'm.map'
+        file.write_bytes(world.bytes)
+        memory = int(30e6 * 100 ** random.random())
+        command = random.choice((['map', 'info', file], ['map', 'check', file], ['map', 'places', file],
+                                 ['map', 'query', file, world.first_scan, '-q'], ['map', 'remove', file, '--ids', '9'],
+                                 ['map', 'merge', file, file, '-o', f'{file}2'], ['loops', world.drive, '--map', file, '-q'],
+                                 world.build_arguments(f'{file}3')))
+        with section.case(f'case {i}: {memory} bytes, {command[0]} {command[1]}') as case:
+            result = run(world.program, command, limits=[(resource.RLIMIT_AS, memory)], codes=(0, 1, 2, 3, 6, 127))
+            if result.code == 127 and 'shared librar' not in result.err:
+                raise Fault(f'127: {result.err}')
+            case.refused = result.code != 0
+            world.places_of(file) if not command[1] == 'remove' and command[0] != 'loops' else None
+            if wrong := in_child(lambda: world.revisit.maps.check_map(file)):
+                raise Fault(f'check: {wrong}')
+            new = Path(f'{file}3')
+            if new.exists() and new.stat().st_size:
+                run(world.program, world.build_arguments(new), codes=(0,))
+                same_as_built(world, new)
+
+
+def attack_readonly(world, section, times):
+    """Folders and files without the right to read or write; as nobody."""
+    if os.geteuid() != 0:
+        section.skipped = 'needs root'
+        return
+    os.chmod(world.folder, 0o755)
+    files = killed_copy(world, world.folder / 'killed')
+    for folder_mode in (0o555, 0o755, 0o111, 0o000, 0o777):
+        for file_mode in (0o444, 0o644, 0o666, 0o000, 0o222):
+            for killed in (False, True):
+                for command in (['info'], ['check'], ['places'], ['remove', '--ids', '3'], ['build']):
+                    folder = fresh(world.folder / section.name)
+                    file = folder / 'm.map'
+                    file.write_bytes(files[''] if killed else world.bytes)
+                    if killed:
+                        Path(f'{file}-wal').write_bytes(files['-wal'])
+                    os.chmod(file, file_mode)
+                    os.chmod(folder, folder_mode)
+                    line = ['map', command[0], file, *command[1:]] if command != ['build'] else world.build_arguments(file)
+                    with section.case(f'folder {folder_mode:o}, file {file_mode:o}, killed {killed}, {command[0]}') as case:
+                        result = run(world.program, line, user=65534)
+                        case.refused = result.code != 0
+                        if result.code not in (0, 5) and 'm.map' not in result.err:
+                            raise Fault(f'the error names no file: {result.err}')
+                        if result.code == 0 and killed and command == ['places'] and result.out.count('\n') != 89:
+                            raise Fault(f'{result.out.count(chr(10))} lines')
+                        os.chmod(folder, 0o755)
+                        os.chmod(file, 0o644)
+                        if not killed and command[0] in ('info', 'check', 'places') and file.read_bytes() != world.bytes:
+                            raise Fault('a reader changed the file')
+
+
+def attack_names(world, section, times):
+    """Names of maps and drives that are not UTF-8, command terminals, are too long, or look like something else."""
+    folder = fresh(world.folder / section.name)
+    names = [b'\xff\xfe\x80.map', b'a\nb.map', b'\x1b[2J.map', b'x' * 250, b'x' * 255, b'x' * 5000, b'file:x?mode=memory',
+             b':memory:', b'', b' ', b'-', b'--', b'%s%n%s', b'a?b#c%25.map', b'postgresql:/x', b'x/../../y.map', b'no/where.map',
+             'ä\u202eb.map'.encode(), b'.', b'..', b'/', b'/dev/null', b'/dev/full', b'/dev/zero', b'/proc/self/mem',
+             b'/proc/self/fd/0', b'/dev/stdin', b"';DROP TABLE place;--", b'm.map/', b'm.map-wal', b'm.map-writer']
+    (folder / 'm.map').write_bytes(world.bytes)
+    for name in names:
+        for command in ('build', 'info', 'check', 'query', 'remove', 'merge', 'loops'):
+            line = {'build': world.build_arguments(name), 'info': ['map', 'info', name], 'check': ['map', 'check', name],
+                    'query': ['map', 'query', name, world.first_scan, '-q'],
+                    'remove': ['map', 'remove', name, '--ids', '1'],
+                    'merge': ['map', 'merge', folder / 'm.map', folder / 'm.map', '-o', name],
+                    'loops': ['loops', world.drive, '--map', name, '-q']}[command]
+            with section.case(f'{name[:20]!r}: {command}') as case:
+                result = run(world.program, line, cwd=folder)
+                case.refused = result.code != 0
+                if '\x1b' in result.err:
+                    raise Fault(f'commands the terminal: {result.err!r}')
+            (folder / 'm.map').write_bytes(world.bytes)
+    drives = [b'\xff\xfe', b'', b'\n', b'\x1b[2J', b'x' * 100000, b"'; DROP TABLE place; --", b'a,"b"', 'ä'.encode(), b'%s%n']
+    for drive in drives:
+        file = folder / 'drive.map'
+        file.unlink(missing_ok=True)
+        with section.case(f'drive {drive[:20]!r}') as case:
+            for _ in range(2):
+                result = run(world.program, [*world.build_arguments(file), '--drive', drive])
+            case.refused = result.code != 0
+            if result.code == 0:
+                process = start(world.program, ['map', 'places', file])
+                out, _ = process.communicate()
+                if out.count(b',') < 80 or (drive and drive.strip(b'"\n')[:5].replace(b'"', b'""') not in out):
+                    raise Fault(f'places has another drive: {out[:200]!r}')
+                if in_child(lambda: world.revisit.maps.check_map(file)):
+                    raise Fault('damaged')
+
+
+def attack_ring(world, section, times):
+    """Ring models: bytes changed and cut, and made up with a checksum that is right."""
+    models = [p for p in (ROOT, world.program.parents[1]) for p in p.rglob('*.ring*') if p.is_file()]
+    models = [p for p in models if 0 < p.stat().st_size < 20e6][:3]
+    if not models:
+        section.skipped = 'no ring model was found'
+        return
+    for i, random in world.cases(section, times or 1000):
+        whole = models[i % len(models)].read_bytes()
+        file = fresh(world.folder / section.name) / 'm.ring'
+        file.write_bytes(damaged_copy(world, whole, random, random.random() < 0.2))
+        with section.case(f'case {i}') as case:
+            def work():
+                try:
+                    model = world.revisit.recognition.read_ring_model(file)
+                    recognizer = world.revisit.open_map(None, model=model)
+                    recognizer.describe(world.revisit.datasets.read_scan(world.first_scan))
+                    return False
+                except Exception as error:
+                    message_of(error)
+                    return True
+            case.refused = in_child(work)
+
+
+SECTIONS = {name.removeprefix('attack_'): work for name, work in list(globals().items()) if name.startswith('attack_')}
+
+
+def main():
+    try:
+        from server import SERVER_SECTIONS
+        SECTIONS.update(SERVER_SECTIONS)
+    except ImportError:
+        pass
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
+                                     epilog='sections:\n' + '\n'.join(
+                                         f'  {name:<12} {work.__doc__}' for name, work in SECTIONS.items()))
+    parser.add_argument('sections', nargs='*', metavar='SECTION', help='default: all')
+    parser.add_argument('--times', type=int, help='cases of each section (default: its own)')
+    parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--only', type=int, metavar='CASE', help='this case of the sections only')
+    parser.add_argument('--build', type=Path, default=ROOT / 'build/dev', help='default: build/dev')
+    parser.add_argument('--folder', type=Path, help='keep what is made in this folder')
+    arguments = parser.parse_args()
+    if unknown := set(arguments.sections) - set(SECTIONS):
+        parser.error(f'unknown sections: {", ".join(sorted(unknown))}; there are {", ".join(SECTIONS)}')
+    done = []
+    with tempfile.TemporaryDirectory() as temporary:
+        world = World(arguments, fresh(arguments.folder or temporary))
+        for name in arguments.sections or SECTIONS:
+            section = Section(name)
+            done.append(section)
+            begin = time.monotonic()
+            SECTIONS[name](world, section, arguments.times)
+            print(f'{name}: {section.tried} in {time.monotonic() - begin:.0f} s, {len(section.faults)} faults', flush=True)
+    print_table(done)
+    return 1 if any(section.faults for section in done) else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

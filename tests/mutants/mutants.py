@@ -1,0 +1,193 @@
+#!/usr/bin/env python3
+"""Changes the code in small ways, one at a time, and sees whether the tests of the changed file notice.
+
+  tests/mutants/mutants.py                       12 changes a file of files.toml, on two copies of the tree
+  tests/mutants/mutants.py --files fuse --each 60
+  tests/mutants/mutants.py --report              what was found so far: killed, survived, by file
+
+A mutant is a swapped comparison or sign, a number that is one larger, min for max, a statement or a negation left out. One
+that does not compile is not counted. One whose tests pass survived: it needs a test, or stands in accepted.toml with the reason
+why nobody could tell it from the code. The copies are build/mutants/0, 1, ... with a developer build each, and are used again;
+build/mutants/results.jsonl grows by each result, so that a run that was stopped goes on where it ended.
+Exit code 1: there are survivors without a reason.
+"""
+
+import argparse
+import concurrent.futures
+import json
+import queue
+import random
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+SECONDS = 120
+"""Of a test's CPU time; one that takes longer hangs. A mutant that hangs, or asks for much memory, is killed."""
+LIMITED = ['prlimit', f'--cpu={SECONDS}', '--as=12000000000']
+
+SWAPS = {' < ': ' <= ', ' <= ': ' < ', ' > ': ' >= ', ' >= ': ' > ', ' == ': ' != ', ' != ': ' == ', ' && ': ' || ',
+         ' || ': ' && ', ' + ': ' - ', ' - ': ' + ', ' * ': ' / ', ' / ': ' * ', ' += ': ' -= ', ' -= ': ' += ',
+         'std::min': 'std::max', 'std::max': 'std::min', 'true': 'false', 'false': 'true'}
+SWAPPED = re.compile('|'.join(re.escape(s) if not s.isalpha() else rf'\b{s}\b' for s in sorted(SWAPS, key=len, reverse=True)))
+NUMBER = re.compile(r'(?<![\w.<])\d+(?![\w.>])')
+NEGATION = re.compile(r'(?<=[( ])!(?=[\w(])')
+STATEMENT = re.compile(r'^ +(?!return|throw|using|const|auto|if|for|else|case|break|static|constexpr)[\w.\->\[\]()*:]+'
+                       r'( [-+*]?= .*|\(.*\));$')
+NOT_CODE = re.compile(r'//[^\n]*|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\])\'|^#[^\n]*|static_assert[^\n]*|R"(\w*)\(.*?\)\1"', re.M | re.S)
+
+
+def mutants_of(text):
+    """(begin, end, what stands there instead), in the order of the text."""
+    # Of the same length, so that positions stay.
+    code = NOT_CODE.sub(lambda found: re.sub(r'[^\n]', '"', found.group()), text)
+    found = [(m.start(), m.end(), SWAPS[m.group()]) for m in SWAPPED.finditer(code)]
+    found += [(m.start(), m.end(), str(int(m.group()) + 1)) for m in NUMBER.finditer(code)]
+    found += [(m.start(), m.end(), '') for m in NEGATION.finditer(code)]
+    at = 0
+    for line in code.split('\n'):
+        if STATEMENT.match(line):
+            found.append((at + len(line) - len(line.lstrip()), at + len(line), ';'))
+        at += len(line) + 1
+    return sorted(found)
+
+
+def shown(text, mutant):
+    """Line number, the line as it is, and as it becomes."""
+    begin, end, instead = mutant
+    first, last = text.rfind('\n', 0, begin) + 1, text.find('\n', end)
+    changed = text[first:begin] + instead + text[end:last]
+    return text.count('\n', 0, begin) + 1, text[first:last].strip(), changed.strip()
+
+
+def run(command, log, **options):
+    """Whether it succeeded."""
+    with open(log, 'w') as out:
+        return subprocess.run([str(part) for part in command], stdout=out, stderr=subprocess.STDOUT, **options).returncode == 0
+
+
+class Copy:
+    """A tree of its own, with a developer build."""
+
+    def __init__(self, folder, targets):
+        self.root, self.build = folder, folder / 'build' / 'dev'
+        self.log = folder / 'build' / 'mutants.log'
+        self.build.mkdir(parents=True, exist_ok=True)
+        files = subprocess.run(['git', 'ls-files', '-z'], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        for file in filter(None, files.split('\0')):
+            here, there = ROOT / file, folder / file
+            # One that is the same keeps its time, so that it is not built again.
+            if not there.exists() or there.read_bytes() != here.read_bytes():
+                there.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(here, there)
+        self.need(run(['cmake', '--preset', 'dev', '-DREVISIT_PYTHON=OFF', '-DREVISIT_PCL=OFF', '-DREVISIT_WERROR=OFF'], self.log,
+                      cwd=folder))
+        self.need(run(['cmake', '--build', self.build, '--target', *targets], self.log))
+
+    def need(self, done):
+        if not done:
+            sys.exit(f'{self.log}: failed:\n{self.log.read_text()[-3000:]}')
+
+    def passes(self, target, tests):
+        """'killed', 'survived' or 'no build'."""
+        if not run(['cmake', '--build', self.build, '--target', target], self.log):
+            return 'no build'
+        passed = run([*LIMITED, 'ctest', '--test-dir', self.build, '-R', f'^({tests})$', '--no-tests=error', '--stop-on-failure',
+                      '--timeout', str(2 * SECONDS)], self.log)
+        return 'survived' if passed else 'killed'
+
+    def try_mutant(self, job):
+        file, text, (begin, end, instead), entry = job
+        try:
+            (self.root / file).write_text(text[:begin] + instead + text[end:])
+            return self.passes(entry['target'], entry['tests'])
+        finally:
+            (self.root / file).write_text(text)
+
+
+def key_of(file, text, mutant):
+    _, before, after = shown(text, mutant)
+    return f'{file}: {before} -> {after}'
+
+
+def report(results, accepted):
+    rows, survivors = {}, []
+    for result in results:
+        row = rows.setdefault(result['file'], {'killed': 0, 'survived': 0, 'no build': 0, 'accepted': 0})
+        there = result['key'] in accepted and result['outcome'] == 'survived'
+        row['accepted' if there else result['outcome']] += 1
+        if result['outcome'] == 'survived' and not there:
+            survivors.append(result)
+    width = max(map(len, rows), default=10) + 2
+    print(f'{"file":{width}}{"mutants":>8}{"killed":>8}{"accepted":>9}{"survived":>9}')
+    total = {name: sum(row[name] for row in rows.values()) for name in ('killed', 'accepted', 'survived')}
+    for name, row in [*rows.items(), ('all', total)]:
+        print(f'{name:{width}}{row["killed"] + row["accepted"] + row["survived"]:8}{row["killed"]:8}{row["accepted"]:9}'
+              f'{row["survived"]:9}')
+    for result in survivors:
+        print(f'\n{result["file"]}:{result["line"]}\n  - {result["before"]}\n  + {result["after"]}')
+    return survivors
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--files', default='', help='regular expression of the paths to change')
+    parser.add_argument('--each', type=int, default=12, help='mutants of a file, chosen at random (default %(default)s)')
+    parser.add_argument('--seed', type=int, default=1, help='of the choice (default %(default)s)')
+    parser.add_argument('--copies', type=int, default=2, help='trees that work at once (default %(default)s)')
+    parser.add_argument('--again', action='store_true', help='the survivors once more, as when tests were added')
+    parser.add_argument('--report', action='store_true', help='run nothing')
+    o = parser.parse_args()
+    folder = ROOT / 'build' / 'mutants'
+    folder.mkdir(parents=True, exist_ok=True)
+    log = folder / 'results.jsonl'
+    results = {r['key']: r for r in map(json.loads, log.read_text().splitlines())} if log.exists() else {}
+    accepted = tomllib.loads((HERE / 'accepted.toml').read_text())
+    jobs = queue.Queue()
+    for entry in tomllib.loads((HERE / 'files.toml').read_text())['library']:
+        for file in entry['files']:
+            if not re.search(o.files, file):
+                continue
+            text = (ROOT / file).read_text()
+            found = mutants_of(text)
+            random.Random(f'{o.seed} {file}').shuffle(found)
+            for mutant in found[:o.each]:
+                before = results.get(key_of(file, text, mutant))
+                if before is None or (o.again and before['outcome'] == 'survived' and before['key'] not in accepted):
+                    jobs.put((file, text, mutant, entry))
+    count, begun, lock = jobs.qsize(), time.monotonic(), threading.Lock()
+
+    def work(number):
+        copy = Copy(folder / str(number), sorted({job[3]['target'] for job in list(jobs.queue)}))
+        while True:
+            try:
+                job = jobs.get_nowait()
+            except queue.Empty:
+                return
+            file, text, mutant, _ = job
+            line, before, after = shown(text, mutant)
+            result = {'key': key_of(file, text, mutant), 'file': file, 'line': line, 'before': before, 'after': after,
+                      'outcome': copy.try_mutant(job)}
+            with lock, open(log, 'a') as out:
+                results[result['key']] = result
+                out.write(json.dumps(result) + '\n')
+                done = count - jobs.qsize()
+                left = (time.monotonic() - begun) / done * (count - done)
+                print(f'{done}/{count}, {left / 60:.0f} min left: {result["outcome"]:9} {file}:{line}', file=sys.stderr)
+
+    if not o.report and count:
+        with concurrent.futures.ThreadPoolExecutor(o.copies) as pool:
+            for future in [pool.submit(work, number) for number in range(o.copies)]:
+                future.result()
+    chosen = [result for result in results.values() if re.search(o.files, result['file'])]
+    return 1 if report(chosen, accepted) else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())
