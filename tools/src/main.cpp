@@ -1,6 +1,8 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdio>
+#include <cstdlib>
 #include <iostream>
 #include <new>
 #include <optional>
@@ -21,10 +23,7 @@ int fail(const char* message, int code) {
   return code;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  cli::restart_with_faster_blas(argv);
+int run(int argc, char** argv) {
   cli::watch_for_interrupt();
   std::signal(SIGXFSZ, SIG_IGN);  // a file too large for `ulimit -f` is an error of the write
   // Names in files are not to command the terminal.
@@ -48,4 +47,15 @@ int main(int argc, char** argv) {
   } catch (const std::exception& error) {
     return fail(error.what(), cli::kFailed);
   }
+}
+
+}  // namespace
+
+/// Ends without the exit handlers of libraries: OpenBLAS's waits for its threads, and these for
+/// memory, without end where there is none (`ulimit -v`).
+int main(int argc, char** argv) {
+  cli::restart_with_faster_blas(argv);
+  const int code = run(argc, argv);
+  std::fflush(nullptr);
+  std::_Exit(code);
 }
