@@ -12,18 +12,21 @@ another type than revisit raises on purpose, places that are wrong, lost without
 """
 
 import argparse
+import contextlib
 import os
 import resource
 import shutil
 import signal
 import sqlite3
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 
-from support import (Checksum, Fault, Section, digest, fresh, in_child, judge, message_of, print_table, run, seeded,
+import server
+from support import (Checksum, Fault, Section, digest, end_of, fresh, in_child, judge, message_of, print_table, run, seeded,
                      start)
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -79,6 +82,33 @@ class World:
         """Pairs of a number and the random numbers of this case."""
         for i in range(times) if self.only is None else [self.only]:
             yield i, seeded(self.seed, section.name, i)
+
+    def named(self, cases, times):
+        """A number, the name and what is to be done, of the first cases of a list."""
+        for i, (name, what) in enumerate(list(cases)[:times or None]):
+            if self.only in (None, i):
+                yield i, name, what
+
+    def copy_for(self, section):
+        """The map, in a folder of its own."""
+        file = fresh(self.folder / section.name) / 'm.map'
+        file.write_bytes(self.bytes)
+        return file
+
+    def must_be_sound(self, file):
+        if wrong := in_child(lambda: self.revisit.maps.check_map(file)):
+            raise Fault(f'check: {wrong}')
+
+    def build_to_the_end(self, file):
+        run(self.program, self.build_arguments(file), codes=(0,))
+        self.must_be_as_built(file)
+
+    def must_be_as_built(self, file):
+        found = self.places_of(file)
+        if found != self.built:
+            lost = sorted(set(self.built) - set(found))
+            other = sorted(i for i in found if self.built.get(i) != found[i])
+            raise Fault(f'not the places of a build in one go: lost {lost[:9]}, other {other[:9]}')
 
 
 def examine(world, file, write=True, may_lack_the_end=False):
@@ -346,13 +376,10 @@ def hostile_schemas():
 
 def attack_schema(world, section, times):
     """Another program's or a stranger's tables, and columns of other types."""
-    for i, (name, sql) in enumerate(list(hostile_schemas())[:times or None]):
-        if world.only not in (None, i):
-            continue
-        file = fresh(world.folder / section.name) / 'm.map'
-        file.write_bytes(world.bytes)
+    for i, name, sql in world.named(hostile_schemas(), times):
+        file = world.copy_for(section)
         try:
-            with contextlib_closing(sqlite3.connect(file)) as database:
+            with contextlib.closing(sqlite3.connect(file)) as database:
                 if sql is None:
                     file.unlink()
                     database.close()
@@ -372,19 +399,6 @@ def attack_schema(world, section, times):
                 case.refused = drive_all(world, file) and case.refused
 
 
-class contextlib_closing:
-    """SQLite's own `with` does not close."""
-
-    def __init__(self, database):
-        self.database = database
-
-    def __enter__(self):
-        return self.database
-
-    def __exit__(self, *_):
-        self.database.close()
-
-
 def drive_all(world, file):
     """Every command on a map; whether all refused it."""
     copy, codes = Path(f'{file}.out'), []
@@ -400,7 +414,7 @@ def drive_all(world, file):
 
 def row_checksum(i, row):
     drive, frame, time_, pose, descriptor, feature, revision = row
-    bits = int.from_bytes(__import__('struct').pack('<d', time_ or 0.0), 'little')
+    bits = int.from_bytes(struct.pack('<d', time_ or 0.0), 'little')
     return Checksum().number(i).bytes(drive.encode(errors='surrogateescape')).number(frame).number(
         0 if time_ is None else 1).number(bits).bytes(pose or b'').bytes(descriptor).bytes(
         feature or b'').number(revision).value
@@ -408,7 +422,6 @@ def row_checksum(i, row):
 
 def crafted():
     """A stranger's numbers with checksums that are right: (name, what to do with the database)."""
-    import struct
     nan, inf, big = struct.pack('<f', float('nan')), struct.pack('<f', float('inf')), struct.pack('<f', 3e38)
 
     def place(change, ids=(7,)):
@@ -501,7 +514,7 @@ def crafted():
             database.execute("UPDATE value SET id=1")
             value('threshold', b'0.25')(database)
             counts(88, 1)(database)
-            place(column(5, lambda f: __import__('struct').pack('<f', 0.5) * 25120), everywhere)(database)
+            place(column(5, lambda f: struct.pack('<f', 0.5) * 25120), everywhere)(database)
         yield f'revision {revision} without basis', unsettled
 
     def removed(*rows):
@@ -519,12 +532,9 @@ def crafted():
 
 def attack_crafted(world, section, times):
     """Impossible numbers whose checksums are right."""
-    for i, (name, work) in enumerate(list(crafted())[:times or None]):
-        if world.only not in (None, i):
-            continue
-        file = fresh(world.folder / section.name) / 'm.map'
-        file.write_bytes(world.bytes)
-        with contextlib_closing(sqlite3.connect(file)) as database:
+    for i, name, work in world.named(crafted(), times):
+        file = world.copy_for(section)
+        with contextlib.closing(sqlite3.connect(file)) as database:
             work(database)
             database.commit()
         with section.case(f'case {i}, {name}') as case:
@@ -549,18 +559,9 @@ def attack_crafted(world, section, times):
                     message_of(error)
             in_child(ask)
             case.refused = drive_all(world, file)
-            for command in ('query',):
-                out = run(world.program, ['map', command, file, world.first_scan, '-q']).out
-                if 'nan' in out.lower():
-                    raise Fault(f'{command} answers with nan: {out[-200:]}')
-
-
-def same_as_built(world, file):
-    found = world.places_of(file)
-    if found != world.built:
-        lost = sorted(set(world.built) - set(found))
-        other = sorted(i for i in found if world.built.get(i) != found[i])
-        raise Fault(f'not the places of a build in one go: lost {lost[:9]}, other {other[:9]}')
+            out = run(world.program, ['map', 'query', file, world.first_scan, '-q']).out
+            if 'nan' in out.lower():
+                raise Fault(f'query answers with nan: {out[-200:]}')
 
 
 def attack_kill(world, section, times):
@@ -588,24 +589,19 @@ def attack_kill(world, section, times):
                 if last or ended:
                     raise Fault('the map is gone')
                 continue
-            reader = random.random() < 0.5  # else the next writer is the first who sees it
-            if reader:
-                wrong = in_child(lambda: world.revisit.maps.check_map(file))
-                if wrong:
-                    raise Fault(f'check: {wrong}')
+            if random.random() < 0.5:  # else the next writer is the first who sees it
+                world.must_be_sound(file)
                 found = world.places_of(file)
                 if lost := set(last) - set(found):
                     raise Fault(f'lost: {sorted(lost)}')
                 last = found
                 case.refused = False
             if ended or len(last) == len(world.built):
-                run(world.program, world.build_arguments(file), codes=(0,))
-                same_as_built(world, file)
+                world.build_to_the_end(file)
                 file = None
     if file is not None:
         with section.case('the last build ends') as case:
-            run(world.program, world.build_arguments(file), codes=(0,))
-            same_as_built(world, file)
+            world.build_to_the_end(file)
     print(f'{section.name}: {round_} maps')
 
 
@@ -618,21 +614,15 @@ def attack_interrupt(world, section, times):
             time.sleep(random.random() * world.build_time)
             number = random.choice((signal.SIGINT, signal.SIGTERM))
             process.send_signal(number)
-            try:
-                out, err = process.communicate(timeout=20)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.communicate()
-                raise Fault('no end within 20 s of Ctrl-C') from None
+            out, err = end_of(process, 20)
             if process.returncode != -number:  # before the program has its handler
                 case.refused = judge(process.returncode, out, err, codes=(0, 130)).code != 0
             if file.exists():
                 world.places_of(file)
             if process.returncode == 0:
-                same_as_built(world, file)
+                world.must_be_as_built(file)
                 fresh(file.parent)
-    run(world.program, world.build_arguments(file), codes=(0,))
-    same_as_built(world, file)
+    world.build_to_the_end(file)
 
 
 def attack_writers(world, section, times):
@@ -659,9 +649,8 @@ def attack_writers(world, section, times):
             if 0 not in codes:
                 raise Fault('none of them could write')
             case.refused = 1 in codes
-            same_as_built(world, file)
-            if wrong := in_child(lambda: world.revisit.maps.check_map(file)):
-                raise Fault(str(wrong))
+            world.must_be_as_built(file)
+            world.must_be_sound(file)
 
 
 def attack_disk(world, section, times):
@@ -678,23 +667,18 @@ def attack_disk(world, section, times):
                 limits = [] if mounted else [(resource.RLIMIT_FSIZE, limit)]
                 result = run(world.program, world.build_arguments(file), limits=limits, codes=(0, 1))
                 case.refused = result.code != 0
-                known = {}
                 if result.code and 'm.map' not in result.err:
                     raise Fault(f'the error names no file: {result.err}')
                 if file.exists() and file.stat().st_size:
                     if result.code == 0 or not mounted:
-                        if wrong := in_child(lambda: world.revisit.maps.check_map(file)):
-                            raise Fault(f'check: {wrong}')
-                        known = world.places_of(file)
-                for command in (['remove', file, '--ids', '1'], ['merge', world.file, world.file, '-o', folder / 'x']):
-                    run(world.program, ['map', command[0], *command[1:]], limits=limits) if i % 3 == 0 and command[0] == 'merge' else None
+                        world.must_be_sound(file)
+                        world.places_of(file)
+                if i % 3 == 0:
+                    run(world.program, ['map', 'merge', world.file, world.file, '-o', folder / 'x'], limits=limits)
                 if mounted:  # room again
                     (folder / 'x').unlink(missing_ok=True)
                     subprocess.run(['mount', '-o', 'remount,size=100m', folder], check=True, capture_output=True)
-                run(world.program, world.build_arguments(file), codes=(0,))
-                same_as_built(world, file)
-                if set(known.values()) - set(world.built.values()):
-                    pass
+                world.build_to_the_end(file)
         finally:
             if mounted:
                 subprocess.run(['umount', folder], check=False)
@@ -703,8 +687,7 @@ def attack_disk(world, section, times):
 def attack_memory(world, section, times):
     """ulimit -v, from too little for anything to enough."""
     for i, random in world.cases(section, times or 150):
-        file = fresh(world.folder / section.name) / 'm.map'
-        file.write_bytes(world.bytes)
+        file = world.copy_for(section)
         memory = int(30e6 * 100 ** random.random())
         command = random.choice((['map', 'info', file], ['map', 'check', file], ['map', 'places', file],
                                  ['map', 'query', file, world.first_scan, '-q'], ['map', 'remove', file, '--ids', '9'],
@@ -715,13 +698,12 @@ def attack_memory(world, section, times):
             if result.code == 127 and 'shared librar' not in result.err:
                 raise Fault(f'127: {result.err}')
             case.refused = result.code != 0
-            world.places_of(file) if not command[1] == 'remove' and command[0] != 'loops' else None
-            if wrong := in_child(lambda: world.revisit.maps.check_map(file)):
-                raise Fault(f'check: {wrong}')
+            if command[1] != 'remove' and command[0] != 'loops':
+                world.places_of(file)
+            world.must_be_sound(file)
             new = Path(f'{file}3')
             if new.exists() and new.stat().st_size:
-                run(world.program, world.build_arguments(new), codes=(0,))
-                same_as_built(world, new)
+                world.build_to_the_end(new)
 
 
 def attack_readonly(world, section, times):
@@ -818,15 +800,11 @@ def attack_ring(world, section, times):
             case.refused = in_child(work)
 
 
-SECTIONS = {name.removeprefix('attack_'): work for name, work in list(globals().items()) if name.startswith('attack_')}
+SECTIONS = {name.removeprefix('attack_'): work for name, work in [*globals().items(), *vars(server).items()]
+            if name.startswith('attack_')}
 
 
 def main():
-    try:
-        from server import SERVER_SECTIONS
-        SECTIONS.update(SERVER_SECTIONS)
-    except ImportError:
-        pass
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
                                      epilog='sections:\n' + '\n'.join(
                                          f'  {name:<12} {work.__doc__}' for name, work in SECTIONS.items()))

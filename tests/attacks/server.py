@@ -1,7 +1,7 @@
 """Attacks on maps on a PostgreSQL server of their own; sections of maps.py."""
 
 import os
-import random
+import select
 import shutil
 import signal
 import socket
@@ -11,7 +11,7 @@ import threading
 import time
 from pathlib import Path
 
-from support import Checksum, Fault, digest, in_child, judge, message_of, run, start
+from support import Checksum, Fault, digest, end_of, in_child, judge, message_of, run, start
 
 FOUND = sorted(Path('/usr/lib/postgresql').glob('*/bin/postgres'))
 
@@ -82,7 +82,6 @@ class Proxy:
             threading.Thread(target=self.serve, args=(client,), daemon=True).start()
 
     def serve(self, client):
-        import select
         try:
             server = socket.create_connection(('127.0.0.1', self.to))
         except OSError:
@@ -137,8 +136,7 @@ def hold(world, url, exact=True):
     if (found != wanted) if exact else (found.keys() != wanted.keys()):
         raise Fault(f'not the places of a build in one go: lost {sorted(set(wanted) - set(found))}, other '
                     f'{sorted(f for f in found if wanted.get(f) != found[f])[:9]}')
-    if wrong := in_child(lambda: world.revisit.maps.check_map(url)):
-        raise Fault(f'check: {wrong}')
+    world.must_be_sound(url)
 
 
 def with_server(work):
@@ -166,11 +164,7 @@ def attack_server_kill(world, section, times, server):
                 time.sleep(0.2 + seeded.random() * world.build_time)
                 server.kill(seeded.choice((signal.SIGKILL, signal.SIGQUIT, signal.SIGINT)))
                 server.start()
-            try:
-                out, err = process.communicate(timeout=60)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                raise Fault(f'no end within 60 s: {process.communicate()[1][-300:]}') from None
+            out, err = end_of(process)
             result = judge(process.returncode, out, err, codes=(0, 1))
             if result.code and 'connection' not in result.err:
                 raise Fault(result.err)
@@ -229,11 +223,7 @@ def attack_clients(world, section, times, server):
             processes[0].kill()
             processes[0].communicate()
             for process in processes[1:]:
-                try:
-                    out, err = process.communicate(timeout=60)
-                except subprocess.TimeoutExpired:
-                    process.kill()
-                    raise Fault(f'no end within 60 s: {process.communicate()}') from None
+                out, err = end_of(process)
                 judge(process.returncode, out, err, codes=(0,))
             hold(world, url, exact=False)
 
@@ -277,9 +267,7 @@ def attack_tables(world, section, times, server):
     """Tables of a map on a server as a stranger changes them."""
     run(world.program, world.build_arguments(server.url('source')), codes=(0,))
     server.execute('CREATE DATABASE template TEMPLATE postgres')
-    for i, (name, sql) in enumerate(list(hostile_tables('source'))[:times or None]):
-        if world.only not in (None, i):
-            continue
+    for i, name, sql in world.named(hostile_tables('source'), times):
         server.execute('DROP DATABASE IF EXISTS victim WITH (FORCE);\nCREATE DATABASE victim TEMPLATE template')
         try:
             server.command(['psql', '-h', server.data, '-p', server.port, '-U', 'postgres', '-XqtA', '-v', 'ON_ERROR_STOP=1', '-d', 'victim', '-f', '-'],
@@ -364,7 +352,3 @@ def attack_addresses(world, section, times, server):
                             raise Fault(f'another drive: {[p.drive for p in store.places()]}, {store.warnings}')
                     return False
                 case.refused = in_child(add)
-
-
-SERVER_SECTIONS = {'server_kill': attack_server_kill, 'proxy': attack_proxy, 'clients': attack_clients, 'tables': attack_tables,
-                   'addresses': attack_addresses}

@@ -8,6 +8,7 @@ import random
 import re
 import resource
 import select
+import shutil
 import signal
 import struct
 import subprocess
@@ -86,15 +87,19 @@ def start(program, arguments, limits=(), user=None, **more):
                             extra_groups=[] if user else None, **more)
 
 
+def end_of(process, timeout=TIMEOUT):
+    """What it still says, (stdout, stderr), once it has ended by itself."""
+    try:
+        return process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        raise Fault(f'no end within {timeout} s: {process.communicate()[1][-300:]}') from None
+
+
 def run(program, arguments, timeout=TIMEOUT, codes=(0, 1, 2, 3, 4, 5, 6), **more):
     """Runs the program to its end and judges it."""
     process = start(program, arguments, **more)
-    try:
-        out, err = process.communicate(timeout=timeout)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        out, err = process.communicate()
-        raise Fault(f'no end within {timeout} s: {err[-200:]}') from None
+    out, err = end_of(process, timeout)
     return judge(process.returncode, out, err, codes)
 
 
@@ -205,7 +210,6 @@ def seeded(seed, *parts):
 
 def fresh(folder):
     """An empty folder at this path."""
-    import shutil
     shutil.rmtree(folder, ignore_errors=True)
     Path(folder).mkdir(parents=True)
     return Path(folder)

@@ -58,12 +58,17 @@ def mutants_of(text):
     return sorted(found)
 
 
-def shown(text, mutant):
-    """Line number, the line as it is, and as it becomes."""
+def shown(file, text, mutant):
+    """Where it is, the line as it was, and as it becomes."""
     begin, end, instead = mutant
     first, last = text.rfind('\n', 0, begin) + 1, text.find('\n', end)
-    changed = text[first:begin] + instead + text[end:last]
-    return text.count('\n', 0, begin) + 1, text[first:last].strip(), changed.strip()
+    return {'file': file, 'line': text.count('\n', 0, begin) + 1, 'before': text[first:last].strip(),
+            'after': (text[first:begin] + instead + text[end:last]).strip()}
+
+
+def key_of(shown_mutant):
+    """The same wherever the line has moved to."""
+    return '{file}: {before} -> {after}'.format_map(shown_mutant)
 
 
 def run(command, log, **options):
@@ -94,7 +99,7 @@ class Copy:
         if not done:
             sys.exit(f'{self.log}: failed:\n{self.log.read_text()[-3000:]}')
 
-    def passes(self, target, tests):
+    def outcome_of(self, target, tests):
         """'killed', 'survived' or 'no build'."""
         if not run(['cmake', '--build', self.build, '--target', target], self.log):
             return 'no build'
@@ -106,21 +111,16 @@ class Copy:
         file, text, (begin, end, instead), entry = job
         try:
             (self.root / file).write_text(text[:begin] + instead + text[end:])
-            return self.passes(entry['target'], entry['tests'])
+            return self.outcome_of(entry['target'], entry['tests'])
         finally:
             (self.root / file).write_text(text)
-
-
-def key_of(file, text, mutant):
-    _, before, after = shown(text, mutant)
-    return f'{file}: {before} -> {after}'
 
 
 def report(results, accepted):
     rows, survivors = {}, []
     for result in results:
         row = rows.setdefault(result['file'], {'killed': 0, 'survived': 0, 'no build': 0, 'accepted': 0})
-        there = result['key'] in accepted and result['outcome'] == 'survived'
+        there = key_of(result) in accepted and result['outcome'] == 'survived'
         row['accepted' if there else result['outcome']] += 1
         if result['outcome'] == 'survived' and not there:
             survivors.append(result)
@@ -147,7 +147,7 @@ def main():
     folder = ROOT / 'build' / 'mutants'
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / 'results.jsonl'
-    results = {r['key']: r for r in map(json.loads, log.read_text().splitlines())} if log.exists() else {}
+    results = {key_of(r): r for r in map(json.loads, log.read_text().splitlines())} if log.exists() else {}
     accepted = tomllib.loads((HERE / 'accepted.toml').read_text())
     jobs = queue.Queue()
     for entry in tomllib.loads((HERE / 'files.toml').read_text())['library']:
@@ -158,8 +158,8 @@ def main():
             found = mutants_of(text)
             random.Random(f'{o.seed} {file}').shuffle(found)
             for mutant in found[:o.each]:
-                before = results.get(key_of(file, text, mutant))
-                if before is None or (o.again and before['outcome'] == 'survived' and before['key'] not in accepted):
+                key = key_of(shown(file, text, mutant))
+                if key not in results or (o.again and results[key]['outcome'] == 'survived' and key not in accepted):
                     jobs.put((file, text, mutant, entry))
     count, begun, lock = jobs.qsize(), time.monotonic(), threading.Lock()
 
@@ -171,15 +171,13 @@ def main():
             except queue.Empty:
                 return
             file, text, mutant, _ = job
-            line, before, after = shown(text, mutant)
-            result = {'key': key_of(file, text, mutant), 'file': file, 'line': line, 'before': before, 'after': after,
-                      'outcome': copy.try_mutant(job)}
+            result = {**shown(file, text, mutant), 'outcome': copy.try_mutant(job)}
             with lock, open(log, 'a') as out:
-                results[result['key']] = result
+                results[key_of(result)] = result
                 out.write(json.dumps(result) + '\n')
                 done = count - jobs.qsize()
                 left = (time.monotonic() - begun) / done * (count - done)
-                print(f'{done}/{count}, {left / 60:.0f} min left: {result["outcome"]:9} {file}:{line}', file=sys.stderr)
+                print(f'{done}/{count}, {left / 60:.0f} min left: {result["outcome"]:9} {file}:{result["line"]}', file=sys.stderr)
 
     if not o.report and count:
         with concurrent.futures.ThreadPoolExecutor(o.copies) as pool:

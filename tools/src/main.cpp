@@ -23,7 +23,18 @@ int fail(const char* message, int code) {
   return code;
 }
 
-int run(int argc, char** argv) {
+/// Ends before the exit handlers of libraries: OpenBLAS's waits for its threads, and these for
+/// memory, without end where there is none (`ulimit -v`).
+void end_at_once(int code, void* /*unused*/) {
+  std::fflush(nullptr);
+  std::_Exit(code);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  cli::restart_with_faster_blas(argv);
+  on_exit(end_at_once, nullptr);
   cli::watch_for_interrupt();
   std::signal(SIGXFSZ, SIG_IGN);  // a file too large for `ulimit -f` is an error of the write
   // Names in files are not to command the terminal.
@@ -47,15 +58,4 @@ int run(int argc, char** argv) {
   } catch (const std::exception& error) {
     return fail(error.what(), cli::kFailed);
   }
-}
-
-}  // namespace
-
-/// Ends without the exit handlers of libraries: OpenBLAS's waits for its threads, and these for
-/// memory, without end where there is none (`ulimit -v`).
-int main(int argc, char** argv) {
-  cli::restart_with_faster_blas(argv);
-  const int code = run(argc, argv);
-  std::fflush(nullptr);
-  std::_Exit(code);
 }
