@@ -221,6 +221,8 @@ class Messages(unittest.TestCase):
         )
         with self.assertRaises(ValueError):
             io.blobproto_to_array(caffe_pb2.BlobProto(data=[1, 2]))
+        self.assertEqual(list(io.array_to_blobproto([[1, 2]]).data), [1, 2])
+        self.assertEqual(len(io.array_to_blobproto(np.ones((1,) * 40)).shape.dim), 40)
 
     def test_datums(self):
         pixels = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
@@ -233,6 +235,8 @@ class Messages(unittest.TestCase):
         self.assertFalse(io.array_to_datum(pixels).HasField('label'))
         with self.assertRaises(ValueError):
             io.array_to_datum(pixels[0])
+        with self.assertRaises(ValueError):
+            io.array_to_datum([1, 2])
 
     def test_mean_files(self):
         formats = Path(__file__).parents[1] / 'golden/formats'
