@@ -1,11 +1,12 @@
 """The command `matconvnet`, on files in the layout of vl_simplenn's documentation, written by SciPy."""
 
 import unittest
+from unittest import mock
 
 import numpy as np
 import scipy.io
 
-from conversion import means
+from conversion import means, npy
 from support import ConversionTest, numbers
 
 
@@ -56,6 +57,12 @@ class MatConvNet(ConversionTest):
             for wrap in (False, True):
                 self.assertIn('checked: the original and the engine', self.run_command(layers, *options, wrap=wrap))
         np.testing.assert_array_equal(means.read(self.path('mean.npy')), numbers(31, 37, 3).transpose(2, 0, 1)[::-1])
+
+    def test_a_bomb_is_not_unpacked(self):
+        scipy.io.savemat(self.path('bomb.mat'), {'layers': np.zeros((1, 1 << 20))}, do_compression=True)
+        self.refused(3, 'layer 1 has no type', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
+        with mock.patch.object(npy, 'FREE_BYTES', 1 << 20):
+            self.refused(3, 'a bomb', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
 
     def test_pads_that_differ(self):
         for pad in ([0, 1, 0, 1], [1, 0, 1, 0], [2, 0, 0, 3], [1, 2, 3, 4]):
