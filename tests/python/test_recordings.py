@@ -162,6 +162,25 @@ class Bags(Folders):
             with self.assertRaisesRegex(revisit.InputError, f'{kind}.bag: .* become more than 256 MB'):
                 list(open_recording(path).scans())
 
+    def test_packed_files_that_are_bombs(self):
+        try:
+            from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
+        except ImportError:
+            self.skipTest('an old rosbags')
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+        store = get_typestore(Stores.LATEST)
+        for mode in ('MESSAGE', 'STORAGE', 'FILE'):
+            path = self.folder / mode
+            writer = Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3 if mode == 'MESSAGE' else StoragePlugin.MCAP)
+            writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+            with writer:
+                clouds = writer.add_connection('/points', CLOUD, typestore=store)
+                writer.write(clouds, START * 10**9, store.serialize_cdr(message(store, packed(self.clouds[0]), 0, False), CLOUD))
+                writer.write(clouds, START * 10**9 + 1, bytes(300 << 20))
+            with self.assertRaisesRegex(revisit.InputError, f'{mode}: .* become more than .* a bomb'):
+                list(open_recording(path).scans())
+
     def test_a_pipe_in_the_place_of_a_file_is_refused(self):
         path = write_bag(self.folder, 'mcap', {'/points': [packed(self.clouds[0])]})
         file, = path.glob('*.mcap')

@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import heapq
+import os
 import struct
 import sys
 import types
@@ -19,6 +20,8 @@ CLOUDS = (CLOUD, 'sensor_msgs/PointCloud2')
 
 MOST_UNPACKED = 1 << 28
 """[bytes] that a chunk or a message may become: chunks are about a megabyte, clouds tens. Zeros become a million times more."""
+MOST_TIMES = 100
+"""What a whole file may become, of its size: scans become a few times more."""
 
 
 def bounded(make):
@@ -32,6 +35,23 @@ def bounded(make):
     return unpack
 
 
+def bounded_open(zstd):
+    """Opens a packed file that becomes no more than MOST_UNPACKED or MOST_TIMES its size."""
+    def open_(packed, mode):
+        size = os.fstat(packed.fileno()).st_size
+        file = zstd.open(packed, mode)
+        read = file.read
+
+        def checked(n=-1):
+            part = read(n)
+            if file.tell() > max(MOST_UNPACKED, MOST_TIMES * size):
+                raise ValueError(f'{size} packed bytes become more than {MOST_TIMES} times as many: a bomb')
+            return part
+        file.read = checked
+        return file
+    return open_
+
+
 @functools.cache
 def bound_unpacking():
     """The package unpacks whatever it becomes, at once, by the functions in these tables; other versions may have none."""
@@ -43,7 +63,7 @@ def bound_unpacking():
     zstd = getattr(of_ros2, 'zstd', None)
     if hasattr(zstd, 'ZstdDecompressor') and hasattr(zstd, 'open'):
         ours['zstd'] = bounded(zstd.ZstdDecompressor)
-        of_ros2.zstd = types.SimpleNamespace(open=zstd.open, decompress=ours['zstd'])
+        of_ros2.zstd = types.SimpleNamespace(open=bounded_open(zstd), decompress=ours['zstd'])
     for module, name in (('rosbag1.reader', 'decompressors'), ('rosbag2.storage_mcap', 'DECOMPRESSORS')):
         table = getattr(sys.modules.get(f'rosbags.{module}'), name, {})
         table.update({key: unpack for key, unpack in ours.items() if key in table})
