@@ -41,6 +41,8 @@ class Result(NamedTuple):
     verdict: str
     """refused, answered, skipped or fault"""
     said: str
+    grown: int = 0
+    """[MB], of the child without its own children"""
 
 
 def seed_of(name, seed) -> int:
@@ -75,17 +77,18 @@ def child_of(case, seed, memory, pipe):
     """Never returns."""
     with tempfile.TemporaryDirectory(prefix='attack-') as folder:
         size = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         resource.setrlimit(resource.RLIMIT_AS, (size + memory * MEGA,) * 2)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         result = judged(case.work, random.Random(seed_of(case.name, seed)), Path(folder))
-    os.write(pipe, pickle.dumps(Result(result.verdict, result.said[:2000])))
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024
+    os.write(pipe, pickle.dumps(Result(result.verdict, result.said[:2000], grown)))
     os._exit(0)
 
 
 def run_case(case, seed, timeout, memory) -> Result:
     reads, writes = os.pipe()
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     child = os.fork()
     if child == 0:
         os.close(reads)
@@ -104,15 +107,14 @@ def run_case(case, seed, timeout, memory) -> Result:
             break
         said += part
     os.close(reads)
-    _, status, used = os.wait4(child, 0)
+    _, status = os.waitpid(child, 0)
     if os.WIFSIGNALED(status):
         return Result('fault', f'killed by {signal.Signals(os.WTERMSIG(status)).name}')
     if not said:
         return Result('fault', f'ended with {os.waitstatus_to_exitcode(status)} and no word')
     result = pickle.loads(said)
-    grown = (used.ru_maxrss - before) // 1024
-    if result.verdict != 'fault' and grown > case.grown:
-        return Result('fault', f'took {grown} MB ({result.verdict}: {result.said})')
+    if result.verdict != 'fault' and result.grown > case.grown:
+        return Result('fault', f'took {result.grown} MB ({result.verdict}: {result.said})')
     return result
 
 

@@ -211,7 +211,7 @@ def write_bomb(path, kind, megabytes=1000):
         writer = Writer1(path)
         writer.set_compression(Writer1.CompressionFormat[kind.upper()])
     else:
-        writer = Writer2(path, version=9, storage_plugin=StoragePlugin.MCAP if kind == 'storage' else StoragePlugin.SQLITE3)
+        writer = Writer2(path, version=9, storage_plugin=StoragePlugin.SQLITE3 if kind == 'message' else StoragePlugin.MCAP)
         writer.set_compression(CompressionMode[kind.upper()], CompressionFormat.ZSTD)
     serialize = store.serialize_ros1 if ros1 else store.serialize_cdr
     with writer:
@@ -228,8 +228,11 @@ def bomb(kind):
         path = folder / ('bomb.bag' if kind in ('bz2', 'lz4') else 'bomb')
         writer = os.fork()  # whose memory does not count
         if writer == 0:
-            write_bomb(path, kind)
-            os._exit(0)
+            try:
+                write_bomb(path, kind)
+                os._exit(0)
+            finally:
+                os._exit(1)
         if os.waitpid(writer, 0)[1]:
             raise ImportError('this rosbags writes none')
         read_all(path, {})
