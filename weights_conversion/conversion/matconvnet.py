@@ -6,6 +6,9 @@ The format: http://www.vlfeat.org/matconvnet/mfiles/simplenn/vl_simplenn/. Filte
 
 import struct
 import zlib
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,6 +28,15 @@ def load(path):
     """The layers of a file and its normalisation, as (list of SimpleNamespace, struct of SciPy)."""
     path = existing(path)
     _check_unpacked(path)
+    # In another process: SciPy's compiled reader follows damaged types of elements to nowhere.
+    with ProcessPoolExecutor(1, get_context('fork')) as other:
+        try:
+            return other.submit(_load, path).result()
+        except BrokenProcessPool:
+            raise InputError(f'{path}: not a readable .mat file: SciPy crashed on it, as it does on damaged ones') from None
+
+
+def _load(path):
     try:
         content = scipy.io.loadmat(str(path), struct_as_record=False)
     except NotImplementedError:
