@@ -20,8 +20,10 @@ def _files(features):
             if isinstance(part, (str, os.PathLike)):
                 names.append(Path(part))
                 continue
-            if not isinstance(part, np.ndarray) or part.dtype != np.float32 or part.ndim != 2:
-                found = f'{part.dtype} array of shape {part.shape}' if isinstance(part, np.ndarray) else type(part).__name__
+            masked = isinstance(part, np.ma.MaskedArray)  # what is behind the mask would count
+            if not isinstance(part, np.ndarray) or part.dtype != np.float32 or part.ndim != 2 or masked:
+                found = (f'{part.dtype} {"masked " if masked else ""}array of shape {part.shape}' if isinstance(part, np.ndarray)
+                         else type(part).__name__)
                 raise TypeError(f'features: expected a float32 array [n][d] or a .npy file of one, found {found}')
             names.append(Path(folder, f'{number}.npy'))
             np.save(names[-1], np.ascontiguousarray(part))

@@ -21,6 +21,8 @@ def verdicts(scores, correct, positive=None, ignored=None) -> list[Verdict]:
     positive: there was a true match to find; None: only where the match is true.
     ignored: the match is neither right nor wrong.
     """
+    if any(isinstance(given, np.ma.MaskedArray) for given in (scores, correct, positive, ignored)):
+        raise TypeError('expected arrays, found a masked one, whose mask would be lost: leave these queries out, or mark them ignored')
     columns = [np.asarray(scores, np.float64), np.asarray(correct)]
     columns.append(columns[1] if positive is None else np.asarray(positive))
     columns.append(np.zeros(len(columns[1]), bool) if ignored is None else np.asarray(ignored))

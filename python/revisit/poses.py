@@ -4,6 +4,7 @@ Poses are float64 [n][4][4], T_world_sensor, in metres. The world of all that th
 camera (x to the right, y down, z forward), so that a horizontal distance is one of x and z, whatever a file has.
 """
 
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,8 +48,9 @@ def rigid(translations, quaternions):
 def are_rigid(poses):
     """[n]: each is a rotation and a translation, as far as a file with few digits says it."""
     R = poses[:, :3, :3]
-    off = abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
-    return (off < 1e-3) & (np.linalg.det(R) > 0) & np.isfinite(poses).all((1, 2))
+    with np.errstate(all='ignore'):  # numbers that are not finite are no rotation
+        off = abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max((1, 2))
+        return (off < 1e-3) & (np.linalg.det(R) > 0) & np.isfinite(poses).all((1, 2))
 
 
 def table_of(file, delimiter=None, holes=False):
@@ -57,7 +59,9 @@ def table_of(file, delimiter=None, holes=False):
     holes: rows with NaN are left out, too, not refused.
     """
     try:
-        table = np.loadtxt(file, delimiter=delimiter, comments='#', ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', UserWarning)  # of an empty file, which is refused below
+            table = np.loadtxt(file, delimiter=delimiter, comments='#', ndmin=2)
     except (OSError, ValueError) as error:
         raise InputError(f'{file}: cannot be read as a table of numbers: {error}') from None
     if holes:
@@ -184,6 +188,9 @@ def matched(trajectory, frames, times, max_gap) -> np.ndarray:
 
 def quaternion(R) -> np.ndarray:
     """x, y, z, w of a rotation [3][3], w not negative."""
+    R = np.asarray(R, np.float64)
+    if R.shape != (3, 3):
+        raise ValueError(f'expected a rotation [3][3], found an array of shape {R.shape}')
     # the largest of the four squares, so that nothing is divided by a small number
     squares = np.array([1 + 2 * R[i, i] - np.trace(R) for i in range(3)] + [1 + np.trace(R)])
     i = int(squares.argmax())

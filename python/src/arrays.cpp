@@ -1,9 +1,8 @@
 #include "arrays.h"
 
-#include <nanobind/stl/string.h>
-
 #include "revisit/proto/error.h"
 #include "revisit/proto/joined.h"
+#include "strings.h"
 
 namespace revisit::python {
 
@@ -33,7 +32,16 @@ bool is_float32(nb::handle dtype) {
   return nb::cast<std::string>(nb::str(dtype)) == "float32";
 }
 
+void refuse_masked(nb::handle object, const std::string& what) {
+  if (nb::hasattr(object.type(), "filled") && nb::hasattr(object.type(), "mask"))
+    throw nb::type_error(str(what, ": expected an array, found a masked array, ",
+                             description_of(object),
+                             "; x.filled(value) or x.data says what counts in the masked places")
+                             .c_str());
+}
+
 GivenArray<float> float_array(nb::handle object, const std::string& what) {
+  refuse_masked(object, what);
   GivenArray<float> array;
   if (nb::ndarray_check(object) && nb::try_cast(object, array, false)) return array;
   if (nb::hasattr(object, "__array_interface__") &&

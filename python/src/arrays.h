@@ -55,6 +55,9 @@ std::string name_from(nb::handle key, const char* what);
 /// Of numpy's types.
 bool is_float32(nb::handle dtype);
 
+/// Throws nb::type_error for a masked array of numpy's: the numbers behind the mask would count.
+void refuse_masked(nb::handle object, const std::string& what);
+
 /// What somebody gave as an array of float32, with any strides; a copy where these are no multiple
 /// of 4 bytes. `what` begins the message of the TypeError for anything else: nothing is converted.
 GivenArray<float> float_array(nb::handle object, const std::string& what);

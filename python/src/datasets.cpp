@@ -1,7 +1,6 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <filesystem>
@@ -12,6 +11,7 @@
 #include "poses.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
+#include "strings.h"
 
 namespace revisit::python {
 

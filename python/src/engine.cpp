@@ -1,7 +1,6 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -15,6 +14,7 @@
 #include "revisit/engine/net.h"
 #include "revisit/engine/simd.h"
 #include "run.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {
@@ -36,8 +36,7 @@ std::map<std::string, engine::Shape> shapes_from(const Shapes& given) {
 
 ShapeDict dict_of(const std::vector<engine::Port>& ports) {
   nb::dict shapes;
-  for (const engine::Port& port : ports)
-    shapes[nb::str(port.name.c_str(), port.name.size())] = tuple_of(port.shape.axes());
+  for (const engine::Port& port : ports) shapes[text_of(port.name)] = tuple_of(port.shape.axes());
   return nb::borrow<ShapeDict>(shapes);
 }
 
@@ -69,7 +68,7 @@ WeightDict weights_of(nb::handle self) {
     nb::list blobs;
     for (const engine::View<const float>& blob : layer.blobs)
       blobs.append(view_of(blob.data, blob.shape.axes(), self));
-    weights[nb::str(layer.layer.c_str(), layer.layer.size())] = blobs;
+    weights[text_of(layer.layer)] = blobs;
   }
   return nb::borrow<WeightDict>(weights);
 }

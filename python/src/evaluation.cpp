@@ -1,5 +1,4 @@
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include "arrays.h"
@@ -7,6 +6,7 @@
 #include "module.h"
 #include "revisit/evaluation/pairs.h"
 #include "revisit/evaluation/retrieve.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {
@@ -59,6 +59,7 @@ Descriptors descriptors_from(nb::handle array) {
 Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
                          const std::vector<double>& times, const std::vector<std::string>& places,
                          std::optional<int64_t> n_poses) {
+  refuse_masked(positions, "positions");
   GivenArray<double, nb::shape<-1, 3>, nb::c_contig> at;
   if (!positions.is_none() && !nb::try_cast(positions, at, false))
     throw nb::type_error(str("positions: expected a float64 array [scans][3] in C order, found ",

@@ -3,7 +3,6 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -16,6 +15,7 @@
 #include "revisit/baselines/m2dp.h"
 #include "revisit/baselines/scan_context.h"
 #include "revisit/recognition/ring/features.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {

@@ -5,7 +5,6 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -15,6 +14,7 @@
 #include "listener.h"
 #include "module.h"
 #include "poses.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {

@@ -2,7 +2,6 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -15,6 +14,7 @@
 #include "points.h"
 #include "poses.h"
 #include "revisit/maps/place_recognizer.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {

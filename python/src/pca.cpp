@@ -2,7 +2,6 @@
 
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
@@ -12,6 +11,7 @@
 #include "arrays.h"
 #include "listener.h"
 #include "module.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {

@@ -1,11 +1,10 @@
 #include "points.h"
 
-#include <nanobind/stl/string.h>
-
 #include <array>
 #include <cstring>
 
 #include "revisit/proto/error.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {
@@ -41,7 +40,11 @@ GivenPoints::GivenPoints(nb::handle points) : owner_(nb::borrow(points)) {
     take_axes(points);
     return;
   }
-  if (!nb::hasattr(points, "__array_interface__")) refuse_type(points);
+  // Of a class `shape` and the others are there, too; objects may have the interface and no more.
+  if (nb::isinstance<nb::type_object>(points)) refuse_type(points);
+  for (const char* name : {"__array_interface__", "shape", "strides", "dtype"})
+    if (!nb::hasattr(points, name)) refuse_type(points);
+  refuse_masked(points, "points");
   const nb::tuple shape = points.attr("shape"), strides = points.attr("strides");
   const bool structured = !points.attr("dtype").attr("names").is_none();
   if (!structured && !is_float32(points.attr("dtype"))) refuse_type(points);

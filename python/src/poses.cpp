@@ -6,6 +6,7 @@ namespace revisit::python {
 
 std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix) {
   if (matrix.is_none()) return std::nullopt;
+  refuse_masked(matrix, "pose");
   GivenArray<double> array;
   if (!nb::ndarray_check(matrix) || !nb::try_cast(matrix, array, false))
     throw nb::type_error(

@@ -1,7 +1,6 @@
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -16,6 +15,7 @@
 #include "revisit/proto/atomic_file.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {

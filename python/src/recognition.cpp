@@ -1,7 +1,6 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include "arrays.h"
@@ -13,6 +12,7 @@
 #include "revisit/recognition/feature.h"
 #include "revisit/recognition/range_image.h"
 #include "revisit/recognition/sensor.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {

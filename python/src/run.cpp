@@ -1,11 +1,11 @@
 #include "run.h"
 
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
 #include "listener.h"
 #include "revisit/engine/profile.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {
@@ -117,7 +117,8 @@ void bind_run(nb::module_& module) {
                   "numpy.typing.NDArray[numpy.float32]] = {}) -> None"),
           "One pass. `inputs` are set before, as set_input() does; the others stay as they are.")
       .def("output", &output_of, "name"_a,
-           "An output of the net, read-only: the run's own memory, which the next pass overwrites. "
+           "An output of the net, read-only: the run's own memory, which the next pass overwrites; "
+           "where it is an input in another shape (Reshape, Slice), a new input does so already. "
            "Where the number of rows depends on the data the shape is that of the last pass.")
       .def(
           "layer_output",
@@ -134,7 +135,7 @@ void bind_run(nb::module_& module) {
           [](nb::handle self) {
             nb::dict outputs;
             for (const engine::Port& port : run_of(self).plan().outputs())
-              outputs[nb::str(port.name.c_str())] = output_of(self, port.name);
+              outputs[text_of(port.name)] = output_of(self, port.name);
             return nb::borrow<nb::typed<nb::dict, nb::str, ReadOnlyFloats>>(outputs);
           },
           "All outputs of the net by name.");

@@ -2,7 +2,6 @@
 
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 
 #include <array>
 #include <filesystem>
@@ -10,6 +9,7 @@
 #include "listener.h"
 #include "module.h"
 #include "revisit/proto/joined.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {

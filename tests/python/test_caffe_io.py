@@ -119,6 +119,8 @@ class Transforming(unittest.TestCase):
         before = image.copy()
         out = t.preprocess('data', image)
         self.assertEqual((out.shape, out.dtype), ((3, 2, 2), np.float32))
+        with self.assertRaisesRegex(ValueError, r"'data': the channels \[2, 1, 0\] of an image of 0"):
+            t.preprocess('data', image[..., :0])
         for channel in range(3):  # BGR: channel 0 is blue, the last of the image's
             expected = (image[:, :, 2 - channel] * 255 - (channel + 1)) * 0.5
             np.testing.assert_allclose(out[channel], expected, rtol=1e-5)
@@ -221,6 +223,8 @@ class Messages(unittest.TestCase):
         )
         with self.assertRaises(ValueError):
             io.blobproto_to_array(caffe_pb2.BlobProto(data=[1, 2]))
+        self.assertEqual(list(io.array_to_blobproto([[1, 2]]).data), [1, 2])
+        self.assertEqual(len(io.array_to_blobproto(np.ones((1,) * 40)).shape.dim), 40)
 
     def test_datums(self):
         pixels = np.arange(24, dtype=np.uint8).reshape(2, 3, 4)
@@ -233,6 +237,8 @@ class Messages(unittest.TestCase):
         self.assertFalse(io.array_to_datum(pixels).HasField('label'))
         with self.assertRaises(ValueError):
             io.array_to_datum(pixels[0])
+        with self.assertRaises(ValueError):
+            io.array_to_datum([1, 2])
 
     def test_mean_files(self):
         formats = Path(__file__).parents[1] / 'golden/formats'

@@ -70,6 +70,8 @@ class OwnScores(unittest.TestCase):
             evaluation.verdicts([1, 2], [True])
         with self.assertRaisesRegex(TypeError, 'truth values'):
             evaluation.verdicts([1, 2], [1, 0])
+        with self.assertRaisesRegex(TypeError, 'masked'):
+            evaluation.verdicts(np.ma.masked_array([1.0, 2], [True, False]), [True, False])
         with self.assertRaises(revisit.Error):
             evaluation.summarize(evaluation.verdicts([float('nan')], [True]))
         with self.assertRaises(revisit.UsageError):
@@ -192,6 +194,8 @@ class Pca(unittest.TestCase):
         self.assertIn('5', recognition.fit_pca(self.x[:6], 400).note)
         with self.assertRaisesRegex(TypeError, 'float64 array'):
             recognition.fit_pca(self.x.astype(np.float64))
+        with self.assertRaisesRegex(TypeError, 'masked array'):
+            recognition.fit_pca(np.ma.masked_array(self.x, self.x > 1))
         with self.assertRaises(revisit.InputError):
             recognition.fit_pca(np.full((3, 4), np.nan, np.float32))
         with self.assertRaises(revisit.UsageError):

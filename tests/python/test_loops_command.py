@@ -264,6 +264,35 @@ class Faults(Command):
         self.assertEqual((code, len(out.splitlines())), (6, 4), said)
         self.assertRegex(said, r'Stra\udcdfe/2\.bin.*left out')
 
+    def test_drives_may_have_any_names(self):
+        name, file = os.fsdecode(b'Stra\xdfe'), self.folder / 'm.map'
+        csv_file = self.folder / 'o.csv'
+        for _ in range(2):
+            code, _, said = run(self.scans, '--all', '--sensor', 'hdl64', '--drive', name, '--map', file, '-o', csv_file)
+            self.assertEqual(code, 0, said)
+        self.assertIn(b'Stra\xdfe', csv_file.read_bytes())
+        [*_, line] = self.loops(self.scans, '--all', '--sensor', 'hdl64', '--drive', name, '--map', file)
+        self.assertEqual(line['drive'], 'Stra\ufffde')  # JSON is text
+        if PROGRAM:
+            self.loops(self.scans, '--sensor', 'hdl64', '--drive', name, '--report', self.folder / 'o.html')
+
+    def test_streams_may_be_closed(self):
+        words = [sys.executable, '-m', 'revisit.loops', self.scans, '--all', '--sensor', 'hdl64']
+        done = subprocess.run(words, stdout=subprocess.PIPE, preexec_fn=lambda: os.close(2), text=True)
+        self.assertEqual((done.returncode, {line.count(',') for line in done.stdout.splitlines()}), (0, {27}), done.stdout)
+        done = subprocess.run(words, stderr=subprocess.PIPE, preexec_fn=lambda: os.close(1), text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn('revisit-loops: standard output is closed; give -o FILE', done.stderr)
+        self.assertNotIn('Traceback', done.stderr)
+
+    def test_terminals_are_not_commanded(self):
+        self.fails(3, r'\\x1b\[2J: there is no such file', self.folder / '\x1b[2J')
+
+    def test_faults_of_others_are_one_line(self):
+        for error, says in ((KeyError('x'), "KeyError: 'x'"), (MemoryError(), 'the system has no memory left')):
+            with mock.patch.object(command, 'work', side_effect=error):
+                self.fails(1, says, self.scans)
+
     @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
     def test_bags_that_are_none(self):
         cloud, few = packed(room(1)[:500, :3]), ['-q', '--sensor', 'hdl64']

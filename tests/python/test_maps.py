@@ -1,5 +1,6 @@
 """revisit.maps and revisit.simulation: places are added, found again, kept; a drive is simulated."""
 
+import os
 import tempfile
 import threading
 import unittest
@@ -115,6 +116,14 @@ class Maps(unittest.TestCase):
         with self.assertRaisesRegex(revisit.UsageError, 'closed'):
             len(store)
         self.assertEqual(maps.check_map(self.file), [])
+
+    def test_names_of_drives_may_be_any_bytes(self):
+        name = os.fsdecode(b'Stra\xdfe')
+        recognizer = revisit.open_map(self.file)
+        recognizer.add(recognizer.describe(room(3)), drive=name)
+        self.assertEqual(recognizer.query(recognizer.describe(room(3))).drive, name)
+        with maps.MapStore.open(self.file) as store:
+            self.assertEqual([place.drive for place in store.places()], [name])
 
     def test_places_are_removed(self):
         recognizer = filled(revisit.open_map(self.file, threshold=0.2, first_stretch=4))

@@ -104,6 +104,11 @@ class Poses(unittest.TestCase):
         with self.assertRaisesRegex(revisit.InputError, r'40 poses .* but the last scan is frame 40'):
             poses.matched(poses.read_trajectory(self.write('kitti', trajectory())), [0, 40], None, 0.05)
 
+    def test_what_is_no_rotation_is_refused(self):
+        for wrong in (np.eye(2), np.zeros((0, 3)), np.eye(3)[None]):
+            with self.assertRaisesRegex(ValueError, r'expected a rotation \[3\]\[3\]'):
+                poses.quaternion(wrong)
+
     def test_what_is_no_trajectory_is_refused(self):
         file = self.folder / 'poses'
         for text, says in (('', 'no poses in a known format'), ('1 2 3\n', "the first line is '1 2 3'"),

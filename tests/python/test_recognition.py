@@ -4,6 +4,7 @@ import ctypes
 import gc
 import tempfile
 import unittest
+from types import SimpleNamespace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,14 @@ class Points(unittest.TestCase):
                 recognition.project(wrong)
         for wrong in (p[:, :2], p.ravel(), p[None], structured(p)[None], (p[:, 0], p[:, 1], p[1:, 2])):
             with self.assertRaises(ValueError, msg=repr(wrong)[:60]):
+                recognition.project(wrong)
+        only_interface = SimpleNamespace(__array_interface__=p.__array_interface__)
+        for wrong in (only_interface, np.ndarray):
+            with self.assertRaisesRegex(TypeError, 'points: expected a numpy array'):
+                recognition.project(wrong)
+        masked = np.ma.masked_array(p, p > 10)  # what is behind the mask would be projected
+        for wrong in (masked, tuple(masked[:, :3].T)):
+            with self.assertRaisesRegex(TypeError, r'masked array, .*filled\(value\)'):
                 recognition.project(wrong)
         with self.assertRaisesRegex(TypeError, r'found float64 array of shape \(57600, 4\)'):
             recognition.project(p.astype(np.float64))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import revisit
-from bags import HAVE_ROSBAGS, KINDS, START, packed, write_bag
+from bags import CLOUD, HAVE_ROSBAGS, KINDS, START, message, packed, write_bag
 from revisit import datasets
 from revisit.recordings import open_recording, packets
 from revisit.recordings.point_cloud2 import points_of
@@ -144,6 +144,50 @@ class Bags(Folders):
             next(scans).points()
         with self.assertRaisesRegex(revisit.InputError, 'holds 3 messages, where .* tells of 4'):
             next(scans)
+
+    def test_bombs_are_not_unpacked(self):
+        from rosbags.rosbag1 import Writer
+        from rosbags.typesys import Stores, get_typestore
+        store, text = get_typestore(Stores.ROS1_NOETIC), 'std_msgs/msg/String'
+        for kind in ('BZ2', 'LZ4'):
+            path = self.folder / f'{kind}.bag'
+            writer = Writer(path)
+            writer.set_compression(Writer.CompressionFormat[kind])
+            with writer:
+                clouds = writer.add_connection('/points', CLOUD, typestore=store)
+                writer.write(clouds, START * 10**9, store.serialize_ros1(message(store, packed(self.clouds[0]), 0, True), CLOUD))
+                others = writer.add_connection('/others', text, typestore=store)
+                writer.write(others, START * 10**9, bytes(300 << 20))
+            self.assertLess(path.stat().st_size, 3 << 20)
+            with self.assertRaisesRegex(revisit.InputError, f'{kind}.bag: .* become more than 256 MB'):
+                list(open_recording(path).scans())
+
+    def test_packed_files_that_are_bombs(self):
+        try:
+            from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
+        except ImportError:
+            self.skipTest('an old rosbags')
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+        store = get_typestore(Stores.LATEST)
+        for mode in ('MESSAGE', 'STORAGE', 'FILE'):
+            path = self.folder / mode
+            writer = Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3 if mode == 'MESSAGE' else StoragePlugin.MCAP)
+            writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+            with writer:
+                clouds = writer.add_connection('/points', CLOUD, typestore=store)
+                writer.write(clouds, START * 10**9, store.serialize_cdr(message(store, packed(self.clouds[0]), 0, False), CLOUD))
+                writer.write(clouds, START * 10**9 + 1, bytes(300 << 20))
+            with self.assertRaisesRegex(revisit.InputError, f'{mode}: .* become more than .* a bomb'):
+                list(open_recording(path).scans())
+
+    def test_a_pipe_in_the_place_of_a_file_is_refused(self):
+        path = write_bag(self.folder, 'mcap', {'/points': [packed(self.clouds[0])]})
+        file, = path.glob('*.mcap')
+        file.unlink()
+        os.mkfifo(file)
+        with self.assertRaisesRegex(revisit.InputError, 'mcap: is no file'):
+            open_recording(path)
 
     def test_a_broken_message_is_one_scan(self):
         cut = packed(self.clouds[1])
@@ -338,6 +382,40 @@ class Layouts(Folders):
         self.put('v1.0-mini/ego_pose.json', json.dumps(tables['ego_pose']))
         with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: no tables of nuScenes: .* expected a rotation'):
             open_recording(self.folder, sequence='61')
+
+    def test_tables_of_strangers(self):
+        """What a table of nuScenes names is in the data set; one that is too deep is refused as others are."""
+        self.put('outside/LIDAR_TOP/1.pcd.bin', self.with_columns(self.points[0], 12, 3).tobytes())
+        row = {'token': 'd', 'sample_token': 'a', 'ego_pose_token': 'e', 'calibrated_sensor_token': 'c', 'timestamp': 1}
+        at = {'translation': [0, 0, 0], 'rotation': [1, 0, 0, 0]}
+        tables = {'scene': [{'token': 's', 'name': 'scene-0061'}], 'sample': [{'token': 'a', 'scene_token': 's'}],
+                  'calibrated_sensor': [{'token': 'c', **at}], 'ego_pose': [{'token': 'e', **at}]}
+        for table, rows in tables.items():
+            self.put(f'set/v1.0-mini/{table}.json', json.dumps(rows))
+        for name in ('../outside/LIDAR_TOP/1.pcd.bin', f'{self.folder}/outside/LIDAR_TOP/1.pcd.bin'):
+            self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': name}]))
+            with self.assertRaisesRegex(revisit.InputError, 'expected the name of a file of the data set'):
+                open_recording(self.folder / 'set')
+        self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': 'x/LIDAR_TOP/\0'}]))
+        [scan] = open_recording(self.folder / 'set').scans()
+        with self.assertRaisesRegex(revisit.InputError, 'no such file'):
+            scan.points()
+        self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': 'x/LIDAR_TOP/y', 'timestamp': 10**400}]))
+        with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: no tables of nuScenes: OverflowError'):
+            open_recording(self.folder / 'set')
+        self.put('set/v1.0-mini/scene.json', '[' * 100000)
+        with self.assertRaisesRegex(revisit.InputError, 'scene.json: .*recursion'):
+            open_recording(self.folder / 'set')
+
+    def test_a_pipe_in_the_place_of_a_scan_is_refused(self):
+        self.write_mulran()
+        np.save(self.folder / '1.npy', self.points[0])
+        for name, format_ in ((f'Ouster/{T0}.bin', 'mulran'), ('1.npy', 'npy')):
+            (self.folder / name).unlink()
+            os.mkfifo(self.folder / name)
+            scan = next(open_recording(self.folder, format=format_).scans())
+            with self.assertRaisesRegex(revisit.InputError, f'{name}: is no file'):
+                scan.points()
 
     def test_a_file_cut_off_is_one_scan(self):
         self.write_mulran()

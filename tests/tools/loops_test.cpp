@@ -82,6 +82,10 @@ TEST_F(Loops, AMapIsContinuedAndKeepsItsThreshold) {
   EXPECT_GT(again.size(), places * 9 / 10);
   EXPECT_NE(again[0].find("\"match_drive\":\"00\""), std::string::npos) << again[0];
   EXPECT_EQ(lines(run("map places " + path("a.map"))).size() - 1, 2 * places);
+  // A name that is no UTF-8: JSON is, and nothing of the line is lost.
+  const auto latin = test::run_revisit(loops("--drive Stra\xdf' 'e --all --format jsonl"));
+  EXPECT_NE(latin.out.find("\"drive\":\"Stra\uFFFD e\""), std::string::npos) << latin.out;
+  EXPECT_EQ(latin.err.find("libprotobuf"), std::string::npos) << latin.err;
   // Another sensor's rings are refused, naming what differs.
   const auto other = test::run_revisit(loops("--sensor hdl64 --map " + path("a.map")));
   EXPECT_EQ(other.exit_code, 3);

@@ -22,6 +22,18 @@ TEST(Printable, WhatATerminalObeysIsShown) {
   EXPECT_EQ(printable("\x9b \xe2\x82 \xff \xc0\x9b"), "\\x9b \\xe2\\x82 \\xff \\xc0\\x9b");
 }
 
+TEST(Printable, WhatIsNotUtf8IsReplaced) {
+  EXPECT_EQ(utf8("ä€😀\x1b\n"), "ä€😀\x1b\n");
+  EXPECT_EQ(utf8("Stra\xdf"
+                 "e"),
+            "Stra\uFFFDe");
+  EXPECT_EQ(utf8("\xe2\x82"), "\uFFFD\uFFFD") << "cut off";
+  EXPECT_EQ(utf8("\xc0\x9b"), "\uFFFD\uFFFD") << "longer than need be";
+  EXPECT_EQ(utf8("\xe0\x80\x80 \xed\xa0\x80"), "\uFFFD\uFFFD\uFFFD \uFFFD\uFFFD\uFFFD");
+  EXPECT_EQ(utf8("\xf0\x80\x80\x80 \xf4\x90\x80\x80").find_first_not_of("\uFFFD "),
+            std::string::npos);
+}
+
 TEST(Printable, StreamsKeepLinesAndCharactersThatComeInPieces) {
   std::ostringstream out;
   {

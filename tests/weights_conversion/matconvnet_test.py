@@ -1,11 +1,15 @@
 """The command `matconvnet`, on files in the layout of vl_simplenn's documentation, written by SciPy."""
 
+import struct
+import subprocess
+import sys
 import unittest
+from unittest import mock
 
 import numpy as np
 import scipy.io
 
-from conversion import means
+from conversion import means, npy
 from support import ConversionTest, numbers
 
 
@@ -56,6 +60,23 @@ class MatConvNet(ConversionTest):
             for wrap in (False, True):
                 self.assertIn('checked: the original and the engine', self.run_command(layers, *options, wrap=wrap))
         np.testing.assert_array_equal(means.read(self.path('mean.npy')), numbers(31, 37, 3).transpose(2, 0, 1)[::-1])
+
+    def test_a_bomb_is_not_unpacked(self):
+        scipy.io.savemat(self.path('bomb.mat'), {'layers': np.zeros((1, 1 << 20))}, do_compression=True)
+        self.refused(3, 'layer 1 has no type', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
+        with mock.patch.object(npy, 'FREE_BYTES', 1 << 20):
+            self.refused(3, 'a bomb', 'matconvnet', self.path('bomb.mat'), self.path('o.prototxt'), self.path('o.caffemodel'))
+
+    def test_what_crashes_scipy_is_refused(self):
+        scipy.io.savemat(self.path('net.mat'), {'layers': np.arange(100.0)})
+        content = self.path('net.mat').read_bytes()
+        for kind in (8, 10, 11, 200, 1 << 20, 1 << 30):  # of the numbers, where 9 is double
+            damaged = content.replace(struct.pack('<II', 9, 800), struct.pack('<II', kind, 800))
+            self.assertNotEqual(damaged, content)
+            self.path('bad.mat').write_bytes(damaged)
+            done = subprocess.run([sys.executable, '-m', 'conversion', 'matconvnet', self.path('bad.mat'), self.path('o.prototxt'),
+                                   self.path('o.caffemodel')], capture_output=True, text=True)
+            self.assertEqual((done.returncode, done.stderr.count('\n')), (3, 1), f'{kind}: {done.stderr}')
 
     def test_pads_that_differ(self):
         for pad in ([0, 1, 0, 1], [1, 0, 1, 0], [2, 0, 0, 3], [1, 2, 3, 4]):

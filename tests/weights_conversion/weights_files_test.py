@@ -1,11 +1,18 @@
 """The commands `weights` and `mean`."""
 
+import io
+import os
+import subprocess
+import sys
 import unittest
+import warnings
+import zipfile
+from unittest import mock
 
 import h5py
 import numpy as np
 
-from conversion import engine, means, weights
+from conversion import engine, means, npy, weights
 from conversion.schema import messages
 from support import GOLDEN, ConversionTest, input_layer, layer, numbers
 
@@ -81,6 +88,48 @@ class Weights(ConversionTest):
         np.savez(self.path('objects.npz'), **{'a/0': np.array([{}])})
         self.refused(3, 'npz', 'weights', self.path('objects.npz'), out)
         self.assertFalse(out.exists())
+
+    def test_archives_of_strangers(self):
+        """Whatever zipfile and its packers raise, and what is a thousand times its size."""
+        out, file = self.path('out.caffemodel'), self.path('bad.npz')
+        head = io.BytesIO()
+        np.lib.format.write_array(head, np.zeros(1000, np.float32))
+
+        def archive(*entries):
+            with warnings.catch_warnings(), zipfile.ZipFile(file, 'w', zipfile.ZIP_DEFLATED) as opened:
+                warnings.simplefilter('ignore')
+                for name, content in entries:
+                    opened.writestr(name, content)
+            return bytearray(file.read_bytes())
+        archive(('a/0.npy', b'text'))
+        self.refused(3, 'is not an array', 'weights', file, out)
+        archive(('a/0.npy', head.getvalue()), ('a/0.npy', head.getvalue()))
+        self.refused(3, "holds the entry 'a/0' twice", 'weights', file, out)
+        self.refused(3, "holds the entry 'a/0' twice", 'torch', 'alexnet', file, self.path('o.prototxt'), out)
+        whole = archive(('a/0.npy', head.getvalue()))
+        for old, new in ((b'\x14\0\0\0\x08\0', b'\x14\0\0\0\x63\0'), (b'\x14\0\0\0\x08\0', b'\x14\0\1\0\x08\0'),
+                         (whole[37:43], b'\xff' * 6)):
+            file.write_bytes(whole.replace(old, new))
+            self.refused(3, 'not a readable npz file', 'weights', file, out)
+            self.refused(3, 'not a readable npz file', 'torch', 'alexnet', file, self.path('o.prototxt'), out)
+        with mock.patch.object(npy, 'FREE_BYTES', 1 << 20):
+            archive(('a/0.npy', bytes(2 << 20)))
+            self.refused(3, 'a bomb', 'weights', file, out)
+
+    def test_streams_may_be_closed(self):
+        for words in (['--help'], ['weights', self.model, self.path('net.npz'), '--force']):
+            words = [sys.executable, '-m', 'conversion', *words]
+            with open('/dev/full', 'w') as full:
+                done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
+            if '--help' not in words:  # argparse says nothing in some versions
+                self.assertEqual((done.returncode, done.stderr), (1, 'revisit-convert: [Errno 28] No space left on device\n'))
+            self.assertNotIn('Traceback', done.stderr)
+            reads, writes = os.pipe()
+            os.close(reads)
+            done = subprocess.run(words, stdout=writes, stderr=subprocess.PIPE, text=True)
+            os.close(writes)
+            self.assertEqual(done.stderr, '')
+        self.refused(3, r'\x1b[2J.npz: cannot open', 'weights', self.path('\x1b[2J.npz'), self.path('out.caffemodel'))
 
 
 class Means(ConversionTest):

@@ -1,6 +1,7 @@
 """The command revisit-convert."""
 
 import argparse
+import os
 import sys
 
 from . import commands
@@ -26,22 +27,34 @@ def parser():
     return main
 
 
+def failed(why, code):
+    if sys.stderr is not None:  # print() would take standard output
+        # As a terminal can show it without obeying it: names of files and layers hold what their makers like.
+        shown = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in str(why))
+        print(f'revisit-convert: {shown}', file=sys.stderr)
+    return code
+
+
 def main(words=None):
     """Runs a command line; returns the exit code."""
-    options = parser().parse_args(words)
     try:
+        options = parser().parse_args(words)
         options.run(options)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:  # whoever read has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
     except ConversionError as error:
-        print(f'revisit-convert: {error}', file=sys.stderr)
-        return error.code
+        return failed(error, error.code)
     except KeyboardInterrupt:
         return 130
+    except OSError as error:
+        return failed(error, 1)
     except ModuleNotFoundError as error:
-        print(f"revisit-convert: needs the Python package '{error.name}' (pip install {error.name})", file=sys.stderr)
-        return 1
+        return failed(f"needs the Python package '{error.name}' (pip install {error.name})", 1)
     except Exception as error:  # a fault of ours, or of the machine: one line all the same
-        print(f'revisit-convert: {type(error).__name__}: {" ".join(str(error).split())}', file=sys.stderr)
-        return 1
+        return failed(f'{type(error).__name__}: {" ".join(str(error).split())}', 1)
     return 0
 
 

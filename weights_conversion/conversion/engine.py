@@ -15,7 +15,7 @@ def read_net(prototxt):
     """The part of a prototxt of any age that inference runs, in the current format (a NetParameter)."""
     try:
         return text_format.Parse(revisit.net_text(prototxt), messages.NetParameter())
-    except (text_format.ParseError, UnicodeDecodeError) as error:  # names that are not text
+    except (text_format.ParseError, UnicodeError) as error:  # names that are not text
         raise InputError(f'{prototxt}: {" ".join(str(error).split())}') from None
 
 

@@ -4,6 +4,11 @@ The format: http://www.vlfeat.org/matconvnet/mfiles/simplenn/vl_simplenn/. Filte
 [top bottom left right], strides [down across].
 """
 
+import struct
+import zlib
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,14 +17,26 @@ import scipy.io
 from .errors import ConversionError, InputError, UnsupportedError
 from .files import existing
 from .net_writer import NetWriter
+from .npy import check_unpacked
 
 
 MOST_PIXELS = 1000  # of pads, strides and windows
+COMPRESSED = 15  # an element of a .mat file
 
 
 def load(path):
     """The layers of a file and its normalisation, as (list of SimpleNamespace, struct of SciPy)."""
     path = existing(path)
+    _check_unpacked(path)
+    # In another process: SciPy's compiled reader follows damaged types of elements to nowhere.
+    with ProcessPoolExecutor(1, get_context('fork')) as other:
+        try:
+            return other.submit(_load, path).result()
+        except BrokenProcessPool:
+            raise InputError(f'{path}: not a readable .mat file: SciPy crashed on it, as it does on damaged ones') from None
+
+
+def _load(path):
     try:
         content = scipy.io.loadmat(str(path), struct_as_record=False)
     except NotImplementedError:
@@ -32,6 +49,28 @@ def load(path):
     layers = [_layer(path, i, _only(layer)) for i, layer in enumerate(np.ravel(root.layers), 1)]
     meta = _only(root.meta) if hasattr(root, 'meta') else root
     return layers, _only(getattr(meta, 'normalization', None))
+
+
+def _check_unpacked(path):
+    """Unpacks the elements of a file of version 5 once, and keeps nothing: SciPy would take whatever they become."""
+    size = 0
+    with path.open('rb') as file:
+        order = {b'IM': '<', b'MI': '>'}.get(file.read(128)[126:])
+        while order and len(tag := file.read(8)) == 8:
+            kind, left = struct.unpack(f'{order}II', tag)
+            if kind != COMPRESSED:
+                file.seek(left, 1)
+                continue
+            unpacker = zlib.decompressobj()
+            while left and (part := file.read(min(left, 1 << 16))):
+                left -= len(part)
+                while part:
+                    try:
+                        size += len(unpacker.decompress(part, 1 << 24))
+                    except zlib.error:
+                        return  # SciPy says so
+                    check_unpacked(path, size)
+                    part = unpacker.unconsumed_tail
 
 
 def _only(value):

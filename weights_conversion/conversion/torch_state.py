@@ -1,12 +1,10 @@
 """State dicts of PyTorch, read without running what a file may hold."""
 
-import zipfile
 from pathlib import Path
-
-import numpy as np
 
 from .errors import ConversionError, InputError
 from .files import existing
+from .npy import read_npz
 
 
 def read(path):
@@ -30,11 +28,7 @@ def _safetensors(path):
 
 
 def _npz(path):
-    try:
-        with path.open('rb') as opened, np.load(opened, allow_pickle=False) as file:
-            return {key: file[key] for key in file.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f'{path}: not a readable npz file: {error}') from None
+    return dict(read_npz(path))
 
 
 def _torch(path):

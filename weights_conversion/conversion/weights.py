@@ -12,6 +12,7 @@ import numpy as np
 from . import engine
 from .errors import CheckFailed, ConversionError, InputError, UsageError
 from .files import existing
+from .npy import read_npz
 from .schema import raw_messages
 
 FLOAT16_MOST = float(np.finfo(np.float16).max)
@@ -128,18 +129,12 @@ def write_npz(path, weights):
 
 def _read_npz(path):
     weights = {}
-    try:
-        with path.open('rb') as opened, np.load(opened, allow_pickle=False) as file:
-            for key in file.files:
-                name, _, index = key.rpartition('/')
-                arrays = weights.setdefault(name, [])
-                if not name or index != str(len(arrays)):
-                    raise InputError(f"{path}: the entry '{key}' is not LAYER/INDEX with indices 0, 1, ... in order")
-                arrays.append(_numbers(path, key, file[key]))
-    except InputError:
-        raise
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
-        raise InputError(f'{path}: not a readable npz file: {error}') from None
+    for key, array in read_npz(path):
+        name, _, index = key.rpartition('/')
+        arrays = weights.setdefault(name, [])
+        if not name or index != str(len(arrays)):
+            raise InputError(f"{path}: the entry '{key}' is not LAYER/INDEX with indices 0, 1, ... in order")
+        arrays.append(_numbers(path, key, array))
     return weights
 
 

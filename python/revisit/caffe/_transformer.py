@@ -37,7 +37,10 @@ class Transformer:
         if in_ in self.transpose:
             image = image.transpose(self.transpose[in_])
         if in_ in self.channel_swap:
-            image = image[list(self.channel_swap[in_])]
+            order = list(self.channel_swap[in_])
+            if len(image) <= max(order, default=-1):
+                raise ValueError(f"input '{in_}': the channels {order} of an image of {len(image)}")
+            image = image[order]
         if self.raw_scale.get(in_) is not None:
             image *= self.raw_scale[in_]
         if in_ in self.mean:

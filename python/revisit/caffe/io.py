@@ -20,11 +20,11 @@ def blobproto_to_array(blob, return_diff=False):
 
 def array_to_blobproto(arr, diff=None):
     """A BlobProto of an array of any shape, and of gradients of the same shape."""
-    blob = caffe_pb2.BlobProto()
+    blob, arr = caffe_pb2.BlobProto(), np.asarray(arr, float)
     blob.shape.dim.extend(arr.shape)
-    blob.data.extend(arr.astype(float).flat)
+    blob.data.extend(arr.ravel())
     if diff is not None:
-        blob.diff.extend(diff.astype(float).flat)
+        blob.diff.extend(np.asarray(diff, float).ravel())
     return blob
 
 
@@ -40,6 +40,7 @@ def blobprotovector_str_to_arraylist(str):
 
 def array_to_datum(arr, label=None):
     """A Datum of an array [c][h][w]: bytes of uint8, else numbers."""
+    arr = np.asarray(arr)
     if arr.ndim != 3:
         raise ValueError(
             f'expected an array of 3 axes (channels, height, width), found the shape {arr.shape}'

@@ -22,9 +22,9 @@ SCANS_THAT_SHOW_THE_SENSOR = 3
 
 
 def say(o, message):
-    if not o.quiet:
+    if not o.quiet and sys.stderr is not None:  # print() would take standard output
         over = '\r\033[K' if sys.stderr.isatty() else ''  # the line of the progress
-        print(f'{over}revisit-loops: {message}', file=sys.stderr)
+        print(f'{over}revisit-loops: {lines.printable(message)}', file=sys.stderr)
 
 
 def with_poses(o, recording):
@@ -64,9 +64,11 @@ def sensor_of(o, first):
 
 def open_output(name, stack):
     if name is None:
+        if sys.stdout is None:
+            raise Error('standard output is closed; give -o FILE')
         return sys.stdout
-    try:
-        return stack.enter_context(open(name, 'w', encoding='utf-8'))
+    try:  # names that are not UTF-8 are written as they are
+        return stack.enter_context(open(name, 'w', encoding='utf-8', errors='surrogateescape'))
     except OSError as error:
         raise Error(f'{name}: cannot be written: {error.strerror}') from None
 
@@ -142,16 +144,29 @@ def work(o):
 CODES = [(UsageError, USAGE), (InputError, INPUT), (UnsupportedError, UNSUPPORTED), (Interrupted, INTERRUPTED), (Error, FAILED)]
 
 
+def failed(why, code) -> int:
+    if sys.stderr is not None:
+        print(f'revisit-loops: {lines.printable(str(why))}', file=sys.stderr)
+    return code
+
+
 def main(arguments=None) -> int:
     """The command. Returns the exit code; argparse exits by itself for --help and what it does not know."""
     try:
-        return work(parse(arguments))
+        if sys.stdout is not None and hasattr(sys.stdout, 'reconfigure'):
+            sys.stdout.reconfigure(errors='surrogateescape')  # names that are not UTF-8 are printed as they are
+        code = work(parse(arguments))
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
     except KeyboardInterrupt:
-        print('revisit-loops: interrupted; what was found is kept', file=sys.stderr)
-        return INTERRUPTED
+        return failed('interrupted; what was found is kept', INTERRUPTED)
     except BrokenPipeError:  # whoever read has gone, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except (Error, OSError) as error:
-        print(f'revisit-loops: {error}', file=sys.stderr)
-        return next((code for kind, code in CODES if isinstance(error, kind)), FAILED)
+        return failed(error, next((code for kind, code in CODES if isinstance(error, kind)), FAILED))
+    except MemoryError:
+        return failed('the system has no memory left', FAILED)
+    except Exception as error:  # a fault of ours, or of a package: one line all the same
+        return failed(f'{type(error).__name__}: {" ".join(str(error).split())}', FAILED)

@@ -43,9 +43,16 @@ def json_text(line) -> str:
 
 
 def repr_of(value):
+    if isinstance(value, str):  # a name need not be UTF-8, JSON must
+        return value.encode('utf-8', 'surrogateescape').decode('utf-8', 'replace')
     if isinstance(value, float) and not math.isfinite(value):
         return 'NaN' if math.isnan(value) else 'Infinity' if value > 0 else '-Infinity'
     return value
+
+
+def printable(text) -> str:
+    """As a terminal can show it without obeying it: names of files hold what their makers like."""
+    return ''.join(c if c.isprintable() or c == '\n' or '\ud800' <= c <= '\udfff' else ascii(c)[1:-1] for c in text)
 
 
 def cell(name, value) -> str:

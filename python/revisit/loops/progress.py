@@ -13,7 +13,7 @@ def minutes(seconds) -> str:
 
 def scans_told(scans, count, shown=None):
     """The same scans. On a terminal a line says how many were taken, how fast, and how long it will go on."""
-    if not (sys.stderr.isatty() if shown is None else shown):
+    if not ((sys.stderr is not None and sys.stderr.isatty()) if shown is None else shown):
         yield from scans
         return
     start = told = time.monotonic()

@@ -3,7 +3,10 @@
 import contextlib
 import functools
 import heapq
+import os
 import struct
+import sys
+import types
 
 from revisit.errors import Error, InputError, UsageError
 from revisit.recordings.point_cloud2 import fields_of, points_of
@@ -13,6 +16,57 @@ ENDINGS = ('.bag', '.db3', '.mcap')
 CLOUD = 'sensor_msgs/msg/PointCloud2'
 MENDED_BY = {'index': 'rosbag reindex', 'end magic': 'mcap recover', 'malformed': 'sqlite3 FILE .recover'}
 CLOUDS = (CLOUD, 'sensor_msgs/PointCloud2')
+
+
+MOST_UNPACKED = 1 << 28
+"""[bytes] that a chunk or a message may become: chunks are about a megabyte, clouds tens. Zeros become a million times more."""
+MOST_TIMES = 100
+"""What a whole file may become, of its size: scans become a few times more."""
+
+
+def bounded(make):
+    """Unpacks by a decompressor of `make()`, and no further than MOST_UNPACKED."""
+    def unpack(data, *_):
+        unpacker = make()
+        whole = unpacker.decompress(data, MOST_UNPACKED)
+        if not unpacker.eof:
+            raise ValueError(f'{len(data)} packed bytes are cut off, or become more than {MOST_UNPACKED >> 20} MB: a bomb')
+        return whole
+    return unpack
+
+
+def bounded_open(zstd):
+    """Opens a packed file that becomes no more than MOST_UNPACKED or MOST_TIMES its size."""
+    def open_(packed, mode):
+        size = os.fstat(packed.fileno()).st_size
+        file = zstd.open(packed, mode)
+        read = file.read
+
+        def checked(n=-1):
+            part = read(n)
+            if file.tell() > max(MOST_UNPACKED, MOST_TIMES * size):
+                raise ValueError(f'{size} packed bytes become more than {MOST_TIMES} times as many: a bomb')
+            return part
+        file.read = checked
+        return file
+    return open_
+
+
+@functools.cache
+def bound_unpacking():
+    """The package unpacks whatever it becomes, at once, by the functions in these tables; other versions may have none."""
+    import bz2
+
+    import lz4.frame
+    ours = {'bz2': bounded(bz2.BZ2Decompressor), 'lz4': bounded(lz4.frame.LZ4FrameDecompressor)}
+    of_ros2 = sys.modules.get('rosbags.rosbag2.reader')
+    zstd = getattr(of_ros2, 'zstd', None)
+    if hasattr(zstd, 'ZstdDecompressor') and hasattr(zstd, 'open'):
+        ours['zstd'] = bounded(zstd.ZstdDecompressor)
+        of_ros2.zstd = types.SimpleNamespace(**vars(zstd) | {'open': bounded_open(zstd), 'decompress': ours['zstd']})
+    for module, name in (('rosbag1.reader', 'decompressors'), ('rosbag2.storage_mcap', 'DECOMPRESSORS')):
+        table = getattr(sys.modules.get(f'rosbags.{module}'), name, {})
+        table.update({key: unpack for key, unpack in ours.items() if key in table})
 
 
 def detects(path):
@@ -48,9 +102,13 @@ def opened(path):
     package('rosbags', 'rosbags', f'{path}: reading bags')
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
+    bound_unpacking()
     files = files_of(path)
     if not files:
         raise InputError(f'{path}: no .bag, .db3 or .mcap files and no metadata.yaml here')
+    for file in [*files, *(path.iterdir() if path.is_dir() else ())]:
+        if not (file.is_file() or file.is_dir()) and file.suffix in (*ENDINGS, '.zstd'):
+            raise InputError(f'{file}: is no file')  # a pipe would never end
     ending = files[0].suffix
     if files[0].is_file() and ending != '.bag' and ending not in getattr(Reader2, 'STORAGE_PLUGINS', {}):
         raise Error(f'{path}: a {ending} file without the metadata.yaml of its bag needs a newer rosbags: '

@@ -4,7 +4,7 @@ import numpy as np
 
 from revisit.errors import InputError, UsageError
 from revisit.poses import are_rigid, in_kitti_world, nearest, rigid, table_of
-from revisit.recordings.recording import Scan, files_in, is_numbered, read_records, recording_of
+from revisit.recordings.recording import Scan, bytes_of, files_in, is_numbered, read_records, recording_of
 
 MAX_GAP = 0.1
 """[s] between a scan and its pose. A scan farther from any has none."""
@@ -143,10 +143,7 @@ def detects_nclt(path):
 
 def read_nclt(file):
     """Its integers are 5 mm from -100 m on; what is there has z down."""
-    try:
-        data = np.fromfile(file, np.uint8)
-    except OSError as error:
-        raise InputError(f'{file}: {error.strerror}') from None
+    data = bytes_of(file)
     if data.size == 0 or data.size % NCLT.itemsize:
         raise InputError(f'{file}: expected points of {NCLT.itemsize} bytes each, found {data.size} bytes')
     points = data.view(NCLT)['xyz'] * np.float32(0.005) - np.float32(100)

@@ -29,6 +29,8 @@ def open_scans(path, options):
 
 def read_npy(file):
     """Floating-point [n][3 or more], or a structured array with such fields x, y, z."""
+    if not file.is_file():
+        raise InputError(f'{file}: is no file')
     try:
         points = np.load(file, mmap_mode='r', allow_pickle=False)
     except Exception as error:  # numpy parses the header as Python, which can fail in many ways

@@ -30,7 +30,7 @@ def detects(path):
 def load(file):
     try:
         return json.loads(file.read_bytes())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f'{file}: {error}') from None
 
 
@@ -40,6 +40,13 @@ def pose_of(row):
     if not are_rigid(pose)[0]:
         raise ValueError(f'expected a rotation and a translation, found {row}')
     return pose[0]
+
+
+def file_of(path, name):
+    """The file that a table names, which must be of the data set."""
+    if name.startswith('/') or '..' in name.split('/'):
+        raise ValueError(f'expected the name of a file of the data set, found {name!r}')
+    return path / name
 
 
 def scan_of(frame, file, time, pose):
@@ -52,7 +59,7 @@ def open_nuscenes(path, options):
         return without_tables(path)
     try:
         return from_tables(path, tables, options.sequence)
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         if isinstance(error, UsageError):
             raise
         raise InputError(f'{tables[0]}: no tables of nuScenes: {type(error).__name__} {error}') from None
@@ -77,7 +84,7 @@ def from_tables(path, tables, sequence):
         return in_kitti_world(T_world_car, 'lidar', T_car_lidar)
 
     rows.sort(key=lambda row: row['timestamp'])
-    return recording_of(scene['name'], [scan_of(i, path / row['filename'], row['timestamp'] * 1e-6, pose(row))
+    return recording_of(scene['name'], [scan_of(i, file_of(path, row['filename']), row['timestamp'] * 1e-6, pose(row))
                                         for i, row in enumerate(rows)])
 
 

@@ -75,12 +75,19 @@ def files_in(folder, ending) -> list[Path]:
     return sorted(files, key=lambda file: int(file.stem))
 
 
+def bytes_of(file) -> np.ndarray:
+    """uint8 [n]. InputError also for what never ends, a device or a pipe."""
+    try:
+        if not file.is_file():
+            raise InputError(f'{file}: {"is no file" if file.exists() else "there is no such file"}')
+        return np.fromfile(file, np.uint8)
+    except (OSError, ValueError) as error:  # a name that no file can have
+        raise InputError(f'{file}: {getattr(error, "strerror", None) or error}') from None
+
+
 def read_records(file, record) -> np.ndarray:
     """float32 [n][3], a view of a file of records whose first three fields are x, y, z as float32."""
-    try:
-        data = np.fromfile(file, np.uint8)
-    except OSError as error:
-        raise InputError(f'{file}: {error.strerror}') from None
+    data = bytes_of(file)
     if data.size == 0 or data.size % record.itemsize:
         raise InputError(f'{file}: expected points of {record.itemsize} bytes each, found {data.size} bytes')
     return np.ndarray((data.size // record.itemsize, 3), '<f4', data, strides=(record.itemsize, 4))

@@ -3,7 +3,10 @@
 #include <google/protobuf/util/json_util.h>
 
 #include <iostream>
+#include <memory>
+#include <vector>
 
+#include "cli/printable.h"
 #include "cli/table.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/file_content.h"
@@ -12,12 +15,38 @@ namespace revisit::cli {
 
 namespace {
 
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
 using google::protobuf::util::JsonPrintOptions;
 
-std::string printed(const google::protobuf::Message& report, JsonPrintOptions options) {
+/// JSON is UTF-8. Names of files and drives need not be, and protobuf ends a text where it is not.
+void make_utf8(Message* report) {
+  const auto* fields = report->GetReflection();
+  std::vector<const FieldDescriptor*> set;
+  fields->ListFields(*report, &set);
+  for (const FieldDescriptor* field : set) {
+    const int n = field->is_repeated() ? fields->FieldSize(*report, field) : 1;
+    for (int i = 0; i < n; ++i) {
+      if (field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE)
+        make_utf8(field->is_repeated() ? fields->MutableRepeatedMessage(report, field, i)
+                                       : fields->MutableMessage(report, field));
+      if (field->type() != FieldDescriptor::TYPE_STRING) continue;
+      if (field->is_repeated())
+        fields->SetRepeatedString(report, field, i,
+                                  utf8(fields->GetRepeatedString(*report, field, i)));
+      else
+        fields->SetString(report, field, utf8(fields->GetString(*report, field)));
+    }
+  }
+}
+
+std::string printed(const Message& given, JsonPrintOptions options) {
+  const std::unique_ptr<Message> report(given.New());
+  report->CopyFrom(given);
+  make_utf8(report.get());
   options.preserve_proto_field_names = true;
   std::string text;
-  const auto status = google::protobuf::util::MessageToJsonString(report, &text, options);
+  const auto status = google::protobuf::util::MessageToJsonString(*report, &text, options);
   if (!status.ok()) throw Error("cannot write JSON: " + std::string(status.message()));
   return text;
 }

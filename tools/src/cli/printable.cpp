@@ -19,16 +19,28 @@ bool continues(char c) {
   return (static_cast<unsigned char>(c) & 0xc0) == 0x80;
 }
 
-/// How many bytes at the start of `text` are one whole character that a terminal shows; 0 when none
-/// are. Control characters are those below the blank, DEL and U+0080 to U+009F.
-size_t shown(std::string_view text) {
+/// How many bytes at the start of `text` are one whole character; 0 when none are.
+size_t whole(std::string_view text) {
   const auto first = static_cast<unsigned char>(text[0]);
-  if (first < ' ' || first == 0x7f) return 0;
   const size_t length = length_of(first);
   if (length == 0 || length > text.size()) return 0;
   if (!std::all_of(text.begin() + 1, text.begin() + static_cast<std::ptrdiff_t>(length), continues))
     return 0;
-  return first == 0xc2 && static_cast<unsigned char>(text[1]) < 0xa0 ? 0 : length;
+  if (length < 3) return length;
+  // Longer than need be, a half of UTF-16, or beyond U+10FFFF.
+  const auto second = static_cast<unsigned char>(text[1]);
+  const bool none = (first == 0xe0 && second < 0xa0) || (first == 0xed && second >= 0xa0) ||
+                    (first == 0xf0 && second < 0x90) || (first == 0xf4 && second >= 0x90);
+  return none ? 0 : length;
+}
+
+/// The same, of a character that a terminal shows. Control characters are those below the blank,
+/// DEL and U+0080 to U+009F.
+size_t shown(std::string_view text) {
+  const auto first = static_cast<unsigned char>(text[0]);
+  if (first < ' ' || first == 0x7f) return 0;
+  const size_t length = whole(text);
+  return first == 0xc2 && length > 0 && static_cast<unsigned char>(text[1]) < 0xa0 ? 0 : length;
 }
 
 std::string escaped(char c) {
@@ -52,6 +64,16 @@ std::string printable_but(std::string_view text, std::string_view kept) {
 
 std::string printable(std::string_view text) {
   return printable_but(text, "");
+}
+
+std::string utf8(std::string_view text) {
+  std::string result;
+  while (!text.empty()) {
+    const size_t length = whole(text);
+    result += length > 0 ? text.substr(0, length) : std::string_view("\uFFFD");
+    text.remove_prefix(std::max<size_t>(length, 1));
+  }
+  return result;
 }
 
 /// Writes to `next`. The bytes of a character may come one by one.

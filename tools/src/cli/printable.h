@@ -11,6 +11,9 @@ namespace revisit::cli {
 /// characters, and bytes that are not UTF-8, become \x1b and the like.
 std::string printable(std::string_view text);
 
+/// UTF-8: bytes that are not become U+FFFD.
+std::string utf8(std::string_view text);
+
 /// Makes all that goes through a stream printable as long as it lives; line ends and tabulators
 /// stay. For messages and for what a terminal shows: a machine reads the exact bytes.
 class PrintableStream {

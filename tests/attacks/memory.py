@@ -1,0 +1,508 @@
+"""What outlives what, and what several threads do to one thing."""
+
+import gc
+import os
+import sys
+import threading
+import time
+import warnings
+
+import numpy as np
+
+from arrays import caffe_net, net_of
+from harness import Case, Fault, command
+from nets import CONVOLVE, SCALE
+from scans import room
+
+IMAGE = np.random.default_rng(2).normal(size=(1, 3, 8, 10)).astype(np.float32)
+
+
+def churn():
+    """Lets go of what nobody holds, and writes over its memory."""
+    gc.collect()
+    return [np.full(n, np.nan, np.float32) for n in range(1, 5000, 7)]
+
+
+def stays(make):
+    """A case: make(folder) gives arrays whose owners are gone; they keep their numbers."""
+    def work(rng, folder):
+        arrays, copies = make(folder)
+        held = churn()
+        for array, copy in zip(arrays, copies, strict=True):
+            if not np.array_equal(array, copy, equal_nan=True):
+                raise Fault('an array changed when its owner had gone')
+        del held
+    return work
+
+
+def both(arrays):
+    arrays = list(arrays)
+    return arrays, [array.copy() for array in arrays]
+
+
+def of_run(folder):
+    run = net_of(CONVOLVE).plan(keep_all=True).run()
+    run.forward({'data': IMAGE})
+    return both([run.input('data'), run.output('prob'), run.layer_output('conv'), *run.outputs().values()])
+
+
+def of_weights(folder):
+    return both(array for arrays in net_of(CONVOLVE).weights.values() for array in arrays)
+
+
+def of_file(folder):
+    from revisit import proto
+    file = proto.parse_net(CONVOLVE)
+    file.set_weights({'fc': [np.arange(12, dtype=np.float32).reshape(3, 4)]})
+    return both(proto.WeightsFile.from_bytes(file.to_bytes()).read(0))
+
+
+def of_net_blobs(folder):
+    net = caffe_net(folder, CONVOLVE)
+    net.forward(data=IMAGE)
+    return both([*(blob.data for blob in net.blobs.values()), *(blob.data for blobs in net.params.values() for blob in blobs)])
+
+
+def of_description(folder):
+    import revisit
+    return both([revisit.open_map(None).describe(room(1)).feature])
+
+
+def of_places(folder):
+    import revisit
+    from revisit import maps
+    recognizer = revisit.open_map(folder / 'm.map')
+    for seed in range(3):
+        recognizer.add(recognizer.describe(room(seed)))
+    del recognizer
+    gc.collect()
+    places = maps.MapStore.open(folder / 'm.map').places()
+    return both([array for place in places for array in (place.feature, place.descriptor)])
+
+
+def of_points(folder):
+    from revisit import datasets
+    datasets.write_kitti_scan(folder / 'a.bin', room(1))
+    array = datasets.read_scan(folder / 'a.bin')
+    (folder / 'a.bin').write_bytes(b'')
+    return both([array])
+
+
+def of_prepared(folder):
+    from revisit import registration
+    return both([registration.PreparedScan(room(1)).points])
+
+
+def of_curve(folder):
+    from revisit import evaluation
+    return both(evaluation.precision_recall(evaluation.verdicts(np.arange(9.0), np.arange(9) % 2 == 0)).values())
+
+
+def given_goes(rng, folder):
+    """What was given may go, or change, afterwards."""
+    import revisit
+    from revisit import proto
+    scan = room(1)
+    recognizer = revisit.open_map(None)
+    before = recognizer.describe(scan)
+    feature = before.feature.copy()
+    scan[...] = 0
+    del scan
+    held = churn()
+    if not np.array_equal(before.feature, feature):
+        raise Fault('a description changed with the scan')
+    content = proto.parse_net(CONVOLVE).to_bytes()
+    file = proto.WeightsFile.from_bytes(bytes(bytearray(content)))
+    del content
+    churn()
+    file.layers
+    del held
+
+
+def changes_meanwhile(rng, folder):
+    """A scan that another thread writes to: any answer, but one."""
+    import revisit
+    recognizer, scan, end = revisit.open_map(None), room(1), threading.Event()
+
+    def scribble():
+        while not end.is_set():
+            scan[rng.randrange(len(scan)):, :3] *= np.float32(-1.01)
+    thread = threading.Thread(target=scribble)
+    thread.start()
+    for _ in range(5):
+        recognizer.describe(scan)
+    end.set()
+    thread.join()
+
+
+def gone_during_pass(rng, folder):
+    run = net_of(CONVOLVE).plan(threads=2).run()
+    runs = [run]
+    threads = [threading.Thread(target=lambda: [runs[0].forward({'data': IMAGE}) for _ in range(50) if runs]) for _ in range(1)]
+    for thread in threads:
+        thread.start()
+    time.sleep(0.01)
+    del run
+    runs.clear()
+    gc.collect()
+    for thread in threads:
+        thread.join()
+
+
+def after_fork(threads):
+    def work(rng, folder):
+        warnings.simplefilter('ignore', DeprecationWarning)
+        net = net_of(CONVOLVE)
+        run = net.plan(threads=threads).run()
+        run.forward({'data': IMAGE})
+        expected = run.output('prob').copy()
+        child = os.fork()
+        if child == 0:
+            run.forward({'data': IMAGE})
+            other = net.plan(threads=threads).run()
+            other.forward({'data': IMAGE})
+            os._exit(0 if np.array_equal(run.output('prob'), expected) and np.array_equal(other.output('prob'), expected) else 9)
+        if os.waitpid(child, 0)[1]:
+            raise Fault('the child of a fork fails')
+        run.forward({'data': IMAGE})
+        if not np.array_equal(run.output('prob'), expected):
+            raise Fault('another answer after a fork')
+    return work
+
+
+def map_after_fork(rng, folder):
+    """A child has no business with the parent's map, and must not break it."""
+    import revisit
+    from revisit import maps
+    recognizer = revisit.open_map(folder / 'm.map')
+    recognizer.add(recognizer.describe(room(1)))
+    child = os.fork()
+    if child == 0:
+        try:
+            recognizer.query(recognizer.describe(room(1)))
+        finally:
+            os._exit(0)
+    os.waitpid(child, 0)
+    recognizer.add(recognizer.describe(room(2)))
+    del recognizer
+    gc.collect()
+    if maps.check_map(folder / 'm.map') or len(maps.MapStore.open(folder / 'm.map')) != 2:
+        raise Fault('the map is damaged')
+
+
+BEGIN = """
+import sys, threading, atexit, gc, time, os, numpy as np
+sys.path[:0] = {path!r}
+from arrays import net_of; from nets import CONVOLVE; from scans import room
+import revisit, revisit.maps
+image = np.zeros((1, 3, 8, 10), np.float32)
+net = net_of(CONVOLVE); run = net.plan(threads={threads}).run()
+def work(n=10**9):
+    mine = net.plan(threads={threads}).run()
+    for _ in range(n): mine.forward({{'data': image}})
+def describe(n=10**9):
+    recognizer = revisit.open_map(None); scan = room(1)
+    for _ in range(n): recognizer.add(recognizer.describe(scan))
+"""
+ENDS = {
+    'daemon in a pass': 'threading.Thread(target=work, daemon=True).start(); time.sleep(0.05)',
+    'daemons in passes': '[threading.Thread(target=work, daemon=True).start() for _ in range(4)]; time.sleep(0.1)',
+    'daemon in describe': 'threading.Thread(target=describe, daemon=True).start(); time.sleep(0.1)',
+    'thread still working': 'threading.Thread(target=work, args=(200,)).start()',
+    'atexit': 'atexit.register(lambda: work(3)); atexit.register(lambda: describe(1))',
+    'globals in a cycle': 'a = [run, net]; a.append(a); held = run.input("data")',
+    'kept by a module': 'sys.modules["kept"] = run; import builtins; builtins.kept = run.output',
+    'raise in a thread': 'def bad():\n    run.forward({"data": 1})\nt = threading.Thread(target=bad); threading.excepthook = lambda *a: None; t.start(); t.join()',
+    'del at exit': 'class Late:\n    def __init__(self): self.net = net\n    def __del__(self): self.net.plan()\nlate = Late()',
+    'del in a cycle': 'class Late:\n    def __init__(self): self.net = net; self.me = self\n    def __del__(self): self.net.plan().run().forward({"data": image})\nLate()',
+    'os._exit in a pass': 'threading.Thread(target=work, daemon=True).start(); time.sleep(0.05); os._exit(0)',
+    'sys.exit in a thread': 'threading.Thread(target=lambda: (work(2), sys.exit(3))).start()',
+    'open map': 'r = revisit.open_map("m.map"); r.add(r.describe(room(1))); threading.Thread(target=lambda: [r.add(r.describe(room(1))) for _ in range(10**6)], daemon=True).start(); time.sleep(0.3)',
+    'generator': 'def g():\n    mine = net.plan().run()\n    while True:\n        mine.forward({"data": image}); yield mine.output("prob")\nit = g(); next(it)',
+    'fork in a pass': 'threading.Thread(target=work, daemon=True).start(); time.sleep(0.05)\nif os.fork() == 0: work(2); sys.exit(0)\nos.wait()',
+}
+
+
+def at_end(what, threads):
+    def work(rng, folder):
+        script = folder / 'end.py'
+        script.write_text(BEGIN.format(path=[p for p in sys.path if p], threads=threads) + what + '\n')
+        command([sys.executable, '-W', 'ignore', script], codes=(0,), cwd=folder, timeout=40)
+    return work
+
+
+def lifetimes():
+    cases = [Case(f'{make.__name__}', stays(make)) for make in (
+        of_run, of_weights, of_file, of_net_blobs, of_description, of_places, of_points, of_prepared, of_curve)]
+    cases += [Case(work.__name__, work) for work in (given_goes, changes_meanwhile, gone_during_pass, map_after_fork)]
+    cases += [Case(f'after a fork, {threads} threads', after_fork(threads)) for threads in (1, 2, 4)]
+    cases += [Case(f'the end: {name}, {threads} threads', at_end(what, threads)) for threads in (1, 2) for name, what in ENDS.items()]
+    return cases
+
+
+# Threads
+
+def together(*works):
+    """Runs all of them at the same time, until they end. What one raises is raised."""
+    errors, gate = [], threading.Barrier(len(works))
+
+    def guarded(work):
+        try:
+            gate.wait()
+            work()
+        except BaseException as error:
+            errors.append(error)
+    threads = [threading.Thread(target=guarded, args=(work,)) for work in works]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    if errors:
+        raise errors[0]
+
+
+def one_run(rng, folder):
+    """Each pass gives the right answer, or says that another thread is there."""
+    from revisit.errors import UsageError
+    net = net_of(CONVOLVE)
+    run, alone = net.plan(threads=2).run(), net.plan().run()
+    alone.forward({'data': IMAGE})
+    expected = alone.output('prob').copy()
+
+    def work():
+        for _ in range(60):
+            try:
+                run.forward({'data': IMAGE})
+                found = run.output('prob').copy()
+            except UsageError:
+                continue
+            if not np.array_equal(found, expected):
+                raise Fault('another answer')
+    together(*[work] * 8)
+
+
+def one_run_mixed(rng, folder):
+    from revisit import engine
+    from revisit.errors import UsageError
+    run = net_of(CONVOLVE).plan(threads=2, keep_all=True).run()
+
+    def calls(call):
+        def work():
+            for _ in range(40):
+                try:
+                    call()
+                except UsageError:
+                    pass
+        return work
+    together(calls(lambda: run.forward({'data': IMAGE})), calls(lambda: run.set_input('data', IMAGE)), calls(lambda: run.outputs()),
+             calls(lambda: run.layer_output('conv').copy()), calls(lambda: engine.profile(run, warmup=0, repeat=1)),
+             calls(lambda: run.plan.layers), calls(gc.collect), calls(lambda: run.input('data').fill(1)))
+
+
+def own_runs(rng, folder):
+    net = net_of(CONVOLVE)
+    plan = net.plan(threads=2)
+    first = plan.run()
+    first.forward({'data': IMAGE})
+    expected = first.output('prob').copy()
+
+    def work():
+        for _ in range(30):
+            run = plan.run()
+            run.forward({'data': IMAGE})
+            if not np.array_equal(run.output('prob'), expected):
+                raise Fault('another answer')
+    together(*[work] * 8)
+
+
+def plans(rng, folder):
+    net = net_of(CONVOLVE)
+
+    def work():
+        for n in range(1, 25):
+            plan = net.plan({'data': [n, 3, 8, 10]}, threads=1 + n % 2, keep_all=n % 3 == 0)
+            if plan.outputs['prob'][0] != n:
+                raise Fault('another shape')
+            plan.run().forward({'data': np.repeat(IMAGE, n, 0)})
+    together(*[work] * 6)
+
+
+def released_weights(rng, folder):
+    """Plans of a net that keeps its weights in one order only, and gc meanwhile."""
+    from revisit import engine, proto
+    text = folder / 'n.prototxt'
+    text.write_text(CONVOLVE)
+    file = proto.parse_net(CONVOLVE)
+    file.set_weights({name: list(arrays) for name, arrays in net_of(CONVOLVE).weights.items()})
+    file.write_binary(folder / 'n.caffemodel')
+    net = engine.Net.load(text, folder / 'n.caffemodel', release_weights=True)
+
+    def work():
+        for n in range(1, 20):
+            net.plan({'data': [n, 3, 8, 10]}).run().forward({'data': np.repeat(IMAGE, n, 0)})
+            gc.collect()
+    together(*[work] * 6)
+
+
+def recogniser(store):
+    def work(rng, folder):
+        import revisit
+        from revisit import maps
+        file = folder / 'm.map' if store else None
+        recognizer = revisit.open_map(file, first_stretch=8)
+        scans = [room(seed)[::4].copy() for seed in range(6)]
+        first = recognizer.describe(scans[0])
+        recognizer.add(first)
+
+        def add(k):
+            def all_of():
+                for i in range(6):
+                    recognizer.add(recognizer.describe(scans[i]), drive=str(k), frame=i)
+            return all_of
+
+        def ask():
+            for i in range(30):
+                recognizer.query(first, [0])
+                len(recognizer), recognizer.threshold, recognizer.warnings
+                recognizer.refresh() if i % 5 == 0 else recognizer.refresh_on_news()
+
+        def remove():
+            for i in range(5):
+                try:
+                    recognizer.remove([i])
+                except revisit.errors.UsageError:
+                    pass
+        together(*[add(k) for k in range(4)], ask, ask, remove)
+        removed = recognizer.remove(list(range(5)))
+        if len(recognizer) != 25:  # positions stay
+            raise Fault(f'{len(recognizer)} places, expected 25 ({removed} removed last)')
+        if store:
+            del recognizer
+            gc.collect()
+            if maps.check_map(file) or len(maps.MapStore.open(file)) != 20:
+                raise Fault(f'the map: {maps.check_map(file)}')
+    return work
+
+
+def one_map(rng, folder):
+    """Read, removed from and closed at once."""
+    import revisit
+    from revisit import maps
+    from revisit.errors import UsageError
+    recognizer = revisit.open_map(folder / 'm.map')
+    for seed in range(8):
+        recognizer.add(recognizer.describe(room(seed)[::8]))
+    del recognizer
+    gc.collect()
+    map_ = maps.MapStore.open(folder / 'm.map', write=True)
+
+    def calls(call):
+        def work():
+            for i in range(40):
+                try:
+                    call(i)
+                except UsageError:
+                    pass
+        return work
+    together(calls(lambda i: map_.places()), calls(lambda i: map_.remove([1 + i % 8])), calls(lambda i: len(map_)),
+             calls(lambda i: map_.value('basis')), calls(lambda i: map_.removed()), calls(lambda i: i == 30 and map_.close()),
+             calls(lambda i: revisit.open_map(folder / 'other.map') and None if i == 0 else None))
+
+
+def gone_elsewhere(rng, folder):
+    """Maps and recognisers made in one thread, dropped in another by the collector."""
+    import revisit
+    scan = room(1)[::8]
+
+    def make(k):
+        def work():
+            for i in range(6):
+                recognizer = revisit.open_map(folder / f'{k}-{i}.map')
+                recognizer.add(recognizer.describe(scan))
+                cycle = [recognizer]
+                cycle.append(cycle)
+                del recognizer, cycle
+        return work
+
+    def collect():
+        for _ in range(300):
+            gc.collect()
+    together(make(0), make(1), make(2), collect, collect)
+
+
+def scan_features(rng, folder):
+    from revisit import recognition
+    describe, scan = recognition.from_scan(recognition.m2dp_features()), room(1)[::20]
+    expected = describe(scan)
+
+    def work():
+        for _ in range(20):
+            if not np.array_equal(describe(scan), expected):
+                raise Fault('another feature')
+    together(*[work] * 6)
+
+
+def weights_file(rng, folder):
+    from revisit import proto
+    file = proto.parse_net(CONVOLVE)
+    file.set_weights({'conv': [np.arange(7, dtype=np.float32)], 'fc': [np.arange(9, dtype=np.float32)]})
+    opened = proto.WeightsFile.from_bytes(file.to_bytes())
+    indices = [i for i, (name, n) in enumerate(opened.layers) if n]
+
+    def work():
+        for i in range(200):
+            [array] = opened.read(indices[i % len(indices)])
+            if not np.array_equal(array, np.arange(len(array), dtype=np.float32)):
+                raise Fault('other weights')
+    together(*[work] * 6)
+
+
+def net_file(rng, folder):
+    """One NetFile written to and read."""
+    from revisit import proto
+    file = proto.parse_net(CONVOLVE)
+
+    def work():
+        for i in range(100):
+            file.set_weights({'fc': [np.full(1 + i % 50, i, np.float32)]})
+            proto.parse_net_binary(file.to_bytes())
+            file.text()
+    together(*[work] * 4)
+
+
+def nets_of_caffe(rng, folder):
+    net = caffe_net(folder, SCALE)
+
+    def work():
+        mine = type(net)(str(folder / 'net.prototxt'), 1)
+        for i in range(40):
+            if not np.array_equal(mine.forward(data=np.full((2, 3), i, np.float32))['out'], np.full((2, 3), 2 * i + 1)):
+                raise Fault('another answer')
+    together(*[work] * 6)
+
+
+def simulations(rng, folder):
+    """Progress that raises, in two at once."""
+    from revisit import simulation
+
+    def work(k):
+        def progress(done, total):
+            if done == 2:
+                raise KeyError('enough')
+
+        def simulate():
+            try:
+                simulation.simulate(folder / str(k), last_frame=8, sensor='vlp16', progress=progress)
+            except KeyError:
+                return
+            raise Fault('what progress raised is lost')
+        return simulate
+    together(work(0), work(1))
+
+
+def threads():
+    works = [one_run, one_run_mixed, own_runs, plans, released_weights, one_map, gone_elsewhere, scan_features, weights_file, net_file,
+             nets_of_caffe, simulations]
+    cases = [Case(f'{work.__name__} {i}', work, 900) for work in works for i in range(3)]
+    return cases + [Case(f'one recogniser {"with" if store else "without"} a map {i}', recogniser(store), 900)
+                    for store in (True, False) for i in range(2)]
