@@ -197,6 +197,7 @@ TEST(MapStore, RefusesWhatCannotBeKept) {
   refused([&](StoredPlace& p) { p.descriptor[7] = static_cast<float>(none); }, "its descriptor");
   refused([&](StoredPlace& p) { p.feature = {INFINITY}; }, "its feature");
   refused([&](StoredPlace& p) { p.time = none; }, "its time");
+  refused([&](StoredPlace& p) { p.drive = std::string("x\0y", 3); }, "'x' and a zero byte");
   refused(
       [&](StoredPlace& p) {
         p.pose.emplace(Eigen::Isometry3d::Identity()).translation().x() = none;

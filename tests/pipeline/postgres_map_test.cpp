@@ -1,4 +1,6 @@
+#include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,6 +17,7 @@
 #include "expect_error.h"
 #include "postgres_server.h"
 #include "read_map.h"
+#include "removed_places.h"
 #include "revisit/maps/place_recognizer.h"
 
 namespace revisit::pipeline {
@@ -181,6 +184,15 @@ TEST_F(PostgresMap, ErrorsSayWhatToDoAndNeverThePassword) {
   refused(server_->url("town") + "&patience=x", "patience=x");
   server_->execute("CREATE SCHEMA odd; CREATE TABLE odd.map (x INTEGER)");
   refused(server_->url("odd"), "another program's tables");
+  // It takes the connection and says nothing.
+  const int silent = ::socket(AF_INET, SOCK_STREAM, 0);
+  ASSERT_EQ(::listen(silent, 1), 0);
+  sockaddr_in at{};
+  socklen_t size = sizeof(at);
+  ASSERT_EQ(::getsockname(silent, reinterpret_cast<sockaddr*>(&at), &size), 0);
+  refused(str("postgresql://me:sesame@127.0.0.1:", ntohs(at.sin_port), "/x?patience=1"),
+          "check that a PostgreSQL server runs");
+  ::close(silent);
 }
 
 TEST_F(PostgresMap, RobotsAddAtOnceAndOthersAreTold) {
@@ -327,6 +339,12 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   EXPECT_EQ(of_a->frames, (std::vector<int64_t>{0, 1, 2}));
   EXPECT_EQ(of_b->frames, (std::vector<int64_t>{4, 5, 6}));
   expect_error<UsageError>([&] { a->claim("x", 1); }, {"has not ended"});
+  const std::string cut("x\0y", 3);  // would be x there
+  expect_error<UsageError>([&] { a->expect(cut, frames); }, {"zero byte"});
+  expect_error<UsageError>([&] { a->claim(cut, 1); }, {"zero byte"});
+  StoredPlace of_cut = there;
+  of_cut.drive = cut;
+  expect_error<UsageError>([&] { a->add({&of_cut, 1}); }, {"zero byte"});
   expect_error<UsageError>([&] { a->add({&there, 1}, {}, of_a.get()); }, {"frame 3", "claim"});
   expect_error<UsageError>([&] { a->add({}, {}, of_b.get()); }, {"another map's"});
   // Made for another revision: the claim goes on.
@@ -352,6 +370,25 @@ TEST_F(PostgresMap, ClaimsAreOfOneAndEndWithTheirConnection) {
   b->expect("x", frames);
   EXPECT_EQ(b->expected("x"), 0);
   EXPECT_EQ(frames_of(*b)["x"], (std::set<int64_t>{0, 2, 3, 4, 5, 6, 7, 8, 9}));
+}
+
+TEST_F(PostgresMap, AnyThreadMayEndAClaimWhileAnotherUsesTheMap) {
+  const auto map = writer();
+  map->expect("x", frames_to(100));
+  std::vector<std::thread> enders;
+  for (int i = 0; i < 100; ++i) {
+    std::unique_ptr<Claim> claim;
+    try {
+      claim = map->claim("x", 1);
+    } catch (const UsageError&) {  // the one before has not ended
+      continue;
+    }
+    ASSERT_NE(claim, nullptr);
+    EXPECT_EQ(claim->frames, std::vector<int64_t>{0});
+    enders.emplace_back([held = std::move(claim)]() mutable { held.reset(); });
+  }
+  for (std::thread& ender : enders) ender.join();
+  EXPECT_EQ(map->claim("x", 1)->frames, std::vector<int64_t>{0});
 }
 
 TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
@@ -386,9 +423,22 @@ TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
   server_->execute(
       "DELETE FROM town.place WHERE id = 5; UPDATE town.removed SET checksum = 0 "
       "WHERE place = 256");
-  EXPECT_EQ(check_map(server_->url("town")).size(), 2);
+  EXPECT_EQ(check_map(server_->url("town")).size(), 3);
   EXPECT_EQ(map->remove(std::vector<int64_t>{5, 256}), 2);
   EXPECT_EQ(check_map(server_->url("town")), std::vector<std::string>());
+  EXPECT_EQ(map->size(), 595);
+  EXPECT_EQ(read_all(*map).places.size(), 595);
+  // A list that no removal wrote: of a place that is there, and of one that never was.
+  for (const int64_t place : {7, 1'000'000}) {
+    server_->execute("INSERT INTO town.removed VALUES (9, " + std::to_string(place) + ", " +
+                     std::to_string(removed_checksum(9, place)) + ")");
+    const std::vector<std::string> wrong = check_map(server_->url("town"));
+    ASSERT_EQ(wrong.size(), 1) << place;
+    EXPECT_NE(wrong[0].find("removed places is damaged: it has place " + std::to_string(place)),
+              std::string::npos)
+        << wrong[0];
+    server_->execute("DELETE FROM town.removed WHERE id = 9");
+  }
 }
 
 TEST_F(PostgresMap, ARemovedPlacesScanIsExpectedAgain) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <iterator>
 #include <set>
 
@@ -45,16 +46,18 @@ class ClaimsOfOne {
 
  private:
   struct OwnClaim : Claim {
-    explicit OwnClaim(std::shared_ptr<bool> is_claimed) : claimed(std::move(is_claimed)) {
+    explicit OwnClaim(std::shared_ptr<std::atomic<bool>> is_claimed)
+        : claimed(std::move(is_claimed)) {
       *claimed = true;
     }
     ~OwnClaim() override { *claimed = false; }
     OwnClaim(const OwnClaim&) = delete;
     OwnClaim& operator=(const OwnClaim&) = delete;
-    std::shared_ptr<bool> claimed;
+    std::shared_ptr<std::atomic<bool>> claimed;
   };
   std::map<std::string, std::set<int64_t>> expected_, left_out_;
-  std::shared_ptr<bool> claimed_ = std::make_shared<bool>(false);
+  // Any thread may end a claim.
+  std::shared_ptr<std::atomic<bool>> claimed_ = std::make_shared<std::atomic<bool>>(false);
 };
 
 }  // namespace revisit::pipeline

@@ -55,6 +55,12 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat 
   return bytes_of_numbers(halves.data(), halves.size());
 }
 
+void check_drive(const std::string& drive, const std::string& of) {
+  if (drive.find('\0') != std::string::npos)
+    throw UsageError(str(of, "a drive whose name begins with '", drive.c_str(),
+                         "' and a zero byte: names of drives cannot have one"));
+}
+
 void check_places_of(const Claim& claim, std::span<const StoredPlace> places) {
   for (const StoredPlace& place : places)
     if (place.drive != claim.drive || std::ranges::count(claim.frames, place.frame) == 0)
@@ -72,6 +78,7 @@ std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t places) {
 
 PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number) {
   const std::string of = str("place ", number, " of those to add");
+  check_drive(place.drive, of + ": ");
   if (place.time && !std::isfinite(*place.time))
     throw UsageError(str(of, ": its time is not finite: ", *place.time));
   PlaceRow row;

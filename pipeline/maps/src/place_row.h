@@ -18,6 +18,10 @@ struct PlaceRow {
 /// Throws UsageError, naming place `number` of the call, for what cannot be stored.
 PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number);
 
+/// Throws UsageError for a name with a zero byte, where a server would cut it.
+/// `of` begins the message.
+void check_drive(const std::string& drive, const std::string& of = "");
+
 /// Throws UsageError when the claim does not have all of the places.
 void check_places_of(const Claim& claim, std::span<const StoredPlace> places);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <utility>
 
 #include "revisit/proto/error.h"
@@ -45,7 +46,8 @@ Address parse_address(const std::string& where) {
     address.name.erase(colon, at - colon);
   }
 
-  char before_url = '?', before_name = '?';
+  char before_name = '?';
+  std::string entries;
   for (size_t begin = question; begin != std::string::npos && begin + 1 < where.size();) {
     const size_t end = where.find('&', begin + 1);
     const std::string entry = where.substr(begin + 1, end - begin - 1);
@@ -58,14 +60,20 @@ Address parse_address(const std::string& where) {
     } else if (key == "patience") {
       address.patience = seconds(value);
     } else {
-      address.url += before_url + entry;
-      before_url = '&';
+      entries += '&' + entry;
     }
     if (key == "password")
       address.password = value;
     else if (key != "sslpassword")
       address.name += std::exchange(before_name, '&') + entry;
   }
+  // By itself libpq waits without end for a server that accepts and says nothing, and a quarter of
+  // an hour for one whose machine is gone. The last entry of a name counts: people's come later.
+  const double patience = static_cast<double>(address.patience.count()) / 1000;
+  address.url += str("?connect_timeout=", std::max(2.0, std::ceil(patience)),
+                     "&keepalives_idle=10&keepalives_interval=5&keepalives_count=4"
+                     "&tcp_user_timeout=30000",
+                     entries);
   return address;
 }
 

@@ -145,6 +145,7 @@ std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
 
 void SqliteMap::expect(const std::string& drive, std::span<const int64_t> frames) {
   must_be_writer();
+  check_drive(drive);
   std::set<int64_t> there;
   const Transaction moment(*connection_, Locking::kReads);
   Statement select(*connection_, "SELECT frame FROM place WHERE drive = ?");

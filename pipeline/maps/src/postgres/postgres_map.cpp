@@ -1,6 +1,7 @@
 #include "postgres_map.h"
 
 #include <algorithm>
+#include <mutex>
 #include <random>
 #include <set>
 
@@ -19,8 +20,17 @@ using namespace postgres;
 /// The transaction holds the claimed rows of `expected`: the server lets go of them when the
 /// connection ends.
 struct ServerClaim : Claim {
+  explicit ServerClaim(std::shared_ptr<std::recursive_mutex> mutex)
+      : of_connection(std::move(mutex)) {}
+  ServerClaim(const ServerClaim&) = delete;
+  ServerClaim& operator=(const ServerClaim&) = delete;
+  ~ServerClaim() override {
+    const std::lock_guard lock(*of_connection);
+    step.reset();
+  }
   std::unique_ptr<pqxx::work> step;  // null once it has ended
   const Server* server = nullptr;
+  std::shared_ptr<std::recursive_mutex> of_connection;  // which the next claim() may be using
 };
 
 /// A map in a schema of a PostgreSQL database.
@@ -35,7 +45,8 @@ class PostgresMap : public MapStore {
   int64_t size() const override {
     return server_->run([&](pqxx::connection& connection) {
       Moment moment(connection);
-      return std::max<int64_t>(0, read_places(moment, "") - count_removed(moment));
+      const int64_t there = read_places(moment, "");
+      return std::max<int64_t>(0, there - count_removed(moment, there));
     });
   }
 
@@ -93,6 +104,7 @@ class PostgresMap : public MapStore {
 
   void expect(const std::string& drive, std::span<const int64_t> frames) override {
     must_be_writer();
+    check_drive(drive);
     std::string numbers;
     for (const int64_t frame : frames) numbers += str(numbers.empty() ? "" : ",", frame);
     server_->run([&](pqxx::connection& connection) {
@@ -110,10 +122,12 @@ class PostgresMap : public MapStore {
 
   std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) override {
     must_be_writer();
+    check_drive(drive);
     if (most < 1) throw UsageError(str("a claim of ", most, " scans: expected at least 1"));
+    const std::lock_guard lock(*of_claims_);
     if (claims_ == nullptr) claims_ = std::make_unique<Server>(server_->address(), false);
     return claims_->run([&](pqxx::connection& connection) -> std::unique_ptr<Claim> {
-      auto claim = std::make_unique<ServerClaim>();
+      auto claim = std::make_unique<ServerClaim>(of_claims_);
       claim->drive = drive;
       claim->server = claims_.get();
       try {
@@ -163,7 +177,12 @@ class PostgresMap : public MapStore {
       // The connection was lost on the way, and the moment is another: the next read() goes on.
       if (at.revision >= 0 && at.revision != head.revision) return server_->has_more_news();
       // Of the first moment: what was removed after it may have been handed over.
-      if (at.revision < 0) at.removed = count_removed(moment);
+      if (at.revision < 0) {
+        at.removed = last_removal(moment);
+        const std::string what = after <= 0 ? damage_of_removed(moment, there) : "";
+        if (!what.empty())
+          tell_once(str(server_->name(), ": the list of removed places is damaged: ", what));
+      }
       at.revision = head.revision;
       select_places(
           moment, head, there, at.last,
@@ -224,7 +243,7 @@ class PostgresMap : public MapStore {
         to_remove = ids_to_remove(ids, there);
         for (const int64_t id : read_removed(step, "true")) to_remove.erase(id);
         if (to_remove.empty()) return int64_t{0};
-        before = count_removed(step);
+        before = last_removal(step);
         remove_places(step, to_remove);
         server_->tell_others(step);
         step.commit();
@@ -291,6 +310,7 @@ class PostgresMap : public MapStore {
     auto* own = dynamic_cast<ServerClaim*>(&claim);
     if (own == nullptr || own->step == nullptr || own->server != claims_.get())
       throw UsageError("this claim has ended, or is another map's");
+    const std::lock_guard lock(*of_claims_);
     std::vector<int64_t> ids;
     pqxx::work& step = *own->step;
     try {
@@ -332,6 +352,7 @@ class PostgresMap : public MapStore {
   }
 
   std::unique_ptr<Server> server_, claims_;  // of the second, one transaction a claim
+  std::shared_ptr<std::recursive_mutex> of_claims_ = std::make_shared<std::recursive_mutex>();
   MapAccess access_;
   MapHead head_;  // as it was when the map was opened
   std::random_device random_;

@@ -87,9 +87,29 @@ int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string*
   return step.exec("SELECT coalesce(max(id), 0) FROM place")[0][0].as<int64_t>();
 }
 
-int64_t count_removed(pqxx::transaction_base& step) {
+int64_t count_removed(pqxx::transaction_base& step, int64_t there) {
+  if (!may_have_removed(step)) return 0;
+  return step.exec_params("SELECT count(*) FROM removed WHERE place BETWEEN 1 AND $1", there)[0][0]
+      .as<int64_t>();
+}
+
+int64_t last_removal(pqxx::transaction_base& step) {
   if (!may_have_removed(step)) return 0;
   return step.exec("SELECT coalesce(max(id), 0) FROM removed")[0][0].as<int64_t>();
+}
+
+std::string damage_of_removed(pqxx::transaction_base& step, int64_t there) {
+  if (!may_have_removed(step)) return "";
+  for (const pqxx::row& row : step.exec("SELECT id, place, checksum FROM removed ORDER BY id")) {
+    const auto id = row[0].as<int64_t>(), place = row[1].as<int64_t>();
+    if (removed_checksum(id, place) != row[2].as<int64_t>())
+      return str("the checksum of entry ", id, " is wrong; what it names counts as lost");
+    if (place < 1 || place > there) return str("it has place ", place, ", the map has had ", there);
+  }
+  const pqxx::result both =
+      step.exec("SELECT min(id) FROM place WHERE id IN (SELECT place FROM removed)");
+  return both[0][0].is_null() ? ""
+                              : str("it has place ", both[0][0].as<int64_t>(), ", which is there");
 }
 
 std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& where) {
@@ -107,7 +127,7 @@ void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places
   step.exec(kTableOfRemoved);
   step.exec(kTableOfExpected);
   step.exec(str("UPDATE map SET version = ", kMapVersion, " WHERE id = 1"));
-  int64_t id = count_removed(step);
+  int64_t id = last_removal(step);
   for (const int64_t place : places) {
     ++id;
     step.exec_params("DELETE FROM place WHERE id = $1", place);

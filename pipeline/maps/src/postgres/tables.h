@@ -60,8 +60,12 @@ void write_places(pqxx::transaction_base& step, int64_t places);
 /// with a sequence. It also waits for a lost connection's own commit to end.
 int64_t lock_places(pqxx::transaction_base& step);
 
-/// How many places were removed, 0 from a map without the table.
-int64_t count_removed(pqxx::transaction_base& step);
+/// How many of the places 1 to `there` were removed, 0 from a map without the table.
+int64_t count_removed(pqxx::transaction_base& step, int64_t there);
+/// The last id in the table `removed`. Ids are missing where a damaged row was replaced.
+int64_t last_removal(pqxx::transaction_base& step);
+/// What of the table `removed` no removal wrote, beside the places 1 to `there`; "" when nothing.
+std::string damage_of_removed(pqxx::transaction_base& step, int64_t there);
 /// The places of the rows of `removed` that `where` chooses, in the order of removal.
 std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& where);
 /// Removes places that are there or lost, and notes it.

@@ -42,8 +42,8 @@ struct MapPosition {
 };
 
 /// Scans of a drive that one process describes into a map, and no other meanwhile. It ends when
-/// MapStore::add() takes it, when it is destroyed (before its map), and with its process or
-/// connection: what was not added can then be claimed again.
+/// MapStore::add() takes it, when it is destroyed (before its map, by any thread), and with its
+/// process or connection: what was not added can then be claimed again.
 struct Claim {
   std::string drive;
   std::vector<int64_t> frames;              // ascending
