@@ -329,7 +329,7 @@ def attack_addresses(world, section, times, server):
                 result = run(world.program, [*world.build_arguments(url), '--drive', drive])
             case.refused = result.code != 0
             if result.code == 0:
-                shown = drive.decode(errors='surrogateescape')
+                shown = drive.decode(errors='surrogateescape') or '00'  # '': as the data set calls it
                 if len(places_at(world, url, shown)) != 88:
                     raise Fault('not all places')
     for name in ('a\0b', 'x\x01', '\ud800'):

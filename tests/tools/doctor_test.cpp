@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <csignal>
+
 #include "doctor/checks.h"
 #include "test_data.h"
 
@@ -151,6 +153,15 @@ TEST(Doctor, MissingDataIsExitCode5) {
   EXPECT_EQ(result.exit_code, 5) << result.out << result.err;
   EXPECT_NE(result.out.find("\"ok\": false"), std::string::npos) << result.out;
   EXPECT_EQ(test::run_revisit("doctor --format csv").exit_code, 2);
+}
+
+// OpenBLAS's threads wait for memory without end, and its exit handler for them.
+TEST(Doctor, EndsWhereThereIsNoMemory) {
+  for (const int kilobytes : {190'000, 220'000, 250'000}) {
+    const auto result = test::run_revisit(
+        "doctor", "ulimit -v " + std::to_string(kilobytes) + "; timeout -s KILL 30");
+    EXPECT_NE(result.exit_code, 128 + SIGKILL) << kilobytes;
+  }
 }
 
 }  // namespace
