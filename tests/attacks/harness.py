@@ -15,7 +15,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Callable, NamedTuple
 
-from support import Fault, in_child
+from attack import Fault, in_child
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / folder) for folder in ('python', 'weights_conversion')] + [str(HERE.parents[1] / 'weights_conversion')]

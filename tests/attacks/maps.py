@@ -26,7 +26,7 @@ import time
 from pathlib import Path
 
 import server
-from support import (Checksum, Fault, Section, digest, end_of, fresh, in_child, judge, message_of, print_table, run, seeded,
+from attack import (Checksum, Fault, Section, digest, end_of, fresh, in_child, judge, message_of, print_table, run, seeded,
                      start)
 
 ROOT = Path(__file__).resolve().parents[2]

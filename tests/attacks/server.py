@@ -11,7 +11,7 @@ import threading
 import time
 from pathlib import Path
 
-from support import Checksum, Fault, digest, end_of, in_child, judge, message_of, run, start
+from attack import Checksum, Fault, digest, end_of, in_child, judge, message_of, run, start
 
 FOUND = sorted(Path('/usr/lib/postgresql').glob('*/bin/postgres'))
 
