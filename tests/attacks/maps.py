@@ -777,7 +777,7 @@ def attack_names(world, section, times):
 
 
 def attack_ring(world, section, times):
-    """Ring models: bytes changed and cut, and made up with a checksum that is right."""
+    """Ring models: bytes changed and cut. (With a checksum that is right: tests/fuzz/ring_model.cpp.)"""
     models = [p for p in (ROOT, world.program.parents[1]) for p in p.rglob('*.ring*') if p.is_file()]
     models = [p for p in models if 0 < p.stat().st_size < 20e6][:3]
     if not models:
