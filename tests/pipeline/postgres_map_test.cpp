@@ -33,8 +33,11 @@ class PostgresMap : public ::testing::Test {
  protected:
   void SetUp() override {
     if (const std::string why = PostgresServer::missing(); !why.empty()) GTEST_SKIP() << why;
-    server_.emplace();
+    if (!server_) server_.emplace();
+    server_->start();  // the test before may have killed it
+    server_->forget_maps();
   }
+  static void TearDownTestSuite() { server_.reset(); }
   std::unique_ptr<MapStore> writer(const std::string& map = "town",
                                    NumberFormat format = NumberFormat::kFloat32) {
     return open_map(server_->url(map), MapAccess::kWrite, &kServedIdentity, format);
@@ -46,7 +49,7 @@ class PostgresMap : public ::testing::Test {
     server_->kill();
     server_->start();
   }
-  std::optional<PostgresServer> server_;
+  static inline std::optional<PostgresServer> server_;  // which takes seconds to make
 };
 
 /// Place `frame` of a drive. Its numbers are in float16, too.
@@ -439,6 +442,9 @@ TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
         << wrong[0];
     server_->execute("DELETE FROM town.removed WHERE id = 9");
   }
+  server_->execute("DELETE FROM town.counts; UPDATE town.place SET id = 1e15 WHERE id = 7");
+  expect_error<InputError>([&] { check_map(server_->url("town")); }, {"1000000000000000 places"});
+  expect_error<InputError>([&] { map->add({&places[0], 1}); }, {"more than tables"});
 }
 
 TEST_F(PostgresMap, ARemovedPlacesScanIsExpectedAgain) {

@@ -82,6 +82,15 @@ std::string PostgresServer::execute(const std::string& sql) const {
              " -U postgres -XtA -v ON_ERROR_STOP=1 -c \"" + sql + "\"");
 }
 
+void PostgresServer::forget_maps() const {
+  // clang-format off
+  execute("DO \\$\\$ DECLARE name text; BEGIN "
+          "FOR name IN SELECT nspname FROM pg_namespace "
+          "WHERE nspname !~ '^pg_' AND nspname NOT IN ('information_schema', 'public') "
+          "LOOP EXECUTE 'DROP SCHEMA ' || quote_ident(name) || ' CASCADE'; END LOOP; END \\$\\$");
+  // clang-format on
+}
+
 void PostgresServer::start() {
   const std::string data = (folder_ / "server").string();
   const std::string command =

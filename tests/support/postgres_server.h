@@ -26,6 +26,10 @@ class PostgresServer {
   /// Runs SQL with psql; returns what it printed.
   std::string execute(const std::string& sql) const;
 
+  /// Drops every schema of the database that is not the server's own.
+  void forget_maps() const;
+
+  /// Does nothing when it runs.
   void start();
   /// With SIGKILL; its own processes end when they notice.
   void kill();

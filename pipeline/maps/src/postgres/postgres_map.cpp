@@ -45,7 +45,7 @@ class PostgresMap : public MapStore {
   int64_t size() const override {
     return server_->run([&](pqxx::connection& connection) {
       Moment moment(connection);
-      const int64_t there = read_places(moment, "");
+      const int64_t there = read_places(moment, server_->name(), "");
       return std::max<int64_t>(0, there - count_removed(moment, there));
     });
   }
@@ -68,7 +68,7 @@ class PostgresMap : public MapStore {
     must_be_writer();
     server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
-      lock_places(step);
+      lock_places(step, server_->name());
       put_value(step, name, bytes);
       server_->tell_others(step);
       step.commit();
@@ -85,7 +85,7 @@ class PostgresMap : public MapStore {
     return server_->run([&](pqxx::connection& connection) {
       std::vector<int64_t> ids;
       pqxx::work step(connection);
-      const int64_t there = lock_places(step);
+      const int64_t there = lock_places(step, server_->name());
       // A connection that is lost in a commit leaves open what became of it: the place says it.
       const bool was_added =
           first > 0 &&
@@ -109,7 +109,7 @@ class PostgresMap : public MapStore {
     for (const int64_t frame : frames) numbers += str(numbers.empty() ? "" : ",", frame);
     server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
-      lock_places(step);
+      lock_places(step, server_->name());
       step.exec(kTableOfExpected);
       step.exec_params(
           "INSERT INTO expected (drive, frame, place) SELECT $1, wanted, min(place.id) FROM "
@@ -170,7 +170,7 @@ class PostgresMap : public MapStore {
       Moment moment(connection);
       const MapHead head = read_head(moment, server_->name());
       std::string damage;
-      const int64_t there = read_places(moment, "", &damage);
+      const int64_t there = read_places(moment, server_->name(), "", &damage);
       if (!damage.empty())
         tell_once(str(server_->name(), ": the number of places is damaged: ", damage, "; ", there,
                       " is the last that was found"));
@@ -204,7 +204,7 @@ class PostgresMap : public MapStore {
     must_be_writer();
     return server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
-      const int64_t there = lock_places(step);
+      const int64_t there = lock_places(step, server_->name());
       MapHead head = read_head(step, server_->name());
       if (head.revision != revision) return false;
       int64_t last = 0;
@@ -233,7 +233,7 @@ class PostgresMap : public MapStore {
     const auto n = [&] { return static_cast<int64_t>(to_remove.size()); };
     return server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
-      const int64_t there = lock_places(step);
+      const int64_t there = lock_places(step, server_->name());
       // A connection that is lost in a commit leaves open what became of it: the list says it.
       const bool was_done =
           before &&
@@ -315,7 +315,7 @@ class PostgresMap : public MapStore {
     pqxx::work& step = *own->step;
     try {
       pqxx::subtransaction adding(step);  // taken back, it lets go of the lock, not of the claim
-      const int64_t there = lock_places(adding);
+      const int64_t there = lock_places(adding, server_->name());
       const MapHead head = read_head(adding, server_->name());
       if (revision && *revision != head.revision && !all.rows.empty()) return ids;
       const int64_t first = insert(adding, all, there, head);

@@ -74,17 +74,25 @@ bool has_table(pqxx::transaction_base& step, const std::string& map, const std::
               .empty();
 }
 
-int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string* damage) {
+int64_t read_places(pqxx::transaction_base& step, const std::string& name, const char* lock,
+                    std::string* damage) {
   const pqxx::result rows =
       step.exec(str("SELECT places, checksum FROM counts WHERE id = 1", lock));
-  if (!rows.empty()) {
-    const auto places = rows[0][0].as<int64_t>();
-    if (checksum_of(Counts{.places = places, .values = 0, .damage = ""}) ==
-        rows[0][1].as<int64_t>())
-      return places;
+  int64_t places = rows.empty() ? 0 : rows[0][0].as<int64_t>();
+  if (rows.empty() || checksum_of(Counts{.places = places, .values = 0, .damage = ""}) !=
+                          rows[0][1].as<int64_t>()) {
+    if (damage != nullptr) *damage = rows.empty() ? "not found" : "its checksum is wrong";
+    places = step.exec("SELECT coalesce(max(id), 0) FROM place")[0][0].as<int64_t>();
   }
-  if (damage != nullptr) *damage = rows.empty() ? "not found" : "its checksum is wrong";
-  return step.exec("SELECT coalesce(max(id), 0) FROM place")[0][0].as<int64_t>();
+  // A row takes more than 16 bytes: with this, no stranger's map can ask for endless work.
+  const auto most = step.exec(
+                            "SELECT (pg_relation_size('place') + "
+                            "coalesce(pg_relation_size(to_regclass('removed')), 0)) / 16")[0][0]
+                        .as<int64_t>();
+  if (places < 0 || places > most)
+    throw InputError(str(name, ": this map is damaged: it says that it has ", places,
+                         " places, more than tables of their size can hold"));
+  return places;
 }
 
 int64_t count_removed(pqxx::transaction_base& step, int64_t there) {
@@ -139,8 +147,8 @@ void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places
   }
 }
 
-int64_t lock_places(pqxx::transaction_base& step) {
-  return read_places(step, " FOR UPDATE");
+int64_t lock_places(pqxx::transaction_base& step, const std::string& name) {
+  return read_places(step, name, " FOR UPDATE");
 }
 
 void write_place(pqxx::transaction_base& step, const char* sql, int64_t id,

@@ -52,13 +52,15 @@ void write_head(pqxx::transaction_base& step, const MapHead& head);
 /// Whether the schema of this map has a table.
 bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table);
 
-/// How many places there are; `damage`: when that had to be taken from the places, why.
-int64_t read_places(pqxx::transaction_base& step, const char* lock, std::string* damage = nullptr);
+/// How many places there are; `damage`: when that had to be taken from the places, why. Throws
+/// InputError, which begins with `name`, for more than the tables can hold.
+int64_t read_places(pqxx::transaction_base& step, const std::string& name, const char* lock,
+                    std::string* damage = nullptr);
 void write_places(pqxx::transaction_base& step, int64_t places);
 /// Whoever adds or changes places locks this row until the commit. So ids are given in the order of
 /// the commits: a reader who has seen id 7 never meets a 6 that was committed later, as it would
 /// with a sequence. It also waits for a lost connection's own commit to end.
-int64_t lock_places(pqxx::transaction_base& step);
+int64_t lock_places(pqxx::transaction_base& step, const std::string& name);
 
 /// How many of the places 1 to `there` were removed, 0 from a map without the table.
 int64_t count_removed(pqxx::transaction_base& step, int64_t there);
