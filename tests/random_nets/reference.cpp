@@ -13,6 +13,8 @@ using engine::Shape;
 using engine::Tensor;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kFewRuns = 2, kManyRuns = 40;  // with noise
+constexpr double kMargin = 3;
 
 /// A tensor as [outer][count][inner].
 struct Channels {
@@ -110,7 +112,7 @@ Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* obs
     for (size_t port = 0; port < layer.outputs.size(); ++port) {
       const std::string name = engine::port_name(layer.name, port);
       try {
-        keep("layer " + name, run.layer_output(name));
+        keep(kLayer + name, run.layer_output(name));
       } catch (const UsageError&) {
         continue;  // a plan that does not keep it
       }
@@ -170,9 +172,15 @@ void Reference::measure(int runs) {
   }
 }
 
+std::vector<double> Reference::explained(const std::string& name) {
+  measure(kManyRuns);
+  std::vector<double> result = deviations_.at(name);
+  for (double& deviation : result) deviation *= kMargin;
+  return result;
+}
+
 std::string Reference::compare(const std::string& name, const Tensor& found, int64_t& insensitive) {
-  constexpr int kFewRuns = 2, kManyRuns = 40;
-  constexpr double kMargin = 3, kHundredth = 0.01;
+  constexpr double kHundredth = 0.01;
   const auto place = values_.find(name);
   if (place == values_.end()) return str("'", name, "' is no value of the reference");
   const Tensor& wanted = place->second;

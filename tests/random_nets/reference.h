@@ -12,8 +12,11 @@ namespace revisit::random_nets {
 
 using Values = std::map<std::string, engine::Tensor>;
 
+/// What the names of layers' outputs begin with among the Values of a run.
+inline const std::string kLayer = "layer ";
+
 /// Fills the inputs of a run, runs it, and returns its outputs and, of a plan that keeps them,
-/// those of all layers, by "layer " and port name.
+/// those of all layers, by kLayer and port name.
 Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* observer = nullptr);
 
 /// Largest difference within each channel (axis 1; of fewer axes: everything).
@@ -39,6 +42,9 @@ class Reference {
   /// Empty when `found` is right; else where it is not. `insensitive` counts what it could hardly
   /// have been wrong about.
   std::string compare(const std::string& name, const engine::Tensor& found, int64_t& insensitive);
+
+  /// By how much rounding may change a value, channel by channel.
+  std::vector<double> explained(const std::string& name);
 
  private:
   void measure(int runs);
