@@ -118,20 +118,26 @@ class Check {
 
   /// Noise of float32 without transforms: other programs have no Winograd kernels.
   void save(const Case& c, const std::filesystem::path& folder) const {
-    std::filesystem::create_directories(folder);
     for (const auto& [blob, tensor] : c.full)
-      proto::write_npy(folder / ("in_" + blob + ".npy"), tensor.shape.axes(), tensor.values.data());
+      save(folder / ("in_" + blob + ".npy"), tensor.shape.axes(), tensor.values);
     Reference reference(net_, c.full, {rounding_noise()});
     if (!reference.is_far_from_overflow()) return;
     for (const auto& [name, tensor] : reference.values()) {
       if (!name.starts_with(kLayer)) continue;
       const std::string port = name.substr(kLayer.size());
+      save(folder / (port + ".npy"), tensor.shape.axes(), tensor.values);
       const std::vector<double> off = reference.explained(name);
-      proto::write_npy(folder / (port + ".npy"), tensor.shape.axes(), tensor.values.data());
-      const std::vector<float> rounded(off.begin(), off.end());
-      proto::write_npy(folder / (port + ".off.npy"), {static_cast<int64_t>(off.size())},
-                       rounded.data());
+      save(folder / (port + ".off.npy"), {static_cast<int64_t>(off.size())},
+           {off.begin(), off.end()});
     }
+  }
+
+  /// Without the care of write_npy(), which waits for the disk.
+  static void save(const std::filesystem::path& file, const std::vector<int64_t>& shape,
+                   const std::vector<float>& values) {
+    std::string content = proto::npy_header(shape);
+    content.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float));
+    test::write_file(file, content);
   }
 
   Net load(const std::map<std::string, Shape>& inputs = {}) const {

@@ -202,7 +202,7 @@ def check(program, first_seed, nets, minutes, statistics):
     while seed < end and time.monotonic() < begin + 60 * minutes:
         with tempfile.TemporaryDirectory() as folder:
             n = min(BATCH, end - seed)
-            subprocess.run([program, '--first-seed', str(seed), '--nets', str(n), '--save', folder], check=True)
+            subprocess.run([program, '--first-seed', str(seed), '--nets', str(n), '--minutes', '1e9', '--save', folder], check=True)
             for seed in range(seed, seed + n):
                 fault = find_fault(Path(folder) / str(seed), statistics)
                 if fault:
