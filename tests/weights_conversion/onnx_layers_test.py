@@ -18,6 +18,9 @@ LAYERS = {
                                  [numbers(4, 3, 3), numbers(4)]),
     'channels on a later axis': ((2, 2, 3, 9, 8), 'Convolution', 'convolution_param { num_output: 4 kernel_size: 3 axis: 2 }',
                                  [numbers(4, 3, 3, 3), numbers(4)]),
+    'convolution without an image': ((2, 4), 'Convolution', 'convolution_param { num_output: 6 group: 2 }', [numbers(6, 2), numbers(6)]),
+    'deconvolution without an image': ((3, 2, 4), 'Deconvolution', 'convolution_param { num_output: 5 kernel_size: 3 stride: 2 axis: -1 }',
+                                       [numbers(4, 5), numbers(5)]),
     'depthwise': ((2, 4, 7, 8), 'ConvolutionDepthwise', 'convolution_param { num_output: 4 kernel_size: 3 bias_term: false }',
                   [numbers(4, 1, 3, 3)]),
     'kernel and pads by axis': ((1, 2, 9, 8), 'Convolution',
@@ -103,6 +106,18 @@ class Layers(ConversionTest):
         pooling = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { kernel_size: 3 stride: 2 pad: 1 }')
         back = layer('up', 'Upsample', ['pool', 'mask'], parameters='upsample_param { upsample_h: 9 upsample_w: 7 }')
         self.export(input_layer(2, 3, 9, 7) + pooling + back, {}, {'data': numbers(2, 3, 9, 7)})
+        whole = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { global_pooling: true }')
+        equal = np.round(numbers(2, 3, 9, 7))  # of equal values the first
+        self.export(input_layer(2, 3, 9, 7) + whole + back, {}, {'data': equal})
+
+    def test_a_constant_shape_after_a_computed_one(self):
+        """ONNX Runtime 1.22 fuses two such reshapes to what it does not load."""
+        rows = layer('rows', 'InnerProduct', parameters='inner_product_param { num_output: 1 axis: -2 bias_term: false }')
+        blobs, data = {'rows': [numbers(1, 30)]}, numbers(1, 8, 5, 6)
+        vector = layer('vector', 'Reshape', 'rows', parameters='reshape_param { shape { dim: 1 dim: 8 } }')
+        scale = layer('scale', 'Scale', ['data', 'vector'], parameters='scale_param { axis: 0 }')
+        self.export(input_layer(1, 8, 5, 6) + rows + vector, blobs, {'data': data})
+        self.export(input_layer(1, 8, 5, 6) + rows + vector + scale, blobs, {'data': data})
 
     def test_several_inputs(self):
         two = input_layer(3, 2, 6, 7) + input_layer(3).replace('"data"', '"marks"')

@@ -28,9 +28,11 @@ def _end(kernel, stride, pad, floor, clips):
 def _pooling(g, site):
     p = site.message.pooling_param
     if p.global_pooling:
-        if len(site.layer.outputs) > 1:
-            site.refuse('the mask of global pooling')
-        return [g.node('GlobalMaxPool' if p.pool == p.MAX else 'GlobalAveragePool', site.x[0])]
+        y = g.node('GlobalMaxPool' if p.pool == p.MAX else 'GlobalAveragePool', site.x[0])
+        if len(site.layer.outputs) == 1:
+            return [y]
+        place = g.node('ArgMax', g.reshape(site.x[0], 0, 0, -1), axis=2)
+        return [y, g.to_float(g.node('Unsqueeze', place, g.integers(3)))]
     floor = not p.ceil_mode if p.HasField('ceil_mode') else p.round_mode == p.FLOOR
     return pool(g, site, p.pool == p.MAX, *_axes(p), floor)
 

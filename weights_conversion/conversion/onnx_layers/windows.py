@@ -9,7 +9,9 @@ def _per_axis(field, n, absent):
 
 
 def _sizes(p, n):
-    """(kernel, stride, pad, dilation), each a list over the n spatial axes."""
+    """(kernel, stride, pad, dilation), each a list over the n spatial axes; without any over the one that _each_input adds."""
+    if n == 0:
+        return [1], [1], [0], [1]
     def of(name, repeated, absent):
         if p.HasField(f'{name}_h') or p.HasField(f'{name}_w'):
             return [getattr(p, f'{name}_h'), getattr(p, f'{name}_w')]
@@ -19,19 +21,18 @@ def _sizes(p, n):
 
 
 def _each_input(g, site, compute):
-    """A layer with several inputs applies the same weights to each. Axes before the channels are all batch."""
+    """A layer with several inputs applies the same weights to each. Axes before the channels are all batch. ONNX needs a
+    spatial axis; without one it gets an axis of size 1."""
     axis, shape = site.axis(site.message.convolution_param.axis), site.shapes[0]
     spatial = shape[axis + 1:]
-    if not spatial:
-        site.refuse('an input without spatial axes')
     outputs = []
     for x in site.x:
         batch = None
-        if axis != 1:
+        if axis != 1 or not spatial:
             batch = g.shape(x, 0, axis)
-            x = g.reshape(x, -1, g.shape(x, axis))
+            x = g.reshape(x, -1, g.shape(x, axis)) if spatial else g.reshape(x, -1, shape[axis], 1)
         y = compute(x, spatial, shape[axis])
-        outputs.append(y if batch is None else g.reshape(y, batch, g.shape(y, 1)))
+        outputs.append(y if batch is None else g.reshape(y, batch, g.shape(y, 1, None if spatial else 2)))
     return outputs
 
 
@@ -54,7 +55,7 @@ def _convolution(g, site):
 def _pads(site, spatial, kernel, stride, pad, dilation):
     """Caffe lets a kernel reach past the padding by less than a stride when there is but one window; zeros are there."""
     ends = []
-    for size, k, s, q, d in zip(spatial, kernel, stride, pad, dilation):
+    for size, k, s, q, d in zip(spatial or (1,), kernel, stride, pad, dilation):
         missing = (k - 1) * d + 1 - size - 2 * q
         if missing > 0 and not site.fixed:
             site.refuse(f'a kernel of {k} does not fit into {size} + 2 x {q}; export with a larger input, or --fixed')
