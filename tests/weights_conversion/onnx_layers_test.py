@@ -109,6 +109,9 @@ class Layers(ConversionTest):
         whole = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { global_pooling: true }')
         equal = np.round(numbers(2, 3, 9, 7))  # of equal values the first
         self.export(input_layer(2, 3, 9, 7) + whole + back, {}, {'data': equal})
+        for pad in (0, 1):  # the last windows begin beyond the image: their place is -1
+            gaps = layer('pool', 'Pooling', top=['pool', 'mask'], parameters=f'pooling_param {{ kernel_size: 2 stride: 4 pad: {pad} }}')
+            self.export(input_layer(2, 3, 9, 7) + gaps, {}, {'data': equal})
 
     def test_a_constant_shape_after_a_computed_one(self):
         """ONNX Runtime 1.22 fuses two such reshapes to what it does not load."""
