@@ -37,6 +37,7 @@ LAYERS = {
     'reshape in the middle': ((2, 6, 4, 5), 'Reshape', 'reshape_param { shape { dim: 3 dim: -1 } axis: 1 num_axes: 1 }', []),
     'normalised pixels': ((2, 3, 4, 5), 'Normalize', 'norm_param { across_spatial: false channel_shared: false }', [numbers(3)]),
     'normalised images': ((2, 3, 4, 5), 'Normalize', '', [np.float32(1.5)]),
+    'numbers that are their own mean': ((2, 3), 'MVN', '', []),
     'statistics of the batch': ((3, 2, 4, 5), 'BatchNorm', 'batch_norm_param { use_global_stats: false }',
                                 [numbers(2), numbers(2), numbers(1)]),
     'bn of pspnet': ((2, 3, 4, 5), 'BN', 'bn_param { eps: 0.1 }', [numbers(1, 3, 1, 1, seed=seed) ** 2 for seed in range(4)]),

@@ -39,8 +39,8 @@ def _centred(g, x, axes):
 def _mvn(g, site):
     p, rank = site.message.mvn_param, len(site.shapes[0])
     first = min(1 if p.across_channels else 2, rank)
-    if first == rank:
-        site.refuse('an input without axes to normalise over')
+    if first == rank:  # every number is its own mean
+        return [g.node('Sub', site.x[0], site.x[0])]
     centred, variance = _centred(g, site.x[0], list(range(first, rank)))
     if not p.normalize_variance:
         return [centred]
