@@ -22,6 +22,8 @@ using engine::Tensor;
 
 /// tests/golden/README.md: sums in any order, and kernels that transform.
 constexpr double kNoise = 1e-5, kWinogradNoise = 1e-4;
+/// Caffe's sums in other orders (same place).
+constexpr double kMeanNoise = 1e-6;
 /// Of inputs, weights and the output in bfloat16, each by up to 2^-9.
 constexpr double kBf16Noise = 1e-2, kBf16Terms = 0.5;
 constexpr std::array kThreads{1, 2, 3, 7, 16};
@@ -120,7 +122,11 @@ class Check {
   void save(const Case& c, const std::filesystem::path& folder) const {
     for (const auto& [blob, tensor] : c.full)
       save(folder / ("in_" + blob + ".npy"), tensor.shape.axes(), tensor.values);
-    Reference reference(net_, c.full, {rounding_noise()});
+    Noise noise{rounding_noise()};
+    for (const caffe::LayerParameter& layer : random_net_.net.layer())
+      if (const double gain = mean_gain(layer); gain > 0)
+        noise.of_means[layer.name()] = gain * kMeanNoise;
+    Reference reference(net_, c.full, noise);
     if (!reference.is_far_from_overflow()) return;
     for (const auto& [name, tensor] : reference.values()) {
       if (!name.starts_with(kLayer)) continue;

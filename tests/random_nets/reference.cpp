@@ -77,10 +77,15 @@ class Disturb : public engine::StepObserver {
       const std::vector<double> sizes =
           magnitudes(view.values(), view.shape, of_inputs * noise_.of_terms);
       const Channels channels(view.shape);
+      const auto mean = noise_.of_means.find(cost.name);
+      const double left =
+          mean == noise_.of_means.end() ? 0 : mean->second * of_inputs * random_.real(-1, 1);
+      const std::vector<double> found = magnitudes(view.values(), view.shape);
       auto* values = const_cast<float*>(view.data);  // in the arena of a run of our own
       for (size_t i = 0; i < view.values().size(); ++i)
         values[i] +=
-            static_cast<float>(noise->second * sizes[channels.of(i)] * random_.real(-1, 1));
+            static_cast<float>(noise->second * sizes[channels.of(i)] * random_.real(-1, 1) +
+                               (found[channels.of(i)] == 0 ? left : 0));
     }
   }
 

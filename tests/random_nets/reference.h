@@ -28,6 +28,9 @@ struct Noise {
   std::map<std::string, double> of_layers;
   /// What the terms of a sum round, in parts of that and relative to the layer's inputs.
   double of_terms = 0.01;
+  /// By layer that subtracts a mean, relative to its inputs: what is left of equal numbers. The
+  /// reference kernels, which sum in double, leave 0 of them.
+  std::map<std::string, double> of_means = {};
 };
 
 /// What the reference kernels give, and how far off rounding may be.

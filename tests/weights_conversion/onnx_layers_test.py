@@ -43,6 +43,8 @@ LAYERS = {
     'bn of pspnet': ((2, 3, 4, 5), 'BN', 'bn_param { eps: 0.1 }', [numbers(1, 3, 1, 1, seed=seed) ** 2 for seed in range(4)]),
     'bn of segnet': ((2, 3, 4, 5), 'BN', 'bn_param { bn_mode: INFERENCE }', [numbers(1, 3, 1, 1), numbers(1, 3, 1, 1, seed=1)]),
     'bn of the batch': ((2, 3, 4, 5), 'BN', 'bn_param { bn_mode: LEARN }', [numbers(1, 3, 1, 1), numbers(1, 3, 1, 1, seed=1)]),
+    'lrn of nothing': ((2, 6, 4, 5), 'LRN', 'lrn_param { alpha: 0 k: 2 }', []),
+    'lrn that enlarges': ((2, 6, 4, 5), 'LRN', 'lrn_param { local_size: 3 alpha: 0.1 beta: -0.5 k: 1.5 }', []),
     'crop of both ends': ((2, 3, 7, 6), 'CropCenter', 'crop_center_param { crop_size: 0 crop_size: 1 crop_size: 2 crop_size: 0 }', []),
     'zoom': ((1, 2, 5, 6), 'Interp', 'interp_param { zoom_factor: 3 }', []),
     'shrink of a part': ((1, 2, 9, 11), 'Interp', 'interp_param { shrink_factor: 2 pad_beg: -1 pad_end: -2 }', []),
