@@ -43,6 +43,17 @@ std::vector<double> magnitudes(std::span<const float> values, const Shape& shape
   return result;
 }
 
+/// By channel: whether all its values are equal.
+std::vector<bool> are_equal(std::span<const float> values, const Shape& shape) {
+  const Channels channels(shape);
+  std::vector<bool> result(static_cast<size_t>(channels.count), true);
+  for (size_t i = 0; i < values.size(); ++i) {
+    const size_t first = channels.of(i) * static_cast<size_t>(channels.inner);
+    if (values[i] != values[first]) result[channels.of(i)] = false;
+  }
+  return result;
+}
+
 /// Of those that are numbers.
 double largest_of(std::span<const float> values) {
   double largest = 0;
@@ -80,12 +91,12 @@ class Disturb : public engine::StepObserver {
       const auto mean = noise_.of_means.find(cost.name);
       const double left =
           mean == noise_.of_means.end() ? 0 : mean->second * of_inputs * random_.real(-1, 1);
-      const std::vector<double> found = magnitudes(view.values(), view.shape);
+      const std::vector<bool> equal = are_equal(view.values(), view.shape);
       auto* values = const_cast<float*>(view.data);  // in the arena of a run of our own
       for (size_t i = 0; i < view.values().size(); ++i)
         values[i] +=
             static_cast<float>(noise->second * sizes[channels.of(i)] * random_.real(-1, 1) +
-                               (found[channels.of(i)] == 0 ? left : 0));
+                               (equal[channels.of(i)] ? left : 0));
     }
   }
 

@@ -28,8 +28,8 @@ struct Noise {
   std::map<std::string, double> of_layers;
   /// What the terms of a sum round, in parts of that and relative to the layer's inputs.
   double of_terms = 0.01;
-  /// By layer that subtracts a mean, relative to its inputs: what is left of equal numbers. The
-  /// reference kernels, which sum in double, leave 0 of them.
+  /// By layer that subtracts a mean, relative to its inputs: what is left of a channel of equal
+  /// numbers. The reference kernels, which sum in double, leave 0, and layers may add a shift.
   std::map<std::string, double> of_means = {};
 };
 
