@@ -125,6 +125,25 @@ class Layers(ConversionTest):
         self.export(input_layer(1, 8, 5, 6) + rows + vector, blobs, {'data': data})
         self.export(input_layer(1, 8, 5, 6) + rows + vector + scale, blobs, {'data': data})
 
+    def test_channels_that_vary(self):
+        """They are free where they were the batch of an input."""
+        turn = layer('turn', 'Permute', parameters='permute_param { order: 1 order: 0 order: 2 order: 3 }')
+        for kind, parameters in (('ShuffleChannel', 'shuffle_channel_param { group: 2 }'), ('LRN', 'lrn_param { beta: -0.5 }'),
+                                 ('Pooling', 'pooling_param { pool: AVE kernel_size: 1 stride: 3 }'),
+                                 ('Im2col', 'convolution_param { kernel_size: 2 }')):
+            prototxt, _ = self.net(input_layer(4, 1, 8, 9) + turn + layer('it', kind, 'turn', parameters=parameters), {})
+            self.convert('onnx', prototxt, self.path('net.onnx'), '--force')
+            model, inputs = onnx_export.Model(str(self.path('net.onnx'))), {'data': numbers(6, 1, 8, 9)}
+            with self.subTest(kind):
+                found = model.run(inputs, ['it'])
+                self.assertLess(compare.difference(found['it'], engine.forward(prototxt, None, inputs)['it']), 1e-6)
+
+    def test_statistics_of_many_numbers(self):
+        parameters = 'batch_norm_param { use_global_stats: false }'
+        data = np.maximum(numbers(4, 1, 60, 70), 0)
+        self.export(input_layer(4, 1, 60, 70) + layer('it', 'BatchNorm', parameters=parameters), {'it': [numbers(1)] * 3},
+                    {'data': data})
+
     def test_several_inputs(self):
         two = input_layer(3, 2, 6, 7) + input_layer(3).replace('"data"', '"marks"')
         data, marks = numbers(3, 2, 6, 7), np.array([1, 0, 1], np.float32)

@@ -66,9 +66,10 @@ def _crop_center(g, site):
 
 
 def _shuffle_channel(g, site):
-    groups = site.message.shuffle_channel_param.group
-    split = g.reshape(site.x[0], 0, groups, site.shapes[0][1] // groups, -1)
-    return [g.reshape(g.node('Transpose', split, perm=[0, 2, 1, 3]), g.shape(site.x[0]))]
+    rank = len(site.shapes[0])
+    rest = [g.shape(site.x[0], 2)] if rank > 2 else []
+    split = g.reshape(site.x[0], 0, site.message.shuffle_channel_param.group, -1, *rest)
+    return [g.reshape(g.node('Transpose', split, perm=[0, 2, 1, *range(3, rank + 1)]), g.shape(site.x[0]))]
 
 
 def _batch_reindex(g, site):

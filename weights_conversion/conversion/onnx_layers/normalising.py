@@ -31,9 +31,14 @@ def _bn(g, site):
 
 
 def _centred(g, x, axes):
-    """x less its mean over `axes`, and its variance."""
-    centred = g.node('Sub', x, g.node('ReduceMean', x, axes=axes, keepdims=1))
-    return centred, g.node('ReduceMean', g.node('Mul', centred, centred), axes=axes, keepdims=1)
+    """x less its mean over `axes`, and its variance. ONNX Runtime adds the numbers of several axes one after another, which
+    loses digits: so axis by axis."""
+    def mean(y):
+        for axis in reversed(axes):
+            y = g.node('ReduceMean', y, axes=[axis], keepdims=1)
+        return y
+    centred = g.node('Sub', x, mean(x))
+    return centred, mean(g.node('Mul', centred, centred))
 
 
 def _mvn(g, site):
@@ -54,7 +59,7 @@ def _lrn(g, site):
         return [g.node('LRN', site.x[0], size=side, alpha=p.alpha, beta=p.beta, bias=p.k)]
     squares = g.node('Mul', site.x[0], site.x[0])
     if across:  # channels as the rows of one image
-        rows = g.reshape(squares, 0, 1, site.shapes[0][1], -1)
+        rows = g.reshape(squares, g.shape(squares, 0, 1), 1, g.shape(squares, 1, 2), -1)
         means = g.node('AveragePool', rows, kernel_shape=[side, 1], pads=[pad, 0] * 2, count_include_pad=1)
         means = g.reshape(means, g.shape(squares))
     else:

@@ -83,8 +83,9 @@ def _average(g, site, sizes, pad, end):
     if not any(pad) and not gaps:
         return g.node('AveragePool', x, pads=pads, count_include_pad=0, **sizes)
     if gaps:
-        channels = site.shapes[0][1]
-        sums = g.node('Conv', x, g.constant(np.ones((channels, 1, *kernel))), pads=pads, group=channels, **sizes)
+        planes = g.reshape(x, -1, 1, g.shape(x, 2))
+        sums = g.node('Conv', planes, g.constant(np.ones((1, 1, *kernel))), pads=pads, **sizes)
+        sums = g.reshape(sums, g.shape(x, 0, 2), g.shape(sums, 2))
     else:
         means = g.node('AveragePool', x, pads=pads, count_include_pad=1, **sizes)
         sums = g.affine(means, float(np.prod(kernel)))

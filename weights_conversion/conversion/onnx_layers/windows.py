@@ -75,15 +75,16 @@ def _deconvolution(g, site):
 
 
 def _im2col(g, site):
-    """Every window position is a channel: a convolution of each channel with kernels of a single one."""
+    """Every window position is a channel: a convolution of each channel by itself with kernels of a single one."""
     p = site.message.convolution_param
 
     def compute(x, spatial, channels):
         kernel, stride, pad, dilation = _sizes(p, len(spatial))
         taps = int(np.prod(kernel))
-        one_hot = np.tile(np.eye(taps, dtype=np.float32).reshape(taps, 1, *kernel), (channels,) + (1,) * (1 + len(kernel)))
-        return g.node('Conv', x, g.constant(one_hot), kernel_shape=kernel, strides=stride,
-                      pads=_pads(site, spatial, kernel, stride, pad, dilation), dilations=dilation, group=channels)
+        one_hot = np.eye(taps, dtype=np.float32).reshape(taps, 1, *kernel)
+        y = g.node('Conv', g.reshape(x, -1, 1, g.shape(x, 2)), g.constant(one_hot), kernel_shape=kernel, strides=stride,
+                   pads=_pads(site, spatial, kernel, stride, pad, dilation), dilations=dilation)
+        return g.reshape(y, g.shape(x, 0, 1), -1, g.shape(y, 2))
     return _each_input(g, site, compute)
 
 
