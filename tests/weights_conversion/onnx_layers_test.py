@@ -125,6 +125,12 @@ class Layers(ConversionTest):
         self.export(input_layer(1, 8, 5, 6) + rows + vector, blobs, {'data': data})
         self.export(input_layer(1, 8, 5, 6) + rows + vector + scale, blobs, {'data': data})
 
+    def test_a_permutation_that_changes_nothing(self):
+        """ONNX Runtime 1.22 takes it for the transposition of a matrix after Gemm."""
+        product = layer('product', 'InnerProduct', parameters='inner_product_param { num_output: 1 bias_term: false }')
+        self.export(input_layer(3, 5) + product + layer('it', 'Permute', 'product', parameters='permute_param { order: 0 }'),
+                    {'product': [numbers(1, 5)]}, {'data': numbers(3, 5)})
+
     def test_channels_that_vary(self):
         """They are free where they were the batch of an input."""
         turn = layer('turn', 'Permute', parameters='permute_param { order: 1 order: 0 order: 2 order: 3 }')
