@@ -34,6 +34,7 @@ from conversion.schema import raw_messages  # noqa: E402
 
 BATCH = 20  # nets that one process writes
 HUNDREDTH = 0.01
+DEPTHWISE = ('ConvolutionDepthwise', 'DepthwiseConvolution')
 FEW = 16  # numbers of a channel: their size is chance
 
 
@@ -165,10 +166,14 @@ def run_at(case, model, names, sizes, statistics):
     return ''
 
 
-def takes(model, inputs):
-    """Whether the inputs have the sizes that are not free: of an input of four axes the channels."""
-    return all(dim.dim_value in (0, size) for i in model.graph.input
-               for dim, size in zip(i.type.tensor_type.shape.dim, inputs[i.name].shape))
+def takes(case, model, sizes):
+    """Whether these sizes of the net are free in the model: not the channels of an input of four axes or of a depthwise
+    convolution, as groups are an attribute."""
+    groups = [[values[layer.inputs[0]].shape[1] for layer in case.graph.layers if layer.type in DEPTHWISE]
+              for values in (case.values[0], case.values[sizes])]
+    return groups[0] == groups[1] and all(
+        dim.dim_value in (0, size) for i in model.graph.input
+        for dim, size in zip(i.type.tensor_type.shape.dim, case.inputs[sizes][i.name].shape))
 
 
 def find_fault(folder, statistics):
@@ -190,7 +195,7 @@ def find_fault(folder, statistics):
         statistics.refused.update(collections.Counter(refused) - collections.Counter(known))
         known = refused
         statistics.fixed += fixed
-        runs = [sizes for sizes, inputs in enumerate(case.inputs) if sizes == 0 or not fixed and takes(model, inputs)]
+        runs = [sizes for sizes in range(len(case.values)) if sizes == 0 or not fixed and takes(case, model, sizes)]
         statistics.other_sizes += len(runs) > 1
         for sizes in runs:
             try:
