@@ -7,6 +7,7 @@
 
 #include "reference.h"
 #include "revisit/proto/error.h"
+#include "revisit/proto/npy.h"
 #include "simd_targets.h"
 #include "test_data.h"
 
@@ -21,6 +22,8 @@ using engine::Tensor;
 
 /// tests/golden/README.md: sums in any order, and kernels that transform.
 constexpr double kNoise = 1e-5, kWinogradNoise = 1e-4;
+/// Caffe's sums in other orders (same place).
+constexpr double kMeanNoise = 1e-6;
 /// Of inputs, weights and the output in bfloat16, each by up to 2^-9.
 constexpr double kBf16Noise = 1e-2, kBf16Terms = 0.5;
 constexpr std::array kThreads{1, 2, 3, 7, 16};
@@ -76,9 +79,9 @@ class Check {
   std::string run() {
     ++statistics_.nets;
     statistics_.truncated += !random_net_.truncation.end.empty();
-    const bool has_other = random_net_.sizes[0] != random_net_.sizes[1];
+    make_cases();
+    const bool has_other = cases_.size() > 1;
     statistics_.other_shapes += has_other;
-    for (size_t set = 0; set < (has_other ? 2 : 1); ++set) cases_.push_back(inputs_for(set));
     const int64_t too_large = statistics_.too_large;
     for (const Case& c : cases_) {
       std::string fault = compare_with_reference(c);
@@ -94,12 +97,54 @@ class Check {
     return fault.empty() ? "" : str(hwy::TargetName(target), ", ", fault);
   }
 
+  void save(const std::filesystem::path& folder) {
+    write(random_net_, folder);
+    const engine::Truncation& cut = random_net_.truncation;
+    test::write_file(folder / "truncation.txt", str(cut.end, "\n", cut.graft, "\n"));
+    make_cases();
+    for (size_t set = 0; set < cases_.size(); ++set)
+      save(cases_[set], folder / std::to_string(set));
+  }
+
  private:
   /// Inputs of one set of sizes; of a gray net the picture, too.
   struct Case {
     Values full, gray;
     const Values& of(const Way& way) const { return way.options.gray_offsets ? gray : full; }
   };
+
+  void make_cases() {
+    const bool has_other = random_net_.sizes[0] != random_net_.sizes[1];
+    for (size_t set = 0; set < (has_other ? 2 : 1); ++set) cases_.push_back(inputs_for(set));
+  }
+
+  /// Noise of float32 without transforms: other programs have no Winograd kernels.
+  void save(const Case& c, const std::filesystem::path& folder) const {
+    for (const auto& [blob, tensor] : c.full)
+      save(folder / ("in_" + blob + ".npy"), tensor.shape.axes(), tensor.values);
+    Noise noise{rounding_noise()};
+    for (const caffe::LayerParameter& layer : random_net_.net.layer())
+      if (const double gain = mean_gain(layer); gain > 0)
+        noise.of_means[layer.name()] = gain * kMeanNoise;
+    Reference reference(net_, c.full, noise);
+    if (!reference.is_far_from_overflow()) return;
+    for (const auto& [name, tensor] : reference.values()) {
+      if (!name.starts_with(kLayer)) continue;
+      const std::string port = name.substr(kLayer.size());
+      save(folder / (port + ".npy"), tensor.shape.axes(), tensor.values);
+      const std::vector<double> off = reference.explained(name);
+      save(folder / (port + ".off.npy"), {static_cast<int64_t>(off.size())},
+           {off.begin(), off.end()});
+    }
+  }
+
+  /// Without the care of write_npy(), which waits for the disk.
+  static void save(const std::filesystem::path& file, const std::vector<int64_t>& shape,
+                   const std::vector<float>& values) {
+    std::string content = proto::npy_header(shape);
+    content.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float));
+    test::write_file(file, content);
+  }
 
   Net load(const std::map<std::string, Shape>& inputs = {}) const {
     return Net::load(folder_ / "net.prototxt", folder_ / "net.caffemodel",
@@ -193,13 +238,7 @@ class Check {
 
   /// By layer: what its kernel may round by, in any plan of float32.
   std::map<std::string, double> noise_of(const Case& c) const {
-    std::map<std::string, double> noise;
-    for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
-      if (!rounds(layer)) continue;
-      noise[layer.name()] = kNoise;
-      if (layer.name() == random_net_.truncation.graft)
-        noise[random_net_.truncation.name()] = kNoise;
-    }
+    std::map<std::string, double> noise = rounding_noise();
     test::for_each_simd_target([&] {
       for (const Way& way : ways_) {
         if (way.is_bf16()) continue;
@@ -208,6 +247,18 @@ class Check {
           if (layer.kernel.starts_with("winograd")) noise[layer.name] = kWinogradNoise;
       }
     });
+    return noise;
+  }
+
+  /// The same for kernels that do not transform.
+  std::map<std::string, double> rounding_noise() const {
+    std::map<std::string, double> noise;
+    for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
+      if (!rounds(layer)) continue;
+      noise[layer.name()] = kNoise;
+      if (layer.name() == random_net_.truncation.graft)
+        noise[random_net_.truncation.name()] = kNoise;
+    }
     return noise;
   }
 
@@ -237,7 +288,7 @@ class Check {
       for (const Way& way : ways_)
         for (const auto& [name, tensor] : run(c, way)) {
           // A gray net's input is not what the reference has.
-          if (way.options.gray_offsets && name == "layer " + net_.inputs()[0].name) continue;
+          if (way.options.gray_offsets && name == kLayer + net_.inputs()[0].name) continue;
           statistics_.outputs += !way.is_bf16();
           const std::string fault = way.is_bf16()
                                         ? wide.compare(name, tensor, insensitive_in_bf16)
@@ -319,6 +370,12 @@ std::string find_fault(uint64_t seed, Statistics& statistics) {
   } catch (const Error& error) {
     return str("seed ", seed, ": refused: ", error.what(), "\n", text_of(net));
   }
+}
+
+void save(uint64_t seed, const std::filesystem::path& folder) {
+  const RandomNet net = make_random_net(seed);
+  Statistics ignored;
+  Check(net, ignored).save(folder);
 }
 
 }  // namespace revisit::random_nets

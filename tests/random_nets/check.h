@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -38,5 +39,13 @@ std::string describe(const RandomNet& net, const std::string& fault);
 /// All of this for the net of one seed: nothing, or describe(). A net that is refused is a fault,
 /// too.
 std::string find_fault(uint64_t seed, Statistics& statistics);
+
+/// Writes the net of a seed for another program that can run it, with the inputs of find_fault():
+///   net.prototxt, net.caffemodel, truncation.txt   the last: --end and --graft, a line each
+///   0/in_BLOB.npy, 1/in_BLOB.npy                   for one or two sets of sizes
+///   N/PORT.npy, N/PORT.off.npy                     what the reference kernels give for each layer,
+///                                                  and by how much rounding may change a channel
+/// What has NaN or values near infinity is not written: only the inputs are then in N/.
+void save(uint64_t seed, const std::filesystem::path& folder);
 
 }  // namespace revisit::random_nets

@@ -1,7 +1,8 @@
 // Runs random nets for as long as asked and says what it found:
-//   revisit_random_nets [--minutes M] [--first-seed N] [--nets K] [--keep-going]
+//   revisit_random_nets [--minutes M] [--first-seed N] [--nets K] [--keep-going] [--save FOLDER]
 // A fault is printed with its seed and ends the run with exit code 1; --keep-going collects them.
 // To see one seed again: --first-seed N --nets 1.
+// --save compares nothing: it writes FOLDER/SEED/ for another program (onnx_oracle.py), see save().
 #include <unistd.h>
 
 #include <atomic>
@@ -9,6 +10,7 @@
 #include <csignal>
 #include <cstdio>
 #include <ctime>
+#include <filesystem>
 #include <iostream>
 #include <limits>
 
@@ -21,6 +23,7 @@ struct Request {
   double minutes = 1;
   uint64_t first_seed = 1'000'000, nets = std::numeric_limits<uint64_t>::max();
   bool keep_going = false;
+  std::filesystem::path save;
 };
 
 Request parse(int argc, char** argv) {
@@ -31,7 +34,7 @@ Request parse(int argc, char** argv) {
       request.keep_going = true;
       continue;
     }
-    if (i + 1 == argc) throw std::invalid_argument(option + " needs a number");
+    if (i + 1 == argc) throw std::invalid_argument(option + " needs a value");
     const std::string value = argv[++i];
     if (option == "--minutes")
       request.minutes = std::stod(value);
@@ -39,6 +42,8 @@ Request parse(int argc, char** argv) {
       request.first_seed = std::stoull(value);
     else if (option == "--nets")
       request.nets = std::stoull(value);
+    else if (option == "--save")
+      request.save = value;
     else
       throw std::invalid_argument("unknown option " + option);
   }
@@ -78,6 +83,10 @@ int run(const Request& request) {
   for (; seed - request.first_seed < request.nets && minutes_since(begin) < request.minutes;
        ++seed) {
     current_seed = seed;
+    if (!request.save.empty()) {
+      save(seed, request.save / std::to_string(seed));
+      continue;
+    }
     const std::string fault = find_fault(seed, statistics);
     if (!fault.empty()) {
       ++faults;
@@ -89,7 +98,7 @@ int run(const Request& request) {
       said = Clock::now();
     }
   }
-  print(statistics, seed, faults);
+  if (request.save.empty()) print(statistics, seed, faults);
   return faults > 0 ? 1 : 0;
 }
 

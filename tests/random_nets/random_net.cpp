@@ -1,5 +1,6 @@
 #include "random_net.h"
 
+#include <cmath>
 #include <set>
 #include <stdexcept>
 
@@ -206,6 +207,17 @@ bool rounds(const caffe::LayerParameter& layer) {
   if (layer.type() == "Eltwise")
     return layer.eltwise_param().operation() != caffe::EltwiseParameter::MAX;
   return !kExact.contains(layer.type());
+}
+
+double mean_gain(const caffe::LayerParameter& layer) {
+  if (layer.type() == "MVN")
+    return layer.mvn_param().normalize_variance() ? 1 / double{layer.mvn_param().eps()} : 1;
+  if (const auto& param = layer.batch_norm_param();
+      layer.type() == "BatchNorm" && param.has_use_global_stats() && !param.use_global_stats())
+    return 1 / std::sqrt(param.eps());
+  if (layer.type() == "BN" && layer.bn_param().bn_mode() == caffe::BNParameter::LEARN)
+    return 1 / std::sqrt(1e-9);  // engine/src/layers/bn.cpp
+  return 0;
 }
 
 std::string text_of(const RandomNet& net) {

@@ -62,6 +62,9 @@ InputShapes input_shapes(const RandomNet& net, const std::vector<int64_t>& sizes
 /// that only choose, compare or move values.
 bool rounds(const caffe::LayerParameter& layer);
 
+/// Of a layer that subtracts a mean: by how much it enlarges what the mean rounds, at most. Else 0.
+double mean_gain(const caffe::LayerParameter& layer);
+
 /// The prototxt, without weights.
 std::string text_of(const RandomNet& net);
 

@@ -13,6 +13,8 @@ using engine::Shape;
 using engine::Tensor;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr int kFewRuns = 2, kManyRuns = 40;  // with noise
+constexpr double kMargin = 3;
 
 /// A tensor as [outer][count][inner].
 struct Channels {
@@ -38,6 +40,17 @@ std::vector<double> magnitudes(std::span<const float> values, const Shape& shape
   if (shape.elements() < kFew * channels.count)
     std::fill(result.begin(), result.end(), *std::ranges::max_element(result));
   for (double& size : result) size = std::max(size, least);
+  return result;
+}
+
+/// By channel: whether all its values are equal.
+std::vector<bool> are_equal(std::span<const float> values, const Shape& shape) {
+  const Channels channels(shape);
+  std::vector<bool> result(static_cast<size_t>(channels.count), true);
+  for (size_t i = 0; i < values.size(); ++i) {
+    const size_t first = channels.of(i) * static_cast<size_t>(channels.inner);
+    if (values[i] != values[first]) result[channels.of(i)] = false;
+  }
   return result;
 }
 
@@ -75,10 +88,15 @@ class Disturb : public engine::StepObserver {
       const std::vector<double> sizes =
           magnitudes(view.values(), view.shape, of_inputs * noise_.of_terms);
       const Channels channels(view.shape);
+      const auto mean = noise_.of_means.find(cost.name);
+      const double left =
+          mean == noise_.of_means.end() ? 0 : mean->second * of_inputs * random_.real(-1, 1);
+      const std::vector<bool> equal = are_equal(view.values(), view.shape);
       auto* values = const_cast<float*>(view.data);  // in the arena of a run of our own
       for (size_t i = 0; i < view.values().size(); ++i)
         values[i] +=
-            static_cast<float>(noise->second * sizes[channels.of(i)] * random_.real(-1, 1));
+            static_cast<float>(noise->second * sizes[channels.of(i)] * random_.real(-1, 1) +
+                               (equal[channels.of(i)] ? left : 0));
     }
   }
 
@@ -110,7 +128,7 @@ Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* obs
     for (size_t port = 0; port < layer.outputs.size(); ++port) {
       const std::string name = engine::port_name(layer.name, port);
       try {
-        keep("layer " + name, run.layer_output(name));
+        keep(kLayer + name, run.layer_output(name));
       } catch (const UsageError&) {
         continue;  // a plan that does not keep it
       }
@@ -170,9 +188,15 @@ void Reference::measure(int runs) {
   }
 }
 
+std::vector<double> Reference::explained(const std::string& name) {
+  measure(kManyRuns);
+  std::vector<double> result = deviations_.at(name);
+  for (double& deviation : result) deviation *= kMargin;
+  return result;
+}
+
 std::string Reference::compare(const std::string& name, const Tensor& found, int64_t& insensitive) {
-  constexpr int kFewRuns = 2, kManyRuns = 40;
-  constexpr double kMargin = 3, kHundredth = 0.01;
+  constexpr double kHundredth = 0.01;
   const auto place = values_.find(name);
   if (place == values_.end()) return str("'", name, "' is no value of the reference");
   const Tensor& wanted = place->second;

@@ -12,8 +12,11 @@ namespace revisit::random_nets {
 
 using Values = std::map<std::string, engine::Tensor>;
 
+/// What the names of layers' outputs begin with among the Values of a run.
+inline const std::string kLayer = "layer ";
+
 /// Fills the inputs of a run, runs it, and returns its outputs and, of a plan that keeps them,
-/// those of all layers, by "layer " and port name.
+/// those of all layers, by kLayer and port name.
 Values forward(engine::Run& run, const Values& inputs, engine::StepObserver* observer = nullptr);
 
 /// Largest difference within each channel (axis 1; of fewer axes: everything).
@@ -25,6 +28,9 @@ struct Noise {
   std::map<std::string, double> of_layers;
   /// What the terms of a sum round, in parts of that and relative to the layer's inputs.
   double of_terms = 0.01;
+  /// By layer that subtracts a mean, relative to its inputs: what is left of a channel of equal
+  /// numbers. The reference kernels, which sum in double, leave 0, and layers may add a shift.
+  std::map<std::string, double> of_means = {};
 };
 
 /// What the reference kernels give, and how far off rounding may be.
@@ -39,6 +45,9 @@ class Reference {
   /// Empty when `found` is right; else where it is not. `insensitive` counts what it could hardly
   /// have been wrong about.
   std::string compare(const std::string& name, const engine::Tensor& found, int64_t& insensitive);
+
+  /// By how much rounding may change a value, channel by channel.
+  std::vector<double> explained(const std::string& name);
 
  private:
   void measure(int runs);

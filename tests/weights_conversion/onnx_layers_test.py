@@ -18,6 +18,9 @@ LAYERS = {
                                  [numbers(4, 3, 3), numbers(4)]),
     'channels on a later axis': ((2, 2, 3, 9, 8), 'Convolution', 'convolution_param { num_output: 4 kernel_size: 3 axis: 2 }',
                                  [numbers(4, 3, 3, 3), numbers(4)]),
+    'convolution without an image': ((2, 4), 'Convolution', 'convolution_param { num_output: 6 group: 2 }', [numbers(6, 2), numbers(6)]),
+    'deconvolution without an image': ((3, 2, 4), 'Deconvolution', 'convolution_param { num_output: 5 kernel_size: 3 stride: 2 axis: -1 }',
+                                       [numbers(4, 5), numbers(5)]),
     'depthwise': ((2, 4, 7, 8), 'ConvolutionDepthwise', 'convolution_param { num_output: 4 kernel_size: 3 bias_term: false }',
                   [numbers(4, 1, 3, 3)]),
     'kernel and pads by axis': ((1, 2, 9, 8), 'Convolution',
@@ -34,11 +37,14 @@ LAYERS = {
     'reshape in the middle': ((2, 6, 4, 5), 'Reshape', 'reshape_param { shape { dim: 3 dim: -1 } axis: 1 num_axes: 1 }', []),
     'normalised pixels': ((2, 3, 4, 5), 'Normalize', 'norm_param { across_spatial: false channel_shared: false }', [numbers(3)]),
     'normalised images': ((2, 3, 4, 5), 'Normalize', '', [np.float32(1.5)]),
+    'numbers that are their own mean': ((2, 3), 'MVN', '', []),
     'statistics of the batch': ((3, 2, 4, 5), 'BatchNorm', 'batch_norm_param { use_global_stats: false }',
                                 [numbers(2), numbers(2), numbers(1)]),
     'bn of pspnet': ((2, 3, 4, 5), 'BN', 'bn_param { eps: 0.1 }', [numbers(1, 3, 1, 1, seed=seed) ** 2 for seed in range(4)]),
     'bn of segnet': ((2, 3, 4, 5), 'BN', 'bn_param { bn_mode: INFERENCE }', [numbers(1, 3, 1, 1), numbers(1, 3, 1, 1, seed=1)]),
     'bn of the batch': ((2, 3, 4, 5), 'BN', 'bn_param { bn_mode: LEARN }', [numbers(1, 3, 1, 1), numbers(1, 3, 1, 1, seed=1)]),
+    'lrn of nothing': ((2, 6, 4, 5), 'LRN', 'lrn_param { alpha: 0 k: 2 }', []),
+    'lrn that enlarges': ((2, 6, 4, 5), 'LRN', 'lrn_param { local_size: 3 alpha: 0.1 beta: -0.5 k: 1.5 }', []),
     'crop of both ends': ((2, 3, 7, 6), 'CropCenter', 'crop_center_param { crop_size: 0 crop_size: 1 crop_size: 2 crop_size: 0 }', []),
     'zoom': ((1, 2, 5, 6), 'Interp', 'interp_param { zoom_factor: 3 }', []),
     'shrink of a part': ((1, 2, 9, 11), 'Interp', 'interp_param { shrink_factor: 2 pad_beg: -1 pad_end: -2 }', []),
@@ -103,6 +109,46 @@ class Layers(ConversionTest):
         pooling = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { kernel_size: 3 stride: 2 pad: 1 }')
         back = layer('up', 'Upsample', ['pool', 'mask'], parameters='upsample_param { upsample_h: 9 upsample_w: 7 }')
         self.export(input_layer(2, 3, 9, 7) + pooling + back, {}, {'data': numbers(2, 3, 9, 7)})
+        whole = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { global_pooling: true }')
+        equal = np.round(numbers(2, 3, 9, 7))  # of equal values the first
+        self.export(input_layer(2, 3, 9, 7) + whole + back, {}, {'data': equal})
+        for pad in (0, 1):  # the last windows begin beyond the image: their place is -1
+            gaps = layer('pool', 'Pooling', top=['pool', 'mask'], parameters=f'pooling_param {{ kernel_size: 2 stride: 4 pad: {pad} }}')
+            self.export(input_layer(2, 3, 9, 7) + gaps, {}, {'data': equal})
+
+    def test_a_constant_shape_after_a_computed_one(self):
+        """ONNX Runtime 1.22 fuses two such reshapes to what it does not load."""
+        rows = layer('rows', 'InnerProduct', parameters='inner_product_param { num_output: 1 axis: -2 bias_term: false }')
+        blobs, data = {'rows': [numbers(1, 30)]}, numbers(1, 8, 5, 6)
+        vector = layer('vector', 'Reshape', 'rows', parameters='reshape_param { shape { dim: 1 dim: 8 } }')
+        scale = layer('scale', 'Scale', ['data', 'vector'], parameters='scale_param { axis: 0 }')
+        self.export(input_layer(1, 8, 5, 6) + rows + vector, blobs, {'data': data})
+        self.export(input_layer(1, 8, 5, 6) + rows + vector + scale, blobs, {'data': data})
+
+    def test_a_permutation_that_changes_nothing(self):
+        """ONNX Runtime 1.22 takes it for the transposition of a matrix after Gemm."""
+        product = layer('product', 'InnerProduct', parameters='inner_product_param { num_output: 1 bias_term: false }')
+        self.export(input_layer(3, 5) + product + layer('it', 'Permute', 'product', parameters='permute_param { order: 0 }'),
+                    {'product': [numbers(1, 5)]}, {'data': numbers(3, 5)})
+
+    def test_channels_that_vary(self):
+        """They are free where they were the batch of an input."""
+        turn = layer('turn', 'Permute', parameters='permute_param { order: 1 order: 0 order: 2 order: 3 }')
+        for kind, parameters in (('ShuffleChannel', 'shuffle_channel_param { group: 2 }'), ('LRN', 'lrn_param { beta: -0.5 }'),
+                                 ('Pooling', 'pooling_param { pool: AVE kernel_size: 1 stride: 3 }'),
+                                 ('Im2col', 'convolution_param { kernel_size: 2 }')):
+            prototxt, _ = self.net(input_layer(4, 1, 8, 9) + turn + layer('it', kind, 'turn', parameters=parameters), {})
+            self.convert('onnx', prototxt, self.path('net.onnx'), '--force')
+            model, inputs = onnx_export.Model(str(self.path('net.onnx'))), {'data': numbers(6, 1, 8, 9)}
+            with self.subTest(kind):
+                found = model.run(inputs, ['it'])
+                self.assertLess(compare.difference(found['it'], engine.forward(prototxt, None, inputs)['it']), 1e-6)
+
+    def test_statistics_of_many_numbers(self):
+        parameters = 'batch_norm_param { use_global_stats: false }'
+        data = np.maximum(numbers(4, 1, 60, 70), 0)
+        self.export(input_layer(4, 1, 60, 70) + layer('it', 'BatchNorm', parameters=parameters), {'it': [numbers(1)] * 3},
+                    {'data': data})
 
     def test_several_inputs(self):
         two = input_layer(3, 2, 6, 7) + input_layer(3).replace('"data"', '"marks"')

@@ -13,6 +13,7 @@ class Builder:
 
     def __init__(self, prefix=''):
         self.nodes, self.constants, self._prefix, self._known = [], {}, prefix, {}
+        self._reshaped = {}  # {output: input} of reshapes to shapes known when the net runs
 
     def node(self, op, *inputs, n_outputs=None, **attributes):
         """Adds a node; returns the name of its output, or with n_outputs a list of names."""
@@ -44,7 +45,13 @@ class Builder:
         return self.node('Slice', whole, self.integers(first), self.integers(INT_MAX if last is None else last))
 
     def reshape(self, x, *parts):
-        """x in a shape put together from integers (0 copies the axis at that place, -1 is the rest) and vectors."""
+        """x in a shape put together from integers (0 copies the axis at that place, -1 is the rest) and vectors.
+
+        ONNX Runtime (1.22) fuses a reshape to a computed shape with one to a constant shape after it, and does not load the
+        result: the second reads what the first read.
+        """
+        if all(isinstance(part, int) and part != 0 for part in parts):
+            x = self._reshaped.get(x, x)
         vectors, run = [], []
         for part in [*parts, None]:
             if isinstance(part, int):
@@ -58,7 +65,10 @@ class Builder:
         if not vectors:
             vectors = [self.constant([], np.int64)]
         shape = vectors[0] if len(vectors) == 1 else self.node('Concat', *vectors, axis=0)
-        return self.node('Reshape', x, shape)
+        y = self.node('Reshape', x, shape)
+        if shape not in self.constants:
+            self._reshaped[y] = self._reshaped.get(x, x)
+        return y
 
     def pad(self, x, before, after, value):
         """x with constant rows and columns around its last two axes: `before` and `after` are (rows, columns)."""

@@ -22,7 +22,7 @@ def export(options, out):
     """Writes the network that `options` names to `out` and compares the two, as the command `onnx` says."""
     truncation = dict(end=options.end, graft=options.graft)
     graph = truncate(resolve(engine.read_net(options.prototxt)), options.end, options.graft)
-    _refuse_unknown(graph)
+    refuse_unknown(graph)
     blobs = weights.read(options.weights) if options.weights else {}
     inputs = examples.arrays(graph, options.input_shape, options.input)
     with tempfile.TemporaryDirectory() as folder:
@@ -41,17 +41,21 @@ def export(options, out):
         model, names = build(graph, blobs, values, inputs, options.fixed, options.float16)
         if model.ByteSize() > MOST_BYTES:
             raise ConversionError(f'the model takes {model.ByteSize()} bytes, one ONNX file has at most 2^31-1; --float16 halves it')
-        try:
-            onnx.checker.check_model(model, full_check=True)
-        except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
-            raise CheckFailed(f'check failed: the checker of ONNX does not take the model: {_one_line(error)}') from None
+        require_valid(model)
         onnx.save(model, out)
         if options.check:
             _check_layers(model, names, inputs, values, options.tolerance)
             _check_outputs(out, graph, inputs, expected, options)
 
 
-def _refuse_unknown(graph):
+def require_valid(model):
+    try:
+        onnx.checker.check_model(model, full_check=True)
+    except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
+        raise CheckFailed(f'check failed: the checker of ONNX does not take the model: {_one_line(error)}') from None
+
+
+def refuse_unknown(graph):
     for layer in graph.layers:
         if layer.type != 'Input' and layer.type not in EMIT:
             raise UnsupportedError(f"layer '{layer.name}' ({layer.type}): this type cannot be expressed in ONNX here; "
@@ -118,8 +122,8 @@ def _name_values(g, graph, names, taken):
     return outputs
 
 
-def _check_layers(model, names, inputs, values, tolerance):
-    """Compares every layer: what a softmax or a threshold hides, its input shows."""
+def with_every_layer(model, names, values):
+    """The model with every layer as an output, and {name: what the engine computes}."""
     everything = onnx.ModelProto()
     everything.CopyFrom(model)
     made = {name for node in model.graph.node for name in node.output}
@@ -127,6 +131,12 @@ def _check_layers(model, names, inputs, values, tolerance):
     known = {output.name for output in model.graph.output}
     everything.graph.output.extend(helper.make_tensor_value_info(name, TensorProto.FLOAT, None)
                                    for name in expected if name not in known)
+    return everything, expected
+
+
+def _check_layers(model, names, inputs, values, tolerance):
+    """Compares every layer: what a softmax or a threshold hides, its input shows."""
+    everything, expected = with_every_layer(model, names, values)
     if expected:  # some nets only pass their inputs on
         found = Model(everything.SerializeToString()).run(inputs, list(expected))
         compare.require('every layer', found, expected, tolerance)
@@ -167,8 +177,9 @@ def _larger(inputs):
 class Model:
     """A model, by its file's name or its bytes, in ONNX Runtime."""
 
-    def __init__(self, model):
+    def __init__(self, model, threads=0):
         options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads  # 0: as many as there are cores
         options.log_severity_level = 4  # its errors are raised as well
         try:
             self._session = onnxruntime.InferenceSession(model, options, providers=['CPUExecutionProvider'])

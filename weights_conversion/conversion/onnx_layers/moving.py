@@ -38,6 +38,8 @@ def _reshape(g, site):
 def _permute(g, site):
     order = list(site.message.permute_param.order)
     order += [axis for axis in range(len(site.shapes[0])) if axis not in order]
+    if order == sorted(order):  # ONNX Runtime 1.22 takes it for a transposition after Gemm
+        return [site.x[0]]
     return [g.node('Transpose', site.x[0], perm=order)]
 
 
@@ -66,9 +68,10 @@ def _crop_center(g, site):
 
 
 def _shuffle_channel(g, site):
-    groups = site.message.shuffle_channel_param.group
-    split = g.reshape(site.x[0], 0, groups, site.shapes[0][1] // groups, -1)
-    return [g.reshape(g.node('Transpose', split, perm=[0, 2, 1, 3]), g.shape(site.x[0]))]
+    rank = len(site.shapes[0])
+    rest = [g.shape(site.x[0], 2)] if rank > 2 else []
+    split = g.reshape(site.x[0], 0, site.message.shuffle_channel_param.group, -1, *rest)
+    return [g.reshape(g.node('Transpose', split, perm=[0, 2, 1, *range(3, rank + 1)]), g.shape(site.x[0]))]
 
 
 def _batch_reindex(g, site):

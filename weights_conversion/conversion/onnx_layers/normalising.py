@@ -31,16 +31,21 @@ def _bn(g, site):
 
 
 def _centred(g, x, axes):
-    """x less its mean over `axes`, and its variance."""
-    centred = g.node('Sub', x, g.node('ReduceMean', x, axes=axes, keepdims=1))
-    return centred, g.node('ReduceMean', g.node('Mul', centred, centred), axes=axes, keepdims=1)
+    """x less its mean over `axes`, and its variance. ONNX Runtime adds the numbers of several axes one after another, which
+    loses digits: so axis by axis."""
+    def mean(y):
+        for axis in reversed(axes):
+            y = g.node('ReduceMean', y, axes=[axis], keepdims=1)
+        return y
+    centred = g.node('Sub', x, mean(x))
+    return centred, mean(g.node('Mul', centred, centred))
 
 
 def _mvn(g, site):
     p, rank = site.message.mvn_param, len(site.shapes[0])
     first = min(1 if p.across_channels else 2, rank)
-    if first == rank:
-        site.refuse('an input without axes to normalise over')
+    if first == rank:  # every number is its own mean
+        return [g.node('Sub', site.x[0], site.x[0])]
     centred, variance = _centred(g, site.x[0], list(range(first, rank)))
     if not p.normalize_variance:
         return [centred]
@@ -49,11 +54,18 @@ def _mvn(g, site):
 
 def _lrn(g, site):
     p = site.message.lrn_param
-    if p.norm_region == p.ACROSS_CHANNELS:
-        return [g.node('LRN', site.x[0], size=p.local_size, alpha=p.alpha, beta=p.beta, bias=p.k)]
-    squares, side, pad = g.node('Mul', site.x[0], site.x[0]), p.local_size, p.local_size // 2
-    means = g.node('AveragePool', squares, kernel_shape=[side, side], pads=[pad] * 4, count_include_pad=1)
-    return [g.node('Mul', site.x[0], g.node('Pow', g.affine(means, p.alpha, 1), g.constant(-p.beta)))]
+    across, side, pad = p.norm_region == p.ACROSS_CHANNELS, p.local_size, p.local_size // 2
+    if across and p.alpha > 0 and p.beta > 0:  # ONNX Runtime's LRN takes no others
+        return [g.node('LRN', site.x[0], size=side, alpha=p.alpha, beta=p.beta, bias=p.k)]
+    squares = g.node('Mul', site.x[0], site.x[0])
+    if across:  # channels as the rows of one image
+        rows = g.reshape(squares, g.shape(squares, 0, 1), 1, g.shape(squares, 1, 2), -1)
+        means = g.node('AveragePool', rows, kernel_shape=[side, 1], pads=[pad, 0] * 2, count_include_pad=1)
+        means = g.reshape(means, g.shape(squares))
+    else:
+        means = g.node('AveragePool', squares, kernel_shape=[side, side], pads=[pad] * 4, count_include_pad=1)
+    scale = g.affine(means, p.alpha, p.k if across else 1)
+    return [g.node('Mul', site.x[0], g.node('Pow', scale, g.constant(-p.beta)))]
 
 
 def _normalize(g, site):

@@ -28,9 +28,11 @@ def _end(kernel, stride, pad, floor, clips):
 def _pooling(g, site):
     p = site.message.pooling_param
     if p.global_pooling:
-        if len(site.layer.outputs) > 1:
-            site.refuse('the mask of global pooling')
-        return [g.node('GlobalMaxPool' if p.pool == p.MAX else 'GlobalAveragePool', site.x[0])]
+        y = g.node('GlobalMaxPool' if p.pool == p.MAX else 'GlobalAveragePool', site.x[0])
+        if len(site.layer.outputs) == 1:
+            return [y]
+        place = g.node('ArgMax', g.reshape(site.x[0], 0, 0, -1), axis=2)
+        return [y, g.to_float(g.node('Unsqueeze', place, g.integers(3)))]
     floor = not p.ceil_mode if p.HasField('ceil_mode') else p.round_mode == p.FLOOR
     return pool(g, site, p.pool == p.MAX, *_axes(p), floor)
 
@@ -45,17 +47,30 @@ def pool(g, site, is_max, kernel, stride, pad, floor=False):
 
 
 def _max(g, site, sizes, pad, end):
-    x = site.x[0]
-    masked = len(site.layer.outputs) > 1
-    if any(e >= k for e, k in zip(end, sizes['kernel_shape'])):  # a window may see nothing
-        if masked:
-            site.refuse('the mask of windows that may lie outside of the image')
+    x, before = site.x[0], pad
+    gaps = any(e >= k for e, k in zip(end, sizes['kernel_shape']))  # a window may see nothing
+    if gaps:
         x, pad, end = g.pad(x, pad, end, LOWEST), (0, 0), (0, 0)
-    if not masked:
+    if len(site.layer.outputs) == 1:
         return [g.node('MaxPool', x, pads=(*pad, *end), **sizes)]
     y, places = g.node('MaxPool', x, pads=(*pad, *end), n_outputs=2, **sizes)
     pixels = g.node('ReduceProd', g.shape(x, 2, 4), axes=[0], keepdims=1)
-    return [y, g.to_float(g.node('Mod', places, pixels))]  # of the plane, not of the whole array
+    places = g.node('Mod', places, pixels)  # of the plane, not of the whole array
+    return [y, g.to_float(_unpadded(g, site.x[0], x, places, before) if gaps else places)]
+
+
+def _unpadded(g, x, padded, places, before):
+    """Places in the planes of x for those in the planes of `padded`; -1 for what lies outside of x, as in Caffe."""
+    width = g.shape(padded, 3, 4)
+    axes = [g.node(op, places, width) for op in ('Div', 'Mod')]
+    inside = []
+    for axis in (0, 1):
+        axes[axis] = g.node('Sub', axes[axis], g.integers(before[axis]))
+        inside += [g.node('Greater', axes[axis], g.integers(-1)), g.node('Less', axes[axis], g.shape(x, 2 + axis, 3 + axis))]
+    while len(inside) > 1:
+        inside = [g.node('And', *inside[:2]), *inside[2:]]
+    place = g.node('Add', g.node('Mul', axes[0], g.shape(x, 3, 4)), axes[1])
+    return g.node('Where', inside[0], place, g.integers(-1))
 
 
 def _average(g, site, sizes, pad, end):
@@ -68,8 +83,9 @@ def _average(g, site, sizes, pad, end):
     if not any(pad) and not gaps:
         return g.node('AveragePool', x, pads=pads, count_include_pad=0, **sizes)
     if gaps:
-        channels = site.shapes[0][1]
-        sums = g.node('Conv', x, g.constant(np.ones((channels, 1, *kernel))), pads=pads, group=channels, **sizes)
+        planes = g.reshape(x, -1, 1, g.shape(x, 2))
+        sums = g.node('Conv', planes, g.constant(np.ones((1, 1, *kernel))), pads=pads, **sizes)
+        sums = g.reshape(sums, g.shape(x, 0, 2), g.shape(sums, 2))
     else:
         means = g.node('AveragePool', x, pads=pads, count_include_pad=1, **sizes)
         sums = g.affine(means, float(np.prod(kernel)))

@@ -9,7 +9,9 @@ def _per_axis(field, n, absent):
 
 
 def _sizes(p, n):
-    """(kernel, stride, pad, dilation), each a list over the n spatial axes."""
+    """(kernel, stride, pad, dilation), each a list over the n spatial axes; without any over the one that _each_input adds."""
+    if n == 0:
+        return [1], [1], [0], [1]
     def of(name, repeated, absent):
         if p.HasField(f'{name}_h') or p.HasField(f'{name}_w'):
             return [getattr(p, f'{name}_h'), getattr(p, f'{name}_w')]
@@ -19,19 +21,18 @@ def _sizes(p, n):
 
 
 def _each_input(g, site, compute):
-    """A layer with several inputs applies the same weights to each. Axes before the channels are all batch."""
+    """A layer with several inputs applies the same weights to each. Axes before the channels are all batch. ONNX needs a
+    spatial axis; without one it gets an axis of size 1."""
     axis, shape = site.axis(site.message.convolution_param.axis), site.shapes[0]
     spatial = shape[axis + 1:]
-    if not spatial:
-        site.refuse('an input without spatial axes')
     outputs = []
     for x in site.x:
         batch = None
-        if axis != 1:
+        if axis != 1 or not spatial:
             batch = g.shape(x, 0, axis)
-            x = g.reshape(x, -1, g.shape(x, axis))
+            x = g.reshape(x, -1, g.shape(x, axis)) if spatial else g.reshape(x, -1, shape[axis], 1)
         y = compute(x, spatial, shape[axis])
-        outputs.append(y if batch is None else g.reshape(y, batch, g.shape(y, 1)))
+        outputs.append(y if batch is None else g.reshape(y, batch, g.shape(y, 1, None if spatial else 2)))
     return outputs
 
 
@@ -54,7 +55,7 @@ def _convolution(g, site):
 def _pads(site, spatial, kernel, stride, pad, dilation):
     """Caffe lets a kernel reach past the padding by less than a stride when there is but one window; zeros are there."""
     ends = []
-    for size, k, s, q, d in zip(spatial, kernel, stride, pad, dilation):
+    for size, k, s, q, d in zip(spatial or (1,), kernel, stride, pad, dilation):
         missing = (k - 1) * d + 1 - size - 2 * q
         if missing > 0 and not site.fixed:
             site.refuse(f'a kernel of {k} does not fit into {size} + 2 x {q}; export with a larger input, or --fixed')
@@ -74,15 +75,16 @@ def _deconvolution(g, site):
 
 
 def _im2col(g, site):
-    """Every window position is a channel: a convolution of each channel with kernels of a single one."""
+    """Every window position is a channel: a convolution of each channel by itself with kernels of a single one."""
     p = site.message.convolution_param
 
     def compute(x, spatial, channels):
         kernel, stride, pad, dilation = _sizes(p, len(spatial))
         taps = int(np.prod(kernel))
-        one_hot = np.tile(np.eye(taps, dtype=np.float32).reshape(taps, 1, *kernel), (channels,) + (1,) * (1 + len(kernel)))
-        return g.node('Conv', x, g.constant(one_hot), kernel_shape=kernel, strides=stride,
-                      pads=_pads(site, spatial, kernel, stride, pad, dilation), dilations=dilation, group=channels)
+        one_hot = np.eye(taps, dtype=np.float32).reshape(taps, 1, *kernel)
+        y = g.node('Conv', g.reshape(x, -1, 1, g.shape(x, 2)), g.constant(one_hot), kernel_shape=kernel, strides=stride,
+                   pads=_pads(site, spatial, kernel, stride, pad, dilation), dilations=dilation)
+        return g.reshape(y, g.shape(x, 0, 1), -1, g.shape(y, 2))
     return _each_input(g, site, compute)
 
 
