@@ -66,6 +66,17 @@ TEST(RunMemory, KernelsPackWhatTheLimitLeaves) {
       {"running the net takes", "MB for packed weights, beside", "MB of weights", "max_run_bytes"});
 }
 
+TEST(RunMemory, PartsOfABufferAreNotListedBesideIt) {
+  const Plan plan =
+      small_net({1, 16, 12, 16},
+                "layer { name: 'cut' type: 'Slice' bottom: 'data' top: 'a' top: 'b' }" +
+                    test::layer("ta", "TanH", {"a"}) + test::layer("tb", "TanH", {"b"}))
+          .plan();
+  std::vector<std::string> names;
+  for (const BufferUse& buffer : plan.buffers()) names.push_back(buffer.what);
+  EXPECT_EQ(names, (std::vector<std::string>{"data", "ta", "tb"}));
+}
+
 TEST(RunMemory, PackedWeightsBeyondAnyBudget) {
   const Net net =
       small_net({1, 4096, 112, 112}, conv("c", "data", "num_output: 4096 kernel_size: 3 pad: 1"),

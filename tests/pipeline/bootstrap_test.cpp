@@ -115,6 +115,9 @@ TEST(Bootstrap, SameForAnyNumberOfThreads) {
   expect_same(one, bootstrap(verdicts, Missed::kRejected, {.resamples = 100}));
   const PrIntervals other = bootstrap(verdicts, Missed::kRejected, {.resamples = 100, .seed = 2});
   EXPECT_NE(one.average_precision.low, other.average_precision.low);
+  const PrIntervals large =  // all bits of a seed count
+      bootstrap(verdicts, Missed::kRejected, {.resamples = 100, .seed = (1ULL << 32) + 2});
+  EXPECT_NE(large.average_precision.low, other.average_precision.low);
 }
 
 TEST(Bootstrap, IntervalsLieAroundTheValue) {

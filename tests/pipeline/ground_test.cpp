@@ -64,7 +64,9 @@ TEST(Ground, TakesPointsThatRoundToItsBorder) {
 TEST(Ground, LevelsAScanThatWasTilted) {
   const PointCloud scan = plane(0, 0, 1.73, 0.3);
   const PointCloud level_scan = level(scan, 1.73);
-  EXPECT_EQ(level_scan.points[5].z, scan.points[5].z);  // near enough to level
+  EXPECT_EQ(level_scan.points[5].z, scan.points[5].z);
+  const PointCloud nearly = plane(0.02, 0, 1.9, 0.3);  // 1.1 degrees and 0.17 m are left
+  EXPECT_EQ(level(nearly, 1.73).points[5].z, nearly.points[5].z);
   for (const double degrees : {-6.0, 4.0, 8.0}) {
     const Eigen::Isometry3f T(
         Eigen::Translation3f(0, 0, 0.7F) *

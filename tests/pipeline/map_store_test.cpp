@@ -209,6 +209,8 @@ TEST(MapStore, RefusesWhatCannotBeKept) {
   const auto reader = open_map(dir / "map", MapAccess::kRead);
   expect_error<UsageError>([&] { reader->add(made_places(1, 1)); }, {"for reading"});
   expect_error<UsageError>([&] { reader->set_value("a", ""); }, {"for reading"});
+  expect_error<UsageError>([&] { reader->replace_descriptors({}, {}, 0); }, {"for reading"});
+  expect_error<UsageError>([&] { reader->claim("", 1); }, {"for reading"});
 }
 
 TEST(MapStore, AnotherIdentityIsRefusedNamingEveryDifference) {
@@ -336,6 +338,12 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   writer_of(dir / "odd");
   execute(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
   refused(dir / "odd", {"odd: the head of this map is damaged", "'v'"});
+  writer_of(dir / "vacuumed");
+  execute(dir / "vacuumed", "PRAGMA auto_vacuum = FULL; VACUUM");
+  refused(dir / "vacuumed", {"vacuumed: the head of this map is damaged: auto_vacuum is '1'"});
+  writer_of(dir / "paged");
+  execute(dir / "paged", "PRAGMA journal_mode = DELETE; PRAGMA page_size = 8192; VACUUM");
+  refused(dir / "paged", {"paged: the head of this map is damaged: the page size is '8192'"});
   writer_of(dir / "counts");
   execute(dir / "counts", "DELETE FROM counts; INSERT INTO place (id) VALUES (1000000000000)");
   expect_error<InputError>([&] { read_all(*open_map(dir / "counts", MapAccess::kRead)); },
@@ -541,6 +549,17 @@ TEST(MapStore, ADamagedByteOfTheLogIsNamed) {
   for (int64_t id = 1; id <= 20; ++id) map->add(made_places(id, id));
   expect_damage_is_named(dir.path(), "map-wal", 20, 300, 0);
 
+  // Also of what says to which log a frame belongs: one such word of a frame can be damaged.
+  const std::string whole = test::read_file(dir / "map-wal");
+  for (const size_t word : {8, 12}) {
+    const TempDir other;
+    fs::copy_file(dir / "map", other / "map");
+    std::string bytes = whole;
+    ++bytes[32 + 5 * (24 + 4096) + word];
+    test::write_file(other / "map-wal", bytes);
+    EXPECT_EQ(check_map(other / "map").size(), 1) << word;
+  }
+
   // A writer does not write over what remains of acknowledged steps.
   const fs::path copy = dir / "copy";
   fs::remove_all(copy);
@@ -551,6 +570,24 @@ TEST(MapStore, ADamagedByteOfTheLogIsNamed) {
   test::write_file(copy / "map-wal", log);
   expect_error<InputError>([&] { writer_of(copy / "map"); }, {"map-wal: damaged at byte", "lost"});
   EXPECT_EQ(check_map(copy / "map").size(), 1);
+}
+
+TEST(MapStore, WhatALongStepThatWasTakenBackLeftInTheLogMeansNothing) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  map->add(made_places(1, 20));
+  map->add(made_places(21, 100));
+  const fs::path copy = dir / "copy";
+  fs::create_directory(copy);
+  fs::copy_file(dir / "map", copy / "map");
+  // Without the frame that ends the step, and damaged in the last but one of the others.
+  std::string log = test::read_file(dir / "map-wal");
+  constexpr size_t kFrame = 24 + 4096;
+  log.resize(log.size() - kFrame);
+  ++log[log.size() - kFrame - 100];
+  test::write_file(copy / "map-wal", log);
+  expect_places(*open_map(copy / "map", MapAccess::kRead), 20);
+  expect_places(*writer_of(copy / "map"), 20);
 }
 
 TEST(MapStore, DamagedValuesAreErrors) {
@@ -567,6 +604,65 @@ TEST(MapStore, DamagedValuesAreErrors) {
   expect_error<InputError>([&] { map->value("basis"); }, {"'basis'", "value 1"});
   expect_error<InputError>([&] { map->set_value("basis", ""); }, {"'basis'", "value 1"});
   EXPECT_EQ(check_map(dir / "map").size(), 1);
+}
+
+TEST(MapStore, ADamagedHeadIsNamedAndItsCopyIsRead) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_places(1, 2));
+  execute(dir / "map", "UPDATE map SET revision = 1");
+  const WhatWasRead read = read_all(*open_map(dir / "map", MapAccess::kRead));
+  EXPECT_EQ(read.places.size(), 2);
+  ASSERT_EQ(read.damages.size(), 1);
+  EXPECT_HAS(read.damages[0], "the table 'map': its checksum is wrong");
+  execute(dir / "map", "DELETE FROM map_copy");
+  expect_error<InputError>(
+      [&] { open_map(dir / "map", MapAccess::kRead); },
+      {"the table 'map': its checksum is wrong; the table 'map_copy': not found; make the map"});
+}
+
+TEST(MapStore, AColumnThatIsNoneOfItsTypeIsDamage) {
+  const TempDir dir;
+  {
+    const StoredPlace place = made(0);  // of frame 0, which NULL reads as, too
+    writer_of(dir / "map")->add({&place, 1});
+  }
+  execute(dir / "map", "UPDATE place SET frame = NULL");
+  const WhatWasRead read = read_all(*open_map(dir / "map", MapAccess::kRead));
+  EXPECT_TRUE(read.places.empty());
+  EXPECT_EQ(read.damages.size(), 1);
+}
+
+/// With others, maps that were written before could not be read any more.
+TEST(MapStore, ChecksumsAreTheSameForEver) {
+  const TempDir dir;
+  const StoredPlace bare{.drive = "00", .frame = 3, .descriptor = {1, 2}};
+  StoredPlace whole = bare;
+  whole.time = 1.5;
+  whole.pose = Eigen::Isometry3d::Identity();
+  whole.feature = {4};
+  writer_of(dir / "map")->add(std::vector<StoredPlace>{bare, whole});
+  execute(dir / "map",
+          "UPDATE place SET checksum = -8513214115871854599 WHERE id = 1;"
+          "UPDATE place SET checksum = 776762402370247915 WHERE id = 2");
+  EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
+}
+
+TEST(MapStore, MergedMapsAreOfOneBasis) {
+  const TempDir dir;
+  std::vector<fs::path> files;
+  for (const char* name : {"a", "b", "c"}) {
+    files.push_back(dir / name);
+    const auto map = writer_of(files.back());
+    map->add(made_places(1, 2));
+    map->set_value(kBasisValue, std::string(name) == "c" ? "another" : "one");
+  }
+  const auto nothing = [](const std::string&) {};
+  expect_error<InputError>([&] { merge_maps(files, dir / "merged", nothing); },
+                           {"c: its places", "than those of " + files[0].string() + ";"});
+  EXPECT_FALSE(fs::exists(dir / "merged"));
+  files.pop_back();
+  EXPECT_EQ(merge_maps(files, dir / "merged", nothing), 4);
+  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "one");
 }
 
 TEST(MapStore, ReadInAFolderThatCannotBeWritten) {

@@ -282,6 +282,8 @@ TEST(Pca, ModelMustBeWholeAndFit) {
   EXPECT_THROW(PcaModel(dir / "absent"), InputError);
   fit_pca({&file}, {.components = 2, .model_folder = dir / "model"});
   EXPECT_THROW(PcaModel(dir / "model").project({&other}), InputError);
+  EXPECT_THROW(PcaModel(dir / "model").project({&file}, {.stop = [] { return true; }}),
+               Interrupted);
   const float wrong[4] = {};
   proto::write_npy(dir / "model" / "mean.npy", {4}, wrong);
   EXPECT_THROW(PcaModel(dir / "model"), InputError);

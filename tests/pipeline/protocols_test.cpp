@@ -76,6 +76,7 @@ TEST(Protocols, EasyStoresEveryThirdScanOfThoseThereAre) {
   EXPECT_EQ(task.stored, (std::vector<int64_t>{0, 3}));
   ASSERT_EQ(task.queries.size(), 4u);
   EXPECT_EQ(task.queries[2].scan, 4);
+  EXPECT_EQ(make_tasks("paper-easy", "", at_frames({0, 1, 2})).at(0).queries.size(), 2u);
 }
 
 TEST(Protocols, KittisFramesAreForKittisDrives) {

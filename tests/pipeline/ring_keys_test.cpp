@@ -9,6 +9,7 @@
 #include "angles.h"
 #include "revisit/recognition/matrix.h"
 #include "ring/keys.h"
+#include "simd_targets.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -75,12 +76,16 @@ void expect_slow_products(const std::vector<int>& counts, size_t groups, int lar
         keys[at] = static_cast<uint8_t>((number.real() + 16) % 16 + (number.imag() + 16) % 16 * 16);
       }
   }
-  largest_key_products(query, keys.get(), scales, largest);
-  for (size_t place = 0; place < n; ++place) {
-    const double expected = slow_product(a, b[place]) * static_cast<double>(scales[place]);
-    EXPECT_NEAR(static_cast<double>(largest[place]), expected, 1e-5 * std::abs(expected) + 0.01)
-        << place;
-  }
+  std::vector<double> expected;
+  for (size_t place = 0; place < n; ++place)
+    expected.push_back(slow_product(a, b[place]) * static_cast<double>(scales[place]));
+  test::for_each_simd_target([&] {
+    largest_key_products(query, keys.get(), scales, largest);
+    for (size_t place = 0; place < n; ++place)
+      EXPECT_NEAR(static_cast<double>(largest[place]), expected[place],
+                  1e-5 * std::abs(expected[place]) + 0.01)
+          << place;
+  });
 }
 
 TEST(RingKeyProducts, AreThoseOfTheSlowTwin) {

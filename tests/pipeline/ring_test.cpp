@@ -13,6 +13,8 @@
 #include "revisit/recognition/feature_file.h"
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/learn.h"
+#include "revisit/recognition/ring/match.h"
+#include "ring/projection.h"
 #include "ring/spectrum.h"
 #include "test_data.h"
 
@@ -209,6 +211,8 @@ TEST(RingSimilarity, OfAScanThatIsTheMeanIsZero) {
   ring_comparison(describer.layout())
       .similarity(descriptors.row(5), rows_of(descriptors, learnt.scans), row);
   for (const double similarity : row) EXPECT_EQ(similarity, 0);
+  // All turns are as good.
+  EXPECT_EQ(match_rings(descriptors.row(5), descriptors.row(3), describer.layout()).turn, 0);
 }
 
 /// Rings whose numbers are gaussian and independent: place and scan have known variances.
@@ -297,6 +301,21 @@ TEST(RingLearning, AlteredScansTeachAsTheirMeanOverAllPairsOfWays) {
         (model.polar.shared[at].real() - (shared.real() + shared.real().transpose()) / 2).norm(),
         1e-4 * total.norm());
     EXPECT_EQ(model.polar.total[at].imag().norm(), 0);  // mirrored
+  }
+}
+
+TEST(RingDescriber, TheUnitOfColumnsDoesNotMatter) {
+  const RingStatistics ring = Learnt().model.columns;
+  RingStatistics small = ring;
+  for (float& number : small.mean) number /= 256;
+  for (auto* spreads : {&small.total, &small.shared})
+    for (Eigen::MatrixXcd& spread : *spreads) spread /= 256 * 256;
+  ASSERT_LT(trace(small.total), 1);
+  const RingProjection expected = project_rings(ring, 0.1, 30),
+                       found = project_rings(small, 0.1, 30);
+  for (size_t f = 0; f < expected.size(); ++f) {
+    ASSERT_EQ(found[f].rows(), expected[f].rows());
+    EXPECT_LE((found[f] - expected[f]).norm(), 1e-4F * expected[f].norm());
   }
 }
 
