@@ -77,26 +77,23 @@ void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
 
 /// Any value in any column.
 void change_column(sqlite::Connection& map, Bytes& bytes) {
-  struct Column {
-    const char *table, *name;
-  };
-  constexpr std::array<Column, 27> kColumns{{{"place", "id"},          {"place", "drive"},
-                                             {"place", "frame"},       {"place", "time"},
-                                             {"place", "pose"},        {"place", "descriptor"},
-                                             {"place", "feature"},     {"place", "revision"},
-                                             {"place", "checksum"},    {"value", "id"},
-                                             {"value", "name"},        {"value", "bytes"},
-                                             {"value", "checksum"},    {"map", "id"},
-                                             {"map", "identity"},      {"map", "bytes_per_number"},
-                                             {"map", "revision"},      {"map", "checksum"},
-                                             {"map_copy", "identity"}, {"map_copy", "checksum"},
-                                             {"counts", "id"},         {"counts", "places"},
-                                             {"counts", "\"values\""}, {"counts", "checksum"},
-                                             {"removed", "id"},        {"removed", "place"},
-                                             {"removed", "checksum"}}};
-  const Column column = kColumns[bytes.up_to(kColumns.size() - 1)];
+  constexpr std::array kColumns{"place SET id",          "place SET drive",
+                                "place SET frame",       "place SET time",
+                                "place SET pose",        "place SET descriptor",
+                                "place SET feature",     "place SET revision",
+                                "place SET checksum",    "value SET id",
+                                "value SET name",        "value SET bytes",
+                                "value SET checksum",    "map SET id",
+                                "map SET identity",      "map SET bytes_per_number",
+                                "map SET revision",      "map SET checksum",
+                                "map_copy SET identity", "map_copy SET checksum",
+                                "counts SET id",         "counts SET places",
+                                "counts SET \"values\"", "counts SET checksum",
+                                "removed SET id",        "removed SET place",
+                                "removed SET checksum"};
   sqlite::Statement update(
-      map, str("UPDATE OR REPLACE ", column.table, " SET ", column.name, " = ? WHERE id = ?"));
+      map,
+      str("UPDATE OR REPLACE ", kColumns[bytes.up_to(kColumns.size() - 1)], " = ? WHERE id = ?"));
   const int64_t row = bytes.number<uint8_t>();
   const size_t type = bytes.up_to(4);
   const std::string text = bytes.text(bytes.up_to(40));
