@@ -56,6 +56,9 @@ make_dictionary() {
         grep -oE '\{"[A-Za-z]+"' "$root/engine/src/registry.cpp" | tr -d '{"'
       } | sort -u | sed 's/.*/"&"/'
       ;;
+    jsonl | report)
+      grep -oE '[a-z_0-9]+ = [0-9]+;' "$root/tools/reports.proto" | cut -d' ' -f1 | sort -u | sed 's/.*/"\\"&\\""/'
+      ;;
     *) : ;;
   esac
 }

@@ -24,14 +24,14 @@ namespace {
 /// than it says.
 PointCloud cloud_of(const PointCloud2& message) {
   PointsView row{message.data.data(), message.width, message.point_step};
-  int found = 0;
+  int found = 0;  // a bit for each
   for (const PointField& field : message.fields) {
     const bool wanted = field.name == "x" || field.name == "y" || field.name == "z";
     if (!wanted || field.datatype != PointField::FLOAT32) continue;
     (field.name == "x" ? row.x : field.name == "y" ? row.y : row.z) = field.offset;
-    ++found;
+    found |= 1 << (field.name[0] - 'x');
   }
-  if (found != 3 || message.is_bigendian)
+  if (found != 7 || message.is_bigendian)
     throw revisit::UsageError("points: expected little-endian float32 fields x, y and z");
   PointCloud cloud, part;
   const size_t bytes = row.count * row.stride;

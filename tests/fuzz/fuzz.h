@@ -14,9 +14,9 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
 namespace revisit::fuzz {
 
-/// How often works_or_refuses() saw one of our errors: a target that refuses nearly everything
-/// tests little.
-inline uint64_t refusals = 0;
+/// How often works_or_refuses() saw one of our errors, and how often none: a target that refuses
+/// nearly everything tests little.
+inline uint64_t refusals = 0, successes = 0;
 
 /// The contract of everything that takes input: it works, or it throws one of our own errors. Any
 /// other exception leaves the target and ends the program: a finding.
@@ -24,6 +24,7 @@ template <class Work>
 void works_or_refuses(const Work& work) {
   try {
     work();
+    ++successes;
   } catch (const Error&) {
     ++refusals;
   }

@@ -2,6 +2,10 @@
 // else.
 #include <ring_model.pb.h>
 
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
 #include "fuzz.h"
 #include "revisit/proto/fnv1a.h"
 #include "revisit/recognition/ring/describe.h"
@@ -18,7 +22,17 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const pipeline::RingModel model =
         pipeline::parse_ring_model(file.SerializeAsString(), "<case>");
     const pipeline::RingDescriber describer(model, {.numbers = 64});
-    fuzz::require(describer.layout().numbers() <= 64, "at most the numbers asked for");
+    const auto numbers = static_cast<size_t>(describer.layout().numbers());
+    fuzz::require(numbers <= 64, "at most the numbers asked for");
+    // As the basis of a map it describes that map's scans.
+    const std::vector<float> rings(static_cast<size_t>(model.dim()), 0.5F);
+    std::vector<float> descriptor(numbers);
+    describer.describe(rings, descriptor);
+    fuzz::require(std::ranges::all_of(descriptor, [](float v) { return std::isfinite(v); }),
+                  "descriptors are finite");
+    const double similarity =
+        pipeline::match_rings(descriptor, descriptor, describer.layout()).similarity;
+    fuzz::require(similarity >= -1 && similarity <= 1, "a similarity is a cosine");
   });
   return 0;
 }

@@ -190,7 +190,9 @@ int main_of(const std::vector<std::string>& arguments) {
   const uint64_t made = options.seeds.empty() ? 0 : run_mutants(options);
   std::cout << given << " given cases and " << made << " made ones (" << refusals
             << " refusals): no findings\n";
-  return 0;
+  if (made == 0 || successes > 0 || refusals == 0) return 0;
+  std::cerr << "each was refused: the seeds are of no format that is read\n";
+  return 1;
 }
 
 }  // namespace

@@ -10,12 +10,14 @@
 #include <atomic>
 #include <cmath>
 #include <csignal>
+#include <cstring>
 #include <limits>
 #include <random>
 #include <thread>
 
 #include "expect_error.h"
 #include "killed_writer.h"
+#include "place_row.h"
 #include "read_map.h"
 #include "test_data.h"
 
@@ -663,6 +665,31 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
   files.pop_back();
   EXPECT_EQ(merge_maps(files, dir / "merged", nothing), 4);
   EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "one");
+}
+
+TEST(MapStore, AStrangersNumbersThatAreNotFiniteAreDamage) {
+  const auto damage_of = [](const std::function<void(StoredPlace&)>& spoil) {
+    StoredPlace place = made(10), read;  // which has everything
+    spoil(place);
+    PlaceRow bytes;
+    bytes.pose.resize(12 * sizeof(double));
+    const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> pose = place.pose->matrix().topRows<3>();
+    std::memcpy(bytes.pose.data(), pose.data(), bytes.pose.size());
+    const auto bytes_of = [](const std::vector<float>& numbers) {
+      return std::string(reinterpret_cast<const char*>(numbers.data()), 4 * numbers.size());
+    };
+    bytes.descriptor = bytes_of(place.descriptor);
+    bytes.feature = bytes_of(place.feature);
+    RowView row = view_of(place, bytes, 0);
+    row.checksum = checksum_of(10, row);
+    return take_row(10, row, NumberFormat::kFloat32, 0, read);
+  };
+  EXPECT_EQ(damage_of([](StoredPlace&) {}), "");
+  for (const auto& spoil : std::vector<std::function<void(StoredPlace&)>>{
+           [](StoredPlace& p) { p.descriptor[7] = NAN; },
+           [](StoredPlace& p) { p.feature[1] = NAN; }, [](StoredPlace& p) { p.time = -INFINITY; },
+           [](StoredPlace& p) { p.pose->translation().x() = INFINITY; }})
+    EXPECT_EQ(damage_of(spoil), "it has numbers that are not finite");
 }
 
 TEST(MapStore, ReadInAFolderThatCannotBeWritten) {

@@ -366,6 +366,36 @@ TEST(PlaceRecognizer, PlacesOfAnotherSizeAreLeftOutAndNamed) {
   EXPECT_EQ(recognizer->query(recognizer->describe(view_of(scan_of(107))))->id, 9);
 }
 
+TEST(PlaceRecognizer, PlacesOfNumbersThatNoFeatureHasAreLeftOutAndNamed) {
+  const test::TempDir folder;
+  {
+    std::vector<StoredPlace> places(3);
+    for (int i = 0; i < 3; ++i) places[i].feature = places[i].descriptor = coordinates_of(i);
+    places[1].feature[2] = 3e38F;  // their sum would be infinite
+    places[2].feature[2] = 3e38F;
+    map_in(folder / "a.map")->add(places);
+  }
+  std::vector<std::string> damages;
+  PlaceRecognizer recognizer(coordinates(), {.first_stretch = 2}, map_in(folder / "a.map"),
+                             [&](const std::string& damage) { damages.push_back(damage); });
+  ASSERT_EQ(damages.size(), 2);
+  EXPECT_HAS(damages[0], "place 2 is left out: its feature has numbers that are not finite, or");
+  EXPECT_EQ(recognizer.size(), 1);
+  PointCloud far = scan_of(0);
+  far.points[1].z = 1e10F;
+  EXPECT_HAS(recognizer.describe(view_of(far)).why_not, "its feature has numbers that are not");
+}
+
+TEST(PlaceRecognizer, AMapsThresholdThatIsNoNumberIsRefused) {
+  const test::TempDir folder;
+  for (const char* text : {"high", "0.5 ", "nan", "1e999"}) {
+    auto map = map_in(folder / "a.map");
+    map->set_value(kThresholdValue, text);
+    expect_error<InputError>([&] { PlaceRecognizer(coordinates(), {}, std::move(map)); },
+                             {"threshold", "expected a number"});
+  }
+}
+
 TEST(PlaceRecognizer, TheBasisOfPlacesThatComeTogetherIsLearntOnce) {
   const test::TempDir folder;
   std::vector<StoredPlace> places(60);

@@ -8,7 +8,10 @@ import sqlite3
 import struct
 import tempfile
 import unittest
+from collections import Counter
 from pathlib import Path
+from random import Random
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -60,6 +63,42 @@ class Folders(unittest.TestCase):
         return scans
 
 
+def made_up_message(random):
+    """A PointCloud2 of a few points of any bytes: now and then a field, its type or its place is wrong, or bytes are missing."""
+    seldom = lambda usual, *others: random.choice(others) if random.random() < 0.06 else usual
+    kind, gap = random.choice((7, 7, 8)), random.choice((0, 0, 1, 4))
+    size = 4 if kind == 7 else 8
+    places = [random.randrange(5) + i * (size + gap) for i in (0, 1, 2)]
+    names = random.sample('xyz', 3) if random.random() < 0.3 else list('xyz')
+    fields = [SimpleNamespace(name=seldom(name, 'x', 'intensity'), offset=seldom(offset, 0, 40, 2**32 - 1),
+                              datatype=seldom(kind, 7, 8, 5, 0), count=seldom(1, 0, 2))
+              for name, offset in zip(names, places)]
+    step = seldom(max(places) + size + random.randrange(4), 0, 3, 12)
+    height, width = seldom(random.choice((1, 1, 2, 3)), 0, 2**32 - 1), seldom(random.randrange(6), 2**32 - 1)
+    row = seldom(width * step + random.choice((0, 0, 5)), 0, 2**32 - 1)
+    bytes_there = min(height * row, 2000) - seldom(0, 1, 30)
+    return SimpleNamespace(height=height, width=width, fields=fields, is_bigendian=random.random() < 0.3, point_step=step,
+                           row_step=row, data=np.frombuffer(random.randbytes(max(bytes_there, 0)), np.uint8))
+
+
+def unpacked(cloud):
+    """Its points, number by number; None for a message that is none."""
+    order, fields = '>' if cloud.is_bigendian else '<', {field.name: field for field in cloud.fields}
+    axes = [fields.get(axis) for axis in 'xyz']
+    if any(not axis or axis.datatype not in (7, 8) or axis.count > 1 for axis in axes):
+        return None
+    reads = [(struct.Struct(order + 'fd'[axis.datatype - 7]), axis.offset) for axis in axes]
+    if any(offset + number.size > cloud.point_step for number, offset in reads):
+        return None
+    if cloud.width * cloud.height == 0:
+        return []
+    last = (cloud.height - 1) * cloud.row_step + cloud.width * cloud.point_step
+    if (cloud.height > 1 and cloud.row_step < cloud.width * cloud.point_step) or last > len(cloud.data):
+        return None
+    return [[number.unpack_from(cloud.data, row * cloud.row_step + column * cloud.point_step + offset)[0] for number, offset in reads]
+            for row in range(cloud.height) for column in range(cloud.width)]
+
+
 class PointCloud2(unittest.TestCase):
     points = some_points(1)
 
@@ -99,6 +138,23 @@ class PointCloud2(unittest.TestCase):
         wrong('ends at byte 12 of points of 10', point_step=10)
         wrong('found 3100 bytes', data=packed(self.points).data[:3100])
         wrong('rows of 5', row_step=5)
+
+    def test_made_up_messages_are_read_as_struct_reads_them(self):
+        random, outcomes = Random(1), Counter()
+        for case in range(4000):
+            cloud = made_up_message(random)
+            expected = unpacked(cloud)
+            with self.subTest(case=case, cloud=cloud), np.errstate(all='ignore'):
+                try:
+                    read = points_of(cloud)
+                except revisit.InputError:
+                    read = None
+                self.assertEqual(read is None, expected is None)
+                if read is not None:
+                    self.assertEqual((read.dtype, read.shape), (np.float32, (len(expected), 3)))
+                    np.testing.assert_array_equal(read, np.array(expected).astype(np.float32).reshape(-1, 3))
+            outcomes['refused' if expected is None else 'read' if expected else 'empty'] += 1
+        self.assertGreater(min(outcomes.values()), 300, outcomes)
 
 
 @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iomanip>
-#include <ranges>
 
 #include "ballots.h"
 #include "revisit/proto/atomic_file.h"
@@ -37,12 +36,12 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
     if (matches[i].query != query.scan || matches[i].ranks.empty())
       throw Error(str("match ", i, " does not answer query ", i, " of task ", task.name, " (scan ",
                       query.scan, ")"));
-    const auto is_best = [&](int64_t place) {
-      return task.stored[static_cast<size_t>(place)] == matches[i].ranks[0];
+    const auto has_best = [&](const CandidateRange& range) {
+      const auto first = task.stored.begin();
+      return std::find(first + range.begin, first + range.end, matches[i].ranks[0]) !=
+             first + range.end;
     };
-    if (std::ranges::none_of(query.candidates, [&](const CandidateRange& range) {
-          return std::ranges::any_of(std::views::iota(range.begin, range.end), is_best);
-        }))
+    if (std::ranges::none_of(query.candidates, has_best))
       throw Error(str("match ", i, " of task ", task.name, ": scan ", matches[i].ranks[0],
                       " is no candidate of the query, scan ", query.scan));
     verdicts[i].score = matches[i].score;

@@ -25,6 +25,14 @@ namespace {
 /// To be raised with every change after which the same scan has another descriptor.
 constexpr int kRecognizerVersion = 2;
 
+/// What is learnt and compared is made of sums of products of a few such numbers, which floats
+/// hold.
+constexpr float kLargest = 1e9F;
+constexpr const char* kTooLarge = "numbers that are not finite, or above 1e9";
+bool can_be_used(std::span<const float> numbers) {
+  return std::ranges::all_of(numbers, [](float v) { return std::abs(v) <= kLargest; });
+}
+
 /// Of a feature that learns nothing: it is the descriptor.
 Basis as_it_is(const FeatureExtractor& extractor) {
   Basis basis;
@@ -34,6 +42,15 @@ Basis as_it_is(const FeatureExtractor& extractor) {
   };
   basis.comparison = extractor.comparison;
   return basis;
+}
+
+/// Of a map, which may be a stranger's.
+double parse_threshold(const std::string& text) {
+  double value = 0;
+  const char* const end = text.data() + text.size();
+  if (std::from_chars(text.data(), end, value).ptr != end || !std::isfinite(value))
+    throw InputError(str("the map's threshold: expected a number, found ", text.size(), " bytes"));
+  return value;
 }
 
 /// Working memory of one thread.
@@ -121,11 +138,7 @@ struct PlaceRecognizer::Impl {
     if (!content.empty()) calibration = parse_calibration(content, "the map's calibration");
     if (calibration && !is_mine(*calibration)) calibration.reset();
     threshold = options.threshold;
-    if (!threshold && !text.empty()) {
-      double value = 0;
-      std::from_chars(text.data(), text.data() + text.size(), value);
-      threshold = value;
-    }
+    if (!threshold && !text.empty()) threshold = parse_threshold(text);
     if (!threshold && calibration) threshold = calibration->threshold_for(options.precision);
   }
 
@@ -161,11 +174,16 @@ struct PlaceRecognizer::Impl {
   /// Why a place of the map, which may be a stranger's, cannot be used; "" when it can.
   std::string misfit_of(const StoredPlace& place) const {
     const bool by_feature = !settled || !place.feature.empty();
-    const auto numbers = std::ssize(by_feature ? place.feature : place.descriptor);
+    const std::vector<float>& numbers = by_feature ? place.feature : place.descriptor;
     const int64_t expected = by_feature ? extractor.dim : basis->dim;
-    if (numbers == expected) return "";
+    std::string found;
+    if (std::ssize(numbers) != expected)
+      found = str(numbers.size(), " numbers, expected ", expected);
+    else if (!can_be_used(numbers))
+      found = kTooLarge;
+    if (found.empty()) return "";
     return str("place ", place.id, " is left out: its ", by_feature ? "feature" : "descriptor",
-               " has ", numbers, " numbers, expected ", expected);
+               " has ", found);
   }
 
   std::vector<float> descriptor_of(std::span<const float> feature) const {
@@ -443,8 +461,7 @@ Description PlaceRecognizer::describe(const PointsView& points) const {
     if (std::ranges::none_of(worker->cloud.points, is_return))
       throw InputError("the scan has no points");
     worker->describe(worker->cloud, scan.feature);
-    if (!std::ranges::all_of(scan.feature, [](float v) { return std::isfinite(v); }))
-      throw InputError("its feature has numbers that are not finite");
+    if (!can_be_used(scan.feature)) throw InputError(str("its feature has ", kTooLarge));
   } catch (const InputError& error) {
     scan = {{}, error.what()};
   }

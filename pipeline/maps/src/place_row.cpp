@@ -32,6 +32,10 @@ std::vector<Number> numbers_of(std::string_view bytes) {
   return numbers;
 }
 
+bool all_finite(const std::vector<float>& numbers) {
+  return std::ranges::all_of(numbers, [](float number) { return std::isfinite(number); });
+}
+
 std::string float32_bytes(const std::vector<float>& numbers, const std::string& of) {
   for (const float number : numbers)
     if (!std::isfinite(number))
@@ -140,6 +144,9 @@ std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_
     place.descriptor = numbers_of<float>(row.descriptor);
   }
   place.feature = numbers_of<float>(row.feature);
+  if (!std::isfinite(place.time.value_or(0)) || (place.pose && !place.pose->matrix().allFinite()) ||
+      !all_finite(place.descriptor) || !all_finite(place.feature))
+    return "it has numbers that are not finite";
   return "";
 }
 

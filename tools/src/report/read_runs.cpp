@@ -56,6 +56,8 @@ class RunReader {
     reports::Run& run = *page_->add_runs();
     read_report(name / "report.json", &run);
     need_consistent(name / "report.json", run);
+    run.clear_scans_of();  // this and the next: the page's own, not of a run
+    for (reports::RunTask& task : *run.mutable_tasks()) task.clear_shown();
     return entry->second;
   }
 

@@ -127,6 +127,9 @@ struct Reader {
     to.weights = from.weights();
     to.mirrored = from.mirrored();
     to.mean = numbers(from.mean(), to.size(), what + " mean");
+    // Floats hold the sums that become a descriptor.
+    expect(std::ranges::all_of(to.mean, [](float v) { return std::abs(v) <= 1e9F; }),
+           what + " mean holds a number above 1e9, which no scan has");
     to.total = matrices(from.total(), to.numbers, to.mirrored, what + " total spread");
     if (!from.shared().empty())
       to.shared = matrices(from.shared(), to.numbers, to.mirrored, what + " shared spread");

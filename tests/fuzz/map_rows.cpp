@@ -1,0 +1,191 @@
+// Rows of a map as a stranger writes them, with their checksums set right: SQLite refuses most
+// files whose bytes are changed (map.cpp), and a checksum the others.
+#include <unistd.h>
+
+#include <list>
+
+#include "bytes.h"
+#include "checksum.h"
+#include "fuzz.h"
+#include "place_row.h"
+#include "removed_places.h"
+#include "revisit/maps/place_recognizer.h"
+#include "schema.h"
+#include "small_rings.h"
+
+namespace revisit::fuzz {
+namespace {
+
+using namespace pipeline;
+namespace fs = std::filesystem;
+
+const RecognizerOptions kOptions{.first_stretch = 4};
+/// A learnt basis, a calibration, and a model whose file says nothing of its map.
+struct Known {
+  FeatureExtractor rings = small_rings();
+  MapIdentity identity = PlaceRecognizer::identity_of(rings, kOptions);
+  std::string basis = ring_model_content(small_ring_model());
+  std::string calibration = calibration_content({.blocks = {{0.1, 50, 0}, {0.6, 900, 899}}});
+};
+const Known& known() {
+  static const Known known;
+  return known;
+}
+
+/// `size` bytes: a few of the case's, again and again.
+std::string repeated(Bytes& bytes, size_t size) {
+  const std::string few = bytes.text(bytes.up_to(24));
+  std::string all;
+  while (!few.empty() && all.size() < size) all += few;
+  all.resize(size);
+  return all;
+}
+
+/// As a map has it, or of any size.
+std::string blob(Bytes& bytes, size_t usual) {
+  const size_t kind = bytes.up_to(7);
+  return kind == 0 ? "" : repeated(bytes, kind == 1 ? bytes.number<uint16_t>() : usual);
+}
+
+void add_place(sqlite::Connection& map, Bytes& bytes, int64_t id, const MapHead& head) {
+  StoredPlace place;
+  place.drive = bytes.text(bytes.up_to(3));
+  place.frame = bytes.number<int64_t>();
+  if (bytes.up_to(1) == 1) place.time = bytes.number<double>();
+  const size_t numbers = 4 * (bytes.up_to(1) == 1 ? 32 : 16);
+  const PlaceRow row{blob(bytes, 96), blob(bytes, numbers), blob(bytes, 128)};
+  sqlite::Statement insert(map, kInsertPlace);
+  insert_place(insert, id, place, row, head.revision);
+}
+
+void add_value(sqlite::Connection& map, Bytes& bytes, int64_t id) {
+  constexpr std::array kNames{kBasisValue, kCalibrationValue, kThresholdValue, "another"};
+  const std::string name = kNames[bytes.up_to(3)];
+  std::string value = name == kBasisValue         ? known().basis
+                      : name == kCalibrationValue ? known().calibration
+                                                  : "0.5";
+  for (size_t changes = bytes.up_to(3); changes > 0; --changes)
+    value[bytes.number<uint16_t>() % value.size()] = bytes.number<char>();
+  if (bytes.up_to(3) == 0) value = blob(bytes, 8);
+  sqlite::Statement(map, "INSERT INTO value (id, name, bytes, checksum) VALUES (?, ?, ?, ?)")
+      .bind(1, id)
+      .bind(2, std::string_view(name))
+      .bind_blob(3, value)
+      .bind(4, Checksum().number(id).bytes(name).bytes(value).value())
+      .step();
+}
+
+/// Any value in any column.
+void change_column(sqlite::Connection& map, Bytes& bytes) {
+  constexpr std::array kColumns{"place SET id",          "place SET drive",
+                                "place SET frame",       "place SET time",
+                                "place SET pose",        "place SET descriptor",
+                                "place SET feature",     "place SET revision",
+                                "place SET checksum",    "value SET id",
+                                "value SET name",        "value SET bytes",
+                                "value SET checksum",    "map SET id",
+                                "map SET identity",      "map SET bytes_per_number",
+                                "map SET revision",      "map SET checksum",
+                                "map_copy SET identity", "map_copy SET checksum",
+                                "counts SET id",         "counts SET places",
+                                "counts SET \"values\"", "counts SET checksum",
+                                "removed SET id",        "removed SET place",
+                                "removed SET checksum"};
+  sqlite::Statement update(
+      map,
+      str("UPDATE OR REPLACE ", kColumns[bytes.up_to(kColumns.size() - 1)], " = ? WHERE id = ?"));
+  const int64_t row = bytes.number<uint8_t>();
+  const size_t type = bytes.up_to(4);
+  const std::string text = bytes.text(bytes.up_to(40));
+  if (type == 0) update.bind_null(1);
+  if (type == 1) update.bind(1, bytes.number<int64_t>());
+  if (type == 2) update.bind(1, bytes.number<double>());
+  if (type == 3) update.bind(1, std::string_view(text));
+  if (type == 4) update.bind_blob(1, text);
+  update.bind(2, row).step();
+}
+
+void write_map(const fs::path& file, Bytes& bytes) {
+  sqlite::Connection map(file, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, "<case>");
+  map.execute("PRAGMA synchronous = OFF");
+  MapHead head{known().identity};
+  make_map(map, head);
+  sqlite::Transaction step(map, sqlite::Locking::kWrites);
+  Counts counts;
+  while (!bytes.empty()) {
+    const size_t kind = bytes.up_to(11);
+    const std::array<int64_t, 1> id{bytes.number<int8_t>()};
+    if (kind < 6) add_place(map, bytes, ++counts.places, head);
+    if (kind == 6 || kind == 7) add_value(map, bytes, ++counts.values);
+    if (kind == 8) write_removed(map, id);
+    if (kind == 9) counts.places += id[0];
+    if (kind == 10) {
+      head.format = id[0] % 2 == 0 ? NumberFormat::kFloat32 : NumberFormat::kFloat16;
+      head.revision = bytes.number<int64_t>();
+      write_head(map, head);
+    }
+    write_counts(map, counts);
+    if (kind == 11) works_or_refuses([&] { change_column(map, bytes); });
+  }
+  step.commit();
+}
+
+/// What a map holds is never a mistake of the program that opens it.
+template <class Work>
+void reads_or_refuses(const Work& work) {
+  works_or_refuses([&] {
+    try {
+      work();
+    } catch (const UsageError& error) {
+      std::fprintf(stderr, "%s\n", error.what());
+      require(false, "no UsageError for a stranger's map");
+    }
+  });
+}
+
+void use(const fs::path& file) {
+  const auto pass_over = [](const std::string&) {};
+  reads_or_refuses([&] { check_map(file); });
+  reads_or_refuses([&] {
+    const fs::path merged = file.string() + "_merged";
+    const std::array<fs::path, 2> maps{file, file};
+    merge_maps(maps, merged, pass_over);
+  });
+  reads_or_refuses([&] {
+    PlaceRecognizer recognizer(known().rings, kOptions, open_map(file, MapAccess::kWrite),
+                               pass_over);
+    Description scan;
+    for (int i = 0; i < 32; ++i) scan.feature.push_back(static_cast<float>(i % 5));
+    const auto loop = recognizer.query(scan);
+    require(!loop || std::abs(loop->similarity) <= 1.001, "a similarity is a cosine");
+    recognizer.add(scan, {});
+    recognizer.query(scan);
+    recognizer.remove(std::array<int64_t, 1>{0});
+    recognizer.calibrate(0.5);
+    recognizer.refresh();
+  });
+}
+
+}  // namespace
+}  // namespace revisit::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace revisit;
+  namespace fs = std::filesystem;
+  const std::string file =
+      fs::temp_directory_path() / ("revisit_fuzz_rows_" + std::to_string(::getpid()));
+  const auto clear = [&] {
+    for (const char* name : {"", "_merged"})
+      for (const char* ending : {"", "-wal", "-shm", "-journal", "-writer"})
+        fs::remove(file + name + ending);
+  };
+  clear();
+  fuzz::known();  // an error here would be ours
+  fuzz::Bytes bytes(data, size);
+  fuzz::works_or_refuses([&] {
+    fuzz::write_map(file, bytes);
+    fuzz::use(file);
+  });
+  clear();
+  return 0;
+}

@@ -1,0 +1,102 @@
+// Points in a driver's layout, of any numbers, as a PointCloud2 has them: seen, described, found.
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "bytes.h"
+#include "fuzz.h"
+#include "revisit/baselines/scan_context.h"
+#include "revisit/maps/place_recognizer.h"
+#include "revisit/registration/registration.h"
+#include "small_rings.h"
+
+namespace revisit::fuzz {
+namespace {
+
+using namespace pipeline;
+
+/// [m]; one byte says it, so that most scans are of this world.
+float coordinate(Bytes& bytes) {
+  using Limits = std::numeric_limits<float>;
+  constexpr float kOdd[] = {Limits::quiet_NaN(),
+                            Limits::infinity(),
+                            -Limits::infinity(),
+                            Limits::max(),
+                            Limits::lowest(),
+                            Limits::denorm_min(),
+                            Limits::min(),
+                            1e19F,
+                            -1e10F,
+                            -0.0F};
+  const auto code = bytes.number<uint8_t>();
+  if (code == 255) return bytes.number<float>();
+  if (code >= 240) return kOdd[code % std::size(kOdd)];
+  return 0.3F * (static_cast<float>(code) - 120);
+}
+
+/// A view, and memory that ends with the last coordinate of its last point.
+struct Given {
+  PointsView view;
+  std::vector<uint8_t> memory;
+  bool fits = true;
+
+  explicit Given(Bytes& bytes) {
+    for (size_t* offset : {&view.x, &view.y, &view.z}) *offset = bytes.up_to(40);
+    view.stride = bytes.up_to(48);
+    const size_t last = std::max({view.x, view.y, view.z}) + sizeof(float);
+    view.count = bytes.number<uint16_t>() % 2000;
+    fits = view.stride >= last;
+    if (!fits || view.count == 0) return;
+    memory.resize((view.count - 1) * view.stride + last);
+    for (size_t i = 0; i < view.count; ++i)
+      for (const size_t offset : {view.x, view.y, view.z}) {
+        const float value = coordinate(bytes);
+        std::memcpy(&memory[i * view.stride + offset], &value, sizeof value);
+      }
+    view.data = memory.data();
+  }
+};
+
+/// As a robot does: the scan is asked, added and asked again. Whatever its numbers, no program is
+/// at fault for them.
+void recognise(const FeatureExtractor& feature, const PointsView& points) {
+  PlaceRecognizer recognizer(feature, {.first_stretch = 2});
+  const Description scan = recognizer.describe(points);
+  require(scan.described() == scan.why_not.empty(), "a scan is described, or it is said why not");
+  if (!scan.described()) return;
+  for (int i = 0; i < 3; ++i) {
+    recognizer.add(scan, {});
+    const auto loop = recognizer.query(scan);
+    require(loop && std::isfinite(loop->similarity), "a scan that was added is found");
+  }
+}
+
+/// Another look at the scan, turned a little, as for a loop that was found. (The pose that the
+/// start of the search gives: PCL's Eigen allocates otherwise than ours.)
+void register_them(const PointsView& points) {
+  PointCloud cloud;
+  copy_points(points, cloud);
+  const PreparedScan scan(cloud);
+  const Registration found =
+      register_scans(scan, scan, 0.1, {}, [](const Eigen::Isometry3d& start) { return start; });
+  require(found.T_place_query.matrix().allFinite() && found.information.allFinite(),
+          "a registration is finite");
+  require(found.inliers >= 0 && found.inliers <= 1, "inliers are a share");
+}
+
+}  // namespace
+}  // namespace revisit::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace revisit;
+  static const pipeline::FeatureExtractor features[] = {
+      fuzz::small_rings(), pipeline::scan_context_features({.rings = 4, .sectors = 8})};
+  fuzz::Bytes bytes(data, size);
+  const fuzz::Given given(bytes);
+  for (const pipeline::FeatureExtractor& feature : features) try {
+      fuzz::recognise(feature, given.view);
+    } catch (const UsageError&) {
+      fuzz::require(!given.fits, "no UsageError for points that lie in their stride");
+    }
+  return 0;
+}

@@ -1,0 +1,37 @@
+// The files that `revisit report` finds in folders: the case is each of them in turn.
+#include <unistd.h>
+
+#include <fstream>
+
+#include "page_case.h"
+
+namespace revisit::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Folders whose files are all the same one.
+struct Folders {
+  fs::path root = fs::temp_directory_path() / ("revisit_fuzz_report_" + std::to_string(::getpid()));
+  fs::path file = root / "case";
+  Folders() {
+    // An experiment has its runs below it.
+    for (const char* name : {"run/report.json", "table/robustness.json",
+                             "experiment/experiment.json", "experiment/report.json"}) {
+      fs::create_directories((root / name).parent_path());
+      fs::create_symlink(file, root / name);
+    }
+  }
+  ~Folders() { fs::remove_all(root); }
+};
+
+}  // namespace
+}  // namespace revisit::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace revisit;
+  static const fuzz::Folders folders;
+  std::ofstream(folders.file, std::ios::binary) << fuzz::text(data, size);
+  for (const char* folder : {"run", "table", "experiment"}) fuzz::make_page(folders.root / folder);
+  return 0;
+}

@@ -1,0 +1,38 @@
+#pragma once
+
+#include "revisit/recognition/ring/features.h"
+
+namespace revisit::fuzz {
+
+/// Rings of 32 numbers, of a net that is described in microseconds; nothing is learnt.
+inline pipeline::RingModel small_ring_model() {
+  pipeline::RingModel model;
+  model.image.width = 16;
+  model.image.height = 4;
+  model.prototxt = R"(
+layer { name: "data" type: "Input" top: "data"
+        input_param { shape { dim: 1 dim: 1 dim: 4 dim: 16 } } }
+layer { name: "pool" type: "Pooling" bottom: "data" top: "pool"
+        pooling_param { pool: AVE kernel_h: 4 kernel_w: 1 } })";
+  model.weights = "\xa2\6\3\n\1p";  // of a layer called p, which has none
+  pipeline::LayerColumns& layer = model.layers.emplace_back();
+  layer.layer = "pool";
+  layer.mean = {0};
+  layer.directions = pipeline::FloatMatrix(1, 1);
+  layer.directions.values = {1};
+  model.grid = {.sectors = 4, .distances = {0, 10, 40}, .bands = {}};
+  model.columns = {.sectors = 8, .numbers = 1};
+  model.polar = {.sectors = 4, .numbers = 2, .weights = 2, .mirrored = true};
+  for (pipeline::RingStatistics* ring : {&model.columns, &model.polar}) {
+    ring->mean.resize(static_cast<size_t>(ring->size()));
+    ring->total.assign(17, Eigen::MatrixXcd::Identity(ring->numbers, ring->numbers));
+  }
+  return model;
+}
+
+inline pipeline::FeatureExtractor small_rings() {
+  const pipeline::RingModel model = small_ring_model();
+  return pipeline::ring_recogniser(model, pipeline::ring_net(model), {.numbers = 16});
+}
+
+}  // namespace revisit::fuzz
