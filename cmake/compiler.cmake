@@ -23,6 +23,9 @@ if(REVISIT_SANITIZE)
   add_compile_options(-fsanitize=${REVISIT_SANITIZE} -fno-sanitize=null,object-size,pointer-overflow
                       -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${REVISIT_SANITIZE})
+  if(REVISIT_SANITIZE STREQUAL thread)
+    add_compile_options("$<$<COMPILE_LANGUAGE:CXX>:SHELL:-include ${PROJECT_SOURCE_DIR}/tests/tsan_protobuf.h>")
+  endif()
   set(REVISIT_NO_SANITIZER -fno-sanitize=all)  # for generated code, which takes minutes to instrument
 endif()
 

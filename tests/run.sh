@@ -3,7 +3,8 @@
 # the address and undefined-behaviour sanitizers are for. Further arguments go to ctest, whose tests
 # are the files of tests/:
 #   tests/run.sh -R tools.models
-# REVISIT_SKIP_SANITIZERS=1 leaves the second part out.
+# REVISIT_SKIP_SANITIZERS=1 leaves the second part out. --sanitizers as the first argument: instead of both, every test, the
+# program and the Python package under the address and undefined-behaviour sanitizers, then every test under the thread sanitizer.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
@@ -24,7 +25,7 @@ run() {  # run PRESET CTEST-ARGUMENTS...
   shift
   echo "== $preset: build"
   local options=()
-  [ "$preset" != dev ] || [ ! -x "$python/bin/python" ] || options=("-DPython_EXECUTABLE=$python/bin/python")
+  [ ! -x "$python/bin/python" ] || options=("-DPython_EXECUTABLE=$python/bin/python")
   cmake --preset "$preset" "${options[@]}" >"$root/build/$preset.log" 2>&1 || { cat "$root/build/$preset.log"; return 1; }
   grep "Without the Python" "$root/build/$preset.log" || true
   cmake --build --preset "$preset"
@@ -33,6 +34,12 @@ run() {  # run PRESET CTEST-ARGUMENTS...
 }
 
 mkdir -p build
+if [ "${1:-}" = --sanitizers ]; then
+  shift
+  run asan_whole "$@"
+  run tsan "$@"
+  exit
+fi
 run dev "$@"
 awk '/^\[  SKIPPED \] [0-9]/ { n += $4 } END { if (n) print n " tests say in LastTest.log why they were skipped" }' \
   build/dev/Testing/Temporary/LastTest.log

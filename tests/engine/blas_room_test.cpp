@@ -66,8 +66,8 @@ TEST(BlasRoomDeathTest, ARunThatMultipliesByOpenBlasAsksForIt) {
 }
 
 TEST(PackedWeightsDeathTest, APlanAsksForTheirMemory) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "the address sanitizer ends a program that is out of memory";
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "a sanitizer ends a program that is out of memory";
 #endif
   const Net net = test::small_net(
       {1, 2048, 24, 24}, test::conv("c", "data", "num_output: 1024 kernel_size: 3 pad: 1"));

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cctype>
-#include <chrono>
+#include <ctime>
 #include <map>
 
 #include "expect_error.h"
@@ -77,9 +77,9 @@ TEST(UpgradeInputs, ManyWithoutDimsAreQuick) {
   std::string text;
   for (int i = 0; i < 100'000; ++i) text += "input:'a'";
   for (int i = 0; i < 15'000; ++i) text += "layer{top:'b'bottom:'c'}";
-  const auto begin = std::chrono::steady_clock::now();
+  const std::clock_t begin = std::clock();  // of the processor: others may be at work
   EXPECT_EQ(parse_net(text, "net").warnings.size(), 100'000U);
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(4));
+  EXPECT_LT((std::clock() - begin) / CLOCKS_PER_SEC, 4);
 }
 
 TEST(UpgradeInputs, OnlyThoseThatAreReadAndNotMadeAreKept) {

@@ -248,8 +248,8 @@ TEST_F(EvalCommand, DescriptorsInTheCacheNeedNoFeatures) {
 }
 
 TEST_F(EvalCommand, ALimitOnTheAddressSpaceIsOutOfMemoryNotAnEndlessLoop) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "the address sanitizer maps terabytes";
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the sanitizers map terabytes";
 #endif
   // Room for the program and its data, but not for OpenBLAS's buffer of 128 MiB.
   const auto result =

@@ -70,8 +70,8 @@ TEST(SimulateCommand, FramesAreARangeOrACount) {
 }
 
 TEST(SimulateCommand, ALimitOnMemoryIsSaid) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "the address sanitizer maps terabytes";
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "the sanitizers map terabytes";
 #endif
   const TempDir dir;
   const ProgramResult run =
