@@ -93,10 +93,11 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
       fuzz::small_rings(), pipeline::scan_context_features({.rings = 4, .sectors = 8})};
   fuzz::Bytes bytes(data, size);
   const fuzz::Given given(bytes);
-  for (const pipeline::FeatureExtractor& feature : features) try {
-      fuzz::recognise(feature, given.view);
-    } catch (const UsageError&) {
-      fuzz::require(!given.fits, "no UsageError for points that lie in their stride");
-    }
+  try {
+    for (const pipeline::FeatureExtractor& feature : features) fuzz::recognise(feature, given.view);
+    fuzz::register_them(given.view);
+  } catch (const UsageError&) {
+    fuzz::require(!given.fits, "no UsageError for points that lie in their stride");
+  }
   return 0;
 }

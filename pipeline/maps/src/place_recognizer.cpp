@@ -48,7 +48,8 @@ Basis as_it_is(const FeatureExtractor& extractor) {
 double parse_threshold(const std::string& text) {
   double value = 0;
   const char* const end = text.data() + text.size();
-  if (std::from_chars(text.data(), end, value).ptr != end || !std::isfinite(value))
+  const std::from_chars_result read = std::from_chars(text.data(), end, value);
+  if (read.ec != std::errc() || read.ptr != end || !std::isfinite(value))
     throw InputError(str("the map's threshold: expected a number, found ", text.size(), " bytes"));
   return value;
 }

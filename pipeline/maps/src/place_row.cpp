@@ -173,7 +173,7 @@ void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& plac
 std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
                          NumberFormat format, int64_t revision, StoredPlace& place) {
   const int code = select.reset().bind(1, id).try_step();
-  if (code == SQLITE_DONE) return kNoRow;
+  if (code == SQLITE_DONE) return kRowNotFound;
   if (code != SQLITE_ROW) {
     if (!sqlite::is_damage(code)) connection.fail(code);
     return sqlite3_errstr(code);

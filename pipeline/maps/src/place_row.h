@@ -57,10 +57,10 @@ inline constexpr const char* kReplacePlace =
     "UPDATE place SET drive = ?, frame = ?, time = ?, pose = ?, descriptor = ?, feature = ?, "
     "revision = ?, checksum = ? WHERE id = ?";
 
-inline constexpr const char* kNoRow = "not found";
+inline constexpr const char* kRowNotFound = "not found";
 
-/// Reads place `id`; returns "", kNoRow, or what else is wrong with it. Throws for anything but
-/// damage.
+/// Reads place `id`; returns "", kRowNotFound, or what else is wrong with it. Throws for anything
+/// but damage.
 std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
                          NumberFormat format, int64_t revision, StoredPlace& place);
 inline constexpr const char* kSelectPlace =

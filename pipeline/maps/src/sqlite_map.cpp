@@ -202,7 +202,7 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
     StoredPlace place;
     const std::string damage =
         select_place(*connection_, select, id, head.format, head.revision, place);
-    if (!damage.empty() && !(damage == kNoRow && was_removed(id))) {
+    if (!damage.empty() && !(damage == kRowNotFound && was_removed(id))) {
       places.add(id, damage);
       continue;
     }

@@ -99,7 +99,7 @@ void select_places(pqxx::transaction_base& step, const MapHead& head, int64_t pl
     if (static_cast<int64_t>(rows.size()) < end - last)
       removed = read_removed(step, str("place > ", last, " AND place <= ", end));
     const auto miss = [&](int64_t id) {
-      if (std::ranges::count(removed, id) == 0) damaged(id, kNoRow);
+      if (std::ranges::count(removed, id) == 0) damaged(id, kRowNotFound);
     };
     for (const pqxx::row& found : rows) {
       const auto id = found[0].as<int64_t>();
