@@ -258,6 +258,15 @@ TEST(MapStore, OneWriterAndAnyNumberOfReaders) {
   expect_places(*open_map(dir / "map", MapAccess::kRead), 7);
 }
 
+TEST(MapStore, AProgramWithoutStandardInputWrites) {
+  const TempDir dir;
+  EXPECT_TRUE(in_another_process([&] {
+    ::close(0);
+    writer_of(dir / "map");
+    return true;
+  }));
+}
+
 TEST(MapStore, ReadersReadWhileAWriterWrites) {
   const TempDir dir;
   const auto map = writer_of(dir / "map");
@@ -347,9 +356,9 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   execute(dir / "paged", "PRAGMA journal_mode = DELETE; PRAGMA page_size = 8192; VACUUM");
   refused(dir / "paged", {"paged: the head of this map is damaged: the page size is '8192'"});
   writer_of(dir / "counts");
-  execute(dir / "counts", "DELETE FROM counts; INSERT INTO place (id) VALUES (1000000000000)");
+  execute(dir / "counts", "DELETE FROM counts; INSERT INTO place (id) VALUES (10000)");
   expect_error<InputError>([&] { read_all(*open_map(dir / "counts", MapAccess::kRead)); },
-                           {"counts: this map is damaged", "1000000000000 places"});
+                           {"counts: this map is damaged", "10000 places"});
 }
 
 TEST(MapStore, WhatIsBesideAMapHasToBeAFileOfTheMap) {
@@ -561,6 +570,14 @@ TEST(MapStore, ADamagedByteOfTheLogIsNamed) {
     test::write_file(other / "map-wal", bytes);
     EXPECT_EQ(check_map(other / "map").size(), 1) << word;
   }
+  {  // And of what says that a step ends: here of the last one.
+    const TempDir other;
+    fs::copy_file(dir / "map", other / "map");
+    std::string bytes = whole;
+    bytes[bytes.size() - (24 + 4096) + 7] = 0;
+    test::write_file(other / "map-wal", bytes);
+    EXPECT_EQ(check_map(other / "map").size(), 1);
+  }
 
   // A writer does not write over what remains of acknowledged steps.
   const fs::path copy = dir / "copy";
@@ -606,6 +623,8 @@ TEST(MapStore, DamagedValuesAreErrors) {
   expect_error<InputError>([&] { map->value("basis"); }, {"'basis'", "value 1"});
   expect_error<InputError>([&] { map->set_value("basis", ""); }, {"'basis'", "value 1"});
   EXPECT_EQ(check_map(dir / "map").size(), 1);
+  execute(dir / "map", "UPDATE value SET name = 'bases' WHERE id = 2");
+  EXPECT_EQ(check_map(dir / "map").size(), 2);
 }
 
 TEST(MapStore, ADamagedHeadIsNamedAndItsCopyIsRead) {
@@ -690,6 +709,40 @@ TEST(MapStore, AStrangersNumbersThatAreNotFiniteAreDamage) {
            [](StoredPlace& p) { p.feature[1] = NAN; }, [](StoredPlace& p) { p.time = -INFINITY; },
            [](StoredPlace& p) { p.pose->translation().x() = INFINITY; }})
     EXPECT_EQ(damage_of(spoil), "it has numbers that are not finite");
+}
+
+TEST(MapStore, MergingTakesAnyNumberOfPlaces) {
+  const TempDir dir;
+  std::vector<StoredPlace> places(1005);  // more than a step takes
+  for (size_t i = 0; i < places.size(); ++i) places[i].frame = static_cast<int64_t>(i);
+  writer_of(dir / "map")->add(places);
+  EXPECT_EQ(merge_maps(std::vector<fs::path>{dir / "map"}, dir / "merged", [](auto&&) {}), 1005);
+  EXPECT_EQ(read_all(*open_map(dir / "merged", MapAccess::kRead)).places.back().frame, 1004);
+}
+
+TEST(MapStore, OnlyANewMapTakesOverABasis) {
+  const TempDir dir;
+  const auto map_with = [&](const char* name, const char* basis, int64_t places) {
+    auto map = writer_of(dir / name);
+    map->add(made_places(1, places));
+    if (*basis != '\0') map->set_value(kBasisValue, basis);
+    return map;
+  };
+  map_with("one", "1", 2);
+  const auto refused = [&](MapStore& map) {
+    expect_error<InputError>([&] { take_over_basis(map, dir / "one"); },
+                             {"not described with the basis of", "one"});
+  };
+  refused(*map_with("places", "", 1));
+  refused(*map_with("basis", "2", 0));
+  const auto map = writer_of(dir / "new");
+  take_over_basis(*map, dir / "one");
+  EXPECT_EQ(map->value(kBasisValue), "1");
+  EXPECT_EQ(read_all(*map).position.revision, 1);
+  map->add(made_places(1, 1));
+  take_over_basis(*map, dir / "one");  // which it has
+  expect_error<InputError>([&] { take_over_basis(*map, dir / "places"); },
+                           {"places: its basis is not learnt yet: it has 1 places"});
 }
 
 TEST(MapStore, ReadInAFolderThatCannotBeWritten) {

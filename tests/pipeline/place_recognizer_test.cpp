@@ -627,18 +627,22 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   expect_error<InputError>([&] { open_map(folder / "a.map", MapAccess::kRead, &identity); },
                            {"coordinates 1", "coordinates 2"});
   // Also where it was opened whatever it is.
-  expect_error<InputError>(
-      [&] { PlaceRecognizer(other, {}, open_map(folder / "a.map", MapAccess::kRead)); },
-      {"coordinates 1", "coordinates 2"});
+  auto map = open_map(folder / "a.map", MapAccess::kRead);
+  expect_error<InputError>([&] { PlaceRecognizer(other, {}, std::move(map)); },
+                           {"coordinates 1", "coordinates 2"});
+  EXPECT_TRUE(map) << "it stays with the caller";
   FeatureExtractor camera = coordinates();
   camera.make = FeatureMaker<GrayImage>();
   expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.first_stretch = 1}); },
                            {"first_stretch", "found 1"});
+  expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.k = 0}); }, {"k:", "found 0"});
 }
 
 TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
 #ifndef REVISIT_HAVE_FAISS
+  expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = 30}); },
+                           {"candidates of a large map", "FAISS"});
   GTEST_SKIP() << "built without FAISS";
 #endif
   const test::TempDir dir;
@@ -666,6 +670,7 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
   rings.comparison = ring_comparison({});
   expect_error<UsageError>([&] { PlaceRecognizer(rings, {.graph_candidates = 30}); },
                            {"graph_candidates", "cosine", rings.name});
+  PlaceRecognizer(rings, {});
 }
 
 TEST(PlaceRecognizer, ManyThreadsDescribeAskAndAdd) {

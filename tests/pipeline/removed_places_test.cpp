@@ -157,6 +157,25 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsNamed) {
   }
 }
 
+TEST(RemovedPlaces, AListThatCannotBeReadIsNamed) {
+  const TempDir dir;
+  writer_at(dir / "map")->add(some_places(1, 9));
+  writer_at(dir / "map")->remove(std::vector<int64_t>{2});
+  sqlite3* file = nullptr;
+  ASSERT_EQ(sqlite3_open((dir / "map").c_str(), &file), SQLITE_OK);
+  EXPECT_EQ(sqlite3_exec(file,
+                         "PRAGMA writable_schema = ON;"
+                         "UPDATE sqlite_schema SET rootpage = 999 WHERE name = 'removed'",
+                         nullptr, nullptr, nullptr),
+            SQLITE_OK);
+  sqlite3_close(file);
+  const WhatWasRead read = read_all(*open_map(dir / "map", MapAccess::kRead));
+  EXPECT_EQ(read.places.size(), 8);
+  ASSERT_EQ(read.damages.size(), 2);
+  EXPECT_HAS(read.damages[0], "the list of removed places is damaged: database disk image");
+  EXPECT_HAS(read.damages[1], "place 2");
+}
+
 TEST(RemovedPlaces, NoDamagedByteBringsOneBackOrHidesALoss) {
   const TempDir dir;
   constexpr int64_t kPlaces = 60;
