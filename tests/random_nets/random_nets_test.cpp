@@ -12,7 +12,7 @@
 namespace revisit::random_nets {
 namespace {
 
-#ifdef __SANITIZE_ADDRESS__
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr uint64_t kNetsOfATest = 8;
 #else
 constexpr uint64_t kNetsOfATest = 60;

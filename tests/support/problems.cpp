@@ -43,7 +43,8 @@ std::vector<NamedConvolution> convolution_problems(MapSize size) {
         p.out_h = (p.h + 2 * p.pad_h - p.dilation_h * (p.kernel_h - 1) - 1) / p.stride_h + 1;
         p.out_w = (p.w + 2 * p.pad_w - p.dilation_w * (p.kernel_w - 1) - 1) / p.stride_w + 1;
       });
-#ifdef __SANITIZE_ADDRESS__  // larger ones take minutes and read and write as these do
+#if defined(__SANITIZE_ADDRESS__) || \
+    defined(__SANITIZE_THREAD__)  // larger ones take minutes and read and write as these do
   std::erase_if(problems, [](const auto& named) { return named.problem.macs() > 8'000'000; });
 #endif
   return problems;
