@@ -20,6 +20,7 @@
 #include "place_row.h"
 #include "read_map.h"
 #include "test_data.h"
+#include "writer_lock.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -237,8 +238,18 @@ TEST(MapStore, AnotherIdentityIsRefusedNamingEveryDifference) {
 
 TEST(MapStore, OneWriterAndAnyNumberOfReaders) {
   const TempDir dir;
+  const mode_t mask = ::umask(0);
   const auto map = writer_of(dir / "map");
+  ::umask(mask);
+  EXPECT_EQ(fs::status(dir / "map-writer").permissions(), fs::perms(0666));
+  const auto open_files = [] {
+    return std::distance(fs::directory_iterator("/proc/self/fd"), fs::directory_iterator());
+  };
+  const auto before = open_files();
   expect_error<Error>([&] { writer_of(dir / "map"); }, {"map: another process is writing"});
+  EXPECT_EQ(open_files(), before);
+  writer_of(dir / "other");
+  EXPECT_EQ(open_files(), before);
   EXPECT_TRUE(in_another_process([&] {
     try {
       writer_of(dir / "map");
@@ -256,6 +267,26 @@ TEST(MapStore, OneWriterAndAnyNumberOfReaders) {
   EXPECT_TRUE(same(more.places[0], made(6)));
   EXPECT_EQ(more.position.last, 7);
   expect_places(*open_map(dir / "map", MapAccess::kRead), 7);
+}
+
+/// Also when one opens the file of the lock while another, that ends, removes it.
+TEST(MapStore, NeverTwoHaveTheLockOfWriters) {
+  const TempDir dir;
+  std::atomic<int> inside = 0, together = 0;
+  const auto compete = [&] {
+    for (int won = 0; won < 100;) try {
+        const WriterLock lock(dir / "map", "map");
+        if (++inside > 1) ++together;
+        ++won;
+        std::this_thread::yield();
+        --inside;
+      } catch (const Error&) {
+      }
+  };
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 3; ++t) threads.emplace_back(compete);
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(together, 0);
 }
 
 TEST(MapStore, AProgramWithoutStandardInputWrites) {

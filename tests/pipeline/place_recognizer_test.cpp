@@ -616,6 +616,18 @@ TEST(PlaceRecognizer, AScanThatCannotBeDescribedIsAResult) {
   EXPECT_EQ(recognizer.size(), 0);
 }
 
+TEST(PlaceRecognizer, WhatDescribesScansIsMadeOnce) {
+  FeatureExtractor extractor = coordinates();
+  int made = 0;
+  extractor.make = [&, make = std::get<FeatureMaker<PointCloud>>(extractor.make)] {
+    ++made;
+    return make();
+  };
+  const PlaceRecognizer recognizer(extractor, {});
+  for (int i = 0; i < 3; ++i) recognizer.describe(view_of(scan_of(i)));
+  EXPECT_EQ(made, 1);
+}
+
 TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   const test::TempDir folder;
   { PlaceRecognizer recognizer(coordinates(), {}, map_in(folder / "a.map")); }
