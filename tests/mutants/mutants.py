@@ -150,7 +150,11 @@ def main():
     log = folder / 'results.jsonl'
     results = {key_of(r): r for r in map(json.loads, log.read_text().splitlines())} if log.exists() else {}
     accepted = tomllib.loads((HERE / 'accepted.toml').read_text())
-    jobs = queue.Queue()
+    jobs, there = queue.Queue(), set()
+
+    def survived(key):
+        return key in results and results[key]['outcome'] == 'survived' and key not in accepted
+
     for entry in tomllib.loads((HERE / 'files.toml').read_text())['library']:
         for file in entry['files']:
             if not re.search(o.files, file):
@@ -158,9 +162,10 @@ def main():
             text = (ROOT / file).read_text()
             found = mutants_of(text)
             random.Random(f'{o.seed} {file}').shuffle(found)
-            for mutant in found[:o.each]:
+            for i, mutant in enumerate(found):
                 key = key_of(shown(file, text, mutant))
-                if key not in results or (o.again and results[key]['outcome'] == 'survived' and key not in accepted):
+                there.add(key)
+                if (i < o.each and key not in results) or (o.again and survived(key)):
                     jobs.put((file, text, mutant, entry))
     count, begun, lock = jobs.qsize(), time.monotonic(), threading.Lock()
 
@@ -184,8 +189,8 @@ def main():
         with concurrent.futures.ThreadPoolExecutor(o.copies) as pool:
             for future in [pool.submit(work, number) for number in range(o.copies)]:
                 future.result()
-    chosen = [result for result in results.values() if re.search(o.files, result['file'])]
-    return 1 if report(chosen, accepted) else 0
+    # Without those whose line has changed since.
+    return 1 if report([result for key, result in results.items() if key in there], accepted) else 0
 
 
 if __name__ == '__main__':

@@ -92,6 +92,8 @@ TEST(GroundTruth, CandidatesAreMoreThanTheExclusionAway) {
   EXPECT_EQ(later_candidates(drive, parse_exclusion("frames=2")), (V{3, 4, 5, 5, 5}));
   EXPECT_EQ(earlier_candidates(drive, parse_exclusion("none")), (V{0, 1, 2, 3, 4}));
   EXPECT_EQ(later_candidates(drive, parse_exclusion("none")), (V{1, 2, 3, 4, 5}));
+  EXPECT_EQ(earlier_candidates(drive, parse_exclusion("frames=0")), (V{0, 1, 2, 3, 4}));
+  EXPECT_EQ(later_candidates(drive, parse_exclusion("frames=0")), (V{1, 2, 3, 4, 5}));
 }
 
 TEST(GroundTruth, ExclusionCountsFrameNumbersSecondsOrDrivenMetres) {

@@ -674,14 +674,18 @@ TEST(MapStore, ADamagedHeadIsNamedAndItsCopyIsRead) {
 
 TEST(MapStore, AColumnThatIsNoneOfItsTypeIsDamage) {
   const TempDir dir;
-  {
-    const StoredPlace place = made(0);  // of frame 0, which NULL reads as, too
-    writer_of(dir / "map")->add({&place, 1});
+  const StoredPlace place{.descriptor = {1, 2}};
+  writer_of(dir / "map")->add({&place, 1});
+  const std::string whole = test::read_file(dir / "map");
+  // Each reads as what is there: frame 0, no time, no pose.
+  for (const char* column : {"drive = NULL", "frame = NULL", "time = 'x'", "pose = ''",
+                             "feature = ''", "revision = NULL"}) {
+    test::write_file(dir / "map", whole);
+    execute(dir / "map", std::string("UPDATE place SET ") + column);
+    const WhatWasRead read = read_all(*open_map(dir / "map", MapAccess::kRead));
+    EXPECT_TRUE(read.places.empty()) << column;
+    EXPECT_EQ(read.damages.size(), 1) << column;
   }
-  execute(dir / "map", "UPDATE place SET frame = NULL");
-  const WhatWasRead read = read_all(*open_map(dir / "map", MapAccess::kRead));
-  EXPECT_TRUE(read.places.empty());
-  EXPECT_EQ(read.damages.size(), 1);
 }
 
 /// With others, maps that were written before could not be read any more.

@@ -119,6 +119,11 @@ TEST(Protocols, LeaveOneOutLooksBothWays) {
                 .queries[2]
                 .n_candidates(),
             4);
+  // The middle one of three has nobody.
+  EXPECT_EQ(make_tasks("leave-one-out", "", consecutive(3), parse_exclusion("frames=1"))
+                .at(0)
+                .queries.size(),
+            2u);
 }
 
 TEST(Protocols, TheDefinitionSaysTheExclusionThatIsUsed) {
