@@ -721,7 +721,7 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
   EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "one");
 }
 
-TEST(MapStore, AStrangersNumbersThatAreNotFiniteAreDamage) {
+TEST(MapStore, WhatAStrangersRowCannotBeIsDamage) {
   const auto damage_of = [](const std::function<void(StoredPlace&)>& spoil) {
     StoredPlace place = made(10), read;  // which has everything
     spoil(place);
@@ -744,6 +744,8 @@ TEST(MapStore, AStrangersNumbersThatAreNotFiniteAreDamage) {
            [](StoredPlace& p) { p.feature[1] = NAN; }, [](StoredPlace& p) { p.time = -INFINITY; },
            [](StoredPlace& p) { p.pose->translation().x() = INFINITY; }})
     EXPECT_EQ(damage_of(spoil), "it has numbers that are not finite");
+  EXPECT_EQ(damage_of([](StoredPlace& p) { p.drive += '\0'; }),
+            "the name of its drive has a zero byte");
 }
 
 TEST(MapStore, MergingTakesAnyNumberOfPlaces) {

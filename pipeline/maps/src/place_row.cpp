@@ -32,6 +32,10 @@ std::vector<Number> numbers_of(std::string_view bytes) {
   return numbers;
 }
 
+bool has_zero_byte(std::string_view drive) {
+  return drive.find('\0') != std::string_view::npos;
+}
+
 bool all_finite(const std::vector<float>& numbers) {
   return std::ranges::all_of(numbers, [](float number) { return std::isfinite(number); });
 }
@@ -60,7 +64,7 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat 
 }
 
 void check_drive(const std::string& drive, const std::string& of) {
-  if (drive.find('\0') != std::string::npos)
+  if (has_zero_byte(drive))
     throw UsageError(str(of, "a drive whose name begins with '", drive.c_str(),
                          "' and a zero byte: names of drives cannot have one"));
 }
@@ -147,6 +151,7 @@ std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_
   if (!std::isfinite(place.time.value_or(0)) || (place.pose && !place.pose->matrix().allFinite()) ||
       !all_finite(place.descriptor) || !all_finite(place.feature))
     return "it has numbers that are not finite";
+  if (has_zero_byte(row.drive)) return "the name of its drive has a zero byte";
   return "";
 }
 
