@@ -6,6 +6,7 @@
 #include <set>
 
 #include "reference.h"
+#include "revisit/engine/parallel_for.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 #include "simd_targets.h"
@@ -311,8 +312,7 @@ class Check {
         if (!same_bits(run(c, way, threads), wanted))
           return str(way.name, ": ", threads, " threads give other bits than one");
       std::vector<Values> within(2);
-#pragma omp parallel for num_threads(2)
-      for (size_t i = 0; i < within.size(); ++i) within[i] = run(c, way, 3);
+      parallel_for(2, 2, [&](int64_t i) { within[i] = run(c, way, 3); });
       for (const Values& found : within)
         if (!same_bits(found, wanted))
           return way.name + ": within two threads, a run on three gives other bits than on one";
