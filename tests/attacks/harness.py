@@ -4,18 +4,16 @@ import argparse
 import contextlib
 import io
 import os
-import random
 import resource
 import subprocess
 import sys
 import tempfile
 import traceback
-import zlib
 from collections import Counter
 from pathlib import Path
 from typing import Callable, NamedTuple
 
-from attack import Fault, in_child
+from attack import Fault, in_child, seeded
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / folder) for folder in ('python', 'weights_conversion')] + [str(HERE.parents[1] / 'weights_conversion')]
@@ -37,10 +35,6 @@ class Result(NamedTuple):
     said: str
     grown: int = 0
     """[MB], of the child without its own children"""
-
-
-def seed_of(name, seed) -> int:
-    return zlib.crc32(f'{seed} {name}'.encode())
 
 
 def is_typed(error) -> bool:
@@ -74,7 +68,7 @@ def of_child(case, seed, memory) -> Result:
         resource.setrlimit(resource.RLIMIT_AS, (size + memory * MEGA,) * 2)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        result = judged(case.work, random.Random(seed_of(case.name, seed)), Path(folder))
+        result = judged(case.work, seeded(seed, case.name), Path(folder))
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024
     return Result(result.verdict, result.said[:2000], grown)
 

@@ -28,15 +28,15 @@ def parser():
 
 
 def failed(why, code):
-    if sys.stderr is not None:  # print() would take standard output
-        # As a terminal can show it without obeying it: names of files and layers hold what their makers like.
-        shown = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in str(why))
-        print(f'revisit-convert: {shown}', file=sys.stderr)
+    # As a terminal can show it without obeying it: names of files and layers hold what their makers like.
+    shown = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in str(why))
+    print(f'revisit-convert: {shown}', file=sys.stderr)
     return code
 
 
 def main(words=None):
     """Runs a command line; returns the exit code."""
+    sys.stderr = sys.stderr or open(os.devnull, 'w')  # where it is closed, print() would take standard output
     try:
         options = parser().parse_args(words)
         options.run(options)

@@ -22,7 +22,7 @@ SCANS_THAT_SHOW_THE_SENSOR = 3
 
 
 def say(o, message):
-    if not o.quiet and sys.stderr is not None:  # print() would take standard output
+    if not o.quiet:
         over = '\r\033[K' if sys.stderr.isatty() else ''  # the line of the progress
         print(f'{over}revisit-loops: {lines.printable(message)}', file=sys.stderr)
 
@@ -145,13 +145,13 @@ CODES = [(UsageError, USAGE), (InputError, INPUT), (UnsupportedError, UNSUPPORTE
 
 
 def failed(why, code) -> int:
-    if sys.stderr is not None:
-        print(f'revisit-loops: {lines.printable(str(why))}', file=sys.stderr)
+    print(f'revisit-loops: {lines.printable(str(why))}', file=sys.stderr)
     return code
 
 
 def main(arguments=None) -> int:
     """The command. Returns the exit code; argparse exits by itself for --help and what it does not know."""
+    sys.stderr = sys.stderr or open(os.devnull, 'w')  # where it is closed, print() would take standard output
     try:
         if sys.stdout is not None and hasattr(sys.stdout, 'reconfigure'):
             sys.stdout.reconfigure(errors='surrogateescape')  # names that are not UTF-8 are printed as they are

@@ -28,8 +28,7 @@ struct ServerClaim : Claim {
     const std::lock_guard lock(*of_connection);
     step.reset();
   }
-  std::unique_ptr<pqxx::work> step;  // null once it has ended
-  const Server* server = nullptr;
+  std::unique_ptr<pqxx::work> step;                     // null once it has ended
   std::shared_ptr<std::recursive_mutex> of_connection;  // which the next claim() may be using
 };
 
@@ -129,7 +128,6 @@ class PostgresMap : public MapStore {
     return claims_->run([&](pqxx::connection& connection) -> std::unique_ptr<Claim> {
       auto claim = std::make_unique<ServerClaim>(of_claims_);
       claim->drive = drive;
-      claim->server = claims_.get();
       try {
         claim->step = std::make_unique<pqxx::work>(connection);
       } catch (const pqxx::usage_error&) {
@@ -238,10 +236,11 @@ class PostgresMap : public MapStore {
       const bool was_done =
           before &&
           std::ranges::equal(
-              to_remove, read_removed(step, str("id > ", *before, " AND id <= ", *before + n())));
+              to_remove,
+              read_removed(step, str("id > ", *before, " AND id <= ", *before + n())).ids);
       if (!was_done) {
         to_remove = ids_to_remove(ids, there);
-        for (const int64_t id : read_removed(step, "true")) to_remove.erase(id);
+        for (const int64_t id : read_removed(step, "true").ids) to_remove.erase(id);
         if (to_remove.empty()) return int64_t{0};
         before = last_removal(step);
         remove_places(step, to_remove);
@@ -255,7 +254,7 @@ class PostgresMap : public MapStore {
   std::vector<int64_t> removed(int64_t after) const override {
     return server_->run([&](pqxx::connection& connection) {
       Moment moment(connection);
-      return read_removed(moment, str("id > ", after));
+      return read_removed(moment, str("id > ", after)).ids;
     });
   }
 
@@ -308,7 +307,7 @@ class PostgresMap : public MapStore {
   std::vector<int64_t> add_of(Claim& claim, const Places& all, std::optional<int64_t> revision) {
     check_places_of(claim, all.places);
     auto* own = dynamic_cast<ServerClaim*>(&claim);
-    if (own == nullptr || own->step == nullptr || own->server != claims_.get())
+    if (own == nullptr || own->step == nullptr || own->of_connection != of_claims_)
       throw UsageError("this claim has ended, or is another map's");
     const std::lock_guard lock(*of_claims_);
     std::vector<int64_t> ids;

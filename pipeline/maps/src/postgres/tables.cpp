@@ -2,7 +2,6 @@
 
 #include "checksum.h"
 #include "identity.h"
-#include "removed_places.h"
 #include "revisit/proto/error.h"
 #include "revisit/proto/text.h"
 
@@ -11,6 +10,11 @@ namespace revisit::pipeline::postgres {
 using pqxx::binarystring;
 
 namespace {
+
+/// How many places the tables can hold at most. A row takes more than 16 bytes: with this, no
+/// stranger's map can ask for endless work.
+constexpr const char* kMostPlaces =
+    "(pg_relation_size('place') + coalesce(pg_relation_size(to_regclass('removed')), 0)) / 16";
 
 bool may_have_removed(pqxx::transaction_base& step) {
   const pqxx::result rows = step.exec("SELECT version FROM map WHERE id = 1");
@@ -76,19 +80,17 @@ bool has_table(pqxx::transaction_base& step, const std::string& map, const std::
 
 int64_t read_places(pqxx::transaction_base& step, const std::string& name, const char* lock,
                     std::string* damage) {
-  const pqxx::result rows =
-      step.exec(str("SELECT places, checksum FROM counts WHERE id = 1", lock));
-  int64_t places = rows.empty() ? 0 : rows[0][0].as<int64_t>();
-  if (rows.empty() || checksum_of(Counts{.places = places, .values = 0, .damage = ""}) !=
-                          rows[0][1].as<int64_t>()) {
+  pqxx::result rows =
+      step.exec(str("SELECT places, ", kMostPlaces, ", checksum FROM counts WHERE id = 1", lock));
+  const auto is_sound = [](const pqxx::row& row) {
+    return checksum_of(Counts{.places = row[0].as<int64_t>(), .values = 0, .damage = ""}) ==
+           row[2].as<int64_t>();
+  };
+  if (rows.empty() || !is_sound(rows[0])) {
     if (damage != nullptr) *damage = rows.empty() ? "not found" : "its checksum is wrong";
-    places = step.exec("SELECT coalesce(max(id), 0) FROM place")[0][0].as<int64_t>();
+    rows = step.exec(str("SELECT coalesce(max(id), 0), ", kMostPlaces, " FROM place"));
   }
-  // A row takes more than 16 bytes: with this, no stranger's map can ask for endless work.
-  const auto most = step.exec(
-                            "SELECT (pg_relation_size('place') + "
-                            "coalesce(pg_relation_size(to_regclass('removed')), 0)) / 16")[0][0]
-                        .as<int64_t>();
+  const auto places = rows[0][0].as<int64_t>(), most = rows[0][1].as<int64_t>();
   if (places < 0 || places > most)
     throw InputError(str(name, ": this map is damaged: it says that it has ", places,
                          " places, more than tables of their size can hold"));
@@ -107,28 +109,30 @@ int64_t last_removal(pqxx::transaction_base& step) {
 }
 
 std::string damage_of_removed(pqxx::transaction_base& step, int64_t there) {
-  if (!may_have_removed(step)) return "";
-  for (const pqxx::row& row : step.exec("SELECT id, place, checksum FROM removed ORDER BY id")) {
-    const auto id = row[0].as<int64_t>(), place = row[1].as<int64_t>();
-    if (removed_checksum(id, place) != row[2].as<int64_t>())
-      return str("the checksum of entry ", id, " is wrong; what it names counts as lost");
+  const RemovedPlaces removed = read_removed(step, "true");
+  if (!removed.damage.empty()) return removed.damage + "; what it names counts as lost";
+  for (const int64_t place : removed.ids)
     if (place < 1 || place > there) return str("it has place ", place, ", the map has had ", there);
-  }
+  if (removed.ids.empty()) return "";
   const pqxx::result both =
       step.exec("SELECT min(id) FROM place WHERE id IN (SELECT place FROM removed)");
   return both[0][0].is_null() ? ""
                               : str("it has place ", both[0][0].as<int64_t>(), ", which is there");
 }
 
-std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& where) {
-  std::vector<int64_t> places;
-  if (!may_have_removed(step)) return places;
+RemovedPlaces read_removed(pqxx::transaction_base& step, const std::string& where) {
+  RemovedPlaces removed;
+  if (!may_have_removed(step)) return removed;
   const pqxx::result rows =
       step.exec(str("SELECT id, place, checksum FROM removed WHERE ", where, " ORDER BY id"));
-  for (const pqxx::row& row : rows)
-    if (removed_checksum(row[0].as<int64_t>(), row[1].as<int64_t>()) == row[2].as<int64_t>())
-      places.push_back(row[1].as<int64_t>());
-  return places;
+  for (const pqxx::row& row : rows) {
+    const auto id = row[0].as<int64_t>(), place = row[1].as<int64_t>();
+    if (removed_checksum(id, place) == row[2].as<int64_t>())
+      removed.ids.push_back(place);
+    else if (removed.damage.empty())
+      removed.damage = str("the checksum of entry ", id, " is wrong");
+  }
+  return removed;
 }
 
 void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places) {

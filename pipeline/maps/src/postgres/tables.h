@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "place_row.h"
+#include "removed_places.h"
 #include "revisit/proto/error.h"
 #include "schema.h"
 
@@ -69,7 +70,7 @@ int64_t last_removal(pqxx::transaction_base& step);
 /// What of the table `removed` no removal wrote, beside the places 1 to `there`; "" when nothing.
 std::string damage_of_removed(pqxx::transaction_base& step, int64_t there);
 /// The places of the rows of `removed` that `where` chooses, in the order of removal.
-std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& where);
+RemovedPlaces read_removed(pqxx::transaction_base& step, const std::string& where);
 /// Removes places that are there or lost, and notes it.
 void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places);
 
@@ -97,7 +98,7 @@ void select_places(pqxx::transaction_base& step, const MapHead& head, int64_t pl
         last, end);
     std::vector<int64_t> removed;
     if (static_cast<int64_t>(rows.size()) < end - last)
-      removed = read_removed(step, str("place > ", last, " AND place <= ", end));
+      removed = read_removed(step, str("place > ", last, " AND place <= ", end)).ids;
     const auto miss = [&](int64_t id) {
       if (std::ranges::count(removed, id) == 0) damaged(id, kRowNotFound);
     };
