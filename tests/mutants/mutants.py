@@ -79,9 +79,9 @@ def run(command, log, **options):
 
 
 class Copy:
-    """A tree of its own, with a developer build."""
+    """A tree of its own, with a developer build; its tests pass."""
 
-    def __init__(self, folder, targets):
+    def __init__(self, folder, tested):
         self.root, self.build = folder, folder / 'build' / 'dev'
         self.log = folder / 'build' / 'mutants.log'
         self.build.mkdir(parents=True, exist_ok=True)
@@ -94,11 +94,13 @@ class Copy:
                 shutil.copy(here, there)
         self.need(run(['cmake', '--preset', 'dev', '-DREVISIT_PYTHON=OFF', '-DREVISIT_PCL=OFF', '-DREVISIT_WERROR=OFF'], self.log,
                       cwd=folder))
-        self.need(run(['cmake', '--build', self.build, '--target', *targets], self.log))
+        self.need(run(['cmake', '--build', self.build, '--target', *{target for target, _ in tested}], self.log))
+        for target, tests in tested:  # tests that fail anyway would kill every mutant
+            self.need(self.outcome_of(target, tests) == 'survived')
 
     def need(self, done):
         if not done:
-            sys.exit(f'{self.log}: failed:\n{self.log.read_text()[-3000:]}')
+            sys.exit(f'{self.log}: failed without a mutant:\n{self.log.read_text()[-3000:]}')
 
     def outcome_of(self, target, tests):
         """'killed', 'survived' or 'no build'."""
@@ -170,7 +172,7 @@ def main():
     count, begun, lock = jobs.qsize(), time.monotonic(), threading.Lock()
 
     def work(number):
-        copy = Copy(folder / str(number), sorted({job[3]['target'] for job in list(jobs.queue)}))
+        copy = Copy(folder / str(number), sorted({(entry['target'], entry['tests']) for _, _, _, entry in list(jobs.queue)}))
         while True:
             try:
                 job = jobs.get_nowait()

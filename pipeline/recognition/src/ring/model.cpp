@@ -131,6 +131,9 @@ struct Reader {
     expect(std::ranges::all_of(to.mean, [](float v) { return std::abs(v) <= 1e9F; }),
            what + " mean holds a number above 1e9, which no scan has");
     to.total = matrices(from.total(), to.numbers, to.mirrored, what + " total spread");
+    for (const Eigen::MatrixXcd& total : to.total)
+      expect((total.diagonal().real().array() >= 0).all(),
+             what + " total spread holds a variance below 0");
     if (!from.shared().empty())
       to.shared = matrices(from.shared(), to.numbers, to.mirrored, what + " shared spread");
     return to;

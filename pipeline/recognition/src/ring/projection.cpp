@@ -53,7 +53,7 @@ double trace(const std::vector<MatrixXcd>& spreads) {
 
 RingProjection project_rings(const RingStatistics& ring, double regularisation, int numbers) {
   const auto d = static_cast<Eigen::Index>(ring.numbers);
-  const double own = trace(ring.total);
+  const double own = trace(ring.total), unit = own > 0 ? own : 1;
   const Eigen::MatrixXcd mean =
       Spectrum(ring.sectors).of(ring.mean, ring.numbers).cast<std::complex<double>>();
   std::vector<Direction> directions;
@@ -65,15 +65,14 @@ RingProjection project_rings(const RingStatistics& ring, double regularisation, 
       const Eigen::VectorXcd m = mean.row(static_cast<Eigen::Index>(f)).transpose();
       total += m * m.adjoint();
     }
-    if (own > 0) total /= own;
+    total /= unit;
     // The least that any spread has, so that a ring that never changes can be inverted.
     const double least = regularisation * total.trace().real() / static_cast<double>(d);
     total.diagonal().array() += std::max(least, 1e-12);
     if (ring.shared.empty())
       add_whitening(static_cast<int>(f), total, directions);
     else
-      add_discriminants(static_cast<int>(f), ring.shared[f] / std::max(own, 1e-300), total,
-                        directions);
+      add_discriminants(static_cast<int>(f), ring.shared[f] / unit, total, directions);
   }
   std::ranges::stable_sort(directions, std::greater(), &Direction::worth);
   std::vector<std::vector<const Direction*>> kept(ring.total.size());
