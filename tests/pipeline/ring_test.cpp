@@ -319,6 +319,14 @@ TEST(RingDescriber, TheUnitOfColumnsDoesNotMatter) {
   }
 }
 
+TEST(RingDescriber, WhatScansOfAPlaceDoNotShareIsLeftOut) {
+  RingStatistics ring = Learnt().model.columns;
+  for (size_t f = 0; f < ring.shared.size(); ++f)
+    if (f != 2) ring.shared[f].setZero();
+  const RingProjection projection = project_rings(ring, 0.1, 30);
+  for (size_t f = 0; f < projection.size(); ++f) EXPECT_EQ(projection[f].rows() > 0, f == 2);
+}
+
 TEST(RingDescriber, WhatWasNotSeenIsTheMean) {
   const Learnt learnt;
   const RingDescriber describer = learnt.describer();
@@ -440,6 +448,10 @@ TEST(RingModelFile, RefusesADamagedOne) {
   write_ring_model(folder / "b.ring", unfit);
   expect_error<InputError>([&] { read_ring_model(folder / "b.ring"); },
                            {"b.ring", "71 numbers", "expected 72"});
+  unfit = learnt.model;
+  unfit.columns.total[3](1, 1) = -0.01;
+  expect_error<InputError>([&] { parse_ring_model(ring_model_content(unfit), "c.ring"); },
+                           {"c.ring", "columns' ring total spread", "a variance below 0"});
 }
 
 }  // namespace
