@@ -160,12 +160,16 @@ class Temporary {
   std::optional<FileBuffer> buffer_;
 };
 
-/// Gives a file the permissions of the one that it is to replace, which may be private. Where the
-/// system refuses, it has those of a new one.
+/// Gives a file the owner, the group and the permissions of the one that it is to replace, which
+/// may be private: as far as the system allows, and to another group no more than to all.
 void take_permissions(int descriptor, const fs::path& from) {
   struct stat there {};
-  if (::stat(from.c_str(), &there) == 0)
-    static_cast<void>(::fchmod(descriptor, there.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO)));
+  if (::stat(from.c_str(), &there) != 0) return;
+  mode_t mode = there.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO);
+  if (::fchown(descriptor, there.st_uid, there.st_gid) != 0 &&
+      ::fchown(descriptor, static_cast<uid_t>(-1), there.st_gid) != 0)
+    mode &= ~static_cast<mode_t>(S_IRWXG) | (mode & S_IRWXO) << 3;
+  static_cast<void>(::fchmod(descriptor, mode));
 }
 
 /// Fills what the buffer is open on, down to the disk.

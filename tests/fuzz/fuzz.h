@@ -14,17 +14,18 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);
 
 namespace revisit::fuzz {
 
-/// How often works_or_refuses() saw one of our errors, and how often none: a target that refuses
-/// nearly everything tests little.
+/// How often works_or_refuses() saw one of our errors, and how often none, of what it holds within:
+/// a target that refuses nearly everything tests little.
 inline uint64_t refusals = 0, successes = 0;
 
 /// The contract of everything that takes input: it works, or it throws one of our own errors. Any
 /// other exception leaves the target and ends the program: a finding.
 template <class Work>
 void works_or_refuses(const Work& work) {
+  const uint64_t before = refusals + successes;
   try {
     work();
-    ++successes;
+    if (refusals + successes == before) ++successes;
   } catch (const Error&) {
     ++refusals;
   }

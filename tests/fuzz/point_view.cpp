@@ -63,6 +63,7 @@ void recognise(const FeatureExtractor& feature, const PointsView& points) {
   PlaceRecognizer recognizer(feature, {.first_stretch = 2});
   const Description scan = recognizer.describe(points);
   require(scan.described() == scan.why_not.empty(), "a scan is described, or it is said why not");
+  ++(scan.described() ? successes : refusals);
   if (!scan.described()) return;
   for (int i = 0; i < 3; ++i) {
     recognizer.add(scan, {});

@@ -767,18 +767,18 @@ TEST(MapStore, OnlyANewMapTakesOverABasis) {
   };
   map_with("one", "1", 2);
   const auto refused = [&](MapStore& map) {
-    expect_error<InputError>([&] { take_over_basis(map, dir / "one"); },
+    expect_error<InputError>([&] { take_over_basis(map, dir / "one", [](auto&&) {}); },
                              {"not described with the basis of", "one"});
   };
   refused(*map_with("places", "", 1));
   refused(*map_with("basis", "2", 0));
   const auto map = writer_of(dir / "new");
-  take_over_basis(*map, dir / "one");
+  take_over_basis(*map, dir / "one", [](auto&&) {});
   EXPECT_EQ(map->value(kBasisValue), "1");
   EXPECT_EQ(read_all(*map).position.revision, 1);
   map->add(made_places(1, 1));
-  take_over_basis(*map, dir / "one");  // which it has
-  expect_error<InputError>([&] { take_over_basis(*map, dir / "places"); },
+  take_over_basis(*map, dir / "one", [](auto&&) {});  // which it has
+  expect_error<InputError>([&] { take_over_basis(*map, dir / "places", [](auto&&) {}); },
                            {"places: its basis is not learnt yet: it has 1 places"});
 }
 

@@ -328,8 +328,13 @@ TEST(PlaceRecognizer, APlaceThatIsInTheMapIsAddedWhenTheStretchCannotEnd) {
   EXPECT_EQ(recognizer.query(recognizer.describe(view_of(scan_of(102))))->position, 2);
 }
 
-TEST(PlaceRecognizer, DescriptionsOfAnotherSizeAreRefused) {
+TEST(PlaceRecognizer, DescriptionsThatItCannotUseAreRefused) {
   PlaceRecognizer recognizer(coordinates(), {});
+  for (const float number : {3e9F, NAN, -INFINITY}) {
+    const Description odd{.feature = {1, 2, 3, 4, 5, number}, .why_not = ""};
+    expect_error<UsageError>([&] { recognizer.add(odd, {}); }, {"not finite, or above 1e9"});
+    expect_error<UsageError>([&] { recognizer.query(odd); }, {"not finite, or above 1e9"});
+  }
   const Description two{.feature = {1, 2}, .why_not = ""};
   for (int i = 0; i < 2; ++i) {  // without places, and with some
     expect_error<UsageError>([&] { recognizer.query(two); }, {"by 2 numbers", "has 6"});

@@ -19,6 +19,8 @@
 #include "read_map.h"
 #include "removed_places.h"
 #include "revisit/maps/place_recognizer.h"
+#include "schema.h"
+#include "server_address.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -442,9 +444,50 @@ TEST_F(PostgresMap, RemovedPlacesAreGoneAndNeverTakenForLost) {
         << wrong[0];
     server_->execute("DELETE FROM town.removed WHERE id = 9");
   }
-  server_->execute("DELETE FROM town.counts; UPDATE town.place SET id = 1e15 WHERE id = 7");
-  expect_error<InputError>([&] { check_map(server_->url("town")); }, {"1000000000000000 places"});
-  expect_error<InputError>([&] { map->add({&places[0], 1}); }, {"more than tables"});
+  // The id of a place that was removed last is not given again.
+  EXPECT_EQ(map->remove(std::vector<int64_t>{601}), 1);
+  server_->execute("UPDATE town.counts SET checksum = 0");
+  EXPECT_EQ(map->add({&places[0], 1}), std::vector<int64_t>{602});
+  EXPECT_EQ(check_map(server_->url("town")), std::vector<std::string>());
+}
+
+TEST_F(PostgresMap, ManyPlacesThatAreLostAreNamedAtOnceAndCanBeRemoved) {
+  const auto map = writer();
+  std::vector<StoredPlace> places;
+  for (int64_t frame = 1; frame <= 300; ++frame) places.push_back(made("x", frame));
+  map->add(places);
+  map->remove(std::vector<int64_t>{50, 120});
+  server_->execute("DELETE FROM town.place WHERE id > 100 AND id < 300");
+  server_->execute("VACUUM FULL town.place");
+  const std::string url = server_->url("town");
+  const std::vector<std::string> wrong = check_map(url);
+  ASSERT_EQ(wrong.size(), 2);
+  EXPECT_HAS(wrong[0], "places 101 to 119 are damaged: not found");
+  EXPECT_HAS(wrong[1], "places 121 to 299 are damaged: not found");
+  std::vector<int64_t> lost(199);
+  std::iota(lost.begin(), lost.end(), 101);
+  EXPECT_EQ(map->remove(lost), 198);
+  EXPECT_EQ(read_all(*map).damages, std::vector<std::string>());
+  EXPECT_EQ(read_all(*map).places.size(), 100);
+  // What a stranger says is no endless work.
+  const auto say_that_there_are = [&](int64_t n) {
+    server_->execute(str("UPDATE town.counts SET places = ", n, ", checksum = ",
+                         checksum_of(Counts{.places = n, .values = 0, .damage = ""})));
+  };
+  say_that_there_are(1'000'000'000'000);
+  EXPECT_HAS(check_map(url).at(0), "places 301 to 1000000000000 are damaged: not found");
+  say_that_there_are(INT64_MAX);
+  expect_error<InputError>([&] { check_map(url); }, {"it has 9223372036854775807 places"});
+  expect_error<InputError>([&] { map->add({&places[0], 1}); }, {"9223372036854775807 places"});
+}
+
+TEST(ServerAddress, ConnectionsAreWaitedForAsLongAsItSays) {
+  const auto url = [](const char* patience) {
+    return postgres::parse_address(str("postgresql://h/d?patience=", patience)).url;
+  };
+  EXPECT_HAS(url("0"), "?connect_timeout=2&");
+  EXPECT_HAS(url("2.001"), "?connect_timeout=3&");
+  EXPECT_HAS(url("1000000"), "?connect_timeout=1000000&");
 }
 
 TEST_F(PostgresMap, ARemovedPlacesScanIsExpectedAgain) {
@@ -594,7 +637,15 @@ TEST_F(PostgresMap, ABasisThatIsTakenOverHoldsForThoseWhoHaveOpenedTheMap) {
   };
   fill(*robot(other), 0);
   const auto early = robot(url);
-  take_over_basis(*open_map(url, MapAccess::kWrite), other);
+  // Another robot takes it over at the same time, and what was lost of the map is said.
+  server_->execute("UPDATE town.counts SET checksum = 0");
+  std::vector<std::string> damages;
+  take_over_basis(*open_map(url, MapAccess::kWrite), other, [&](const std::string& damage) {
+    if (damages.empty()) take_over_basis(*open_map(url, MapAccess::kWrite), other, [](auto&&) {});
+    damages.push_back(damage);
+  });
+  ASSERT_EQ(damages.size(), 1);
+  EXPECT_HAS(damages[0], "the number of places is damaged");
   fill(*early, 100);
   const auto map = open_map(url, MapAccess::kRead);
   EXPECT_EQ(map->value(kBasisValue), open_map(other, MapAccess::kRead)->value(kBasisValue));

@@ -48,6 +48,29 @@ TEST(WriteAtomically, TheNewFileHasThePermissionsOfTheOld) {
   }
 }
 
+TEST(WriteAtomically, TheNewFileIsOfThoseWhoHadTheOld) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give files away";
+  const test::TempDir dir;
+  ASSERT_EQ(::chmod(dir.path().c_str(), 0777), 0);
+  const auto written_by = [&](gid_t group, mode_t mode) {
+    test::write_file(dir / "f", "old");
+    EXPECT_EQ(::chown((dir / "f").c_str(), 2000, 3000), 0);
+    EXPECT_EQ(::chmod((dir / "f").c_str(), mode), 0);
+    EXPECT_EQ(::setegid(group), 0);
+    EXPECT_EQ(::seteuid(group == 0 ? 0 : 2001), 0);
+    write_atomically(dir / "f", [](std::ostream& out) { out << "new"; });
+    EXPECT_EQ(::seteuid(0), 0);
+    EXPECT_EQ(::setegid(0), 0);
+    struct stat there {};
+    EXPECT_EQ(::stat((dir / "f").c_str(), &there), 0);
+    fs::remove(dir / "f");
+    return std::tuple(there.st_uid, there.st_gid, there.st_mode & 0777);
+  };
+  EXPECT_EQ(written_by(0, 0600), std::tuple(2000, 3000, 0600));
+  EXPECT_EQ(written_by(3000, 0660), std::tuple(2001, 3000, 0660));
+  EXPECT_EQ(written_by(3001, 0664), std::tuple(2001, 3001, 0644)) << "as much as all may";
+}
+
 TEST(WriteAtomically, KeepsTheOldFileWhenWritingFails) {
   const test::TempDir dir;
   test::write_file(dir / "f", "old");

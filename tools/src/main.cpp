@@ -34,7 +34,9 @@ void end_at_once(int code, void* /*unused*/) {
 
 int main(int argc, char** argv) {
   cli::restart_with_faster_blas(argv);
+#ifndef __SANITIZE_ADDRESS__  // it looks for leaks at the end
   on_exit(end_at_once, nullptr);
+#endif
   cli::watch_for_interrupt();
   std::signal(SIGXFSZ, SIG_IGN);  // a file too large for `ulimit -f` is an error of the write
   // Names in files are not to command the terminal.

@@ -13,10 +13,11 @@ class DamagedPlaces {
   DamagedPlaces(const std::string& file, const MapStore::Damaged& tell)
       : file_(file), tell_(tell) {}
 
-  void add(int64_t id, const std::string& reason) {
-    if (first_ != 0 && reason != reason_) flush();
-    if (first_ == 0) first_ = id;
-    last_ = id;
+  /// `first` to `last`, which come after all that were added before.
+  void add(int64_t first, int64_t last, const std::string& reason) {
+    if (first_ != 0 && (first != last_ + 1 || reason != reason_)) flush();
+    if (first_ == 0) first_ = first;
+    last_ = last;
     reason_ = reason;
   }
   void flush() {

@@ -29,23 +29,25 @@ class Adder {
 
 }  // namespace
 
-void take_over_basis(MapStore& map, const fs::path& other) {
+void take_over_basis(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
   const auto theirs = open_map(other, MapAccess::kRead, &map.identity());
   const auto basis = theirs->value(kBasisValue);
   if (!basis)
-    throw InputError(str(other.string(), ": its basis is not learnt yet: it has ", theirs->size(),
-                         " places, too few"));
+    throw InputError(str(shown_name(other), ": its basis is not learnt yet: it has ",
+                         theirs->size(), " places, too few"));
   const auto own = map.value(kBasisValue);
   if (own == basis) return;
   const auto refuse = [&](const StoredPlace&) -> std::vector<float> {
     throw InputError("the map has places, which are not described with the basis of " +
-                     other.string());
+                     shown_name(other));
   };
   if (own || map.size() > 0) refuse({});
   // As a new revision: others who have opened the map learn no basis of their own any more.
-  const auto pass_over = [](auto&&) {};
-  if (!map.replace_descriptors(refuse, {{kBasisValue, *basis}},
-                               map.read(0, pass_over, pass_over).revision))
+  const int64_t revision = map.read(
+                                  0, [](StoredPlace&&) {}, damaged)
+                               .revision;
+  if (!map.replace_descriptors(refuse, {{kBasisValue, *basis}}, revision) &&
+      map.value(kBasisValue) != basis)  // another robot took it over meanwhile
     refuse({});
 }
 
@@ -57,10 +59,10 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     sources.push_back(
         open_map(map, MapAccess::kRead, sources.empty() ? nullptr : &sources.front()->identity()));
     if (sources.back()->value(kBasisValue) != sources.front()->value(kBasisValue))
-      throw InputError(str(map.string(),
+      throw InputError(str(shown_name(map),
                            ": its places are described with another basis than those "
                            "of ",
-                           maps[0].string(),
+                           shown_name(maps[0]),
                            "; a map can only take over another's basis when it is new"));
   }
   const auto merged = open_map(file, MapAccess::kNew, &sources.front()->identity(),

@@ -160,16 +160,17 @@ struct PlaceRecognizer::Impl {
   }
 
   /// Another recogniser may have described the scan.
-  void check_size(const Description& scan) const {
+  void check_feature(const Description& scan) const {
     if (std::ssize(scan.feature) != extractor.dim)
       throw UsageError(str("a scan described by ", scan.feature.size(), " numbers; the feature '",
                            extractor.name, "' has ", extractor.dim));
+    if (!can_be_used(scan.feature)) throw UsageError(str("a scan described by ", kTooLarge));
   }
   void check_added(std::span<const Description> scans) const {
     for (const Description& scan : scans) {
       if (!scan.described())
         throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
-      check_size(scan);
+      check_feature(scan);
     }
   }
   /// Why a place of the map, which may be a stranger's, cannot be used; "" when it can.
@@ -504,7 +505,7 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   const std::shared_lock lock(impl_->mutex);
   const Impl& impl = *impl_;
   if (!scan.described()) return std::nullopt;
-  impl.check_size(scan);
+  impl.check_feature(scan);
   if (impl.places.empty() || !impl.index) return std::nullopt;
   std::vector<int64_t> left_out(without.begin(), without.end());
   std::ranges::sort(left_out);

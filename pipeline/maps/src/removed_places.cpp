@@ -1,5 +1,7 @@
 #include "removed_places.h"
 
+#include <set>
+
 #include "checksum.h"
 #include "schema.h"
 
@@ -7,17 +9,40 @@ namespace revisit::pipeline {
 
 using sqlite::Statement;
 
-int64_t removed_checksum(int64_t id, int64_t place) {
-  return Checksum().number(id).number(place).value();
-}
+namespace {
 
-int64_t count_removed(sqlite::Connection& connection) {
+int64_t number_of_removed(sqlite::Connection& connection, const std::string& what) {
   if (!may_have_removed(connection)) return 0;
-  Statement select(connection, "SELECT max(id) FROM removed");
+  Statement select(connection, "SELECT " + what);
   const int code = select.try_step();
   if (code == SQLITE_ROW) return select.integer(0);
   if (!sqlite::is_damage(code)) connection.fail(code);
   return 0;
+}
+
+}  // namespace
+
+int64_t removed_checksum(int64_t id, int64_t place) {
+  return Checksum().number(id).number(place).value();
+}
+
+std::string damage_of(const RemovedPlaces& removed, int64_t there) {
+  if (!removed.damage.empty()) return removed.damage + "; places that it lacks count as lost";
+  std::set<int64_t> seen;
+  for (const int64_t place : removed.ids) {
+    if (place < 1 || place > there) return str("it has place ", place, ", the map has had ", there);
+    if (!seen.insert(place).second) return str("it has place ", place, " twice");
+  }
+  return "";
+}
+
+int64_t count_removed(sqlite::Connection& connection, int64_t there) {
+  return number_of_removed(
+      connection, str("count(DISTINCT place) FROM removed WHERE place BETWEEN 1 AND ", there));
+}
+
+int64_t last_removal(sqlite::Connection& connection) {
+  return number_of_removed(connection, "max(id) FROM removed");
 }
 
 RemovedPlaces read_removed(sqlite::Connection& connection, int64_t after) {
@@ -40,7 +65,7 @@ RemovedPlaces read_removed(sqlite::Connection& connection, int64_t after) {
 
 void write_removed(sqlite::Connection& connection, std::span<const int64_t> places) {
   make_table_of_removed(connection);
-  int64_t id = connection.integer("SELECT max(id) FROM removed");
+  int64_t id = last_removal(connection);
   Statement insert(connection, "INSERT INTO removed (id, place, checksum) VALUES (?, ?, ?)");
   for (const int64_t place : places) {
     ++id;

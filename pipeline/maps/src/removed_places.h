@@ -16,8 +16,14 @@ struct RemovedPlaces {
 
 int64_t removed_checksum(int64_t id, int64_t place);
 
-/// How many places were removed from a file; 0 when that is damaged.
-int64_t count_removed(sqlite::Connection& connection);
+/// What of the list no removal from a map of the places 1 to `there` wrote; "" when nothing. Who
+/// reads the places meets those that it lacks, as lost ones.
+std::string damage_of(const RemovedPlaces& removed, int64_t there);
+
+/// How many of the places 1 to `there` were removed from a file; 0 when that is damaged.
+int64_t count_removed(sqlite::Connection& connection, int64_t there);
+/// The last id in the table `removed`; 0 when it is damaged. Ids are missing where a row was lost.
+int64_t last_removal(sqlite::Connection& connection);
 /// All but the first `after`.
 RemovedPlaces read_removed(sqlite::Connection& connection, int64_t after);
 /// Within a step: notes places that were removed, and that the file has such.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <utility>
 
 #include "revisit/proto/error.h"
@@ -69,8 +68,8 @@ Address parse_address(const std::string& where) {
   }
   // By itself libpq waits without end for a server that accepts and says nothing, and a quarter of
   // an hour for one whose machine is gone. The last entry of a name counts: people's come later.
-  const double patience = static_cast<double>(address.patience.count()) / 1000;
-  address.url += str("?connect_timeout=", std::max(2.0, std::ceil(patience)),
+  const int64_t patience = std::chrono::ceil<std::chrono::seconds>(address.patience).count();
+  address.url += str("?connect_timeout=", std::max<int64_t>(2, patience),
                      "&keepalives_idle=10&keepalives_interval=5&keepalives_count=4"
                      "&tcp_user_timeout=30000",
                      entries);

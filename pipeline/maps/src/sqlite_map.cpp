@@ -58,7 +58,8 @@ void SqliteMap::must_be_writer() const {
 
 int64_t SqliteMap::size() const {
   const Transaction moment(*connection_, Locking::kReads);
-  return std::max<int64_t>(0, read_counts(*connection_).places - count_removed(*connection_));
+  const int64_t there = read_counts(*connection_).places;
+  return there - count_removed(*connection_, there);
 }
 
 std::optional<std::string> SqliteMap::value(const std::string& name) const {
@@ -179,20 +180,15 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
                   " is the last that was found"));
   Statement select(*connection_, kSelectPlace);
   DamagedPlaces places(file, damaged);
-  const int64_t n_removed = count_removed(*connection_);
+  const int64_t n_removed = last_removal(*connection_);
   std::optional<std::set<int64_t>>
       removed;  // read from the beginning on, and when a row is missing
   const auto was_removed = [&](int64_t id) {
     if (!removed) {
       const RemovedPlaces found = read_removed(*connection_, 0);
       removed.emplace(found.ids.begin(), found.ids.end());
-      if (!found.damage.empty())
-        tell_once(str(file, ": the list of removed places is damaged: ", found.damage,
-                      "; those that it lacks count as lost"));
-      else if (std::ssize(*removed) != n_removed ||
-               (n_removed > 0 && *removed->rbegin() > counts.places))
-        tell_once(str(file, ": the list of removed places is damaged: it has ", removed->size(),
-                      " of 1 to ", counts.places, ", expected ", n_removed));
+      if (const std::string what = damage_of(found, counts.places); !what.empty())
+        tell_once(str(file, ": the list of removed places is damaged: ", what));
     }
     return removed->contains(id);
   };
@@ -203,12 +199,11 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
     const std::string damage =
         select_place(*connection_, select, id, head.format, head.revision, place);
     if (!damage.empty() && !(damage == kRowNotFound && was_removed(id))) {
-      places.add(id, damage);
+      places.add(id, id, damage);
       continue;
     }
     if (looks_at_all && damage.empty() && was_removed(id))
       tell_once(str(file, ": place ", id, " is there, and in the list of removed places"));
-    places.flush();
     if (damage.empty()) take(std::move(place));
   }
   places.flush();

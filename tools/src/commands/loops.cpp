@@ -124,15 +124,15 @@ Source open_source(const LoopsOptions& o) {
     pipeline::Dataset dataset = open_scans(o.feature);
     return {scans_of(dataset), dataset};
   }
-  const auto so_far = [feature = o.feature] { return scans_so_far(feature); };
+  // With the name and sequence of the last look that found the drive in order.
+  const auto some = std::make_shared<pipeline::Dataset>();
+  const auto so_far = [feature = o.feature, some] { return *some = scans_so_far(feature); };
   ScanStream stream =
       o.follow ? scans_coming(so_far, *o.follow, interrupted) : scans_listed_in(std::cin);
   const std::optional<pipeline::ScanRef> first = stream();
   if (!first) throw InputError(o.feature.data.string() + ": there are no scans");
-  pipeline::Dataset some;
-  if (o.follow) some = so_far();  // its name and sequence
-  some.scans = {*first};
-  return {with(*first, stream), some};
+  some->scans = {*first};
+  return {with(*first, stream), *some};
 }
 
 /// The feature's calibration, adapted to a drive whose poses are known; of that drive alone for a

@@ -1,6 +1,7 @@
 #include "map_options.h"
 
 #include "cli/built_in.h"
+#include "cli/messages.h"
 #include "revisit/proto/error.h"
 
 namespace revisit::cli {
@@ -37,7 +38,7 @@ std::unique_ptr<pipeline::MapStore> MapOptions::open(const RecognizerSource& sou
   const pipeline::MapIdentity identity =
       pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
   auto map = pipeline::open_map(file, pipeline::MapAccess::kWrite, &identity, numbers);
-  if (!basis.empty()) pipeline::take_over_basis(*map, basis);
+  if (!basis.empty()) pipeline::take_over_basis(*map, basis, warn);
   return map;
 }
 

@@ -184,11 +184,10 @@ class PostgresMap : public MapStore {
       at.revision = head.revision;
       select_places(
           moment, head, there, at.last,
-          [&](StoredPlace&& place, int64_t) {
-            places.flush();
-            take(std::move(place));
-          },
-          [&](int64_t id, const std::string& reason) { places.add(id, reason); });
+          [&](StoredPlace&& place, int64_t) { take(std::move(place)); },
+          [&](int64_t first, int64_t last, const std::string& reason) {
+            places.add(first, last, reason);
+          });
     });
     places.flush();
     return at;
@@ -214,7 +213,7 @@ class PostgresMap : public MapStore {
             write_place(step, kReplacePlaceAt, place.id, place,
                         place_row(place, head.format, place.id), revision + 1, call);
           },
-          [](int64_t, const std::string&) {});
+          [](int64_t, int64_t, const std::string&) {});
       ++head.revision;
       write_head(step, head);
       for (const auto& [name, bytes] : values) put_value(step, name, bytes);

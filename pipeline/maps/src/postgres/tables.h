@@ -54,7 +54,7 @@ void write_head(pqxx::transaction_base& step, const MapHead& head);
 bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table);
 
 /// How many places there are; `damage`: when that had to be taken from the places, why. Throws
-/// InputError, which begins with `name`, for more than the tables can hold.
+/// InputError, which begins with `name`, for more than any map has.
 int64_t read_places(pqxx::transaction_base& step, const std::string& name, const char* lock,
                     std::string* damage = nullptr);
 void write_places(pqxx::transaction_base& step, int64_t places);
@@ -67,7 +67,7 @@ int64_t lock_places(pqxx::transaction_base& step, const std::string& name);
 int64_t count_removed(pqxx::transaction_base& step, int64_t there);
 /// The last id in the table `removed`. Ids are missing where a damaged row was replaced.
 int64_t last_removal(pqxx::transaction_base& step);
-/// What of the table `removed` no removal wrote, beside the places 1 to `there`; "" when nothing.
+/// damage_of(), and whether one of these places is there; "" when nothing is wrong.
 std::string damage_of_removed(pqxx::transaction_base& step, int64_t there);
 /// The places of the rows of `removed` that `where` chooses, in the order of removal.
 RemovedPlaces read_removed(pqxx::transaction_base& step, const std::string& where);
@@ -86,25 +86,33 @@ inline constexpr const char* kReplacePlaceAt =
     "nullif($5::bytea, ''), descriptor = $6::bytea, feature = nullif($7::bytea, ''), revision = "
     "$8, checksum = $9, call = $10 WHERE id = $1";
 
-/// Hands over the places above `last`, up to `places`, and moves `last`.
+/// Hands over the places above `last`, up to `places`, and moves `last`. damaged(first, last,
+/// reason): what a stranger's map says that it has may be far more than its rows.
 template <class Take, class Damage>
 void select_places(pqxx::transaction_base& step, const MapHead& head, int64_t places, int64_t& last,
                    const Take& take, const Damage& damaged) {
   while (last < places) {
-    const int64_t end = std::min(places, last + kPlacesAtOnce);
     const pqxx::result rows = step.exec_params(
         "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum, call FROM "
-        "place WHERE id > $1 AND id <= $2 ORDER BY id",
-        last, end);
+        "place WHERE id > $1 AND id <= $2 ORDER BY id LIMIT $3",
+        last, places, kPlacesAtOnce);
+    const int64_t end = rows.size() < kPlacesAtOnce ? places : rows.back()[0].as<int64_t>();
     std::vector<int64_t> removed;
     if (static_cast<int64_t>(rows.size()) < end - last)
       removed = read_removed(step, str("place > ", last, " AND place <= ", end)).ids;
-    const auto miss = [&](int64_t id) {
-      if (std::ranges::count(removed, id) == 0) damaged(id, kRowNotFound);
+    std::ranges::sort(removed);
+    const auto miss_those_before = [&](int64_t id) {
+      auto next = std::ranges::upper_bound(removed, last);
+      while (last + 1 < id) {
+        const int64_t stop = next == removed.end() ? id : std::min(id, *next++);
+        if (last + 1 < stop) damaged(last + 1, stop - 1, kRowNotFound);
+        last = std::min(stop, id - 1);
+      }
     };
     for (const pqxx::row& found : rows) {
       const auto id = found[0].as<int64_t>();
-      while (++last < id) miss(last);
+      miss_those_before(id);
+      last = id;
       const std::string drive = found[1].as<std::string>(), pose = bytes_in(found[4]),
                         descriptor = bytes_in(found[5]), feature = bytes_in(found[6]);
       RowView row{.drive = drive,
@@ -120,9 +128,9 @@ void select_places(pqxx::transaction_base& step, const MapHead& head, int64_t pl
       if (damage.empty())
         take(std::move(place), found[9].as<int64_t>());
       else
-        damaged(id, damage);
+        damaged(id, id, damage);
     }
-    while (last < end) miss(++last);
+    miss_those_before(end + 1);
   }
 }
 

@@ -151,9 +151,11 @@ std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess 
                                    NumberFormat format = NumberFormat::kFloat32);
 
 /// Gives a map without places what another of the same identity learnt from its first stretch: its
-/// basis. Throws InputError when that one has none yet or is of another identity, or when the map
-/// has places that were described otherwise.
-void take_over_basis(MapStore& map, const std::filesystem::path& other);
+/// basis. `damaged` is told what of the map was lost, as by read(). Throws InputError when the
+/// other has no basis yet or is of another identity, or when the map has places that were described
+/// otherwise.
+void take_over_basis(MapStore& map, const std::filesystem::path& other,
+                     const MapStore::Damaged& damaged);
 
 /// Puts the places of all `maps` into a new map, `file`, one map after the other, and returns how
 /// many there are. All must be of one identity and basis. Damaged places are left out and named.
