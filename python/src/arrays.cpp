@@ -24,7 +24,7 @@ std::string description_of(nb::handle object) {
 std::string name_from(nb::handle key, const char* what) {
   std::string name;
   if (!nb::try_cast(key, name))
-    throw nb::type_error(str(what, ": expected a name, found ", description_of(key)).c_str());
+    throw type_error(str(what, ": expected a name, found ", description_of(key)));
   return name;
 }
 
@@ -34,10 +34,9 @@ bool is_float32(nb::handle dtype) {
 
 void refuse_masked(nb::handle object, const std::string& what) {
   if (nb::hasattr(object.type(), "filled") && nb::hasattr(object.type(), "mask"))
-    throw nb::type_error(str(what, ": expected an array, found a masked array, ",
-                             description_of(object),
-                             "; x.filled(value) or x.data says what counts in the masked places")
-                             .c_str());
+    throw type_error(str(what, ": expected an array, found a masked array, ",
+                         description_of(object),
+                         "; x.filled(value) or x.data says what counts in the masked places"));
 }
 
 GivenArray<float> float_array(nb::handle object, const std::string& what) {
@@ -48,10 +47,9 @@ GivenArray<float> float_array(nb::handle object, const std::string& what) {
       is_float32(nb::getattr(object, "dtype", nb::none())))
     return nb::cast<GivenArray<float>>(
         nb::module_::import_("numpy").attr("ascontiguousarray")(object));
-  throw nb::type_error(
+  throw type_error(
       str(what, ": expected a numpy array of float32, found ", description_of(object),
-          "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)")
-          .c_str());
+          "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)"));
 }
 
 GivenArray<float> contiguous_floats(nb::handle object, const std::string& what) {
@@ -59,10 +57,8 @@ GivenArray<float> contiguous_floats(nb::handle object, const std::string& what) 
   int64_t step = 1;
   for (size_t axis = array.ndim(); axis-- > 0;) {
     if (array.shape(axis) != 1 && array.size() != 0 && array.stride(axis) != step)
-      throw nb::value_error(str(what, ": expected an array in C order, found ",
-                                description_of(object),
-                                " with other strides; numpy.ascontiguousarray(x) makes one")
-                                .c_str());
+      throw value_error(str(what, ": expected an array in C order, found ", description_of(object),
+                            " with other strides; numpy.ascontiguousarray(x) makes one"));
     step *= static_cast<int64_t>(array.shape(axis));
   }
   return array;

@@ -49,13 +49,13 @@ nb::ndarray<nb::numpy, T> array_of(std::vector<T> values, const std::vector<int6
 /// "float64 array of shape (3, 227)", "list": what was found where an array was expected.
 std::string description_of(nb::handle object);
 
-/// The name that somebody gave as a key. Throws nb::type_error for anything but text.
+/// The name that somebody gave as a key. Throws TypeError for anything but text.
 std::string name_from(nb::handle key, const char* what);
 
 /// Of numpy's types.
 bool is_float32(nb::handle dtype);
 
-/// Throws nb::type_error for a masked array of numpy's: the numbers behind the mask would count.
+/// Throws TypeError for a masked array of numpy's: the numbers behind the mask would count.
 void refuse_masked(nb::handle object, const std::string& what);
 
 /// What somebody gave as an array of float32, with any strides; a copy where these are no multiple

@@ -4,6 +4,7 @@
 #include "module.h"
 #include "revisit/engine/net.h"
 #include "revisit/proto/error.h"
+#include "strings.h"
 
 namespace revisit::python {
 namespace {
@@ -12,9 +13,8 @@ namespace {
 /// files and layers in the message may be any bytes.
 void raise(const char* name, std::string_view message) {
   try {
-    const auto text = nb::steal(PyUnicode_DecodeUTF8(
-        message.data(), static_cast<Py_ssize_t>(message.size()), "surrogateescape"));
-    PyErr_SetObject(nb::module_::import_("revisit.errors").attr(name).ptr(), text.ptr());
+    PyErr_SetObject(nb::module_::import_("revisit.errors").attr(name).ptr(),
+                    text_of(message).ptr());
   } catch (nb::python_error& error) {  // the interpreter is going down
     error.restore();
   }

@@ -46,8 +46,7 @@ nb::dict columns_of(const std::vector<PrPoint>& curve) {
 Descriptors descriptors_from(nb::handle array) {
   const auto floats = contiguous_floats(array, "descriptors");
   if (floats.ndim() != 2)
-    throw nb::value_error(
-        str("descriptors: expected [scans][numbers], found ", description_of(array)).c_str());
+    throw value_error(str("descriptors: expected [scans][numbers], found ", description_of(array)));
   Descriptors descriptors;
   descriptors.case1 =
       FloatMatrix(static_cast<int64_t>(floats.shape(0)), static_cast<int64_t>(floats.shape(1)));
@@ -62,13 +61,11 @@ Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
   refuse_masked(positions, "positions");
   GivenArray<double, nb::shape<-1, 3>, nb::c_contig> at;
   if (!positions.is_none() && !nb::try_cast(positions, at, false))
-    throw nb::type_error(str("positions: expected a float64 array [scans][3] in C order, found ",
-                             description_of(positions))
-                             .c_str());
+    throw type_error(str("positions: expected a float64 array [scans][3] in C order, found ",
+                         description_of(positions)));
   const auto fits = [&](const char* what, size_t found) {
     if (found != frames.size())
-      throw nb::value_error(
-          str(what, ": expected one a frame, ", frames.size(), ", found ", found).c_str());
+      throw value_error(str(what, ": expected one a frame, ", frames.size(), ", found ", found));
   };
   if (!positions.is_none()) fits("positions", at.shape(0));
   if (!times.empty()) fits("times", times.size());

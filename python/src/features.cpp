@@ -158,10 +158,9 @@ void bind_baselines(nb::module_& module) {
         const auto x = contiguous_floats(a, "a"), y = contiguous_floats(b, "b");
         const std::vector<int64_t> expected = {options.rings, options.sectors};
         if (shape_of(x) != expected || shape_of(y) != expected)
-          throw nb::value_error(str("context_distance: expected two arrays of shape ",
-                                    options.rings, "x", options.sectors, ", found ",
-                                    description_of(a), ", ", description_of(b))
-                                    .c_str());
+          throw value_error(str("context_distance: expected two arrays of shape ", options.rings,
+                                "x", options.sectors, ", found ", description_of(a), ", ",
+                                description_of(b)));
         const ContextDistance found =
             context_distance({x.data(), x.size()}, {y.data(), y.size()}, options);
         return nb::make_tuple(found.distance, found.shift);

@@ -16,9 +16,9 @@ class Listener {
  public:
   /// True when the work is to end.
   bool stop() {
-    const nanobind::gil_scoped_acquire lock;
+    const Locked lock(*unlocked_);
     if (error_) return true;
-    if (Call::interpreter_ends() && !at_end_)
+    if (interpreter_ends() && !at_end_)
       PyErr_SetNone(PyExc_SystemExit);  // which ends a thread silently
     else if (PyErr_CheckSignals() == 0)
       return false;
@@ -29,10 +29,10 @@ class Listener {
   /// Calls a function of Python's, unless it is None. What it raises ends the work.
   template <class... Arguments>
   void tell(const nanobind::object& callback, const Arguments&... arguments) {
-    const nanobind::gil_scoped_acquire lock;
+    const Locked lock(*unlocked_);
     if (error_ || callback.is_none()) return;
     try {
-      callback(arguments...);
+      giving_the_lock_away([&] { callback(arguments...); });
     } catch (const nanobind::python_error&) {
       error_ = std::current_exception();
     }
@@ -58,16 +58,18 @@ class Listener {
 
  private:
   template <class Work>
-  static auto released(const Work& work) {
-    const Unlocked unlocked;
+  auto released(const Work& work) {
+    Unlocked unlocked;
+    unlocked_ = &unlocked;
     return work();
   }
   void rethrow() const {
     if (error_) std::rethrow_exception(error_);
   }
 
-  std::exception_ptr error_;                      // guarded by the interpreter's lock
-  const bool at_end_ = Call::interpreter_ends();  // a function of atexit's made this
+  Unlocked* unlocked_ = nullptr;            // while the work is done
+  std::exception_ptr error_;                // guarded by the interpreter's lock
+  const bool at_end_ = interpreter_ends();  // a function of atexit's made this
 };
 
 /// Calls `work` without the interpreter's lock. It must not touch objects of Python's.

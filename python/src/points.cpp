@@ -13,12 +13,11 @@ using pipeline::Point;
 using pipeline::PointCloud;
 
 [[noreturn]] void refuse_type(nb::handle found) {
-  throw nb::type_error(
+  throw type_error(
       str("points: expected a numpy array of float32 [n][3 or 4], a structured array with float32 "
           "fields x, y, z, or a tuple of three float32 arrays, found ",
           description_of(found),
-          "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)")
-          .c_str());
+          "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)"));
 }
 
 /// Where the coordinates of a point of this type are [bytes].
@@ -49,8 +48,7 @@ GivenPoints::GivenPoints(nb::handle points) : owner_(nb::borrow(points)) {
   const bool structured = !points.attr("dtype").attr("names").is_none();
   if (!structured && !is_float32(points.attr("dtype"))) refuse_type(points);
   const auto wrong_shape = [&](const char* expected) {
-    return nb::value_error(
-        str("points: expected ", expected, ", found ", description_of(points)).c_str());
+    return value_error(str("points: expected ", expected, ", found ", description_of(points)));
   };
   std::array<int64_t, 3> offsets{};
   if (structured) {
@@ -76,10 +74,9 @@ void GivenPoints::take_axes(nb::handle points) {
   for (size_t axis = 0; axis < 3; ++axis) {
     axes[axis] = float_array(points[axis], str("points, ", "xyz"[axis]));
     if (axes[axis].ndim() != 1 || axes[axis].shape(0) != axes[0].shape(0))
-      throw nb::value_error(str("points: expected three arrays of one length, found ",
-                                description_of(points[0]), ", ", description_of(points[1]), ", ",
-                                description_of(points[2]))
-                                .c_str());
+      throw value_error(str("points: expected three arrays of one length, found ",
+                            description_of(points[0]), ", ", description_of(points[1]), ", ",
+                            description_of(points[2])));
   }
   copy_.points.resize(axes[0].shape(0));
   for (size_t i = 0; i < copy_.points.size(); ++i) {

@@ -1,6 +1,7 @@
 #include "poses.h"
 
 #include "revisit/proto/error.h"
+#include "strings.h"
 
 namespace revisit::python {
 
@@ -9,12 +10,11 @@ std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix) {
   refuse_masked(matrix, "pose");
   GivenArray<double> array;
   if (!nb::ndarray_check(matrix) || !nb::try_cast(matrix, array, false))
-    throw nb::type_error(
-        str("pose: expected a numpy array of float64 [4][4], found ", description_of(matrix))
-            .c_str());
+    throw type_error(
+        str("pose: expected a numpy array of float64 [4][4], found ", description_of(matrix)));
   if (shape_of(array) != std::vector<int64_t>{4, 4})
-    throw nb::value_error(
-        str("pose: expected an array of shape (4, 4), found ", description_of(matrix)).c_str());
+    throw value_error(
+        str("pose: expected an array of shape (4, 4), found ", description_of(matrix)));
   Eigen::Isometry3d pose;
   for (int row = 0; row < 4; ++row)
     for (int column = 0; column < 4; ++column)
@@ -23,7 +23,7 @@ std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix) {
   constexpr double kTolerance = 1e-3;  // of what a file with few digits gives
   if (!pose.matrix().allFinite() || !R.isUnitary(kTolerance) || R.determinant() < 0 ||
       pose.matrix().row(3) != Eigen::RowVector4d(0, 0, 0, 1))
-    throw nb::value_error(
+    throw value_error(
         "pose: expected a rigid motion, T_world_sensor: a rotation, a translation [m], and a last "
         "row of 0 0 0 1");
   return pose;

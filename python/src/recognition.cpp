@@ -158,9 +158,8 @@ void bind_recognition(nb::module_& module) {
       [](nb::handle a, nb::handle b) {
         const auto x = contiguous_floats(a, "a"), y = contiguous_floats(b, "b");
         if (x.ndim() != 1 || y.ndim() != 1 || x.shape(0) != y.shape(0))
-          throw nb::value_error(str("cosine: expected two vectors of one length, found ",
-                                    description_of(a), ", ", description_of(b))
-                                    .c_str());
+          throw value_error(str("cosine: expected two vectors of one length, found ",
+                                description_of(a), ", ", description_of(b)));
         const std::span<const float> u(x.data(), x.size()), v(y.data(), y.size());
         return cosine(u, length_of(u), v, length_of(v));
       },

@@ -92,12 +92,12 @@ void bind_registration(nb::module_& module) {
       "register_scans",
       [](const PreparedScan& query, const PreparedScan& place, double turn,
          const RegistrationOptions& options, const std::optional<nb::callable>& refine) {
-        return without_lock([&] {
-          if (!refine) return register_scans(query, place, turn, options);
-          return register_scans(query, place, turn, options, [&](const Eigen::Isometry3d& start) {
-            const nb::gil_scoped_acquire lock;
-            return *pose_from((*refine)(Matrix4d(start.matrix())));
-          });
+        Unlocked unlocked;
+        if (!refine) return register_scans(query, place, turn, options);
+        return register_scans(query, place, turn, options, [&](const Eigen::Isometry3d& start) {
+          const Locked lock(unlocked);
+          return giving_the_lock_away(
+              [&] { return *pose_from((*refine)(Matrix4d(start.matrix()))); });
         });
       },
       "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(), "refine"_a = nb::none(),

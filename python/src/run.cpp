@@ -32,11 +32,11 @@ void set_input(engine::Run& run, nb::handle self, const std::string& name, nb::h
   const auto view = run.input(name);
   const auto array = float_array(values, "input '" + name + "'");
   if (shape_of(array) != view.shape.axes())
-    throw nb::value_error(str("input '", name, "': expected an array of shape ",
-                              engine::text_of(view.shape.axes()), ", found ",
-                              engine::text_of(shape_of(array)))
-                              .c_str());
-  nb::cast(array_of_view(view, self))[nb::ellipsis()] = values;
+    throw value_error(str("input '", name, "': expected an array of shape ",
+                          engine::text_of(view.shape.axes()), ", found ",
+                          engine::text_of(shape_of(array))));
+  const auto to = nb::cast(array_of_view(view, self));
+  giving_the_lock_away([&] { to[nb::ellipsis()] = values; });
 }
 
 void bind_profile(nb::module_& module) {

@@ -7,7 +7,6 @@
 
 #include "arrays.h"
 #include "revisit/engine/net.h"
-#include "unlocked.h"
 
 namespace revisit::python {
 
@@ -24,7 +23,6 @@ class Run {
   /// Calls `work(run)`; UsageError while another thread is in here.
   template <class Work>
   auto alone(const Work& work) {
-    const Call call;  // numpy gives the lock away while it copies
     if (working_.exchange(true))
       throw UsageError(
           "another thread is using this run; make one for each thread (Plan.run()), which is "

@@ -14,6 +14,18 @@ inline nanobind::str text_of(std::string_view text) {
       PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "surrogateescape"));
 }
 
+/// What Python raises. (nb::type_error() loses a message that is not UTF-8.)
+inline nanobind::python_error error_of(PyObject* type, std::string_view message) {
+  PyErr_SetObject(type, text_of(message).ptr());
+  return {};
+}
+inline nanobind::python_error type_error(std::string_view message) {
+  return error_of(PyExc_TypeError, message);
+}
+inline nanobind::python_error value_error(std::string_view message) {
+  return error_of(PyExc_ValueError, message);
+}
+
 }  // namespace revisit::python
 
 namespace nanobind::detail {

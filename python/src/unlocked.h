@@ -1,38 +1,68 @@
 #pragma once
 
+#include <cxxabi.h>
 #include <nanobind/nanobind.h>
 
+#include <atomic>
+
+/// Work of C++ without the interpreter's lock, which other threads then have.
+///
+/// When the interpreter ends, CPython ends every other thread that asks for the lock, by unwinding
+/// its frames, ours among them. So a thread that asks for it in here stays where it is instead. And
+/// the interpreter waits, before it ends and before the process does, until none is in C++.
 namespace revisit::python {
 
-/// A call of ours that lets other threads have the interpreter's lock meanwhile. A thread that asks
-/// for it when the interpreter has ended is ended in the middle of C++, or never comes back. So the
-/// interpreter waits, before it ends, until no call is inside, and a call that begins afterwards in
-/// another thread than the one that ends it stays here for ever. Made and destroyed with the lock.
-class Call {
- public:
-  Call();
-  ~Call();
-  Call(const Call&) = delete;
-  Call& operator=(const Call&) = delete;
+/// Whether it has begun to end: the work of other threads is to stop.
+bool interpreter_ends();
 
-  /// Whether the interpreter waits for the calls that are inside.
-  static bool interpreter_ends();
-};
-
-/// A call that gives the lock away until it ends.
+/// Gives the lock away.
 class Unlocked {
  public:
-  Unlocked() : state_(PyEval_SaveThread()) {}
+  Unlocked();
   ~Unlocked();
   Unlocked(const Unlocked&) = delete;
   Unlocked& operator=(const Unlocked&) = delete;
 
  private:
-  Call call_;
+  friend class Locked;
+  void leave();  // C++, for Python: one of its threads
+  void enter();
+  [[noreturn]] void leave_for_ever();
+  template <class Take>
+  auto locked_by(const Take& take);
+
+  std::atomic<int>& working_;  // counts it while none of its threads is in Python
+  std::atomic<int> in_python_ = 0;
   PyThreadState* state_;
 };
 
-/// Makes the interpreter wait, to be called when the module is made.
+/// Has the lock within an Unlocked, in any thread of its, to call functions of Python's: nobody
+/// waits for these.
+class Locked {
+ public:
+  explicit Locked(Unlocked& call);
+  ~Locked();
+  Locked(const Locked&) = delete;
+  Locked& operator=(const Locked&) = delete;
+
+ private:
+  Unlocked& call_;
+  PyGILState_STATE state_;
+};
+
+[[noreturn]] void stay();
+
+/// Does what asks for the lock by itself, as numpy does after it has copied.
+template <class Work>
+auto giving_the_lock_away(const Work& work) {
+  try {
+    return work();
+  } catch (const abi::__forced_unwind&) {
+    stay();
+  }
+}
+
+/// To be called when the module is made.
 void wait_for_calls_at_exit();
 
 }  // namespace revisit::python

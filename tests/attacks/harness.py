@@ -178,4 +178,6 @@ def run(sections, description, examples):
     print(f'{"section":14}{"cases":>8}{"refused":>9}{"answered":>10}{"skipped":>9}{"faults":>8}')
     for section, counts in rows:
         print(f'{section:14}{sum(counts.values()):8}{counts["refused"]:9}{counts["answered"]:10}{counts["skipped"]:9}{counts["fault"]:8}')
+    if not any(counts['refused'] + counts['answered'] + counts['fault'] for _, counts in rows):
+        sys.exit('no case ran')
     sys.exit(1 if faults else 0)

@@ -387,9 +387,10 @@ def convert(folder, *words):
         return
     if set(folder.iterdir()) - before:
         raise Fault(f'left {set(folder.iterdir()) - before} though it failed with {code}')
-    [line] = [line for line in said.splitlines() if line.startswith('revisit-convert: ')] or ['']
-    if not line:
-        raise Fault(f'code {code} without a word: {said}')
+    said_lines = [line for line in said.splitlines() if line.startswith('revisit-convert: ')]
+    if len(said_lines) != 1:
+        raise Fault(f'code {code}, expected one line: {said}')
+    line = said_lines[0]
     if "needs the Python package" in line or 'needs PyTorch' in line:
         raise ImportError(line)
     if code == 1 and re.match(r'revisit-convert: [\w.]*(Error|Exception|Warning|error)\b', line) and 'MemoryError' not in line:
@@ -723,9 +724,11 @@ def check_page(page):
     elements.feed(page.read_text(encoding='utf-8', errors='surrogateescape'))
     if elements.scripts != 3 or elements.handlers:
         raise Fault(f'{elements.scripts} script elements, expected 3; handlers {elements.handlers[:5]}')
-    content = page.read_bytes()
-    data = content[content.index(b'id="data">') + len(b'id="data">'):]
-    json.loads(data[:data.index(b'</script')])
+    data = re.search(rb'id="data">(.*?)</script', page.read_bytes(), re.S)
+    try:
+        json.loads(data[1])
+    except (TypeError, ValueError) as error:
+        raise Fault(f'the data of the page is no JSON: {error}') from error
 
 
 def report(name, lines, *options):

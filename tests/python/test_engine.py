@@ -47,6 +47,25 @@ if child := os.fork():
 """
 
 
+# A function of atexit's waits for a thread that is still to work, and another thread's callback never comes back.
+BLOCKED = """
+import atexit, queue, sys, threading
+jobs, entered = queue.Queue(), threading.Event()
+def work():
+    while (run := jobs.get()) is not None:
+        print('passes', run.forward())
+worker = threading.Thread(target=work, daemon=True)
+worker.start()
+atexit.register(lambda: (jobs.put(run), jobs.put(None), worker.join()))  # before revisit: this is called after its own
+from revisit import simulation
+from revisit.engine import Net
+run = Net.load_with_random_weights(sys.argv[1], 7, end='conv').plan().run()
+blocked = lambda done, total: (entered.set(), threading.Event().wait())
+threading.Thread(target=simulation.simulate, args=(sys.argv[2],), kwargs={'last_frame': 3, 'progress': blocked}, daemon=True).start()
+entered.wait()
+"""
+
+
 class Loading(unittest.TestCase):
     def test_tells_what_the_file_says(self):
         net = small_net()
@@ -244,6 +263,12 @@ class Threads(unittest.TestCase):
             done = subprocess.run([sys.executable, '-W', 'ignore', '-c', ENDS, folder / 'net.prototxt'], text=True,
                                   capture_output=True, timeout=60)
         self.assertEqual((done.returncode, done.stdout, done.stderr), (0, 'still works None\n' * 2, ''))
+
+    def test_a_program_ends_whatever_its_threads_wait_for(self):
+        with folder_with(net=CONVOLVE) as folder:
+            done = subprocess.run([sys.executable, '-W', 'ignore', '-c', BLOCKED, folder / 'net.prototxt', folder / 'town'],
+                                  text=True, capture_output=True, timeout=60)
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (0, 'passes None\n', ''))
 
     def test_the_interpreter_is_free_meanwhile(self):
         run = small_net(end='conv', inputs={'data': (1, 3, 1000, 1000)}).plan().run()

@@ -1,5 +1,6 @@
 """revisit.recordings: what each data set is written like is read back, bit for bit."""
 
+import bz2
 import contextlib
 import importlib.util
 import json
@@ -12,12 +13,14 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 
 import revisit
 from bags import CLOUD, HAVE_ROSBAGS, KINDS, START, message, packed, write_bag
 from revisit import datasets
+from revisit.recordings import bags as reader
 from revisit.recordings import open_recording, packets
 from revisit.recordings.point_cloud2 import points_of
 
@@ -218,6 +221,17 @@ class Bags(Folders):
             with self.assertRaisesRegex(revisit.InputError, f'{kind}.bag: .* become more than 256 MB'):
                 list(open_recording(path).scans())
 
+    def test_what_is_packed_may_be_large_or_of_several_streams(self):
+        unpack, few = reader.bounded(bz2.BZ2Decompressor), np.random.default_rng(1).bytes(5000)
+        self.assertEqual(unpack(bz2.compress(few) + bz2.compress(b'more')), few + b'more')
+        self.assertEqual(unpack(bz2.compress(b'')), b'')
+        with mock.patch.object(reader, 'MOST_UNPACKED', 1000):
+            self.assertEqual(unpack(bz2.compress(few), len(few)), few)
+            with self.assertRaisesRegex(ValueError, 'a bomb'):
+                unpack(bz2.compress(bytes(1 << 20)))
+        with self.assertRaisesRegex(ValueError, 'are cut off'):
+            unpack(bz2.compress(few)[:-1])
+
     def test_packed_files_that_are_bombs(self):
         try:
             from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
@@ -354,6 +368,9 @@ class Layouts(Folders):
         self.put('global_pose.csv', f'{T0},1,0,0,0,0,1,0,0,0,0,1,0\n{T0 + 10**8},0,0,0,0,0,0,0,0,0,0,0,0\n')
         with self.assertRaisesRegex(revisit.InputError, f'global_pose.csv: .* at the time {T0 + 10**8}'):
             open_recording(self.folder)
+        # A row that is no scan's does not matter.
+        self.put('global_pose.csv', f'{T0 - 10**10},0,0,0,0,0,0,0,0,0,0,0,0\n{T0},1,0,0,0,0,1,0,0,0,0,1,0\n')
+        self.assertIsNotNone(next(open_recording(self.folder).scans()).pose)
 
     def test_names_that_are_no_numbers(self):
         for name in ('1566279795.718219613.bin', '\u00b2.bin'):

@@ -4,12 +4,14 @@ import struct
 import subprocess
 import sys
 import unittest
+from multiprocessing import get_context
 from unittest import mock
 
 import numpy as np
 import scipy.io
 
-from conversion import means, npy
+from conversion import matconvnet, means, npy
+from conversion.errors import InputError
 from support import ConversionTest, numbers
 
 
@@ -77,6 +79,11 @@ class MatConvNet(ConversionTest):
             done = subprocess.run([sys.executable, '-m', 'conversion', 'matconvnet', self.path('bad.mat'), self.path('o.prototxt'),
                                    self.path('o.caffemodel')], capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stderr.count('\n')), (3, 1), f'{kind}: {done.stderr}')
+
+    def test_a_worker_of_a_pool_may_read_one(self):
+        scipy.io.savemat(self.path('net.mat'), {'layers': np.zeros(3)})
+        with get_context('fork').Pool(1) as pool, self.assertRaisesRegex(InputError, 'layer 1 has no type'):
+            pool.apply(matconvnet.load, [self.path('net.mat')])
 
     def test_pads_that_differ(self):
         for pad in ([0, 1, 0, 1], [1, 0, 1, 0], [2, 0, 0, 3], [1, 2, 3, 4]):

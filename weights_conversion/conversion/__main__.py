@@ -12,9 +12,16 @@ Exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 4 not supp
 5 a check failed: what was converted does not compute the same, and nothing was written."""
 
 
+class Parser(argparse.ArgumentParser):
+    """argparse itself says nothing when its help cannot be written."""
+
+    def print_help(self, file=None):
+        print(self.format_help(), end='', file=file, flush=True)
+
+
 def parser():
     """The parser of all subcommands."""
-    main = argparse.ArgumentParser(prog='revisit-convert', description='Convert trained networks between Caffe and other formats.',
+    main = Parser(prog='revisit-convert', description='Convert trained networks between Caffe and other formats.',
                                    epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
     subparsers = main.add_subparsers(metavar='COMMAND', required=True)
     for name, command in commands.COMMANDS.items():
@@ -34,6 +41,12 @@ def failed(why, code):
     return code
 
 
+def write_no_more():
+    """What standard output still holds would be an error once more when Python ends."""
+    if sys.stdout is not None and sys.stdout is sys.__stdout__:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main(words=None):
     """Runs a command line; returns the exit code."""
     sys.stderr = sys.stderr or open(os.devnull, 'w')  # where it is closed, print() would take standard output
@@ -43,13 +56,14 @@ def main(words=None):
         if sys.stdout is not None:
             sys.stdout.flush()
     except BrokenPipeError:  # whoever read has gone, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        write_no_more()
         return 1
     except ConversionError as error:
         return failed(error, error.code)
     except KeyboardInterrupt:
         return 130
     except OSError as error:
+        write_no_more()
         return failed(error, 1)
     except ModuleNotFoundError as error:
         return failed(f"needs the Python package '{error.name}' (pip install {error.name})", 1)

@@ -8,7 +8,7 @@ import struct
 import zlib
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import current_process, get_context
 from types import SimpleNamespace
 
 import numpy as np
@@ -28,12 +28,15 @@ def load(path):
     """The layers of a file and its normalisation, as (list of SimpleNamespace, struct of SciPy)."""
     path = existing(path)
     _check_unpacked(path)
+    if current_process().daemon:  # may have no children, as those of multiprocessing.Pool
+        return _load(path)
     # In another process: SciPy's compiled reader follows damaged types of elements to nowhere.
     with ProcessPoolExecutor(1, get_context('fork')) as other:
         try:
             return other.submit(_load, path).result()
         except BrokenProcessPool:
-            raise InputError(f'{path}: not a readable .mat file: SciPy crashed on it, as it does on damaged ones') from None
+            raise InputError(f'{path}: not a readable .mat file: the process that read it by SciPy was ended, as it is by damaged '
+                             'files, or when memory is short') from None
 
 
 def _load(path):

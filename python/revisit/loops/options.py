@@ -28,8 +28,15 @@ def positive(text):
     return value
 
 
+class Parser(argparse.ArgumentParser):
+    """argparse itself says nothing when its help cannot be written."""
+
+    def print_help(self, file=None):
+        print(self.format_help(), end='', file=file, flush=True)
+
+
 def make_parser():
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         'revisit-loops', formatter_class=argparse.RawDescriptionHelpFormatter, epilog=EXAMPLES,
         description='Places seen before, found online: every scan is described, compared with what was there before it,\n'
                     'printed as a line when it is recognised, and added. docs/SCANS.md has what is read.')

@@ -19,24 +19,33 @@ CLOUDS = (CLOUD, 'sensor_msgs/PointCloud2')
 
 
 MOST_UNPACKED = 1 << 28
-"""[bytes] that a chunk or a message may become: chunks are about a megabyte, clouds tens. Zeros become a million times more."""
+"""[bytes] that anything packed may become: chunks are about a megabyte, clouds tens."""
 MOST_TIMES = 100
-"""What a whole file may become, of its size: scans become a few times more."""
+"""What it may become beyond that, of its size: scans become a few times more, zeros a million times."""
+
+
+def most_of(size):
+    """[bytes] that so many packed ones may become."""
+    return max(MOST_UNPACKED, MOST_TIMES * size)
 
 
 def bounded(make):
-    """Unpacks by a decompressor of `make()`, and no further than MOST_UNPACKED."""
+    """Unpacks by decompressors of `make()`, one for each stream in the data, and no further than most_of() it."""
     def unpack(data, *_):
-        unpacker = make()
-        whole = unpacker.decompress(data, MOST_UNPACKED)
-        if not unpacker.eof:
-            raise ValueError(f'{len(data)} packed bytes are cut off, or become more than {MOST_UNPACKED >> 20} MB: a bomb')
-        return whole
+        parts, rest, left = [], data, most_of(len(data))
+        while rest or not parts:
+            unpacker = make()
+            parts.append(unpacker.decompress(rest, left))
+            left -= len(parts[-1])
+            if not unpacker.eof:
+                raise ValueError(f'{len(data)} packed bytes are cut off, or become more than {most_of(len(data)) >> 20} MB: a bomb')
+            rest = unpacker.unused_data
+        return b''.join(parts)
     return unpack
 
 
 def bounded_open(zstd):
-    """Opens a packed file that becomes no more than MOST_UNPACKED or MOST_TIMES its size."""
+    """Opens a packed file that becomes no more than most_of() it."""
     def open_(packed, mode):
         size = os.fstat(packed.fileno()).st_size
         file = zstd.open(packed, mode)
@@ -44,7 +53,7 @@ def bounded_open(zstd):
 
         def checked(n=-1):
             part = read(n)
-            if file.tell() > max(MOST_UNPACKED, MOST_TIMES * size):
+            if file.tell() > most_of(size):
                 raise ValueError(f'{size} packed bytes become more than {MOST_TIMES} times as many: a bomb')
             return part
         file.read = checked

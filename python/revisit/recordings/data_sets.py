@@ -56,11 +56,11 @@ def timed(name, files, unit, read, truth, poses_of):
         file, table = truth
         table = table[np.argsort(table[:, 0], kind='stable')]
         all_poses = poses_of(table[:, 1:])
-        fine = are_rigid(all_poses)
-        if not fine.all():
-            raise InputError(f'{file}: expected rotations and translations, found another pose at the time '
-                             f'{table[np.argmin(fine), 0]:.0f}')
         index, gaps = nearest(table[:, 0] * unit, np.asarray(times))
+        odd = (gaps <= MAX_GAP) & ~are_rigid(all_poses)[index]
+        if odd.any():
+            raise InputError(f'{file}: expected rotations and translations, found another pose at the time '
+                             f'{table[index[np.argmax(odd)], 0]:.0f}')
         poses = [all_poses[i] if gap <= MAX_GAP else None for i, gap in zip(index, gaps)]
         if lost := sum(pose is None for pose in poses):
             warnings.append(f'{lost} of {len(files)} scans have no pose within {MAX_GAP} s')
