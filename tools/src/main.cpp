@@ -25,7 +25,7 @@ int fail(const char* message, int code) {
 
 /// Ends before the exit handlers of libraries: OpenBLAS's waits for its threads, and these for
 /// memory, without end where there is none (`ulimit -v`).
-void end_at_once(int code, void* /*unused*/) {
+[[maybe_unused]] void end_at_once(int code, void* /*unused*/) {
   std::fflush(nullptr);
   std::_Exit(code);
 }
