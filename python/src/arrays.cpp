@@ -3,6 +3,7 @@
 #include "revisit/proto/error.h"
 #include "revisit/proto/joined.h"
 #include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 
@@ -45,8 +46,10 @@ GivenArray<float> float_array(nb::handle object, const std::string& what) {
   if (nb::ndarray_check(object) && nb::try_cast(object, array, false)) return array;
   if (nb::hasattr(object, "__array_interface__") &&
       is_float32(nb::getattr(object, "dtype", nb::none())))
-    return nb::cast<GivenArray<float>>(
-        nb::module_::import_("numpy").attr("ascontiguousarray")(object));
+    return giving_the_lock_away([&] {
+      return nb::cast<GivenArray<float>>(
+          nb::module_::import_("numpy").attr("ascontiguousarray")(object));
+    });
   throw type_error(
       str(what, ": expected a numpy array of float32, found ", description_of(object),
           "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)"));

@@ -5,6 +5,7 @@
 #include "revisit/engine/net.h"
 #include "revisit/proto/error.h"
 #include "strings.h"
+#include "unlocked.h"
 
 namespace revisit::python {
 namespace {
@@ -24,6 +25,7 @@ void raise(const char* name, std::string_view message) {
 
 void translate_errors() {
   nb::register_exception_translator([](const std::exception_ptr& thrown, void*) {
+    if (!thrown) stay();  // CPython ends this thread
     try {
       std::rethrow_exception(thrown);
     } catch (const engine::MemoryError& error) {

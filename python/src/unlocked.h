@@ -7,13 +7,19 @@
 
 /// Work of C++ without the interpreter's lock, which other threads then have.
 ///
-/// When the interpreter ends, CPython ends every other thread that asks for the lock, by unwinding
-/// its frames, ours among them. So a thread that asks for it in here stays where it is instead. And
-/// the interpreter waits, before it ends and before the process does, until none is in C++.
+/// When the interpreter ends, CPython before 3.14 ends every other thread that asks for the lock,
+/// by unwinding its frames, ours among them. So a thread that asks for it in here stays where it is
+/// instead, as it does from 3.14 on. And the interpreter waits, before it ends and before the
+/// process does, until none is in C++. Ctrl-C ends the wait.
 namespace revisit::python {
 
 /// Whether it has begun to end: the work of other threads is to stop.
 bool interpreter_ends();
+
+struct CallCount {
+  std::atomic<int> working = 0;  // calls of which no thread is in Python
+  std::atomic<int> asking = 0;   // threads of them that ask for the lock
+};
 
 /// Gives the lock away.
 class Unlocked {
@@ -27,11 +33,10 @@ class Unlocked {
   friend class Locked;
   void leave();  // C++, for Python: one of its threads
   void enter();
-  [[noreturn]] void leave_for_ever();
   template <class Take>
   auto locked_by(const Take& take);
 
-  std::atomic<int>& working_;  // counts it while none of its threads is in Python
+  CallCount& count_;
   std::atomic<int> in_python_ = 0;
   PyThreadState* state_;
 };

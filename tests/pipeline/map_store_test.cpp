@@ -1,7 +1,6 @@
 #include "revisit/maps/map_store.h"
 
 #include <gtest/gtest.h>
-#include <sqlite3.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <sys/wait.h>
@@ -15,6 +14,7 @@
 #include <random>
 #include <thread>
 
+#include "execute_sql.h"
 #include "expect_error.h"
 #include "killed_writer.h"
 #include "place_row.h"
@@ -26,6 +26,7 @@ namespace revisit::pipeline {
 namespace {
 
 namespace fs = std::filesystem;
+using test::execute_sql;
 using test::expect_error;
 using test::TempDir;
 
@@ -69,16 +70,6 @@ void expect_places(const MapStore& map, int64_t n) {
 
 std::unique_ptr<MapStore> writer_of(const fs::path& file) {
   return open_map(file, MapAccess::kWrite, &kIdentity);
-}
-
-void execute(const fs::path& file, const std::string& sql) {
-  sqlite3* database = nullptr;
-  ASSERT_EQ(sqlite3_open(file.c_str(), &database), SQLITE_OK);
-  char* message = nullptr;
-  EXPECT_EQ(sqlite3_exec(database, sql.c_str(), nullptr, nullptr, &message), SQLITE_OK)
-      << (message == nullptr ? "" : message);
-  sqlite3_free(message);
-  sqlite3_close(database);
 }
 
 /// Runs `work` in a process of its own; whether it returned true.
@@ -370,24 +361,24 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   refused(dir / "text", {"text: not a map"});
   expect_error<InputError>([&] { writer_of(dir / "text"); }, {"text: not a map"});
   EXPECT_EQ(test::read_file(dir / "text"), std::string(10'000, 'x'));
-  execute(dir / "other", "CREATE TABLE place (id INTEGER PRIMARY KEY)");
+  execute_sql(dir / "other", "CREATE TABLE place (id INTEGER PRIMARY KEY)");
   refused(dir / "other", {"other: a SQLite database, but not a map"});
   EXPECT_EQ(check_map(dir / "other").size(), 1);
 
   writer_of(dir / "later");
-  execute(dir / "later", "PRAGMA user_version = 3");
+  execute_sql(dir / "later", "PRAGMA user_version = 3");
   refused(dir / "later", {"later: a map of version 3, this program knows version 2"});
   writer_of(dir / "odd");
-  execute(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
+  execute_sql(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
   refused(dir / "odd", {"odd: the head of this map is damaged", "'v'"});
   writer_of(dir / "vacuumed");
-  execute(dir / "vacuumed", "PRAGMA auto_vacuum = FULL; VACUUM");
+  execute_sql(dir / "vacuumed", "PRAGMA auto_vacuum = FULL; VACUUM");
   refused(dir / "vacuumed", {"vacuumed: the head of this map is damaged: auto_vacuum is '1'"});
   writer_of(dir / "paged");
-  execute(dir / "paged", "PRAGMA journal_mode = DELETE; PRAGMA page_size = 8192; VACUUM");
+  execute_sql(dir / "paged", "PRAGMA journal_mode = DELETE; PRAGMA page_size = 8192; VACUUM");
   refused(dir / "paged", {"paged: the head of this map is damaged: the page size is '8192'"});
   writer_of(dir / "counts");
-  execute(dir / "counts", "DELETE FROM counts; INSERT INTO place (id) VALUES (10000)");
+  execute_sql(dir / "counts", "DELETE FROM counts; INSERT INTO place (id) VALUES (10000)");
   expect_error<InputError>([&] { read_all(*open_map(dir / "counts", MapAccess::kRead)); },
                            {"counts: this map is damaged", "10000 places"});
 }
@@ -648,25 +639,25 @@ TEST(MapStore, DamagedValuesAreErrors) {
     map->set_value("basis", "b");
     map->set_value("threshold", "0.5");
   }
-  execute(dir / "map", "UPDATE value SET name = 'bases' WHERE id = 1");
+  execute_sql(dir / "map", "UPDATE value SET name = 'bases' WHERE id = 1");
   const auto map = writer_of(dir / "map");
   EXPECT_EQ(map->value("threshold"), "0.5");
   expect_error<InputError>([&] { map->value("basis"); }, {"'basis'", "value 1"});
   expect_error<InputError>([&] { map->set_value("basis", ""); }, {"'basis'", "value 1"});
   EXPECT_EQ(check_map(dir / "map").size(), 1);
-  execute(dir / "map", "UPDATE value SET name = 'bases' WHERE id = 2");
+  execute_sql(dir / "map", "UPDATE value SET name = 'bases' WHERE id = 2");
   EXPECT_EQ(check_map(dir / "map").size(), 2);
 }
 
 TEST(MapStore, ADamagedHeadIsNamedAndItsCopyIsRead) {
   const TempDir dir;
   writer_of(dir / "map")->add(made_places(1, 2));
-  execute(dir / "map", "UPDATE map SET revision = 1");
+  execute_sql(dir / "map", "UPDATE map SET revision = 1");
   const WhatWasRead read = read_all(*open_map(dir / "map", MapAccess::kRead));
   EXPECT_EQ(read.places.size(), 2);
   ASSERT_EQ(read.damages.size(), 1);
   EXPECT_HAS(read.damages[0], "the table 'map': its checksum is wrong");
-  execute(dir / "map", "DELETE FROM map_copy");
+  execute_sql(dir / "map", "DELETE FROM map_copy");
   expect_error<InputError>(
       [&] { open_map(dir / "map", MapAccess::kRead); },
       {"the table 'map': its checksum is wrong; the table 'map_copy': not found; make the map"});
@@ -681,7 +672,7 @@ TEST(MapStore, AColumnThatIsNoneOfItsTypeIsDamage) {
   for (const char* column : {"drive = NULL", "frame = NULL", "time = 'x'", "pose = ''",
                              "feature = ''", "revision = NULL"}) {
     test::write_file(dir / "map", whole);
-    execute(dir / "map", std::string("UPDATE place SET ") + column);
+    execute_sql(dir / "map", std::string("UPDATE place SET ") + column);
     const WhatWasRead read = read_all(*open_map(dir / "map", MapAccess::kRead));
     EXPECT_TRUE(read.places.empty()) << column;
     EXPECT_EQ(read.damages.size(), 1) << column;
@@ -697,9 +688,9 @@ TEST(MapStore, ChecksumsAreTheSameForEver) {
   whole.pose = Eigen::Isometry3d::Identity();
   whole.feature = {4};
   writer_of(dir / "map")->add(std::vector<StoredPlace>{bare, whole});
-  execute(dir / "map",
-          "UPDATE place SET checksum = -8513214115871854599 WHERE id = 1;"
-          "UPDATE place SET checksum = 776762402370247915 WHERE id = 2");
+  execute_sql(dir / "map",
+              "UPDATE place SET checksum = -8513214115871854599 WHERE id = 1;"
+              "UPDATE place SET checksum = 776762402370247915 WHERE id = 2");
   EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
 }
 
@@ -755,6 +746,20 @@ TEST(MapStore, MergingTakesAnyNumberOfPlaces) {
   writer_of(dir / "map")->add(places);
   EXPECT_EQ(merge_maps(std::vector<fs::path>{dir / "map"}, dir / "merged", [](auto&&) {}), 1005);
   EXPECT_EQ(read_all(*open_map(dir / "merged", MapAccess::kRead)).places.back().frame, 1004);
+}
+
+TEST(MapStore, DamageIsToldBeforeThePlacesBehindIt) {
+  const TempDir dir;
+  writer_of(dir / "map")->add(made_places(1, 9));
+  execute_sql(dir / "map", "DELETE FROM place WHERE id IN (2, 3)");
+  std::vector<std::string> damages;
+  const auto take = [](StoredPlace&& place) {
+    if (place.id == 4) throw std::runtime_error("stopped");
+  };
+  const auto tell = [&](const std::string& damage) { damages.push_back(damage); };
+  EXPECT_THROW(open_map(dir / "map", MapAccess::kRead)->read(0, take, tell), std::runtime_error);
+  ASSERT_EQ(damages.size(), 1);
+  EXPECT_HAS(damages[0], "places 2 to 3 are damaged");
 }
 
 TEST(MapStore, OnlyANewMapTakesOverABasis) {

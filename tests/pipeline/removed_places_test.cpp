@@ -2,7 +2,6 @@
 #include "removed_places.h"
 
 #include <gtest/gtest.h>
-#include <sqlite3.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,6 +9,7 @@
 #include <random>
 #include <set>
 
+#include "execute_sql.h"
 #include "expect_error.h"
 #include "killed_writer.h"
 #include "read_map.h"
@@ -19,6 +19,7 @@ namespace revisit::pipeline {
 namespace {
 
 namespace fs = std::filesystem;
+using test::execute_sql;
 using test::expect_error;
 using test::TempDir;
 
@@ -98,13 +99,6 @@ TEST(RemovedPlaces, AreGoneAndTheirIdsAreNotGivenAgain) {
   EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "learnt");
 }
 
-void execute(const fs::path& map, const std::string& sql) {
-  sqlite3* file = nullptr;
-  ASSERT_EQ(sqlite3_open(map.c_str(), &file), SQLITE_OK);
-  EXPECT_EQ(sqlite3_exec(file, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK);
-  sqlite3_close(file);
-}
-
 /// The version of a map's format, which SQLite keeps at byte 60 of the file.
 int version_of(const fs::path& file) {
   return test::read_file(file).at(63);
@@ -142,7 +136,7 @@ TEST(RemovedPlaces, WhatTheListLacksIsLostAndCanBeRemovedAgain) {
   const TempDir dir;
   writer_at(dir / "map")->add(some_places(1, 6));
   writer_at(dir / "map")->remove(std::vector<int64_t>{2, 3});
-  execute(dir / "map", "DELETE FROM removed WHERE place = 2");
+  execute_sql(dir / "map", "DELETE FROM removed WHERE place = 2");
   const std::vector<std::string> wrong = check_map(dir / "map");
   ASSERT_EQ(wrong.size(), 1);
   EXPECT_HAS(wrong[0], "place 2 is damaged: not found");
@@ -151,6 +145,15 @@ TEST(RemovedPlaces, WhatTheListLacksIsLostAndCanBeRemovedAgain) {
   EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
   EXPECT_EQ(map->size(), 4);
   EXPECT_EQ(map->removed(2), std::vector<int64_t>{2});
+}
+
+TEST(RemovedPlaces, NumbersThatAreNoPlacesAreNotCounted) {
+  const TempDir dir;
+  writer_at(dir / "map")->add(some_places(1, 3));
+  writer_at(dir / "map")->remove(std::vector<int64_t>{2});
+  execute_sql(dir / "map",
+              "INSERT INTO removed VALUES (2, 2.1, 0), (3, 2.2, 0), (4, 2.3, 0), (5, 'x', 0)");
+  EXPECT_EQ(writer_at(dir / "map")->size(), 2);
 }
 
 TEST(RemovedPlaces, AListThatNoRemovalWritesIsNamed) {
@@ -164,8 +167,8 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsNamed) {
                                         {2, 10, "it has place 10, the map has had 9"}}) {
     SCOPED_TRACE(said);
     test::write_file(dir / "copy", whole);
-    execute(dir / "copy", str("INSERT INTO removed VALUES (", id, ",", place, ",",
-                              removed_checksum(id, place), ")"));
+    execute_sql(dir / "copy", str("INSERT INTO removed VALUES (", id, ",", place, ",",
+                                  removed_checksum(id, place), ")"));
     const std::vector<std::string> wrong = check_map(dir / "copy");
     ASSERT_FALSE(wrong.empty());
     EXPECT_NE(wrong[0].find(said), std::string::npos) << wrong[0];

@@ -30,6 +30,7 @@ def scale_run(**options):
 # Two threads are in C++ when the program ends; a child of it, in which they are not, ends first.
 ENDS = """
 import atexit, os, sys, threading, time
+import numpy as np
 atexit.register(lambda: print('still works', run.forward()))  # before revisit: this is called after its own
 from revisit.engine import Net, profile
 net = Net.load_with_random_weights(sys.argv[1], 7, end='conv', inputs={'data': (1, 3, 1000, 1000)})
@@ -39,6 +40,12 @@ def passes():
     while True:
         others[0].forward()
 
+apart = np.zeros(3 * 300 * 300, [('odd', 'u1'), ('x', 'f4')])['x'].reshape(1, 3, 300, 300)  # numpy copies it, without the lock
+def copies(run=net.plan({'data': apart.shape}).run()):
+    while True:
+        run.set_input('data', apart)
+
+threading.Thread(target=copies, daemon=True).start()
 threading.Thread(target=passes, daemon=True).start()
 threading.Thread(target=profile, args=(others[1],), kwargs={'repeat': 10**9}, daemon=True).start()
 time.sleep(0.1)

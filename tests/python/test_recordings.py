@@ -8,6 +8,7 @@ import os
 import sqlite3
 import struct
 import tempfile
+import time
 import unittest
 from collections import Counter
 from pathlib import Path
@@ -225,6 +226,11 @@ class Bags(Folders):
         unpack, few = reader.bounded(bz2.BZ2Decompressor), np.random.default_rng(1).bytes(5000)
         self.assertEqual(unpack(bz2.compress(few) + bz2.compress(b'more')), few + b'more')
         self.assertEqual(unpack(bz2.compress(b'')), b'')
+        self.assertEqual(unpack(bz2.compress(few) + bytes(9)), few)
+        many = bz2.compress(b'') * 20_000
+        begin = time.process_time()
+        self.assertEqual(unpack(many), b'')
+        self.assertLess(time.process_time() - begin, 10, 'linear work')
         with mock.patch.object(reader, 'MOST_UNPACKED', 1000):
             self.assertEqual(unpack(bz2.compress(few), len(few)), few)
             with self.assertRaisesRegex(ValueError, 'a bomb'):

@@ -25,6 +25,11 @@ class Weights(ConversionTest):
         super().setUp()
         self.prototxt, self.model = self.net(TEXT, BLOBS)
 
+    def test_an_error_leaves_the_callers_output_alone(self):
+        program = "from conversion.__main__ import main; print('a'); main(['mean', 'in.npy', 'x' * 300 + '.npy']); print('b')"
+        done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+        self.assertEqual((done.returncode, done.stdout), (0, 'a\nb\n'), done.stderr)
+
     def test_round_trip_keeps_every_bit(self):
         first = self.model
         for name in ('net.h5', 'net.npz', 'other.h5', 'other.caffemodel'):

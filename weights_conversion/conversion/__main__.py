@@ -42,9 +42,13 @@ def failed(why, code):
 
 
 def write_no_more():
-    """What standard output still holds would be an error once more when Python ends."""
-    if sys.stdout is not None and sys.stdout is sys.__stdout__:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    """What standard output still holds, and cannot be written, would be an error once more when Python ends."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        with open(os.devnull, 'w') as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def main(words=None):

@@ -37,8 +37,11 @@ std::string damage_of(const RemovedPlaces& removed, int64_t there) {
 }
 
 int64_t count_removed(sqlite::Connection& connection, int64_t there) {
-  return number_of_removed(
-      connection, str("count(DISTINCT place) FROM removed WHERE place BETWEEN 1 AND ", there));
+  // A stranger's list may hold other numbers than whole ones.
+  return number_of_removed(connection,
+                           str("count(DISTINCT CAST(place AS INTEGER)) FROM removed WHERE "
+                               "CAST(place AS INTEGER) BETWEEN 1 AND ",
+                               there));
 }
 
 int64_t last_removal(sqlite::Connection& connection) {

@@ -23,6 +23,9 @@ MOST_UNPACKED = 1 << 28
 MOST_TIMES = 100
 """What it may become beyond that, of its size: scans become a few times more, zeros a million times."""
 
+PIECE = 1 << 14
+"""[bytes] that an unpacker gets at once: what it does not use is copied."""
+
 
 def most_of(size):
     """[bytes] that so many packed ones may become."""
@@ -32,14 +35,26 @@ def most_of(size):
 def bounded(make):
     """Unpacks by decompressors of `make()`, one for each stream in the data, and no further than most_of() it."""
     def unpack(data, *_):
-        parts, rest, left = [], data, most_of(len(data))
-        while rest or not parts:
+        parts, streams, at = [], 0, 0
+        most = left = most_of(len(data))
+        while at < len(data) or streams == 0:
             unpacker = make()
-            parts.append(unpacker.decompress(rest, left))
-            left -= len(parts[-1])
-            if not unpacker.eof:
-                raise ValueError(f'{len(data)} packed bytes are cut off, or become more than {most_of(len(data)) >> 20} MB: a bomb')
-            rest = unpacker.unused_data
+            while not unpacker.eof:
+                piece = bytes(data[at:at + PIECE]) if unpacker.needs_input else b''
+                if unpacker.needs_input and not piece:
+                    raise ValueError(f'{len(data)} packed bytes are cut off')
+                at += len(piece)
+                try:
+                    parts.append(unpacker.decompress(piece, left + 1))
+                except Exception:
+                    if streams:
+                        return b''.join(parts)  # what follows and is no stream does not count
+                    raise
+                left -= len(parts[-1])
+                if left < 0:
+                    raise ValueError(f'{len(data)} packed bytes become more than {most >> 20} MB: a bomb')
+            at -= len(unpacker.unused_data or b'')
+            streams += 1
         return b''.join(parts)
     return unpack
 

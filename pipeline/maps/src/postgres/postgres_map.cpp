@@ -184,7 +184,10 @@ class PostgresMap : public MapStore {
       at.revision = head.revision;
       select_places(
           moment, head, there, at.last,
-          [&](StoredPlace&& place, int64_t) { take(std::move(place)); },
+          [&](StoredPlace&& place, int64_t) {
+            places.flush();  // a caller that throws has heard of it
+            take(std::move(place));
+          },
           [&](int64_t first, int64_t last, const std::string& reason) {
             places.add(first, last, reason);
           });
