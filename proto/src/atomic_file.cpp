@@ -166,8 +166,8 @@ void take_permissions(int descriptor, const fs::path& from) {
   struct stat there {};
   if (::stat(from.c_str(), &there) != 0) return;
   mode_t mode = there.st_mode & (S_IRWXU | S_IRWXG | S_IRWXO);
-  static_cast<void>(
-      ::fchmod(descriptor, mode & S_IRWXU));  // who gives it away may not change it then
+  // Private first: who gives a file away may not be allowed to change it then.
+  static_cast<void>(::fchmod(descriptor, mode & S_IRWXU));
   if (::fchown(descriptor, there.st_uid, there.st_gid) != 0 &&
       ::fchown(descriptor, static_cast<uid_t>(-1), there.st_gid) != 0)
     mode &= ~static_cast<mode_t>(S_IRWXG) | (mode & S_IRWXO) << 3;

@@ -161,10 +161,11 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsNamed) {
   writer_at(dir / "map")->add(some_places(1, 9));
   writer_at(dir / "map")->remove(std::vector<int64_t>{2});
   const std::string whole = test::read_file(dir / "map");
-  // A place twice, one that is there, and one that there never was.
+  // A place twice, one that is there, one that there never was, and a gap in the numbers.
   for (const auto& [id, place, said] : {std::tuple(2, 2, "it has place 2 twice"),
                                         {2, 5, "place 5 is there"},
-                                        {2, 10, "it has place 10, the map has had 9"}}) {
+                                        {2, 10, "it has place 10, the map has had 9"},
+                                        {7, 4, "place 4 is there"}}) {
     SCOPED_TRACE(said);
     test::write_file(dir / "copy", whole);
     execute_sql(dir / "copy", str("INSERT INTO removed VALUES (", id, ",", place, ",",

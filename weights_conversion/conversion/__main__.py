@@ -22,7 +22,7 @@ class Parser(argparse.ArgumentParser):
 def parser():
     """The parser of all subcommands."""
     main = Parser(prog='revisit-convert', description='Convert trained networks between Caffe and other formats.',
-                                   epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
+                  epilog=EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter)
     subparsers = main.add_subparsers(metavar='COMMAND', required=True)
     for name, command in commands.COMMANDS.items():
         sub = subparsers.add_parser(name, help=command.help, description=command.description,

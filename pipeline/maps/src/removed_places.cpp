@@ -68,7 +68,7 @@ RemovedPlaces read_removed(sqlite::Connection& connection, int64_t after) {
 
 void write_removed(sqlite::Connection& connection, std::span<const int64_t> places) {
   make_table_of_removed(connection);
-  int64_t id = last_removal(connection);
+  int64_t id = connection.integer("SELECT max(id) FROM removed");
   Statement insert(connection, "INSERT INTO removed (id, place, checksum) VALUES (?, ?, ?)");
   for (const int64_t place : places) {
     ++id;
