@@ -2,13 +2,16 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <linux/capability.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/syscall.h>
 #include <sys/sysmacros.h>
 #include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <fstream>
 #include <thread>
 
@@ -69,6 +72,26 @@ TEST(WriteAtomically, TheNewFileIsOfThoseWhoHadTheOld) {
   EXPECT_EQ(written_by(0, 0600), std::tuple(2000, 3000, 0600));
   EXPECT_EQ(written_by(3000, 0660), std::tuple(2001, 3000, 0660));
   EXPECT_EQ(written_by(3001, 0664), std::tuple(2001, 3001, 0644)) << "as much as all may";
+}
+
+TEST(WriteAtomically, AFileThatIsGivenAwayAndCannotBeChangedThenIsPrivate) {
+  if (::geteuid() != 0) GTEST_SKIP() << "only root can give files away";
+  const test::TempDir dir;
+  test::write_file(dir / "f", "old");
+  ASSERT_EQ(::chown((dir / "f").c_str(), 2000, 3000), 0);
+  ASSERT_EQ(::chmod((dir / "f").c_str(), 0600), 0);
+  __user_cap_header_struct of_this_thread{_LINUX_CAPABILITY_VERSION_3, 0};
+  std::array<__user_cap_data_struct, _LINUX_CAPABILITY_U32S_3> all{};
+  ASSERT_EQ(::syscall(SYS_capget, &of_this_thread, all.data()), 0);
+  auto fewer = all;
+  fewer[0].effective &= ~(1U << CAP_FOWNER);
+  ASSERT_EQ(::syscall(SYS_capset, &of_this_thread, fewer.data()), 0);
+  write_atomically(dir / "f", [](std::ostream& out) { out << "new"; });
+  ASSERT_EQ(::syscall(SYS_capset, &of_this_thread, all.data()), 0);
+  struct stat there {};
+  ASSERT_EQ(::stat((dir / "f").c_str(), &there), 0);
+  EXPECT_EQ(std::tuple(there.st_uid, there.st_gid, there.st_mode & 0777),
+            std::tuple(2000, 3000, 0600));
 }
 
 TEST(WriteAtomically, KeepsTheOldFileWhenWritingFails) {

@@ -3,6 +3,7 @@
 import gc
 import multiprocessing
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -73,6 +74,33 @@ entered.wait()
 """
 
 
+# A thread that is stopped had begun to work after the interpreter had begun to end.
+BEGINS_AGAIN = """
+import sys, threading, time
+from revisit.engine import Net
+run = Net.load_with_random_weights(sys.argv[1], 7, end='conv', inputs={'data': (1, 3, 600, 600)}).plan().run()
+def passes():
+    while True:
+        run.forward()
+threading.Thread(target=passes, daemon=True).start()
+time.sleep(0.2)
+"""
+
+# A pass of minutes.
+LONG = """
+input: "data" input_dim: 1 input_dim: 3 input_dim: 300 input_dim: 300
+layer { name: "conv" type: "Convolution" bottom: "data" top: "conv" convolution_param { num_output: 100 kernel_size: 101 } }
+"""
+PASSES = """
+import atexit, sys, threading, time
+from revisit.engine import Net
+run = Net.load_with_random_weights(sys.argv[1], 7).plan(reference_kernels=True).run()
+threading.Thread(target=run.forward, daemon=True).start()
+time.sleep(0.2)
+atexit.register(lambda: print('ends', flush=True))  # after revisit: this is called before its own
+"""
+
+
 class Loading(unittest.TestCase):
     def test_tells_what_the_file_says(self):
         net = small_net()
@@ -130,6 +158,14 @@ class Errors(unittest.TestCase):
     def test_names_may_be_any_bytes(self):
         with self.assertRaisesRegex(revisit.InputError, 'stra\udcdfe.prototxt.*No such file'):
             Net.load_without_weights(os.fsdecode(b'stra\xdfe.prototxt'))
+        with folder_with(net='input: "d\\377" input_dim: 1 input_dim: 1 input_dim: 2 input_dim: 3 '
+                             'layer { name: "relu" type: "ReLU" bottom: "d\\377" top: "out" }') as folder:
+            run = Net.load_with_random_weights(folder / 'net.prototxt', 7).plan().run()
+        name = 'd\udcff'
+        with self.assertRaisesRegex(TypeError, f'{name}.*found float64'):
+            run.set_input(name, np.zeros((1, 1, 2, 3)))
+        with self.assertRaisesRegex(ValueError, f'{name}.*found 1x1x2x4'):
+            run.forward({name: np.zeros((1, 1, 2, 4), np.float32)})
 
     def test_have_one_base(self):
         for name in ('UsageError', 'InputError', 'UnsupportedError', 'Interrupted', 'MemoryError'):
@@ -276,6 +312,30 @@ class Threads(unittest.TestCase):
             done = subprocess.run([sys.executable, '-W', 'ignore', '-c', BLOCKED, folder / 'net.prototxt', folder / 'town'],
                                   text=True, capture_output=True, timeout=60)
         self.assertEqual((done.returncode, done.stdout, done.stderr), (0, 'passes None\n', ''))
+
+    def test_a_program_ends_where_the_interpreter_stops_its_threads(self):
+        library = os.environ.get('REVISIT_THREADS_STOP')
+        if not library:
+            self.skipTest('REVISIT_THREADS_STOP names no library: this build has none')
+        preload = ':'.join(filter(None, [os.environ.get('LD_PRELOAD'), library]))
+        with folder_with(net=CONVOLVE) as folder:
+            done = subprocess.run([sys.executable, '-c', BEGINS_AGAIN, folder / 'net.prototxt'], text=True, capture_output=True,
+                                  timeout=60, env={**os.environ, 'LD_PRELOAD': preload})
+        self.assertEqual((done.returncode, done.stdout, done.stderr), (0, '', ''))
+
+    def test_ctrl_c_ends_the_wait_for_threads(self):
+        with folder_with(net=LONG) as folder:
+            with subprocess.Popen([sys.executable, '-c', PASSES, folder / 'net.prototxt'], text=True, stdout=subprocess.PIPE,
+                                  stderr=subprocess.PIPE) as ends:
+                try:
+                    self.assertEqual(ends.stdout.readline(), 'ends\n')
+                    with self.assertRaises(subprocess.TimeoutExpired):  # it waits
+                        ends.wait(0.5)
+                    ends.send_signal(signal.SIGINT)
+                    ends.wait(30)
+                finally:
+                    ends.kill()
+                self.assertIn('KeyboardInterrupt', ends.stderr.read())
 
     def test_the_interpreter_is_free_meanwhile(self):
         run = small_net(end='conv', inputs={'data': (1, 3, 1000, 1000)}).plan().run()

@@ -1,5 +1,8 @@
 // `revisit loops` and `revisit map`.
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/inotify.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +12,7 @@
 #include <map>
 #include <set>
 #include <sstream>
+#include <thread>
 #include <utility>
 
 #include "loops/loop_writer.h"
@@ -258,6 +262,40 @@ TEST_F(Loops, ADriveThatIsFollowedIsKeptAsAWholeOne) {
   const auto result = test::run_revisit("loops " + path("short") + " --follow 0.3");
   EXPECT_EQ(result.exit_code, 3);
   EXPECT_NE(result.err.find("holds 2 poses"), std::string::npos) << result.err;
+}
+
+TEST_F(Loops, WhatIsWrongForAMomentInADriveThatGrowsIsPassedOver) {
+  const fs::path drive = path("momentarily"), sequence = drive / "sequences/00";
+  fs::create_directories(sequence / "velodyne");
+  for (const char* scan : {"000000.bin", "000001.bin", "000002.bin"})
+    fs::copy(path("town1/sequences/00/velodyne/000000.bin"), sequence / "velodyne" / scan);
+  // So that a look takes milliseconds.
+  for (int i = 0; i < 3000; ++i) test::write_file(sequence / "velodyne" / str("note", i), "");
+  // The first look finds the times sound, the second does not, all others do again: whoever has
+  // opened a file goes on with it when another takes its name.
+  const fs::path looks[] = {sequence / "times.txt", drive / "second", drive / "others"};
+  const int opened = ::inotify_init();
+  for (const fs::path& times : looks) {
+    test::write_file(times, times == looks[1] ? "0\nno time\n2\n" : "0\n1\n2\n");
+    ASSERT_GE(::inotify_add_watch(opened, times.c_str(), IN_OPEN), 0);
+  }
+  std::thread writer([&] {
+    for (const fs::path& next : {looks[1], looks[2]}) {
+      inotify_event event{};
+      while (event.mask != IN_OPEN) {
+        pollfd soon{opened, POLLIN, 0};
+        ASSERT_EQ(::poll(&soon, 1, 20'000), 1) << "no look at the drive";
+        ASSERT_EQ(::read(opened, &event, sizeof event), static_cast<ssize_t>(sizeof event));
+      }
+      fs::rename(next, looks[0]);
+    }
+  });
+  const auto result = test::run_revisit("loops " + drive.string() +
+                                        " --follow 1 --threshold 2 --all --no-progress -q");
+  writer.join();
+  ::close(opened);
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(lines(result.out).size(), 1 + 3) << result.out;
 }
 
 TEST_F(Loops, AScanThatIsGoneIsNotRegistered) {
