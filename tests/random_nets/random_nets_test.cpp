@@ -58,6 +58,12 @@ INSTANTIATE_TEST_SUITE_P(Seeds, RandomNetsAgree,
                          testing::Range<uint64_t>(kFirst, kFirst + kTests * kNetsOfATest,
                                                   kNetsOfATest));
 
+/// bfloat16 rounds x = -0.263538 to -0.263672; 1 / (1.75391 x + 0.462402) is 5547, then -18266.
+TEST(RandomNets, WhatRoundingMovesAcrossAPoleIsNoFault) {
+  Statistics statistics;
+  EXPECT_EQ(find_fault(80012930, statistics), "");
+}
+
 /// That a comparison with a reference can fail.
 TEST(RandomNetsReference, SeesWhatRoundingDoesNotExplain) {
   const test::TempDir folder;
