@@ -1,6 +1,7 @@
 // `revisit learn` and what --feature ring makes of it.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <sstream>
 
 #include "program_test.h"
@@ -146,6 +147,30 @@ TEST_F(Learn, ACalibratedModelSaysHowSureItsLoopsAre) {
   expect_in(run(calibrate + path("town2") + " --judge -o x", 2), "one of the two");
   expect_in(run(calibrate + path("town2") + " --radius 0", 2), "--radius");
   expect_in(run(calibrate + path("town2/sequences/00/velodyne"), 3), "poses");
+}
+
+/// tools/learn_ring_models.sh with a program that writes down how it is called, and that is killed
+/// while it makes its second drive.
+TEST(LearnRingModels, GoesOnWithTheDriveOfAKilledRun) {
+  const test::TempDir dir;
+  const std::string calls = (dir / "calls").string();
+  test::write_file(dir / "revisit", "#!/bin/sh\necho \"$@\" >>'" + calls +
+                                        "'\ncase $1 in\n"
+                                        "  simulate) mkdir -p $3; [ $(grep -c simulate '" +
+                                        calls +
+                                        "') != 2 ] ;;\n"
+                                        "  learn) exit 1 ;;\nesac\n");
+  fs::permissions(dir / "revisit", fs::perms::owner_all);
+  const std::string command = "REVISIT='" + (dir / "revisit").string() + "' '" +
+                              test::project_file("tools/learn_ring_models.sh").string() + "' '" +
+                              (dir / "drives").string() + "'";
+  EXPECT_NE(std::system(command.c_str()), 0);
+  EXPECT_NE(std::system(command.c_str()), 0);
+  std::string made;
+  std::istringstream lines(test::read_file(calls));
+  for (std::string call; std::getline(lines, call);)
+    if (call.starts_with("simulate")) made += call.back();
+  EXPECT_EQ(made, "37378") << "seeds";
 }
 
 }  // namespace
