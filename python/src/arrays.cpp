@@ -45,11 +45,10 @@ GivenArray<float> float_array(nb::handle object, const std::string& what) {
   GivenArray<float> array;
   if (nb::ndarray_check(object) && nb::try_cast(object, array, false)) return array;
   if (nb::hasattr(object, "__array_interface__") &&
-      is_float32(nb::getattr(object, "dtype", nb::none())))
-    return giving_the_lock_away([&] {
-      return nb::cast<GivenArray<float>>(
-          nb::module_::import_("numpy").attr("ascontiguousarray")(object));
-    });
+      is_float32(nb::getattr(object, "dtype", nb::none()))) {
+    const nb::object copied = nb::module_::import_("numpy").attr("ascontiguousarray");
+    return nb::cast<GivenArray<float>>(call(copied, object));
+  }
   throw type_error(
       str(what, ": expected a numpy array of float32, found ", description_of(object),
           "; arrays are not converted implicitly: use numpy.asarray(x, numpy.float32)"));

@@ -32,7 +32,7 @@ class Listener {
     const Locked lock(*unlocked_);
     if (error_ || callback.is_none()) return;
     try {
-      giving_the_lock_away([&] { callback(arguments...); });
+      call(callback, nanobind::cast(arguments)...);
     } catch (const nanobind::python_error&) {
       error_ = std::current_exception();
     }

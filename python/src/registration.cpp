@@ -96,8 +96,7 @@ void bind_registration(nb::module_& module) {
         if (!refine) return register_scans(query, place, turn, options);
         return register_scans(query, place, turn, options, [&](const Eigen::Isometry3d& start) {
           const Locked lock(unlocked);
-          return giving_the_lock_away(
-              [&] { return *pose_from((*refine)(Matrix4d(start.matrix()))); });
+          return *pose_from(call(*refine, nb::cast(Matrix4d(start.matrix()))));
         });
       },
       "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(), "refine"_a = nb::none(),

@@ -35,8 +35,8 @@ void set_input(engine::Run& run, nb::handle self, const std::string& name, nb::h
     throw value_error(str("input '", name, "': expected an array of shape ",
                           engine::text_of(view.shape.axes()), ", found ",
                           engine::text_of(shape_of(array))));
-  const auto to = nb::cast(array_of_view(view, self));
-  giving_the_lock_away([&] { to[nb::ellipsis()] = values; });
+  const nb::object to = nb::cast(array_of_view(view, self)), copy = to.attr("__setitem__");
+  call(copy, nb::ellipsis(), values);
 }
 
 void bind_profile(nb::module_& module) {

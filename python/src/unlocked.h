@@ -57,7 +57,8 @@ class Locked {
 
 [[noreturn]] void stay();
 
-/// Does what asks for the lock by itself, as numpy does after it has copied.
+/// Does what asks for the lock by itself. `work` must make no objects: the destructors of what it
+/// made would run without the lock when the thread is ended in there.
 template <class Work>
 auto giving_the_lock_away(const Work& work) {
   try {
@@ -65,6 +66,17 @@ auto giving_the_lock_away(const Work& work) {
   } catch (const abi::__forced_unwind&) {
     stay();
   }
+}
+
+/// Calls a function of Python's that may give the lock away: numpy after it has copied, a callback.
+template <class... Arguments>
+nanobind::object call(nanobind::handle function, const Arguments&... arguments) {
+  PyObject* const result = giving_the_lock_away([&] {
+    return PyObject_CallFunctionObjArgs(function.ptr(), arguments.ptr()...,
+                                        static_cast<PyObject*>(nullptr));
+  });
+  if (!result) throw nanobind::python_error();
+  return nanobind::steal(result);
 }
 
 /// To be called when the module is made.

@@ -41,12 +41,13 @@ def passes():
     while True:
         others[0].forward()
 
-apart = np.zeros(3 * 300 * 300, [('odd', 'u1'), ('x', 'f4')])['x'].reshape(1, 3, 300, 300)  # numpy copies it, without the lock
-def copies(run=net.plan({'data': apart.shape}).run()):
+apart = np.zeros(3 * 600 * 600, [('odd', 'u1'), ('x', 'f4')])['x'].reshape(1, 3, 600, 600)  # numpy copies it, without the lock
+def copies(run):
     while True:
         run.set_input('data', apart)
 
-threading.Thread(target=copies, daemon=True).start()
+for _ in range(2):
+    threading.Thread(target=copies, args=(net.plan({'data': apart.shape}).run(),), daemon=True).start()
 threading.Thread(target=passes, daemon=True).start()
 threading.Thread(target=profile, args=(others[1],), kwargs={'repeat': 10**9}, daemon=True).start()
 time.sleep(0.1)
