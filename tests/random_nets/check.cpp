@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <set>
 
@@ -123,7 +124,7 @@ class Check {
   void save(const Case& c, const std::filesystem::path& folder) const {
     for (const auto& [blob, tensor] : c.full)
       save(folder / ("in_" + blob + ".npy"), tensor.shape.axes(), tensor.values);
-    Noise noise{rounding_noise()};
+    Noise noise{.of_layers = rounding_noise(), .of_weights = weight_lengths()};
     for (const caffe::LayerParameter& layer : random_net_.net.layer())
       if (const double gain = mean_gain(layer); gain > 0)
         noise.of_means[layer.name()] = gain * kMeanNoise;
@@ -263,6 +264,21 @@ class Check {
     return noise;
   }
 
+  /// By layer that multiplies with weights: the length of those of an output, on average.
+  std::map<std::string, double> weight_lengths() const {
+    std::map<std::string, double> lengths;
+    for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
+      const int64_t outputs = layer.has_convolution_param()
+                                  ? layer.convolution_param().num_output()
+                                  : layer.inner_product_param().num_output();
+      if (outputs == 0 || layer.blobs_size() == 0) continue;
+      double squares = 0;
+      for (const float weight : layer.blobs(0).data()) squares += double{weight} * weight;
+      lengths[layer.name()] = std::sqrt(squares / static_cast<double>(outputs));
+    }
+    return lengths;
+  }
+
   /// In bfloat16 also what moves values of blocks rounds them. Decisions are not values.
   std::map<std::string, double> bf16_noise() const {
     const std::set<std::string> decide = {"ArgMax", "Filter", "Accuracy", "DetectionOutput"};
@@ -277,7 +293,7 @@ class Check {
   }
 
   std::string compare_with_reference(const Case& c) {
-    Reference reference(net_, c.full, {noise_of(c)}),
+    Reference reference(net_, c.full, {.of_layers = noise_of(c), .of_weights = weight_lengths()}),
         wide(net_, c.full, {bf16_noise(), kBf16Terms});
     int64_t insensitive_in_bf16 = 0;  // what cancels out: not counted
     if (!reference.is_far_from_overflow()) {

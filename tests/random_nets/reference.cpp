@@ -54,13 +54,23 @@ std::vector<bool> are_equal(std::span<const float> values, const Shape& shape) {
   return result;
 }
 
-/// Of those that are numbers.
-double largest_of(std::span<const float> values) {
-  double largest = 0;
-  for (const float value : values)
-    if (std::isfinite(value)) largest = std::max(largest, std::abs(double{value}));
-  return largest;
-}
+/// The sizes of inputs, of those that are numbers.
+struct Sizes {
+  double largest = 0, squares = 0;
+  int64_t count = 0;
+
+  void add(std::span<const float> values) {
+    for (const float value : values)
+      if (std::isfinite(value)) {
+        largest = std::max(largest, std::abs(double{value}));
+        squares += double{value} * value;
+        ++count;
+      }
+  }
+  double mean() const {
+    return std::sqrt(squares / static_cast<double>(std::max<int64_t>(count, 1)));
+  }
+};
 
 /// Adds noise to what a layer has just written.
 class Disturb : public engine::StepObserver {
@@ -75,22 +85,24 @@ class Disturb : public engine::StepObserver {
     if (noise == noise_.of_layers.end()) return;
     // A sum of few, or of a constant, may be near zero by chance. What its terms round is of the
     // size of the inputs.
-    double of_inputs = 0;
+    Sizes of_inputs;
     for (const size_t from : cost.input_layers) {
       const engine::LayerCost& source = run_.plan().layers()[from];
       for (size_t port = 0; port < source.outputs.size(); ++port)
-        of_inputs =
-            std::max(of_inputs,
-                     largest_of(run_.layer_output(engine::port_name(source.name, port)).values()));
+        of_inputs.add(run_.layer_output(engine::port_name(source.name, port)).values());
     }
+    const auto weights = noise_.of_weights.find(cost.name);
+    const double least =
+        std::max(of_inputs.largest * noise_.of_terms,
+                 weights == noise_.of_weights.end() ? 0 : weights->second * of_inputs.mean());
     for (size_t port = 0; port < cost.outputs.size(); ++port) {
       const auto view = run_.layer_output(engine::port_name(cost.name, port));
-      const std::vector<double> sizes =
-          magnitudes(view.values(), view.shape, of_inputs * noise_.of_terms);
+      const std::vector<double> sizes = magnitudes(view.values(), view.shape, least);
       const Channels channels(view.shape);
       const auto mean = noise_.of_means.find(cost.name);
-      const double left =
-          mean == noise_.of_means.end() ? 0 : mean->second * of_inputs * random_.real(-1, 1);
+      const double left = mean == noise_.of_means.end()
+                              ? 0
+                              : mean->second * of_inputs.largest * random_.real(-1, 1);
       const std::vector<bool> equal = are_equal(view.values(), view.shape);
       auto* values = const_cast<float*>(view.data);  // in the arena of a run of our own
       for (size_t i = 0; i < view.values().size(); ++i)
@@ -165,7 +177,7 @@ Reference::Reference(const engine::Net& net, const Values& inputs, Noise noise)
   engine::Run run(run_.plan());
   values_ = forward(run, inputs);
   for (const auto& [name, value] : values_)
-    deviations_[name].assign(differences(value, value).size(), 0);
+    measured_[0][name].assign(differences(value, value).size(), 0);
 }
 
 bool Reference::is_far_from_overflow() const {
@@ -176,21 +188,24 @@ bool Reference::is_far_from_overflow() const {
   });
 }
 
-void Reference::measure(int runs) {
-  for (; runs_ < runs; ++runs_) {
+const Reference::Deviations& Reference::measured(int runs) {
+  const auto fewer = std::prev(measured_.upper_bound(runs));
+  if (fewer->first == runs) return fewer->second;
+  Deviations deviations = fewer->second;
+  for (int i = fewer->first; i < runs; ++i) {
     engine::Run run(run_.plan());  // a new one: some layers remember
-    Disturb disturb(run, noise_, static_cast<uint64_t>(runs_));
+    Disturb disturb(run, noise_, static_cast<uint64_t>(i));
     for (const auto& [name, value] : forward(run, inputs_, &disturb)) {
       const std::vector<double> found = differences(values_.at(name), value);
-      std::vector<double>& largest = deviations_.at(name);
+      std::vector<double>& largest = deviations.at(name);
       for (size_t c = 0; c < largest.size(); ++c) largest[c] = std::max(largest[c], found[c]);
     }
   }
+  return measured_[runs] = std::move(deviations);
 }
 
 std::vector<double> Reference::explained(const std::string& name) {
-  measure(kManyRuns);
-  std::vector<double> result = deviations_.at(name);
+  std::vector<double> result = measured(kManyRuns).at(name);
   for (double& deviation : result) deviation *= kMargin;
   return result;
 }
@@ -204,11 +219,11 @@ std::string Reference::compare(const std::string& name, const Tensor& found, int
     return str("'", name, "' is ", found.shape, ", expected ", wanted.shape);
   const std::vector<double> off = differences(wanted, found);
   std::string fault;
+  std::vector<double> deviation;
   // What sums up to little or lies on the edge of a decision can need more runs to show that; what
   // lies at a pole (a power of -1) needs as many as make it sure.
   for (const int runs : {kFewRuns, kManyRuns, kMostRuns}) {
-    measure(runs);
-    const std::vector<double>& deviation = deviations_.at(name);
+    deviation = measured(runs).at(name);
     fault.clear();
     for (size_t c = 0; c < off.size() && fault.empty(); ++c)
       if (off[c] > kMargin * deviation[c])
@@ -217,7 +232,6 @@ std::string Reference::compare(const std::string& name, const Tensor& found, int
     if (fault.empty()) break;
   }
   const std::vector<double> sizes = magnitudes(wanted.values, wanted.shape);
-  const std::vector<double>& deviation = deviations_.at(name);
   for (size_t c = 0; c < sizes.size(); ++c)
     if (deviation[c] > kHundredth * sizes[c]) {
       ++insensitive;

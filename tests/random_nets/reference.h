@@ -28,6 +28,10 @@ struct Noise {
   std::map<std::string, double> of_layers;
   /// What the terms of a sum round, in parts of that and relative to the layer's inputs.
   double of_terms = 0.01;
+  /// By layer: how large its output is for inputs of size 1 when chance does not cancel it out (the
+  /// length of an output's weights). Partial sums of that size are rounded, whatever is left of
+  /// them.
+  std::map<std::string, double> of_weights = {};
   /// By layer that subtracts a mean, relative to its inputs: what is left of a channel of equal
   /// numbers. The reference kernels, which sum in double, leave 0, and layers may add a shift.
   std::map<std::string, double> of_means = {};
@@ -50,14 +54,14 @@ class Reference {
   std::vector<double> explained(const std::string& name);
 
  private:
-  void measure(int runs);
+  using Deviations = std::map<std::string, std::vector<double>>;
+  const Deviations& measured(int runs);
 
   engine::Run run_;
   const Values& inputs_;
   Noise noise_;
   Values values_;
-  std::map<std::string, std::vector<double>> deviations_;
-  int runs_ = 0;
+  std::map<int, Deviations> measured_;  // by how many runs with noise
 };
 
 }  // namespace revisit::random_nets
