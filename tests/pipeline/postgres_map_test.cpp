@@ -469,13 +469,22 @@ TEST_F(PostgresMap, ManyPlacesThatAreLostAreNamedAtOnceAndCanBeRemoved) {
   EXPECT_EQ(map->remove(lost), 198);
   EXPECT_EQ(read_all(*map).damages, std::vector<std::string>());
   EXPECT_EQ(read_all(*map).places.size(), 100);
+  server_->execute("DELETE FROM town.place WHERE id IN (2, 3)");
+  std::vector<std::string> damages;  // heard before the places behind it
+  const auto take = [](StoredPlace&& place) {
+    if (place.id == 4) throw std::runtime_error("stopped");
+  };
+  EXPECT_THROW(map->read(0, take, [&](auto&& damage) { damages.push_back(damage); }),
+               std::runtime_error);
+  ASSERT_EQ(damages.size(), 1);
+  EXPECT_HAS(damages[0], "places 2 to 3 are damaged");
   // What a stranger says is no endless work.
   const auto say_that_there_are = [&](int64_t n) {
     server_->execute(str("UPDATE town.counts SET places = ", n, ", checksum = ",
                          checksum_of(Counts{.places = n, .values = 0, .damage = ""})));
   };
   say_that_there_are(1'000'000'000'000);
-  EXPECT_HAS(check_map(url).at(0), "places 301 to 1000000000000 are damaged: not found");
+  EXPECT_HAS(check_map(url).at(1), "places 301 to 1000000000000 are damaged: not found");
   say_that_there_are(INT64_MAX);
   expect_error<InputError>([&] { check_map(url); }, {"it has 9223372036854775807 places"});
   expect_error<InputError>([&] { map->add({&places[0], 1}); }, {"9223372036854775807 places"});

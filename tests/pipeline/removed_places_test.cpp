@@ -176,6 +176,28 @@ TEST(RemovedPlaces, AListThatNoRemovalWritesIsNamed) {
   }
 }
 
+TEST(RemovedPlaces, DamageIsNamedInTheOrderOfPlaces) {
+  const TempDir dir;
+  writer_at(dir / "map")->add(some_places(1, 9));
+  writer_at(dir / "map")->remove(std::vector<int64_t>{7});
+  execute_sql(dir / "map", "DELETE FROM place WHERE id IN (2, 3)");
+  execute_sql(dir / "map", str("INSERT INTO removed VALUES (2, 4,", removed_checksum(2, 4), ")"));
+  const std::vector<std::string> wrong = check_map(dir / "map");
+  ASSERT_EQ(wrong.size(), 2);
+  EXPECT_HAS(wrong[0], "places 2 to 3 are damaged");
+  EXPECT_HAS(wrong[1], "place 4 is there");
+}
+
+TEST(RemovedPlaces, NothingComesBehindTheLargestNumber) {
+  const TempDir dir;
+  writer_at(dir / "map")->add(some_places(1, 9));
+  writer_at(dir / "map")->remove(std::vector<int64_t>{2});
+  execute_sql(dir / "map", str("INSERT INTO removed VALUES (", INT64_MAX, ", 3,",
+                               removed_checksum(INT64_MAX, 3), ")"));
+  expect_error<InputError>([&] { writer_at(dir / "map")->remove(std::vector<int64_t>{5}); },
+                           {"its last entry has the number 9223372036854775807"});
+}
+
 TEST(RemovedPlaces, AListThatCannotBeReadIsNamed) {
   const TempDir dir;
   writer_at(dir / "map")->add(some_places(1, 9));

@@ -93,8 +93,9 @@ input: "data" input_dim: 1 input_dim: 3 input_dim: 300 input_dim: 300
 layer { name: "conv" type: "Convolution" bottom: "data" top: "conv" convolution_param { num_output: 100 kernel_size: 101 } }
 """
 PASSES = """
-import atexit, sys, threading, time
+import atexit, signal, sys, threading, time
 from revisit.engine import Net
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have its background jobs ignore it
 run = Net.load_with_random_weights(sys.argv[1], 7).plan(reference_kernels=True).run()
 threading.Thread(target=run.forward, daemon=True).start()
 time.sleep(0.2)
@@ -333,7 +334,7 @@ class Threads(unittest.TestCase):
                     with self.assertRaises(subprocess.TimeoutExpired):  # it waits
                         ends.wait(0.5)
                     ends.send_signal(signal.SIGINT)
-                    ends.wait(30)
+                    self.assertEqual(ends.wait(30), 0)
                 finally:
                     ends.kill()
                 self.assertIn('KeyboardInterrupt', ends.stderr.read())

@@ -275,23 +275,24 @@ TEST_F(Loops, WhatIsWrongForAMomentInADriveThatGrowsIsPassedOver) {
   // opened a file goes on with it when another takes its name.
   const fs::path looks[] = {sequence / "times.txt", drive / "second", drive / "others"};
   const int opened = ::inotify_init();
-  for (const fs::path& times : looks) {
-    test::write_file(times, times == looks[1] ? "0\nno time\n2\n" : "0\n1\n2\n");
-    ASSERT_GE(::inotify_add_watch(opened, times.c_str(), IN_OPEN), 0);
+  int files[std::size(looks)];
+  for (size_t i = 0; i < std::size(looks); ++i) {
+    test::write_file(looks[i], i == 1 ? "0\nno time\n2\n" : "0\n1\n2\n");
+    files[i] = ::inotify_add_watch(opened, looks[i].c_str(), IN_OPEN);
   }
   std::thread writer([&] {
-    for (const fs::path& next : {looks[1], looks[2]}) {
+    for (size_t i = 0; i + 1 < std::size(looks); ++i) {
       inotify_event event{};
-      while (event.mask != IN_OPEN) {
+      while (event.wd != files[i] || event.mask != IN_OPEN) {
         pollfd soon{opened, POLLIN, 0};
         ASSERT_EQ(::poll(&soon, 1, 20'000), 1) << "no look at the drive";
         ASSERT_EQ(::read(opened, &event, sizeof event), static_cast<ssize_t>(sizeof event));
       }
-      fs::rename(next, looks[0]);
+      fs::rename(looks[i + 1], looks[0]);
     }
   });
   const auto result = test::run_revisit("loops " + drive.string() +
-                                        " --follow 1 --threshold 2 --all --no-progress -q");
+                                        " --follow 3 --threshold 2 --all --no-progress -q");
   writer.join();
   ::close(opened);
   EXPECT_EQ(result.exit_code, 0) << result.err;

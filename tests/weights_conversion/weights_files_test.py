@@ -29,6 +29,11 @@ class Weights(ConversionTest):
         program = "from conversion.__main__ import main; print('a'); main(['mean', 'in.npy', 'x' * 300 + '.npy']); print('b')"
         done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
         self.assertEqual((done.returncode, done.stdout), (0, 'a\nb\n'), done.stderr)
+        for output in ("open('/dev/full', 'w')", "type('Odd', (io.StringIO,), {'flush': lambda self: open('')})()"):
+            program = ('import io, sys; from conversion.__main__ import main; '
+                       f"sys.stdout = {output}; print(main(['mean', 'x', 'y' * 300])); sys.stdout = sys.__stdout__; print('b')")
+            done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+            self.assertEqual((done.stdout[-2:], done.stderr.count('Traceback')), ('b\n', 0), done.stderr)
 
     def test_round_trip_keeps_every_bit(self):
         first = self.model

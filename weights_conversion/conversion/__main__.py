@@ -46,9 +46,10 @@ def write_no_more():
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
-    except OSError:
-        with open(os.devnull, 'w') as nowhere:
-            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+    except (OSError, ValueError):
+        if sys.stdout is sys.__stdout__ and not sys.stdout.closed:  # not a caller's
+            with open(os.devnull, 'w') as nowhere:
+                os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 
 def main(words=None):

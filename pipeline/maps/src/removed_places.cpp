@@ -1,5 +1,7 @@
 #include "removed_places.h"
 
+#include <cstdint>
+#include <iterator>
 #include <set>
 
 #include "checksum.h"
@@ -69,6 +71,9 @@ RemovedPlaces read_removed(sqlite::Connection& connection, int64_t after) {
 void write_removed(sqlite::Connection& connection, std::span<const int64_t> places) {
   make_table_of_removed(connection);
   int64_t id = connection.integer("SELECT max(id) FROM removed");
+  if (id > INT64_MAX - std::ssize(places))
+    throw InputError(str(connection.name(), ": the list of removed places is damaged: its last ",
+                         "entry has the number ", id));
   Statement insert(connection, "INSERT INTO removed (id, place, checksum) VALUES (?, ?, ?)");
   for (const int64_t place : places) {
     ++id;

@@ -202,9 +202,9 @@ MapPosition SqliteMap::read(int64_t after, const Take& take, const Damaged& dama
       places.add(id, id, damage);
       continue;
     }
+    places.flush();  // a caller that throws has heard of it
     if (looks_at_all && damage.empty() && was_removed(id))
       tell_once(str(file, ": place ", id, " is there, and in the list of removed places"));
-    places.flush();  // a caller that throws has heard of it
     if (damage.empty()) take(std::move(place));
   }
   places.flush();

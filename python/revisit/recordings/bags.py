@@ -4,6 +4,7 @@ import contextlib
 import functools
 import heapq
 import os
+import re
 import struct
 import sys
 import types
@@ -23,6 +24,9 @@ MOST_UNPACKED = 1 << 28
 MOST_TIMES = 100
 """What it may become beyond that, of its size: scans become a few times more, zeros a million times."""
 
+BEGINS = {'bz2': rb'BZh', 'lz4': rb'(\x04"|[P-_]\*)M\x18', 'zstd': rb'\(\xb5/\xfd|[P-_]\*M\x18'}
+"""What streams begin with; of LZ4 and Zstandard also frames that are to be skipped."""
+
 PIECE = 1 << 14
 """[bytes] that an unpacker gets at once: what it does not use is copied."""
 
@@ -32,29 +36,26 @@ def most_of(size):
     return max(MOST_UNPACKED, MOST_TIMES * size)
 
 
-def bounded(make):
-    """Unpacks by decompressors of `make()`, one for each stream in the data, and no further than most_of() it."""
+def bounded(make, begins):
+    """Unpacks by decompressors of `make()`, one for each stream in the data, and no further than most_of() it. What follows
+    the first stream counts where it begins as one."""
+    begins = re.compile(begins)
+
     def unpack(data, *_):
-        parts, streams, at = [], 0, 0
+        parts, at = [], 0
         most = left = most_of(len(data))
-        while at < len(data) or streams == 0:
+        while at == 0 or begins.match(data, at):
             unpacker = make()
             while not unpacker.eof:
                 piece = bytes(data[at:at + PIECE]) if unpacker.needs_input else b''
                 if unpacker.needs_input and not piece:
                     raise ValueError(f'{len(data)} packed bytes are cut off')
                 at += len(piece)
-                try:
-                    parts.append(unpacker.decompress(piece, left + 1))
-                except Exception:
-                    if streams:
-                        return b''.join(parts)  # what follows and is no stream does not count
-                    raise
+                parts.append(unpacker.decompress(piece, left + 1))
                 left -= len(parts[-1])
                 if left < 0:
                     raise ValueError(f'{len(data)} packed bytes become more than {most >> 20} MB: a bomb')
             at -= len(unpacker.unused_data or b'')
-            streams += 1
         return b''.join(parts)
     return unpack
 
@@ -82,11 +83,11 @@ def bound_unpacking():
     import bz2
 
     import lz4.frame
-    ours = {'bz2': bounded(bz2.BZ2Decompressor), 'lz4': bounded(lz4.frame.LZ4FrameDecompressor)}
+    ours = {'bz2': bounded(bz2.BZ2Decompressor, BEGINS['bz2']), 'lz4': bounded(lz4.frame.LZ4FrameDecompressor, BEGINS['lz4'])}
     of_ros2 = sys.modules.get('rosbags.rosbag2.reader')
     zstd = getattr(of_ros2, 'zstd', None)
     if hasattr(zstd, 'ZstdDecompressor') and hasattr(zstd, 'open'):
-        ours['zstd'] = bounded(zstd.ZstdDecompressor)
+        ours['zstd'] = bounded(zstd.ZstdDecompressor, BEGINS['zstd'])
         of_ros2.zstd = types.SimpleNamespace(**vars(zstd) | {'open': bounded_open(zstd), 'decompress': ours['zstd']})
     for module, name in (('rosbag1.reader', 'decompressors'), ('rosbag2.storage_mcap', 'DECOMPRESSORS')):
         table = getattr(sys.modules.get(f'rosbags.{module}'), name, {})
