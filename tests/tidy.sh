@@ -8,7 +8,7 @@ python=()  # with nanobind, where tests/run.sh has been
 [ ! -x build/venv/bin/python ] || python=("-DPython_EXECUTABLE=$root/build/venv/bin/python")
 [ -f $build/compile_commands.json ] ||
   cmake --preset dev -B $build -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON "${python[@]}" >/dev/null
-sed -i 's/ -fvect-cost-model=[a-z]*//g' $build/compile_commands.json  # which clang does not know
+sed -i 's/ -fvect-cost-model=[a-z]*//g; s/ --param=[^ ]*//g' $build/compile_commands.json  # which clang does not know
 cmake --build $build --target revisit_caffe_schema revisit_reports revisit_ring_schema >/dev/null  # generated headers
 files=("$@")
 left_out=(':!tests/**')
