@@ -326,18 +326,18 @@ class Threads(unittest.TestCase):
         self.assertEqual((done.returncode, done.stdout, done.stderr), (0, '', ''))
 
     def test_ctrl_c_ends_the_wait_for_threads(self):
-        with folder_with(net=LONG) as folder:
-            with subprocess.Popen([sys.executable, '-c', PASSES, folder / 'net.prototxt'], text=True, stdout=subprocess.PIPE,
-                                  stderr=subprocess.PIPE) as ends:
-                try:
-                    self.assertEqual(ends.stdout.readline(), 'ends\n')
-                    with self.assertRaises(subprocess.TimeoutExpired):  # it waits
-                        ends.wait(0.5)
-                    ends.send_signal(signal.SIGINT)
-                    self.assertEqual(ends.wait(30), 0)
-                finally:
-                    ends.kill()
-                self.assertIn('KeyboardInterrupt', ends.stderr.read())
+        with (folder_with(net=LONG) as folder,
+              subprocess.Popen([sys.executable, '-c', PASSES, folder / 'net.prototxt'], text=True, stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE) as ends):
+            try:
+                self.assertEqual(ends.stdout.readline(), 'ends\n')
+                with self.assertRaises(subprocess.TimeoutExpired):  # it waits
+                    ends.wait(0.5)
+                ends.send_signal(signal.SIGINT)
+                self.assertEqual(ends.wait(30), 0)
+            finally:
+                ends.kill()
+            self.assertIn('KeyboardInterrupt', ends.stderr.read())
 
     def test_the_interpreter_is_free_meanwhile(self):
         run = small_net(end='conv', inputs={'data': (1, 3, 1000, 1000)}).plan().run()

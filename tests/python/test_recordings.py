@@ -8,7 +8,6 @@ import os
 import sqlite3
 import struct
 import tempfile
-import time
 import unittest
 from collections import Counter
 from pathlib import Path
@@ -43,7 +42,8 @@ def packers():
         yield 'lz4', lambda data: frame.compress(data, content_checksum=True), frame.LZ4FrameDecompressor
     with contextlib.suppress(ImportError):
         from rosbags.rosbag2.reader import zstd
-        yield 'zstd', zstd.compress, zstd.ZstdDecompressor
+        checked = {zstd.CompressionParameter.checksum_flag: 1}
+        yield 'zstd', lambda data: zstd.compress(data, options=checked), zstd.ZstdDecompressor
 
 
 def some_points(seed, n=200):
@@ -251,9 +251,8 @@ class Bags(Folders):
                         unpack(packed)
                 damaged = bytearray(pack(b'more') + pack(few))
                 damaged[-20_000] ^= 1
-                with self.assertRaises(Exception):
-                    self.assertNotEqual(unpack(damaged), b'more' + few)
-                    raise ValueError('without a checksum')
+                with self.assertRaises(Exception):  # each has its own
+                    unpack(damaged)
 
     def test_many_packed_streams_are_linear_work(self):
         pieces = []
