@@ -237,7 +237,7 @@ class Bags(Folders):
         few = np.random.default_rng(1).bytes(50_000)
         for name, pack, make in packers():
             with self.subTest(name):
-                unpack = reader.bounded(make, reader.BEGINS[name])
+                unpack = reader.bounded(name, make)
                 self.assertEqual(unpack(pack(few) + pack(b'more')), few + b'more')
                 self.assertEqual(unpack(pack(b'')), b'')
                 for n in range(1, 10):
@@ -267,7 +267,7 @@ class Bags(Folders):
 
             def __getattr__(self, name):
                 return getattr(self.own, name)
-        self.assertEqual(reader.bounded(Counting, reader.BEGINS['bz2'])(bz2.compress(b'') * 5000), b'')
+        self.assertEqual(reader.bounded('bz2', Counting)(bz2.compress(b'') * 5000), b'')
         self.assertEqual(len(pieces), 5000)
         self.assertLessEqual(max(pieces), reader.PIECE)
 

@@ -36,10 +36,10 @@ def most_of(size):
     return max(MOST_UNPACKED, MOST_TIMES * size)
 
 
-def bounded(make, begins):
+def bounded(kind, make):
     """Unpacks by decompressors of `make()`, one for each stream in the data, and no further than most_of() it. What follows
-    the first stream counts where it begins as one."""
-    begins = re.compile(begins)
+    the first stream counts where it begins as one of its kind."""
+    begins = re.compile(BEGINS[kind])
 
     def unpack(data, *_):
         parts, at = [], 0
@@ -83,11 +83,11 @@ def bound_unpacking():
     import bz2
 
     import lz4.frame
-    ours = {'bz2': bounded(bz2.BZ2Decompressor, BEGINS['bz2']), 'lz4': bounded(lz4.frame.LZ4FrameDecompressor, BEGINS['lz4'])}
+    ours = {'bz2': bounded('bz2', bz2.BZ2Decompressor), 'lz4': bounded('lz4', lz4.frame.LZ4FrameDecompressor)}
     of_ros2 = sys.modules.get('rosbags.rosbag2.reader')
     zstd = getattr(of_ros2, 'zstd', None)
     if hasattr(zstd, 'ZstdDecompressor') and hasattr(zstd, 'open'):
-        ours['zstd'] = bounded(zstd.ZstdDecompressor, BEGINS['zstd'])
+        ours['zstd'] = bounded('zstd', zstd.ZstdDecompressor)
         of_ros2.zstd = types.SimpleNamespace(**vars(zstd) | {'open': bounded_open(zstd), 'decompress': ours['zstd']})
     for module, name in (('rosbag1.reader', 'decompressors'), ('rosbag2.storage_mcap', 'DECOMPRESSORS')):
         table = getattr(sys.modules.get(f'rosbags.{module}'), name, {})
