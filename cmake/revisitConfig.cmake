@@ -2,7 +2,8 @@
 # A component brings those it needs and looks for the libraries of its own only.
 include(CMakeFindDependencyMacro)
 
-set(revisit_proto_needs)
+set(revisit_base_needs)
+set(revisit_proto_needs base)
 set(revisit_engine_needs proto)
 set(revisit_recognition_needs engine)
 set(revisit_datasets_needs recognition)

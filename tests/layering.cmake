@@ -1,20 +1,21 @@
-# The arrows of HACKING.md, held against every #include: proto <- engine <- pipeline/* <- tools and python, and
-# weights_conversion -> proto. Private headers never cross a folder; heavy libraries stay in the few
+# The arrows of HACKING.md, held against every #include: base <- proto <- engine <- pipeline/* <- tools and
+# python, and weights_conversion -> proto. Private headers never cross a folder; heavy libraries stay in the few
 # files that own them. Run as: cmake -DROOT=<project> -P layering.cmake
 cmake_policy(VERSION 3.25)
 
-set(sees_proto proto)
-set(sees_engine engine proto)
-set(sees_pipeline/recognition recognition engine proto)
-set(sees_pipeline/datasets datasets recognition engine proto)
-set(sees_pipeline/evaluation evaluation datasets recognition engine proto)
-set(sees_pipeline/baselines baselines datasets recognition engine proto)
-set(sees_pipeline/registration registration recognition engine proto)
-set(sees_pipeline/simulation simulation datasets engine proto)  # knows no recognition
-set(sees_pipeline/maps maps recognition engine proto)
-set(sees_weights_conversion weights_conversion proto)
-set(sees_python maps evaluation registration simulation baselines datasets recognition engine proto)
-set(sees_tools tools maps registration simulation baselines evaluation datasets recognition engine proto weights_conversion)
+set(sees_base base)
+set(sees_proto proto base)
+set(sees_engine engine proto base)
+set(sees_pipeline/recognition recognition engine proto base)
+set(sees_pipeline/datasets datasets recognition engine proto base)
+set(sees_pipeline/evaluation evaluation datasets recognition engine proto base)
+set(sees_pipeline/baselines baselines datasets recognition engine proto base)
+set(sees_pipeline/registration registration recognition engine proto base)
+set(sees_pipeline/simulation simulation datasets engine proto base)  # knows no recognition
+set(sees_pipeline/maps maps recognition engine proto base)
+set(sees_weights_conversion weights_conversion proto base)
+set(sees_python maps evaluation registration simulation baselines datasets recognition engine proto base)
+set(sees_tools tools maps registration simulation baselines evaluation datasets recognition engine proto weights_conversion base)
 
 # library header pattern -> files that may include it
 set(owned_libraries
@@ -41,7 +42,7 @@ function(complain text)
   message(SEND_ERROR "${text}")
 endfunction()
 
-foreach(layer proto engine pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
+foreach(layer base proto engine pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
         pipeline/registration pipeline/simulation pipeline/maps weights_conversion tools python)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
   foreach(source IN LISTS sources)

@@ -129,8 +129,7 @@ Net Net::load_from_memory(std::string_view prototxt, std::string_view weights,
   auto net = load_structure(proto::parse_net(std::string(prototxt), name, reading(options)), name,
                             options);
   check_weight_bytes(*net, options.limits.weight_bytes);
-  load_weights(*net,
-               proto::WeightsFile::open(proto::FileCursor(weights, "<weights>"), options.limits),
+  load_weights(*net, proto::WeightsFile::open(FileCursor(weights, "<weights>"), options.limits),
                options);
   return Net(std::move(net));
 }

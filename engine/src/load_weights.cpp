@@ -5,7 +5,7 @@
 #include <set>
 #include <span>
 
-#include "revisit/proto/joined.h"
+#include "revisit/base/joined.h"
 #include "revisit/proto/weights_file.h"
 
 namespace revisit::engine {

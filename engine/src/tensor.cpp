@@ -3,7 +3,7 @@
 #include <charconv>
 #include <ostream>
 
-#include "revisit/proto/joined.h"
+#include "revisit/base/joined.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::engine {

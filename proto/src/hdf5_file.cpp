@@ -2,15 +2,15 @@
 
 #include <limits>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::proto {
 namespace {
 
 constexpr size_t kHdf5MostAxes = 32;       // HDF5's limit, and Caffe's
 constexpr size_t kLongestHdf5Name = 1024;  // [bytes]
-constexpr int kHighestTree = 16;       // levels; each multiplies the number of links
-constexpr size_t kMostPieces = 64;     // of one object header
+constexpr int kHighestTree = 16;           // levels; each multiplies the number of links
+constexpr size_t kMostPieces = 64;         // of one object header
 constexpr uint64_t kMostMessages = 256;
 
 // Types of header messages.

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/file_cursor.h"
 #include "revisit/proto/number_type.h"
 
 namespace revisit::proto {

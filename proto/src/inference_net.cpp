@@ -6,8 +6,8 @@
 #include <string_view>
 
 #include "phase.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::proto {
 namespace {

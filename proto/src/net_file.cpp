@@ -16,7 +16,7 @@
 
 #include "inference_net.h"
 #include "net_text.h"
-#include "revisit/proto/atomic_file.h"
+#include "revisit/base/atomic_file.h"
 #include "revisit/proto/weights_file.h"
 #include "solver_file.h"
 #include "upgrade.h"

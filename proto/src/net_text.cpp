@@ -8,7 +8,7 @@
 #include <optional>
 #include <string_view>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/proto/limits.h"
 #include "silence.h"
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <string_view>
 
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/joined.h"
 
 static_assert(std::endian::native == std::endian::little, "arrays are stored little-endian");
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::proto {
 namespace {

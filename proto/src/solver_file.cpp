@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 #include "revisit/proto/limits.h"
 #include "silence.h"
 

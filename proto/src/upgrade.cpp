@@ -3,7 +3,7 @@
 #include <string_view>
 #include <unordered_set>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "upgrade_v0.h"
 #include "upgrade_v1.h"
 

@@ -6,7 +6,7 @@
 #include <map>
 #include <sstream>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "upgrade.h"
 #include "upgrade_v1.h"
 

@@ -7,7 +7,7 @@
 #include <sstream>
 #include <vector>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "silence.h"
 
 namespace revisit::proto {

@@ -7,7 +7,7 @@
 #include <string>
 #include <type_traits>
 
-#include "revisit/proto/joined.h"
+#include "revisit/base/joined.h"
 #include "revisit/proto/limits.h"
 #include "wire_reader.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/file_cursor.h"
 #include "revisit/proto/weights_file.h"
 
 namespace revisit::proto {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <string_view>
 
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/file_cursor.h"
 #include "weights_blob.h"
 #include "weights_hdf5.h"
 #include "wire_reader.h"
@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 // What protobuf can parse, so what Caffe could ever write or read.
 constexpr int64_t kLargestBinary = std::numeric_limits<int32_t>::max();  // [bytes]
-constexpr int64_t kBlobsPerLayer = 10;        // on average; the index of a hostile file stays small
+constexpr int64_t kBlobsPerLayer = 10;  // on average; the index of a hostile file stays small
 constexpr uint64_t kLongestLayerName = 64 * 1024;  // [bytes]
 
 // Where the three generations of layers keep things: field numbers of their messages.

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "hdf5_file.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/joined.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

@@ -3,7 +3,7 @@
 #include <limits>
 #include <vector>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/file_cursor.h"
 
 namespace revisit::proto {
 

@@ -1,7 +1,7 @@
 #include "arrays.h"
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 #include "strings.h"
 #include "unlocked.h"
 

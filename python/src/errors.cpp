@@ -2,8 +2,8 @@
 #include <string_view>
 
 #include "module.h"
+#include "revisit/base/error.h"
 #include "revisit/engine/net.h"
-#include "revisit/proto/error.h"
 #include "strings.h"
 #include "unlocked.h"
 

@@ -5,7 +5,7 @@
 #include <exception>
 #include <type_traits>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "unlocked.h"
 
 namespace revisit::python {

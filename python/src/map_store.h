@@ -6,8 +6,8 @@
 #include <mutex>
 
 #include "messages.h"
+#include "revisit/base/error.h"
 #include "revisit/maps/map_store.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::python {
 

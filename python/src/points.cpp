@@ -3,7 +3,7 @@
 #include <array>
 #include <cstring>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "strings.h"
 
 namespace revisit::python {

@@ -1,6 +1,6 @@
 #include "poses.h"
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "strings.h"
 
 namespace revisit::python {

@@ -12,7 +12,7 @@
 #include "arrays.h"
 #include "listener.h"
 #include "module.h"
-#include "revisit/proto/atomic_file.h"
+#include "revisit/base/atomic_file.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "strings.h"
@@ -226,7 +226,7 @@ void bind_weights(nb::module_& module) {
              const std::optional<Limits>& limits) {
             const std::string_view bytes = bytes_of(content);
             auto file = without_lock([&] {
-              return WeightsFile::open(proto::FileCursor(bytes, name), limits.value_or(Limits()));
+              return WeightsFile::open(FileCursor(bytes, name), limits.value_or(Limits()));
             });
             return std::make_unique<SharedWeightsFile>(std::move(file), content);
           },

@@ -8,7 +8,7 @@
 
 #include "listener.h"
 #include "module.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/joined.h"
 #include "strings.h"
 
 namespace revisit::python {

@@ -17,7 +17,7 @@
 #include <random>
 #include <string>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace {
 

@@ -12,8 +12,8 @@
 #include <numbers>
 #include <random>
 
+#include "revisit/base/error.h"
 #include "revisit/maps/map_store.h"
-#include "revisit/proto/error.h"
 #include "revisit/recognition/place_index.h"
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/match.h"

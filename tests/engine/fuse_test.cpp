@@ -6,7 +6,7 @@
 
 #include "expect_error.h"
 #include "net_case.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "single_layer.h"
 
 namespace revisit::engine {

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 /// What libFuzzer (or standalone_main.cpp) calls for every case; each target file defines it.
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size);

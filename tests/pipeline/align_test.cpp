@@ -10,8 +10,8 @@
 #include <numbers>
 #include <random>
 
+#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
 #include "test_data.h"
 #include "turned_cloud.h"
 

@@ -12,7 +12,7 @@
 
 #include "angles.h"
 #include "expect_error.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

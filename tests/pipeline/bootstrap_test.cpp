@@ -6,7 +6,7 @@
 #include <random>
 
 #include "ballots.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

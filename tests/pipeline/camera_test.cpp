@@ -7,9 +7,9 @@
 
 #include "drive.h"
 #include "film.h"
+#include "revisit/base/error.h"
 #include "revisit/baselines/visual_words.h"
 #include "revisit/datasets/gray_png.h"
-#include "revisit/proto/error.h"
 #include "test_data.h"
 #include "town.h"
 #include "world.h"

@@ -6,7 +6,7 @@
 
 #include "expect_error.h"
 #include "folder.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -11,7 +11,7 @@
 #include <limits>
 #include <vector>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/proto/npy.h"
 #include "test_data.h"
 

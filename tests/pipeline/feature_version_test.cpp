@@ -5,10 +5,10 @@
 #include <bit>
 #include <cstdio>
 
+#include "revisit/base/fnv1a.h"
 #include "revisit/baselines/scan_context.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/evaluation/evaluate.h"
-#include "revisit/proto/fnv1a.h"
 #include "revisit/recognition/sensor.h"
 #include "test_data.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -12,7 +12,7 @@
 #include "decision_cases.h"
 #include "expect_error.h"
 #include "float_matrix.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

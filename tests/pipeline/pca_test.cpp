@@ -8,7 +8,7 @@
 #include <random>
 
 #include "expect_error.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/proto/npy.h"
 #include "test_data.h"
 

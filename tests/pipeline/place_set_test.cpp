@@ -10,9 +10,9 @@
 
 #include "lidar.h"
 #include "passers.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
 #include "revisit/simulation/simulation.h"
 #include "route.h"
 #include "shots.h"

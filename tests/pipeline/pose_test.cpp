@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "expect_error.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "decision_cases.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -6,9 +6,9 @@
 #include <numeric>
 
 #include "expect_error.h"
+#include "revisit/base/error.h"
 #include "revisit/evaluation/precision_recall.h"
 #include "revisit/evaluation/retrieve.h"
-#include "revisit/proto/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -9,9 +9,9 @@
 
 #include "angles.h"
 #include "naive_range_image.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/sensor.h"
 #include "test_data.h"

@@ -14,9 +14,9 @@
 #include "expect_error.h"
 #include "lidar.h"
 #include "ray_caster.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/pose.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
 #include "test_data.h"
 #include "town.h"
 

@@ -8,7 +8,7 @@
 
 #include "expect_error.h"
 #include "float_matrix.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

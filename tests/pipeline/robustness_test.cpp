@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "expect_error.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

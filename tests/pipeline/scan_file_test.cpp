@@ -9,7 +9,7 @@
 #include <random>
 
 #include "expect_error.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -11,8 +11,8 @@
 
 #include "angles.h"
 #include "lidar.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {

@@ -6,7 +6,7 @@
 #include <random>
 
 #include "expect_error.h"
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/file_cursor.h"
 #include "revisit/proto/weights_file.h"
 #include "test_data.h"
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "registry.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::random_nets {
 namespace {

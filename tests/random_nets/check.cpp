@@ -7,8 +7,8 @@
 #include <set>
 
 #include "reference.h"
+#include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 #include "simd_targets.h"
 #include "test_data.h"

@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "builder.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::random_nets {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "builder.h"
 #include "registry.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/proto/net_file.h"
 #include "test_data.h"
 

@@ -7,8 +7,8 @@
 
 #include "check.h"
 #include "reference.h"
+#include "revisit/base/error.h"
 #include "revisit/engine/layer_types.h"
-#include "revisit/proto/error.h"
 #include "test_data.h"
 
 namespace revisit::random_nets {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::random_nets {
 namespace {

@@ -3,7 +3,7 @@
 
 #include "check.h"
 #include "registry.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::random_nets {
 namespace {

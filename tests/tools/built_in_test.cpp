@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/optional_library.h"
 #include "small_drive.h"
 #include "test_data.h"

@@ -9,7 +9,7 @@
 
 #include "cli/shell.h"
 #include "help/whole_program.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "test_data.h"
 
 namespace revisit::help {

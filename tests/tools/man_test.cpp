@@ -4,7 +4,7 @@
 
 #include "help/man_page.h"
 #include "help/whole_program.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "test_data.h"
 
 namespace revisit::help {

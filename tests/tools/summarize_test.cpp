@@ -3,7 +3,7 @@
 
 #include "cli/json.h"
 #include "reports.pb.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "small_drive.h"
 #include "test_data.h"
 

@@ -7,7 +7,7 @@
 #include <set>
 
 #include "caffe_schema.pb.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/weights_conversion/trunks.h"
 
 namespace {

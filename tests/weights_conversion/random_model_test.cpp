@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "revisit/weights_conversion/trunks.h"

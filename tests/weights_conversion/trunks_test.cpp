@@ -3,7 +3,7 @@
 #include <google/protobuf/util/message_differencer.h>
 #include <gtest/gtest.h>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/proto/net_file.h"
 #include "test_data.h"
 

@@ -12,7 +12,7 @@
 #include "cli/interrupt.h"
 #include "cli/messages.h"
 #include "cli/printable.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace {
 

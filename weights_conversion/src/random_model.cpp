@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/folder.h"
+#include "revisit/base/error.h"
+#include "revisit/base/folder.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/trunks.h"
 

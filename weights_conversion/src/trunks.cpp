@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "caffe_schema.pb.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::models {
 namespace {

@@ -1,8 +1,8 @@
 #include <bit>
 #include <cmath>
 
+#include "revisit/base/error.h"
 #include "revisit/baselines/fabmap.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <memory>
 
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 #include "revisit/baselines/visual_words.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
 #include "revisit/recognition/feature_file.h"
 
 namespace revisit::pipeline {

@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "near_return.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/linear_algebra.h"
 
 namespace revisit::pipeline {

@@ -5,7 +5,7 @@
 #include <limits>
 #include <numeric>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/polar_heights.h"
 
 namespace revisit::pipeline {

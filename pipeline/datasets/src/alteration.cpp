@@ -7,9 +7,9 @@
 #include <numbers>
 #include <random>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
+#include "revisit/base/text.h"
 #include "revisit/recognition/sensor.h"
 
 namespace revisit::pipeline {

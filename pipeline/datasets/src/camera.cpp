@@ -1,8 +1,8 @@
 #include <map>
 
 #include "folder.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {

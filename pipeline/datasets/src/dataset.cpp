@@ -3,7 +3,7 @@
 #include "folder.h"
 #include "kitti.h"
 #include "places.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

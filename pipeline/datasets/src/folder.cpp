@@ -7,8 +7,8 @@
 #include <optional>
 #include <string_view>
 
+#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 
 #include "folder.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {

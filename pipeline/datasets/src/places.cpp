@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "folder.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -7,9 +7,9 @@
 #include <limits>
 #include <vector>
 
+#include "revisit/base/error.h"
 #include "revisit/evaluation/bootstrap.h"
 #include "revisit/evaluation/precision_recall.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 

@@ -5,8 +5,8 @@
 #include <iterator>
 #include <numbers>
 
+#include "revisit/base/text.h"
 #include "revisit/datasets/stopwatch.h"
-#include "revisit/proto/text.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -5,8 +5,8 @@
 #include <limits>
 #include <numeric>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit::pipeline {
 namespace {

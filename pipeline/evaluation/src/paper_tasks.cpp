@@ -2,7 +2,7 @@
 
 #include "kitti_drives.h"
 #include "protocol_tasks.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

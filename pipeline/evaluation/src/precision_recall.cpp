@@ -5,8 +5,8 @@
 #include <iomanip>
 
 #include "ballots.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

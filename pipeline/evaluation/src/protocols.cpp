@@ -3,7 +3,7 @@
 #include <set>
 
 #include "protocol_tasks.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

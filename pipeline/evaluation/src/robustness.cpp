@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <limits>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 #include "revisit/recognition/place_index.h"
 
 namespace revisit::pipeline {

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string_view>
 
-#include "revisit/proto/fnv1a.h"
+#include "revisit/base/fnv1a.h"
 
 namespace revisit::pipeline {
 

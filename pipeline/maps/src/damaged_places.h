@@ -2,8 +2,8 @@
 
 #include <string>
 
+#include "revisit/base/error.h"
 #include "revisit/maps/map_store.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 

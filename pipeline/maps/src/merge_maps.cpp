@@ -1,6 +1,6 @@
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 #include "revisit/maps/map_store.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -3,7 +3,7 @@
 #include "identity.h"
 #include "journal.h"
 #include "postgres_map.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "server_address.h"
 #include "sqlite_map.h"
 

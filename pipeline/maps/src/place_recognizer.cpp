@@ -13,9 +13,9 @@
 #include <utility>
 
 #include "identity.h"
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 #include "revisit/maps/large_maps.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
 #include "revisit/recognition/optional_library.h"
 #include "revisit/recognition/place_index.h"
 

@@ -7,7 +7,7 @@
 #include <cstring>
 
 #include "checksum.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -4,7 +4,7 @@
 #include <charconv>
 #include <utility>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline::postgres {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstring>
 #include <new>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline::sqlite {
 namespace {

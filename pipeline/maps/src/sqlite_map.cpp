@@ -4,7 +4,7 @@
 #include "damaged_places.h"
 #include "place_row.h"
 #include "removed_places.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

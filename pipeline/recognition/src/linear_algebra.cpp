@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "revisit/base/error.h"
 #include "revisit/engine/blas.h"
-#include "revisit/proto/error.h"
 
 // LAPACK's own symbol; OpenBLAS contains it, so that LAPACKE is not needed.
 extern "C" void dsyevr_(const char* jobz, const char* range, const char* uplo, const int* n,

@@ -1,6 +1,6 @@
 #include "check_options.h"
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -7,7 +7,7 @@
 #include "coarse_pose.h"
 #include "information.h"
 #include "prepared_scan.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -3,8 +3,8 @@
 #include <charconv>
 #include <cstdio>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit::pipeline::simulation {
 namespace {

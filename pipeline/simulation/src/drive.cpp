@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <sstream>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_content.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
 
 namespace revisit::pipeline::simulation {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "degree.h"
 #include "random.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace simulation {

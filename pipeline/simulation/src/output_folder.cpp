@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <sstream>
 
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_content.h"
-#include "revisit/proto/folder.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
+#include "revisit/base/folder.h"
+#include "revisit/base/text.h"
 
 namespace revisit::pipeline::simulation {
 namespace {

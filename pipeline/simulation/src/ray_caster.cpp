@@ -6,7 +6,7 @@
 #include <cmath>
 #include <new>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline::simulation {
 namespace {

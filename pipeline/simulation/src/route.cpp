@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "random.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline::simulation {
 namespace {

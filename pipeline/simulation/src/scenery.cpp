@@ -1,6 +1,6 @@
 #include "scenery.h"
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "road_map.h"
 
 namespace revisit::pipeline {

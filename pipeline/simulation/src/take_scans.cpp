@@ -1,8 +1,8 @@
 #include "take_scans.h"
 
 #include "each.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/stopwatch.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::pipeline::simulation {
 

@@ -1,8 +1,8 @@
 #include "cli/built_in.h"
 
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 #include "revisit/maps/map_store.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
 #include "revisit/recognition/optional_library.h"
 
 namespace revisit::cli {

@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include "cli/command_line.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

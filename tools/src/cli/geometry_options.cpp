@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include "cli/table.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "cli/printable.h"
 #include "cli/table.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_content.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
 
 namespace revisit::cli {
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "revisit/proto/file_content.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/file_content.h"
+#include "revisit/base/joined.h"
 #include "revisit/proto/npy.h"
 #include "revisit/proto/weights_file.h"
 

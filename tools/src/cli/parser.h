@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "cli/command_line.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::cli {
 

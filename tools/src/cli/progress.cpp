@@ -10,7 +10,7 @@
 #include <string_view>
 
 #include "cli/table.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 

@@ -6,7 +6,7 @@
 #include "cli/command.h"
 #include "cli/parser.h"
 #include "help/whole_program.h"
-#include "revisit/proto/atomic_file.h"
+#include "revisit/base/atomic_file.h"
 
 namespace revisit::cli {
 namespace {

@@ -10,9 +10,9 @@
 #include "eval/points_outside.h"
 #include "eval/run_info.h"
 #include "eval/summary_table.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/folder.h"
 #include "revisit/datasets/stopwatch.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/folder.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {

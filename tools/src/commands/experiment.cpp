@@ -9,7 +9,7 @@
 #include "eval/feature_options.h"
 #include "experiment/run_experiments.h"
 #include "report/page.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::cli {
 namespace {

@@ -5,9 +5,9 @@
 #include "cli/parser.h"
 #include "cli/table.h"
 #include "reports.pb.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/evaluation/ground_truth.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::cli {
 namespace {

@@ -9,10 +9,10 @@
 #include "cli/table.h"
 #include "eval/points_outside.h"
 #include "reports.pb.h"
+#include "revisit/base/error.h"
+#include "revisit/base/folder.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/folder.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/range_image.h"
 

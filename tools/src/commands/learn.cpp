@@ -7,8 +7,8 @@
 #include "cli/messages.h"
 #include "eval/feature_options.h"
 #include "models/checksum.h"
+#include "revisit/base/file_content.h"
 #include "revisit/datasets/learn_ring.h"
-#include "revisit/proto/file_content.h"
 #include "revisit/recognition/ring/features.h"
 
 namespace revisit::cli {

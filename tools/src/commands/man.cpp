@@ -4,8 +4,8 @@
 #include "cli/parser.h"
 #include "help/man_page.h"
 #include "help/whole_program.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/folder.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/folder.h"
 
 namespace revisit::cli {
 

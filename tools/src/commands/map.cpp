@@ -11,9 +11,9 @@
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
 #include "loops/open_recognizer.h"
+#include "revisit/base/text.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
-#include "revisit/proto/text.h"
 
 namespace revisit::cli {
 namespace {

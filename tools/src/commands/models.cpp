@@ -11,7 +11,7 @@
 #include "models/fetch.h"
 #include "models/find_model.h"
 #include "reports.pb.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/joined.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"
 

@@ -3,8 +3,8 @@
 
 #include "cli/json.h"
 #include "net_commands.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::cli {
 namespace {

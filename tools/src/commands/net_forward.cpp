@@ -8,7 +8,7 @@
 #include "cli/printable.h"
 #include "cli/table.h"
 #include "net_commands.h"
-#include "revisit/proto/folder.h"
+#include "revisit/base/folder.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::cli {

@@ -1,7 +1,7 @@
 #include "net_graph.h"
 
 #include "cli/run_program.h"
-#include "revisit/proto/atomic_file.h"
+#include "revisit/base/atomic_file.h"
 
 namespace revisit::cli {
 namespace {

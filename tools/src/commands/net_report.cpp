@@ -7,8 +7,8 @@
 #include "cli/printable.h"
 #include "cli/table.h"
 #include "net_commands.h"
+#include "revisit/base/joined.h"
 #include "revisit/engine/simd.h"
-#include "revisit/proto/joined.h"
 
 namespace revisit::cli {
 namespace {

@@ -2,8 +2,8 @@
 
 #include "cli/messages.h"
 #include "net_commands.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/file_content.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/file_content.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 

@@ -9,7 +9,7 @@
 #include "cli/shell.h"
 #include "report/markdown.h"
 #include "report/page.h"
-#include "revisit/proto/atomic_file.h"
+#include "revisit/base/atomic_file.h"
 
 namespace revisit::cli {
 namespace fs = std::filesystem;

@@ -2,7 +2,7 @@
 
 #include "cli/built_in.h"
 #include "cli/command.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

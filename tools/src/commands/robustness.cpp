@@ -8,7 +8,7 @@
 #include "cli/shell.h"
 #include "eval/run_folder.h"
 #include "report/page.h"
-#include "revisit/proto/atomic_file.h"
+#include "revisit/base/atomic_file.h"
 #include "robustness/robustness_options.h"
 #include "robustness/robustness_report.h"
 

@@ -2,8 +2,8 @@
 
 #include "cli/messages.h"
 #include "doctor/checks.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::doctor {
 namespace {

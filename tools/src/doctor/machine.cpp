@@ -7,9 +7,9 @@
 #include <thread>
 
 #include "doctor/checks.h"
+#include "revisit/base/error.h"
 #include "revisit/engine/blas.h"
 #include "revisit/engine/simd.h"
-#include "revisit/proto/error.h"
 
 // From OpenBLAS' cblas.h, which only the engine includes: its own line about its version and build.
 extern "C" char* openblas_get_config(void);

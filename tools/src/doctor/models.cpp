@@ -2,7 +2,7 @@
 #include "doctor/checks.h"
 #include "models/cache.h"
 #include "models/fetch.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::doctor {
 namespace fs = std::filesystem;

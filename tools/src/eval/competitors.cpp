@@ -1,10 +1,10 @@
 #include "competitors.h"
 
+#include "revisit/base/folder.h"
 #include "revisit/baselines/m2dp.h"
 #include "revisit/baselines/pcl_features.h"
 #include "revisit/baselines/scan_context.h"
 #include "revisit/baselines/visual_words.h"
-#include "revisit/proto/folder.h"
 
 namespace revisit::cli {
 namespace {

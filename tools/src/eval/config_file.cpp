@@ -2,8 +2,8 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_content.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
 
 namespace revisit::cli {
 namespace {

@@ -4,8 +4,8 @@
 
 #include "cli/shell.h"
 #include "eval/config_file.h"
+#include "revisit/base/text.h"
 #include "revisit/evaluation/protocols.h"
-#include "revisit/proto/text.h"
 #include "revisit/recognition/match.h"
 
 namespace revisit::cli {

@@ -12,8 +12,8 @@
 #include "cli/table.h"
 #include "eval/run_data.h"
 #include "eval/run_info.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

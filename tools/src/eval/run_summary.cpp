@@ -5,7 +5,7 @@
 
 #include "cli/json.h"
 #include "config_file.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

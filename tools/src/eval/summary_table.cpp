@@ -9,7 +9,7 @@
 
 #include "cli/json.h"
 #include "cli/table.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

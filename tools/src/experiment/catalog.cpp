@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "experiments_yaml.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

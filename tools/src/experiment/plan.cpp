@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "models/find_model.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

@@ -11,9 +11,9 @@
 #include "eval/evaluation.h"
 #include "eval/run_folder.h"
 #include "eval/run_times.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/folder.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/folder.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

@@ -1,8 +1,8 @@
 #include <set>
 
 #include "help/completion.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::help {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::help {
 

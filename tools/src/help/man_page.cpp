@@ -4,7 +4,7 @@
 #include <sstream>
 #include <vector>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::help {
 namespace {

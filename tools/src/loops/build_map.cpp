@@ -5,8 +5,8 @@
 #include <unordered_map>
 
 #include "loops/describe_scan.h"
+#include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::cli {
 namespace {

@@ -2,8 +2,8 @@
 
 #include "loops/describe_scan.h"
 #include "loops/recent_places.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/alteration.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::cli {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "cli/json.h"
 #include "cli/table.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit::cli {
 namespace {

@@ -3,7 +3,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 

@@ -5,9 +5,9 @@
 #include "cli/messages.h"
 #include "loops/describe_scan.h"
 #include "loops/recent_places.h"
+#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/stopwatch.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::cli {
 namespace {

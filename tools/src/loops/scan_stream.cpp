@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "cli/messages.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

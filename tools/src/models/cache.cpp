@@ -4,7 +4,7 @@
 #include <cstdlib>
 
 #include "models/checksum.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::models {
 namespace {

@@ -9,8 +9,8 @@
 #include <mutex>
 #include <vector>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_cursor.h"
 
 namespace revisit::models {
 
@@ -25,7 +25,7 @@ std::string read_and_sum(const fs::path& file) {
   if (!context || !digest || EVP_DigestInit_ex(context.get(), digest, nullptr) != 1)
     throw Error("OpenSSL cannot compute SHA-1 here");
 
-  proto::FileCursor cursor(file);
+  FileCursor cursor(file);
   std::vector<char> block(size_t{1} << 20);
   while (cursor.position() < cursor.size()) {
     const auto count = std::min<uint64_t>(block.size(), cursor.size() - cursor.position());

@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::models {
 

@@ -9,9 +9,9 @@
 #include "report/range_images.h"
 #include "report/read_runs.h"
 #include "report_assets.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_content.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
 
 namespace revisit::cli {
 namespace {

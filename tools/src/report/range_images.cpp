@@ -7,8 +7,8 @@
 #include <cmath>
 #include <vector>
 
+#include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::cli {
 namespace {

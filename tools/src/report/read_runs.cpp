@@ -5,8 +5,8 @@
 
 #include "cli/json.h"
 #include "experiment/catalog.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_content.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
 #include "robustness/robustness_report.h"
 
 namespace revisit::cli {

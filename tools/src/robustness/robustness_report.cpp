@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "cli/json.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 namespace {

@@ -10,9 +10,9 @@
 #include <string_view>
 #include <vector>
 
+#include "revisit/base/error.h"
 #include "revisit/engine/precision.h"
 #include "revisit/engine/tensor.h"
-#include "revisit/proto/error.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::engine {

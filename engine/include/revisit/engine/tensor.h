@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::engine {
 

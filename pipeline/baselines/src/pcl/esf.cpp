@@ -14,9 +14,9 @@
 #include <random>
 
 #include "pcl/clouds.h"
+#include "revisit/base/error.h"
+#include "revisit/base/fnv1a.h"
 #include "revisit/baselines/pcl_features.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/fnv1a.h"
 
 namespace revisit::pipeline {
 namespace {

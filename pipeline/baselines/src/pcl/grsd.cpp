@@ -7,8 +7,8 @@
 #include <pcl/features/impl/rsd.hpp>
 
 #include "pcl/surface.h"
+#include "revisit/base/error.h"
 #include "revisit/baselines/pcl_features.h"
-#include "revisit/proto/error.h"
 
 // pcl::GRSDEstimation keeps its voxels in an array over the whole extent of the scan: 3 GB for 160
 // m at the paper's 0.1 m, and beyond 2^31 voxels it reads out of bounds. The same steps here with

@@ -8,7 +8,7 @@
 #include <pcl/features/impl/normal_3d.hpp>
 
 #include "pcl/clouds.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

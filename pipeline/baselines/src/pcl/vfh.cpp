@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "pcl/surface.h"
+#include "revisit/base/error.h"
 #include "revisit/baselines/pcl_features.h"
-#include "revisit/proto/error.h"
 
 // The normals are PCL's; the histograms are made here, because pcl::VFHEstimation needs
 // libpcl_features (see CMakeLists.txt). The tests hold them against PCL's.

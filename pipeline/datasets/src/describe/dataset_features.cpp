@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "revisit/proto/folder.h"
+#include "revisit/base/folder.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::pipeline {

@@ -8,11 +8,11 @@
 
 #include "describe/in_order.h"
 #include "io/file_content.h"
+#include "revisit/base/text.h"
 #include "revisit/datasets/describe.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/stopwatch.h"
-#include "revisit/proto/text.h"
 #include "revisit/recognition/feature_file.h"
 
 namespace revisit::pipeline {

@@ -1,8 +1,8 @@
 #include <sys/stat.h>
 
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 #include "revisit/datasets/describe.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
 
 namespace revisit::pipeline {
 

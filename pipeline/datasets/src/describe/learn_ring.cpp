@@ -6,10 +6,10 @@
 #include <deque>
 #include <limits>
 
+#include "revisit/base/fnv1a.h"
 #include "revisit/datasets/alteration.h"
 #include "revisit/datasets/dataset_features.h"
 #include "revisit/datasets/scan_file.h"
-#include "revisit/proto/fnv1a.h"
 #include "revisit/recognition/ring/describe.h"
 #include "revisit/recognition/ring/features.h"
 

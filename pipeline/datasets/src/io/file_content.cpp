@@ -7,7 +7,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 

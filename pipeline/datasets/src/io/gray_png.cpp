@@ -3,8 +3,8 @@
 #include <png.h>
 
 #include "io/file_content.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

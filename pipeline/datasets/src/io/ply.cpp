@@ -4,7 +4,7 @@
 
 #include "io/file_content.h"
 #include "io/point_table.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "io/file_content.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -7,9 +7,9 @@
 
 #include "io/pcd.h"
 #include "io/ply.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_cursor.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -47,7 +47,7 @@ void check_plausible(const fs::path& file, const PointCloud& cloud) {
 }
 
 void read_kitti_bin(const fs::path& file, PointCloud& cloud) {
-  proto::FileCursor in(file);
+  FileCursor in(file);
   if (in.size() == 0) throw InputError(file.string() + ": empty file, it holds no points");
   if (const uint64_t remainder = in.size() % sizeof(Point))
     throw InputError(str(file.string(), ": ", in.size(),

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/cosine.h"
 
 namespace revisit::pipeline {

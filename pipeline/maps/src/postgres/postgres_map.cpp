@@ -7,7 +7,7 @@
 
 #include "damaged_places.h"
 #include "identity.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "server.h"
 #include "tables.h"
 

@@ -2,7 +2,7 @@
 
 #include <thread>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline::postgres {
 namespace {

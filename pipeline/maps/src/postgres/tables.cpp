@@ -2,8 +2,8 @@
 
 #include "checksum.h"
 #include "identity.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
 
 namespace revisit::pipeline::postgres {
 

@@ -10,7 +10,7 @@
 
 #include "place_row.h"
 #include "removed_places.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "schema.h"
 
 /// The tables of a map on a server, and the statements about them. All happen within a transaction

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "align/moments.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 

@@ -3,7 +3,7 @@
 
 #include "feature/image_plan.h"
 #include "feature/precision_key.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/text.h"
 #include "revisit/recognition/feature.h"
 
 namespace revisit::pipeline {

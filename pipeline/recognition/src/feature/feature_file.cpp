@@ -14,13 +14,13 @@
 #include <utility>
 #include <vector>
 
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_content.h"
-#include "revisit/proto/file_cursor.h"
-#include "revisit/proto/fnv1a.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
+#include "revisit/base/file_cursor.h"
+#include "revisit/base/fnv1a.h"
+#include "revisit/base/part_lock.h"
 #include "revisit/proto/npy.h"
-#include "revisit/proto/part_lock.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -98,7 +98,7 @@ proto::NpyHeader read_header(const fs::path& file, int descriptor) {
   std::string start(proto::kLongestNpyHeader + 12, '\0');  // 12: what says how long it is
   const int64_t got = read_at(descriptor, start.data(), static_cast<int64_t>(start.size()), 0);
   if (got < 0) throw InputError(str(file.string(), ": cannot read: ", std::strerror(errno)));
-  proto::FileCursor cursor(std::string_view(start).substr(0, static_cast<size_t>(got)), file);
+  FileCursor cursor(std::string_view(start).substr(0, static_cast<size_t>(got)), file);
   proto::NpyHeader header = proto::read_npy_header(cursor);
   if (header.dtype == "<f4" && !header.fortran_order && header.shape.size() == 2) return header;
   throw InputError(str(file.string(),

@@ -7,10 +7,10 @@
 #include <cstring>
 #include <utility>
 
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
+#include "revisit/base/part_lock.h"
 #include "revisit/proto/npy.h"
-#include "revisit/proto/part_lock.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/proto/error.h"
 
 namespace revisit::pipeline {
 namespace {

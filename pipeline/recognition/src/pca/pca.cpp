@@ -6,8 +6,8 @@
 
 #include "cross_gram.h"
 #include "feature_panels.h"
+#include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/proto/error.h"
 #include "revisit/recognition/linear_algebra.h"
 #include "write_model.h"
 

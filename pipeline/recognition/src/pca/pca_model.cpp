@@ -5,8 +5,8 @@
 #include <numeric>
 
 #include "feature_panels.h"
+#include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 #include "revisit/recognition/linear_algebra.h"
 #include "revisit/recognition/pca.h"

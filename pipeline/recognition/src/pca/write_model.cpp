@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "basis_writer.h"
+#include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
-#include "revisit/proto/error.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::pipeline {

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "project/extremes.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/range_image.h"
 
 namespace revisit::pipeline {

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/range_image.h"
 
 namespace revisit::pipeline {

@@ -1,4 +1,4 @@
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/sensor.h"
 
 namespace revisit::pipeline {

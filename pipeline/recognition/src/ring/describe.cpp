@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "ring/projection.h"
 #include "ring/spectrum.h"
 

@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "feature/precision_key.h"
-#include "revisit/proto/file_content.h"
-#include "revisit/proto/text.h"
+#include "revisit/base/file_content.h"
+#include "revisit/base/text.h"
 #include "revisit/recognition/ground.h"
 #include "revisit/recognition/ring/learn.h"
 #include "revisit/recognition/sensor.h"

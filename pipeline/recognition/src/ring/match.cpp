@@ -5,7 +5,7 @@
 #include <complex>
 #include <numbers>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "ring/correlation.h"
 #include "ring/keys.h"
 #include "ring/spectrum.h"

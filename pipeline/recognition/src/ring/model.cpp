@@ -6,10 +6,10 @@
 #include <cmath>
 
 #include "calibration/content.h"
-#include "revisit/proto/atomic_file.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_content.h"
-#include "revisit/proto/fnv1a.h"
+#include "revisit/base/atomic_file.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
+#include "revisit/base/fnv1a.h"
 #include "ring/model_content.h"
 #include "ring/spectrum.h"
 

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 #include "revisit/recognition/ring/model.h"
 
 // NOLINTBEGIN(bugprone-macro-parentheses): a name that is declared has none.

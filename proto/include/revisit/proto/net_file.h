@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "caffe_schema.pb.h"
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

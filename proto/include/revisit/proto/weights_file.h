@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_cursor.h"
 #include "revisit/proto/limits.h"
 
 namespace revisit::proto {

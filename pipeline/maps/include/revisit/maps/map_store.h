@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 

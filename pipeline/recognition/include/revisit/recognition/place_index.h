@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/candidate_source.h"
 #include "revisit/recognition/comparison.h"
 #include "revisit/recognition/match.h"

@@ -1,4 +1,4 @@
-#include "revisit/proto/atomic_file.h"
+#include "revisit/base/atomic_file.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

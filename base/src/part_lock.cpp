@@ -1,11 +1,11 @@
-#include "revisit/proto/part_lock.h"
+#include "revisit/base/part_lock.h"
 
 #include <sys/file.h>
 #include <sys/stat.h>
 
 #include <cerrno>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit {
 

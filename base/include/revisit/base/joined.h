@@ -22,12 +22,9 @@ std::string joined(const Range& range, std::string_view separator, Part part = {
   return std::move(out).str();
 }
 
-namespace proto {
-
 /// "1x3x227x227"; "()" for no axes.
 inline std::string shape_text(std::span<const int64_t> shape) {
   return shape.empty() ? "()" : joined(shape, "x");
 }
 
-}  // namespace proto
 }  // namespace revisit

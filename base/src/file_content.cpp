@@ -1,15 +1,15 @@
-#include "revisit/proto/file_content.h"
+#include "revisit/base/file_content.h"
 
 #include <algorithm>
 #include <limits>
 
-#include "revisit/proto/error.h"
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/error.h"
+#include "revisit/base/file_cursor.h"
 
 namespace revisit {
 
 std::string read_head(const std::filesystem::path& file, size_t most) {
-  proto::FileCursor cursor(file);
+  FileCursor cursor(file);
   std::string head(std::min<uint64_t>(most, cursor.size()), '\0');
   cursor.read(head.data(), head.size());
   return head;

@@ -4,7 +4,7 @@
 #include <functional>
 #include <ostream>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit {
 

@@ -1,8 +1,8 @@
-#include "revisit/proto/text.h"
+#include "revisit/base/text.h"
 
 #include <charconv>
 
-#include "revisit/proto/fnv1a.h"
+#include "revisit/base/fnv1a.h"
 
 namespace revisit {
 

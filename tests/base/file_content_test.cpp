@@ -1,11 +1,11 @@
-#include "revisit/proto/file_content.h"
+#include "revisit/base/file_content.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include "expect_error.h"
-#include "revisit/proto/error.h"
-#include "revisit/proto/joined.h"
+#include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 #include "revisit/proto/number_type.h"
 #include "test_data.h"
 
@@ -41,8 +41,8 @@ TEST(Joined, HasSeparatorsBetweenTheElements) {
   EXPECT_EQ(joined(std::vector<int>{}, ", "), "");
   EXPECT_EQ(joined(std::vector<double>{1.5}, ", "), "1.5");
   EXPECT_EQ(joined(std::vector<int>{1, 2, 3}, ", ", [](int i) { return 2 * i; }), "2, 4, 6");
-  EXPECT_EQ(proto::shape_text({}), "()");
-  EXPECT_EQ(proto::shape_text(std::vector<int64_t>{1, 3, 227}), "1x3x227");
+  EXPECT_EQ(shape_text({}), "()");
+  EXPECT_EQ(shape_text(std::vector<int64_t>{1, 3, 227}), "1x3x227");
 }
 
 TEST(NumberType, ReadsEveryTypeInBothByteOrders) {

@@ -1,6 +1,6 @@
-#include "revisit/proto/folder.h"
+#include "revisit/base/folder.h"
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
 namespace revisit {
 

@@ -1,4 +1,4 @@
-#include "revisit/proto/file_cursor.h"
+#include "revisit/base/file_cursor.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -8,9 +8,9 @@
 #include <cerrno>
 #include <cstring>
 
-#include "revisit/proto/error.h"
+#include "revisit/base/error.h"
 
-namespace revisit::proto {
+namespace revisit {
 namespace {
 
 constexpr uint64_t kFirstRefill = 512;
@@ -106,4 +106,4 @@ void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
   }
 }
 
-}  // namespace revisit::proto
+}  // namespace revisit

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace revisit::proto {
+namespace revisit {
 
 /// A place in a file where its format is broken. Becomes an InputError once the path and what was
 /// being read are known.
@@ -65,4 +65,4 @@ class FileCursor {
   uint64_t buffer_begin_ = 0;  // [bytes] where buffer_ lies in the file
 };
 
-}  // namespace revisit::proto
+}  // namespace revisit
