@@ -77,12 +77,15 @@ test::AlignedFloats room(int64_t count, Precision precision) {
   return {precision == Precision::kBf16 ? count / 2 : count, test::kNanByte};
 }
 
-/// What `run(precision, output)` writes in bfloat16 must be what it writes in float32, rounded: the
-/// kernel calculates in float32. With every set of instructions, each giving the same numbers.
+/// Checks that `run(precision, output)` writes in bfloat16 what it writes in float32, rounded: the
+/// kernel calculates in float32. Both use the same target, because roots differ between targets.
 void expect_rounded(int64_t count, const std::function<void(Precision, float*)>& run) {
-  test::for_each_blocked_target([&] {
+  test::for_each_blocked_case([&](const test::SimdCase& c) {
     test::AlignedFloats wide = room(count, Precision::kFloat32);
-    run(Precision::kFloat32, wide.data());
+    {
+      const test::ForceSimdTarget same(test::bf16_target(c));
+      run(Precision::kFloat32, wide.data());
+    }
     test::AlignedFloats narrow = room(count, Precision::kBf16);
     run(Precision::kBf16, narrow.data());
     EXPECT_TRUE(same_bits(narrow, test::rounded_to_bf16(wide)));
@@ -168,7 +171,7 @@ TEST(Bf16Kernels, ReorderRoundsThereAndIsExactBack) {
                    [&, n = n, c = c, pixels = pixels](Precision precision, float* output) {
                      reorder_to_blocked({n, c, pixels, 2, precision}, plain.data(), output);
                    });
-    test::for_each_blocked_target([&, n = n, c = c, pixels = pixels] {
+    test::for_each_blocked_case([&, n = n, c = c, pixels = pixels] {
       std::vector<float> back(plain.size(), NAN);
       reorder_to_plain({n, c, pixels, 2, Precision::kBf16}, value.bf16.data(), back.data());
       EXPECT_EQ(back, test::to_plain(n, c, pixels, value.float32.values()));
@@ -249,7 +252,7 @@ TEST_P(Bf16Convolution, IsThatOfFloat32Rounded) {
     test::AlignedFloats first = room(c.outputs(), Precision::kBf16);
     c.run(kernel, Precision::kBf16, 1, first.data());
     expect_close(first, wanted);
-    test::for_each_blocked_target([&] {
+    test::for_each_blocked_case([&] {
       for (const int threads : {1, 3}) {
         test::AlignedFloats again = room(c.outputs(), Precision::kBf16);
         c.run(kernel, Precision::kBf16, threads, again.data());
@@ -356,7 +359,7 @@ TEST(Bf16Kernels, FirstConvolutionWithPoolingRoundsItsOutputOnce) {
     for (const bool in_tiles : {false, true}) {
       const test::AlignedFloats first = run(Precision::kBf16, 1, in_tiles);
       expect_close(first, wanted);
-      test::for_each_blocked_target([&] {
+      test::for_each_blocked_case([&] {
         expect_close(run(Precision::kBf16, 1, in_tiles), wanted);
         if (with_lrn) return;  // roots differ by a bit from CPU to CPU
         EXPECT_TRUE(same_bits(run(Precision::kBf16, 5, in_tiles), first));

@@ -111,7 +111,7 @@ TEST_P(BlockedConvolution, AgreesWithTheDefinition) {
       return output;
     };
     const test::AlignedFloats output = check();
-    if (is_small(c.p)) test::for_each_blocked_target(check);
+    if (is_small(c.p)) test::for_each_blocked_case(check);
     // The number of threads decides who computes, not how.
     for (const int threads : {2, 3}) {
       const test::AlignedFloats more = run(kernel, c, packed, threads);
@@ -140,7 +140,7 @@ std::vector<ConvolutionProblem> small_problems() {
 template <class Check>
 void for_each_kernel(const Check& check) {
   for (const ConvolutionProblem& p : small_problems())
-    test::for_each_blocked_target([&] {
+    test::for_each_blocked_case([&] {
       for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
         SCOPED_TRACE(kernel.name);
         if (kernel.supports(p)) check(kernel, p);

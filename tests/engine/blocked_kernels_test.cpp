@@ -80,7 +80,7 @@ TEST(BlockedReorder, EveryElementToItsPlaceAndBack) {
     SCOPED_TRACE(testing::Message() << n << " x " << c << " x " << pixels);
     const std::vector<float> plain = test::random_floats(n * c * pixels, kKernelSeed);
     const test::AlignedFloats blocked = test::to_blocked(n, c, pixels, plain);
-    test::for_each_blocked_target([&, n = n, c = c, pixels = pixels] {
+    test::for_each_blocked_case([&, n = n, c = c, pixels = pixels] {
       for (const int threads : kThreadCounts) {
         const BlockedSize size{n, c, pixels, threads};
         test::AlignedFloats there(n * padded_channels(c) * pixels, test::kNanByte);
@@ -125,7 +125,7 @@ TEST_P(BlockedPooling, GivesTheNumbersOfThePlainKernel) {
       std::vector<float> wanted(static_cast<size_t>(n * c * size.pixels), NAN);
       pair.plain(window, input.data(), wanted.data());
       const auto blocked = test::to_blocked(n, c, window.h * window.w, input);
-      test::for_each_blocked_target([&, c = c, window = window] {
+      test::for_each_blocked_case([&, c = c, window = window] {
         EXPECT_TRUE(same(result_of(size,
                                    [&](int threads, float* output, float*) {
                                      PoolingProblem p = window;
@@ -168,7 +168,7 @@ TEST_P(BlockedLrn, AgreesWithTheDefinition) {
     for (float& value : input) value *= magnitude;
     std::vector<float> wanted(input.size(), NAN);
     lrn_across_channels_reference(p, input.data(), wanted.data());
-    test::for_each_blocked_target([&] {
+    test::for_each_blocked_case([&] {
       const std::vector<float> found = blocked_lrn_of(p, input);
       for (size_t i = 0; i < wanted.size(); ++i)
         ASSERT_LE(std::abs(static_cast<double>(found[i]) - wanted[i]),
@@ -195,7 +195,7 @@ TEST(BlockedLrn, SpecialValues) {
           if (c % 4 == 0 || x == 3 || x == 6) input[static_cast<size_t>(c * p.w + x)] = rows[x];
       std::vector<float> wanted(input.size(), NAN);
       lrn_across_channels(p, input.data(), wanted.data());
-      test::for_each_blocked_target([&] {
+      test::for_each_blocked_case([&] {
         const std::vector<float> found = blocked_lrn_of(p, input);
         for (size_t i = 0; i < wanted.size(); ++i) {
           SCOPED_TRACE(i);
@@ -218,7 +218,7 @@ TEST_P(BlockedLrnMaxPool, GivesTheBitsOfOneAfterTheOther) {
     const LrnProblem lrn{n, c, window.h, window.w, 5, 0.9F, beta, 1};
     const std::vector<float> input = with_specials(n * c * window.h * window.w, kKernelSeed);
     const auto blocked = test::to_blocked(n, c, window.h * window.w, input);
-    test::for_each_blocked_target([&, n = n, c = c, window = window] {
+    test::for_each_blocked_case([&, n = n, c = c, window = window] {
       const std::vector<float> between = blocked_lrn_of(lrn, input);
       std::vector<float> wanted(static_cast<size_t>(n * c * window.out_h * window.out_w), NAN);
       max_pool(window, between.data(), wanted.data(), nullptr);
@@ -291,7 +291,7 @@ TEST(BlockedConvolutionMaxPool, GivesTheBitsOfOneAfterTheOther) {
     kBlockedPlainInput.pack(c, weights.data(), packed.data());
     const Epilogue relu{Epilogue::Activation::kRelu};
 
-    test::for_each_blocked_target([&] {
+    test::for_each_blocked_case([&] {
       c.threads = pooling.threads = lrn.threads = 1;
       test::AlignedFloats scratch(kBlockedPlainInput.scratch_floats(c), test::kDirtyByte);
       test::AlignedFloats convolved(c.n * channels * pixels, test::kNanByte);
@@ -415,7 +415,7 @@ TEST(BlockedActivation, AgreesWithTheLayers) {
       for (size_t i = 0; i < input.size(); ++i)
         if (std::isnan(input[i])) wanted[i] = NAN;  // the layer Clip gives `min`
       const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
-      test::for_each_blocked_target([&] {
+      test::for_each_blocked_case([&] {
         expect_close_to(result_of(r,
                                   [&](int threads, float* output, float*) {
                                     blocked_activation({r.n, r.c, r.pixels, threads}, c.epilogue,
@@ -436,7 +436,7 @@ TEST(BlockedActivation, ZerosHaveTheSignOfTheLayers) {
   const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
   const test::AlignedFloats padded_slopes = padded(slopes);
   const auto check = [&](const Epilogue& epilogue, const std::vector<float>& wanted) {
-    test::for_each_blocked_target([&] {
+    test::for_each_blocked_case([&] {
       EXPECT_TRUE(same_bits(
           result_of(
               r,
@@ -461,7 +461,7 @@ TEST(BlockedScale, AgreesWithTheLayers) {
         layer_result(r, "Scale", "scale_param { bias_term: true }", {input}, {scale, shift});
     const auto wanted = layer_result(r, "ReLU", "", {scaled});
     const auto blocked = test::to_blocked(r.n, r.c, r.pixels, input);
-    test::for_each_blocked_target([&] {
+    test::for_each_blocked_case([&] {
       expect_close_to(result_of(r,
                                 [&](int threads, float* output, float*) {
                                   blocked_scale({r.n, r.c, r.pixels, threads}, padded_scale.data(),
@@ -502,7 +502,7 @@ TEST(BlockedEltwise, AgreesWithTheLayer) {
       const bool relu = c.eltwise.epilogue.activation == Epilogue::Activation::kRelu;
       auto wanted = layer_result(r, "Eltwise", c.param, inputs);
       if (relu) wanted = layer_result(r, "ReLU", "", {wanted});
-      test::for_each_blocked_target([&] {
+      test::for_each_blocked_case([&] {
         EXPECT_TRUE(same(
             result_of(r,
                       [&](int threads, float* output, float*) {

@@ -90,13 +90,13 @@ class Check {
       if (!fault.empty()) return fault;
     }
     statistics_.too_large = std::min(statistics_.too_large, too_large + 1);  // a net counts once
-    // These cost most: with one set of instructions, which the seed chooses.
-    const std::vector<int64_t> targets = hwy::SupportedAndGeneratedTargets();
-    const int64_t target = targets[random_net_.seed % targets.size()];
-    const test::ForceSimdTarget forced(target);
+    // These cost most: on one of the CPUs, which the seed chooses.
+    const std::vector<test::SimdCase> cpus = test::simd_cases();
+    const test::SimdCase cpu = cpus[random_net_.seed % cpus.size()];
+    const test::ForceSimdCase forced(cpu);
     std::string fault = compare_threads(cases_[0]);
     if (fault.empty() && has_other) fault = compare_beside_each_other();
-    return fault.empty() ? "" : str(hwy::TargetName(target), ", ", fault);
+    return fault.empty() ? "" : str(cpu.name(), ", ", fault);
   }
 
   void save(const std::filesystem::path& folder) {
@@ -300,9 +300,11 @@ class Check {
       ++statistics_.too_large;
       return "";
     }
-    for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
-      const test::ForceSimdTarget forced(target);
-      for (const Way& way : ways_)
+    for (const test::SimdCase& cpu : test::simd_cases()) {
+      const test::ForceSimdCase forced(cpu);
+      for (const Way& way : ways_) {
+        // Float32 takes no notice of what there is for bfloat16.
+        if (cpu.bf16 != engine::Bf16Support::kNone && !way.is_bf16()) continue;
         for (const auto& [name, tensor] : run(c, way)) {
           // A gray net's input is not what the reference has.
           if (way.options.gray_offsets && name == kLayer + net_.inputs()[0].name) continue;
@@ -311,9 +313,9 @@ class Check {
                                         ? wide.compare(name, tensor, insensitive_in_bf16)
                                         : reference.compare(name, tensor, statistics_.insensitive);
           if (!fault.empty())
-            return str(hwy::TargetName(target), ", ", way.name, ", sizes ", &c - cases_.data(),
-                       ": ", fault);
+            return str(cpu.name(), ", ", way.name, ", sizes ", &c - cases_.data(), ": ", fault);
         }
+      }
     }
     return "";
   }

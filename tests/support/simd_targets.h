@@ -3,18 +3,81 @@
 #include <gtest/gtest.h>
 #include <hwy/highway.h>
 
+#include <algorithm>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "kernels/bf16_support.h"
 #include "kernels/blocked/dispatch.h"
+#include "revisit/engine/simd.h"
 
 namespace revisit::test {
 
-/// Makes the kernels use one set of instructions while it lives.
+/// Makes the kernels use one set of instructions while it lives. It may be nested.
 class ForceSimdTarget {
  public:
-  explicit ForceSimdTarget(int64_t target) { hwy::SetSupportedTargetsForTest(target); }
-  ~ForceSimdTarget() { hwy::SetSupportedTargetsForTest(0); }
+  explicit ForceSimdTarget(int64_t target) : outer_(std::exchange(forced_, target)) {
+    hwy::SetSupportedTargetsForTest(target);
+  }
+  ~ForceSimdTarget() { hwy::SetSupportedTargetsForTest(forced_ = outer_); }
   ForceSimdTarget(const ForceSimdTarget&) = delete;
   ForceSimdTarget& operator=(const ForceSimdTarget&) = delete;
+
+ private:
+  static inline int64_t forced_ = 0;  // 0: none
+  int64_t outer_;
 };
+
+/// A CPU that dispatch can meet: kernels of float32 use the target; those of bfloat16 use it, too,
+/// unless it is AVX-512 without instructions for bfloat16.
+struct SimdCase {
+  int64_t target;
+  engine::Bf16Support bf16;
+
+  std::string name() const {
+    static const char* const kBf16[] = {"", " with BF16", " with AMX"};
+    return hwy::TargetName(target) + std::string(kBf16[static_cast<int>(bf16)]);
+  }
+};
+
+/// Makes this process dispatch as on that CPU while it lives.
+class ForceSimdCase {
+ public:
+  explicit ForceSimdCase(const SimdCase& c) : target_(c.target) {
+    engine::limit_bf16_support(c.bf16);
+  }
+  ~ForceSimdCase() { engine::limit_bf16_support(engine::Bf16Support::kTiles); }
+  ForceSimdCase(const ForceSimdCase&) = delete;
+  ForceSimdCase& operator=(const ForceSimdCase&) = delete;
+
+ private:
+  ForceSimdTarget target_;
+};
+
+/// Every such CPU that this one can stand in for.
+inline std::vector<SimdCase> simd_cases() {
+  using engine::Bf16Support;
+  std::vector<SimdCase> cases;
+  for (const int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    cases.push_back({target, Bf16Support::kNone});
+#if HWY_ARCH_X86
+    if (target > HWY_AVX3) continue;  // Highway numbers better targets lower
+    if (engine::has_bf16_instructions()) cases.push_back({target, Bf16Support::kInstructions});
+    if (engine::has_bf16_tiles()) cases.push_back({target, Bf16Support::kTiles});
+#endif
+  }
+  return cases;
+}
+
+/// The target that kernels of bfloat16 use when `c` is forced.
+inline int64_t bf16_target(const SimdCase& c) {
+#if HWY_ARCH_X86
+  if (c.bf16 == engine::Bf16Support::kNone) return std::max<int64_t>(c.target, HWY_AVX2);
+#endif
+  return c.target;
+}
 
 /// Calls `check()` once for each set of instructions that the kernels are compiled for and this CPU
 /// has, made to use it.
@@ -27,12 +90,18 @@ void for_each_simd_target(const Check& check) {
   }
 }
 
-/// The same for the sets that kernels on blocked values are compiled for.
+/// Calls `check(case)`, or `check()`, once for each SimdCase that has kernels on blocked values.
 template <class Check>
-void for_each_blocked_target(const Check& check) {
-  for_each_simd_target([&] {
-    if (engine::has_blocked_kernels()) check();
-  });
+void for_each_blocked_case(const Check& check) {
+  for (const SimdCase& c : simd_cases()) {
+    SCOPED_TRACE(c.name());
+    const ForceSimdCase forced(c);
+    if (!engine::has_blocked_kernels()) continue;
+    if constexpr (std::is_invocable_v<Check, const SimdCase&>)
+      check(c);
+    else
+      check();
+  }
 }
 
 }  // namespace revisit::test

@@ -2,6 +2,10 @@
 
 #include <hwy/highway.h>
 
+#include <atomic>
+
+#include "kernels/bf16_support.h"
+
 #if HWY_ARCH_X86_64 && defined(__linux__)
 #include <cpuid.h>
 #include <sys/syscall.h>
@@ -10,6 +14,8 @@
 
 namespace revisit::engine {
 namespace {
+
+std::atomic<Bf16Support> bf16_limit = Bf16Support::kTiles;
 
 bool has_amx() {
 #if HWY_ARCH_X86_64 && defined(__linux__)
@@ -46,15 +52,20 @@ std::string simd_target() {
 bool has_bf16_instructions() {
 #if HWY_ARCH_X86
   static const bool kHas = __builtin_cpu_supports("avx512bf16") != 0;
-  return kHas;
+  return kHas && bf16_limit >= Bf16Support::kInstructions;
 #else
   return false;
 #endif
 }
 
 bool has_bf16_tiles() {
-  static const bool kHas = has_amx() && has_bf16_instructions() && tiles_are_permitted();
+  if (bf16_limit < Bf16Support::kTiles || !has_bf16_instructions()) return false;
+  static const bool kHas = has_amx() && tiles_are_permitted();
   return kHas;
+}
+
+void limit_bf16_support(Bf16Support most) {
+  bf16_limit = most;
 }
 
 std::string bf16_instructions() {

@@ -8,7 +8,7 @@ namespace revisit::engine {
 std::string simd_target();
 
 /// Whether the CPU multiplies bfloat16 itself (AVX512-BF16). Elsewhere Precision::kBf16 gives the
-/// same numbers, but its products take longer than those of float32.
+/// same sums, but its products take longer than those of float32.
 bool has_bf16_instructions();
 
 /// Whether it also multiplies whole tiles of them (AMX-BF16), and the operating system lets this

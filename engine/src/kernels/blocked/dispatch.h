@@ -10,8 +10,8 @@ namespace revisit::engine {
 /// all values are plain.
 bool has_blocked_kernels();
 
-/// What a kernel computes with. AVX-512 multiplies bfloat16 by AVX512-BF16 and AMX only: a CPU
-/// without them does that by AVX2, which gives the same numbers.
+/// Instructions that a kernel needs. AVX-512 multiplies bfloat16 by AVX512-BF16 and AMX only: a CPU
+/// without them runs the whole kernel by AVX2. Its sums have the same bits; roots may differ by one.
 enum class Instructions { kFloat32, kBf16, kTiles };
 
 inline Instructions instructions_for(Precision values) {
