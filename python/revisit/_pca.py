@@ -44,22 +44,13 @@ def fit_pca(features, components: int = 400, *, fit_rows=None, model_folder: str
                                 model_folder, memory_gb, threads)
 
 
-class PcaModel:
-    """Components that fit_pca(model_folder=...), or `revisit eval --pca`, learnt: `mean.npy` [d] and `basis.npy` [k][d]."""
+class PcaModel(PcaFolder):
+    """Components that fit_pca(model_folder=...), or `revisit eval --pca`, learnt: `mean.npy` [d] and `basis.npy` [k][d].
 
-    def __init__(self, folder: str | os.PathLike):
-        """Raises InputError when the files are missing or do not fit together."""
-        self._folder = PcaFolder(folder)
-
-    @property
-    def components(self) -> int:
-        return self._folder.components
-
-    @property
-    def dim(self) -> int:
-        return self._folder.dim
+    PcaModel(folder) raises InputError when the files are missing or do not fit together.
+    """
 
     def project(self, features, components: int | None = None, *, threads: int = 1) -> np.ndarray:
         """(x - mean) basis^T of all rows: float32 [n][components]; features as in fit_pca()."""
         with _files(features) as files:
-            return self._folder.project(files, self.components if components is None else components, threads)
+            return super().project(files, self.components if components is None else components, threads)

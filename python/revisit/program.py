@@ -4,6 +4,7 @@ Also the command `revisit-loops`: this module can be imported whatever the packa
 """
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,18 +13,20 @@ from revisit import errors
 
 __all__ = ['loops', 'main', 'path', 'run']
 
-# Exit codes of the program and what the libraries raise for the same reasons.
-ERRORS = {2: errors.UsageError, 3: errors.InputError, 4: errors.UnsupportedError, 130: errors.Interrupted}
+ERRORS = {kind.code: kind for kind in (errors.UsageError, errors.InputError, errors.UnsupportedError, errors.Interrupted)}
 
 
 def path() -> Path:
-    """Where the program is. Raises UnsupportedError in a package that was built without it."""
-    program = Path(__file__).with_name('bin') / 'revisit'
-    if not (program.is_file() and os.access(program, os.X_OK)):
-        raise errors.UnsupportedError(
-            'this package was built without the program `revisit`; build it with the program: '
-            "pip install . -C cmake.define.REVISIT_TOOLS=ON, in the root of the sources")
-    return program
+    """The program in the package, else on PATH. Raises UnsupportedError where it is in neither."""
+    bundled = Path(__file__).with_name('bin') / 'revisit'
+    if bundled.is_file() and os.access(bundled, os.X_OK):
+        return bundled
+    installed = shutil.which('revisit')
+    if installed and Path(installed).resolve() != Path(sys.argv[0]).resolve():  # the command below may be on PATH, too
+        return Path(installed)
+    raise errors.UnsupportedError(
+        'this package was built without the program `revisit`, and none is on PATH; build it with the program: '
+        'pip install . -C cmake.define.REVISIT_TOOLS=ON, in the root of the sources')
 
 
 def run(*arguments, **options) -> subprocess.CompletedProcess:

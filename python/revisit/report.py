@@ -14,7 +14,7 @@ def write_report(runs, page: str | os.PathLike = 'report.html', *, title: str | 
     runs: folders of `revisit eval` and `revisit robustness`, experiments, .jsonl files of `revisit loops`; one or several.
     queries: shown with range images, of each kind: wrong, missed, right.
     force: replaces files that are not reports.
-    Raises UnsupportedError in a package without the program (revisit.program), InputError for what is no run.
+    Raises UnsupportedError without the program (revisit.program), InputError for what is no run.
     """
     given = {'--title': title, '--markdown': markdown, '--queries': queries}
     options = [word for name, value in given.items() if value is not None for word in (name, value)]

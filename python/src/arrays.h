@@ -24,6 +24,9 @@ using ReadOnlyFloats = nb::ndarray<nb::numpy, const float>;
 template <class T, class... Rules>
 using GivenArray = nb::ndarray<nb::numpy, const T, nb::device::cpu, Rules...>;
 
+/// An argument for float_array(): what else is given there is refused by its message.
+using GivenFloats = nb::typed<nb::handle, FloatArray>;
+
 /// (1, 3, 227, 227)
 ShapeTuple tuple_of(const std::vector<int64_t>& axes);
 

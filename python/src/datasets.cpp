@@ -42,9 +42,9 @@ void bind_datasets(nb::module_& module) {
   module.def(
       "open_dataset",
       [](const fs::path& root, const std::string& sequence, bool poses) {
-        return without_lock([&] { return open_dataset(root, sequence, {.poses = poses}); });
+        return open_dataset(root, sequence, {.poses = poses});
       },
-      "root"_a, "sequence"_a = "", nb::kw_only(), "poses"_a = false,
+      nb::call_guard<Unlocked>(), "root"_a, "sequence"_a = "", nb::kw_only(), "poses"_a = false,
       "A KITTI odometry sequence, a folder per place, or a folder of .bin, .pcd or .ply files.\n\n"
       "poses: whether poses are required. Raises InputError saying what was looked for and where.");
   module.def(
@@ -55,13 +55,11 @@ void bind_datasets(nb::module_& module) {
       "intensity.");
   module.def(
       "write_kitti_scan",
-      [](const fs::path& file, nb::handle points) {
+      [](const fs::path& file, PointsArgument points) {
         const PointCloud cloud = GivenPoints(points).cloud_with_intensity();
         without_lock([&] { write_kitti_scan(file, cloud); });
       },
-      "file"_a, "points"_a,
-      nb::sig("def write_kitti_scan(file: str | os.PathLike, points: " REVISIT_POINTS ") -> None"),
-      "Writes KITTI's .bin; intensity is the fourth column, 0 without one.");
+      "file"_a, "points"_a, "Writes KITTI's .bin; intensity is the fourth column, 0 without one.");
   module.def(
       "read_kitti_poses",
       [](const fs::path& file) {

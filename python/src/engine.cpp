@@ -119,24 +119,24 @@ void bind_net(nb::module_& module) {
           "load_with_random_weights",
           [](const fs::path& prototxt, uint64_t seed, std::string end, std::string graft,
              const Shapes& inputs, bool allow_unknown, const std::optional<proto::Limits>& limits) {
-            const auto options = load_options(std::move(end), std::move(graft), inputs, false,
-                                              allow_unknown, limits);
-            return without_lock(
-                [&] { return Net::load_with_random_weights(prototxt, seed, options); });
+            return Net::load_with_random_weights(
+                prototxt, seed,
+                load_options(std::move(end), std::move(graft), inputs, false, allow_unknown,
+                             limits));
           },
-          "prototxt"_a, "seed"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
-          "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
+          nb::call_guard<Unlocked>(), "prototxt"_a, "seed"_a, nb::kw_only(), "end"_a = "",
+          "graft"_a = "", "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
           "The same with seeded random weights: for timing and tests.")
       .def_static(
           "load_without_weights",
           [](const fs::path& prototxt, std::string end, std::string graft, const Shapes& inputs,
              bool allow_unknown, const std::optional<proto::Limits>& limits) {
-            const auto options = load_options(std::move(end), std::move(graft), inputs, false,
-                                              allow_unknown, limits);
-            return without_lock([&] { return Net::load_without_weights(prototxt, options); });
+            return Net::load_without_weights(
+                prototxt, load_options(std::move(end), std::move(graft), inputs, false,
+                                       allow_unknown, limits));
           },
-          "prototxt"_a, nb::kw_only(), "end"_a = "", "graft"_a = "", "inputs"_a = Shapes(),
-          "allow_unknown"_a = false, "limits"_a = nb::none(),
+          nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
+          "inputs"_a = Shapes(), "allow_unknown"_a = false, "limits"_a = nb::none(),
           "The same without weights: it can be planned and inspected; a Run of it is a UsageError.")
       .def(
           "plan",
@@ -154,15 +154,14 @@ void bind_net(nb::module_& module) {
                                               .precision = precision,
                                               .bf16_weights = bf16_weights,
                                               .gray_offsets = std::move(gray_offsets)};
-            const auto shapes = shapes_from(inputs);
-            return without_lock([&] { return net.plan(shapes, options); });
+            return net.plan(shapes_from(inputs), options);
           },
-          "inputs"_a = Shapes(), nb::kw_only(), "threads"_a = engine::PlanOptions().threads,
-          "keep_all"_a = false, "keep"_a = std::vector<std::string>(),
-          "reference_kernels"_a = false, "max_run_bytes"_a = engine::PlanOptions().max_run_bytes,
-          "flush_denormals"_a = true, "accuracy"_a = engine::Accuracy::kUsual,
-          "precision"_a = engine::Precision::kFloat32, "bf16_weights"_a = false,
-          "gray_offsets"_a = nb::none(),
+          nb::call_guard<Unlocked>(), "inputs"_a = Shapes(), nb::kw_only(),
+          "threads"_a = engine::PlanOptions().threads, "keep_all"_a = false,
+          "keep"_a = std::vector<std::string>(), "reference_kernels"_a = false,
+          "max_run_bytes"_a = engine::PlanOptions().max_run_bytes, "flush_denormals"_a = true,
+          "accuracy"_a = engine::Accuracy::kUsual, "precision"_a = engine::Precision::kFloat32,
+          "bf16_weights"_a = false, "gray_offsets"_a = nb::none(),
           "Chooses kernels and lays out memory.\n\n"
           "inputs: shapes by blob name; those that are not named stay as in the prototxt.\n"
           "threads: of one forward pass. The result does not depend on it, bit for bit.\n"

@@ -1,4 +1,5 @@
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
 #include "arrays.h"
@@ -20,12 +21,10 @@ Missed parse_missed(const std::string& text) {
   throw UsageError(str("missed: expected 'not-found' or 'rejected', found '", text, "'"));
 }
 
-nb::tuple pair_of(const Interval& interval) {
-  return nb::make_tuple(interval.low, interval.high);
-}
+using Columns = nb::typed<nb::dict, nb::str, nb::ndarray<nb::numpy>>;
 
 /// The points of a curve as columns.
-nb::dict columns_of(const std::vector<PrPoint>& curve) {
+Columns columns_of(const std::vector<PrPoint>& curve) {
   nb::dict columns;
   const auto column = [&](const char* name, auto PrPoint::*field) {
     std::vector<std::decay_t<decltype(curve.front().*field)>> values;
@@ -40,7 +39,7 @@ nb::dict columns_of(const std::vector<PrPoint>& curve) {
   column("precision", &PrPoint::precision);
   column("recall", &PrPoint::recall);
   column("f1", &PrPoint::f1);
-  return columns;
+  return nb::borrow<Columns>(columns);
 }
 
 Descriptors descriptors_from(nb::handle array) {
@@ -53,6 +52,8 @@ Descriptors descriptors_from(nb::handle array) {
   std::copy_n(floats.data(), floats.size(), descriptors.case1.values.begin());
   return descriptors;
 }
+
+using Positions = nb::typed<nb::handle, nb::ndarray<nb::numpy, double>>;
 
 /// As make_trajectory() checks it.
 Trajectory trajectory_of(const std::vector<int>& frames, nb::handle positions,
@@ -113,9 +114,9 @@ void bind_judging(nb::module_& module) {
   nb::class_<PrIntervals> intervals(module, "PrIntervals",
                                     "Confidence intervals of a PrSummary: (low, high) each.");
   const auto interval = [&](const char* name, Interval PrIntervals::*field) {
-    intervals.def_prop_ro(
-        name, [field](const PrIntervals& self) { return pair_of(self.*field); },
-        nb::sig(str("def ", name, "(self) -> tuple[float, float]").c_str()));
+    intervals.def_prop_ro(name, [field](const PrIntervals& self) {
+      return std::pair((self.*field).low, (self.*field).high);
+    });
   };
   interval("f1_max", &PrIntervals::f1_max);
   interval("average_precision", &PrIntervals::average_precision);
@@ -128,8 +129,6 @@ void bind_judging(nb::module_& module) {
         return columns_of(precision_recall(verdicts, parse_missed(missed)));
       },
       "verdicts"_a, "missed"_a = "not-found",
-      nb::sig("def precision_recall(verdicts: collections.abc.Sequence[Verdict], missed: str = "
-              "'not-found') -> dict[str, numpy.typing.NDArray]"),
       "The curve as columns: threshold, tp, fp, fn, tn, precision, recall, f1. One point per "
       "distinct score, highest first.\n\n"
       "missed: what is a false negative: all positives but the true ones ('not-found'), or those "
@@ -160,7 +159,7 @@ void bind_tasks(nb::module_& module) {
   nb::class_<Trajectory>(module, "Trajectory", "Where and when each scan was taken.")
       .def(
           "__init__",
-          [](Trajectory* self, const std::vector<int>& frames, nb::handle positions,
+          [](Trajectory* self, const std::vector<int>& frames, Positions positions,
              const std::vector<double>& times, const std::vector<std::string>& places,
              std::optional<int64_t> n_poses) {
             new (self) Trajectory(trajectory_of(frames, positions, times, places, n_poses));
@@ -168,10 +167,6 @@ void bind_tasks(nb::module_& module) {
           "frames"_a, "positions"_a.none() = nb::none(), nb::kw_only(),
           "times"_a = std::vector<double>(), "places"_a = std::vector<std::string>(),
           "n_poses"_a = nb::none(),
-          nb::sig("def __init__(self, frames: collections.abc.Sequence[int], positions: "
-                  "numpy.typing.NDArray[numpy.float64] | None = None, *, times: "
-                  "collections.abc.Sequence[float] = [], places: collections.abc.Sequence[str] = "
-                  "[], n_poses: int | None = None) -> None"),
           "positions: [m], KITTI's axes: x right, y down, z forward; frames ascend.\n"
           "n_poses: of the whole drive, which tells KITTI's drives from others.")
       .def("__len__", &Trajectory::size)
@@ -258,7 +253,7 @@ void bind_matching(nb::module_& module) {
       .def_ro("score", &Match::score);
   module.def(
       "retrieve",
-      [](nb::handle array, const Task& task, int k, const std::optional<std::string>& score,
+      [](GivenFloats array, const Task& task, int k, const std::optional<std::string>& score,
          int threads) {
         const Descriptors descriptors = descriptors_from(array);
         const Score chosen =
@@ -271,9 +266,6 @@ void bind_matching(nb::module_& module) {
       },
       "descriptors"_a, "task"_a, nb::kw_only(), "k"_a = SearchOptions().k, "score"_a = nb::none(),
       "threads"_a = 1,
-      nb::sig(
-          "def retrieve(descriptors: numpy.typing.NDArray[numpy.float32], task: Task, *, k: int "
-          "= 4, score: str | None = None, threads: int = 1) -> list[Match]"),
       "The k stored scans most similar to every query, by cosine.\n\n"
       "descriptors: [scans of the data set][numbers].\n"
       "score: 'margin' (2 c1 - ck), 'cosine' (c1) or the protocol's.");
@@ -289,11 +281,10 @@ void bind_matching(nb::module_& module) {
       .def_ro("intervals", &PairResult::intervals)
       .def_prop_ro(
           "curve", [](const PairResult& result) { return columns_of(result.curve); },
-          nb::sig("def curve(self) -> dict[str, numpy.typing.NDArray]"),
           "As precision_recall(), thinned to about 1000 points.");
   module.def(
       "evaluate_pairs",
-      [](nb::handle array, const Task& task, const Trajectory& trajectory, int resamples,
+      [](GivenFloats array, const Task& task, const Trajectory& trajectory, int resamples,
          int threads) {
         const Descriptors descriptors = descriptors_from(array);
         Listener listener;
@@ -305,8 +296,6 @@ void bind_matching(nb::module_& module) {
         });
       },
       "descriptors"_a, "task"_a, "trajectory"_a, nb::kw_only(), "resamples"_a = 0, "threads"_a = 1,
-      nb::sig("def evaluate_pairs(descriptors: numpy.typing.NDArray[numpy.float32], task: Task, "
-              "trajectory: Trajectory, *, resamples: int = 0, threads: int = 1) -> PairResult"),
       "A task that decides on pairs: each pair of a query and a candidate is accepted or not.");
 }
 

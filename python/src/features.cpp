@@ -3,6 +3,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -12,6 +13,7 @@
 #include "listener.h"
 #include "module.h"
 #include "points.h"
+#include "record.h"
 #include "revisit/baselines/m2dp.h"
 #include "revisit/baselines/scan_context.h"
 #include "revisit/recognition/ring/features.h"
@@ -27,11 +29,9 @@ using namespace pipeline;
 FeatureExtractor rings(const RingModel& model, const engine::Net* net, int numbers,
                        double regularisation, double adapt, int64_t key_candidates, int threads,
                        engine::Precision precision) {
-  const RingOptions options{numbers, regularisation, adapt, key_candidates};
-  return without_lock([&] {
-    return ring_recogniser(model, net ? *net : ring_net(model), options,
-                           {.threads = threads, .precision = precision});
-  });
+  return ring_recogniser(model, net ? *net : ring_net(model),
+                         {numbers, regularisation, adapt, key_candidates},
+                         {.threads = threads, .precision = precision});
 }
 
 void bind_extractors(nb::module_& module) {
@@ -48,16 +48,13 @@ void bind_extractors(nb::module_& module) {
                           "each thread.")
       .def(
           "__call__",
-          [](ScanFeature& self, nb::handle points) {
+          [](ScanFeature& self, PointsArgument points) {
             const PointCloud cloud = GivenPoints(points).cloud();
             std::vector<float> feature = without_lock([&] { return self.of(cloud); });
             const auto dim = static_cast<int64_t>(feature.size());
             return array_of(std::move(feature), {dim});
           },
-          "points"_a,
-          nb::sig("def __call__(self, points: " REVISIT_POINTS
-                  ") -> numpy.typing.NDArray[numpy.float32]"),
-          "The feature of a scan. InputError for one that cannot be described.");
+          "points"_a, "The feature of a scan. InputError for one that cannot be described.");
   module.def(
       "from_scan",
       [](const FeatureExtractor& extractor, const std::string& align,
@@ -72,13 +69,12 @@ void bind_extractors(nb::module_& module) {
       [](const engine::Net& net, const std::string& net_key, const std::array<double, 3>& mean_bgr,
          const ImageGeometry& geometry, int threads, engine::Precision precision,
          double input_scale) {
-        return without_lock([&] {
-          return network_features(net, net_key, mean_bgr, geometry,
-                                  {.threads = threads, .precision = precision}, input_scale);
-        });
+        return network_features(net, net_key, mean_bgr, geometry,
+                                {.threads = threads, .precision = precision}, input_scale);
       },
-      "net"_a, "net_key"_a, nb::kw_only(), "mean_bgr"_a, "geometry"_a = ImageGeometry(),
-      "threads"_a = 1, "precision"_a = engine::Precision::kFloat32, "input_scale"_a = 1.0,
+      nb::call_guard<Unlocked>(), "net"_a, "net_key"_a, nb::kw_only(), "mean_bgr"_a,
+      "geometry"_a = ImageGeometry(), "threads"_a = 1, "precision"_a = engine::Precision::kFloat32,
+      "input_scale"_a = 1.0,
       "The output of a network on the range image, flattened: the paper's feature. `net_key` "
       "identifies the weights.");
   module.def("range_vector_features", &range_vector_features, "geometry"_a = ImageGeometry(),
@@ -105,43 +101,31 @@ void bind_rings(nb::module_& module) {
   module.def(
       "ring_net",
       [](const RingModel& model, const std::optional<fs::path>& weights) {
-        return without_lock([&] { return ring_net(model, weights.value_or("")); });
+        return ring_net(model, weights.value_or(""));
       },
-      "model"_a, "weights"_a.none() = nb::none(),
+      nb::call_guard<Unlocked>(), "model"_a, "weights"_a.none() = nb::none(),
       "The net of a model: its own, or from the weights file given.");
-  module.def("ring_recogniser", &rings, "model"_a, "net"_a.none() = nb::none(), nb::kw_only(),
-             "numbers"_a = RingOptions().numbers, "regularisation"_a = RingOptions().regularisation,
-             "adapt"_a = RingOptions().adapt, "key_candidates"_a = RingOptions().key_candidates,
-             "threads"_a = 1, "precision"_a = engine::Precision::kFloat32,
+  module.def("ring_recogniser", &rings, nb::call_guard<Unlocked>(), "model"_a,
+             "net"_a.none() = nb::none(), nb::kw_only(), "numbers"_a = RingOptions().numbers,
+             "regularisation"_a = RingOptions().regularisation, "adapt"_a = RingOptions().adapt,
+             "key_candidates"_a = RingOptions().key_candidates, "threads"_a = 1,
+             "precision"_a = engine::Precision::kFloat32,
              "Rings: places are found from either direction, and the heading between two scans.\n\n"
              "key_candidates: how many places are compared, those with the most similar keys; 0: "
              "all.");
 }
 
 void bind_baselines(nb::module_& module) {
-  nb::class_<ScanContextOptions>(module, "ScanContextOptions", "Scan Context's numbers.")
-      .def(
-          "__init__",
-          [](ScanContextOptions* self, int n_rings, int sectors, double max_range,
-             double sensor_height, int64_t ring_key_candidates) {
-            const ScanContextOptions options{n_rings, sectors, max_range, sensor_height,
-                                             ring_key_candidates};
-            scan_context_features(options);  // checks them
-            new (self) ScanContextOptions(options);
-          },
-          nb::kw_only(), "rings"_a = ScanContextOptions().rings,
-          "sectors"_a = ScanContextOptions().sectors,
-          "max_range"_a = ScanContextOptions().max_range,
-          "sensor_height"_a = ScanContextOptions().sensor_height,
-          "ring_key_candidates"_a = ScanContextOptions().ring_key_candidates)
-      .def_ro("rings", &ScanContextOptions::rings)
-      .def_ro("sectors", &ScanContextOptions::sectors)
-      .def_ro("max_range", &ScanContextOptions::max_range)
-      .def_ro("sensor_height", &ScanContextOptions::sensor_height)
-      .def_ro("ring_key_candidates", &ScanContextOptions::ring_key_candidates);
+  bind_record<ScanContextOptions>(
+      module, "ScanContextOptions", "Scan Context's numbers.",
+      scan_context_features,  // which checks them
+      Field{"rings", &ScanContextOptions::rings}, Field{"sectors", &ScanContextOptions::sectors},
+      Field{"max_range", &ScanContextOptions::max_range},
+      Field{"sensor_height", &ScanContextOptions::sensor_height},
+      Field{"ring_key_candidates", &ScanContextOptions::ring_key_candidates});
   module.def(
       "scan_context",
-      [](nb::handle points, const ScanContextOptions& options) {
+      [](PointsArgument points, const ScanContextOptions& options) {
         const PointCloud cloud = GivenPoints(points).cloud();
         std::vector<float> context(static_cast<size_t>(options.rings) *
                                    static_cast<size_t>(options.sectors));
@@ -149,12 +133,10 @@ void bind_baselines(nb::module_& module) {
         return array_of(std::move(context), {options.rings, options.sectors});
       },
       "points"_a, "options"_a = ScanContextOptions(),
-      nb::sig("def scan_context(points: " REVISIT_POINTS
-              ", options: ScanContextOptions = ...) -> numpy.typing.NDArray[numpy.float32]"),
       "Heights of the highest points of each bin [rings][sectors] (G. Kim, A. Kim, IROS 2018).");
   module.def(
       "context_distance",
-      [](nb::handle a, nb::handle b, const ScanContextOptions& options) {
+      [](GivenFloats a, GivenFloats b, const ScanContextOptions& options) {
         const auto x = contiguous_floats(a, "a"), y = contiguous_floats(b, "b");
         const std::vector<int64_t> expected = {options.rings, options.sectors};
         if (shape_of(x) != expected || shape_of(y) != expected)
@@ -163,12 +145,9 @@ void bind_baselines(nb::module_& module) {
                                 description_of(b)));
         const ContextDistance found =
             context_distance({x.data(), x.size()}, {y.data(), y.size()}, options);
-        return nb::make_tuple(found.distance, found.shift);
+        return std::pair(found.distance, found.shift);
       },
       "a"_a, "b"_a, "options"_a = ScanContextOptions(),
-      nb::sig("def context_distance(a: numpy.typing.NDArray[numpy.float32], b: "
-              "numpy.typing.NDArray[numpy.float32], options: ScanContextOptions = ...) -> "
-              "tuple[float, int]"),
       "Distance 0 (the same) to 2 of two contexts, and the columns that the first is moved to the "
       "left to meet the second.");
   module.def("scan_context_features", &scan_context_features, "options"_a = ScanContextOptions(),

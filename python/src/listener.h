@@ -16,12 +16,10 @@ class Listener {
  public:
   /// True when the work is to end.
   bool stop() {
+    if (comes_to_nothing()) return true;
     const Locked lock(*unlocked_);
     if (error_) return true;
-    if (interpreter_ends() && !at_end_)
-      PyErr_SetNone(PyExc_SystemExit);  // which ends a thread silently
-    else if (PyErr_CheckSignals() == 0)
-      return false;
+    if (PyErr_CheckSignals() == 0) return false;
     error_ = std::make_exception_ptr(nanobind::python_error());
     return true;
   }
@@ -29,8 +27,9 @@ class Listener {
   /// Calls a function of Python's, unless it is None. What it raises ends the work.
   template <class... Arguments>
   void tell(const nanobind::object& callback, const Arguments&... arguments) {
+    if (callback.is_none() || comes_to_nothing()) return;
     const Locked lock(*unlocked_);
-    if (error_ || callback.is_none()) return;
+    if (error_) return;
     try {
       call(callback, nanobind::cast(arguments)...);
     } catch (const nanobind::python_error&) {
@@ -52,7 +51,9 @@ class Listener {
       }
     } catch (const Interrupted&) {
       rethrow();
-      throw;
+      if (!comes_to_nothing()) throw;
+      PyErr_SetNone(PyExc_SystemExit);  // which ends a thread silently
+      throw nanobind::python_error();
     }
   }
 
@@ -63,6 +64,8 @@ class Listener {
     unlocked_ = &unlocked;
     return work();
   }
+  /// Whether nobody will look at the result.
+  bool comes_to_nothing() const { return interpreter_ends() && !at_end_; }
   void rethrow() const {
     if (error_) std::rethrow_exception(error_);
   }

@@ -84,24 +84,24 @@ void bind_open_map(nb::module_& module) {
           "one (PlaceRecognizer.identity_of()): for writing, made when there is none.\n\n"
           "numbers: of a new map, 'float32' or 'float16'.\n"
           "Raises InputError for a file that is not a map, a damaged map, and another identity.")
-      .def_prop_ro("identity",
-                   [](OpenMap& map) {
-                     return without_lock([&] {
-                       return map.with([](const MapStore& store) { return store.identity(); });
-                     });
-                   })
-      .def_prop_ro("numbers",
-                   [](OpenMap& map) {
-                     const auto format = without_lock([&] {
-                       return map.with([](const MapStore& store) { return store.number_format(); });
-                     });
-                     return format == NumberFormat::kFloat16 ? "float16" : "float32";
-                   })
-      .def("__len__",
-           [](OpenMap& map) {
-             return without_lock(
-                 [&] { return map.with([](const MapStore& store) { return store.size(); }); });
-           })
+      .def_prop_ro(
+          "identity",
+          [](OpenMap& map) {
+            return map.with([](const MapStore& store) { return store.identity(); });
+          },
+          nb::call_guard<Unlocked>())
+      .def_prop_ro(
+          "numbers",
+          [](OpenMap& map) {
+            const auto format =
+                map.with([](const MapStore& store) { return store.number_format(); });
+            return format == NumberFormat::kFloat16 ? "float16" : "float32";
+          },
+          nb::call_guard<Unlocked>())
+      .def(
+          "__len__",
+          [](OpenMap& map) { return map.with([](const MapStore& store) { return store.size(); }); },
+          nb::call_guard<Unlocked>())
       .def(
           "value",
           [](OpenMap& map, const std::string& name) -> std::optional<nb::bytes> {
@@ -111,39 +111,31 @@ void bind_open_map(nb::module_& module) {
             return nb::bytes(value->data(), value->size());
           },
           "name"_a, "Bytes kept beside the places ('basis', 'threshold'), or None.")
-      .def(
-          "places",
-          [](OpenMap& map, int64_t after) {
-            return without_lock([&] { return places_of(map, after); });
-          },
-          "after"_a = 0,
-          "Those with ids above `after`, ascending, as they are at one moment. Damaged ones are "
-          "left out; `warnings` has a message for each.")
+      .def("places", &places_of, nb::call_guard<Unlocked>(), "after"_a = 0,
+           "Those with ids above `after`, ascending, as they are at one moment. Damaged ones are "
+           "left out; `warnings` has a message for each.")
       .def(
           "remove",
           [](OpenMap& map, const std::vector<int64_t>& ids) {
-            return without_lock(
-                [&] { return map.with([&](MapStore& store) { return store.remove(ids); }); });
+            return map.with([&](MapStore& store) { return store.remove(ids); });
           },
-          "ids"_a,
+          nb::call_guard<Unlocked>(), "ids"_a,
           "Removes places for good, in one step, damaged ones, too. Their ids are not given again. "
           "Returns how many there were to remove.\n"
           "Raises UsageError for an id that no place has had, and in a map opened for reading.")
       .def(
           "removed",
           [](OpenMap& map, int64_t after) {
-            return without_lock([&] {
-              return map.with([&](const MapStore& store) { return store.removed(after); });
-            });
+            return map.with([&](const MapStore& store) { return store.removed(after); });
           },
-          "after"_a = 0,
+          nb::call_guard<Unlocked>(), "after"_a = 0,
           "The ids of the places that were removed, in the order of their removal, but for the "
           "first "
           "`after`.")
       .def_prop_ro(
           "warnings", [](const OpenMap& map) { return map.messages.all(); },
           "Of places that could not be read.")
-      .def("close", [](OpenMap& map) { without_lock([&] { map.close(); }); })
+      .def("close", &OpenMap::close, nb::call_guard<Unlocked>())
       .def("__enter__", [](nb::handle self) { return nb::borrow(self); })
       .def("__exit__", [](OpenMap& map, const nb::args&) { without_lock([&] { map.close(); }); });
 }
@@ -153,21 +145,17 @@ void bind_open_map(nb::module_& module) {
 void bind_map_store(nb::module_& module) {
   bind_place(module);
   bind_open_map(module);
-  module.def(
-      "check_map",
-      [](const fs::path& file) { return without_lock([&] { return check_map(file); }); }, "file"_a,
-      "What is wrong with a map, a message each: none when it is sound.");
+  module.def("check_map", &check_map, nb::call_guard<Unlocked>(), "file"_a,
+             "What is wrong with a map, a message each: none when it is sound.");
   module.def(
       "merge_maps",
       [](const std::vector<fs::path>& maps, const fs::path& file) {
-        return without_lock([&] {
-          std::vector<std::string> damaged;
-          const int64_t places = merge_maps(
-              maps, file, [&](const std::string& message) { damaged.push_back(message); });
-          return std::pair(places, damaged);
-        });
+        std::vector<std::string> damaged;
+        const int64_t places =
+            merge_maps(maps, file, [&](const std::string& message) { damaged.push_back(message); });
+        return std::pair(places, damaged);
       },
-      "maps"_a, "file"_a,
+      nb::call_guard<Unlocked>(), "maps"_a, "file"_a,
       "Puts the places of all maps into a new one. Returns how many there are, and a message for "
       "each that could not be read and was left out.");
 }

@@ -120,63 +120,52 @@ void bind_recognizer(nb::module_& module) {
           "Raises InputError when the map was made with another feature.")
       .def(
           "describe",
-          [](const Recognizer& self, nb::handle points) {
+          [](const Recognizer& self, PointsArgument points) {
             const GivenPoints given(points);
             return without_lock([&] { return self.describe(given.view()); });
           },
-          "points"_a, nb::sig("def describe(self, points: " REVISIT_POINTS ") -> Description"),
+          "points"_a,
           "What a scan looks like: points in the sensor's frame [m]. A scan that cannot be "
           "described is no error.")
       .def(
           "query",
           [](const Recognizer& self, const Description& scan, const std::vector<int64_t>& without) {
-            return without_lock([&] { return self.query(scan, without); });
+            return self.query(scan, without);
           },
-          "scan"_a, "without"_a = std::vector<int64_t>(),
+          nb::call_guard<Unlocked>(), "scan"_a, "without"_a = std::vector<int64_t>(),
           "The best place but those at the positions `without`, which are of the same "
           "moment; None when there is none or the scan was not described.")
       .def(
           "add",
           [](Recognizer& self, const Description& scan, const std::string& drive, int64_t frame,
-             std::optional<double> time, nb::handle pose) {
+             std::optional<double> time, PoseArgument pose) {
             StoredPlace place{
                 .drive = drive, .frame = frame, .time = time, .pose = pose_from(pose)};
             return without_lock([&] { return self.add(scan, std::move(place)); });
           },
           "scan"_a, nb::kw_only(), "drive"_a = "", "frame"_a = 0, "time"_a = nb::none(),
           "pose"_a = nb::none(),
-          nb::sig(
-              "def add(self, scan: Description, *, drive: str = '', frame: int = 0, time: float "
-              "| None = None, pose: numpy.typing.NDArray[numpy.float64] | None = None) -> int"),
           "Adds a place and returns its position. `pose`: T_world_sensor, float64 [4][4].")
       .def(
           "remove",
           [](Recognizer& self, const std::vector<int64_t>& positions) {
-            return without_lock([&] { return self.remove(positions); });
+            return self.remove(positions);
           },
-          "positions"_a,
+          nb::call_guard<Unlocked>(), "positions"_a,
           "Removes the places at these positions, from the map, too: no query answers with them. "
           "The "
           "others keep their positions. Returns how many had not been removed.")
-      .def("__len__",
-           [](const Recognizer& self) { return without_lock([&] { return self.size(); }); })
-      .def_prop_ro(
-          "threshold",
-          [](const Recognizer& self) { return without_lock([&] { return self.threshold(); }); })
+      .def("__len__", &Recognizer::size, nb::call_guard<Unlocked>())
+      .def_prop_ro("threshold", &Recognizer::threshold, nb::call_guard<Unlocked>())
       .def_prop_ro("warnings", &Recognizer::warnings, "Of places that could not be read.")
+      .def("refresh", &Recognizer::refresh, nb::call_guard<Unlocked>(),
+           "Takes in what others have added to the map, and out what they have removed.")
+      .def("refresh_on_news", &Recognizer::refresh_on_news, nb::call_guard<Unlocked>(),
+           "The same when the map says that there is something.")
       .def(
-          "refresh", [](Recognizer& self) { without_lock([&] { self.refresh(); }); },
-          "Takes in what others have added to the map, and out what they have removed.")
-      .def(
-          "refresh_on_news",
-          [](Recognizer& self) { without_lock([&] { self.refresh_on_news(); }); },
-          "The same when the map says that there is something.")
-      .def(
-          "calibrate",
-          [](Recognizer& self, double threshold) {
-            without_lock([&] { self.calibrate(threshold); });
-          },
-          "threshold"_a, "Keeps the threshold in the map, in the place of a calibration.")
+          "calibrate", [](Recognizer& self, double threshold) { self.calibrate(threshold); },
+          nb::call_guard<Unlocked>(), "threshold"_a,
+          "Keeps the threshold in the map, in the place of a calibration.")
       .def_static(
           "identity_of",
           [](const FeatureExtractor& extractor, const std::string& align,

@@ -7,7 +7,7 @@ NB_MODULE(_core, core) {
   core.doc() = "What revisit's C++ libraries offer to Python: a module a library.";
   core.attr("__version__") = REVISIT_VERSION;
   translate_errors();
-  wait_for_calls_at_exit();
+  wait_for_threads_at_exit();
 
   const auto library = [&](const char* name, const char* doc, void (*bind)(nb::module_&)) {
     nb::module_ module = core.def_submodule(name, doc);

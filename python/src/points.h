@@ -12,6 +12,10 @@
 /// Scans between C++ and numpy.
 namespace revisit::python {
 
+struct AnyPoints;
+/// An argument for GivenPoints: what else is given there is refused by its message.
+using PointsArgument = nb::typed<nb::handle, AnyPoints>;
+
 /// The points of a scan as somebody gave them:
 ///   - float32 [n][3 or more], the columns being x, y, z;
 ///   - a structured array [n] with float32 fields x, y, z, as of a PointCloud2;
@@ -44,9 +48,12 @@ class GivenPoints {
 /// float32 [n][4]: x, y, z, intensity. It owns the cloud.
 FloatArray array_of(pipeline::PointCloud cloud);
 
-/// The type of a scan, in signatures of functions.
-#define REVISIT_POINTS                                                        \
-  "numpy.typing.NDArray | tuple[numpy.typing.NDArray, numpy.typing.NDArray, " \
-  "numpy.typing.NDArray]"
-
 }  // namespace revisit::python
+
+/// The name of the type in signatures of functions; there are no such objects.
+template <>
+struct nanobind::detail::type_caster<revisit::python::AnyPoints> {
+  static constexpr auto Name = const_name(
+      "numpy.typing.NDArray | tuple[numpy.typing.NDArray, numpy.typing.NDArray, "
+      "numpy.typing.NDArray]");
+};

@@ -16,6 +16,9 @@ inline std::optional<Matrix4d> matrix_of(const std::optional<Eigen::Isometry3d>&
   return Matrix4d(pose->matrix());
 }
 
+/// An argument for pose_from().
+using PoseArgument = nb::typed<nb::handle, nb::ndarray<nb::numpy, double>>;
+
 /// Throws nb::type_error for anything but a float64 array, nb::value_error for another shape and
 /// for anything but a rigid motion. None: there is no pose.
 std::optional<Eigen::Isometry3d> pose_from(nb::handle matrix);

@@ -12,6 +12,7 @@
 #include "arrays.h"
 #include "listener.h"
 #include "module.h"
+#include "record.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
@@ -88,7 +89,8 @@ void set_blobs(caffe::LayerParameter& layer, nb::handle arrays) {
 }
 
 /// Gives layers their arrays, by name.
-void set_weights(NetFile& file, const nb::dict& weights) {
+void set_weights(NetFile& file,
+                 const nb::typed<nb::dict, nb::str, nb::typed<nb::sequence, FloatArray>>& weights) {
   for (const auto& [key, arrays] : weights) {
     const std::string name = name_from(key, "weights");
     std::vector<std::string> names;
@@ -147,8 +149,6 @@ void bind_net_file(nb::module_& module) {
           },
           "Name and type of each layer.")
       .def("set_weights", &set_weights, "weights"_a,
-           nb::sig("def set_weights(self, weights: dict[str, "
-                   "Sequence[numpy.typing.NDArray[numpy.float32]]]) -> None"),
            "Gives layers their arrays (float32, C order), by name; the others keep theirs.")
       .def(
           "text", [](const NetFile& file) { return proto::net_text(file.net); }, "As prototxt.")
@@ -169,30 +169,28 @@ void bind_net_file(nb::module_& module) {
       "read_net",
       [](const fs::path& prototxt, bool allow_unknown_fields, bool keep_training,
          const std::optional<Limits>& limits) {
-        const auto options = read_options(allow_unknown_fields, keep_training, limits);
-        return without_lock([&] { return proto::read_net(prototxt, options); });
+        return proto::read_net(prototxt, read_options(allow_unknown_fields, keep_training, limits));
       },
-      "prototxt"_a, nb::kw_only(), "allow_unknown_fields"_a = false, "keep_training"_a = false,
-      "limits"_a = nb::none(),
+      nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "allow_unknown_fields"_a = false,
+      "keep_training"_a = false, "limits"_a = nb::none(),
       "Reads a prototxt of any generation, upgrades it and takes out what the TEST phase runs.\n\n"
       "keep_training: nothing is taken out.");
   module.def(
       "parse_net",
       [](const std::string& text, const std::string& name, bool allow_unknown_fields,
          bool keep_training, const std::optional<Limits>& limits) {
-        const auto options = read_options(allow_unknown_fields, keep_training, limits);
-        return without_lock([&] { return proto::parse_net(text, name, options); });
+        return proto::parse_net(text, name,
+                                read_options(allow_unknown_fields, keep_training, limits));
       },
-      "text"_a, "name"_a = "<prototxt>", nb::kw_only(), "allow_unknown_fields"_a = false,
-      "keep_training"_a = false, "limits"_a = nb::none(),
+      nb::call_guard<Unlocked>(), "text"_a, "name"_a = "<prototxt>", nb::kw_only(),
+      "allow_unknown_fields"_a = false, "keep_training"_a = false, "limits"_a = nb::none(),
       "The same for text; `name` stands for the path in messages.");
   module.def(
       "read_net_binary",
       [](const fs::path& file, const std::optional<Limits>& limits) {
-        return without_lock(
-            [&] { return proto::read_net_binary(file, limits.value_or(Limits())); });
+        return proto::read_net_binary(file, limits.value_or(Limits()));
       },
-      "file"_a, nb::kw_only(), "limits"_a = nb::none(),
+      nb::call_guard<Unlocked>(), "file"_a, nb::kw_only(), "limits"_a = nb::none(),
       "Reads a caffemodel whole, weights included, and upgrades it.");
   module.def(
       "parse_net_binary",
@@ -248,19 +246,12 @@ void bind_weights(nb::module_& module) {
 }  // namespace
 
 void bind_proto(nb::module_& module) {
-  nb::class_<Limits>(module, "Limits",
-                     "What a file may ask for before it is refused, so that a damaged one cannot "
-                     "take the machine's memory.")
-      .def(
-          "__init__",
-          [](Limits* self, int64_t text_bytes, int64_t weight_bytes, int64_t layers) {
-            new (self) Limits{text_bytes, weight_bytes, layers};
-          },
-          nb::kw_only(), "text_bytes"_a = Limits().text_bytes,
-          "weight_bytes"_a = Limits().weight_bytes, "layers"_a = Limits().layers)
-      .def_ro("text_bytes", &Limits::text_bytes)
-      .def_ro("weight_bytes", &Limits::weight_bytes)
-      .def_ro("layers", &Limits::layers);
+  bind_record<Limits>(
+      module, "Limits",
+      "What a file may ask for before it is refused, so that a damaged one cannot "
+      "take the machine's memory.",
+      [](const Limits&) {}, Field{"text_bytes", &Limits::text_bytes},
+      Field{"weight_bytes", &Limits::weight_bytes}, Field{"layers", &Limits::layers});
   bind_net_file(module);
   bind_weights(module);
   module.def("write_atomically", &write_chunks, "path"_a, "chunks"_a,

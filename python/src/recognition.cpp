@@ -7,6 +7,7 @@
 #include "listener.h"
 #include "module.h"
 #include "points.h"
+#include "record.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/cosine.h"
 #include "revisit/recognition/feature.h"
@@ -25,65 +26,36 @@ FloatArray array_of_image(RangeImage image) {
   return array_of(std::move(image.pixels), shape);
 }
 
-std::string text_of(const ImageGeometry& g) {
-  return str("ImageGeometry(width=", g.width, ", height=", g.height,
-             ", elevation_top=", g.elevation_top, ", elevation_bottom=", g.elevation_bottom,
-             ", max_range=", g.max_range, ", closing_width=", g.closing_width,
-             ", closing_height=", g.closing_height, ")");
-}
-
 void bind_images(nb::module_& module) {
-  nb::class_<ImageGeometry>(
+  bind_record<ImageGeometry>(
       module, "ImageGeometry",
       "The panorama a sensor is projected to: pixels, elevations of its edges "
       "[deg], the range [m] of pixel value 255, the rectangle that holes are "
-      "closed with [deg].")
-      .def(
-          "__init__",
-          [](ImageGeometry* self, int width, int height, double elevation_top,
-             double elevation_bottom, double max_range, double closing_width,
-             double closing_height) {
-            const ImageGeometry geometry{width,     height,        elevation_top, elevation_bottom,
-                                         max_range, closing_width, closing_height};
-            check_geometry(geometry);
-            new (self) ImageGeometry(geometry);
-          },
-          nb::kw_only(), "width"_a = ImageGeometry().width, "height"_a = ImageGeometry().height,
-          "elevation_top"_a = ImageGeometry().elevation_top,
-          "elevation_bottom"_a = ImageGeometry().elevation_bottom,
-          "max_range"_a = ImageGeometry().max_range,
-          "closing_width"_a = ImageGeometry().closing_width,
-          "closing_height"_a = ImageGeometry().closing_height)
-      .def_ro("width", &ImageGeometry::width)
-      .def_ro("height", &ImageGeometry::height)
-      .def_ro("elevation_top", &ImageGeometry::elevation_top)
-      .def_ro("elevation_bottom", &ImageGeometry::elevation_bottom)
-      .def_ro("max_range", &ImageGeometry::max_range)
-      .def_ro("closing_width", &ImageGeometry::closing_width)
-      .def_ro("closing_height", &ImageGeometry::closing_height)
-      .def("__repr__", &text_of);
+      "closed with [deg].",
+      check_geometry, Field{"width", &ImageGeometry::width},
+      Field{"height", &ImageGeometry::height},
+      Field{"elevation_top", &ImageGeometry::elevation_top},
+      Field{"elevation_bottom", &ImageGeometry::elevation_bottom},
+      Field{"max_range", &ImageGeometry::max_range},
+      Field{"closing_width", &ImageGeometry::closing_width},
+      Field{"closing_height", &ImageGeometry::closing_height});
   module.def(
       "project",
-      [](nb::handle points, const ImageGeometry& geometry) {
+      [](PointsArgument points, const ImageGeometry& geometry) {
         const PointCloud cloud = GivenPoints(points).cloud();
         return array_of_image(without_lock([&] { return project(cloud, geometry); }));
       },
       "points"_a, "geometry"_a = ImageGeometry(),
-      nb::sig("def project(points: " REVISIT_POINTS
-              ", geometry: ImageGeometry = ...) -> numpy.typing.NDArray[numpy.float32]"),
       "The range image [height][width] of a scan as it lies: 0 (no return) to 255 (max_range or "
       "farther). Column 0 looks backwards, azimuth falls with the column.");
   module.def(
       "scan_to_image",
-      [](nb::handle points, const std::string& align, const ImageGeometry& geometry) {
+      [](PointsArgument points, const std::string& align, const ImageGeometry& geometry) {
         const PointCloud cloud = GivenPoints(points).cloud();
         const AlignCase mode = parse_align_case(align);
         return array_of_image(without_lock([&] { return scan_to_image(cloud, mode, geometry); }));
       },
       "points"_a, "align"_a = "none", "geometry"_a = ImageGeometry(),
-      nb::sig("def scan_to_image(points: " REVISIT_POINTS
-              ", align: str = 'none', geometry: ImageGeometry = ...) -> "
-              "numpy.typing.NDArray[numpy.float32]"),
       "The image that features see: aligned ('none', 'case1' or 'case2'), projected, holes "
       "closed.");
 }
@@ -111,13 +83,12 @@ void bind_sensors(nb::module_& module) {
              "The image of a sensor. UsageError naming the nearest for an unknown one.");
   module.def(
       "find_sensor",
-      [](const nb::list& scans) {
+      [](const nb::typed<nb::list, PointsArgument>& scans) {
         std::vector<PointCloud> clouds;
         for (const nb::handle scan : scans) clouds.push_back(GivenPoints(scan).cloud());
         return without_lock([&] { return find_sensor(clouds); });
       },
-      "scans"_a, nb::sig("def find_sensor(scans: list[" REVISIT_POINTS "]) -> SensorFound"),
-      "Tells the sensor from some scans of it.");
+      "scans"_a, "Tells the sensor from some scans of it.");
 }
 
 void bind_alignment(nb::module_& module) {
@@ -134,14 +105,12 @@ void bind_alignment(nb::module_& module) {
       .def_ro("yaw", &Alignment::yaw, "Of x' in the sensor's frame [rad], counter-clockwise.");
   module.def(
       "principal_alignment",
-      [](nb::handle points, const std::string& align) {
+      [](PointsArgument points, const std::string& align) {
         const PointCloud cloud = GivenPoints(points).cloud();
         const AlignCase mode = parse_align_case(align);
         return without_lock([&] { return principal_alignment(cloud, mode); });
       },
       "points"_a, "align"_a = "case1",
-      nb::sig("def principal_alignment(points: " REVISIT_POINTS
-              ", align: str = 'case1') -> Alignment"),
       "The principal directions of a scan. InputError for fewer than 3 usable points.");
 }
 
@@ -155,7 +124,7 @@ void bind_recognition(nb::module_& module) {
   bind_pca(module);
   module.def(
       "cosine",
-      [](nb::handle a, nb::handle b) {
+      [](GivenFloats a, GivenFloats b) {
         const auto x = contiguous_floats(a, "a"), y = contiguous_floats(b, "b");
         if (x.ndim() != 1 || y.ndim() != 1 || x.shape(0) != y.shape(0))
           throw value_error(str("cosine: expected two vectors of one length, found ",
@@ -163,10 +132,7 @@ void bind_recognition(nb::module_& module) {
         const std::span<const float> u(x.data(), x.size()), v(y.data(), y.size());
         return cosine(u, length_of(u), v, length_of(v));
       },
-      "a"_a, "b"_a,
-      nb::sig("def cosine(a: numpy.typing.NDArray[numpy.float32], b: "
-              "numpy.typing.NDArray[numpy.float32]) -> float"),
-      "Of two vectors of float32, in double precision; 0 when one of them is zero.");
+      "a"_a, "b"_a, "Of two vectors of float32, in double precision; 0 when one of them is zero.");
 }
 
 }  // namespace revisit::python

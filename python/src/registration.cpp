@@ -9,6 +9,7 @@
 #include "module.h"
 #include "points.h"
 #include "poses.h"
+#include "record.h"
 #include "revisit/recognition/optional_library.h"
 
 namespace revisit::python {
@@ -33,42 +34,27 @@ ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)
 }  // namespace
 
 void bind_registration(nb::module_& module) {
-  nb::class_<RegistrationOptions>(module, "RegistrationOptions")
-      .def(
-          "__init__",
-          [](RegistrationOptions* self, double voxel, double max_range, double reach,
-             double max_distance, double inlier_distance, double least_inliers,
-             double least_constraint) {
-            new (self)
-                RegistrationOptions{voxel,           max_range,     reach,           max_distance,
-                                    inlier_distance, least_inliers, least_constraint};
-          },
-          nb::kw_only(), "voxel"_a = RegistrationOptions().voxel,
-          "max_range"_a = RegistrationOptions().max_range, "reach"_a = RegistrationOptions().reach,
-          "max_distance"_a = RegistrationOptions().max_distance,
-          "inlier_distance"_a = RegistrationOptions().inlier_distance,
-          "least_inliers"_a = RegistrationOptions().least_inliers,
-          "least_constraint"_a = RegistrationOptions().least_constraint, "All but shares in [m].")
-      .def_ro("voxel", &RegistrationOptions::voxel)
-      .def_ro("max_range", &RegistrationOptions::max_range)
-      .def_ro("reach", &RegistrationOptions::reach)
-      .def_ro("max_distance", &RegistrationOptions::max_distance)
-      .def_ro("inlier_distance", &RegistrationOptions::inlier_distance)
-      .def_ro("least_inliers", &RegistrationOptions::least_inliers)
-      .def_ro("least_constraint", &RegistrationOptions::least_constraint);
+  const auto checked_later = [](const RegistrationOptions&) {};
+  bind_record<RegistrationOptions>(
+      module, "RegistrationOptions", "All but shares in [m].", checked_later,
+      Field{"voxel", &RegistrationOptions::voxel},
+      Field{"max_range", &RegistrationOptions::max_range},
+      Field{"reach", &RegistrationOptions::reach},
+      Field{"max_distance", &RegistrationOptions::max_distance},
+      Field{"inlier_distance", &RegistrationOptions::inlier_distance},
+      Field{"least_inliers", &RegistrationOptions::least_inliers},
+      Field{"least_constraint", &RegistrationOptions::least_constraint});
   nb::class_<PreparedScan>(
       module, "PreparedScan",
       "A scan thinned, with its search tree and normals: as query and as place.",
       nb::is_weak_referenceable())
       .def(
           "__init__",
-          [](PreparedScan* self, nb::handle points, const RegistrationOptions& options) {
+          [](PreparedScan* self, PointsArgument points, const RegistrationOptions& options) {
             const PointCloud cloud = GivenPoints(points).cloud();
             without_lock([&] { new (self) PreparedScan(cloud, options); });
           },
-          "points"_a, "options"_a = RegistrationOptions(),
-          nb::sig("def __init__(self, points: " REVISIT_POINTS
-                  ", options: RegistrationOptions = ...) -> None"))
+          "points"_a, "options"_a = RegistrationOptions())
       .def("__len__", &PreparedScan::size)
       .def_prop_ro(
           "points", [](nb::handle self) { return rows_of(&PreparedScan::points, self); },

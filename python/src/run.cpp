@@ -95,17 +95,15 @@ void bind_run(nb::module_& module) {
           "over forward passes.")
       .def(
           "set_input",
-          [](nb::handle self, const std::string& name, nb::handle values) {
+          [](nb::handle self, const std::string& name, GivenFloats values) {
             run_of(self).alone([&](engine::Run& run) { set_input(run, self, name, values); });
           },
           "name"_a, "values"_a,
           "Copies an array of float32 of exactly the input's shape, with any strides. Raises "
-          "TypeError for another type, ValueError for another shape.",
-          nb::sig("def set_input(self, name: str, values: numpy.typing.NDArray[numpy.float32]) -> "
-                  "None"))
+          "TypeError for another type, ValueError for another shape.")
       .def(
           "forward",
-          [](nb::handle self, const nb::dict& inputs) {
+          [](nb::handle self, const nb::typed<nb::dict, nb::str, FloatArray>& inputs) {
             run_of(self).alone([&](engine::Run& run) {
               for (const auto& [name, values] : inputs)
                 set_input(run, self, name_from(name, "inputs"), values);
@@ -113,8 +111,6 @@ void bind_run(nb::module_& module) {
             });
           },
           "inputs"_a = nb::dict(),
-          nb::sig("def forward(self, inputs: dict[str, "
-                  "numpy.typing.NDArray[numpy.float32]] = {}) -> None"),
           "One pass. `inputs` are set before, as set_input() does; the others stay as they are.")
       .def("output", &output_of, "name"_a,
            "An output of the net, read-only: the run's own memory, which the next pass overwrites; "

@@ -9,17 +9,11 @@
 ///
 /// When the interpreter ends, CPython before 3.14 ends every other thread that asks for the lock,
 /// by unwinding its frames, ours among them. So a thread that asks for it in here stays where it is
-/// instead, as it does from 3.14 on. And the interpreter waits, before it ends and before the
-/// process does, until none is in C++. Ctrl-C ends the wait.
+/// instead, as it does from 3.14 on. And the process waits before it ends until none is in C++.
 namespace revisit::python {
 
 /// Whether it has begun to end: the work of other threads is to stop.
 bool interpreter_ends();
-
-struct CallCount {
-  std::atomic<int> working = 0;  // calls of which no thread is in Python
-  std::atomic<int> asking = 0;   // threads of them that ask for the lock
-};
 
 /// Gives the lock away.
 class Unlocked {
@@ -33,10 +27,6 @@ class Unlocked {
   friend class Locked;
   void leave();  // C++, for Python: one of its threads
   void enter();
-  template <class Take>
-  auto locked_by(const Take& take);
-
-  CallCount& count_;
   std::atomic<int> in_python_ = 0;
   PyThreadState* state_;
 };
@@ -80,6 +70,6 @@ nanobind::object call(nanobind::handle function, const Arguments&... arguments) 
 }
 
 /// To be called when the module is made.
-void wait_for_calls_at_exit();
+void wait_for_threads_at_exit();
 
 }  // namespace revisit::python

@@ -39,10 +39,8 @@ class Result(NamedTuple):
 
 def is_typed(error) -> bool:
     from revisit.errors import Error
-    if isinstance(error, Error) or type(error).__module__ in ('revisit.conversion.errors', 'conversion.errors'):
+    if isinstance(error, (Error, MemoryError)):  # numpy's MemoryError names the array
         return True
-    if isinstance(error, MemoryError):
-        return True  # numpy's names the array
     return isinstance(error, (TypeError, ValueError)) and len(str(error)) > 8
 
 

@@ -2,9 +2,9 @@
 """Attacks the Python package and the commands: arrays, lifetimes, threads, files of strangers, and surroundings.
 
 Each case is a child process with a time-out and a memory limit. A fault: death by a signal, no end, memory far beyond the
-input, an error of no type of revisit.errors (nor a plain TypeError or ValueError), a wrong answer, a traceback of a command, a
-script in a report. Needs numpy, the package (PYTHONPATH) and the program (REVISIT_PROGRAM); what else is missing is skipped:
-rosbags, velodyne-decoder, small_gicp; for `converters` what tests/weights_conversion/requirements.txt names.
+input, an error of no type of revisit.errors (nor a plain TypeError or ValueError), a wrong answer, a traceback of a command.
+Needs numpy, the package (PYTHONPATH) and the program (REVISIT_PROGRAM); what else is missing is skipped: rosbags,
+velodyne-decoder, small_gicp; for `converters` what tests/weights_conversion/requirements.txt names.
 """
 
 import arrays
@@ -21,7 +21,7 @@ examples:
   build/venv/bin/python tests/attacks/python.py recordings --case 'mcap: damaged 7' --seed 4 -v    # one case again
 """
 SECTIONS = {'arrays': arrays.cases, 'lifetimes': memory.lifetimes, 'threads': memory.threads, 'recordings': strangers.recordings,
-            'converters': strangers.converters, 'report': strangers.reports, 'environment': surroundings.cases}
+            'converters': strangers.converters, 'environment': surroundings.cases}
 
 if __name__ == '__main__':
     harness.run(SECTIONS, __doc__, EXAMPLES)

@@ -26,30 +26,28 @@ def drive(folder, name=b'drive', n=3):
     return path
 
 
-def words_of(folder, name=b'drive'):
-    """What each of the commands does here: name -> (words, the file that it writes)."""
-    path = drive(folder, name)
+ALL = ['--sensor', 'hdl64', '--all', '--exclusion', 'frames=1', '--threshold', '0.3']
+COMMANDS = {  # its words, of a folder and a drive in it
+    'revisit loops': lambda folder, path: [REVISIT, 'loops', path, *ALL],
+    'revisit describe': lambda folder, path: [REVISIT, 'describe', path, '--feature', 'm2dp', '-o', folder / 'out.npy'],
+    'revisit image': lambda folder, path: [REVISIT, 'image', path / '000000.bin', '-o', folder / 'o.png'],
+    'revisit --help': lambda folder, path: [REVISIT, '--help'],
+    'revisit doctor': lambda folder, path: [REVISIT, 'doctor'],
+    'revisit-loops': lambda folder, path: [*LOOPS, path, *ALL],
+    'revisit-loops --format jsonl': lambda folder, path: [*LOOPS, path, *ALL, '--format', 'jsonl'],
+    'revisit-loops -o': lambda folder, path: [*LOOPS, path, *ALL, '-o', folder / 'o.csv'],
+    'revisit-loops --report': lambda folder, path: [*LOOPS, path, *ALL, '--report', folder / 'o.html'],
+    'revisit-loops --map': lambda folder, path: [*LOOPS, path, *ALL, '--map', folder / 'o.map'],
+    'revisit-loops --help': lambda folder, path: [*LOOPS, '--help'],
+    'revisit-convert mean': lambda folder, path: [*CONVERT, 'mean', folder / 'mean.npy', folder / 'o.binaryproto'],
+    'revisit-convert --help': lambda folder, path: [*CONVERT, '--help'],
+}
+
+
+def words_of(command_name, folder, name=b'drive'):
+    """A command, and what it reads."""
     mean('.npy')(folder)
-    loops = ['--sensor', 'hdl64', '--all', '--exclusion', 'frames=1', '--threshold', '0.3']
-    return {
-        'revisit loops': [REVISIT, 'loops', path,
-                          *loops], 'revisit describe': [REVISIT, 'describe', path, '--feature', 'm2dp', '-o', folder / 'out.npy'],
-        'revisit image': [REVISIT, 'image', path / '000000.bin', '-o',
-                          folder / 'o.png'], 'revisit --help': [REVISIT, '--help'], 'revisit doctor': [REVISIT, 'doctor'],
-        'revisit-loops': [*LOOPS, path, *loops], 'revisit-loops --format jsonl': [*LOOPS, path, *loops, '--format', 'jsonl'],
-        'revisit-loops -o': [*LOOPS, path, *loops, '-o',
-                             folder / 'o.csv'], 'revisit-loops --report': [*LOOPS, path, *loops, '--report', folder / 'o.html'],
-        'revisit-loops --map': [*LOOPS, path, *loops, '--map', folder / 'o.map'], 'revisit-loops --help': [*LOOPS, '--help'],
-        'revisit-convert mean': [*CONVERT, 'mean', folder / 'mean.npy',
-                                 folder / 'o.binaryproto'], 'revisit-convert --help': [*CONVERT, '--help']
-    }
-
-
-NAMES = [
-    'revisit loops', 'revisit describe', 'revisit image', 'revisit --help', 'revisit doctor', 'revisit-loops',
-    'revisit-loops --format jsonl', 'revisit-loops -o', 'revisit-loops --report', 'revisit-loops --map', 'revisit-loops --help',
-    'revisit-convert mean', 'revisit-convert --help'
-]
+    return COMMANDS[command_name](folder, drive(folder, name))
 
 
 def surrounded(name, fine=False, **options):
@@ -59,7 +57,7 @@ def surrounded(name, fine=False, **options):
         environment = {**os.environ, **more.pop('env', {})}
         for key in [key for key, value in environment.items() if value is None]:
             del environment[key]
-        done = command(words_of(folder)[name], env=environment, cwd=folder, **more)
+        done = command(words_of(name, folder), env=environment, cwd=folder, **more)
         if fine and done.returncode:
             raise Fault(f'exit code {done.returncode}: {done.stderr.decode(errors="replace")}')
         if done.returncode:
@@ -100,7 +98,7 @@ def full_output(name):
     """What is printed cannot be written: that is a failure, said once."""
     def work(rng, folder):
         with open('/dev/full', 'wb') as sink:
-            done = command(words_of(folder)[name], stdout=sink, cwd=folder)
+            done = command(words_of(name, folder), stdout=sink, cwd=folder)
         if done.returncode == 0 and name not in ('revisit-loops -o', 'revisit-loops --report', 'revisit describe', 'revisit image'):
             raise Fault('says that it succeeded, and what it printed is lost')
         raise ValueError(done.stderr.decode(errors='replace') or 'nothing to say')
@@ -113,7 +111,7 @@ def gone_reader(name):
         reads, writes = os.pipe()
         os.close(reads)
         try:
-            done = command(words_of(folder)[name], stdout=writes, cwd=folder, codes=(0, 1, 2, 3, 4, 5, 6, 141, -13), must_say=False)
+            done = command(words_of(name, folder), stdout=writes, cwd=folder, codes=(0, 1, 2, 3, 4, 5, 6, 141, -13), must_say=False)
         finally:
             os.close(writes)
         if done.stderr.strip() and b'roken pipe' in done.stderr:
@@ -123,7 +121,7 @@ def gone_reader(name):
 
 def named(name, odd, environment):
     def work(rng, folder):
-        done = command(words_of(folder, odd)[name], env={**os.environ, **environment}, cwd=folder)
+        done = command(words_of(name, folder, odd), env={**os.environ, **environment}, cwd=folder)
         if done.returncode not in (0, 6):
             raise Fault(f'exit code {done.returncode}: {done.stderr.decode(errors="replace")}')
         if b'\x1b[2J' in done.stderr or b'\x1b[2J' in done.stdout and b'jsonl' in name.encode():
@@ -164,9 +162,9 @@ def locales():
 
 def equal_in_locales(rng, folder):
     """The same numbers whatever the locale."""
-    words = words_of(folder)
     for name in ('revisit loops', 'revisit-loops'):
-        answers = {command(words[name], codes=(0,), env={**os.environ, 'LC_ALL': locale}, cwd=folder).stdout for locale in locales()}
+        words = words_of(name, folder, name.encode())
+        answers = {command(words, codes=(0,), env={**os.environ, 'LC_ALL': locale}, cwd=folder).stdout for locale in locales()}
         if len(answers) != 1:
             raise Fault(f'{name}: other output in another locale')
 
@@ -177,7 +175,7 @@ def read_only_home(folder):
 
 def cases():
     found = [Case('equal in locales', equal_in_locales)]
-    for name in NAMES:
+    for name in COMMANDS:
         for megabytes in (250, 400, 600, 800, 1200, 2000):  # below the libraries are not loaded
             if 'revisit ' in name or megabytes >= 500:  # below it Python and numpy cannot begin
                 found.append(Case(f'{name}: ulimit -v of {megabytes} MB', surrounded(name, preexec_fn=within(megabytes))))

@@ -124,9 +124,11 @@ class Checker:
         if name == 'revisit':
             return self.check_revisit(words[1:])
         if name == 'revisit-convert':
-            text = self.help_of(str(ROOT / 'weights_conversion' / 'revisit-convert'), *words[1:2])
-            unknown = self.unknown_options(text or '', words[2:])
-            return f'`revisit-convert {" ".join(words[1:2])}` has no {", ".join(unknown) or "help"}' if unknown or not text else None
+            text = (ROOT / 'weights_conversion/conversion/commands.py').read_text()
+            if f"\n    '{words[1]}': Command(" not in text:
+                return f'there is no `revisit-convert {words[1]}`'
+            unknown = self.unknown_options(text, words[2:])
+            return f'revisit-convert has no {", ".join(unknown)}' if unknown else None
         if name == 'revisit-loops':  # of the Python package, which need not be built
             text = (ROOT / 'python/revisit/loops/options.py').read_text()
             unknown = self.unknown_options(text, words[1:])

@@ -9,6 +9,7 @@ import numpy as np
 import caffe_needs  # noqa: F401
 
 import revisit.caffe as caffe
+from folders import FolderTest
 from revisit.caffe import io
 from revisit.caffe.proto import caffe_pb2
 
@@ -280,13 +281,11 @@ layer { name: "mean" type: "Pooling" bottom: "data" top: "mean" pooling_param { 
 """
 
 
-class Predicting(unittest.TestCase):
+class Predicting(FolderTest):
     """Nets whose output is the mean of each channel."""
 
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
+        super().setUp()
         (self.folder / 'net.prototxt').write_text(AVERAGE)
         self.files = (str(self.folder / 'net.prototxt'), None)
 

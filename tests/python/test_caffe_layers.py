@@ -1,16 +1,15 @@
 """Layers written in Python, in nets of revisit.caffe."""
 
 import sys
-import tempfile
 import types
 import unittest
-from pathlib import Path
 
 import caffe_needs  # noqa: F401
 import numpy as np
 
 import revisit
 import revisit.caffe as caffe
+from folders import FolderTest
 
 # x -> 2 x -> the rows with a positive sum, times what param_str says -> products with weights.
 NET = """
@@ -42,15 +41,13 @@ class Choose(caffe.Layer):
         raise AssertionError('nobody trains')
 
 
-class Layers(unittest.TestCase):
+class Layers(FolderTest):
     def setUp(self):
         module = types.ModuleType('test_caffe_layers_module')
         module.Choose, module.NoLayer, module.__file__ = Choose, dict, 'module.py'
         sys.modules[module.__name__] = module
         self.addCleanup(sys.modules.pop, module.__name__)
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
+        super().setUp()
 
     def net(self, text=NET, **options):
         (self.folder / 'net.prototxt').write_text(text)

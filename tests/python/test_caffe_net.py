@@ -2,7 +2,6 @@
 
 import gc
 import os
-import tempfile
 import unittest
 import warnings
 import weakref
@@ -14,6 +13,7 @@ import caffe_needs  # noqa: F401  ends here without protobuf
 
 import revisit
 import revisit.caffe as caffe
+from folders import FolderTest
 
 # x -> 2 x, in place max(x, 0), + 10; and a copy of it all beside it.
 CHAIN = """
@@ -42,12 +42,7 @@ X = np.array([[-1, 0, 1], [2, 3, -4]], np.float32)
 DOUBLE = np.array([[0, 0, 2], [4, 6, 0]], np.float32)
 
 
-class Scripts(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
-
+class Scripts(FolderTest):
     def write(self, text, name='net.prototxt'):
         path = self.folder / name
         path.write_text(text)

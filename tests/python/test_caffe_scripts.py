@@ -4,7 +4,6 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 import unittest
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import caffe_needs  # noqa: F401
 import numpy as np
 
 import revisit.caffe as caffe
+from folders import FolderTest
 
 try:
     from PIL import Image
@@ -39,11 +39,9 @@ print(len(net.layer), caffe.Net(sys.argv[1], caffe.TEST).blobs['prob'].shape, ne
 """
 
 
-class Scripts(unittest.TestCase):
+class Scripts(FolderTest):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
+        super().setUp()
         (self.folder / 'deploy.prototxt').write_text(NET)
 
     def run_python(self, *arguments):

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import revisit
+from folders import FolderTest
 from revisit import datasets, evaluation, recognition, simulation
 
 
@@ -161,13 +162,11 @@ class Drives(unittest.TestCase):
             evaluation.Trajectory([1, 0], positions[:2])
 
 
-class Pca(unittest.TestCase):
+class Pca(FolderTest):
     def setUp(self):
         random = np.random.default_rng(5)
         self.x = (random.normal(size=(40, 6)) * [9, 7, 5, 3, 2, 1] @ random.normal(size=(6, 300)) + 2).astype(np.float32)
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
+        super().setUp()
 
     def by_numpy(self, rows, components):
         mean = self.x[rows].mean(axis=0, dtype=np.float64)

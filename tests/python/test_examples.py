@@ -7,12 +7,12 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 import unittest
 from pathlib import Path
 
 import numpy as np
 
+from folders import FolderTest
 from nets import CONVOLVE
 from revisit import datasets, proto, simulation
 from revisit._core import registration as core
@@ -32,11 +32,9 @@ def run(name, *arguments):
     return done.stdout
 
 
-class Examples(unittest.TestCase):
+class Examples(FolderTest):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
+        super().setUp()
         self.prototxt = self.folder / 'net.prototxt'
         self.prototxt.write_text(CONVOLVE)
 

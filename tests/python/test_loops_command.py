@@ -19,6 +19,7 @@ import numpy as np
 
 import revisit
 from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
+from folders import FolderTest
 from revisit import datasets, poses, program, simulation
 from revisit._core import registration as core
 from revisit.loops import Exclusion, command, lines, progress
@@ -41,12 +42,7 @@ def run(*arguments):
     return code, out.getvalue(), said.getvalue()
 
 
-class Command(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
-
+class Command(FolderTest):
     def loops(self, *arguments, code=0):
         """The JSON lines."""
         left, out, said = run(*arguments, '--format', 'jsonl')
@@ -188,11 +184,11 @@ class Drives(Command):
             self.fails(1, 'pip install matplotlib', self.plain, '--plot', 'x.png')
         with mock.patch.dict(sys.modules, {'rerun': None}):
             self.fails(1, 'pip install rerun-sdk', self.plain, '--rerun')
-        with mock.patch('revisit.loops.show.program', lambda: None):
-            self.fails(1, 'the program revisit, which is not on PATH', self.plain, '--report', 'x.html')
+        with mock.patch.object(program.Path, 'with_name', lambda *_: self.folder), mock.patch.dict(os.environ, {'PATH': ''}):
+            self.fails(4, 'without the program `revisit`, and none is on PATH', self.plain, '--report', 'x.html')
         if PROGRAM:
             page = self.folder / 'loops.html'
-            with mock.patch('revisit.loops.show.program', lambda: PROGRAM):
+            with mock.patch.dict(os.environ, {'PATH': str(Path(PROGRAM).parent)}):
                 self.assertEqual(run(self.plain, *SAME_MOMENT, '--every', 5, '--report', page, '-q')[0], 0)
             self.assertIn('jsonl', page.read_text())
 

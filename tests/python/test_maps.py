@@ -4,11 +4,11 @@ import os
 import tempfile
 import threading
 import unittest
-from pathlib import Path
 
 import numpy as np
 
 import revisit
+from folders import FolderTest
 from revisit import datasets, maps, simulation
 from scans import room
 
@@ -87,11 +87,10 @@ class Recognising(unittest.TestCase):
         self.assertEqual(found, {seed: seed for seed in PLACES})
 
 
-class Maps(unittest.TestCase):
+class Maps(FolderTest):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.file = Path(folder.name) / 'town.map'
+        super().setUp()
+        self.file = self.folder / 'town.map'
 
     def test_outlive_the_recogniser(self):
         recognizer = filled(revisit.open_map(self.file, first_stretch=4))

@@ -1,12 +1,11 @@
 """revisit.poses: one trajectory in three forms and two frames is the same trajectory."""
 
-import tempfile
 import unittest
-from pathlib import Path
 
 import numpy as np
 
 import revisit
+from folders import FolderTest
 from revisit import poses
 
 N = 40
@@ -25,11 +24,9 @@ def horizontal(given):
     return np.hypot(apart[:, 0], apart[:, 2])
 
 
-class Poses(unittest.TestCase):
+class Poses(FolderTest):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
+        super().setUp()
         self.times = 100 + 0.1 * np.arange(N)
 
     def write(self, form, given):

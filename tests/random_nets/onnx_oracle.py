@@ -1,6 +1,6 @@
 """Random nets as ONNX models: does ONNX Runtime compute what the reference kernels of the engine do?
 
-  build/dev/conversion_venv/bin/python tests/random_nets/onnx_oracle.py build/dev/tests/revisit_random_nets
+  env PYTHONPATH=build/dev/python build/dev/conversion_venv/bin/python tests/random_nets/onnx_oracle.py build/dev/tests/revisit_random_nets
       [--minutes M] [--first-seed N] [--nets K]
 
 (`tests/weights_conversion/run.py` makes the virtual environment.) A fault is printed with its seed, and the exit code is 1.
@@ -30,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'weights_conversion
 from conversion import onnx_export, weights  # noqa: E402
 from conversion.errors import CheckFailed, UnsupportedError  # noqa: E402
 from conversion.graph import resolve, truncate  # noqa: E402
-from conversion.schema import raw_messages  # noqa: E402
+from revisit.caffe.proto import caffe_pb2  # noqa: E402
 
 BATCH = 20  # nets that one process writes
 HUNDREDTH = 0.01
@@ -61,8 +61,8 @@ class Case:
 
     def __init__(self, folder):
         self._folder = folder
-        net = raw_messages.NetParameter.FromString((folder / 'net.caffemodel').read_bytes())
-        self.blobs = weights.of_net(net)
+        net = caffe_pb2.NetParameter.FromString((folder / 'net.caffemodel').read_bytes())
+        self.blobs = weights.read(folder / 'net.caffemodel')
         end, graft = (folder / 'truncation.txt').read_text().splitlines()
         self.graph = truncate(resolve(net), end, graft)
         self.inputs, self.values, self.explained = [], [], []  # of each set of sizes

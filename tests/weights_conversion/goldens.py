@@ -5,7 +5,7 @@
 
 Each folder, or each folder in it, holds a prototxt, weights (if the net has some), in_BLOB.npy (or in.npy for the one input)
 and out_OUTPUT.npy; or it is one of golden/slim and golden/nets. The trunks of golden/nets are exported with another size than
-they run at. Needs revisit-convert's packages and REVISIT_PROGRAM; run.py's VENV has the packages.
+they run at. Needs the package `revisit` (PYTHONPATH) and those of run.py's VENV.
 """
 
 import json
@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'weights_conversion
 
 from conversion import compare, engine, onnx_export  # noqa: E402
 from conversion.__main__ import parser  # noqa: E402
-from conversion.errors import ConversionError  # noqa: E402
+from conversion.errors import Error  # noqa: E402
 
 
 def only(folder, *patterns):
@@ -43,10 +43,10 @@ def measure(prototxt, weights, inputs, outputs, truncation=(), example=None):
         onnx_export.export(options, file)
         arrays = {blob: np.load(path) for blob, path in inputs.items()}
         caffe = {name: np.load(path) for name, path in outputs.items()}
-        ours = engine.forward(prototxt, weights, arrays, *truncation[1::2])
+        ours = {name.replace('/', '_'): array for name, array in engine.forward(prototxt, weights, arrays, *truncation[1::2]).items()}
         model = onnx_export.Model(str(file))
         names = model.output_names()
-        found = {engine.file_name(name).removesuffix('.out'): array for name, array in model.run(arrays, names).items()}
+        found = {name.removesuffix('.out').replace('/', '_'): array for name, array in model.run(arrays, names).items()}
         return (max(compare.difference(found[name], array) for name, array in caffe.items()),
                 max(compare.difference(found[name], array) for name, array in ours.items()))
 
@@ -89,7 +89,7 @@ def main(folders):
             try:
                 caffe, ours = measure(*arguments)
                 print(f'| {name} | {caffe:.2g} | {ours:.2g} |', flush=True)
-            except ConversionError as error:
+            except Error as error:
                 print(f'| {name} | {error} | |', flush=True)
 
 

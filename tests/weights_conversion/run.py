@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Runs the tests of the converters (weights_conversion/conversion) in a virtual environment of their own.
 
-  tests/weights_conversion/run.py PROGRAM VENV [TEST...]
+  tests/weights_conversion/run.py PACKAGE VENV [TEST...]
 
-PROGRAM is `revisit`. VENV is made where it is not there, with requirements.txt; it is kept. Exit code 77: skipped, because the
-packages cannot be installed.
+PACKAGE is the folder of the package `revisit`, made for this interpreter. VENV is made where it is not there, with
+requirements.txt; it is kept. Exit code 77: skipped, because the packages cannot be installed.
 """
 
 import os
@@ -37,12 +37,11 @@ def python_of(venv):
 def main():
     if len(sys.argv) < 3:
         sys.exit(__doc__)
-    program, venv = sys.argv[1], Path(sys.argv[2]).resolve()
+    package, venv = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
     python = python_of(venv)
     if python is None:
         return SKIPPED
-    environment = os.environ | {'REVISIT_PROGRAM': str(Path(program).resolve()), 'PYTHONDONTWRITEBYTECODE': '1',
-                                'PYTHONPATH': str(HERE.parents[1] / 'weights_conversion')}
+    environment = os.environ | {'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONPATH': f'{package}:{HERE.parents[1] / "weights_conversion"}'}
     tests = sys.argv[3:] or ['discover', '--pattern', '*_test.py']
     return subprocess.run([python, '-m', 'unittest', *tests], cwd=HERE, env=environment).returncode
 

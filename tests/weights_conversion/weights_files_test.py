@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 
 from conversion import engine, means, npy, weights
-from conversion.schema import messages
+from revisit.caffe.proto import caffe_pb2 as messages
 from support import GOLDEN, ConversionTest, input_layer, layer, numbers
 
 TEXT = input_layer(1, 3, 5, 6) + layer('a/1x1', 'Convolution', parameters='convolution_param { num_output: 2 kernel_size: 1 }')
@@ -49,8 +49,8 @@ class Weights(ConversionTest):
             np.testing.assert_array_equal(file['data/a/1x1/0'], BLOBS['a/1x1'][0])
             self.assertEqual(file['data/a/1x1/1'].dtype, np.float32)
         inputs = {'data': numbers(1, 3, 5, 6)}
-        np.testing.assert_array_equal(engine.forward(self.prototxt, self.path('net.h5'), inputs)['a_1x1'],
-                                      engine.forward(self.prototxt, self.model, inputs)['a_1x1'])
+        np.testing.assert_array_equal(engine.forward(self.prototxt, self.path('net.h5'), inputs)['a/1x1'],
+                                      engine.forward(self.prototxt, self.model, inputs)['a/1x1'])
 
     def test_files_of_every_generation(self):
         """What Caffe computed with each is the same; so the arrays must be."""

@@ -5,7 +5,7 @@ import os
 import sys
 
 from . import commands
-from .errors import ConversionError
+from .errors import Error
 
 EPILOG = """\
 Exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 4 not supported (the message names layer and type);
@@ -63,7 +63,7 @@ def main(words=None):
     except BrokenPipeError:  # whoever read has gone, as `head` does
         write_no_more()
         return 1
-    except ConversionError as error:
+    except Error as error:
         return failed(error, error.code)
     except KeyboardInterrupt:
         return 130

@@ -1,34 +1,11 @@
-"""Errors that end a conversion. `code` is the exit code, with the meanings of the program `revisit`."""
+"""Errors that end a conversion: those of the package `revisit`, and one more. `code` is the exit code."""
+
+from revisit.errors import Error, InputError, UnsupportedError, UsageError
+
+__all__ = ['CheckFailed', 'Error', 'InputError', 'UnsupportedError', 'UsageError']
 
 
-class ConversionError(Exception):
-    """The work failed; the message is one line for a person."""
-
-    code = 1
-
-
-class UsageError(ConversionError):
-    """Something impossible was asked for."""
-
-    code = 2
-
-
-class InputError(ConversionError):
-    """A file is missing, damaged or not what was expected."""
-
-    code = 3
-
-
-class UnsupportedError(ConversionError):
-    """A sound network with something that the other format cannot say; names the layer and its type."""
-
-    code = 4
-
-
-class CheckFailed(ConversionError):
-    """What was written does not compute what it was made from."""
+class CheckFailed(Error):
+    """The network that was written does not compute what the original computes."""
 
     code = 5
-
-
-BY_CODE = {kind.code: kind for kind in (ConversionError, UsageError, InputError, UnsupportedError, CheckFailed)}

@@ -5,7 +5,7 @@ import tempfile
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from .errors import ConversionError, InputError, UsageError
+from .errors import Error, InputError, UsageError
 
 
 def existing(path):
@@ -42,4 +42,4 @@ def appearing(*paths):
             for part, path in zip(parts, paths):
                 os.replace(part, path)
     except OSError as error:
-        raise ConversionError(f'{paths[0]}: cannot write: {error.strerror or error}') from None
+        raise Error(f'{paths[0]}: cannot write: {error.strerror or error}') from None

@@ -41,7 +41,7 @@ def convert(options):
 
 def _by_place(net, outputs):
     """The outputs in the order of the net: folding may rename one."""
-    return {f'{i}': outputs[engine.file_name(name)] for i, (name, _) in enumerate(resolve(net).outputs)}
+    return {f'{i}': outputs[name] for i, (name, _) in enumerate(resolve(net).outputs)}
 
 
 def fold(net, blobs):

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import numpy as np
 import scipy.io
 
-from .errors import ConversionError, InputError, UnsupportedError
+from .errors import Error, InputError, UnsupportedError
 from .files import existing
 from .net_writer import NetWriter
 from .npy import check_unpacked
@@ -214,7 +214,7 @@ def convert(layers, input_shape, name):
             refuse(layer, 'two layers have this name')
         x = CONVERT[layer.type](net, layer, x)
     if len(net.net.layer) < 2:
-        raise ConversionError('the file holds no layers')
+        raise Error('the file holds no layers')
     return net
 
 

@@ -3,15 +3,16 @@
 import numpy as np
 from google.protobuf import text_format
 
+from revisit.caffe.proto import caffe_pb2
+
 from .errors import InputError
-from .schema import messages
 
 
 class NetWriter:
     """Layers are added at the end of a chain or after any blob. Methods return the blob that the layer writes."""
 
     def __init__(self, name, input_shape, blob='data'):
-        self.net, self.blobs = messages.NetParameter(name=name), {}
+        self.net, self.blobs = caffe_pb2.NetParameter(name=name), {}
         layer = self.net.layer.add(name=blob, type='Input', top=[blob])
         layer.input_param.shape.add(dim=input_shape)
 

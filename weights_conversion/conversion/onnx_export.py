@@ -9,7 +9,7 @@ import onnxruntime
 from onnx import TensorProto, helper
 
 from . import compare, engine, examples, weights
-from .errors import CheckFailed, ConversionError, InputError, UnsupportedError, UsageError
+from .errors import CheckFailed, Error, InputError, UnsupportedError, UsageError
 from .graph import resolve, truncate
 from .onnx_builder import IR_VERSION, OPSET, Builder
 from .onnx_layers import EMIT, Site
@@ -36,11 +36,11 @@ def export(options, out):
             return engine.forward(options.prototxt, file, arrays, **truncation)
 
         values = engine.layer_outputs(options.prototxt, file, inputs, **truncation)
-        values = {value: values[engine.file_name(port)] for layer in graph.layers
+        values = {value: values[port] for layer in graph.layers
                   for port, value in zip(layer.ports(), layer.outputs)}
         model, names = build(graph, blobs, values, inputs, options.fixed, options.float16)
         if model.ByteSize() > MOST_BYTES:
-            raise ConversionError(f'the model takes {model.ByteSize()} bytes, one ONNX file has at most 2^31-1; --float16 halves it')
+            raise Error(f'the model takes {model.ByteSize()} bytes, one ONNX file has at most 2^31-1; --float16 halves it')
         require_valid(model)
         onnx.save(model, out)
         if options.check:
@@ -164,7 +164,7 @@ def _check_outputs(file, graph, inputs, expected, options):
 def _named(graph, outputs):
     """The engine's outputs by the names that the model gives them."""
     inputs = examples.inputs_of(graph)
-    return {(f'{name}.out' if name in inputs else name): outputs[engine.file_name(name)] for name, _ in graph.outputs}
+    return {(f'{name}.out' if name in inputs else name): outputs[name] for name, _ in graph.outputs}
 
 
 def _larger(inputs):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from .errors import ConversionError, InputError
+from .errors import Error, InputError
 from .files import existing
 from .npy import read_npz
 
@@ -35,10 +35,10 @@ def _torch(path):
     try:
         import torch
     except ImportError:
-        raise ConversionError(f'{path}: reading it needs PyTorch (pip install torch); .safetensors and .npz do not') from None
+        raise Error(f'{path}: reading it needs PyTorch (pip install torch); .safetensors and .npz do not') from None
     major, minor = torch.__version__.split('.')[:2]
     if (int(major), int(minor)) < (2, 6):  # CVE-2025-32434: weights_only lets code through
-        raise ConversionError(f'{path}: before 2.6 PyTorch may run what such a file holds, and {torch.__version__} is '
+        raise Error(f'{path}: before 2.6 PyTorch may run what such a file holds, and {torch.__version__} is '
                               'installed (pip install -U torch); .safetensors and .npz do not need it')
     try:
         state = torch.load(path, map_location='cpu', weights_only=True)  # refuses everything but numbers

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from revisit.caffe import _caffemodel
+from revisit.caffe.proto import caffe_pb2
+
 from . import engine
-from .errors import CheckFailed, ConversionError, InputError, UsageError
+from .errors import CheckFailed, Error, InputError, UsageError
 from .files import existing
 from .npy import read_npz
-from .schema import raw_messages
 
 FLOAT16_MOST = float(np.finfo(np.float16).max)
 MOST_PROTOBUF_BYTES = 2**31 - 1
@@ -45,67 +47,25 @@ def read_with_types(path):
     path = existing(path)
     if is_npz(path):
         return _read_npz(path), {}
-    try:
-        net = engine.read_weights(path)
-        return of_net(net), {layer.name: layer.type for layer in net.layer}
-    except UnicodeDecodeError as error:
-        raise InputError(f'{path}: the name of a layer is not UTF-8 text: {error}') from None
-
-
-def of_net(net):
-    """The weights of a NetParameter of raw_messages."""
-    weights = {}
-    for layer in net.layer:
-        if layer.blobs:
-            weights[layer.name] = [_array(layer, i) for i in range(len(layer.blobs))]
-    return weights
-
-
-def _array(layer, index):
-    blob = layer.blobs[index]
-    legacy = any(blob.HasField(field) for field in ('num', 'channels', 'height', 'width'))
-    shape = [blob.num, blob.channels, blob.height, blob.width] if legacy else list(blob.shape.dim)
-    values = np.frombuffer(blob.double_data, '<f8') if blob.double_data else np.frombuffer(blob.data, '<f4')
-    if not values.size and blob.HasField('raw_data'):
-        values = _raw_values(layer, blob)
-    if values.size != np.prod(shape, dtype=np.int64):
-        raise InputError(f"layer '{layer.name}' has {values.size} numbers in an array of shape {shape}")
-    array = values.astype(np.float32).reshape(shape)
-    axes = LEGACY_AXES.get(layer.type)
-    if legacy and axes:
-        array = array.reshape(array.shape[4 - axes[min(index, 1)]:])
-    return array
-
-
-def _raw_values(layer, blob):
-    """What NVIDIA's fork and OpenCV's shrinkCaffeModel() write in the place of `data`."""
-    kinds = ('<f8', '<f4', '<f2')
-    if blob.raw_data_type not in range(len(kinds)):
-        raise InputError(f"layer '{layer.name}' has raw_data of raw_data_type {blob.raw_data_type}; expected 0, 1 or 2")
-    try:
-        return np.frombuffer(blob.raw_data, kinds[blob.raw_data_type])
-    except ValueError as error:
-        raise InputError(f"layer '{layer.name}', raw_data: {error}") from None
-
-
-def net_of(weights, types=None):
-    """A NetParameter of raw_messages with these weights. `types` {layer: type} are for people who look at the file."""
-    net = raw_messages.NetParameter()
+    weights, types = engine.read_weights(path)
     for name, arrays in weights.items():
-        layer = net.layer.add(name=name, type=(types or {}).get(name, ''))
-        for array in arrays:
-            blob = layer.blobs.add(data=np.ascontiguousarray(array, '<f4').tobytes())
-            blob.shape.dim.extend(array.shape)
-            blob.shape.SetInParent()
-    return net
+        if name != name.encode(errors='ignore').decode():
+            raise InputError(f'{path}: the name of a layer is not UTF-8 text: {name!r}')
+        axes = LEGACY_AXES.get(types.get(name))
+        for i, array in enumerate(arrays):
+            if axes and array.ndim == 4:
+                arrays[i] = array.reshape(array.shape[4 - axes[min(i, 1)]:])
+    return weights, types
 
 
 def write_caffemodel(path, weights, types=None):
-    """Writes weights as a caffemodel of the current format."""
+    """Writes weights as a caffemodel of the current format. `types` {layer: type} are for people who look at the file."""
     size = sum(array.size * 4 for arrays in weights.values() for array in arrays)
     if size > MOST_PROTOBUF_BYTES:
-        raise ConversionError(f'{size} bytes of weights do not fit into a caffemodel (2 GB at most); write .h5 or .npz')
-    Path(path).write_bytes(net_of(weights, types).SerializeToString())
+        raise Error(f'{size} bytes of weights do not fit into a caffemodel (2 GB at most); write .h5 or .npz')
+    layers = [(caffe_pb2.LayerParameter(name=name, type=(types or {}).get(name, '')), arrays) for name, arrays in weights.items()]
+    with Path(path).open('wb') as file:
+        file.writelines(_caffemodel.caffemodel('', layers))
 
 
 def write_h5(path, weights):
@@ -150,7 +110,7 @@ def to_float16(weights):
         for array in arrays:
             largest = np.abs(array[np.isfinite(array)]).max(initial=0)
             if largest > FLOAT16_MOST:
-                raise ConversionError(f"layer '{name}' has weights up to {largest:g}; float16 ends at {FLOAT16_MOST:g}")
+                raise Error(f"layer '{name}' has weights up to {largest:g}; float16 ends at {FLOAT16_MOST:g}")
     return {name: [array.astype(np.float16) for array in arrays] for name, arrays in weights.items()}
 
 
@@ -164,7 +124,7 @@ def write(path, weights, types=None):
 
 
 def for_engine(path, folder):
-    """A file of these weights that the program reads: the file itself, or a caffemodel in `folder`."""
+    """A file of these weights that the engine reads: the file itself, or a caffemodel in `folder`."""
     if not is_npz(path):
         return path
     file = Path(tempfile.mkdtemp(dir=folder)) / 'same.caffemodel'

@@ -30,9 +30,10 @@ def _field(number, chunks):
 
 
 def _blob(array):
-    array = np.ascontiguousarray(array, '<f4')
+    array = np.asarray(array, '<f4', order='C')
     head = caffe_pb2.BlobProto()
     head.shape.dim.extend(array.shape)
+    head.shape.SetInParent()  # also of a scalar
     return [head.SerializeToString(), *_field(_DATA, [memoryview(array.reshape(-1)).cast('B')])]
 
 

@@ -56,17 +56,6 @@ class Detector(Net):
             entry['prediction'] = prediction
         return found
 
-    def detect_selective_search(self, image_fnames):
-        """detect_windows() of windows that the MATLAB package selective_search_ijcv_with_python proposes."""
-        import os
-
-        import selective_search_ijcv_with_python as selective_search
-
-        files = [os.path.abspath(name) for name in image_fnames]
-        return self.detect_windows(
-            list(zip(files, selective_search.get_windows(files, cmd='selective_search_rcnn')))
-        )
-
     def crop(self, im, window):
         """The pixels of a window; with context_pad, of the net's input size with what surrounds it.
 

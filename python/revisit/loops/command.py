@@ -9,15 +9,16 @@ import tempfile
 import numpy as np
 
 import revisit
-from revisit import poses, recognition
-from revisit.errors import Error, InputError, Interrupted, UnsupportedError, UsageError
+from revisit import poses, program, recognition
+from revisit.errors import Error, InputError, UsageError
 from revisit.loops import lines, live, show
 from revisit.loops.options import parse
 from revisit.loops.progress import scans_told
 from revisit.loops.recognise import recognise
 from revisit.recordings import open_recording
+from revisit.report import write_report
 
-OK, FAILED, USAGE, INPUT, UNSUPPORTED, LEFT_OUT, INTERRUPTED = 0, 1, 2, 3, 4, 6, 130
+OK, FAILED, LEFT_OUT, INTERRUPTED = 0, 1, 6, 130
 SCANS_THAT_SHOW_THE_SENSOR = 3
 
 
@@ -79,12 +80,12 @@ def finish(o, seen, jsonl):
         show.plot(seen, o.plot)
     if o.report:
         jsonl.flush()
-        show.report(jsonl.name, o.report)
+        write_report(jsonl.name, o.report)
 
 
 def work(o):
     if o.report:
-        show.need_program()
+        program.path()
     if o.plot:
         show.need_matplotlib()
     view = None if o.rerun is None else live.viewer(o.rerun or None)
@@ -141,9 +142,6 @@ def work(o):
     return LEFT_OUT if left_out else OK
 
 
-CODES = [(UsageError, USAGE), (InputError, INPUT), (UnsupportedError, UNSUPPORTED), (Interrupted, INTERRUPTED), (Error, FAILED)]
-
-
 def failed(why, code) -> int:
     print(f'revisit-loops: {lines.printable(str(why))}', file=sys.stderr)
     return code
@@ -165,7 +163,7 @@ def main(arguments=None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except (Error, OSError) as error:
-        return failed(error, next((code for kind, code in CODES if isinstance(error, kind)), FAILED))
+        return failed(error, getattr(error, 'code', FAILED))
     except MemoryError:
         return failed('the system has no memory left', FAILED)
     except Exception as error:  # a fault of ours, or of a package: one line all the same

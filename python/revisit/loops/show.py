@@ -1,24 +1,8 @@
-"""Pictures of the loops: the report of the C++ program, or one drawn with matplotlib."""
+"""A picture of the loops, drawn with matplotlib."""
 
 import math
-import shutil
-import subprocess
 
-from revisit import program as bundled
-from revisit.errors import Error, UnsupportedError
-
-
-def program() -> str | None:
-    """`revisit`, in the package or on PATH."""
-    try:
-        return str(bundled.path())
-    except UnsupportedError:
-        return shutil.which('revisit')
-
-
-def need_program():
-    if program() is None:
-        raise Error('the report needs the program revisit, which is not on PATH: build it (README.md), or take --plot FILE.png')
+from revisit.errors import Error
 
 
 def need_matplotlib():
@@ -27,13 +11,6 @@ def need_matplotlib():
     except ImportError as error:
         raise Error(f'the plot needs the package matplotlib: pip install matplotlib ({error})') from None
     matplotlib.use('Agg')
-
-
-def report(lines_file, page):
-    """Makes the HTML page of a file of JSON lines. Error with what the program says."""
-    done = subprocess.run([program(), 'report', str(lines_file), '-o', str(page), '--quiet'], text=True, capture_output=True)
-    if done.returncode:
-        raise Error(f'revisit report: {done.stderr.strip() or f"exit code {done.returncode}"}')
 
 
 def plot(lines, file):
