@@ -1,11 +1,12 @@
 # The arrows of HACKING.md, held against every #include: base <- proto <- engine <- pipeline/* <- tools and
-# python, and weights_conversion -> proto. Private headers never cross a folder; heavy libraries stay in the few
+# python, profiling -> engine, and weights_conversion -> proto. Private headers never cross a folder; heavy libraries stay in the few
 # files that own them. Run as: cmake -DROOT=<project> -P layering.cmake
 cmake_policy(VERSION 3.25)
 
 set(sees_base base)
 set(sees_proto proto base)
 set(sees_engine engine proto base)
+set(sees_engine/profiling profiling engine proto base)
 set(sees_pipeline/recognition recognition engine proto base)
 set(sees_pipeline/datasets datasets recognition engine proto base)
 set(sees_pipeline/evaluation evaluation datasets recognition engine proto base)
@@ -14,8 +15,8 @@ set(sees_pipeline/registration registration recognition engine proto base)
 set(sees_pipeline/simulation simulation datasets engine proto base)  # knows no recognition
 set(sees_pipeline/maps maps recognition engine proto base)
 set(sees_weights_conversion weights_conversion proto base)
-set(sees_python maps evaluation registration simulation baselines datasets recognition engine proto base)
-set(sees_tools tools maps registration simulation baselines evaluation datasets recognition engine proto weights_conversion base)
+set(sees_python maps evaluation registration simulation baselines datasets recognition profiling engine proto base)
+set(sees_tools tools maps registration simulation baselines evaluation datasets recognition profiling engine proto weights_conversion base)
 
 # library header pattern -> files that may include it
 set(owned_libraries
@@ -25,7 +26,7 @@ set(owned_libraries
   "nanoflann|pipeline/registration/src/neighbours"
   "pcl/|pipeline/baselines/src/pcl/|pipeline/registration/src/pcl/"
   "embree3/|pipeline/simulation/src/ray_caster"
-  "hwy/|engine/src/kernels/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
+  "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"
   "faiss/|pipeline/maps/src/faiss/"
   "pqxx/|pipeline/maps/src/postgres/"
@@ -42,9 +43,12 @@ function(complain text)
   message(SEND_ERROR "${text}")
 endfunction()
 
-foreach(layer base proto engine pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
+foreach(layer base proto engine engine/profiling pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
         pipeline/registration pipeline/simulation pipeline/maps weights_conversion tools python)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
+  if(layer STREQUAL "engine")
+    list(FILTER sources EXCLUDE REGEX "^${ROOT}/engine/profiling/")
+  endif()
   foreach(source IN LISTS sources)
     file(RELATIVE_PATH name ${ROOT} ${source})
     file(STRINGS ${source} includes REGEX "^#include")

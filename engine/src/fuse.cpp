@@ -13,9 +13,8 @@ namespace {
 /// that gives the same.
 class Fuser {
  public:
-  Fuser(Operations operations, int64_t most_packed_bytes)
+  explicit Fuser(Operations operations)
       : operations_(std::move(operations)),
-        packed_left_(most_packed_bytes),
         readers_(operations_.held_by.size(), 0),
         maker_(operations_.held_by.size(), kNone) {
     for (const Operation& operation : operations_.list)
@@ -23,9 +22,10 @@ class Fuser {
     for (size_t id = 0; id < readers_.size(); ++id) readers_[id] += operations_.read_outside[id];
   }
 
-  Operations run() {
+  Operations run(bool may_pack) {
     rewrite([this](const Operation& operation) { return merge(operation); });
-    rewrite([this](const Operation& operation) { return merge_into_first(operation); });
+    if (may_pack)
+      rewrite([this](const Operation& operation) { return merge_into_first(operation); });
     return std::move(operations_);
   }
 
@@ -154,10 +154,9 @@ class Fuser {
     fusion.pooling = alone ? *alone : operation.fusion.pooling;
     if (!is_worth_pooling_in_pieces(*fusion.pooling, convolving->problem.c_out)) return false;
     if (lrn) fusion.lrn = *lrn;
-    const BlockedConvolutionKernel* const kernel = choose_convolution(
-        convolving->problem, fusion, Layout::kNchw, {first->most_winograd_points, packed_left_});
+    const BlockedConvolutionKernel* const kernel =
+        choose_convolution(convolving->problem, fusion, Layout::kNchw, first->most_winograd_points);
     if (!kernel) return false;
-    packed_left_ -= packed_bytes(convolving->problem, fusion, *kernel);
     first->convolution = kernel;
     first->fusion = std::move(fusion);
     absorb(first, operation);
@@ -165,15 +164,14 @@ class Fuser {
   }
 
   Operations operations_;
-  int64_t packed_left_;        // [bytes]
   std::vector<int> readers_;   // of each value
   std::vector<size_t> maker_;  // of each value: index into operations_.list; kNone: a net input
 };
 
 }  // namespace
 
-Operations fuse(Operations operations, int64_t most_packed_bytes) {
-  return Fuser(std::move(operations), most_packed_bytes).run();
+Operations fuse(Operations operations, bool may_pack) {
+  return Fuser(std::move(operations)).run(may_pack);
 }
 
 }  // namespace revisit::engine

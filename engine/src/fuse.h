@@ -12,8 +12,8 @@ namespace revisit::engine {
 ///   - normalisation across channels and the maximum pooling after it are one operation, and both
 ///     (or pooling alone) one with the net's first convolution.
 /// Values in between are merged away only when nothing else reads them, inside or outside.
-/// Kernels that are chosen on the way pack at most `most_packed_bytes` together.
-Operations fuse(Operations operations, int64_t most_packed_bytes);
+/// The last needs a kernel that packs weights: only where kernels `may_pack`.
+Operations fuse(Operations operations, bool may_pack);
 
 /// Sets Operation::most_winograd_points: of all operations when `accuracy` is strict, else of those
 /// whose values reach a layer that amplifies rounding. To be called before fuse().

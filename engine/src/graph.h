@@ -26,9 +26,7 @@ struct Node {
   bool in_place = false;  // in the file: an output has the blob name of the input at its position
   // From here on set when the net is loaded, for layers that are needed:
   std::shared_ptr<const Layer> layer = nullptr;  // null for Input
-  /// Values are empty when the net was loaded without weights, and when they are
-  /// Net::Impl::releasable.
-  std::vector<Tensor> weights = {};
+  std::vector<Tensor> weights = {};  // values are empty when the net was loaded without weights
 };
 
 /// Of these values, `shapes` being those of all.

@@ -54,8 +54,8 @@ struct Kernel {
   /// it makes copies.
   bool cuts_input = false;
   Bytes packed = {};  // weights in its own order, beside those of the net
-  /// Of kernels with packed weights, or weights that a net may release: makes them, or takes those
-  /// that are there. To be called once, when it is known that there is memory for them.
+  /// Of kernels with packed weights: makes them, or takes those that are there. To be called once,
+  /// when it is known that there is memory for them.
   std::function<HeldWeights()> hold = {};
 };
 
@@ -72,14 +72,12 @@ inline Kernel blocked_kernel(std::string name, size_t n_inputs,
 struct Binding {
   const std::vector<Shape>& inputs;
   const std::vector<Shape>& outputs;
-  /// Kept alive by the plan. Values are empty when the net is only inspected, and when they are to
-  /// be had from `originals`.
+  /// Kept alive by the plan. Values are empty when the net is only inspected.
   const std::vector<Tensor>& weights;
   int threads = 1;
   bool reference_kernels = false;
   Precision precision = Precision::kFloat32;  // of blocked values
   bool bf16_weights = false;                  // of inner products
-  int64_t most_packed_bytes = 0;              // of those
   /// The layouts that the inputs are in. Empty: this must be a kernel on plain values.
   std::vector<Layout> layouts = {};
   bool blocked(size_t input) const {
@@ -87,9 +85,7 @@ struct Binding {
   }
   Fusion fusion = {};            // only convolutions look at it, bind_operation() does the rest
   WeightCache* cache = nullptr;  // there when `convolution` is or something is fused
-  /// Of a layer whose weights the net may release.
-  std::function<std::shared_ptr<const std::vector<Tensor>>()> originals = {};
-  size_t layer = 0;  // that the cache knows it as
+  size_t layer = 0;              // that the cache knows it as
   /// Of a convolution: choose_convolution().
   const BlockedConvolutionKernel* convolution = nullptr;
 };

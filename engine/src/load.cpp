@@ -4,7 +4,6 @@
 #include "budget.h"
 #include "load_weights.h"
 #include "net_impl.h"
-#include "operations.h"
 #include "registry.h"
 #include "revisit/proto/net_file.h"
 
@@ -92,34 +91,12 @@ std::shared_ptr<Net::Impl> load_structure(const fs::path& prototxt, const LoadOp
   return load_structure(proto::read_net(prototxt, reading(options)), prototxt.string(), options);
 }
 
-/// Hands the weights of convolutions, which have kernels that pack them, to Net::Impl::releasable.
-void make_releasable(Net::Impl& net) {
-  std::map<std::string, Shape> inputs;
-  for (const Port& port : net.inputs) inputs[port.name] = port.shape;
-  for (const Operation& operation : operations_of(net, infer_shapes(net, inputs)).list) {
-    if (!std::holds_alternative<Convolving>(operation.form)) continue;
-    std::vector<Tensor> weights;
-    for (Tensor& weight : net.graph.nodes[operation.node].weights)
-      weights.push_back({weight.shape, std::exchange(weight.values, {})});
-    net.releasable.add(operation.node, std::move(weights));
-  }
-}
-
 }  // namespace
 
 Net Net::load(const fs::path& prototxt, const fs::path& weights, const LoadOptions& options) {
   auto net = load_structure(prototxt, options);
   check_weight_bytes(*net, options.limits.weight_bytes);
-  std::error_code failed;  // of a name that cannot be opened either, which says more
-  const fs::path file = fs::absolute(weights, failed);
-  const FileState state = state_of(file);
   load_weights(*net, proto::WeightsFile::open(weights, options.limits), options);
-  if (options.release_weights) {
-    make_releasable(*net);
-    net->releasable.read_with([&impl = *net, file, state, options](size_t layer) {
-      return read_weights_again(impl, layer, file, state, options);
-    });
-  }
   return Net(std::move(net));
 }
 
@@ -173,13 +150,8 @@ const std::vector<std::string>& Net::warnings() const {
 std::vector<LayerWeights> Net::weights() const {
   if (!impl_->has_weights) throw UsageError(impl_->file + ": the net was loaded without weights");
   std::vector<LayerWeights> weights;
-  for (size_t i = 0; i < impl_->graph.nodes.size(); ++i) {
-    const Node& node = impl_->graph.nodes[i];
+  for (const Node& node : impl_->graph.nodes) {
     if (node.weights.empty()) continue;
-    if (impl_->releasable.has(i))
-      throw UsageError(str(impl_->file, ": layer '", node.name,
-                           "': its weights may have been released; load the net without "
-                           "release_weights to read them"));
     LayerWeights& layer = weights.emplace_back(LayerWeights{node.name, {}});
     for (const Tensor& weight : node.weights)
       layer.blobs.push_back({weight.values.data(), weight.shape});
@@ -189,14 +161,6 @@ std::vector<LayerWeights> Net::weights() const {
 
 uint64_t Net::weight_bytes_read() const {
   return impl_->weight_bytes_read;
-}
-
-int64_t Net::weight_bytes_in_memory() const {
-  int64_t bytes = impl_->releasable.bytes_in_memory();
-  for (const Node& node : impl_->graph.nodes)
-    for (const Tensor& weight : node.weights)
-      bytes += floats(static_cast<int64_t>(weight.values.size())).count;
-  return bytes;
 }
 
 int64_t Net::packed_weight_bytes() const {

@@ -1,7 +1,6 @@
 #include "load_weights.h"
 
 #include <algorithm>
-#include <optional>
 #include <set>
 #include <span>
 
@@ -36,14 +35,12 @@ struct Place {
   friend auto operator<=>(const Place&, const Place&) = default;
 };
 
-/// Reads the weights of all kept layers, or of only one.
+/// Reads the weights of all kept layers.
 class Loader {
  public:
-  Loader(const Net::Impl& net, std::unique_ptr<proto::WeightsFile> file,
-         std::optional<size_t> only = {})
+  Loader(const Net::Impl& net, std::unique_ptr<proto::WeightsFile> file)
       : net_(net),
         path_(file->file().string()),
-        only_(only),
         file_(std::move(file)),
         weights_(net.graph.nodes.size()) {
     for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
@@ -52,10 +49,9 @@ class Loader {
       by_name_.try_emplace(node.name, i);  // of layers that share a name, the first has the weights
       for (size_t b = 0; b < node.weights.size(); ++b) {
         const auto group = net.sharing.find({node.name, b});
-        if (group != net.sharing.end() && is_asked(i)) members_[group->second].push_back({i, b});
+        if (group != net.sharing.end()) members_[group->second].push_back({i, b});
       }
     }
-    std::erase_if(by_name_, [this](const auto& entry) { return !is_asked(entry.second); });
   }
 
   void read_all() {
@@ -77,7 +73,7 @@ class Loader {
     for (size_t i = 0; i < net_.graph.nodes.size(); ++i) {
       std::vector<Tensor>& weights = weights_[i];
       for (size_t b = 0; b < weights.size(); ++b) {
-        if (!is_asked(i) || filled_.count({i, b})) continue;
+        if (filled_.count({i, b})) continue;
         if (missing.empty() || missing.back() != net_.graph.nodes[i].name)
           missing.push_back(net_.graph.nodes[i].name);
         if (allow_missing)
@@ -100,8 +96,6 @@ class Loader {
   uint64_t bytes_read() const { return file_->bytes_read(); }
 
  private:
-  bool is_asked(size_t node) const { return !only_ || *only_ == node; }
-
   /// A layer that is kept, or one that shares a blob with a kept layer.
   bool is_wanted(const proto::WeightsFile::Layer& layer) const {
     if (by_name_.count(layer.name)) return true;
@@ -162,7 +156,6 @@ class Loader {
 
   const Net::Impl& net_;
   std::string path_;
-  std::optional<size_t> only_;
   std::unique_ptr<proto::WeightsFile> file_;
   std::vector<std::vector<Tensor>> weights_;  // as net_.graph.nodes
   std::map<std::string, size_t> by_name_;
@@ -213,31 +206,6 @@ void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
   for (size_t i = 0; i < net.graph.nodes.size(); ++i) net.graph.nodes[i].weights = loader.take(i);
   net.weight_bytes_read = loader.bytes_read();
   net.has_weights = true;
-}
-
-FileState state_of(const std::filesystem::path& file) {
-  std::error_code failed;
-  const uint64_t bytes = std::filesystem::file_size(file, failed);
-  const auto changed = std::filesystem::last_write_time(file, failed);
-  return failed ? FileState{} : FileState{bytes, changed};
-}
-
-std::vector<Tensor> read_weights_again(const Net::Impl& net, size_t node,
-                                       const std::filesystem::path& file, const FileState& state,
-                                       const LoadOptions& options) {
-  const auto check = [&] {
-    if (state_of(file) != state)
-      throw InputError(str(file.string(), ": has changed since the net was loaded; layer '",
-                           net.graph.nodes[node].name,
-                           "' needs its weights again, which were released: load the net again, or "
-                           "without release_weights"));
-  };
-  check();
-  Loader loader(net, proto::WeightsFile::open(file, options.limits), node);
-  loader.read_all();
-  loader.finish(options.allow_missing);
-  check();  // not while it was read either
-  return loader.take(node);
 }
 
 }  // namespace revisit::engine

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <memory>
 
 #include "net_impl.h"
@@ -23,21 +22,6 @@ void check_sharing(const Net::Impl& net);
 /// allowed to be missing.
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options);
-
-/// How a file is known again.
-struct FileState {
-  uint64_t bytes = 0;
-  std::filesystem::file_time_type changed;
-  friend bool operator==(const FileState&, const FileState&) = default;
-};
-/// All 0 for a file that cannot be looked at.
-FileState state_of(const std::filesystem::path& file);
-
-/// The weights of one layer once more, with the same options. Throws InputError when the file is
-/// not what it was, naming the layer, or cannot be read.
-std::vector<Tensor> read_weights_again(const Net::Impl& net, size_t node,
-                                       const std::filesystem::path& file, const FileState& state,
-                                       const LoadOptions& options);
 
 /// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth.
 void fill_randomly(Net::Impl& net, uint64_t seed);

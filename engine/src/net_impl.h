@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "graph.h"
-#include "releasable_weights.h"
 #include "revisit/engine/net.h"
 #include "weight_cache.h"
 
@@ -25,8 +24,7 @@ struct Net::Impl {
   std::vector<std::string> warnings;
   uint64_t weight_bytes_read = 0;
   bool has_weights = false;
-  mutable WeightCache packed_weights;    // filled by plans
-  mutable ReleasableWeights releasable;  // with LoadOptions::release_weights
+  mutable WeightCache packed_weights;  // filled by plans
 };
 
 /// Shapes of all values of a graph; empty shapes for values of pruned nodes.

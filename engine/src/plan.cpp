@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <limits>
 #include <new>
 
 #include "budget.h"
@@ -47,16 +46,15 @@ std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptio
   for (const std::string& name : options.keep) {
     const auto found = all.find(name);
     if (found == all.end())
-      throw UsageError(str("keep: the net '", net.graph.name,
-                           "', as it is cut off, has no layer '", name, "'",
-                           did_you_mean(name, net.layer_names)));
+      throw UsageError(str("keep: the net '", net.graph.name, "', as it is cut off, has no layer '",
+                           name, "'", did_you_mean(name, net.layer_names)));
     kept.insert(*found);
   }
   return kept;
 }
 
 Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
-                   const PlanOptions& options, int64_t most_packed_bytes) {
+                   const PlanOptions& options, bool may_pack) {
   const bool merge = !options.keep_all && !options.reference_kernels;
   std::vector<ValueId> kept;
   for (const auto& [name, id] : kept_values(net, options)) kept.push_back(id);
@@ -68,52 +66,41 @@ Operations rewrite(const Net::Impl& net, const std::vector<Shape>& shapes,
   for (Operation& operation : operations.list)
     if (auto* const convolving = std::get_if<Convolving>(&operation.form))
       convolving->problem.values = options.precision;
-  return merge ? fuse(std::move(operations), most_packed_bytes) : operations;
+  return merge ? fuse(std::move(operations), may_pack) : operations;
 }
 
 /// A plan that has taken no memory yet.
 struct Draft {
   Operations operations;
   Schedule schedule;
-
-  int64_t bytes() const { return schedule.arena_bytes + schedule.packed_bytes; }
 };
 
 Draft make_draft(const Net::Impl& net, const std::vector<Shape>& shapes, const PlanOptions& options,
-                 int64_t most_packed_bytes) {
+                 bool may_pack) {
   Draft draft;
-  draft.operations = rewrite(net, shapes, options, most_packed_bytes);
-  draft.schedule = schedule(net, shapes, draft.operations, options, most_packed_bytes);
+  draft.operations = rewrite(net, shapes, options, may_pack);
+  draft.schedule = schedule(net, shapes, draft.operations, options, may_pack);
   place(net, &draft.schedule);
   return draft;
 }
 
-/// The fastest kernels whose packed weights and arena together keep to PlanOptions::max_run_bytes,
-/// or what takes least when there are none. They are those of one thread, whose scratch is the
-/// smallest: what a plan computes does not depend on its threads.
+/// The fastest kernels where their packed weights and arena together keep to
+/// PlanOptions::max_run_bytes, else those that pack nothing. Which they are is decided for one
+/// thread, whose scratch is the smallest: what a plan computes does not depend on its threads.
 Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& shapes,
                               const PlanOptions& options) {
-  constexpr int kMostAttempts = 8;
-  const int64_t limit = options.max_run_bytes;
   PlanOptions one_thread = options;
   one_thread.threads = 1;
-  int64_t most_packed = std::numeric_limits<int64_t>::max() / 2;  // first as if without a limit
-  for (int attempt = 1;; ++attempt) {
-    Draft draft = make_draft(net, shapes, one_thread, most_packed);
-    if (draft.bytes() <= limit || most_packed == 0)
-      return options.threads == 1 ? draft : make_draft(net, shapes, options, most_packed);
-    // Less than it packs now. Other kernels may need more scratch: then once more.
-    most_packed =
-        attempt < kMostAttempts ? std::max(limit - draft.schedule.arena_bytes, int64_t{0}) : 0;
-  }
+  Draft fastest = make_draft(net, shapes, one_thread, true);
+  const bool fits =
+      fastest.schedule.arena_bytes + fastest.schedule.packed_bytes <= options.max_run_bytes;
+  return fits && options.threads == 1 ? fastest : make_draft(net, shapes, options, fits);
 }
 
-/// The weights of a step. Those of the file are released when it has a copy.
+/// The packed weights of a step.
 HeldWeights hold(const Net::Impl& net, const Step& step) {
   try {
-    HeldWeights weights = step.kernel.hold();
-    if (net.releasable.has(step.layer)) net.releasable.release(step.layer);
-    return weights;
+    return step.kernel.hold();
   } catch (const std::bad_alloc&) {
     throw MemoryError(str(net.file, ": layer '", net.graph.nodes[step.layer].name,
                           "': out of memory for ", step.kernel.packed.count / kMegabyte,

@@ -29,18 +29,6 @@ void poison(std::byte* arena, int64_t bytes) {
   if (kPoison) std::memset(arena, 0xFF, static_cast<size_t>(bytes));  // NaN of every type
 }
 
-/// Of what a step remembers: whole cache lines.
-int64_t state_floats(const Step& step) {
-  constexpr int64_t kLine = 64, kFloats = kLine / static_cast<int64_t>(sizeof(float));
-  return (step.kernel.state.count + kLine - 1) / kLine * kFloats;
-}
-
-int64_t state_floats(const std::vector<Step>& steps) {
-  int64_t all = 0;
-  for (const Step& step : steps) all += state_floats(step);
-  return all;
-}
-
 template <class Slots>
 const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, const char* what) {
   const auto found = slots.find(name);
@@ -59,8 +47,8 @@ FloatMode mode_of(const Plan::Impl& plan) {
 
 struct Run::Memory {
   std::unique_ptr<BlasRoom> blas_room;  // null: not needed
-  AlignedFloats own;                    // the arena; where that is the caller's, the states
-  std::byte* arena = nullptr;
+  AlignedFloats floats;
+  std::byte* arena = nullptr;  // the floats
   struct Operands {
     std::vector<const float*> inputs;
     std::vector<float*> outputs;
@@ -85,32 +73,13 @@ struct Run::Memory {
 
 // A plan is copied when it is moved, which is cheap.
 Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
-  prepare(nullptr);
-}
-
-Run::Run(Plan plan, std::span<std::byte> arena) : plan_(std::move(plan)) {  // NOLINT(performance-*)
-  constexpr uintptr_t kAlignment = 64;
-  if (static_cast<int64_t>(arena.size_bytes()) < plan_.arena_bytes() ||
-      reinterpret_cast<uintptr_t>(arena.data()) % kAlignment != 0)
-    throw UsageError(str("the arena of a run must have ", plan_.arena_bytes(),
-                         " bytes and begin on a multiple of 64, found ", arena.size_bytes(),
-                         " bytes at ", arena.data()));
-  prepare(arena.data());
-}
-
-/// Without an arena of the caller's it makes one. Another run may write into that of the caller's
-/// between two passes: what steps remember then is elsewhere.
-void Run::prepare(std::byte* arena) {
   const Plan::Impl& impl = *plan_.impl_;
-  const bool is_own = !arena;
   if (!impl.net->has_weights)
     throw UsageError(impl.net->file + ": the net was loaded without weights; give a caffemodel");
   try {
     memory_ = std::make_unique<Memory>();
     memory_->rows.assign(impl.costs.size(), 0);
-    memory_->own =
-        AlignedFloats(is_own ? impl.schedule.arena_bytes / static_cast<int64_t>(sizeof(float))
-                             : state_floats(impl.schedule.steps));
+    memory_->floats = AlignedFloats(plan_.arena_bytes() / static_cast<int64_t>(sizeof(float)));
     if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
   } catch (const std::bad_alloc&) {
     throw MemoryError(str(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
@@ -118,18 +87,15 @@ void Run::prepare(std::byte* arena) {
                           " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
                           "or fewer runs at a time"));
   }
-  if (is_own) arena = reinterpret_cast<std::byte*>(memory_->own.data());
-  memory_->arena = arena;
-  poison(arena, impl.schedule.arena_bytes);
+  std::byte* const arena = memory_->arena = reinterpret_cast<std::byte*>(memory_->floats.data());
+  poison(arena, plan_.arena_bytes());
   for (const auto& [blob, slot] : impl.input_slots)  // one that is not filled shows
     std::fill_n(floats_at(arena + slot.offset), slot.shape.elements(), kNan);
   const std::vector<Stored>& stored = impl.schedule.stored;
-  float* next_state = memory_->own.data();  // where it is not in the arena
   for (const Step& step : impl.schedule.steps) {
-    float* const state = is_own ? floats_at(arena + step.state) : next_state;
-    next_state += state_floats(step);
-    std::fill_n(reinterpret_cast<std::byte*>(state), step.kernel.state.count, std::byte{});
-    Memory::Operands operands{{}, {}, floats_at(arena + step.scratch), state};
+    std::fill_n(arena + step.state, step.kernel.state.count, std::byte{});
+    Memory::Operands operands{
+        {}, {}, floats_at(arena + step.scratch), floats_at(arena + step.state)};
     for (const size_t id : step.inputs)
       operands.inputs.push_back(floats_at(arena + stored[id].offset));
     for (const size_t id : step.outputs)

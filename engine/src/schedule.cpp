@@ -27,20 +27,14 @@ Kernel reorder_kernel(const Shape& shape, Layout to, const PlanOptions& options)
 class Scheduler {
  public:
   Scheduler(const Net::Impl& net, const std::vector<Shape>& shapes, const Operations& operations,
-            const PlanOptions& options, int64_t most_packed_bytes)
+            const PlanOptions& options, bool may_pack)
       : net_(net),
         shapes_(shapes),
         operations_(operations),
         options_(options),
-        packed_left_(most_packed_bytes) {
+        may_pack_(may_pack) {
     result_.nchw.resize(shapes.size());
     blocked_.resize(shapes.size());
-    for (const Operation& operation : operations.list)
-      if (operation.convolution)
-        packed_left_ -= packed_bytes(std::get<Convolving>(operation.form).problem, operation.fusion,
-                                     *operation.convolution);
-      else if (chooses(operation))
-        weights_left_ += weights_of(operation);
   }
 
   Schedule run() {
@@ -104,8 +98,6 @@ class Scheduler {
       step.kernel = bind(operation, convolution, inputs, outputs);
       step.why = why(operation, convolution);
       result_.packed_bytes += step.kernel.packed.count;
-      if (!operation.convolution) packed_left_ -= step.kernel.packed.count;
-      if (chooses(operation)) weights_left_ -= weights_of(operation);
     }
     for (size_t i = 0; i < operation.inputs.size(); ++i)
       step.inputs.push_back(require(
@@ -127,13 +119,10 @@ class Scheduler {
         binding.layouts.push_back(blocked_[id] ? Layout::kNChw16c : Layout::kNchw);
     binding.fusion = operation.fusion;
     binding.precision = options_.precision;
-    binding.bf16_weights = !options_.reference_kernels &&
+    binding.bf16_weights = may_pack_ && !options_.reference_kernels &&
                            (options_.bf16_weights || options_.precision == Precision::kBf16);
-    binding.most_packed_bytes = packed_left_;
     binding.cache = &net_.packed_weights;
     binding.layer = operation.node;
-    if (net_.releasable.has(operation.node))
-      binding.originals = [&net = net_, node = operation.node] { return net.releasable.get(node); };
     binding.convolution = convolution;
     return bind_operation(operation.layer, operation.form, binding);
   }
@@ -141,17 +130,15 @@ class Scheduler {
   /// Null when it is none or has one on plain values.
   const BlockedConvolutionKernel* convolution_kernel(const Operation& operation) const {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
-    if (!convolving || options_.reference_kernels) return nullptr;
+    if (!convolving || options_.reference_kernels || !may_pack_) return nullptr;
     if (operation.convolution) return operation.convolution;
-    return choose(operation, convolving->problem,
-                  {operation.most_winograd_points, share_of(operation)});
+    return choose(operation, convolving->problem, operation.most_winograd_points);
   }
 
   const BlockedConvolutionKernel* choose(const Operation& operation,
-                                         const ConvolutionProblem& problem,
-                                         const ConvolutionLimits& limits) const {
+                                         const ConvolutionProblem& problem, int most_points) const {
     const Layout input = blocked_[operation.inputs[0]] ? Layout::kNChw16c : Layout::kNchw;
-    return choose_convolution(problem, operation.fusion, input, limits);
+    return choose_convolution(problem, operation.fusion, input, most_points);
   }
 
   /// As LayerCost::why.
@@ -160,28 +147,11 @@ class Scheduler {
     if (!convolving) return "";
     if (options_.reference_kernels) return "reference asked";
     const ConvolutionProblem& problem = convolving->problem;
-    if (choose(operation, problem, {operation.most_winograd_points}) != chosen)
+    if (!may_pack_ && choose(operation, problem, operation.most_winograd_points))
       return "memory limit";
-    if (!operation.convolution && choose(operation, problem, {}) != chosen)
+    if (!operation.convolution && choose(operation, problem, kAnyPoints) != chosen)
       return options_.accuracy == Accuracy::kStrict ? "strict accuracy" : "amplified later";
     return chosen ? "fastest predicted" : "blocked does not pay";
-  }
-
-  /// Of what is left to be packed, by its weights: so that no layer takes all from those after it.
-  int64_t share_of(const Operation& operation) const {
-    const double share = weights_of(operation) / std::max(weights_left_, 1.0);
-    return static_cast<int64_t>(share * static_cast<double>(packed_left_));
-  }
-
-  double weights_of(const Operation& operation) const {
-    double elements = 0;
-    for (const Tensor& weight : net_.graph.nodes[operation.node].weights)
-      elements += static_cast<double>(weight.shape.elements());
-    return elements;
-  }
-
-  bool chooses(const Operation& operation) const {
-    return std::holds_alternative<Convolving>(operation.form) && !operation.convolution;
   }
 
   const Net::Impl& net_;
@@ -189,17 +159,15 @@ class Scheduler {
   const Operations& operations_;
   const PlanOptions& options_;
   Schedule result_;
-  int64_t packed_left_;                         // [bytes], of kernels still to be chosen
-  double weights_left_ = 0;                     // numbers, of layers whose kernels are
+  bool may_pack_;
   std::vector<std::optional<size_t>> blocked_;  // of each value, as Schedule::nchw
 };
 
 }  // namespace
 
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
-                  const Operations& operations, const PlanOptions& options,
-                  int64_t most_packed_bytes) {
-  return Scheduler(net, shapes, operations, options, most_packed_bytes).run();
+                  const Operations& operations, const PlanOptions& options, bool may_pack) {
+  return Scheduler(net, shapes, operations, options, may_pack).run();
 }
 
 }  // namespace revisit::engine

@@ -43,11 +43,10 @@ struct Schedule {
 
 /// Binds every operation: blocked kernels where a layer has one that takes what is there, with
 /// reorders only where a layer needs what is not there yet. Values that are read from outside (the
-/// outputs of the net; all, with keep_all) are plain in the end. Nothing is packed yet; where the
-/// kernels of convolutions are chosen here, each packs at most its share of what is left of
-/// `most_packed_bytes`. Throws InputError naming the layer that cannot take the shapes.
+/// outputs of the net; all, with keep_all) are plain in the end. Nothing is packed yet; unless
+/// kernels `may_pack`, all read the weights as they are. Throws InputError naming the layer that
+/// cannot take the shapes.
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
-                  const Operations& operations, const PlanOptions& options,
-                  int64_t most_packed_bytes);
+                  const Operations& operations, const PlanOptions& options, bool may_pack);
 
 }  // namespace revisit::engine

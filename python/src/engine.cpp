@@ -48,15 +48,13 @@ nb::typed<nb::list, ShapeTuple> tuples_of(const std::vector<engine::Shape>& shap
 
 engine::LoadOptions load_options(std::string end, std::string graft, const Shapes& inputs,
                                  bool allow_missing, bool allow_unknown,
-                                 const std::optional<proto::Limits>& limits,
-                                 bool release_weights = false) {
+                                 const std::optional<proto::Limits>& limits) {
   engine::LoadOptions options;
   options.truncation = {std::move(end), std::move(graft)};
   options.inputs = shapes_from(inputs);
   options.allow_missing = allow_missing;
   options.allow_unknown = allow_unknown;
   if (limits) options.limits = *limits;
-  options.release_weights = release_weights;
   return options;
 }
 
@@ -80,16 +78,15 @@ void bind_net(nb::module_& module) {
       .def_static(
           "load",
           [](const fs::path& prototxt, const fs::path& weights, std::string end, std::string graft,
-             const Shapes& inputs, bool allow_missing, bool allow_unknown, bool release_weights,
+             const Shapes& inputs, bool allow_missing, bool allow_unknown,
              const std::optional<proto::Limits>& limits) {
-            const auto options =
-                load_options(std::move(end), std::move(graft), inputs, allow_missing, allow_unknown,
-                             limits, release_weights);
+            const auto options = load_options(std::move(end), std::move(graft), inputs,
+                                              allow_missing, allow_unknown, limits);
             return without_lock([&] { return Net::load(prototxt, weights, options); });
           },
           "prototxt"_a, "weights"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
           "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
-          "release_weights"_a = false, "limits"_a = nb::none(),
+          "limits"_a = nb::none(),
           "Reads an original Caffe prototxt and its weights (.caffemodel or HDF5); only the layers "
           "that are needed.\n\n"
           "end: the layer whose output is wanted; '' for the whole net.\n"
@@ -97,8 +94,6 @@ void bind_net(nb::module_& module) {
           "inputs: shapes of inputs that replace those of the prototxt.\n"
           "allow_missing: layers without weights in the file become zeros.\n"
           "allow_unknown: unknown fields of the prototxt become warnings.\n"
-          "release_weights: keeps weights of convolutions once only, in the order of a plan's "
-          "kernels.\n"
           "Raises InputError (files that do not parse or do not fit each other), UnsupportedError "
           "(an unsupported layer type), UsageError (an unknown layer).")
       .def_static(
@@ -187,9 +182,8 @@ void bind_net(nb::module_& module) {
                    "What the user should know: layers left out or unused, upgrades made.")
       .def_prop_ro("weights", &weights_of,
                    "layer -> its arrays (weights, bias ...), read-only, without a copy. UsageError "
-                   "for a net without weights or loaded with release_weights.")
+                   "for a net without weights.")
       .def_prop_ro("weight_bytes_read", &Net::weight_bytes_read)
-      .def_prop_ro("weight_bytes_in_memory", &Net::weight_bytes_in_memory)
       .def_prop_ro("packed_weight_bytes", &Net::packed_weight_bytes)
       .def("__repr__", [](const Net& net) {
         return str("<revisit.engine.Net '", net.name(), "', ", net.layer_names().size(),

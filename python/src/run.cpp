@@ -4,7 +4,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "listener.h"
-#include "revisit/engine/profile.h"
+#include "revisit/profiling/profile.h"
 #include "strings.h"
 
 namespace revisit::python {
@@ -40,8 +40,8 @@ void set_input(engine::Run& run, nb::handle self, const std::string& name, nb::h
 }
 
 void bind_profile(nb::module_& module) {
-  using engine::Profile;
-  using engine::Timing;
+  using profiling::Profile;
+  using profiling::Timing;
   nb::class_<Timing>(module, "Timing", "Of repeated timings [ms].")
       .def_ro("min", &Timing::min)
       .def_ro("median", &Timing::median)
@@ -62,14 +62,14 @@ void bind_profile(nb::module_& module) {
         return run.alone([&](engine::Run& alone) {
           Listener listener;
           return listener.run([&] {
-            return engine::profile(alone, {.warmup = warmup, .repeat = repeat, .stop = [&] {
-                                             return listener.stop();
-                                           }});
+            return profiling::profile(alone, {.warmup = warmup, .repeat = repeat, .stop = [&] {
+                                                return listener.stop();
+                                              }});
           });
         });
       },
-      "run"_a, nb::kw_only(), "warmup"_a = engine::ProfileOptions().warmup,
-      "repeat"_a = engine::ProfileOptions().repeat,
+      "run"_a, nb::kw_only(), "warmup"_a = profiling::ProfileOptions().warmup,
+      "repeat"_a = profiling::ProfileOptions().repeat,
       "Times forward passes of a run as it stands; its inputs are not changed.");
 }
 

@@ -327,23 +327,6 @@ def plans(rng, folder):
     together(*[work] * 6)
 
 
-def released_weights(rng, folder):
-    """Plans of a net that keeps its weights in one order only, and gc meanwhile."""
-    from revisit import engine, proto
-    text = folder / 'n.prototxt'
-    text.write_text(CONVOLVE)
-    file = proto.parse_net(CONVOLVE)
-    file.set_weights({name: list(arrays) for name, arrays in net_of(CONVOLVE).weights.items()})
-    file.write_binary(folder / 'n.caffemodel')
-    net = engine.Net.load(text, folder / 'n.caffemodel', release_weights=True)
-
-    def work():
-        for n in range(1, 20):
-            net.plan({'data': [n, 3, 8, 10]}).run().forward({'data': np.repeat(IMAGE, n, 0)})
-            gc.collect()
-    together(*[work] * 6)
-
-
 def recogniser(store):
     def work(rng, folder):
         import revisit
@@ -501,7 +484,7 @@ def simulations(rng, folder):
 
 
 def threads():
-    works = [one_run, one_run_mixed, own_runs, plans, released_weights, one_map, gone_elsewhere, scan_features, weights_file, net_file,
+    works = [one_run, one_run_mixed, own_runs, plans, one_map, gone_elsewhere, scan_features, weights_file, net_file,
              nets_of_caffe, simulations]
     cases = [Case(f'{work.__name__} {i}', work, 900) for work in works for i in range(3)]
     return cases + [Case(f'one recogniser {"with" if store else "without"} a map {i}', recogniser(store), 900)

@@ -13,8 +13,8 @@
 #include <numeric>
 #include <queue>
 
-#include "kernels/parallel.h"
 #include "revisit/engine/net.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace {
 
@@ -71,35 +71,25 @@ void keep_faster(const std::vector<LayerRegions>& pass, std::vector<LayerRegions
 }
 
 /// One pass.
-class Watch : public StepObserver, public RegionObserver {
+class Watch : public StepObserver {
  public:
   explicit Watch(size_t layers) : layers_(layers) {}
 
   void before(size_t layer) override {
     layer_ = layer;
     start_ = now_ms();
-    here = this;
   }
-  void after(size_t layer) override {
-    here = nullptr;
-    layers_[layer].ms += now_ms() - start_;
-  }
-  void before_region() override {
-    layers_[layer_].regions.emplace_back();
-    piece_ = now_ms();
-  }
-  void after_item() override {
-    const double now = now_ms();
-    layers_[layer_].regions.back().push_back(now - piece_);
-    piece_ = now;
-  }
+  void after(size_t layer) override { layers_[layer].ms += now_ms() - start_; }
+  Region& new_region() { return layers_[layer_].regions.emplace_back(); }
   const std::vector<LayerRegions>& layers() const { return layers_; }
 
  private:
   std::vector<LayerRegions> layers_;
   size_t layer_ = 0;
-  double start_ = 0, piece_ = 0;
+  double start_ = 0;
 };
+
+Watch* watch = nullptr;
 
 double total_ms(const std::vector<LayerRegions>& layers) {
   return std::accumulate(layers.begin(), layers.end(), 0.0,
@@ -143,6 +133,18 @@ google::protobuf::Struct report(const Plan& plan, const std::vector<LayerRegions
 
 }  // namespace
 
+/// In the place of the engine's own: one thread does all items, one after the other.
+void revisit::engine::share_items(int64_t items, int,
+                                  void (*work)(const void* object, int64_t item, int thread),
+                                  const void* object) {
+  Region& region = watch->new_region();
+  for (int64_t item = 0; item < items; ++item) {
+    const double start = now_ms();
+    work(object, item, 0);
+    region.push_back(now_ms() - start);
+  }
+}
+
 int main(int argc, char** argv) try {
   if (argc < 3) {
     std::fprintf(stderr, "usage: %s PROTOTXT THREADS [gray]\n", argv[0]);
@@ -157,12 +159,13 @@ int main(int argc, char** argv) try {
 
   std::vector<LayerRegions> fastest;
   for (int pass = 0; pass < 12; ++pass) {
-    Watch watch(run.plan().layers().size());
-    run.forward(watch);
+    Watch of_pass(run.plan().layers().size());
+    watch = &of_pass;
+    run.forward(of_pass);
     if (fastest.empty())
-      fastest = watch.layers();
+      fastest = of_pass.layers();
     else
-      keep_faster(watch.layers(), &fastest);
+      keep_faster(of_pass.layers(), &fastest);
   }
   std::string json;
   if (!google::protobuf::util::MessageToJsonString(report(run.plan(), fastest, threads), &json)

@@ -9,7 +9,7 @@
 #include <limits>
 #include <string>
 
-#include "kernels/busy_loops.h"
+#include "busy_loops.h"
 #include "revisit/engine/simd.h"
 
 #if defined(__x86_64__) && defined(__GNUC__)
@@ -18,7 +18,7 @@
 
 namespace {
 
-using revisit::engine::LoopWork;
+using revisit::profiling::LoopWork;
 
 constexpr int64_t kRounds = 100000, kTileRounds = 20000;
 

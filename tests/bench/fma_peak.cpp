@@ -5,7 +5,7 @@
 #include <string>
 
 #include "revisit/engine/simd.h"
-#include "revisit/engine/speed_limits.h"
+#include "revisit/profiling/speed_limits.h"
 
 int main(int argc, char** argv) {
   constexpr int kRepeat = 5;
@@ -14,7 +14,7 @@ int main(int argc, char** argv) {
   for (int threads = 1; threads <= most; ++threads) {
     double best = 0;
     for (int i = 0; i < kRepeat; ++i)
-      best = std::max(best, revisit::engine::measure_speed_limits(threads).float32_gflops);
+      best = std::max(best, revisit::profiling::measure_speed_limits(threads).float32_gflops);
     std::printf("%s\"%d\": %.1f", threads > 1 ? ", " : "", threads, best);
   }
   std::printf("}}\n");

@@ -1,7 +1,6 @@
-// Outputs of layers that a plan keeps beside the net's, and runs in memory of the caller's.
+// Outputs of layers that a plan keeps beside the net's.
 #include <gtest/gtest.h>
 
-#include "aligned.h"
 #include "compare.h"
 #include "expect_error.h"
 #include "net_case.h"
@@ -55,31 +54,6 @@ TEST(KeptOutputs, OfOtherLayersAreNotReadable) {
   expect_error<UsageError>([&] { static_cast<void>(run.layer_output("c2")); }, {"c2"});
   expect_error<UsageError>([&] { net.plan({}, {.keep = {"cl"}}); },
                            {"keep", "has no layer 'cl'", "c1"});
-}
-
-TEST(RunInAnArena, GivesTheSameBits) {
-  const Net net = two_convolutions();
-  const Plan plan = net.plan();
-  const AlignedFloats arena(plan.arena_bytes() / static_cast<int64_t>(sizeof(float)));
-  std::vector<std::vector<float>> outputs;
-  for (const bool own : {true, false, false}) {
-    engine::Run run =
-        own ? engine::Run(plan) : engine::Run(plan, std::as_writable_bytes(arena.values()));
-    test::fill_randomly(run);
-    run.forward();
-    const auto values = run.output("p").values();
-    outputs.emplace_back(values.begin(), values.end());
-  }
-  EXPECT_EQ(outputs[0], outputs[1]);
-  EXPECT_EQ(outputs[0], outputs[2]) << "what the run before left there does not show";
-}
-
-TEST(RunInAnArena, RefusesOneThatIsTooSmallOrNotAligned) {
-  const Plan plan = two_convolutions().plan();
-  const AlignedFloats arena(plan.arena_bytes() / static_cast<int64_t>(sizeof(float)) + 1);
-  const std::span<std::byte> all = std::as_writable_bytes(arena.values());
-  for (const std::span<std::byte> wrong : {all.first(all.size() - 5), all.subspan(4)})
-    expect_error<UsageError>([&] { engine::Run(plan, wrong); }, {"arena", "multiple of 64"});
 }
 
 }  // namespace

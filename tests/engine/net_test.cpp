@@ -8,7 +8,6 @@
 #include "caffe_schema.pb.h"
 #include "expect_error.h"
 #include "net_case.h"
-#include "revisit/engine/profile.h"
 #include "revisit/proto/net_file.h"
 #include "test_data.h"
 
@@ -211,9 +210,7 @@ TEST_F(NetTest, WeightsOfAnotherNetworkAreRefused) {
 }
 
 TEST_F(NetTest, WeightsWithoutANameAreAnInputError) {
-  for (const bool release : {false, true})
-    expect_error<InputError>([&] { Net::load(prototxt(), "", {.release_weights = release}); },
-                             {"cannot open"});
+  expect_error<InputError>([&] { Net::load(prototxt(), ""); }, {"cannot open"});
 }
 
 TEST_F(NetTest, NamedParametersAreShared) {
@@ -276,8 +273,6 @@ TEST_F(NetTest, WeightsAreGivenAsTheFileHasThem) {
 TEST_F(NetTest, WeightsThatAreNotThereAreNotGiven) {
   expect_error<UsageError>([&] { (void)Net::load_without_weights(prototxt()).weights(); },
                            {"net.prototxt", "without weights"});
-  const Net net = Net::load(prototxt(), weights(), {.release_weights = true});
-  expect_error<UsageError>([&] { (void)net.weights(); }, {"'conv'", "without release_weights"});
 }
 
 TEST_F(NetTest, RandomWeightsAreTheSameForTheSameSeed) {
@@ -345,32 +340,6 @@ TEST(Threads, ManyGiveTheSameBits) {
   };
   const std::vector<float> wanted = result(1);
   for (const int threads : {8, 16, 61}) EXPECT_EQ(result(threads), wanted) << threads;
-}
-
-TEST(Profile, OrderStatistics) {
-  std::vector<double> samples;
-  for (int i = 100; i >= 1; --i) samples.push_back(i);
-  const Timing timing = summarize(samples);
-  EXPECT_EQ(timing.min, 1);
-  EXPECT_EQ(timing.median, 50.5);
-  EXPECT_EQ(timing.p95, 95);
-  EXPECT_EQ(summarize({7}).p95, 7);
-}
-
-TEST_F(NetTest, ProfileTimesEveryLayerAndTheWhole) {
-  engine::Run run(Net::load(prototxt(), weights()).plan({{"data", Shape{1, 1, 100, 100}}}));
-  std::fill_n(run.input("data").data, 10000, 1.0F);
-  const Profile result = profile(run, {.warmup = 1, .repeat = 5});
-  EXPECT_EQ(result.passes, 5);
-  ASSERT_EQ(result.layers.size(), 6U);
-  EXPECT_GT(result.layers[1].median, 0);
-  EXPECT_EQ(result.layers[2].median, 0);  // the convolution does it
-  EXPECT_EQ(result.layers[3].median, 0);  // Dropout: nothing runs
-  EXPECT_GT(result.layers[4].median, 0);
-  EXPECT_GT(result.total.min, 0);
-  EXPECT_LE(result.total.min, result.total.median);
-  EXPECT_LE(result.total.median, result.total.p95);
-  EXPECT_GE(result.layer_sum.median, result.layers[1].min);
 }
 
 }  // namespace

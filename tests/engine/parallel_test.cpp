@@ -1,11 +1,13 @@
-// Which items of a parallel region are done, where a thread begins, and what fork() leaves of it.
-#include "kernels/parallel.h"
-
+// Which items of a parallel region are done, where a thread begins, what comes out of one that
+// throws, and what fork() leaves of it.
 #include <gtest/gtest.h>
+#include <omp.h>
 #include <unistd.h>
 
 #include <array>
 #include <atomic>
+#include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -14,7 +16,7 @@
 namespace revisit::engine {
 namespace {
 
-TEST(KernelThreads, DoEachItemOnceHoweverManyTheyAre) {
+TEST(ParallelFor, DoesEachItemOnceHoweverManyThreadsThereAre) {
   for (const int threads : {1, 2, 3, 8, 70})
     for (const int64_t items : {0, 1, 2, 5, 63, 64, 65, 1000}) {
       std::vector<std::atomic<int>> done(items);
@@ -29,7 +31,19 @@ TEST(KernelThreads, DoEachItemOnceHoweverManyTheyAre) {
     }
 }
 
-TEST(KernelThreads, BeginWithTheSamePartOfEveryRegion) {
+TEST(ParallelFor, RangesCoverAllItems) {
+  for (const int threads : {1, 4})
+    for (const int64_t items : {0, 1, 7, 1000}) {
+      std::vector<std::atomic<int>> done(items);
+      parallel_ranges(items, 7, threads, [&](int64_t begin, int64_t end) {
+        EXPECT_LE(end - begin, 7);
+        for (int64_t i = begin; i < end; ++i) ++done[i];
+      });
+      for (const std::atomic<int>& times : done) EXPECT_EQ(times, 1);
+    }
+}
+
+TEST(ParallelFor, BeginsWithTheSamePartOfEveryRegion) {
   constexpr int kThreads = 2;
   for (const int64_t items : {2, 7, 100}) {
     std::array<std::atomic<int64_t>, kThreads> first = {-1, -1};
@@ -45,34 +59,45 @@ TEST(KernelThreads, BeginWithTheSamePartOfEveryRegion) {
   }
 }
 
+TEST(ParallelFor, TheErrorOfTheLowestItemComesOut) {
+  for (const int threads : {1, 2, 5}) {
+    std::atomic<int> done = 0;
+    try {
+      parallel_for(1000, threads, [&](int64_t item) {
+        ++done;
+        if (item == 340 || item == 500) throw std::out_of_range(std::to_string(item));
+        ::usleep(10);
+      });
+      FAIL() << "nothing came out";
+    } catch (const std::out_of_range& error) {
+      EXPECT_STREQ(error.what(), "340");
+    }
+    EXPECT_LT(done, 1000);
+  }
+}
+
 /// How many threads meet in a region of four items; a second that is missing is not waited for.
-int threads_that_meet(bool of_kernels) {
+int threads_that_meet() {
   std::array<std::atomic<bool>, 4> here = {};
   std::atomic<int> met = 0;
-  const auto meet = [&](int64_t item) {
-    if (!here[item].exchange(true)) ++met;
+  parallel_for(4, 2, [&](int64_t, int thread) {
+    if (!here[thread].exchange(true)) ++met;
     for (int i = 0; i < 1000 && met < 2; ++i) ::usleep(1000);
-  };
-  if (of_kernels)
-    parallel_for(4, 2, [&](int64_t, int thread) { meet(thread); });
-  else
-    revisit::parallel_for(4, 2, [&](int64_t) { meet(omp_get_thread_num()); });
+  });
   return met;
 }
 
 /// A child of fork() has none of its parent's threads: it must not wait for them, and may have its
 /// own.
 TEST(Forked, RegionsWorkInParentAndChild) {
-  for (const bool of_kernels : {true, false}) {
-    EXPECT_EQ(threads_that_meet(of_kernels), 2);
-    EXPECT_EXIT(
-        {
-          ::alarm(10);
-          ::_exit(threads_that_meet(of_kernels));
-        },
-        testing::ExitedWithCode(2), "");
-    EXPECT_EQ(threads_that_meet(of_kernels), 2);
-  }
+  EXPECT_EQ(threads_that_meet(), 2);
+  EXPECT_EXIT(
+      {
+        ::alarm(10);
+        ::_exit(threads_that_meet());
+      },
+      testing::ExitedWithCode(2), "");
+  EXPECT_EQ(threads_that_meet(), 2);
 }
 
 }  // namespace

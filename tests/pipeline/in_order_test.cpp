@@ -7,8 +7,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "revisit/engine/parallel_for.h"
-
 namespace revisit::pipeline {
 namespace {
 
@@ -91,34 +89,6 @@ TEST(InOrder, TheTakersErrorStopsTheWorkers) {
   EXPECT_LE(after, 3 + 4 + 1);
   pause_for(3000);
   EXPECT_EQ(made, after) << "a worker is still there";
-}
-
-TEST(ParallelFor, EveryItemOnce) {
-  for (const int threads : {1, 4})
-    for (const int64_t items : {0, 1, 2, 1000}) {
-      std::vector<int> done(static_cast<size_t>(items));
-      parallel_for(items, threads, [&](int64_t i) { ++done[static_cast<size_t>(i)]; });
-      EXPECT_EQ(done, std::vector<int>(static_cast<size_t>(items), 1));
-      parallel_ranges(items, 7, threads, [&](int64_t begin, int64_t end) {
-        EXPECT_LE(end - begin, 7);
-        for (int64_t i = begin; i < end; ++i) ++done[static_cast<size_t>(i)];
-      });
-      EXPECT_EQ(done, std::vector<int>(static_cast<size_t>(items), 2));
-    }
-}
-
-TEST(ParallelFor, ErrorsComeOut) {
-  for (const int threads : {1, 4}) {
-    std::atomic<int> done = 0;
-    EXPECT_THROW(parallel_for(1000, threads,
-                              [&](int64_t i) {
-                                ++done;
-                                if (i == 5) throw std::runtime_error("five");
-                                pause_for(10);
-                              }),
-                 std::runtime_error);
-    EXPECT_LT(done, 1000);
-  }
 }
 
 }  // namespace

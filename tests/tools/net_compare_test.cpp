@@ -24,7 +24,7 @@ NetReport profile_of(double factor, unsigned seed, int passes = kPasses) {
   for (int i = 0; i < kLayers; ++i) {
     std::vector<double> samples;
     for (int pass = 0; pass < passes; ++pass) samples.push_back(factor * (1 + late(random)));
-    const engine::Timing t = engine::summarize(samples);
+    const profiling::Timing t = profiling::summarize(samples);
     reports::NetLayer& layer = *report.add_layers();
     layer.set_name("layer");
     reports::Timing& ms = *layer.mutable_ms();

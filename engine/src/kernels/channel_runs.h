@@ -1,6 +1,6 @@
 #pragma once
 
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 

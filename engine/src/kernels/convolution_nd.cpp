@@ -4,7 +4,7 @@
 #include <new>
 
 #include "kernels/gemm.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {

@@ -2,7 +2,7 @@
 
 #include "kernels/convolution_nd.h"
 #include "kernels/gemm.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {

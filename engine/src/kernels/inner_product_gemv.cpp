@@ -2,7 +2,7 @@
 
 #include "bfloat16.h"
 #include "kernels/inner_product.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/inner_product_gemv.cpp"

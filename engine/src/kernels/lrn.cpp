@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {

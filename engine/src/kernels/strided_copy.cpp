@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 

@@ -76,11 +76,6 @@ Bytes FusedConvolution::packed_size(const BlockedConvolutionKernel& kernel) cons
                 padded_channels(problem_.c_out));
 }
 
-int64_t FusedConvolution::most_packed_bytes(int64_t limit) const {
-  const int64_t copies = !has_constants_ ? 1 : problem_.values == Precision::kBf16 ? 3 : 2;
-  return (limit - floats(padded_channels(problem_.c_out)).count) / copies;
-}
-
 PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
   PackedWeightsKey key{layer,          fusion_.affine_layers, {},
                        has_constants_, std::move(kernel),     problem_.values};
@@ -91,9 +86,9 @@ PackedWeightsKey FusedConvolution::key(size_t layer, std::string kernel) const {
 }
 
 HeldWeights FusedConvolution::packed(const BlockedConvolutionKernel& kernel,
-                                     const WeightSource& source) const {
-  const auto all = source.cache->get(key(source.layer, kernel.name),
-                                     [&] { return pack(kernel, *source.originals()); });
+                                     const std::vector<Tensor>& originals, WeightCache* cache,
+                                     size_t layer) const {
+  const auto all = cache->get(key(layer, kernel.name), [&] { return pack(kernel, originals); });
   return {all->weights.data(), all->bias.data(), all->outside_taps.data(), all};
 }
 

@@ -6,13 +6,6 @@
 
 namespace revisit::engine {
 
-/// Where the weights of a layer are found.
-struct WeightSource {
-  std::function<std::shared_ptr<const std::vector<Tensor>>()> originals;  // those of the file
-  WeightCache* cache;
-  size_t layer;  // that the cache knows it as
-};
-
 /// The second blob of a layer, or null where it has none.
 const float* bias_of(const std::vector<Tensor>& originals);
 
@@ -28,9 +21,10 @@ class FusedConvolution {
 
   /// Of packed(): the kernel's own for weights and constants, and the bias.
   Bytes packed_size(const BlockedConvolutionKernel& kernel) const;
-  /// The kernel's own where packed_size() is at most `limit`. Constants are of float32.
-  int64_t most_packed_bytes(int64_t limit) const;
-  HeldWeights packed(const BlockedConvolutionKernel& kernel, const WeightSource& source) const;
+  /// From `cache`, which knows the layer as `layer`; made of its weights in the file where they are
+  /// not there.
+  HeldWeights packed(const BlockedConvolutionKernel& kernel, const std::vector<Tensor>& originals,
+                     WeightCache* cache, size_t layer) const;
 
  private:
   PackedWeightsKey key(size_t layer, std::string kernel) const;

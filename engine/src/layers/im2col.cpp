@@ -1,6 +1,6 @@
-#include "kernels/parallel.h"
 #include "layers/convolution_window.h"
 #include "layers/layers.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {

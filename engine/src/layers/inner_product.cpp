@@ -40,8 +40,7 @@ class InnerProduct : public OneToOneLayer {
                                       binding.threads};
     const float* weights = binding.weights[0].values.data();
     const float* bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
-    if (binding.bf16_weights && kInnerProductGemv.supports(problem) &&
-        packed_size(problem).count <= binding.most_packed_bytes)
+    if (binding.bf16_weights && kInnerProductGemv.supports(problem))
       return bind_bf16(problem, binding);
     const InnerProductKernel& kernel =
         binding.reference_kernels ? kInnerProductReference : choose_inner_product(problem);
@@ -54,13 +53,11 @@ class InnerProduct : public OneToOneLayer {
   }
 
  private:
-  static Bytes packed_size(const InnerProductProblem& p) { return floats((p.n * p.k + 1) / 2); }
-
   Kernel bind_bf16(const InnerProductProblem& problem, const Binding& binding) const {
     Kernel kernel;
     kernel.name = "gemv bf16";
     kernel.macs = problem.m * problem.n * problem.k;
-    kernel.packed = packed_size(problem);
+    kernel.packed = floats((problem.n * problem.k + 1) / 2);
     kernel.hold =
         [size = kernel.packed, &weights = binding.weights, cache = binding.cache,
          key = PackedWeightsKey{binding.layer, {}, {}, false, kernel.name, Precision::kBf16}] {

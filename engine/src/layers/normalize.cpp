@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/parallel.h"
 #include "layers/layers.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {

@@ -20,8 +20,8 @@ bool is_worth_blocking(const BlockedConvolutionKernel& kernel, const Convolution
 }
 
 const BlockedConvolutionKernel* choose_for(const ConvolutionProblem& p, Layout input,
-                                           const ConvolutionLimits& limits) {
-  const BlockedConvolutionKernel* const kernel = choose_blocked_convolution(p, input, limits);
+                                           int most_points) {
+  const BlockedConvolutionKernel* const kernel = choose_blocked_convolution(p, input, most_points);
   return kernel && is_worth_blocking(*kernel, p) ? kernel : nullptr;
 }
 
@@ -57,15 +57,6 @@ struct RunBlocked {
   }
 };
 
-WeightSource source_of(const Binding& binding) {
-  if (binding.originals) return {binding.originals, binding.cache, binding.layer};
-  return {[&weights = binding.weights] {
-            const std::shared_ptr<const void> not_owned;
-            return std::shared_ptr<const std::vector<Tensor>>(not_owned, &weights);
-          },
-          binding.cache, binding.layer};
-}
-
 const ConvolutionNdKernel& choose_plain(const ConvolutionNdProblem& p, bool reference) {
   if (reference) return kConvolutionReference;
   const auto kernels = convolution_kernels();
@@ -89,21 +80,14 @@ const float* write_channels(const ConvolutionNdProblem& p, const std::vector<flo
 
 const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& problem,
                                                    const Fusion& fusion, Layout input,
-                                                   const ConvolutionLimits& limits) {
+                                                   int most_points) {
   const FusedConvolution convolution(problem, fusion);
   const ConvolutionProblem& p = convolution.problem();
-  const ConvolutionLimits of_kernel{limits.transform_points,
-                                    convolution.most_packed_bytes(limits.packed_bytes)};
   // Both are made for the plain input, also where another layer has it in blocks.
-  if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, of_kernel);
+  if (fusion.gray_offsets || fusion.pooling) return choose_for(p, Layout::kNchw, most_points);
   if (input == Layout::kNchw)
-    if (const auto* kernel = choose_for(p, Layout::kNchw, of_kernel)) return kernel;
-  return choose_for(p, Layout::kNChw16c, of_kernel);
-}
-
-int64_t packed_bytes(const ConvolutionProblem& problem, const Fusion& fusion,
-                     const BlockedConvolutionKernel& kernel) {
-  return FusedConvolution(problem, fusion).packed_size(kernel).count;
+    if (const auto* kernel = choose_for(p, Layout::kNchw, most_points)) return kernel;
+  return choose_for(p, Layout::kNChw16c, most_points);
 }
 
 Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& binding) {
@@ -121,8 +105,9 @@ Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& bindi
   kernel.writes = Layout::kNChw16c;
   kernel.packed = convolution.packed_size(chosen);
   kernel.scratch = floats(run.scratch_floats());
-  kernel.hold = [convolution, &chosen, source = source_of(binding)] {
-    return convolution.packed(chosen, source);
+  kernel.hold = [convolution, &chosen, &originals = binding.weights, cache = binding.cache,
+                 layer = binding.layer] {
+    return convolution.packed(chosen, originals, cache, layer);
   };
   kernel.run = [run, adds = fusion.adds_last_input,
                 activation = fusion.activation](const Call& call) {
@@ -142,17 +127,12 @@ Kernel bind_plain_convolution(const ConvolutionNdProblem& p, const Binding& bind
   Kernel kernel;
   kernel.name = chosen.name;
   kernel.scratch = floats(input_scratch + chosen.scratch_floats(p));
-  kernel.hold = [originals = source_of(binding).originals] {
-    auto weights = originals();
-    const float *filters = (*weights)[0].values.data(), *bias = bias_of(*weights);
-    return HeldWeights{filters, bias, nullptr, std::move(weights)};
-  };
-  kernel.run = [p, &chosen, input_scratch, offsets = fusion.gray_offsets,
-                post_ops = HeldPostOps(binding)](const Call& call) {
+  kernel.run = [p, &chosen, input_scratch, &weights = binding.weights,
+                offsets = fusion.gray_offsets, post_ops = HeldPostOps(binding)](const Call& call) {
     for (size_t i = 0; i < call.outputs.size(); ++i) {
       const float* input =
           offsets ? write_channels(p, *offsets, call.inputs[i], call.scratch) : call.inputs[i];
-      chosen.run(p, input, call.weights->weights, call.weights->bias, call.outputs[i],
+      chosen.run(p, input, weights[0].values.data(), bias_of(weights), call.outputs[i],
                  call.scratch + input_scratch);
       post_ops(call.inputs.back(), call.outputs[i]);
     }

@@ -7,16 +7,12 @@
 namespace revisit::engine {
 
 /// The blocked kernel for a 2-D convolution with its fusion, whose input is in this layout; null
-/// where none pays or keeps to the limits: then a kernel on plain values takes it, which can do all
-/// of a fusion but pooling. To be asked once for an operation: what else is planned depends on the
-/// answer.
+/// where none of at most so many transform points pays: then a kernel on plain values takes it,
+/// which can do all of a fusion but pooling. To be asked once for an operation: what else is
+/// planned depends on the answer.
 const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& problem,
                                                    const Fusion& fusion, Layout input,
-                                                   const ConvolutionLimits& limits);
-
-/// What that kernel packs.
-int64_t packed_bytes(const ConvolutionProblem& problem, const Fusion& fusion,
-                     const BlockedConvolutionKernel& kernel);
+                                                   int most_points);
 
 /// Binding::convolution for the inputs, with all that is fused. Its weights are held, not bound.
 Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& binding);

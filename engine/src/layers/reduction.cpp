@@ -1,7 +1,7 @@
 #include <cmath>
 
-#include "kernels/parallel.h"
 #include "layers/layers.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {

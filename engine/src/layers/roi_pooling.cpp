@@ -3,8 +3,8 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/parallel.h"
 #include "layers/layers.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {

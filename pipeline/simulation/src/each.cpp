@@ -20,9 +20,9 @@ void for_each_item(int64_t items, int threads,
                    const std::function<bool(int64_t item)>& done) {
   std::mutex mutex;
   std::atomic<bool> ended = false;
-  parallel_for(items, threads, [&](int64_t item) {
+  parallel_for(items, threads, [&](int64_t item, int thread) {
     if (ended) return;
-    make(item, omp_get_thread_num());
+    make(item, thread);
     const std::scoped_lock lock(mutex);
     if (!done(item)) ended = true;
   });

@@ -6,8 +6,8 @@
 #include "cli/command.h"
 #include "cli/net_options.h"
 #include "reports.pb.h"
-#include "revisit/engine/profile.h"
-#include "revisit/engine/speed_limits.h"
+#include "revisit/profiling/profile.h"
+#include "revisit/profiling/speed_limits.h"
 
 namespace revisit::cli {
 
@@ -24,9 +24,9 @@ struct NetFindings {
   std::string weights;
   const engine::Net& net;
   const engine::Plan& plan;
-  bool with_buffers = false;                 // also the memory plan
-  const engine::Profile* profile = nullptr;  // null: nothing was timed
-  const engine::SpeedLimits* limits =
+  bool with_buffers = false;                    // also the memory plan
+  const profiling::Profile* profile = nullptr;  // null: nothing was timed
+  const profiling::SpeedLimits* limits =
       nullptr;  // of the machine; these two are there with `profile`
   double peak_resident_bytes = 0;
 };

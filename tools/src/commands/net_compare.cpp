@@ -69,9 +69,9 @@ NetReport read_profile(const fs::path& file) {
       report.limits().bandwidths().empty())
     throw InputError(file.string() +
                      ": not what this version of `revisit net profile --format json` writes");
-  if (report.passes() < engine::kLeastForBounds)
+  if (report.passes() < profiling::kLeastForBounds)
     throw InputError(str(file.string(), ": a profile of ", report.passes(),
-                         " passes: expected at least ", engine::kLeastForBounds, " (--repeat)"));
+                         " passes: expected at least ", profiling::kLeastForBounds, " (--repeat)"));
   return report;
 }
 

@@ -84,7 +84,7 @@ void print(const reports::NetReport& report, const std::string& format,
 
 int net_profile_command(const Arguments& arguments) {
   NetOptions options;
-  engine::ProfileOptions measure;
+  profiling::ProfileOptions measure;
   std::string format = "table";
   std::optional<std::filesystem::path> against;
   bool reference = false, gray = false;
@@ -124,8 +124,8 @@ int net_profile_command(const Arguments& arguments) {
   measure.stop = interrupted;
   std::optional<reports::NetReport> before;
   if (against) {
-    if (measure.repeat < engine::kLeastForBounds)
-      throw UsageError(str("--against: expected --repeat of at least ", engine::kLeastForBounds,
+    if (measure.repeat < profiling::kLeastForBounds)
+      throw UsageError(str("--against: expected --repeat of at least ", profiling::kLeastForBounds,
                            ", found ", measure.repeat));
     before = read_profile(*against);
   }
@@ -140,13 +140,13 @@ int net_profile_command(const Arguments& arguments) {
   if (before) need_same_net(*against, *before, net_report({options, weights, net, plan}));
   engine::Run run(plan);
   for (const engine::Port& port : plan.inputs()) fill_input(run.input(port.name));
-  const engine::Profile profile = engine::profile(run, measure);
+  const profiling::Profile profile = profiling::profile(run, measure);
   // Before the limits are measured, which takes memory of its own.
   const double peak_resident = peak_resident_bytes();
-  const engine::SpeedLimits limits = engine::measure_speed_limits(options.threads);
+  const profiling::SpeedLimits limits = profiling::measure_speed_limits(options.threads);
   reports::NetReport report =
       net_report({options, weights, net, plan, false, &profile, &limits, peak_resident});
-  if (before && report.passes() >= engine::kLeastForBounds)
+  if (before && report.passes() >= profiling::kLeastForBounds)
     *report.mutable_against() = compare_profiles(*against, *before, report);
   print(report, format, arguments);
   warn_of_shares(report);

@@ -25,7 +25,7 @@ std::string shape_text(const Repeated& shape) {
   return shape.empty() ? "scalar" : joined(shape, "x");
 }
 
-reports::Timing timing(const engine::Timing& t) {
+reports::Timing timing(const profiling::Timing& t) {
   reports::Timing result;
   result.set_min(t.min), result.set_median(t.median), result.set_p95(t.p95);
   result.set_low(t.low), result.set_high(t.high);
@@ -233,12 +233,12 @@ std::string instructions(engine::Precision precision) {
                               : " with " + bf16);
 }
 
-reports::SpeedLimits message_of(const engine::SpeedLimits& limits) {
+reports::SpeedLimits message_of(const profiling::SpeedLimits& limits) {
   reports::SpeedLimits message;
   message.set_threads(limits.threads);
   message.set_float32_gflops(limits.float32_gflops);
   message.set_bf16_gflops(limits.bf16_gflops);
-  for (const engine::Bandwidth& bandwidth : limits.bandwidths) {
+  for (const profiling::Bandwidth& bandwidth : limits.bandwidths) {
     reports::Bandwidth& out = *message.add_bandwidths();
     out.set_bytes(static_cast<double>(bandwidth.bytes));
     out.set_read(bandwidth.read);
@@ -248,7 +248,7 @@ reports::SpeedLimits message_of(const engine::SpeedLimits& limits) {
 }
 
 /// How near a layer that was timed comes to the limits.
-void set_limits(const engine::SpeedLimits& limits, const engine::LayerCost& cost,
+void set_limits(const profiling::SpeedLimits& limits, const engine::LayerCost& cost,
                 reports::NetLayer* layer) {
   const double median = layer->ms().median();
   if (median <= 0) return;
@@ -285,7 +285,7 @@ reports::NetReport net_report(const NetFindings& findings) {
 
   double macs = 0, parameters = 0, medians = 0, best = 0;
   if (profile)
-    for (const engine::Timing& t : profile->layers) medians += t.median;
+    for (const profiling::Timing& t : profile->layers) medians += t.median;
   for (size_t i = 0; i < plan.layers().size(); ++i) {
     const engine::LayerCost& cost = plan.layers()[i];
     reports::NetLayer& layer = *report.add_layers();

@@ -4,7 +4,7 @@
 
 #include <numeric>
 
-#include "revisit/engine/profile.h"
+#include "revisit/profiling/profile.h"
 
 namespace revisit::cli {
 
@@ -41,7 +41,7 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
   info.set_threads_per_scan(options.threads_per_scan);
   info.set_precision(options.precision == engine::Precision::kBf16 ? "bf16" : "float32");
   for (const StageTimes& stage : stages_of(times)) {
-    const engine::Timing timing = engine::summarize(stage.ms);
+    const profiling::Timing timing = profiling::summarize(stage.ms);
     reports::Stage& out = *info.add_stages();
     out.set_name(stage.name);
     out.set_count(static_cast<int>(stage.ms.size()));

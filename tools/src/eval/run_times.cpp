@@ -4,7 +4,7 @@
 #include <ostream>
 
 #include "cli/table.h"
-#include "revisit/engine/profile.h"
+#include "revisit/profiling/profile.h"
 
 namespace revisit::cli {
 namespace {
@@ -44,7 +44,7 @@ std::optional<double> scans_per_second(const pipeline::DescribeTimes& times) {
 void print_times(const pipeline::EvaluationTimes& times, std::ostream& out) {
   Table table({"stage", "times", "median ms", "p95 ms", "total s"});
   for (const StageTimes& stage : stages_of(times)) {
-    const engine::Timing timing = engine::summarize(stage.ms);
+    const profiling::Timing timing = profiling::summarize(stage.ms);
     table.row({stage.name, str(stage.ms.size()), number(timing.median, 2), number(timing.p95, 2),
                number(sum_of(stage.ms) / 1000, 1)});
   }

@@ -46,11 +46,6 @@ struct LoadOptions {
   /// What the files may ask for. A prototxt of a few lines can ask for any amount of weights: more
   /// than `limits.weight_bytes` in memory are refused, too, before they are allocated.
   proto::Limits limits;
-  /// Frees the file's weights of a convolution as soon as a plan has them in the order of its
-  /// kernel (Plan::packed_weight_bytes()), so that they are not in memory twice. A later plan that
-  /// needs them again (another kernel, reference_kernels) reads them from the file, which must not
-  /// change: else that plan throws InputError. Only for weights from a file.
-  bool release_weights = false;
 };
 
 /// A tensor of the net that has a name outside: an input or an output.
@@ -83,11 +78,10 @@ struct PlanOptions {
   /// Use the slow, readable kernels only: the truth the others are tested against.
   bool reference_kernels = false;
   /// The most that one run may take beside the weights of the file [bytes]: Plan::arena_bytes() and
-  /// Plan::packed_weight_bytes() together. Where the fastest kernels take more, the kernel of a
-  /// convolution is the fastest whose packed weights fit in its share of what is left, in the end
-  /// one that reads the weights as they are; a plan that takes more even so is refused, before any
-  /// of it is allocated. What other plans of the net share counts in full: which kernels a plan has
-  /// depends on nothing else.
+  /// Plan::packed_weight_bytes() together. Where the fastest kernels take more, all kernels read
+  /// the weights as they are; a plan that takes more even so is refused, before any of it is
+  /// allocated. What other plans of the net share counts in full: which kernels a plan has depends
+  /// on nothing else.
   int64_t max_run_bytes = int64_t{8} << 30;
   /// Numbers below 1.2e-38 in magnitude (denormals) count as zero while a pass runs. Caffe keeps
   /// them. On x86 each costs some hundred cycles: an LSTM whose gates have closed takes 13 times as
@@ -175,7 +169,7 @@ class Plan {
   const std::vector<Port>& outputs() const;
   /// All activations and scratch of one run [bytes]: the size of the arena.
   int64_t arena_bytes() const;
-  /// The weights of the file [bytes], whether in memory or released.
+  /// The weights of the file [bytes].
   int64_t weight_bytes() const;
   /// What kernels hold in an order of their own, beside the weights [bytes]. All plans of a net
   /// share it where they use the same kernels; it goes with the last of them.
@@ -222,9 +216,9 @@ class Net {
 
   /// Chooses kernels and lays out memory. `inputs` replaces input shapes by blob name.
   /// Throws InputError naming the layer that cannot take the shapes, or what takes more than
-  /// PlanOptions::max_run_bytes, or when released weights cannot be read again; UsageError for an
-  /// unknown input, an unknown layer in PlanOptions::keep or a number of threads outside 1 to 1024;
-  /// MemoryError when the system has no memory for the packed weights.
+  /// PlanOptions::max_run_bytes; UsageError for an unknown input, an unknown layer in
+  /// PlanOptions::keep or a number of threads outside 1 to 1024; MemoryError when the system has no
+  /// memory for the packed weights.
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
   const std::string& name() const;
@@ -240,14 +234,10 @@ class Net {
   /// Warnings for the user: unused layers of the weights file, upgrades made.
   const std::vector<std::string>& warnings() const;
   /// The weights of the layers that have some, in the order of the file; they live as long as a
-  /// copy of this net. Throws UsageError for a net without weights, and for one loaded with
-  /// LoadOptions::release_weights, which may not have them any more.
+  /// copy of this net. Throws UsageError for a net without weights.
   std::vector<LayerWeights> weights() const;
   /// Bytes read from the weights file.
   uint64_t weight_bytes_read() const;
-  /// The file's weights that are in memory now [bytes]: all but those that
-  /// LoadOptions::release_weights freed.
-  int64_t weight_bytes_in_memory() const;
   /// Weights that the kernels of all living plans hold in orders of their own [bytes].
   int64_t packed_weight_bytes() const;
 
@@ -287,11 +277,6 @@ class Run {
   /// memory for it. A system that promises more than it has (Linux's overcommit) may end the
   /// program later instead: PlanOptions::max_run_bytes is the limit that always holds.
   explicit Run(Plan plan);
-  /// The same in memory of the caller's, which must outlive the run: two runs that never work at
-  /// the same time may share it, but each then finds its inputs and outputs overwritten by the
-  /// other. What layers remember from pass to pass (LSTM, RNN) is the run's own. Throws UsageError
-  /// unless `arena` has Plan::arena_bytes() and begins on a multiple of 64 bytes.
-  Run(Plan plan, std::span<std::byte> arena);
   Run(Run&&) noexcept;
   Run& operator=(Run&&) noexcept;
   ~Run();
@@ -313,7 +298,6 @@ class Run {
 
  private:
   struct Memory;
-  void prepare(std::byte* arena);
   Memory& memory() const;  // throws UsageError when moved from
   Plan plan_;
   std::unique_ptr<Memory> memory_;

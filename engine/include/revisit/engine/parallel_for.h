@@ -1,52 +1,51 @@
 #pragma once
 
-#include <atomic>
+#include <algorithm>
 #include <cstdint>
-#include <exception>
-#include <mutex>
-
-#include "revisit/engine/fork.h"
-#include "revisit/engine/parallel_region.h"
+#include <type_traits>
 
 namespace revisit {
+namespace engine {
 
-/// Calls `work(item)` for every item in [0, items) on up to `threads` threads; when one throws, no
-/// new items are begun, and the exception of the lowest item that threw comes out. Items must be
-/// independent, and must not depend on the number of threads.
+/// parallel_for() of `work(object, item, thread)`.
+void share_items(int64_t items, int threads,
+                 void (*work)(const void* object, int64_t item, int thread), const void* object);
+
+}  // namespace engine
+
+/// Calls `work(item)`, or `work(item, thread)` where it takes that, for every item in [0, items) on
+/// up to `threads` threads, which calculate in the float mode of the calling one. Items must be
+/// independent, and no value may depend on how many there are where their number depends on that of
+/// the threads.
+///
+/// A thread begins with a range of items of its own, which is the same part of all in every region:
+/// what it wrote in one is in its cache for the next. Then it takes what others have left.
+///
+/// The exception of the lowest item that throws comes out, as if there were one thread; of those
+/// beyond it some may have been done.
 template <class Work>
 void parallel_for(int64_t items, int threads, const Work& work) {
-  std::exception_ptr error;
-  int64_t failed_item = items;
-  std::mutex mutex;
-  std::atomic<bool> failed = false;
-  {
-    engine::RegionForSanitizer region;
-#pragma omp parallel for num_threads(threads) schedule(dynamic, 1) if (threads > 1 && items > 1)
-    for (int64_t item = 0; item < items; ++item) {
-      region.enter();
-      if (failed) continue;
-      try {
-        work(item);
-      } catch (...) {
-        const std::scoped_lock lock(mutex);
-        if (item < failed_item) {
-          failed_item = item;
-          error = std::current_exception();
-        }
-        failed = true;
-      }
-      region.leave();
-    }
-  }
-  if (error) std::rethrow_exception(error);
+  const auto call = [](const void* object, int64_t item, int thread) {
+    if constexpr (std::is_invocable_v<const Work&, int64_t, int>)
+      (*static_cast<const Work*>(object))(item, thread);
+    else
+      (*static_cast<const Work*>(object))(item);
+  };
+  if (threads > 1)
+    engine::share_items(items, threads, call, &work);
+  else
+    for (int64_t item = 0; item < items; ++item) call(&work, item, 0);
 }
 
+/// Enough elements of a simple loop to be worth a thread's while.
+constexpr int64_t kParallelGrain = 16384;
+
 /// Calls `work(begin, end)` for consecutive ranges of at most `grain` items that cover [0, items).
+/// The ranges do not depend on the number of threads.
 template <class Work>
 void parallel_ranges(int64_t items, int64_t grain, int threads, const Work& work) {
-  parallel_for((items + grain - 1) / grain, threads, [&](int64_t range) {
-    work(range * grain, range * grain + grain < items ? range * grain + grain : items);
-  });
+  parallel_for((items + grain - 1) / grain, threads,
+               [&](int64_t range) { work(range * grain, std::min((range + 1) * grain, items)); });
 }
 
 }  // namespace revisit

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "kernels/blocked/blocked_size.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "kernels/split.h"
+#include "revisit/engine/split.h"
 
 namespace revisit::engine {
 

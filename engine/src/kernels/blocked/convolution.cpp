@@ -20,14 +20,12 @@ std::span<const BlockedConvolutionKernel> blocked_convolution_kernels() {
 }
 
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
-                                                           Layout input,
-                                                           const ConvolutionLimits& limits) {
+                                                           Layout input, int most_points) {
   if (!has_blocked_kernels()) return nullptr;
   const BlockedConvolutionKernel* best = nullptr;
   double best_ms = 0;
   for (const BlockedConvolutionKernel& kernel : blocked_convolution_kernels()) {
-    if (kernel.input != input || kernel.transform_points > limits.transform_points ||
-        !kernel.supports(p) || floats(kernel.packed_floats(p)).count > limits.packed_bytes)
+    if (kernel.input != input || kernel.transform_points > most_points || !kernel.supports(p))
       continue;
     const double ms = kernel.predicted_ms(p);
     if (best && best_ms <= ms) continue;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <span>
 
 #include "kernels/convolution.h"
@@ -52,16 +51,10 @@ constexpr int kAnyPoints = 99;
 
 std::span<const BlockedConvolutionKernel> blocked_convolution_kernels();
 
-/// What a kernel may not exceed.
-struct ConvolutionLimits {
-  int transform_points = kAnyPoints;
-  int64_t packed_bytes = std::numeric_limits<int64_t>::max();
-};
-
 /// The kernel with the smallest predicted time among those that support the problem, take this
-/// layout and keep to the limits; null when none does.
+/// layout and have at most so many transform points; null when none does.
 const BlockedConvolutionKernel* choose_blocked_convolution(const ConvolutionProblem& p,
                                                            Layout input,
-                                                           const ConvolutionLimits& limits = {});
+                                                           int most_points = kAnyPoints);
 
 }  // namespace revisit::engine

@@ -8,7 +8,8 @@
 #include "kernels/blocked/cost_model.h"
 #include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/epilogue-inl.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
+#include "revisit/engine/split.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

@@ -10,7 +10,8 @@
 #include "kernels/blocked/epilogue-inl.h"
 #include "kernels/blocked/multiply-inl.h"
 #include "kernels/blocked/tiles-inl.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
+#include "revisit/engine/split.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

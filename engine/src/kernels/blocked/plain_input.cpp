@@ -8,7 +8,7 @@
 #include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/plain_input-inl.h"
 #include "kernels/blocked/plain_input_scratch.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {

@@ -2,7 +2,7 @@
 
 #include "kernels/blocked/blocked_pieces.h"
 #include "kernels/blocked/dispatch.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/pooling.cpp"

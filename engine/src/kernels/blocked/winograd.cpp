@@ -10,7 +10,8 @@
 #include "kernels/blocked/multiply-inl.h"
 #include "kernels/blocked/winograd_lines-inl.h"
 #include "kernels/blocked/winograd_shape.h"
-#include "kernels/parallel.h"
+#include "revisit/engine/parallel_for.h"
+#include "revisit/engine/split.h"
 
 #ifndef REVISIT_WINOGRAD_VARIANTS
 #define REVISIT_WINOGRAD_VARIANTS

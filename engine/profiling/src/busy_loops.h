@@ -2,12 +2,13 @@
 
 #include <cstdint>
 
-#include "revisit/engine/precision.h"
-
-namespace revisit::engine {
+namespace revisit::profiling {
 
 // Loops that do nothing but one thing, as fast as one thread can. Each returns what depends on all
 // of its work, so that the compiler leaves nothing out.
+
+/// Independent sums: more than latency times throughput of any CPU's multiply-add.
+constexpr int kSums = 12;
 
 /// Floating-point operations that a loop did.
 struct LoopWork {
@@ -25,4 +26,4 @@ constexpr int64_t kLoopFloats = 64;
 float read_floats(const float* from, int64_t count);
 void copy_floats(const float* from, float* to, int64_t count);
 
-}  // namespace revisit::engine
+}  // namespace revisit::profiling

@@ -1,18 +1,21 @@
-#include "revisit/engine/speed_limits.h"
+#include "revisit/profiling/speed_limits.h"
 
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
+#include <memory>
+#include <new>
 
-#include "aligned.h"
-#include "budget.h"
-#include "kernels/busy_loops.h"
-#include "kernels/parallel.h"
+#include "busy_loops.h"
+#include "revisit/engine/parallel_for.h"
 #include "revisit/engine/simd.h"
+#include "revisit/engine/split.h"
 
-namespace revisit::engine {
+namespace revisit::profiling {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -34,7 +37,7 @@ std::vector<double> seconds_of_runs(int threads, int64_t least, const Work& work
   const Clock::time_point start = Clock::now();
   for (int64_t run = 0; run < least || seconds_since(start) < kBudget; ++run) {
     const Clock::time_point begin = Clock::now();
-    parallel_for(threads, threads, [&](int64_t part, int) { work(run, part); });
+    parallel_for(threads, threads, [&](int64_t part) { work(run, part); });
     seconds.push_back(seconds_since(begin));
   }
   return seconds;
@@ -59,8 +62,9 @@ double gflops(int threads, int64_t rounds, LoopWork (*multiply)(int64_t)) {
 double bf16_gflops(int threads) {
   constexpr int64_t kRounds = 1 << 16, kTileRounds = 1 << 14;
   double most = 0;
-  if (has_bf16_instructions()) most = gflops(threads, kRounds, multiply_bf16);
-  if (has_bf16_tiles()) most = std::max(most, gflops(threads, kTileRounds, multiply_bf16_tiles));
+  if (engine::has_bf16_instructions()) most = gflops(threads, kRounds, multiply_bf16);
+  if (engine::has_bf16_tiles())
+    most = std::max(most, gflops(threads, kTileRounds, multiply_bf16_tiles));
   return most;
 }
 
@@ -77,16 +81,16 @@ int64_t bytes_beyond_caches() {
 /// [GB/s] of `bytes` at the beginning of `memory`, which are moved again and again, in runs of
 /// about kMoved: several times what is less, and slices in turn of what is more. Of these the
 /// median counts, as some may have stayed in a cache.
-Bandwidth bandwidth(int threads, const AlignedFloats& memory, int64_t bytes) {
+Bandwidth bandwidth(int threads, float* memory, int64_t bytes) {
   constexpr int64_t kMoved = 4 << 20;  // [bytes]
   const int64_t floats = bytes / int64_t{sizeof(float)};
   const auto measure = [&](int64_t items, const auto& move) {
-    const Split slices{items, std::max<int64_t>(bytes / kMoved, 1), kLoopFloats};
+    const engine::Split slices{items, std::max<int64_t>(bytes / kMoved, 1), kLoopFloats};
     const int64_t passes = std::max<int64_t>(kMoved / bytes, 1);
     std::vector<double> seconds =
         seconds_of_runs(threads, 2 * slices.parts, [&](int64_t run, int64_t part) {
           const int64_t slice = run % slices.parts;
-          const Split parts{slices.width(slice), threads, kLoopFloats};
+          const engine::Split parts{slices.width(slice), threads, kLoopFloats};
           const int64_t first = slices.begin(slice) + parts.begin(part);
           for (int64_t pass = 0; pass < passes; ++pass) move(first, parts.width(part));
         });
@@ -95,7 +99,7 @@ Bandwidth bandwidth(int threads, const AlignedFloats& memory, int64_t bytes) {
     const auto moved = static_cast<double>(bytes * passes) / static_cast<double>(slices.parts);
     return moved / seconds[static_cast<size_t>(rank)] / kGiga;
   };
-  float* const from = memory.data();
+  float* const from = memory;
   float* const to = from + floats / 2;
   return {bytes,
           measure(floats, [&](int64_t first, int64_t n) { keep(read_floats(from + first, n)); }),
@@ -106,16 +110,23 @@ Bandwidth bandwidth(int threads, const AlignedFloats& memory, int64_t bytes) {
 std::vector<Bandwidth> bandwidths(int threads) {
   constexpr int64_t kSmallest = 64 << 10, kStep = 4;
   const int64_t largest = bytes_beyond_caches();
-  const AlignedFloats memory(largest / int64_t{sizeof(float)});
-  const Split parts{memory.size(), threads, kLoopFloats};
+  const int64_t floats = largest / int64_t{sizeof(float)};
+  constexpr size_t kHugePage = size_t{2} << 20;
+  const std::unique_ptr<float, decltype(&std::free)> memory(
+      static_cast<float*>(std::aligned_alloc(kHugePage, static_cast<size_t>(largest))), std::free);
+  if (!memory) throw std::bad_alloc();
+#ifdef MADV_HUGEPAGE  // as kernels have it; elsewhere the addresses take part of the time
+  madvise(memory.get(), static_cast<size_t>(largest), MADV_HUGEPAGE);
+#endif
+  const engine::Split parts{floats, threads, kLoopFloats};
   // Pages are near the thread that writes to them first.
-  parallel_for(threads, threads, [&](int64_t part, int) {
-    std::fill_n(memory.data() + parts.begin(part), parts.width(part), 0.0F);
+  parallel_for(threads, threads, [&](int64_t part) {
+    std::fill_n(memory.get() + parts.begin(part), parts.width(part), 0.0F);
   });
   std::vector<Bandwidth> result;
   for (int64_t bytes = kSmallest; bytes < largest; bytes *= kStep)
-    result.push_back(bandwidth(threads, memory, bytes));
-  result.push_back(bandwidth(threads, memory, largest));
+    result.push_back(bandwidth(threads, memory.get(), bytes));
+  result.push_back(bandwidth(threads, memory.get(), largest));
   return result;
 }
 
@@ -132,13 +143,13 @@ Bandwidth bandwidth_at(const std::vector<Bandwidth>& measured, int64_t bytes) {
 
 }  // namespace
 
-double SpeedLimits::compute_ms(const LayerCost& cost) const {
-  const bool bf16 = cost.products == Precision::kBf16 && bf16_gflops > 0;
+double SpeedLimits::compute_ms(const engine::LayerCost& cost) const {
+  const bool bf16 = cost.products == engine::Precision::kBf16 && bf16_gflops > 0;
   return 2 * static_cast<double>(cost.multiplications) / (bf16 ? bf16_gflops : float32_gflops) /
          kPerMs;
 }
 
-double SpeedLimits::traffic_ms(const LayerCost& cost) const {
+double SpeedLimits::traffic_ms(const engine::LayerCost& cost) const {
   const Bandwidth here = bandwidth_at(bandwidths, cost.read_bytes + cost.written_bytes);
   const auto both = static_cast<double>(2 * std::min(cost.read_bytes, cost.written_bytes));
   const auto more = static_cast<double>(cost.read_bytes - cost.written_bytes);
@@ -148,7 +159,9 @@ double SpeedLimits::traffic_ms(const LayerCost& cost) const {
 
 SpeedLimits measure_speed_limits(int threads) {
   constexpr int64_t kRounds = 1 << 16;
-  check_threads(threads);
+  constexpr int kMostThreads = 1024;
+  if (threads < 1 || threads > kMostThreads)
+    throw UsageError(str("expected 1 to ", kMostThreads, " threads, found ", threads));
   SpeedLimits limits;
   limits.threads = threads;
   limits.float32_gflops = gflops(threads, kRounds, multiply_float32);
@@ -157,4 +170,4 @@ SpeedLimits measure_speed_limits(int threads) {
   return limits;
 }
 
-}  // namespace revisit::engine
+}  // namespace revisit::profiling

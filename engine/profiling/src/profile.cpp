@@ -1,11 +1,11 @@
-#include "revisit/engine/profile.h"
+#include "revisit/profiling/profile.h"
 
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <numeric>
 
-namespace revisit::engine {
+namespace revisit::profiling {
 namespace {
 
 using Clock = std::chrono::steady_clock;
@@ -14,7 +14,7 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-class LayerClock : public StepObserver {
+class LayerClock : public engine::StepObserver {
  public:
   explicit LayerClock(size_t layers) : samples_(layers) {}
   /// A layer can take several steps: a kernel and the reorders it needed.
@@ -58,7 +58,7 @@ Timing summarize(std::vector<double> samples) {
           samples[std::max<size_t>(rank95, 1) - 1], samples[low], samples[n - 1 - low]};
 }
 
-Profile profile(Run& run, const ProfileOptions& options) {
+Profile profile(engine::Run& run, const ProfileOptions& options) {
   const auto stopped = [&] { return options.stop && options.stop(); };
   for (int i = 0; i < options.warmup && !stopped(); ++i) run.forward();
 
@@ -85,4 +85,4 @@ Profile profile(Run& run, const ProfileOptions& options) {
   return result;
 }
 
-}  // namespace revisit::engine
+}  // namespace revisit::profiling

@@ -5,7 +5,7 @@
 
 #include "revisit/engine/net.h"
 
-namespace revisit::engine {
+namespace revisit::profiling {
 
 /// How fast a working set of `bytes` is moved, all threads together, each its own part [GB/s].
 struct Bandwidth {
@@ -28,10 +28,10 @@ struct SpeedLimits {
 
   /// The least time for the multiplications of a layer, without padding and additions of its
   /// algorithm [ms].
-  double compute_ms(const LayerCost& cost) const;
+  double compute_ms(const engine::LayerCost& cost) const;
   /// The least time to move what it reads and writes, once, when as much as that lies as near as it
   /// can [ms].
-  double traffic_ms(const LayerCost& cost) const;
+  double traffic_ms(const engine::LayerCost& cost) const;
 };
 
 /// Measures them in about half a second, by many short runs. Takes up to 256 MB meanwhile. What
@@ -39,4 +39,4 @@ struct SpeedLimits {
 /// to 1024, std::bad_alloc.
 SpeedLimits measure_speed_limits(int threads);
 
-}  // namespace revisit::engine
+}  // namespace revisit::profiling

@@ -5,7 +5,7 @@
 
 #include "revisit/engine/net.h"
 
-namespace revisit::engine {
+namespace revisit::profiling {
 
 /// Of repeated timings [ms].
 struct Timing {
@@ -39,6 +39,6 @@ struct Profile {
 
 /// Times forward passes of `run` as it stands (inputs are not changed). Instrumented and
 /// uninstrumented passes alternate, so that a drifting machine touches both alike.
-Profile profile(Run& run, const ProfileOptions& options = {});
+Profile profile(engine::Run& run, const ProfileOptions& options = {});
 
-}  // namespace revisit::engine
+}  // namespace revisit::profiling

@@ -1,0 +1,99 @@
+#include "revisit/engine/parallel_for.h"
+
+#include <omp.h>
+#include <pthread.h>
+
+#include <array>
+#include <atomic>
+#include <exception>
+#include <mutex>
+
+#include "kernels/float_mode.h"
+#include "revisit/engine/split.h"
+
+#ifdef __SANITIZE_THREAD__
+extern "C" void __tsan_acquire(void*);
+extern "C" void __tsan_release(void*);
+#endif
+
+namespace revisit::engine {
+namespace {
+
+/// fork() ends the threads that OpenMP keeps for the calling thread, which gets others when they
+/// are needed: the child, which has none of them, would wait for them for ever.
+[[maybe_unused]] const bool kThreadsEndAtFork =
+    ::pthread_atfork([] { omp_pause_resource_all(omp_pause_soft); }, nullptr, nullptr) == 0;
+
+/// Tells the thread sanitizer what libgomp, which is built without it, does at the two ends of a
+/// parallel region: to be made before it, with a call before and after the work of each thread.
+/// Inside a region it sees races as usual. Nothing in other builds.
+struct RegionForSanitizer {
+#ifdef __SANITIZE_THREAD__
+  char begun = 0, done = 0;
+  RegionForSanitizer() {
+    __tsan_release(&begun);
+  }
+  ~RegionForSanitizer() {
+    __tsan_acquire(&done);
+  }
+  void enter() {
+    __tsan_acquire(&begun);
+  }
+  void leave() {
+    __tsan_release(&done);
+  }
+#else
+  void enter() {}
+  void leave() {}
+#endif
+};
+
+}  // namespace
+
+void share_items(int64_t items, int threads,
+                 void (*work)(const void* object, int64_t item, int thread), const void* object) {
+  if (items <= 1) {
+    if (items == 1) work(object, 0, 0);
+    return;
+  }
+  const FloatMode mode = FloatMode::current();
+  constexpr int kMaxRanges = 64;  // more threads share them
+  const int64_t parts = std::min<int64_t>(items, std::min(threads, kMaxRanges));
+  struct alignas(64) Range {  // a cache line each
+    std::atomic<int64_t> next;
+  };
+  std::array<Range, kMaxRanges> own;
+  for (int64_t i = 0; i < parts; ++i) own[i].next = Split{items, parts}.begin(i);
+  std::atomic<int64_t> failed = items;  // the lowest item that threw
+  std::exception_ptr error;
+  std::mutex mutex;
+  {
+    RegionForSanitizer region;
+#pragma omp parallel num_threads(threads)
+    {
+      region.enter();
+      const FloatModeScope scope(mode);
+      const int thread = omp_get_thread_num();
+      for (int64_t i = 0; i < parts; ++i) {
+        const int64_t range = (thread + i) % parts;
+        const int64_t end = Split{items, parts}.end(range);
+        std::atomic<int64_t>& next = own[range].next;
+        for (int64_t item; (item = next.fetch_add(1, std::memory_order_relaxed)) < end;) {
+          if (item > failed.load(std::memory_order_relaxed)) break;
+          try {
+            work(object, item, thread);
+          } catch (...) {
+            const std::scoped_lock lock(mutex);
+            if (item > failed) continue;
+            failed = item;
+            error = std::current_exception();
+          }
+        }
+      }
+      region.leave();
+    }
+  }
+  if (error) std::rethrow_exception(error);
+}
+
+}  // namespace revisit::engine
