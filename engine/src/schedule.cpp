@@ -155,16 +155,18 @@ class Scheduler {
   }
 
   /// As LayerCost::why.
-  std::string why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
+  KernelReason why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
-    if (!convolving) return "";
-    if (options_.reference_kernels) return "reference asked";
+    if (!convolving) return KernelReason::kNone;
+    if (options_.reference_kernels) return KernelReason::kReference;
     const ConvolutionProblem& problem = convolving->problem;
     if (choose(operation, problem, {operation.most_winograd_points}) != chosen)
-      return "memory limit";
-    if (!operation.convolution && choose(operation, problem, {}) != chosen)
-      return options_.accuracy == Accuracy::kStrict ? "strict accuracy" : "amplified later";
-    return chosen ? "fastest predicted" : "blocked does not pay";
+      return KernelReason::kMemoryLimit;
+    const bool limited = operation.most_winograd_points < kAnyPoints && !operation.convolution;
+    if (limited && choose(operation, problem, {}) != chosen)
+      return options_.accuracy == Accuracy::kStrict ? KernelReason::kStrict
+                                                    : KernelReason::kAmplified;
+    return chosen ? KernelReason::kFastest : KernelReason::kNotWorthBlocking;
   }
 
   /// Of what is left to be packed, by its weights: so that no layer takes all from those after it.
