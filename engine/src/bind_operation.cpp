@@ -2,8 +2,14 @@
 
 #include <algorithm>
 
-#include "held_post_ops.h"
-#include "kernels/blocked/gate.h"
+#include "kernels/activation.h"
+#include "kernels/blocked/lrn.h"
+#include "kernels/blocked/pooling.h"
+#include "kernels/blocked/shuffle.h"
+#include "kernels/channel_norm.h"
+#include "kernels/channel_runs.h"
+#include "layers/join_and_cut.h"
+#include "layers/planar_convolution.h"
 
 namespace revisit::engine {
 namespace {
@@ -14,20 +20,24 @@ BlockedSize size_of(const Binding& binding) {
 }
 
 Kernel bind_activation(const Activating& activation, const Binding& binding) {
-  return blocked_kernel("activation", 1, [size = size_of(binding), activation](const Call& call) {
-    blocked_activation(size, activation.epilogue, call.inputs[0], call.outputs[0]);
-  });
+  return {"activation", [size = size_of(binding), activation](const Call& call) {
+            blocked_activation(size, activation.epilogue, call.inputs[0], call.outputs[0]);
+          }};
 }
 
 Kernel bind_affine(const ChannelAffine& affine, const Binding& binding) {
+  const auto padded_to_blocks = [](const std::vector<double>& values) {
+    const int64_t lanes = padded_channels(static_cast<int64_t>(values.size()));
+    return std::make_shared<const AlignedFloats>(padded(values, lanes));
+  };
   const std::optional<ChannelAffine>& next = binding.fusion.affine;
-  return blocked_kernel(
-      "scale", 1,
-      [size = size_of(binding), factors = HeldAffine(next ? composed(affine, *next) : affine),
-       activation = binding.fusion.activation](const Call& call) {
-        blocked_scale(size, factors.scale->data(), factors.shift->data(), activation.epilogue,
-                      call.inputs[0], call.outputs[0]);
-      });
+  const ChannelAffine all = next ? composed(affine, *next) : affine;
+  return {"scale", [size = size_of(binding), scale = padded_to_blocks(all.scale),
+                    shift = padded_to_blocks(all.shift),
+                    activation = binding.fusion.activation](const Call& call) {
+            blocked_scale(size, scale->data(), shift->data(), activation.epilogue, call.inputs[0],
+                          call.outputs[0]);
+          }};
 }
 
 const char* name_of(BlockedEltwise::Operation operation) {
@@ -43,37 +53,119 @@ const char* name_of(BlockedEltwise::Operation operation) {
 }
 
 Kernel bind_combination(const Combining& combining, const Binding& binding) {
-  return blocked_kernel(
-      name_of(combining.operation), binding.inputs.size(),
-      [size = size_of(binding), combining,
-       activation = binding.fusion.activation](const Call& call) {
-        blocked_eltwise(size, {combining.operation, combining.coefficients, activation.epilogue},
-                        call.inputs, call.outputs[0]);
-      });
+  return {name_of(combining.operation), [size = size_of(binding), combining,
+                                         activation = binding.fusion.activation](const Call& call) {
+            blocked_eltwise(size,
+                            {combining.operation, combining.coefficients, activation.epilogue},
+                            call.inputs, call.outputs[0]);
+          }};
 }
 
-/// The factors are few: they are read as plain values, which need no padding.
 Kernel bind_gate(const Gating& gating, const Binding& binding) {
   std::optional<size_t> addend = gating.addend;
   if (binding.fusion.adds_last_input) addend = binding.inputs.size() - 1;
-  Kernel kernel = blocked_kernel(
-      addend ? "gate + sum" : "gate", binding.inputs.size(),
-      [size = size_of(binding), gating, addend,
-       activation = binding.fusion.activation](const Call& call) {
-        blocked_gate(size,
-                     {call.inputs[gating.factors], addend ? call.inputs[*addend] : nullptr,
-                      gating.zero_hides, activation.epilogue},
-                     call.inputs[gating.x], call.outputs[0]);
-      });
-  kernel.reads[gating.factors] = Layout::kNchw;
+  return {addend ? "gate + sum" : "gate",
+          [size = size_of(binding), gating, addend,
+           activation = binding.fusion.activation](const Call& call) {
+            blocked_gate(size,
+                         {call.inputs[gating.factors], addend ? call.inputs[*addend] : nullptr,
+                          gating.zero_hides, activation.epilogue},
+                         call.inputs[gating.x], call.outputs[0]);
+          }};
+}
+
+Kernel bind_lrn(LrnProblem lrn, const Binding& binding) {
+  lrn.threads = binding.threads;
+  lrn.values = binding.precision;
+  if (!binding.fusion.pooling)
+    return {"lrn-across",
+            [lrn](const Call& call) {
+              blocked_lrn(lrn, call.inputs[0], call.outputs[0], call.scratch);
+            },
+            floats(blocked_lrn_scratch_floats(lrn))};
+  PoolingProblem pooling = *binding.fusion.pooling;
+  pooling.threads = lrn.threads;
+  pooling.values = lrn.values;
+  return {"lrn + max-pool",
+          [lrn, pooling](const Call& call) {
+            blocked_lrn_max_pool(lrn, pooling, call.inputs[0], call.outputs[0], call.scratch);
+          },
+          floats(blocked_lrn_max_pool_scratch_floats(lrn, pooling))};
+}
+
+Kernel bind_pooling(const char* name, decltype(blocked_max_pool)* pool, PoolingProblem problem,
+                    const Binding& binding) {
+  problem.threads = binding.threads;
+  problem.values = binding.precision;
+  return {name, [problem, channels = binding.inputs[0][1], pool](const Call& call) {
+            pool(problem, channels, call.inputs[0], call.outputs[0]);
+          }};
+}
+
+Kernel bind_shuffle(const Shuffling& shuffling, const Binding& binding) {
+  return {"transpose", [size = size_of(binding), sources = shuffling.sources](const Call& call) {
+            blocked_shuffle(size, sources, call.inputs[0], call.outputs[0]);
+          }};
+}
+
+/// Whether channels can be joined or cut in blocks: all parts but the last fill theirs.
+bool are_whole_blocks(const std::vector<Shape>& parts) {
+  return std::all_of(parts.begin(), parts.end() - 1,
+                     [](const Shape& part) { return part[1] % kLanes == 0; });
+}
+
+/// Floats of an image of each part.
+std::vector<int64_t> image_sizes(const std::vector<Shape>& parts, Precision values) {
+  std::vector<int64_t> sizes;
+  for (const Shape& part : parts)
+    sizes.push_back(padded_channels(part[1]) * part[2] * part[3] * value_bytes(values) /
+                    floats(1).count);
+  return sizes;
+}
+
+/// What `form` says on blocked values; nothing where no kernel does that.
+std::optional<Kernel> blocked_kernel(const Form& form, const Binding& binding) {
+  if (const auto* activation = std::get_if<Activating>(&form))
+    return bind_activation(*activation, binding);
+  if (const auto* affine = std::get_if<ChannelAffine>(&form)) return bind_affine(*affine, binding);
+  if (const auto* combining = std::get_if<Combining>(&form))
+    return bind_combination(*combining, binding);
+  if (const auto* gating = std::get_if<Gating>(&form)) return bind_gate(*gating, binding);
+  if (const auto* lrn = std::get_if<LrnProblem>(&form)) return bind_lrn(*lrn, binding);
+  const auto* maximum = std::get_if<PoolingProblem>(&form);
+  if (maximum && binding.outputs.size() == 1)  // there is no mask in blocked layout
+    return bind_pooling("max-pool", blocked_max_pool, *maximum, binding);
+  if (const auto* mean = std::get_if<Averaging>(&form))
+    return bind_pooling("average-pool", blocked_average_pool, mean->problem, binding);
+  if (const auto* shuffling = std::get_if<Shuffling>(&form))
+    return bind_shuffle(*shuffling, binding);
+  if (std::holds_alternative<Joining>(form) && are_whole_blocks(binding.inputs))
+    return join_kernel(binding.inputs[0][0], image_sizes(binding.inputs, binding.precision));
+  if (std::holds_alternative<Cutting>(form) && are_whole_blocks(binding.outputs))
+    return cut_kernel(binding.inputs[0][0], image_sizes(binding.outputs, binding.precision),
+                      binding.threads);
+  return std::nullopt;
+}
+
+/// The factors of a gate are few: they are read as plain values, which need no padding.
+std::optional<Kernel> bind_blocked(const Form& form, const Binding& binding) {
+  const auto* const gating = std::get_if<Gating>(&form);
+  bool any_blocked = binding.fusion.pooling.has_value();  // which only they can do
+  for (size_t i = 0; i < binding.layouts.size(); ++i)
+    any_blocked |= binding.layouts[i] == Layout::kNChw16c && !(gating && i == gating->factors);
+  if (!any_blocked) return std::nullopt;
+  std::optional<Kernel> kernel = blocked_kernel(form, binding);
+  if (!kernel) return std::nullopt;
+  kernel->reads.assign(binding.inputs.size(), Layout::kNChw16c);
+  if (gating) kernel->reads[gating->factors] = Layout::kNchw;
+  kernel->writes = Layout::kNChw16c;
   return kernel;
 }
 
-/// Whether more than the factors is there in blocks.
-bool gates_blocks(const Gating& gating, const Binding& binding) {
-  for (size_t i = 0; i < binding.inputs.size(); ++i)
-    if (i != gating.factors && binding.blocked(i)) return true;
-  return false;
+/// On a run of one channel.
+Epilogue of_channel(const Epilogue& e, int64_t channel) {
+  if (e.activation != Epilogue::Activation::kPrelu) return e;
+  return {.activation = Epilogue::Activation::kRelu, .slope = e.slopes[channel]};
 }
 
 /// A kernel on plain values with what is fused to it done afterwards, in place.
@@ -82,9 +174,26 @@ Kernel finished(Kernel kernel, const Binding& binding) {
   if (!fusion.affine && !fusion.adds_last_input &&
       fusion.activation.epilogue.activation == Epilogue::Activation::kNone)
     return kernel;
-  kernel.run = [run = std::move(kernel.run), post_ops = HeldPostOps(binding)](const Call& call) {
+  const Shape& shape = binding.outputs[0];
+  const ChannelRuns runs = shape.rank() < 2
+                               ? ChannelRuns{1, 1, shape.elements()}
+                               : ChannelRuns{shape[0], shape[1], shape.product(2, shape.rank())};
+  std::vector<ChannelNorm> norms;
+  for (size_t c = 0; fusion.affine && c < fusion.affine->scale.size(); ++c)
+    norms.push_back({.factor = static_cast<float>(fusion.affine->scale[c]),
+                     .shift = static_cast<float>(fusion.affine->shift[c])});
+  kernel.run = [run = std::move(kernel.run), runs, threads = binding.threads,
+                norms = std::move(norms), adds = fusion.adds_last_input,
+                activation = fusion.activation](const Call& call) {
     run(call);
-    post_ops(call.inputs.back(), call.outputs[0]);
+    float* const values = call.outputs[0];
+    for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
+      if (!norms.empty()) normalise(norms[channel], values + begin, end - begin, values + begin);
+      if (adds)
+        for (int64_t i = begin; i < end; ++i) values[i] += call.inputs.back()[i];
+      activate(of_channel(activation.epilogue, channel), end - begin, values + begin,
+               values + begin);
+    });
   };
   return kernel;
 }
@@ -92,19 +201,9 @@ Kernel finished(Kernel kernel, const Binding& binding) {
 }  // namespace
 
 Kernel bind_operation(const Layer& layer, const Form& form, const Binding& binding) {
-  if (std::holds_alternative<Convolving>(form)) return layer.bind(binding);
-  const bool any_blocked =
-      std::count(binding.layouts.begin(), binding.layouts.end(), Layout::kNChw16c) > 0;
-  if (any_blocked) {
-    if (const auto* activation = std::get_if<Activating>(&form))
-      return bind_activation(*activation, binding);
-    if (const auto* affine = std::get_if<ChannelAffine>(&form))
-      return bind_affine(*affine, binding);
-    if (const auto* combining = std::get_if<Combining>(&form))
-      return bind_combination(*combining, binding);
-    const auto* gating = std::get_if<Gating>(&form);
-    if (gating && gates_blocks(*gating, binding)) return bind_gate(*gating, binding);
-  }
+  if (binding.convolution)
+    return bind_blocked_convolution(std::get<Convolving>(form).problem, binding);
+  if (std::optional<Kernel> kernel = bind_blocked(form, binding)) return *std::move(kernel);
   return finished(layer.bind(binding), binding);
 }
 

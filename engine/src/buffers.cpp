@@ -46,8 +46,8 @@ class Placer {
   void add_step(int index) {
     Step& step = schedule_.steps[index];
     const std::string& name = net_.graph.nodes[step.layer].name;
-    const bool joined = step.kernel.joins_inputs && can_join(step);
-    const size_t n_cut = step.kernel.cuts_input ? cut(step, index) : 0;
+    const bool joined = step.kernel.aliasing == Aliasing::kJoinsInputs && can_join(step);
+    const size_t n_cut = step.kernel.aliasing == Aliasing::kCutsInput ? cut(step, index) : 0;
     int64_t bytes = 0;
     for (size_t port = 0; port < step.outputs.size(); ++port) {
       const size_t output = step.outputs[port];
@@ -141,7 +141,7 @@ class Placer {
     return (!plain || offset % kAlignment == 0) &&
            std::none_of(schedule_.steps.begin() + index, schedule_.steps.end(),
                         [&](const Step& later) {
-                          return later.kernel.joins_inputs &&
+                          return later.kernel.aliasing == Aliasing::kJoinsInputs &&
                                  std::count(later.inputs.begin(), later.inputs.end(), id) > 0;
                         });
   }

@@ -15,7 +15,8 @@
 
 namespace revisit::engine {
 
-// What a layer computes, for layers that can be merged with their neighbours (fuse.h).
+// What a layer computes, for layers that can be merged with their neighbours (fuse.h) or have
+// kernels on blocked values (bind_operation.h).
 
 /// Sums of products over the channels of `[n][c][h][w]`, which can take a Fusion.
 struct Convolving {
@@ -46,8 +47,25 @@ struct Gating {
   bool zero_hides = false;  // BlockedGate::zero_hides
 };
 
+/// Means of windows.
+struct Averaging {
+  PoolingProblem problem;
+};
+
+/// Images one after another, along the channels.
+struct Joining {};
+
+/// The input cut into the outputs, along the channels.
+struct Cutting {};
+
+/// Channel c of the output is channel sources[c] of the input.
+struct Shuffling {
+  std::vector<int64_t> sources;
+};
+
 using Form = std::variant<std::monostate, Convolving, Activating, ChannelAffine, Combining, Gating,
-                          LrnProblem /* across channels */, PoolingProblem /* maximum */>;
+                          LrnProblem /* across channels */, PoolingProblem /* maximum */, Averaging,
+                          Joining, Cutting, Shuffling>;
 
 /// What an operation does beside what its layer says, in this order. All of it is for convolutions;
 /// ChannelAffine takes scale and shift and activations, Combining activations, Gating an addend and

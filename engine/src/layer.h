@@ -34,39 +34,43 @@ struct Call {
   const HeldWeights* weights = nullptr;  // what Kernel::hold gave
 };
 
-/// A layer bound to shapes and weights, ready to run. Never allocates, never fails.
-struct Kernel {
-  std::string name;
-  std::function<void(const Call&)> run;
-  Bytes scratch = {};
+/// What a kernel multiplies, and how.
+struct Work {
   int64_t macs = 0;
   int64_t multiplications = 0;  // LayerCost::multiplications; 0: as many as macs
   Precision products = Precision::kFloat32;
+  bool uses_blas = false;  // OpenBLAS multiplies
+  bool winograd = false;
+};
+
+/// How outputs of a kernel that only copies may lie in the memory of its inputs.
+enum class Aliasing {
+  kNone,
+  /// The output is the inputs one after another: where they already lie so, nothing has to run.
+  kJoinsInputs,
+  /// The outputs are the input, one after another: they may be parts of it. Of those that are not,
+  /// it makes copies.
+  kCutsInput,
+};
+
+/// A layer bound to shapes and weights, ready to run. Never allocates, never fails.
+struct Kernel {
+  std::string name;  // for people
+  std::function<void(const Call&)> run;
+  Bytes scratch = {};
+  Work work = {};
   /// Memory that starts as zeros and keeps its values from one forward pass to the next, for layers
   /// that remember (LSTM).
   Bytes state = {};
   /// The layout it wants each input in; empty: all plain. The planner reorders where needed.
   std::vector<Layout> reads = {};
   Layout writes = Layout::kNchw;
-  /// The output is the inputs one after another: where they already lie so, nothing has to run.
-  bool joins_inputs = false;
-  /// The outputs are the input, one after another: they may be parts of it. Of those that are not,
-  /// it makes copies.
-  bool cuts_input = false;
+  Aliasing aliasing = Aliasing::kNone;
   Bytes packed = {};  // weights in its own order, beside those of the net
   /// Of kernels with packed weights: makes them, or takes those that are there. To be called once,
   /// when it is known that there is memory for them.
   std::function<HeldWeights()> hold = {};
 };
-
-/// One whose inputs and outputs are all blocked.
-inline Kernel blocked_kernel(std::string name, size_t n_inputs,
-                             std::function<void(const Call&)> run, Bytes scratch = {}) {
-  Kernel kernel{std::move(name), std::move(run), scratch};
-  kernel.reads.assign(n_inputs, Layout::kNChw16c);
-  kernel.writes = Layout::kNChw16c;
-  return kernel;
-}
 
 /// All that a layer may know when it is bound.
 struct Binding {
@@ -78,11 +82,8 @@ struct Binding {
   bool reference_kernels = false;
   Precision precision = Precision::kFloat32;  // of blocked values
   bool bf16_weights = false;                  // of inner products
-  /// The layouts that the inputs are in. Empty: this must be a kernel on plain values.
+  /// The layouts that the inputs are in, empty for reference kernels: for bind_operation() only.
   std::vector<Layout> layouts = {};
-  bool blocked(size_t input) const {
-    return !layouts.empty() && layouts[input] == Layout::kNChw16c;
-  }
   Fusion fusion = {};            // only convolutions look at it, bind_operation() does the rest
   WeightCache* cache = nullptr;  // there when `convolution` is or something is fused
   size_t layer = 0;              // that the cache knows it as
@@ -102,6 +103,7 @@ enum class OutputMemory {
 
 /// What a layer does to the rounding errors of its inputs, relative to the values.
 enum class Rounding {
+  kNone,      // as large: values are only moved or chosen
   kPassed,    // about as large
   kAveraged,  // sums over whole maps, where errors of single values cancel out
   /// Far larger: means are subtracted and divided by deviations, which may be small against them.
@@ -145,7 +147,9 @@ class Layer {
                                                            : std::nullopt;
   }
 
-  virtual Rounding rounding() const { return Rounding::kPassed; }
+  virtual Rounding rounding() const {
+    return output_memory() == OutputMemory::kViewOfInput ? Rounding::kNone : Rounding::kPassed;
+  }
 
   /// The axis of every output whose size depends on the data, if there is one: infer() gives its
   /// maximum, the kernel writes that many rows or fewer, without gaps, and stores the number in
@@ -157,7 +161,7 @@ class Layer {
   /// right one.
   virtual bool allows_in_place() const { return output_memory() != OutputMemory::kOwn; }
 
-  /// The kernel for shapes that infer() accepted. Not called for views.
+  /// The kernel on plain values for shapes that infer() accepted. Not called for views.
   virtual Kernel bind(const Binding& binding) const = 0;
 };
 

@@ -17,6 +17,7 @@ std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Sha
     LayerCost cost;
     cost.name = node.name;
     cost.type = node.param.type();
+    cost.exact = !node.layer || node.layer->rounding() == Rounding::kNone;
     cost.inputs = shapes_of(node.inputs, shapes);
     cost.outputs = shapes_of(node.outputs, shapes);
     for (const ValueId id : node.inputs) cost.input_layers.push_back(producer[id]);
@@ -43,13 +44,13 @@ int64_t weight_bytes(const Step& step, int64_t written, const LayerCost& cost) {
   if (step.is_reorder) return 0;
   if (step.kernel.packed.count > 0) return step.kernel.packed.count;
   const int64_t all = floats(cost.parameters).count;
-  return step.kernel.macs > 0 ? all : std::min(all, written);
+  return step.kernel.work.macs > 0 ? all : std::min(all, written);
 }
 
 void count_traffic(const Step& step, const Schedule& schedule, LayerCost* cost) {
   if (!step.runs) return;
   // What lies in its input already is not moved.
-  const bool moves_the_rest = step.kernel.cuts_input;
+  const bool moves_the_rest = step.kernel.aliasing == Aliasing::kCutsInput;
   const int64_t written = moves_the_rest ? step.new_bytes : stored_bytes(step.outputs, schedule);
   cost->written_bytes += written;
   cost->read_bytes += (moves_the_rest ? written : stored_bytes(step.inputs, schedule)) +
@@ -59,17 +60,30 @@ void count_traffic(const Step& step, const Schedule& schedule, LayerCost* cost) 
 void count_step(const Step& step, LayerCost* cost) {
   cost->activation_bytes += step.new_bytes;
   cost->packed_weight_bytes += step.kernel.packed.count;
-  cost->macs += step.kernel.macs;
-  cost->multiplications +=
-      step.kernel.multiplications > 0 ? step.kernel.multiplications : step.kernel.macs;
-  if (step.kernel.macs > 0) cost->products = step.kernel.products;
-  const std::string name = step.kernel.joins_inputs && !step.runs ? "in place" : step.kernel.name;
+  const Work& work = step.kernel.work;
+  cost->macs += work.macs;
+  cost->multiplications += work.multiplications > 0 ? work.multiplications : work.macs;
+  if (work.macs > 0) cost->products = work.products;
+  cost->winograd |= work.winograd;
+  const bool joined = step.kernel.aliasing == Aliasing::kJoinsInputs && !step.runs;
+  const std::string name = joined ? "in place" : step.kernel.name;
   // A reorder only shows where its layer runs nothing else; a view runs nothing.
   if (cost->kernel.empty() || (!step.is_reorder && !name.empty())) cost->kernel = name;
   if (!step.is_reorder) cost->why = step.why;
 }
 
 }  // namespace
+
+const char* text_of(KernelReason reason) {
+  static constexpr const char* kTexts[] = {"",
+                                           "fastest predicted",
+                                           "amplified later",
+                                           "strict accuracy",
+                                           "memory limit",
+                                           "blocked does not pay",
+                                           "reference asked"};
+  return kTexts[static_cast<size_t>(reason)];
+}
 
 std::vector<LayerCost> layer_costs(const Net::Impl& net, const std::vector<Shape>& shapes,
                                    const Operations& operations, const Schedule& schedule) {

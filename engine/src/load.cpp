@@ -28,7 +28,9 @@ void check_param_count(const Node& node) {
 }
 
 proto::NetReadOptions reading(const LoadOptions& options) {
-  return {.allow_unknown_fields = options.allow_unknown, .limits = options.limits};
+  return {.allow_unknown_fields = options.allow_unknown,
+          .types_with_weights = types_with_weights(),
+          .limits = options.limits};
 }
 
 /// A copy of a layer has another input than the layer and a name that no weights file has.

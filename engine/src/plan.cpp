@@ -128,7 +128,7 @@ Plan Net::plan(const std::map<std::string, Shape>& inputs, const PlanOptions& op
   std::vector<Step>& steps = plan->schedule.steps;
   std::erase_if(steps, [](const Step& step) { return !step.runs; });
   for (Step& step : steps) {
-    if (step.kernel.name.find("gemm") != std::string::npos) plan->blas_threads = options.threads;
+    if (step.kernel.work.uses_blas) plan->blas_threads = options.threads;
     if (impl_->has_weights && step.kernel.hold) step.weights = hold(*impl_, step);
     step.kernel.hold = nullptr;
   }

@@ -14,7 +14,10 @@ struct Entry {
   LayerFactory* make;
   const char* origin;
   const char* does;
+  bool has_weights = false;
 };
+
+constexpr bool kLearned = true;
 
 /// THE table of layer types. (kInputType is not here: it runs nothing.)
 constexpr Entry kTable[] = {
@@ -22,53 +25,53 @@ constexpr Entry kTable[] = {
     {"Accuracy", make_accuracy, "Caffe", "share of labels among the k best scores"},
     {"ArgMax", make_argmax, "Caffe", "index and value of the largest entries"},
     {"Axpy", make_axpy, "SENet", "a x + y, a per channel"},
-    {"BatchNorm", make_batch_norm, "Caffe", "(x - mean) / deviation per channel"},
+    {"BatchNorm", make_batch_norm, "Caffe", "(x - mean) / deviation per channel", kLearned},
     {"BatchReindex", make_batch_reindex, "Caffe", "chooses and repeats batch items"},
-    {"Bias", make_bias, "Caffe", "adds a learned or given blob"},
-    {"BN", make_bn, "PSPNet, SegNet", "batch normalisation with learned scale and shift"},
+    {"Bias", make_bias, "Caffe", "adds a learned or given blob", kLearned},
+    {"BN", make_bn, "PSPNet, SegNet", "batch normalisation with learned scale and shift", kLearned},
     {"BNLL", make_bnll, "Caffe", "log(1 + exp x)"},
     {"Clip", make_clip, "Caffe", "limits to [min, max]"},
     {"Concat", make_concat, "Caffe", "joins along an axis"},
     {"Convolution", make_convolution, "Caffe",
-     "1-D, 2-D, 3-D and more; group, stride, pad, dilation"},
+     "1-D, 2-D, 3-D and more; group, stride, pad, dilation", kLearned},
     {"ConvolutionDepthwise", make_convolution_depthwise, "forks",
-     "convolution, one group a channel"},
+     "convolution, one group a channel", kLearned},
     {"Crop", make_crop, "Caffe", "cuts to the size of another blob"},
     {"CropCenter", make_crop_center, "waifu2x-caffe", "cuts off both ends of axes"},
-    {"Deconvolution", make_deconvolution, "Caffe", "transposed convolution"},
+    {"Deconvolution", make_deconvolution, "Caffe", "transposed convolution", kLearned},
     {"DepthwiseConvolution", make_depthwise_convolution, "forks",
-     "convolution, one group a channel"},
+     "convolution, one group a channel", kLearned},
     {"DetectionOutput", make_detection_output, "SSD", "boxes after decoding and suppression"},
     {"Dropout", make_identity, "Caffe", "nothing at inference"},
     {"DummyData", make_dummy_data, "Caffe", "constants"},
     {"Eltwise", make_eltwise, "Caffe", "product, weighted sum, maximum"},
     {"ELU", make_elu, "Caffe", "exponential linear unit"},
-    {"Embed", make_embed, "Caffe", "rows of a table by index"},
+    {"Embed", make_embed, "Caffe", "rows of a table by index", kLearned},
     {"EuclideanLoss", make_euclidean_loss, "Caffe", "half the squared distance, mean of images"},
     {"Exp", make_exp, "Caffe", "base ^ (shift + scale x)"},
     {"Filter", make_filter, "Caffe", "batch items chosen by a selector"},
     {"Flatten", make_flatten, "Caffe", "merges axes"},
     {"Im2col", make_im2col, "Caffe", "windows as columns"},
-    {"InnerProduct", make_inner_product, "Caffe", "fully connected"},
+    {"InnerProduct", make_inner_product, "Caffe", "fully connected", kLearned},
     {"Interp", make_interp, "DeepLab, PSPNet", "bilinear resampling"},
     {"Log", make_log, "Caffe", "log_base(shift + scale x)"},
     {"LRN", make_lrn, "Caffe", "local response normalisation, across or within channels"},
-    {"LSTM", make_lstm, "Caffe", "long short-term memory"},
+    {"LSTM", make_lstm, "Caffe", "long short-term memory", kLearned},
     {"MVN", make_mvn, "Caffe", "mean and variance normalisation"},
-    {"Normalize", make_normalize, "SSD", "L2 normalisation with a learned scale"},
-    {"Parameter", make_parameter, "Caffe", "a learned blob as it is"},
+    {"Normalize", make_normalize, "SSD", "L2 normalisation with a learned scale", kLearned},
+    {"Parameter", make_parameter, "Caffe", "a learned blob as it is", kLearned},
     {"Permute", make_permute, "SSD", "reorders axes"},
     {"Pooling", make_pooling, "Caffe", "maximum (with mask), average, global"},
     {"Power", make_power, "Caffe", "(shift + scale x) ^ power"},
-    {"PReLU", make_prelu, "Caffe", "leaky ReLU with learned slopes"},
+    {"PReLU", make_prelu, "Caffe", "leaky ReLU with learned slopes", kLearned},
     {"PriorBox", make_prior_box, "SSD", "default boxes"},
     {"Reduction", make_reduction, "Caffe", "sum, absolute sum, sum of squares, mean"},
     {"ReLU", make_relu, "Caffe", "max(x, 0), or leaky"},
     {"ReLU6", make_relu6, "forks", "min(max(x, 0), 6)"},
     {"Reshape", make_reshape, "Caffe", "another shape"},
-    {"RNN", make_rnn, "Caffe", "simple recurrent network"},
+    {"RNN", make_rnn, "Caffe", "simple recurrent network", kLearned},
     {"ROIPooling", make_roi_pooling, "Fast R-CNN", "maximum over regions of interest"},
-    {"Scale", make_scale, "Caffe", "multiplies by a learned or given blob"},
+    {"Scale", make_scale, "Caffe", "multiplies by a learned or given blob", kLearned},
     {"ShuffleChannel", make_shuffle_channel, "ShuffleNet", "interleaves groups of channels"},
     {"Sigmoid", make_sigmoid, "Caffe", "1 / (1 + exp(-x))"},
     {"Silence", make_silence, "Caffe", "takes its inputs and gives nothing"},
@@ -107,6 +110,13 @@ std::vector<LayerType> layer_types() {
   std::sort(types.begin(), types.end(), [](const LayerType& a, const LayerType& b) {
     return strcasecmp(a.type.c_str(), b.type.c_str()) < 0;
   });
+  return types;
+}
+
+std::set<std::string> types_with_weights() {
+  std::set<std::string> types;
+  for (const Entry& entry : kTable)
+    if (entry.has_weights) types.insert(entry.type);
   return types;
 }
 

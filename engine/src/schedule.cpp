@@ -142,16 +142,17 @@ class Scheduler {
   }
 
   /// As LayerCost::why.
-  std::string why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
+  KernelReason why(const Operation& operation, const BlockedConvolutionKernel* chosen) const {
     const auto* convolving = std::get_if<Convolving>(&operation.form);
-    if (!convolving) return "";
-    if (options_.reference_kernels) return "reference asked";
+    if (!convolving) return KernelReason::kNone;
+    if (options_.reference_kernels) return KernelReason::kReference;
     const ConvolutionProblem& problem = convolving->problem;
     if (!may_pack_ && choose(operation, problem, operation.most_winograd_points))
-      return "memory limit";
+      return KernelReason::kMemoryLimit;
     if (!operation.convolution && choose(operation, problem, kAnyPoints) != chosen)
-      return options_.accuracy == Accuracy::kStrict ? "strict accuracy" : "amplified later";
-    return chosen ? "fastest predicted" : "blocked does not pay";
+      return options_.accuracy == Accuracy::kStrict ? KernelReason::kStrict
+                                                    : KernelReason::kAmplified;
+    return chosen ? KernelReason::kFastest : KernelReason::kNotWorthBlocking;
   }
 
   const Net::Impl& net_;

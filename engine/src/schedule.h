@@ -21,7 +21,7 @@ struct Step {
   OutputMemory memory = OutputMemory::kOwn;  // kViewOfInput: nothing runs
   std::vector<size_t> inputs, outputs;
   bool is_reorder = false;
-  std::string why = {};  // LayerCost::why
+  KernelReason why = KernelReason::kNone;  // LayerCost::why
   // place() sets these:
   bool runs = true;                // false where nothing has to be done
   int64_t scratch = 0, state = 0;  // [bytes] from the start of the arena

@@ -20,10 +20,6 @@ const Names kTrainingTypes = {
     "Accuracy",  "ContrastiveLoss", "EuclideanLoss",           "HDF5Output",
     "HingeLoss", "InfogainLoss",    "MultinomialLogisticLoss", "SigmoidCrossEntropyLoss",
     "Silence",   "SoftmaxWithLoss"};
-/// What comes out of one of these was learned: it is a prediction, not a label.
-const Names kLearnedTypes = {"BatchNorm",     "Bias",  "BN",           "Convolution",
-                             "Deconvolution", "Embed", "InnerProduct", "LSTM",
-                             "PReLU",         "RNN",   "Scale"};
 
 /// The shape of a data layer's images, as far as the file says it; empty when it does not.
 std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
@@ -69,8 +65,12 @@ std::string preprocessing(const caffe::TransformationParameter& transform) {
 /// Works out what of a net that reads training data is for inference.
 class Extraction {
  public:
-  Extraction(caffe::NetParameter& net, std::vector<std::string>& warnings)
-      : net_(net), warnings_(warnings), n_(net.layer_size()) {}
+  Extraction(caffe::NetParameter& net, const std::set<std::string>& types_with_weights,
+             std::vector<std::string>& warnings)
+      : net_(net),
+        types_with_weights_(types_with_weights),
+        warnings_(warnings),
+        n_(net.layer_size()) {}
 
   void run() {
     resolve();
@@ -98,7 +98,7 @@ class Extraction {
     uses_.resize(n_);
     learned_.resize(n_);
     for (int i = 0; i < n_; ++i) {
-      learned_[i] = kLearnedTypes.contains(layer(i).type());
+      learned_[i] = types_with_weights_.contains(layer(i).type());
       for (int b = 0; b < layer(i).bottom_size(); ++b) {
         const auto found = current.find(layer(i).bottom(b));
         const Maker maker = found == current.end() ? Maker{} : found->second;
@@ -269,6 +269,7 @@ class Extraction {
   }
 
   caffe::NetParameter& net_;
+  const std::set<std::string>& types_with_weights_;
   std::vector<std::string>& warnings_;
   const int n_;
   std::vector<std::vector<Maker>> makers_;           // [layer][bottom]
@@ -281,11 +282,12 @@ class Extraction {
 
 }  // namespace
 
-void keep_inference(caffe::NetParameter& net, std::vector<std::string>& warnings) {
+void keep_inference(caffe::NetParameter& net, const std::set<std::string>& types_with_weights,
+                    std::vector<std::string>& warnings) {
   keep_test_phase(net);
   const bool reads_data = std::ranges::any_of(
       net.layer(), [](const Layer& layer) { return kDataTypes.contains(layer.type()); });
-  if (reads_data) Extraction(net, warnings).run();
+  if (reads_data) Extraction(net, types_with_weights, warnings).run();
 }
 
 }  // namespace revisit::proto

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -12,7 +13,9 @@ namespace revisit::proto {
 /// become Input layers, of the shape the file says, if it does; losses, Accuracy and what only
 /// serves them (labels) are left out; the only SoftmaxWithLoss becomes the Softmax a deploy
 /// prototxt has in its place. Nets without data layers keep all that Caffe itself would run.
+/// Outputs of `types_with_weights` were learned: they are predictions, not labels.
 /// Each thing done is said in `warnings`. Throws InputError for contradictory phase rules.
-void keep_inference(caffe::NetParameter& net, std::vector<std::string>& warnings);
+void keep_inference(caffe::NetParameter& net, const std::set<std::string>& types_with_weights,
+                    std::vector<std::string>& warnings);
 
 }  // namespace revisit::proto

@@ -100,7 +100,7 @@ NetFile finish(NetFile file, const std::string* text, const std::string& name,
   try {
     upgrade(file.net, options.keep_training ? ShapelessInputs::kDropped : ShapelessInputs::kKept,
             notes);
-    if (!options.keep_training) keep_inference(file.net, notes);
+    if (!options.keep_training) keep_inference(file.net, options.types_with_weights, notes);
   } catch (const UpgradeError& error) {
     const TextPosition where = text ? locate(*text, error.field, error.index) : TextPosition();
     throw InputError(message_start(name, where) + error.what());

@@ -211,7 +211,9 @@ void bind_plan(nb::module_& module) {
       .def_ro("type", &LayerCost::type)
       .def_ro("kernel", &LayerCost::kernel,
               "'' for another view of its input, 'in conv1' when layer conv1 does its work.")
-      .def_ro("why", &LayerCost::why, "Of a convolution, the rule that chose its kernel.")
+      .def_prop_ro(
+          "why", [](const LayerCost& cost) { return engine::text_of(cost.why); },
+          "Of a convolution, the rule that chose its kernel.")
       .def_prop_ro("inputs", [](const LayerCost& cost) { return tuples_of(cost.inputs); })
       .def_prop_ro("outputs", [](const LayerCost& cost) { return tuples_of(cost.outputs); })
       .def_ro("blobs", &LayerCost::blobs, "What the file calls the outputs.")

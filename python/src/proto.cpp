@@ -14,6 +14,7 @@
 #include "module.h"
 #include "record.h"
 #include "revisit/base/atomic_file.h"
+#include "revisit/engine/layer_types.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 #include "strings.h"
@@ -74,6 +75,7 @@ proto::NetReadOptions read_options(bool allow_unknown_fields, bool keep_training
                                    const std::optional<Limits>& limits) {
   return {.allow_unknown_fields = allow_unknown_fields,
           .keep_training = keep_training,
+          .types_with_weights = engine::types_with_weights(),
           .limits = limits.value_or(Limits())};
 }
 

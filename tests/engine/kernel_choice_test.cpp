@@ -11,7 +11,7 @@
 namespace revisit::engine {
 namespace {
 
-constexpr const char* kFast = "fastest predicted";
+constexpr KernelReason kFast = KernelReason::kFastest;
 
 const LayerCost& cost_of(const Plan& plan, const std::string& name) {
   for (const LayerCost& layer : plan.layers())
@@ -33,13 +33,11 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
     const Plan plan = net.plan({}, options);
     return std::pair(cost_of(plan, "a").why, cost_of(plan, "b").why);
   };
-  const auto both = [](const char* word) {
-    return std::pair(std::string(word), std::string(word));
-  };
+  const auto both = [](KernelReason reason) { return std::pair(reason, reason); };
   const Net plain = two_convolutions("", ""),
             map = two_convolutions("", test::in_place("s", "Softmax", "b"));
   EXPECT_EQ(why(plain), both(kFast));
-  EXPECT_EQ(why(map), both("amplified later"));
+  EXPECT_EQ(why(map), both(KernelReason::kAmplified));
   for (const char* averaging :
        {"type: 'InnerProduct' inner_product_param { num_output: 10 }",
         "type: 'Pooling' pooling_param { pool: AVE global_pooling: true }"}) {
@@ -49,16 +47,16 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
     EXPECT_EQ(why(classifier), both(kFast)) << averaging;
     EXPECT_EQ(cost_of(classifier.plan(), "a").kernel, cost_of(plain.plan(), "a").kernel);
   }
-  EXPECT_EQ(why(plain, {.accuracy = Accuracy::kStrict}), both("strict accuracy"));
-  EXPECT_EQ(why(plain, {.reference_kernels = true}), both("reference asked"));
+  EXPECT_EQ(why(plain, {.accuracy = Accuracy::kStrict}), both(KernelReason::kStrict));
+  EXPECT_EQ(why(plain, {.reference_kernels = true}), both(KernelReason::kReference));
 
   for (const char* type : {"BatchNorm", "MVN"}) {
     SCOPED_TRACE(type);
     const Net later = two_convolutions("", test::in_place("n", type, "b"));
-    EXPECT_EQ(why(later), both("amplified later"));
-    EXPECT_EQ(why(later, {.keep_all = true}), both("amplified later"));
+    EXPECT_EQ(why(later), both(KernelReason::kAmplified));
+    EXPECT_EQ(why(later, {.keep_all = true}), both(KernelReason::kAmplified));
     EXPECT_EQ(why(two_convolutions(test::in_place("n", type, "a"), "")),
-              std::pair(std::string("amplified later"), std::string(kFast)));
+              std::pair(KernelReason::kAmplified, kFast));
   }
   const std::string centred = "mvn_param { normalize_variance: false }";
   EXPECT_EQ(why(two_convolutions("", test::in_place("n", "MVN", "b", centred))), both(kFast));
@@ -73,8 +71,21 @@ TEST(KernelChoice, FollowsTheValuesOfAConvolution) {
           test::layer("m", "MVN", {"f"}, "") +
           test::conv("b", "data", "num_output: 64 kernel_size: 3 pad: 1"),
       {}, test::Weights::kNone);
-  EXPECT_EQ(cost_of(net.plan(), "a").why, "amplified later");
+  EXPECT_EQ(cost_of(net.plan(), "a").why, KernelReason::kAmplified);
   EXPECT_EQ(cost_of(net.plan(), "b").why, kFast);
+}
+
+TEST(LayerCosts, OfLayersThatOnlyMoveOrChooseValuesAreExact) {
+  const Net net = test::small_net(
+      {1, 32, 8, 8},
+      test::layer("max", "Pooling", {"data"}, "pooling_param { kernel_size: 2 }") +
+          test::layer("mean", "Pooling", {"data"}, "pooling_param { pool: AVE kernel_size: 2 }") +
+          test::in_place("relu", "ReLU", "mean") + test::layer("f", "Flatten", {"max"}) +
+          test::layer("c", "Concat", {"max", "mean"}) + test::layer("s", "Slice", {"data"}) +
+          test::layer("t", "TanH", {"c"}),
+      {}, test::Weights::kNone);
+  for (const LayerCost& layer : net.plan().layers())
+    EXPECT_EQ(layer.exact, layer.name != "mean" && layer.name != "t") << layer.name;
 }
 
 struct KnownNet {
@@ -92,7 +103,7 @@ std::string table_of(const KnownNet& known) {
   const Plan plan = net.plan({{net.inputs()[0].name, input}});
   for (const LayerCost& layer : plan.layers())
     if (layer.type == "Convolution")
-      table << "  " << layer.name << ": " << layer.kernel << " (" << layer.why << ")\n";
+      table << "  " << layer.name << ": " << layer.kernel << " (" << text_of(layer.why) << ")\n";
   return table.str();
 }
 
@@ -124,7 +135,7 @@ TEST(KernelChoice, AlexNetWithItsSoftmaxIsAsFastAsItsTrunk) {
   const Plan trunk = Net::load_without_weights(file, {.truncation = {.end = "pool5"}}).plan();
   for (const char* name : {"conv2", "conv3", "conv4", "conv5"})
     EXPECT_EQ(cost_of(whole, name).kernel, cost_of(trunk, name).kernel) << name;
-  EXPECT_TRUE(cost_of(whole, "conv2").kernel.starts_with("winograd"));
+  EXPECT_TRUE(cost_of(whole, "conv2").winograd);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// LSTM and RNN against the equations, with weights in the original's order.
+// LSTM and RNN by hand, with weights in the original's order, and against their reference kernels.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,110 +16,90 @@ using test::layer_of;
 using test::random_floats;
 using test::run_layer;
 using test::sigmoid;
+using test::SingleLayer;
 
-/// The equations of one LSTM layer, written for one stream and then looped, in double precision.
-struct SlowLstm {
-  int64_t steps, streams, input, output, fixed;
-  std::vector<float> x, cont, x_static, xc, bc, x_c_static, hc;
-
-  std::vector<float> run(std::vector<float>& h, std::vector<float>& c) const {
-    std::vector<float> y(static_cast<size_t>(steps * streams * output));
-    for (int64_t n = 0; n < streams; ++n)
-      for (int64_t t = 0; t < steps; ++t) {
-        const double keep = cont[t * streams + n];
-        std::vector<double> gates(static_cast<size_t>(4 * output));
-        for (int64_t g = 0; g < 4 * output; ++g) {
-          double sum = bc[g];
-          for (int64_t i = 0; i < input; ++i)
-            sum += xc[g * input + i] * x[(t * streams + n) * input + i];
-          for (int64_t i = 0; i < fixed; ++i)
-            sum += x_c_static[g * fixed + i] * x_static[n * fixed + i];
-          for (int64_t i = 0; i < output; ++i) sum += hc[g * output + i] * keep * h[n * output + i];
-          gates[g] = sum;
-        }
-        for (int64_t d = 0; d < output; ++d) {
-          float& cell = c[n * output + d];
-          cell = static_cast<float>(keep * sigmoid(gates[output + d]) * cell +
-                                    sigmoid(gates[d]) * std::tanh(gates[3 * output + d]));
-          h[n * output + d] = static_cast<float>(sigmoid(gates[2 * output + d]) * std::tanh(cell));
-          y[(t * streams + n) * output + d] = h[n * output + d];
-        }
-      }
-    return y;
+/// Five steps of three streams, of random numbers. Stream 1 forgets half at step 4.
+SingleLayer random_lstm(int64_t fixed, int64_t output, const std::string& more = "") {
+  SingleLayer l{"LSTM", str("recurrent_param { num_output: ", output, " ", more, " }"), {}};
+  l.inputs = {{Shape{5, 3, 2, 2}, random_floats(5 * 3 * 4, 1)},
+              {Shape{5, 3}, {0, 1, 1, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1, 0.5F, 1}}};
+  l.weights = {random_floats(4 * output * 4, 3), random_floats(4 * output, 4)};
+  if (fixed > 0) {
+    l.inputs.push_back({Shape{3, fixed}, random_floats(3 * fixed, 2)});
+    l.weights.push_back(random_floats(4 * output * fixed, 5));
   }
-};
-
-SlowLstm random_lstm(int64_t fixed, int64_t output = 2) {
-  SlowLstm l{5, 3, 4, output, fixed, {}, {}, {}, {}, {}, {}, {}};
-  l.x = random_floats(5 * 3 * 4, 1);
-  l.cont = {0, 1, 1, 1, 1, 0, 1, 0, 1, 1, 1, 1, 1, 0.5F, 1};
-  l.x_static = random_floats(3 * fixed, 2);
-  l.xc = random_floats(4 * output * 4, 3);
-  l.bc = random_floats(4 * output, 4);
-  l.x_c_static = random_floats(4 * output * fixed, 5);
-  l.hc = random_floats(4 * output * output, 6);
+  l.weights.push_back(random_floats(4 * output * output, 6));
   return l;
+}
+
+/// Expects what the reference kernel gives of the fast one.
+void expect_as_reference(SingleLayer layer) {
+  const std::vector<Tensor> found = run_layer(layer);
+  layer.reference = true;
+  const std::vector<Tensor> wanted = run_layer(layer);
+  for (size_t i = 0; i < wanted.size(); ++i) {
+    SCOPED_TRACE(i);
+    EXPECT_EQ(found[i].shape, wanted[i].shape);
+    expect_near(found[i].values, wanted[i].values, 1e-6F);
+  }
 }
 
 TEST(Lstm, ByHand) {
   // One step, one unit, no memory: c = sigmoid(i) tanh(g), h = sigmoid(o) tanh(c).
-  const auto found = run_layer({"LSTM",
-                                "recurrent_param { num_output: 1 }",
-                                {{Shape{1, 1, 1}, {2}}, {Shape{1, 1}, {0}}},
-                                {{1, 5, -1, 0.5F}, {0, 0, 1, 0}, {9, 9, 9, 9}}});
-  EXPECT_EQ(found[0].shape, (Shape{1, 1, 1}));
-  const double c = sigmoid(2) * std::tanh(1);
-  expect_near(found[0].values, {static_cast<float>(sigmoid(-1) * std::tanh(c))}, 1e-7F);
+  for (const bool reference : {false, true}) {
+    const auto found = run_layer({.type = "LSTM",
+                                  .param = "recurrent_param { num_output: 1 }",
+                                  .inputs = {{Shape{1, 1, 1}, {2}}, {Shape{1, 1}, {0}}},
+                                  .weights = {{1, 5, -1, 0.5F}, {0, 0, 1, 0}, {9, 9, 9, 9}},
+                                  .reference = reference});
+    EXPECT_EQ(found[0].shape, (Shape{1, 1, 1}));
+    const double c = sigmoid(2) * std::tanh(1);
+    expect_near(found[0].values, {static_cast<float>(sigmoid(-1) * std::tanh(c))}, 1e-7F);
+  }
+}
+
+TEST(Lstm, SecondStepByHand) {
+  // Weights of x: i 1, f 5, o -1, g 0.5; of h: i 2, f 0, o 1, g -1. The second stream begins anew.
+  for (const bool reference : {false, true}) {
+    const auto found =
+        run_layer({.type = "LSTM",
+                   .param = "recurrent_param { num_output: 1 }",
+                   .inputs = {{Shape{2, 2, 1}, {2, 2, 1, 1}}, {Shape{2, 2}, {0, 0, 1, 0}}},
+                   .weights = {{1, 5, -1, 0.5F}, {0, 0, 1, 0}, {2, 0, 1, -1}},
+                   .reference = reference});
+    const double c1 = sigmoid(2) * std::tanh(1), h1 = sigmoid(-1) * std::tanh(c1);
+    const double c2 = sigmoid(5) * c1 + sigmoid(1 + 2 * h1) * std::tanh(0.5 - h1);
+    const double h2 = sigmoid(h1) * std::tanh(c2);
+    const double anew = sigmoid(0) * std::tanh(sigmoid(1) * std::tanh(0.5));
+    expect_near(found[0].values,
+                {static_cast<float>(h1), static_cast<float>(h1), static_cast<float>(h2),
+                 static_cast<float>(anew)},
+                1e-7F);
+  }
 }
 
 TEST(Lstm, FollowsTheEquationsAndRemembersBetweenPasses) {
-  const SlowLstm l = random_lstm(0);
-  std::vector<float> h(6, 0), c(6, 0), wanted;
   for (const int passes : {1, 2, 3}) {
-    wanted = l.run(h, c);
-    const auto found = run_layer({.type = "LSTM",
-                                  .param = "recurrent_param { num_output: 2 }",
-                                  .inputs = {{Shape{5, 3, 2, 2}, l.x}, {Shape{5, 3}, l.cont}},
-                                  .weights = {l.xc, l.bc, l.hc},
-                                  .threads = passes,
-                                  .passes = passes});
-    EXPECT_EQ(found[0].shape, (Shape{5, 3, 2}));
-    expect_near(found[0].values, wanted, 1e-6F);
+    SingleLayer layer = random_lstm(0, 2);
+    layer.threads = layer.passes = passes;
+    expect_as_reference(layer);
   }
 }
 
 TEST(Lstm, UnitsThatDoAndDoNotFillAVector) {
-  for (const int64_t units : {1, 15, 16, 37}) {
-    const SlowLstm l = random_lstm(0, units);
-    std::vector<float> h(static_cast<size_t>(3 * units), 0), c = h;
-    const std::vector<float> wanted = l.run(h, c);
-    test::for_each_simd_target([&] {
-      const auto found = run_layer({.type = "LSTM",
-                                    .param = str("recurrent_param { num_output: ", units, " }"),
-                                    .inputs = {{Shape{5, 3, 4}, l.x}, {Shape{5, 3}, l.cont}},
-                                    .weights = {l.xc, l.bc, l.hc}});
-      expect_near(found[0].values, wanted, 1e-6F);
-    });
-  }
+  for (const int64_t units : {1, 15, 16, 37})
+    test::for_each_simd_target([&] { expect_as_reference(random_lstm(0, units)); });
 }
 
 TEST(Lstm, StaticInputAndExposedState) {
-  const SlowLstm l = random_lstm(3);
-  std::vector<float> h = random_floats(6, 7), c = random_floats(6, 8);
-  const std::vector<Tensor> inputs{{Shape{5, 3, 4}, l.x},
-                                   {Shape{5, 3}, l.cont},
-                                   {Shape{3, 3}, l.x_static},
-                                   {Shape{1, 3, 2}, h},
-                                   {Shape{1, 3, 2}, c}};
-  const auto found = run_layer({.type = "LSTM",
-                                .param = "recurrent_param { num_output: 2 expose_hidden: true }",
-                                .inputs = inputs,
-                                .weights = {l.xc, l.bc, l.x_c_static, l.hc},
-                                .n_outputs = 3,
-                                .passes = 2});  // nothing is remembered: the state is an input
-  expect_near(found[0].values, l.run(h, c), 1e-6F);
-  expect_near(found[1].values, h, 1e-6F);
-  expect_near(found[2].values, c, 1e-6F);
+  SingleLayer layer = random_lstm(3, 2, "expose_hidden: true");
+  layer.inputs.push_back({Shape{1, 3, 2}, random_floats(6, 7)});
+  layer.inputs.push_back({Shape{1, 3, 2}, random_floats(6, 8)});
+  layer.n_outputs = 3;
+  expect_as_reference(layer);
+  const std::vector<Tensor> once = run_layer(layer);
+  layer.passes = 2;  // nothing is remembered: the state is an input
+  EXPECT_EQ(run_layer(layer)[0].values, once[0].values);
 }
 
 TEST(Lstm, ANewSequenceForgets) {
@@ -137,16 +117,29 @@ TEST(Lstm, ANewSequenceForgets) {
 
 TEST(Rnn, ByHand) {
   // h1 = tanh(2 x1), h2 = tanh(2 x2 + 0.5 h1 + 1 * static), o = tanh(3 h - 1); cont cuts at t = 1.
-  const auto found =
-      run_layer({"RNN",
-                 "recurrent_param { num_output: 1 }",
-                 {{Shape{2, 1, 1}, {0.25F, -0.5F}}, {Shape{2, 1}, {0, 1}}, {Shape{1, 1}, {0.125F}}},
-                 {{2}, {0.5F}, {4}, {0.75F}, {3}, {-1}}});
+  SingleLayer layer{
+      "RNN",
+      "recurrent_param { num_output: 1 }",
+      {{Shape{2, 1, 1}, {0.25F, -0.5F}}, {Shape{2, 1}, {0, 1}}, {Shape{1, 1}, {0.125F}}},
+      {{2}, {0.5F}, {4}, {0.75F}, {3}, {-1}}};
   const double h1 = std::tanh(0.5 + 0.5 + 0.5), h2 = std::tanh(-1.0 + 0.5 + 0.5 + 0.75 * h1);
-  expect_near(
-      found[0].values,
-      {static_cast<float>(std::tanh(3 * h1 - 1)), static_cast<float>(std::tanh(3 * h2 - 1))},
-      1e-6F);
+  const std::vector<float> wanted{static_cast<float>(std::tanh(3 * h1 - 1)),
+                                  static_cast<float>(std::tanh(3 * h2 - 1))};
+  expect_near(run_layer(layer)[0].values, wanted, 1e-6F);
+  layer.reference = true;
+  expect_near(run_layer(layer)[0].values, wanted, 1e-7F);
+}
+
+TEST(Rnn, IsItsReference) {
+  SingleLayer layer{"RNN",
+                    "recurrent_param { num_output: 19 }",
+                    {{Shape{4, 3, 5}, random_floats(4 * 3 * 5, 1)},
+                     {Shape{4, 3}, {0, 1, 1, 1, 1, 0, 1, 0.5F, 1, 1, 1, 1}},
+                     {Shape{3, 2}, random_floats(3 * 2, 2)}},
+                    {random_floats(19 * 5, 3), random_floats(19, 4), random_floats(19 * 2, 5),
+                     random_floats(19 * 19, 6), random_floats(19 * 19, 7), random_floats(19, 8)}};
+  layer.passes = 2;
+  test::for_each_simd_target([&] { expect_as_reference(layer); });
 }
 
 TEST(Rnn, RemembersAndExposes) {

@@ -37,8 +37,9 @@ int64_t bytes_of(const Plan& plan) {
 
 /// Of how many layers the limit chose the kernel.
 std::ptrdiff_t limited(const Plan& plan) {
-  return std::count_if(plan.layers().begin(), plan.layers().end(),
-                       [](const LayerCost& layer) { return layer.why == "memory limit"; });
+  return std::count_if(plan.layers().begin(), plan.layers().end(), [](const LayerCost& layer) {
+    return layer.why == KernelReason::kMemoryLimit;
+  });
 }
 
 TEST(RunMemory, KernelsPackNothingWhereTheLimitIsTight) {

@@ -15,7 +15,7 @@ using test::expect_error;
 std::vector<std::string> expect_net(const std::string& text, const std::string& wanted) {
   caffe::NetParameter expected;
   EXPECT_TRUE(google::protobuf::TextFormat::ParseFromString(wanted, &expected));
-  const NetFile file = parse_net(text, "net");
+  const NetFile file = parse_net(text, "net", {.types_with_weights = {"Embed", "InnerProduct"}});
   google::protobuf::util::MessageDifferencer differencer;
   std::string difference;
   differencer.ReportDifferencesToString(&difference);

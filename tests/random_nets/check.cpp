@@ -244,7 +244,7 @@ class Check {
         if (way.is_bf16()) continue;
         const Plan planned = plan(c, way);
         for (const engine::LayerCost& layer : planned.layers())
-          if (layer.kernel.starts_with("winograd")) noise[layer.name] = kWinogradNoise;
+          if (layer.winograd) noise[layer.name] = kWinogradNoise;
       }
     });
     return noise;

@@ -216,7 +216,7 @@ double mean_gain(const caffe::LayerParameter& layer) {
       layer.type() == "BatchNorm" && param.has_use_global_stats() && !param.use_global_stats())
     return 1 / std::sqrt(param.eps());
   if (layer.type() == "BN" && layer.bn_param().bn_mode() == caffe::BNParameter::LEARN)
-    return 1 / std::sqrt(1e-9);  // engine/src/layers/bn.cpp
+    return 1 / std::sqrt(1e-9);  // engine/src/layers/batch_norm.cpp
   return 0;
 }
 

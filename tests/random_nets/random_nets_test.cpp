@@ -33,6 +33,33 @@ TEST(RandomNets, CoverEveryLayerType) {
     ADD_FAILURE() << type << " is in no random net; add it to layer_makers.cpp";
 }
 
+TEST(RandomNets, HaveWeightsInTheTypesThatTheRegistrySays) {
+  std::set<std::string> with_weights;
+  for (uint64_t seed = 0; seed < kGenerated; ++seed)
+    for (const caffe::LayerParameter& layer : make_random_net(seed).net.layer())
+      if (layer.blobs_size() > 0) with_weights.insert(layer.type());
+  EXPECT_EQ(with_weights, engine::types_with_weights());
+}
+
+/// docs/ACCURACY.md lists them.
+TEST(RandomNets, HaveReferenceKernelsInTheseTypes) {
+  std::set<std::string> found;
+  const test::TempDir folder;
+  for (uint64_t seed = 0; seed < kGenerated; ++seed) {
+    const RandomNet net = make_random_net(seed);
+    write(net, folder.path());
+    const auto plan = engine::Net::load_without_weights(folder / "net.prototxt")
+                          .plan(input_shapes(net, net.sizes[0]).shapes,
+                                {.keep_all = true, .reference_kernels = true});
+    for (const engine::LayerCost& layer : plan.layers())
+      if (layer.kernel == "reference") found.insert(layer.type);
+  }
+  EXPECT_EQ(found, (std::set<std::string>{
+                       "BNLL", "Convolution", "ConvolutionDepthwise", "Deconvolution",
+                       "DepthwiseConvolution", "ELU", "InnerProduct", "LRN", "LSTM", "RNN", "ReLU",
+                       "ReLU6", "Sigmoid", "Softmax", "SoftmaxWithLoss", "Swish", "TanH"}));
+}
+
 TEST(RandomNets, AreTheSameForTheSameSeed) {
   for (const uint64_t seed : {1, 2, 3}) {
     const RandomNet a = make_random_net(seed), b = make_random_net(seed);

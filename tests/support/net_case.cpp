@@ -63,9 +63,7 @@ std::map<std::string, engine::Tensor> forward(const engine::Net& net,
 }
 
 double tolerance_of(const engine::Plan& plan, double otherwise) {
-  const bool winograd = std::any_of(
-      plan.layers().begin(), plan.layers().end(),
-      [](const engine::LayerCost& layer) { return layer.kernel.starts_with("winograd"); });
+  const bool winograd = std::ranges::any_of(plan.layers(), &engine::LayerCost::winograd);
   return winograd ? 1e-4 : otherwise;
 }
 

@@ -4,6 +4,7 @@
 #include <new>
 
 #include "kernels/gemm.h"
+#include "kernels/window_range.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
@@ -66,7 +67,7 @@ void run_im2col(const ConvolutionNdProblem& p, const float* input, const float* 
 /// 1x1, stride 1: the columns are the image itself.
 bool is_pointwise(const ConvolutionNdProblem& p) {
   return std::all_of(p.axes.begin(), p.axes.end(), [](const WindowAxis& axis) {
-    return axis.kernel == 1 && axis.stride == 1 && axis.pad == 0;
+    return is_each_pixel(axis.kernel, axis.stride, axis.pad);
   });
 }
 
@@ -121,8 +122,8 @@ const ConvolutionNdKernel kConvolutionReference = {"reference", always, referenc
 
 std::span<const ConvolutionNdKernel> convolution_kernels() {
   static const ConvolutionNdKernel kList[] = {
-      {"pointwise-gemm", is_pointwise, no_scratch, run_pointwise},
-      {"im2col-gemm", always, im2col_scratch_floats, run_im2col},
+      {"pointwise-gemm", is_pointwise, no_scratch, run_pointwise, true},
+      {"im2col-gemm", always, im2col_scratch_floats, run_im2col, true},
       kConvolutionReference};
   return kList;
 }

@@ -33,6 +33,7 @@ struct ConvolutionNdKernel {
   int64_t (*scratch_floats)(const ConvolutionNdProblem&);
   void (*run)(const ConvolutionNdProblem&, const float* input, const float* weights,
               const float* bias, float* output, float* scratch);
+  bool uses_blas = false;  // OpenBLAS multiplies
 };
 
 /// Of convolutions, in order of preference; the last is the reference and supports everything.

@@ -102,7 +102,7 @@ bool always(const ConvolutionNdProblem&) {
 
 }  // namespace
 
-const ConvolutionNdKernel kDeconvolutionGemm = {"gemm-col2im", always, scratch_floats, run};
+const ConvolutionNdKernel kDeconvolutionGemm = {"gemm-col2im", always, scratch_floats, run, true};
 const ConvolutionNdKernel kDeconvolutionReference = {"reference", always, no_scratch,
                                                      run_reference};
 

@@ -38,7 +38,7 @@ void run_reference(const InnerProductProblem& p, const float* input, const float
 
 }  // namespace
 
-const InnerProductKernel kInnerProductGemm = {"gemm", always, run_gemm};
+const InnerProductKernel kInnerProductGemm = {"gemm", always, run_gemm, true};
 const InnerProductKernel kInnerProductReference = {"reference", always, run_reference};
 
 std::span<const InnerProductKernel> inner_product_kernels() {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/window_range.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
@@ -27,7 +28,6 @@ void normalise(const float* input, const float* scale, int64_t count, float beta
 
 void lrn_across_channels(const LrnProblem& p, const float* input, float* output) {
   const int64_t pixels = p.h * p.w, blocks = (pixels + kPixels - 1) / kPixels;
-  const int64_t half = p.size / 2;
   const float factor = p.alpha / static_cast<float>(p.size);
   parallel_for(p.n * blocks, p.threads, [&](int64_t item, int) {
     const int64_t n = item / blocks, first = item % blocks * kPixels;
@@ -37,7 +37,8 @@ void lrn_across_channels(const LrnProblem& p, const float* input, float* output)
     float scale[kPixels];
     for (int64_t c = 0; c < p.c; ++c) {
       std::fill_n(scale, count, 0.0F);
-      for (int64_t j = std::max<int64_t>(c - half, 0); j <= std::min(c + half, p.c - 1); ++j)
+      const WindowRange near(c - p.size / 2, p.size, p.c);
+      for (int64_t j = near.begin; j < near.end; ++j)
         for (int64_t i = 0; i < count; ++i) scale[i] += in[j * pixels + i] * in[j * pixels + i];
       for (int64_t i = 0; i < count; ++i) scale[i] = p.k + factor * scale[i];
       normalise(in + c * pixels, scale, count, p.beta, out + c * pixels);
@@ -61,15 +62,16 @@ void lrn_across_channels_reference(const LrnProblem& p, const float* input, floa
 }
 
 void lrn_within_channel(const LrnProblem& p, const float* input, float* output) {
-  const int64_t half = p.size / 2;
   const auto area = static_cast<float>(p.size * p.size);
   parallel_for(p.n * p.c * p.h, p.threads, [&](int64_t item, int) {
     const int64_t plane = item / p.h, y = item % p.h;
     const float* image = input + plane * p.h * p.w;
+    const WindowRange rows(y - p.size / 2, p.size, p.h);
     for (int64_t x = 0; x < p.w; ++x) {
+      const WindowRange columns(x - p.size / 2, p.size, p.w);
       float sum = 0;
-      for (int64_t iy = std::max<int64_t>(y - half, 0); iy <= std::min(y + half, p.h - 1); ++iy)
-        for (int64_t ix = std::max<int64_t>(x - half, 0); ix <= std::min(x + half, p.w - 1); ++ix)
+      for (int64_t iy = rows.begin; iy < rows.end; ++iy)
+        for (int64_t ix = columns.begin; ix < columns.end; ++ix)
           sum += image[iy * p.w + ix] * image[iy * p.w + ix];
       const float scale = 1 + p.alpha * (sum / area);
       output[item * p.w + x] = image[y * p.w + x] * std::pow(scale, -p.beta);

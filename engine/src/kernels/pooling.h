@@ -1,7 +1,6 @@
 #pragma once
 
-#include <cstdint>
-
+#include "kernels/window_range.h"
 #include "revisit/engine/precision.h"
 
 namespace revisit::engine {
@@ -12,6 +11,12 @@ struct PoolingProblem {
   int64_t kernel_h = 1, kernel_w = 1, stride_h = 1, stride_w = 1, pad_h = 0, pad_w = 0;
   int threads = 1;
   Precision values = Precision::kFloat32;  // of blocked arrays
+
+  WindowRange rows(int64_t y) const { return {y * stride_h - pad_h, kernel_h, h}; }
+  WindowRange columns(int64_t x) const { return {x * stride_w - pad_w, kernel_w, w}; }
+  /// Of a window that starts there, what a mean is taken over: clipped to the padded image.
+  int64_t height(int64_t start) const { return std::min(start + kernel_h, h + pad_h) - start; }
+  int64_t width(int64_t start) const { return std::min(start + kernel_w, w + pad_w) - start; }
 };
 
 /// Largest value of each window, clipped to the image; -FLT_MAX for an empty window. NaN never

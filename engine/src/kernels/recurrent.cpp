@@ -3,10 +3,55 @@
 #include <algorithm>
 
 #include "kernels/activation.h"
-#include "kernels/gates.h"
 #include "kernels/inner_product.h"
 
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/recurrent.cpp"
+#include <hwy/foreach_target.h>
+// After foreach_target.h.
+#include "kernels/blocked/simd_traits-inl.h"
+#include "kernels/functions-inl.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace revisit::engine::HWY_NAMESPACE {
+
+/// As many units as a vector has lanes; the sums of each gate begin `step` after those before.
+HWY_INLINE void update(float cont, const float* gates, int64_t step, float* c, float* h) {
+  const Tag d;
+  const Vector in = sigmoid(d, hn::LoadU(d, gates));
+  const Vector out = sigmoid(d, hn::LoadU(d, gates + 2 * step));
+  const Vector taken = hn::Mul(in, tanh(d, hn::LoadU(d, gates + 3 * step)));
+  const Vector kept =
+      cont == 0 ? hn::Zero(d) : hn::Mul(hn::Set(d, cont), sigmoid(d, hn::LoadU(d, gates + step)));
+  const Vector state = hn::MulAdd(kept, hn::LoadU(d, c), taken);
+  hn::StoreU(state, d, c);
+  hn::StoreU(hn::Mul(out, tanh(d, state)), d, h);
+}
+
+/// One step of an LSTM's stream of `width` units, from the sums of its gates i, f, o, g:
+/// c = cont sigmoid(f) c + sigmoid(i) tanh(g);  h = sigmoid(o) tanh(c). Without `cont` the old cell
+/// counts for nothing, whatever its gate says.
+void lstm_cell(int64_t width, float cont, const float* gates, float* c, float* h) {
+  const int64_t whole = width / kVectorLanes * kVectorLanes, rest = width - whole;
+  for (int64_t i = 0; i < whole; i += kVectorLanes) update(cont, gates + i, width, c + i, h + i);
+  if (rest == 0) return;
+  float last_gates[4 * kVectorLanes] = {}, last_c[kVectorLanes] = {}, last_h[kVectorLanes];
+  for (int64_t gate = 0; gate < 4; ++gate)
+    std::copy_n(gates + gate * width + whole, rest, last_gates + gate * kVectorLanes);
+  std::copy_n(c + whole, rest, last_c);
+  update(cont, last_gates, kVectorLanes, last_c, last_h);
+  std::copy_n(last_c, rest, c + whole);
+  std::copy_n(last_h, rest, h + whole);
+}
+
+}  // namespace revisit::engine::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
 namespace revisit::engine {
+
+HWY_EXPORT(lstm_cell);
+
 namespace {
 
 void apply_tanh(int64_t count, const float* in, float* out) {
@@ -73,8 +118,8 @@ void lstm(const RecurrentProblem& p, const LstmWeights& w, const RecurrentOperan
   for (int64_t t = 0; t < p.steps; ++t) {
     const float* gates = input.at(t, o.state.h);
     for (int64_t n = 0; n < p.streams; ++n, gates += 4 * width)
-      lstm_cell(width, o.cont[t * p.streams + n], gates, o.state.c + n * width,
-                o.state.h + n * width);
+      HWY_DYNAMIC_DISPATCH(lstm_cell)
+      (width, o.cont[t * p.streams + n], gates, o.state.c + n * width, o.state.h + n * width);
     std::copy_n(o.state.h, p.streams * width, o.y + t * p.streams * width);
   }
 }
@@ -96,3 +141,4 @@ void rnn(const RecurrentProblem& p, const RnnWeights& w, const RecurrentOperands
 }
 
 }  // namespace revisit::engine
+#endif  // HWY_ONCE

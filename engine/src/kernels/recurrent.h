@@ -36,6 +36,9 @@ struct LstmWeights {
 void lstm(const RecurrentProblem& problem, const LstmWeights& weights,
           const RecurrentOperands& operands);
 int64_t lstm_scratch_floats(const RecurrentProblem& problem);
+/// The equations in double precision, without scratch.
+void lstm_reference(const RecurrentProblem& problem, const LstmWeights& weights,
+                    const RecurrentOperands& operands);
 
 /// h = tanh(W_hh (cont h) + W_xh x + b_h + W_static x_static);  y = tanh(W_ho h + b_o)
 struct RnnWeights {
@@ -44,5 +47,8 @@ struct RnnWeights {
 void rnn(const RecurrentProblem& problem, const RnnWeights& weights,
          const RecurrentOperands& operands);
 int64_t rnn_scratch_floats(const RecurrentProblem& problem);
+/// The equations in double precision, without scratch.
+void rnn_reference(const RecurrentProblem& problem, const RnnWeights& weights,
+                   const RecurrentOperands& operands);
 
 }  // namespace revisit::engine

@@ -105,5 +105,19 @@ void softmax(const float* in, const ClassLines& lines, float* out, int threads) 
   }
 }
 
+void softmax_reference(const float* in, const ClassLines& lines, float* out) {
+  for (int64_t line = 0; line < lines.outer * lines.inner; ++line) {
+    const int64_t first = line / lines.inner * lines.classes * lines.inner + line % lines.inner;
+    const int64_t end = first + lines.classes * lines.inner;
+    float largest = -INFINITY;
+    for (int64_t i = first; i < end; i += lines.inner) largest = std::max(largest, in[i]);
+    // The difference is one of floats, as in Caffe.
+    const auto power = [&](int64_t i) { return std::exp(static_cast<double>(in[i] - largest)); };
+    double sum = 0;
+    for (int64_t i = first; i < end; i += lines.inner) sum += power(i);
+    for (int64_t i = first; i < end; i += lines.inner) out[i] = static_cast<float>(power(i) / sum);
+  }
+}
+
 }  // namespace revisit::engine
 #endif  // HWY_ONCE

@@ -12,5 +12,7 @@ struct ClassLines {
 /// exp(x - max) / sum along the classes; a line with a NaN, or with +infinity, is NaN. `out` may be
 /// `in`. The same bits for any number of threads.
 void softmax(const float* in, const ClassLines& lines, float* out, int threads = 1);
+/// The definition, in double precision.
+void softmax_reference(const float* in, const ClassLines& lines, float* out);
 
 }  // namespace revisit::engine

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "kernels/channel_norm.h"
 #include "kernels/channel_runs.h"
 #include "kernels/moments.h"
 #include "layers/broadcast.h"
@@ -9,26 +10,14 @@
 namespace revisit::engine {
 namespace {
 
-/// (x - mean) / sqrt(variance + eps) per channel, with the statistics of training, or (rare) those
-/// of the batch at hand.
-class BatchNorm : public OneToOneLayer {
+/// Normalisation of every channel, with the statistics of training, or (rare) those of the batch at
+/// hand.
+class BatchNormalisation : public OneToOneLayer {
  public:
-  explicit BatchNorm(const caffe::LayerParameter& param) : param_(param.batch_norm_param()) {
-    const int n = std::min(param.param_size(), 3);
-    for (int i = 0; i < n; ++i)
-      if (param.param(i).lr_mult() != 0)
-        throw InputError("statistics are not learned: lr_mult of every `param` must be 0");
-  }
-
   Shape output_shape(const Shape& input) const override {
     if (input.rank() < 2)
-      throw InputError(str("BatchNorm needs an input of at least 2 axes, found ", input));
+      throw InputError(str(type_, " needs an input of at least 2 axes, found ", input));
     return input;
-  }
-
-  std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
-    const Shape channels{inputs[0][1]};
-    return {channels, channels, Shape{1}};
   }
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
@@ -38,16 +27,16 @@ class BatchNorm : public OneToOneLayer {
   Rounding rounding() const override { return Rounding::kAmplified; }
 
   std::optional<WindowHw> window(const Shape&) const override {
-    return of_batch() ? std::nullopt : std::optional(WindowHw{});
+    return of_batch_ ? std::nullopt : std::optional(WindowHw{});
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
-    if (of_batch()) return {};
-    const Statistics statistics = stored_statistics(weights);
+    if (of_batch_) return {};
     ChannelAffine affine;
-    for (size_t c = 0; c < statistics.means.size(); ++c) {
-      affine.scale.push_back(1.0 / statistics.deviations[c]);
-      affine.shift.push_back(-statistics.means[c] / double{statistics.deviations[c]});
+    for (const ChannelNorm& norm : norms(weights)) {
+      const double deviation = norm.deviation, factor = norm.factor;
+      affine.scale.push_back(factor / deviation);
+      affine.shift.push_back(norm.shift - norm.mean * factor / deviation);
     }
     // A net that is only inspected has no values: any will do.
     affine.scale.resize(inputs[0][1], 1), affine.shift.resize(inputs[0][1], 0);
@@ -57,64 +46,142 @@ class BatchNorm : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     const ChannelRuns runs{shape[0], shape[1], shape.product(2, shape.rank())};
-    return of_batch() ? with_batch_statistics(runs, binding.threads)
-                      : with_stored_statistics(runs, binding);
+    if (!of_batch_)
+      return {kernel_,
+              [runs, threads = binding.threads, norms = norms(binding.weights)](const Call& call) {
+                for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
+                  normalise(norms[channel], call.inputs[0] + begin, end - begin,
+                            call.outputs[0] + begin);
+                });
+              }};
+    return {
+        str(kernel_, "-of-batch"),
+        [this, runs, threads = binding.threads, norms = norms(binding.weights)](const Call& call) {
+          parallel_for(runs.channels, threads, [&](int64_t channel, int) {
+            const int64_t first = channel * runs.inner, stride = runs.channels * runs.inner;
+            const ChannelNorm norm = with_statistics(
+                norms[channel], moments(call.inputs[0] + first, runs.outer, runs.inner, stride));
+            for (int64_t i = first; i < runs.elements(); i += stride)
+              normalise(norm, call.inputs[0] + i, runs.inner, call.outputs[0] + i);
+          });
+        }};
+  }
+
+ protected:
+  BatchNormalisation(const char* type, const char* kernel, bool of_batch)
+      : type_(type), kernel_(kernel), of_batch_(of_batch) {}
+
+  /// What is done to each channel, by the weights. Empty when the net is only inspected.
+  virtual std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const = 0;
+
+  /// The same of a channel with the statistics of a batch.
+  virtual ChannelNorm with_statistics(ChannelNorm norm, const Moments& batch) const = 0;
+
+ private:
+  const char *type_, *kernel_;
+  bool of_batch_;
+};
+
+/// (x - mean) / sqrt(variance + eps).
+class BatchNorm : public BatchNormalisation {
+ public:
+  explicit BatchNorm(const caffe::LayerParameter& param)
+      : BatchNormalisation("BatchNorm", "batch-norm",
+                           param.batch_norm_param().has_use_global_stats() &&
+                               !param.batch_norm_param().use_global_stats()),
+        eps_(param.batch_norm_param().eps()) {
+    const int n = std::min(param.param_size(), 3);
+    for (int i = 0; i < n; ++i)
+      if (param.param(i).lr_mult() != 0)
+        throw InputError("statistics are not learned: lr_mult of every `param` must be 0");
+  }
+
+  std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
+    const Shape channels{inputs[0][1]};
+    return {channels, channels, Shape{1}};
   }
 
  private:
-  bool of_batch() const { return param_.has_use_global_stats() && !param_.use_global_stats(); }
-
-  struct Statistics {
-    std::vector<float> means, deviations;
-  };
-
-  Statistics stored_statistics(const std::vector<Tensor>& weights) const {
-    const std::vector<float>&sums = weights[0].values, &square_sums = weights[1].values;
+  std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const override {
     // The file holds sums with a common weight in the third blob; 0 means that nothing was summed.
     const float weight = weights[2].values.empty() ? 0 : weights[2].values[0];
     const float factor = weight == 0 ? 0 : 1 / weight;
-    Statistics result;
-    for (const float sum : sums) result.means.push_back(factor * sum);
-    for (const float sum : square_sums)
-      result.deviations.push_back(std::sqrt(factor * sum + param_.eps()));
-    return result;
+    std::vector<ChannelNorm> norms;
+    for (size_t c = 0; c < weights[0].values.size(); ++c)
+      norms.push_back({.mean = factor * weights[0].values[c],
+                       .deviation = std::sqrt(factor * weights[1].values[c] + eps_)});
+    return norms;
   }
 
-  Kernel with_stored_statistics(const ChannelRuns& runs, const Binding& binding) const {
-    Statistics statistics = stored_statistics(binding.weights);
-    return {"batch-norm", [runs, threads = binding.threads, means = std::move(statistics.means),
-                           deviations = std::move(statistics.deviations)](const Call& call) {
-              const float* in = call.inputs[0];
-              float* out = call.outputs[0];
-              for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-                const float mean = means[channel], deviation = deviations[channel];
-                for (int64_t i = begin; i < end; ++i) out[i] = (in[i] - mean) / deviation;
-              });
-            }};
+  ChannelNorm with_statistics(ChannelNorm norm, const Moments& batch) const override {
+    norm.mean = batch.mean;
+    norm.deviation = std::sqrt(batch.variance + eps_);
+    return norm;
   }
 
-  Kernel with_batch_statistics(const ChannelRuns& runs, int threads) const {
-    return {"batch-norm-of-batch", [runs, threads, eps = param_.eps()](const Call& call) {
-              parallel_for(runs.channels, threads, [&](int64_t channel, int) {
-                const float* in = call.inputs[0] + channel * runs.inner;
-                float* out = call.outputs[0] + channel * runs.inner;
-                const int64_t stride = runs.channels * runs.inner;
-                const Moments m = moments(in, runs.outer, runs.inner, stride);
-                const float deviation = std::sqrt(m.variance + eps);
-                for (int64_t n = 0; n < runs.outer; ++n)
-                  for (int64_t i = n * stride; i < n * stride + runs.inner; ++i)
-                    out[i] = (in[i] - m.mean) / deviation;
-              });
-            }};
+  float eps_;
+};
+
+/// With a learned scale and shift. Two forks have a layer of this name. PSPNet's keeps mean and
+/// variance in blobs of their own. SegNet's has scale and shift only: with INFERENCE they hold the
+/// statistics, too; with LEARN those of the batch at hand are taken.
+class Bn : public BatchNormalisation {
+ public:
+  using Param = caffe::BNParameter;
+
+  explicit Bn(const Param& param)
+      : BatchNormalisation("BN", "bn", is_of_segnet(param) && param.bn_mode() == Param::LEARN),
+        of_segnet_(is_of_segnet(param)),
+        eps_(param.eps()) {
+    const bool of_pspnet = param.has_slope_filler() || param.has_bias_filler() ||
+                           param.has_frozen() || param.has_momentum() || param.has_eps();
+    if (of_segnet_ && of_pspnet)
+      throw InputError(
+          "bn_param has fields of SegNet's BN (scale_filler, shift_filler, bn_mode) and of "
+          "PSPNet's "
+          "(slope_filler, bias_filler, frozen, momentum, eps), which have other weights");
   }
 
-  caffe::BatchNormParameter param_;
+  std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
+    return std::vector<Shape>(of_segnet_ ? 2 : 4, Shape{1, inputs[0][1], 1, 1});
+  }
+
+ private:
+  static bool is_of_segnet(const Param& param) {
+    return param.has_scale_filler() || param.has_shift_filler() || param.has_bn_mode();
+  }
+
+  std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const override {
+    std::vector<ChannelNorm> norms;
+    for (size_t c = 0; c < weights[0].values.size(); ++c) {
+      ChannelNorm& norm = norms.emplace_back();
+      norm.factor = weights[0].values[c], norm.shift = weights[1].values[c];
+      if (of_segnet_) continue;
+      norm.mean = weights[2].values[c];
+      norm.factor /= std::sqrt(weights[3].values[c] + eps_);
+    }
+    return norms;
+  }
+
+  ChannelNorm with_statistics(ChannelNorm norm, const Moments& batch) const override {
+    constexpr float kEpsOfSegNet = 1e-9F;
+    norm.mean = batch.mean;
+    norm.factor /= std::sqrt(batch.variance + kEpsOfSegNet);
+    return norm;
+  }
+
+  bool of_segnet_;
+  float eps_;
 };
 
 }  // namespace
 
 std::unique_ptr<Layer> make_batch_norm(const caffe::LayerParameter& param) {
   return std::make_unique<BatchNorm>(param);
+}
+
+std::unique_ptr<Layer> make_bn(const caffe::LayerParameter& param) {
+  return std::make_unique<Bn>(param.bn_param());
 }
 
 }  // namespace revisit::engine

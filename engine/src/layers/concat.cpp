@@ -1,5 +1,4 @@
-#include <algorithm>
-
+#include "layers/join_and_cut.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -31,42 +30,22 @@ class Concat : public Layer {
     return WindowHw{};
   }
 
+  Rounding rounding() const override { return Rounding::kNone; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    return inputs[0].rank() == 4 && concat_axis(inputs[0]) == 1 ? Form(Joining{}) : Form();
+  }
+
   Kernel bind(const Binding& binding) const override {
-    const Shape& output = binding.outputs[0];
-    const size_t axis = concat_axis(output);
-    const bool blocked = joins_blocks(binding, axis);
-    std::vector<int64_t> runs;  // floats that are contiguous in each input
-    for (const Shape& input : binding.inputs)
-      runs.push_back(blocked ? padded_channels(input[1]) * input[2] * input[3] *
-                                   value_bytes(binding.precision) / floats(1).count
-                             : input.product(axis, input.rank()));
-    const int64_t outer = output.product(0, axis);
-    Kernel kernel{"copy", [outer, runs = std::move(runs)](const Call& call) {
-                    float* out = call.outputs[0];
-                    for (int64_t i = 0; i < outer; ++i)
-                      for (size_t input = 0; input < runs.size(); ++input)
-                        out = std::copy_n(call.inputs[input] + i * runs[input], runs[input], out);
-                  }};
-    kernel.joins_inputs = outer == 1 && !binding.reference_kernels;
-    if (blocked) {
-      kernel.reads.assign(binding.inputs.size(), Layout::kNChw16c);
-      kernel.writes = Layout::kNChw16c;
-    }
+    const size_t axis = concat_axis(binding.outputs[0]);
+    std::vector<int64_t> sizes;
+    for (const Shape& input : binding.inputs) sizes.push_back(input.product(axis, input.rank()));
+    Kernel kernel = join_kernel(binding.outputs[0].product(0, axis), sizes);
+    if (binding.reference_kernels) kernel.aliasing = Aliasing::kNone;
     return kernel;
   }
 
  private:
-  /// Channels can be joined in blocks when every input but the last fills its blocks.
-  static bool joins_blocks(const Binding& binding, size_t axis) {
-    if (axis != 1 || binding.outputs[0].rank() != 4) return false;
-    bool any_blocked = false;
-    for (size_t i = 0; i < binding.inputs.size(); ++i) {
-      any_blocked |= binding.blocked(i);
-      if (i + 1 < binding.inputs.size() && binding.inputs[i][1] % kLanes != 0) return false;
-    }
-    return any_blocked;
-  }
-
   size_t concat_axis(const Shape& shape) const {
     return shape.canonical_axis(
         param_.has_concat_dim() ? static_cast<int64_t>(param_.concat_dim()) : param_.axis(),

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "layers/convolution_window.h"
 #include "layers/layers.h"
 #include "layers/planar_convolution.h"
@@ -9,72 +11,88 @@ namespace {
 enum class Flavour {
   kPlain,
   kGroupPerChannel,  // DepthwiseConvolution: the group is the number of channels unless given
-  kDepthwise,  // ConvolutionDepthwise: one filter a channel, whatever group and num_output say
+  kDepthwise,   // ConvolutionDepthwise: one filter a channel, whatever group and num_output say
+  kTransposed,  // Deconvolution, the adjoint: its input is what a convolution would put out
 };
 
 class Convolution : public Layer {
  public:
   Convolution(const caffe::ConvolutionParameter& param, Flavour flavour)
-      : param_(param), flavour_(flavour) {
+      : param_(param), flavour_(flavour), transposed_(flavour == Flavour::kTransposed) {
     if (flavour_ != Flavour::kDepthwise) check_outputs_and_groups(param);
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     check_inputs_and_outputs(inputs, n_outputs);
     const Problem p = problem(inputs[0]);
-    return std::vector<Shape>(n_outputs, with_channels(inputs[0], channel_axis(inputs[0]),
-                                                       p.c_windows, p.axes, &WindowAxis::windows));
+    return std::vector<Shape>(
+        n_outputs, with_channels(inputs[0], channel_axis(inputs[0]), outputs_of(p), p.axes,
+                                 transposed_ ? &WindowAxis::image : &WindowAxis::windows));
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
     const Problem p = problem(inputs[0]);
-    return filters_and_bias(p, param_, p.c_windows);
+    return filters_and_bias(p, param_, outputs_of(p));
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    return window_of_last_axes(problem(input).axes);
+    return transposed_ ? std::nullopt : window_of_last_axes(problem(input).axes);
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     // Blocked values are images.
-    if (inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
+    if (transposed_ || inputs[0].rank() != 4 || channel_axis(inputs[0]) != 1) return {};
     return Convolving{planar(problem(inputs[0]))};
   }
 
   Kernel bind(const Binding& binding) const override {
     Problem p = problem(binding.inputs[0]);
     p.threads = binding.threads;
-    Kernel kernel = binding.convolution ? bind_blocked_convolution(planar(p), binding)
-                                        : bind_plain_convolution(p, binding);
-    kernel.macs = static_cast<int64_t>(binding.outputs.size()) * p.macs();
-    return kernel;
+    return bind_plain_convolution(p, kernel_for(p, binding.reference_kernels), binding);
   }
 
  private:
   using Problem = ConvolutionNdProblem;
 
   size_t channel_axis(const Shape& input) const {
-    return input.canonical_axis(param_.axis(), "convolution axis");
+    return input.canonical_axis(param_.axis(),
+                                transposed_ ? "deconvolution axis" : "convolution axis");
+  }
+
+  int64_t outputs_of(const Problem& p) const { return transposed_ ? p.c_image : p.c_windows; }
+
+  const ConvolutionNdKernel& kernel_for(const Problem& p, bool reference) const {
+    if (transposed_) return reference ? kDeconvolutionReference : kDeconvolutionGemm;
+    if (reference) return kConvolutionReference;
+    return *std::ranges::find_if(convolution_kernels(), [&](const ConvolutionNdKernel& kernel) {
+      return kernel.supports(p);
+    });
   }
 
   Problem problem(const Shape& input) const {
     const size_t axis = channel_axis(input);
-    Problem p;
-    p.n = input.product(0, axis);
-    p.c_image = input[axis];
-    p.c_windows = flavour_ == Flavour::kDepthwise ? p.c_image : param_.num_output();
+    const int64_t inputs = input[axis];
+    const int64_t outputs = flavour_ == Flavour::kDepthwise ? inputs : param_.num_output();
     const bool per_channel = flavour_ == Flavour::kDepthwise ||
                              (flavour_ == Flavour::kGroupPerChannel && !param_.has_group());
-    p.group = per_channel ? p.c_image : param_.group();
-    if (p.c_windows % p.group != 0)
-      throw InputError(str("num_output ", p.c_windows, " is not a multiple of group ", p.group));
-    if (p.c_image % p.group != 0)
-      throw InputError(str("the ", p.c_image, " channels of the input (", input,
+    Problem p;
+    p.n = input.product(0, axis);
+    p.group = per_channel ? inputs : param_.group();
+    if (outputs % p.group != 0)
+      throw InputError(str("num_output ", outputs, " is not a multiple of group ", p.group));
+    if (inputs % p.group != 0)
+      throw InputError(str("the ", inputs, " channels of the input (", input,
                            ") are not a multiple of group ", p.group));
+    p.c_image = transposed_ ? outputs : inputs;
+    p.c_windows = transposed_ ? inputs : outputs;
     p.axes = window_axes(param_, input.rank() - axis - 1);
     for (size_t i = 0; i < p.axes.size(); ++i) {
-      p.axes[i].image = input[axis + 1 + i];
-      p.axes[i].windows = count_windows(p.axes[i]);
+      WindowAxis& along = p.axes[i];
+      (transposed_ ? along.windows : along.image) = input[axis + 1 + i];
+      if (transposed_)
+        along.image = count_pixels(along);
+      else
+        along.windows = count_windows(along);
     }
     return p;
   }
@@ -88,12 +106,17 @@ class Convolution : public Layer {
 
   caffe::ConvolutionParameter param_;
   Flavour flavour_;
+  bool transposed_;
 };
 
 }  // namespace
 
 std::unique_ptr<Layer> make_convolution(const caffe::LayerParameter& param) {
   return std::make_unique<Convolution>(param.convolution_param(), Flavour::kPlain);
+}
+
+std::unique_ptr<Layer> make_deconvolution(const caffe::LayerParameter& param) {
+  return std::make_unique<Convolution>(param.convolution_param(), Flavour::kTransposed);
 }
 
 // The CPU path of the fork that has this type is Convolution itself, and its models say `group`;

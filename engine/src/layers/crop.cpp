@@ -40,6 +40,8 @@ class Crop : public Layer {
     return WindowHw{along(rank - 2), along(rank - 1)};
   }
 
+  Rounding rounding() const override { return Rounding::kNone; }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const size_t first = first_axis(input);

@@ -2,9 +2,10 @@
 #include <cmath>
 
 #include "kernels/activation.h"
-#include "kernels/post_ops.h"
+#include "kernels/channel_norm.h"
 #include "layers/broadcast.h"
 #include "layers/layers.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {
@@ -20,6 +21,11 @@ class Elementwise : public OneToOneLayer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
   bool allows_in_place() const override { return in_place_; }
+  Rounding rounding() const override {
+    const auto* activating = std::get_if<Activating>(&form_);
+    const bool relu = activating && activating->epilogue.activation == Epilogue::Activation::kRelu;
+    return relu ? Rounding::kNone : Rounding::kPassed;
+  }
   Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const override { return form_; }
 
   Kernel bind(const Binding& binding) const override {
@@ -29,9 +35,12 @@ class Elementwise : public OneToOneLayer {
           binding, [epilogue = activating->epilogue](const float* in, int64_t count, float* out) {
             activate(epilogue, count, in, out);
           });
-    return on_ranges(binding, [function = function_](const float* in, int64_t count, float* out) {
-      std::transform(in, in + count, out, function);
-    });
+    Kernel kernel =
+        on_ranges(binding, [function = function_](const float* in, int64_t count, float* out) {
+          std::transform(in, in + count, out, function);
+        });
+    if (activating) kernel.name = "reference";
+    return kernel;
   }
 
  private:
@@ -88,11 +97,11 @@ class PowerOfOne : public OneToOneLayer {
   }
 
   Kernel bind(const Binding& binding) const override {
+    const ChannelNorm norm{.factor = scale_, .shift = shift_};
     return {"affine", [elements = binding.inputs[0].elements(), threads = binding.threads,
-                       scale = scale_, shift = shift_](const Call& call) {
+                       norm](const Call& call) {
               parallel_ranges(elements, kParallelGrain, threads, [&](int64_t begin, int64_t end) {
-                std::transform(call.inputs[0] + begin, call.inputs[0] + end,
-                               call.outputs[0] + begin, [=](float x) { return x * scale + shift; });
+                normalise(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
               });
             }};
   }
@@ -135,8 +144,10 @@ std::unique_ptr<Layer> make_clip(const caffe::LayerParameter& param) {
 
 std::unique_ptr<Layer> make_elu(const caffe::LayerParameter& param) {
   const float alpha = param.elu_param().alpha();
-  return activation("elu", [alpha](float x) { return elu(x, alpha); },
-                    {.activation = Epilogue::Activation::kElu, .slope = alpha});
+  return activation(
+      "elu",
+      [alpha](float x) { return std::max(x, 0.0F) + alpha * (std::exp(std::min(x, 0.0F)) - 1); },
+      {.activation = Epilogue::Activation::kElu, .slope = alpha});
 }
 
 std::unique_ptr<Layer> make_exp(const caffe::LayerParameter& param) {
@@ -177,7 +188,9 @@ std::unique_ptr<Layer> make_relu6(const caffe::LayerParameter& param) {
   // Some forks keep the slope in relu_param.
   const float slope = param.has_relu6_param() ? param.relu6_param().negative_slope()
                                               : param.relu_param().negative_slope();
-  const auto relu6 = [slope](float x) { return clipped(x, 0, 6) + slope * std::min(x, 0.0F); };
+  const auto relu6 = [slope](float x) {
+    return std::min(std::max(x, 0.0F), 6.0F) + slope * std::min(x, 0.0F);
+  };
   if (slope != 0) return elementwise("relu6", relu6);
   return activation("relu6", relu6,
                     {.activation = Epilogue::Activation::kClip, .low = 0, .high = 6});

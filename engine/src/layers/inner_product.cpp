@@ -49,14 +49,14 @@ class InnerProduct : public OneToOneLayer {
               run(problem, call.inputs[0], weights, bias, call.outputs[0]);
             },
             {},
-            problem.m * problem.n * problem.k};
+            {.macs = problem.m * problem.n * problem.k, .uses_blas = kernel.uses_blas}};
   }
 
  private:
   Kernel bind_bf16(const InnerProductProblem& problem, const Binding& binding) const {
     Kernel kernel;
     kernel.name = "gemv bf16";
-    kernel.macs = problem.m * problem.n * problem.k;
+    kernel.work.macs = problem.m * problem.n * problem.k;
     kernel.packed = floats((problem.n * problem.k + 1) / 2);
     kernel.hold =
         [size = kernel.packed, &weights = binding.weights, cache = binding.cache,

@@ -4,8 +4,8 @@
 
 #include "layer.h"
 
-/// The factories behind the registry; one layer type a file, but for the functions of one number,
-/// which share elementwise.cpp. Each throws InputError for parameters that are wrong whatever the
+/// The factories behind the registry; one layer type a file, but for those that share their code:
+/// functions of one number are in elementwise.cpp. Each throws InputError for parameters that are wrong whatever the
 /// input.
 namespace revisit::engine {
 

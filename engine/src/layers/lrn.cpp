@@ -1,6 +1,5 @@
 #include "kernels/lrn.h"
 
-#include "kernels/blocked/lrn.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -33,19 +32,10 @@ class Lrn : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override {
     LrnProblem problem = problem_of(binding.inputs[0]);
     problem.threads = binding.threads;
-    problem.values = binding.precision;
     if (!across())
       return {"lrn-within", [problem](const Call& call) {
                 lrn_within_channel(problem, call.inputs[0], call.outputs[0]);
               }};
-    if (binding.fusion.pooling) return bind_with_pooling(problem, *binding.fusion.pooling);
-    if (binding.blocked(0))
-      return blocked_kernel(
-          "lrn-across", 1,
-          [problem](const Call& call) {
-            blocked_lrn(problem, call.inputs[0], call.outputs[0], call.scratch);
-          },
-          floats(blocked_lrn_scratch_floats(problem)));
     auto* const run =
         binding.reference_kernels ? lrn_across_channels_reference : lrn_across_channels;
     return {binding.reference_kernels ? "reference" : "lrn-across",
@@ -53,17 +43,6 @@ class Lrn : public OneToOneLayer {
   }
 
  private:
-  static Kernel bind_with_pooling(const LrnProblem& lrn, PoolingProblem pooling) {
-    pooling.threads = lrn.threads;
-    pooling.values = lrn.values;
-    return blocked_kernel(
-        "lrn + max-pool", 1,
-        [lrn, pooling](const Call& call) {
-          blocked_lrn_max_pool(lrn, pooling, call.inputs[0], call.outputs[0], call.scratch);
-        },
-        floats(blocked_lrn_max_pool_scratch_floats(lrn, pooling)));
-  }
-
   bool across() const { return param_.norm_region() == caffe::LRNParameter::ACROSS_CHANNELS; }
 
   LrnProblem problem_of(const Shape& shape) const {

@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "kernels/channel_norm.h"
 #include "kernels/moments.h"
 #include "layers/layers.h"
 #include "revisit/engine/parallel_for.h"
@@ -34,13 +35,10 @@ class Mvn : public OneToOneLayer {
                     threads = binding.threads](const Call& call) {
               parallel_for(groups, threads, [&](int64_t group, int) {
                 const float* in = call.inputs[0] + group * size;
-                float* out = call.outputs[0] + group * size;
                 const Moments m = moments(in, 1, size, 0);
-                const float deviation = std::sqrt(m.variance) + eps;
-                for (int64_t i = 0; i < size; ++i) {
-                  const float difference = in[i] - m.mean;
-                  out[i] = divide ? difference / deviation : difference;
-                }
+                ChannelNorm norm{.mean = m.mean};
+                if (divide) norm.deviation = std::sqrt(m.variance) + eps;
+                normalise(norm, in, size, call.outputs[0] + group * size);
               });
             }};
   }

@@ -26,6 +26,8 @@ class Permute : public OneToOneLayer {
     return Shape(std::move(axes));
   }
 
+  Rounding rounding() const override { return Rounding::kNone; }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     StridedCopyProblem copy{{1}, {0}, 0, binding.threads};  // a leading axis, for single numbers

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <stdexcept>
 
-#include "held_post_ops.h"
 #include "kernels/blocked/convolution_max_pool.h"
 #include "layers/fused_convolution.h"
 
@@ -91,6 +90,7 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
 }
 
 Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& binding) {
+  problem.threads = binding.threads;
   problem.values = binding.precision;
   const FusedConvolution convolution(problem, binding.fusion);
   const BlockedConvolutionKernel& chosen = *binding.convolution;
@@ -98,8 +98,11 @@ Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& bindi
   const RunBlocked run{convolution.problem(), chosen, fusion.lrn, fusion.pooling};
   Kernel kernel;
   kernel.name = run.name();
-  kernel.multiplications = static_cast<int64_t>(binding.outputs.size()) * run.multiplications();
-  kernel.products = run.products();
+  const auto n_outputs = static_cast<int64_t>(binding.outputs.size());
+  kernel.work = {.macs = n_outputs * problem.macs(),
+                 .multiplications = n_outputs * run.multiplications(),
+                 .products = run.products(),
+                 .winograd = chosen.transform_points > 0};
   kernel.reads.assign(binding.inputs.size(), chosen.input);
   if (fusion.adds_last_input) kernel.reads.back() = Layout::kNChw16c;
   kernel.writes = Layout::kNChw16c;
@@ -119,22 +122,23 @@ Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& bindi
   return kernel;
 }
 
-Kernel bind_plain_convolution(const ConvolutionNdProblem& p, const Binding& binding) {
+Kernel bind_plain_convolution(const ConvolutionNdProblem& p, const ConvolutionNdKernel& chosen,
+                              const Binding& binding) {
   const Fusion& fusion = binding.fusion;
   if (fusion.pooling) throw std::logic_error("a convolution on plain values cannot pool");
-  const ConvolutionNdKernel& chosen = choose_plain(p, binding.reference_kernels);
   const int64_t input_scratch = fusion.gray_offsets ? p.n * p.c_image * p.image_pixels() : 0;
   Kernel kernel;
   kernel.name = chosen.name;
+  kernel.work = {.macs = static_cast<int64_t>(binding.outputs.size()) * p.macs(),
+                 .uses_blas = chosen.uses_blas};
   kernel.scratch = floats(input_scratch + chosen.scratch_floats(p));
   kernel.run = [p, &chosen, input_scratch, &weights = binding.weights,
-                offsets = fusion.gray_offsets, post_ops = HeldPostOps(binding)](const Call& call) {
+                offsets = fusion.gray_offsets](const Call& call) {
     for (size_t i = 0; i < call.outputs.size(); ++i) {
       const float* input =
           offsets ? write_channels(p, *offsets, call.inputs[i], call.scratch) : call.inputs[i];
       chosen.run(p, input, weights[0].values.data(), bias_of(weights), call.outputs[i],
                  call.scratch + input_scratch);
-      post_ops(call.inputs.back(), call.outputs[i]);
     }
   };
   return kernel;

@@ -17,8 +17,9 @@ const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& pro
 /// Binding::convolution for the inputs, with all that is fused. Its weights are held, not bound.
 Kernel bind_blocked_convolution(ConvolutionProblem problem, const Binding& binding);
 
-/// A kernel on plain values with all that is fused but pooling. Of a gray input it writes out all
-/// channels: it is for the few convolutions that no blocked kernel takes.
-Kernel bind_plain_convolution(const ConvolutionNdProblem& problem, const Binding& binding);
+/// `chosen` with the weights of the layer. Of a gray input it writes out all channels: it is for
+/// the few convolutions that no blocked kernel takes.
+Kernel bind_plain_convolution(const ConvolutionNdProblem& problem,
+                              const ConvolutionNdKernel& chosen, const Binding& binding);
 
 }  // namespace revisit::engine

@@ -1,5 +1,3 @@
-#include "kernels/blocked/pooling.h"
-
 #include "layers/layers.h"
 #include "layers/pooling_window.h"
 
@@ -24,19 +22,17 @@ class Pooling : public Layer {
   std::optional<WindowHw> window(const Shape&) const override { return window_.window(); }
 
   Rounding rounding() const override {
-    return window_.is_max() ? Rounding::kPassed : Rounding::kAveraged;
+    return window_.is_max() ? Rounding::kNone : Rounding::kAveraged;
   }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
-    return window_.is_max() ? Form(window_.problem(inputs[0])) : Form();
+    const PoolingProblem problem = window_.problem(inputs[0]);
+    return window_.is_max() ? Form(problem) : Form(Averaging{problem});
   }
 
   Kernel bind(const Binding& binding) const override {
     PoolingProblem problem = window_.problem(binding.inputs[0]);
     problem.threads = binding.threads;
-    problem.values = binding.precision;
-    if (binding.blocked(0) && binding.outputs.size() == 1)  // there is no mask in blocked layout
-      return bind_blocked(problem, binding.inputs[0][1]);
     if (!window_.is_max())
       return {"average-pool", [problem](const Call& call) {
                 average_pool(problem, call.inputs[0], call.outputs[0]);
@@ -48,14 +44,6 @@ class Pooling : public Layer {
   }
 
  private:
-  Kernel bind_blocked(const PoolingProblem& problem, int64_t channels) const {
-    auto* const run = window_.is_max() ? blocked_max_pool : blocked_average_pool;
-    return blocked_kernel(window_.is_max() ? "max-pool" : "average-pool", 1,
-                          [problem, channels, run](const Call& call) {
-                            run(problem, channels, call.inputs[0], call.outputs[0]);
-                          });
-  }
-
   PoolingWindow window_;
 };
 

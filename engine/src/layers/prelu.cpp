@@ -1,7 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/post_ops.h"
+#include "kernels/activation.h"
+#include "kernels/channel_runs.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {

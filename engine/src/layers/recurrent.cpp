@@ -68,7 +68,9 @@ class Recurrent : public Layer {
     for (const Tensor& tensor : binding.weights) weights.push_back(tensor.values.data());
     if (p.static_input == 0) weights.insert(weights.begin() + 2, nullptr);
     const int64_t floats = p.streams * p.output;
-    const auto run = [p, floats, weights, cell = cell_, exposed = n_exposed()](const Call& call) {
+    const bool reference = binding.reference_kernels;
+    const auto run = [p, floats, weights, cell = cell_, exposed = n_exposed(),
+                      reference](const Call& call) {
       RecurrentOperands o{call.inputs[0],
                           call.inputs[1],
                           p.static_input > 0 ? call.inputs[2] : nullptr,
@@ -82,19 +84,23 @@ class Recurrent : public Layer {
         o.state = {call.outputs[1], exposed > 1 ? call.outputs[2] : nullptr};
       }
       if (cell == Cell::kLstm)
-        lstm(p, {weights[0], weights[1], weights[2], weights[3]}, o);
+        (reference ? lstm_reference : lstm)(p, {weights[0], weights[1], weights[2], weights[3]}, o);
       else
-        rnn(p, {weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]}, o);
+        (reference ? rnn_reference : rnn)(
+            p, {weights[0], weights[1], weights[2], weights[3], weights[4], weights[5]}, o);
     };
     int64_t each_step = 0;  // products of one stream
     for (const Tensor& tensor : binding.weights)
       if (tensor.shape.rank() == 2) each_step += tensor.shape.elements();
     const int64_t once = p.static_input > 0 ? binding.weights[2].shape.elements() : 0;
     const int64_t macs = p.streams * (p.steps * (each_step - once) + once);
-    Kernel kernel{
-        cell_ == Cell::kLstm ? "lstm-gemm" : "rnn-gemm", run,
-        engine::floats(cell_ == Cell::kLstm ? lstm_scratch_floats(p) : rnn_scratch_floats(p)),
-        macs};
+    const int64_t scratch = cell_ == Cell::kLstm ? lstm_scratch_floats(p) : rnn_scratch_floats(p);
+    Kernel kernel{reference              ? "reference"
+                  : cell_ == Cell::kLstm ? "lstm-gemm"
+                                         : "rnn-gemm",
+                  run,
+                  engine::floats(reference ? 0 : scratch),
+                  {.macs = macs, .uses_blas = !reference}};
     kernel.state = engine::floats(expose_ ? 0 : floats * static_cast<int64_t>(n_states()));
     return kernel;
   }

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "kernels/window_range.h"
 #include "layers/layers.h"
 #include "revisit/engine/parallel_for.h"
 
@@ -35,17 +36,12 @@ Span span(float first, float last, float scale) {
   return {start, std::max<int64_t>(end - start + 1, 1)};
 }
 
-/// Bin `i` of `n`, clipped to the image.
-struct Range {
-  int64_t begin, end;
-};
-
-Range bin(const Span& region, int64_t i, int64_t n, int64_t image) {
+/// Bin `i` of `n`.
+WindowRange bin(const Span& region, int64_t i, int64_t n, int64_t image) {
   const float size = static_cast<float>(region.size) / static_cast<float>(n);
   const auto begin = static_cast<int64_t>(std::floor(static_cast<float>(i) * size));
   const auto end = static_cast<int64_t>(std::ceil(static_cast<float>(i + 1) * size));
-  return {std::clamp<int64_t>(begin + region.start, 0, image),
-          std::clamp<int64_t>(end + region.start, 0, image)};
+  return {begin + region.start, end - begin, image};
 }
 
 bool is_valid(const RoiPoolingProblem& p, const float* roi) {
@@ -67,8 +63,8 @@ void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois,
     const Span x = span(roi[1], roi[3], p.scale), y = span(roi[2], roi[4], p.scale);
     for (int64_t i = 0; i < p.out_h; ++i)
       for (int64_t j = 0; j < p.out_w; ++j) {
-        const Range rows = bin(y, i, p.out_h, p.h), columns = bin(x, j, p.out_w, p.w);
-        const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
+        const WindowRange rows = bin(y, i, p.out_h, p.h), columns = bin(x, j, p.out_w, p.w);
+        const bool empty = rows.end == rows.begin || columns.end == columns.begin;
         float best = empty ? 0 : -FLT_MAX;
         for (int64_t iy = rows.begin; iy < rows.end; ++iy)
           for (int64_t ix = columns.begin; ix < columns.end; ++ix)

@@ -1,3 +1,4 @@
+#include "kernels/channel_norm.h"
 #include "layers/broadcast.h"
 #include "layers/layers.h"
 
@@ -45,17 +46,12 @@ class Affine : public Layer {
     const float* last = scales_ && has_bias_ ? binding.weights.back().values.data() : nullptr;
     return {scales_ ? "scale" : "bias", [runs = runs(binding.inputs), threads = binding.threads,
                                          scales = scales_, learned, first, last](const Call& call) {
-              const float* in = call.inputs[0];
               const float* operand = learned ? first : call.inputs[1];
-              float* out = call.outputs[0];
               for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-                const float value = operand[channel];
-                if (!scales)
-                  for (int64_t i = begin; i < end; ++i) out[i] = in[i] + value;
-                else if (last)
-                  for (int64_t i = begin; i < end; ++i) out[i] = in[i] * value + last[channel];
-                else
-                  for (int64_t i = begin; i < end; ++i) out[i] = in[i] * value;
+                ChannelNorm norm;
+                (scales ? norm.factor : norm.shift) = operand[channel];
+                if (last) norm.shift = last[channel];
+                normalise(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
               });
             }};
   }

@@ -1,4 +1,3 @@
-#include "kernels/blocked/shuffle.h"
 #include "kernels/strided_copy.h"
 #include "layers/layers.h"
 
@@ -23,18 +22,16 @@ class ShuffleChannel : public OneToOneLayer {
 
   std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
 
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    Shuffling shuffling;
+    for (int64_t c = 0; c < inputs[0][1]; ++c)
+      shuffling.sources.push_back(c % groups_ * (inputs[0][1] / groups_) + c / groups_);
+    return shuffling;
+  }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const int64_t inner = input.product(2, input.rank()), per_group = input[1] / groups_;
-    if (binding.blocked(0)) {
-      const BlockedSize size{input[0], input[1], inner, binding.threads, binding.precision};
-      std::vector<int64_t> sources;
-      for (int64_t c = 0; c < input[1]; ++c)
-        sources.push_back(c % groups_ * per_group + c / groups_);
-      return blocked_kernel("transpose", 1, [size, sources = std::move(sources)](const Call& call) {
-        blocked_shuffle(size, sources, call.inputs[0], call.outputs[0]);
-      });
-    }
     return {"transpose", [copy = StridedCopyProblem{{input[0], per_group, groups_, inner},
                                                     {input[1] * inner, inner, per_group * inner, 1},
                                                     0,

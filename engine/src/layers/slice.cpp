@@ -1,6 +1,4 @@
-#include <algorithm>
-
-#include "kernels/strided_copy.h"
+#include "layers/join_and_cut.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -48,41 +46,23 @@ class Slice : public Layer {
     return WindowHw{};
   }
 
+  Rounding rounding() const override { return Rounding::kNone; }
+
+  Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
+    return inputs[0].rank() == 4 && slice_axis(inputs[0]) == 1 ? Form(Cutting{}) : Form();
+  }
+
   Kernel bind(const Binding& binding) const override {
-    const Shape& input = binding.inputs[0];
-    const size_t axis = slice_axis(input);
-    const bool blocked = cuts_between_blocks(binding, axis);
-    const auto run_of = [&](const Shape& shape) {  // floats that are contiguous
-      return blocked ? padded_channels(shape[1]) * shape[2] * shape[3] *
-                           value_bytes(binding.precision) / floats(1).count
-                     : shape.product(axis, shape.rank());
-    };
-    const int64_t outer = input.product(0, axis);
-    std::vector<StridedCopyProblem> copies;
-    int64_t offset = 0;
-    for (const Shape& output : binding.outputs) {
-      const int64_t size = run_of(output);
-      copies.push_back({{outer, size}, {run_of(input), 1}, offset, binding.threads});
-      offset += size;
-    }
-    const auto run = [copies = std::move(copies)](const Call& call) {
-      for (size_t i = 0; i < copies.size(); ++i)
-        if (call.outputs[i] != call.inputs[0] + copies[i].offset)
-          strided_copy(copies[i], call.inputs[0], call.outputs[i]);
-    };
-    Kernel kernel = blocked ? blocked_kernel("copy", 1, run) : Kernel{"copy", run};
-    kernel.cuts_input = outer == 1 && !binding.reference_kernels;
+    const size_t axis = slice_axis(binding.inputs[0]);
+    std::vector<int64_t> sizes;
+    for (const Shape& output : binding.outputs)
+      sizes.push_back(output.product(axis, output.rank()));
+    Kernel kernel = cut_kernel(binding.inputs[0].product(0, axis), sizes, binding.threads);
+    if (binding.reference_kernels) kernel.aliasing = Aliasing::kNone;
     return kernel;
   }
 
  private:
-  /// Every output but the last fills its blocks.
-  static bool cuts_between_blocks(const Binding& binding, size_t axis) {
-    return binding.blocked(0) && axis == 1 &&
-           std::all_of(binding.outputs.begin(), binding.outputs.end() - 1,
-                       [](const Shape& output) { return output[1] % kLanes == 0; });
-  }
-
   size_t slice_axis(const Shape& input) const {
     return input.canonical_axis(
         param_.has_slice_dim() ? static_cast<int64_t>(param_.slice_dim()) : param_.axis(),

@@ -29,6 +29,10 @@ class Softmax : public OneToOneLayer {
     const size_t axis = shape.canonical_axis(axis_, "softmax axis");
     const ClassLines lines{shape.product(0, axis), shape[axis],
                            shape.product(axis + 1, shape.rank())};
+    if (binding.reference_kernels)
+      return {"reference", [lines](const Call& call) {
+                softmax_reference(call.inputs[0], lines, call.outputs[0]);
+              }};
     return {"softmax", [lines, threads = binding.threads](const Call& call) {
               softmax(call.inputs[0], lines, call.outputs[0], threads);
             }};

@@ -33,10 +33,14 @@ class SoftmaxWithLoss : public Layer {
     const bool keeps = binding.outputs.size() == 2;
     const LabelledScores s =
         LabelledScores::of(binding.inputs, binding.outputs.size(), axis_, ignored_);
-    return {"softmax-loss",
-            [s, keeps, normalization = normalization_](const Call& call) {
+    return {binding.reference_kernels ? "reference" : "softmax-loss",
+            [s, keeps, reference = binding.reference_kernels,
+             normalization = normalization_](const Call& call) {
               float* probabilities = keeps ? call.outputs[1] : call.scratch;
-              softmax(call.inputs[0], s.lines, probabilities);
+              if (reference)
+                softmax_reference(call.inputs[0], s.lines, probabilities);
+              else
+                softmax(call.inputs[0], s.lines, probabilities);
               *call.outputs[0] = loss(s, normalization, probabilities, call.inputs[1]);
             },
             floats(keeps ? 0 : binding.inputs[0].elements())};

@@ -4,6 +4,7 @@
 #include "net_commands.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/file_content.h"
+#include "revisit/engine/layer_types.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/proto/weights_file.h"
 
@@ -76,6 +77,7 @@ int net_upgrade_command(const Arguments& arguments) {
   parser.parse(arguments);
   read.limits = limits.limits();
   read.keep_training = !inference;
+  read.types_with_weights = engine::types_with_weights();
 
   const Kind kind = kind_of(in);
   if (!out && kind != Kind::kText)

@@ -7,6 +7,7 @@
 #include "models/checksum.h"
 #include "models/fetch.h"
 #include "revisit/base/folder.h"
+#include "revisit/engine/layer_types.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"
@@ -114,7 +115,9 @@ FoundModel complete(const ModelRequest& request, FoundModel found, const KnownMo
                          "; give it with --model FILE, or put deploy.prototxt beside it"));
   need_file(found.prototxt, "--model");
   const caffe::NetParameter net =
-      proto::read_net(found.prototxt, {.allow_unknown_fields = true}).net;
+      proto::read_net(found.prototxt, {.allow_unknown_fields = true,
+                                       .types_with_weights = engine::types_with_weights()})
+          .net;
   found.name = known                ? known->name
                : net.name().empty() ? found.prototxt.stem().string()
                                     : net.name();

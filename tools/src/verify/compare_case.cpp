@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "revisit/engine/net.h"
 #include "revisit/proto/npy.h"
@@ -73,22 +72,14 @@ LayerError compare_layer(const engine::Run& run, const GoldenLayer& golden) {
              : compare_array(golden.layer, found, golden.file, golden.type == "Softmax");
 }
 
-/// Layer types that only choose or move values: their nets must agree to the last bit.
-bool only_moves_values(const engine::Plan& plan) {
-  static const std::set<std::string> kMoving = {"Input",   "ReLU",    "Concat", "Slice",
-                                                "Crop",    "Flatten", "Split",  "Reshape",
-                                                "Dropout", "Permute", "Silence"};
-  return std::all_of(plan.layers().begin(), plan.layers().end(),
-                     [](const engine::LayerCost& layer) {
-                       return kMoving.count(layer.type) || layer.kernel == "max-pool";
-                     });
+/// Nets that only choose or move values must agree to the last bit.
+bool is_exact(const engine::Plan& plan) {
+  return std::ranges::all_of(plan.layers(), &engine::LayerCost::exact);
 }
 
 double default_tolerance(const engine::Plan& plan, engine::Precision precision) {
   if (precision == engine::Precision::kBf16) return 5e-2;
-  const bool winograd = std::any_of(
-      plan.layers().begin(), plan.layers().end(),
-      [](const engine::LayerCost& layer) { return layer.kernel.starts_with("winograd"); });
+  const bool winograd = std::ranges::any_of(plan.layers(), &engine::LayerCost::winograd);
   return winograd ? 1e-4 : 1e-5;
 }
 
@@ -199,7 +190,7 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
     const Comparison comparison(golden, options);
     const engine::Run run = comparison.run(options.threads, options.reference_kernels);
     const double tolerance =
-        only_moves_values(run.plan())
+        is_exact(run.plan())
             ? 0
             : options.tolerance.value_or(default_tolerance(run.plan(), options.precision));
     const auto limit = [&](const LayerError& e) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -14,5 +15,8 @@ struct LayerType {
 
 /// All of them, sorted by type without regard to case.
 std::vector<LayerType> layer_types();
+
+/// Those that have weights, for proto::NetReadOptions.
+std::set<std::string> types_with_weights();
 
 }  // namespace revisit::engine

@@ -75,7 +75,10 @@ struct PlanOptions {
   /// Layers whose outputs are kept beside the net's, by port_name(), for Run::layer_output(). Only
   /// what would write over them is not merged.
   std::vector<std::string> keep = {};
-  /// Use the slow, readable kernels only: the truth the others are tested against.
+  /// No SIMD, no OpenBLAS, nothing merged: the truth that fast kernels are tested against.
+  /// Convolutions, inner products, LRN across channels, LSTM, RNN, softmaxes and activations have
+  /// a slow, readable kernel, "reference" in LayerCost::kernel. All other types have one kernel on
+  /// plain values, a plain loop, which runs here, too.
   bool reference_kernels = false;
   /// The most that one run may take beside the weights of the file [bytes]: Plan::arena_bytes() and
   /// Plan::packed_weight_bytes() together. Where the fastest kernels take more, all kernels read
@@ -116,17 +119,28 @@ struct BufferUse {
          last_layer = 0;  // indices into Plan::layers(); last may be one past the end
 };
 
+/// The rule that chose the kernel of a convolution.
+enum class KernelReason {
+  kNone,              // not a convolution
+  kFastest,           // the smallest predicted time
+  kAmplified,         // a faster one would round too much for a layer that amplifies rounding
+  kStrict,            // Accuracy::kStrict ruled out a faster one
+  kMemoryLimit,       // PlanOptions::max_run_bytes did
+  kNotWorthBlocking,  // few channels, or a CPU without AVX2
+  kReference,         // PlanOptions::reference_kernels
+};
+/// In words, "" for kNone.
+const char* text_of(KernelReason reason);
+
 /// What one layer is and costs under a plan.
 struct LayerCost {
   std::string name, type;
-  /// "" when the layer is only another view of its input, "in conv1" when layer conv1 does its
-  /// work.
+  /// For people: "" when the layer is only another view of its input, "in conv1" when layer conv1
+  /// does its work, "in place" when its inputs lie in its output already.
   std::string kernel;
-  /// Of a convolution, the rule that chose its kernel: "fastest predicted"; "strict accuracy" or
-  /// "amplified later" where that ruled out a faster one; "memory limit" where
-  /// PlanOptions::max_run_bytes did; "blocked does not pay" (few channels, or a CPU without AVX2);
-  /// "reference asked". "" for other layers.
-  std::string why;
+  KernelReason why = KernelReason::kNone;
+  bool winograd = false;  // the kernel is Winograd's algorithm
+  bool exact = false;     // the layer only moves or chooses values: it rounds nothing
   std::vector<Shape> inputs, outputs;
   std::vector<std::string>
       blobs;         // what the file calls the outputs; an in-place layer repeats a name

@@ -2,6 +2,7 @@
 
 #include "bfloat16.h"
 #include "kernels/blocked/convolution.h"
+#include "kernels/window_range.h"
 
 namespace revisit::engine {
 
@@ -31,8 +32,8 @@ void pack_as(Precision values, float* packed, const Pack& pack) {
 
 /// With one tap, which sees each pixel once.
 inline bool is_pointwise(const ConvolutionProblem& p) {
-  return groups_are_whole_blocks(p) && p.kernel_h == 1 && p.kernel_w == 1 && p.stride_h == 1 &&
-         p.stride_w == 1 && p.pad_h == 0 && p.pad_w == 0;
+  return groups_are_whole_blocks(p) && is_each_pixel(p.kernel_h, p.stride_h, p.pad_h) &&
+         is_each_pixel(p.kernel_w, p.stride_w, p.pad_w);
 }
 
 }  // namespace revisit::engine

@@ -49,8 +49,8 @@ double channel_cost(Precision values) {
 
 /// Cycles of products in tiles, of so many steps of kTileDepth channels.
 double tile_cycles(int64_t columns, double steps, int64_t out_blocks) {
-  // Of a product of 16 x 32 x 16 numbers: measured with tiles from L2 at 600e9 multiply-adds a
-  // second, half of what they do from registers.
+  // kPerProduct, of 16 x 32 x 16 numbers, is a guess. No layer was ever timed in tiles on a CPU
+  // that has them: it is what bare products would take from L2, at half their speed from registers.
   constexpr double kPerProduct = 46, kPerStoredBlock = 4;
   const auto tiles = static_cast<double>(Split{columns, 1, kTileRows}.units());
   return static_cast<double>(out_blocks) *

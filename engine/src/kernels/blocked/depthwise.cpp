@@ -8,6 +8,7 @@
 #include "kernels/blocked/cost_model.h"
 #include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/epilogue-inl.h"
+#include "kernels/window_range.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/engine/split.h"
 
@@ -20,8 +21,9 @@ struct Taps {
 };
 
 inline Taps taps_inside(int64_t start, int64_t size, int64_t kernel, int64_t dilation) {
-  const int64_t first = std::clamp<int64_t>((-start + dilation - 1) / dilation, 0, kernel);
-  return {first, std::clamp((size - start + dilation - 1) / dilation, first, kernel)};
+  const WindowRange range(start, (kernel - 1) * dilation + 1, size);
+  return {(range.begin - start + dilation - 1) / dilation,
+          (range.end - start + dilation - 1) / dilation};
 }
 
 /// The inputs of a block's channels: each has one, its own.

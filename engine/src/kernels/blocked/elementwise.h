@@ -29,4 +29,17 @@ struct BlockedEltwise {
 void blocked_eltwise(const BlockedSize& size, const BlockedEltwise& eltwise,
                      std::span<const float* const> inputs, void* output);
 
+/// One factor for each image and channel, as squeeze-and-excitation has it.
+struct BlockedGate {
+  const float* factors = nullptr;  // `[n][c]`, plain: not padded
+  const void* addend = nullptr;    // of the input's shape, blocked; or null
+  /// Where the factor is 0 the input is not looked at, as in BLAS: a NaN there does not show.
+  bool zero_hides = false;
+  Epilogue epilogue = {};
+};
+
+/// factors[n][c] * input + addend, then the epilogue. The output may be the addend, too.
+void blocked_gate(const BlockedSize& size, const BlockedGate& gate, const void* input,
+                  void* output);
+
 }  // namespace revisit::engine

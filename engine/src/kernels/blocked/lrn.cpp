@@ -2,12 +2,14 @@
 
 #include "kernels/blocked/blocked_pieces.h"
 #include "kernels/blocked/dispatch.h"
+#include "kernels/blocked/pooling_pieces.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "kernels/blocked/lrn.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
 #include "kernels/blocked/lrn-inl.h"
+#include "kernels/blocked/pooling_pieces-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
@@ -41,6 +43,40 @@ void lrn(const LrnProblem& p, const void* in, void* out, float* scratch) {
   });
 }
 
+template <class T>
+void normalise_and_pool(const LrnProblem& lrn, const PoolingProblem& p, const T* input, T* output,
+                        float* scratch) {
+  const LrnSquares layout(lrn);
+  const PoolingPieces pieces(p, lrn.c, p.threads);
+  float* const all_squares = scratch + pieces.scratch_floats();
+  const int64_t step = lrn.h * lrn.w * kLanes;
+  const auto rows_of = [&](int64_t n, int thread) HWY_ATTR {
+    const T* image = input + n * pieces.blocks * step;
+    float* const squares = all_squares + thread * layout.floats();
+    clear_margins(layout, squares);
+    return [&, image, squares](const PixelRange& range, float* row, int64_t row_step) HWY_ATTR {
+      for (int64_t x = range.begin; x < range.end; x += layout.pixels)
+        normalise(lrn, layout,
+                  LrnTile<T, float>{.input = image + (range.y * lrn.w + x) * kLanes,
+                                    .input_step = step,
+                                    .output = row + (x - range.begin) * kLanes,
+                                    .output_step = row_step,
+                                    .pixels = std::min(layout.pixels, range.end - x),
+                                    .ahead = lrn.w * kLanes,
+                                    .squares = squares});
+    };
+  };
+  pool_pieces(p, lrn.c, pieces, output, scratch, rows_of);
+}
+
+void lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& p, const void* in, void* out,
+                  float* scratch) {
+  with_type(lrn.values, [&](auto type) {
+    using T = decltype(type);
+    normalise_and_pool(lrn, p, static_cast<const T*>(in), static_cast<T*>(out), scratch);
+  });
+}
+
 }  // namespace revisit::engine::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -48,6 +84,7 @@ HWY_AFTER_NAMESPACE();
 namespace revisit::engine {
 
 HWY_EXPORT(lrn);
+HWY_EXPORT(lrn_max_pool);
 
 int64_t blocked_lrn_scratch_floats(const LrnProblem& p) {
   return p.threads * LrnSquares(p).floats();
@@ -55,6 +92,17 @@ int64_t blocked_lrn_scratch_floats(const LrnProblem& p) {
 
 void blocked_lrn(const LrnProblem& p, const void* input, void* output, float* scratch) {
   REVISIT_DISPATCH(lrn, instructions_for(p.values))(p, input, output, scratch);
+}
+
+int64_t blocked_lrn_max_pool_scratch_floats(const LrnProblem& lrn, const PoolingProblem& pooling) {
+  return PoolingPieces(pooling, lrn.c, pooling.threads).scratch_floats() +
+         pooling.threads * LrnSquares(lrn).floats();
+}
+
+void blocked_lrn_max_pool(const LrnProblem& lrn, const PoolingProblem& pooling, const void* input,
+                          void* output, float* scratch) {
+  REVISIT_DISPATCH(lrn_max_pool, instructions_for(lrn.values))
+  (lrn, pooling, input, output, scratch);
 }
 
 }  // namespace revisit::engine

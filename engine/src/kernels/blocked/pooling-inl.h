@@ -16,18 +16,6 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// A window along one axis: where it starts before it is clipped, and what the image has of it.
-struct WindowRange {
-  int64_t start, begin, end;
-};
-
-HWY_INLINE WindowRange window_range(int64_t out, int64_t stride, int64_t pad, int64_t kernel,
-                                    int64_t size) {
-  const int64_t start = out * stride - pad;
-  const int64_t begin = std::clamp<int64_t>(start, 0, size);
-  return {start, begin, std::clamp(start + kernel, begin, size)};
-}
-
 struct Largest {
   static HWY_INLINE Vector first() { return hn::Set(Tag(), -FLT_MAX); }
   /// NaN never wins: x > best ? x : best.
@@ -90,8 +78,8 @@ HWY_INLINE void pool_row(const PoolingProblem& p, const RowOfWindows<In, Out>& r
   const int64_t room = p.w + p.pad_w - p.kernel_w;
   const int64_t whole_end = room < 0 ? 0 : room / p.stride_w + 1;
   for (int64_t x = row.begin; x < row.end;) {
-    const WindowRange columns = window_range(x, p.stride_w, p.pad_w, p.kernel_w, p.w);
-    const int64_t width = std::min(columns.start + p.kernel_w, p.w + p.pad_w) - columns.start;
+    const WindowRange columns = p.columns(x);
+    const int64_t width = p.width(columns.start);
     const auto run = [&](auto count) HWY_ATTR {
       pool_windows<Operation, decltype(count)::value>(
           row, row.in + (columns.begin - row.first_column) * kLanes, p.stride_w * kLanes,

@@ -19,15 +19,14 @@ void pool(const PoolingProblem& p, int64_t channels, const T* input, T* output) 
   const int64_t blocks = channel_blocks(channels);
   parallel_for(p.planes / channels * blocks * p.out_h, p.threads, [&](int64_t item, int) HWY_ATTR {
     const int64_t plane = item / p.out_h, y = item % p.out_h;
-    const WindowRange rows = window_range(y, p.stride_h, p.pad_h, p.kernel_h, p.h);
-    const int64_t height = std::min(rows.start + p.kernel_h, p.h + p.pad_h) - rows.start;
+    const WindowRange rows = p.rows(y);
     T* out = output + item * p.out_w * kLanes;
     pool_row<Operation>(p,
                         RowOfWindows<T, T>{.in = input + (plane * p.h + rows.begin) * p.w * kLanes,
                                            .first_column = 0,
                                            .row_step = p.w * kLanes,
                                            .rows = rows.end - rows.begin,
-                                           .height = height,
+                                           .height = p.height(rows.start),
                                            .begin = 0,
                                            .end = p.out_w,
                                            .out = out,

@@ -30,17 +30,10 @@ struct PoolingPiece {
   T* continued;                // [row of windows][block][window][kLanes]: began above first_row
   float* row;                  // scratch: one row of pixels of all channels
 
-  WindowRange columns(int64_t x) const {
-    return window_range(x, pooling.stride_w, pooling.pad_w, pooling.kernel_w, pooling.w);
-  }
-  WindowRange rows(int64_t y) const {
-    return window_range(y, pooling.stride_h, pooling.pad_h, pooling.kernel_h, pooling.h);
-  }
-
   /// The first row of windows that ends below pixel row `y`.
   int64_t first_below(int64_t y) const {
     int64_t first = 0;
-    while (first < pooling.out_h && rows(first).end <= y) ++first;
+    while (first < pooling.out_h && pooling.rows(first).end <= y) ++first;
     return first;
   }
 
@@ -56,7 +49,9 @@ struct PoolingPiece {
     const int64_t step = (end - begin) * kLanes;
     return {continued + (y - first_below(first_row)) * channel_blocks(channels) * step, step};
   }
-  bool continues(int64_t y) const { return rows(y).begin < first_row && rows(y).end > first_row; }
+  bool continues(int64_t y) const {
+    return pooling.rows(y).begin < first_row && pooling.rows(y).end > first_row;
+  }
   Place place(int64_t y) const { return continues(y) ? in_continued(y) : in_output(y); }
 
   /// Adds `count` rows (0 or 1) of pixels from `left` to `right` to row `y` of windows.
@@ -86,18 +81,18 @@ struct PoolingPiece {
 template <class T, class MakeRow>
 HWY_INLINE void pool_piece(const PoolingPiece<T>& piece, const MakeRow& make_row) {
   const PoolingProblem& p = piece.pooling;
-  const int64_t left = piece.columns(piece.begin).begin, right = piece.columns(piece.end - 1).end;
+  const int64_t left = p.columns(piece.begin).begin, right = p.columns(piece.end - 1).end;
   int64_t first = piece.first_below(piece.first_row);  // may still need the present row
   for (int64_t y = piece.first_row; y < piece.end_row; ++y) {
-    while (first < p.out_h && piece.rows(first).end <= y) ++first;
-    if (first == p.out_h || piece.rows(first).begin > y) continue;
+    while (first < p.out_h && p.rows(first).end <= y) ++first;
+    if (first == p.out_h || p.rows(first).begin > y) continue;
     if (left < right)  // else a last window that is empty is the only one
       make_row(PixelRange{y, left, right}, piece.row, (right - left) * kLanes);
-    for (int64_t out_y = first; out_y < p.out_h && piece.rows(out_y).begin <= y; ++out_y)
-      piece.add(out_y, 1, y > std::max(piece.rows(out_y).begin, piece.first_row), left, right);
+    for (int64_t out_y = first; out_y < p.out_h && p.rows(out_y).begin <= y; ++out_y)
+      piece.add(out_y, 1, y > std::max(p.rows(out_y).begin, piece.first_row), left, right);
   }
   for (int64_t y = 0; y < p.out_h; ++y) {
-    const WindowRange rows = piece.rows(y);
+    const WindowRange rows = p.rows(y);
     const bool is_empty = rows.begin == rows.end;
     if (is_empty && piece.first_row == 0) piece.add(y, 0, false, left, right);
     if (is_empty ? piece.first_row == 0 : rows.begin < piece.end_row && rows.end > piece.first_row)

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -17,6 +18,9 @@ struct NetReadOptions {
   /// Keep what only training needs (layers of other phases, data layers, losses): the file as it
   /// is, merely upgraded. Otherwise the net is the one inference runs.
   bool keep_training = false;
+  /// Layer types with weights (engine::types_with_weights()): what comes out of one was learned, so
+  /// a loss takes it as the prediction, not as a label.
+  std::set<std::string> types_with_weights = {};
   Limits limits;
 };
 

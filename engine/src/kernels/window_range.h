@@ -1,0 +1,24 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+namespace revisit::engine {
+
+/// A window along one axis of an image: where it starts, and the pixels [begin, end) that the image
+/// has of it.
+struct WindowRange {
+  int64_t start, begin, end;
+
+  WindowRange(int64_t first, int64_t extent, int64_t image)
+      : start(first),
+        begin(std::clamp<int64_t>(first, 0, image)),
+        end(std::clamp(first + extent, begin, image)) {}
+};
+
+/// Whether windows are single pixels, one for each pixel of the image.
+constexpr bool is_each_pixel(int64_t kernel, int64_t stride, int64_t pad) {
+  return kernel == 1 && stride == 1 && pad == 0;
+}
+
+}  // namespace revisit::engine
