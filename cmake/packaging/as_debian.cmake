@@ -15,6 +15,11 @@ if(NOT shlibdeps)
   message(FATAL_ERROR "dpkg-shlibdeps finds what the program depends on and is not here: install dpkg-dev")
 endif()
 
+find_program(help2man help2man)
+if(NOT help2man)
+  message(FATAL_ERROR "help2man writes the manual pages and is not here: install help2man")
+endif()
+
 string(TIMESTAMP today "%a, %d %b %Y %H:%M:%S +0000" UTC)  # or SOURCE_DATE_EPOCH's
 
 function(document package folder)
@@ -34,11 +39,8 @@ function(document package folder)
 endfunction()
 
 set(program ${CPACK_TEMPORARY_DIRECTORY}/program)
+must(${CPACK_REVISIT_PACKAGING}/manual.sh ${program}/usr/bin/revisit ${program}/usr/share/man/man1)
 document(revisit ${program})
-set(zsh ${program}/usr/share/zsh)
-file(MAKE_DIRECTORY ${zsh}/vendor-completions)
-file(RENAME ${zsh}/site-functions/_revisit ${zsh}/vendor-completions/_revisit)
-file(REMOVE_RECURSE ${zsh}/site-functions)
 
 set(development ${CPACK_TEMPORARY_DIRECTORY}/development)
 document(librevisit-dev ${development})

@@ -30,7 +30,6 @@ man revisit | grep -q 'revisit-loops(1)'
 man revisit-net-inspect | grep -q -e '--input-shape'
 bash -c '. /usr/share/bash-completion/completions/revisit
   COMP_WORDS=(revisit lo) COMP_CWORD=1; _revisit; test "${COMPREPLY[*]}" = loops'
-ls /usr/share/zsh/vendor-completions/_revisit /usr/share/fish/vendor_completions.d/revisit.fish
 apt-get remove -qq -y revisit >/dev/null
 test ! -e /usr/bin/revisit -a ! -e /usr/share/doc/revisit
 USE

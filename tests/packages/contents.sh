@@ -16,8 +16,7 @@ holds() {
   for file; do grep -qE "^\./usr/$file$" list || fail "$package has no $file"; done
 }
 holds "$program" bin/revisit share/doc/revisit/{copyright,README.md,docs/FORMATS.md,changelog.gz,changelog.Debian.gz} \
-  share/man/man1/revisit{,-loops,-net-inspect}.1.gz share/bash-completion/completions/revisit \
-  share/zsh/vendor-completions/_revisit share/fish/vendor_completions.d/revisit.fish
+  share/man/man1/revisit{,-loops,-map-build,-net-inspect}.1.gz share/bash-completion/completions/revisit
 grep -q '\.a$\|/include/' list && fail "$program has files to compile with"
 arch=$(dpkg-architecture -qDEB_HOST_MULTIARCH 2>/dev/null || gcc -print-multiarch)
 holds "$development" include/revisit/{engine/net,recognition/range_image,maps/place_recognizer}.h "lib/$arch/librevisit_(base|proto|engine|recognition).a" \

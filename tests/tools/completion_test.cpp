@@ -1,5 +1,3 @@
-#include "help/completion.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,19 +5,15 @@
 #include <set>
 #include <sstream>
 
+#include "cli/command_line.h"
 #include "cli/shell.h"
-#include "help/whole_program.h"
 #include "revisit/base/error.h"
 #include "test_data.h"
 
-namespace revisit::help {
+namespace revisit {
 namespace {
 
 using Words = std::vector<std::string>;
-
-bool is_installed(const std::string& program) {
-  return std::system(("command -v " + program + " >/dev/null 2>&1").c_str()) == 0;
-}
 
 /// As readline takes a line apart: = and : are words of their own.
 Words taken_apart(const std::string& line) {
@@ -122,7 +116,7 @@ std::set<std::string> options_of_help(const std::string& command) {
 
 TEST_F(Bash, EveryOptionThatHelpListsIsKnown) {
   int commands = 0;
-  for (const cli::CommandLine& line : cli::all_of(whole_program())) {
+  for (const cli::CommandLine& line : cli::all_of(cli::describe(cli::revisit_command))) {
     if (!line.below.empty()) continue;
     const Words words = offered(line.command + " --");
     EXPECT_EQ(std::set<std::string>(words.begin(), words.end()),
@@ -133,39 +127,37 @@ TEST_F(Bash, EveryOptionThatHelpListsIsKnown) {
   EXPECT_GT(commands, 15);
 }
 
-TEST(Completion, OtherShellsTakeTheirScripts) {
-  const test::TempDir dir;
-  bool any = false;
-  for (const auto& [shell, check] :
-       {std::pair("zsh", "zsh -n "), std::pair("fish", "fish --no-execute ")}) {
-    const auto script = test::run_revisit(str("completion ", shell));
-    ASSERT_EQ(script.exit_code, 0) << script.err;
-    for (const char* word : {"make-random", "ring-key-candidates", "scan-context"})
-      EXPECT_NE(script.out.find(word), std::string::npos) << shell << " " << word;
-    if (!is_installed(shell)) continue;
-    any = true;
-    test::write_file(dir / shell, script.out);
-    const std::string said = (dir / "said").string();
-    const int status =
-        std::system((check + (dir / shell).string() + " > " + said + " 2>&1").c_str());
-    EXPECT_EQ(status, 0) << shell << ": " << test::read_file(said);
-    EXPECT_EQ(test::read_file(said), "") << shell;
-  }
-  if (!any) GTEST_SKIP() << "neither zsh nor fish is installed to read its script";
+TEST_F(Bash, ZshTakesTheScriptByBashcompinit) {
+  if (std::system("command -v zsh >/dev/null 2>&1") != 0) GTEST_SKIP() << "zsh is not installed";
+  const auto in_zsh = [&](const std::string& line) {
+    const std::string out = (dir_ / "out").string();
+    test::write_file(dir_ / "program",
+                     "autoload -Uz compinit bashcompinit\ncompinit -D -u\nbashcompinit\nsource " +
+                         (dir_ / "script").string() + "\nCOMP_WORDS=(" + line +
+                         ")\nwords=($COMP_WORDS) PREFIX=$words[-1]\n"
+                         "((CURRENT = $#words, COMP_CWORD = CURRENT - 1))\n"
+                         "compgen -F _revisit -- $PREFIX\n");
+    EXPECT_EQ(std::system(("cd " + (dir_ / "here").string() + " && zsh -f " +
+                           (dir_ / "program").string() + " > " + out + " 2>&1")
+                              .c_str()),
+              0);
+    return "\n" + test::read_file(out);
+  };
+  // zsh itself leaves out what does not begin as the word does.
+  for (const auto& [line, reply] :
+       {std::pair("revisit lo", "loops"), std::pair("revisit net ins", "inspect"),
+        std::pair("revisit loops --se", "--sequence"),
+        std::pair("revisit loops --format j", "jsonl"),
+        std::pair("revisit loops --format=j", "--format=jsonl"),
+        std::pair("revisit loops --map a", "a.map")})
+    EXPECT_NE(in_zsh(line).find(str("\n", reply, "\n")), std::string::npos) << line << in_zsh(line);
 }
 
 TEST(Completion, AShellThatIsNotKnownIsRefused) {
   const auto result = test::run_revisit("completion csh");
   EXPECT_EQ(result.exit_code, 2);
-  EXPECT_NE(result.err.find("expected bash, zsh or fish, found 'csh'"), std::string::npos)
-      << result.err;
-}
-
-TEST(Completion, DescriptionsAreCutAtAWord) {
-  EXPECT_EQ(brief("as it is"), "as it is");
-  const std::string cut = brief(std::string(60, 'a') + " bbb cccc dddd eeee");
-  EXPECT_EQ(cut, std::string(60, 'a') + " bbb ...");
+  EXPECT_NE(result.err.find("expected bash, found 'csh'"), std::string::npos) << result.err;
 }
 
 }  // namespace
-}  // namespace revisit::help
+}  // namespace revisit

@@ -1,4 +1,6 @@
 // `revisit experiment` as a person meets it, on a tiny drive: sequence 00 alone, without networks.
+#include "experiment/experiment.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,8 +10,6 @@
 
 #include "cli/json.h"
 #include "eval/curve.h"
-#include "experiment/plan.h"
-#include "experiment/run_experiments.h"
 #include "reports.pb.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "small_drive.h"
@@ -49,17 +49,18 @@ class ExperimentCommand : public testing::Test {
 TEST_F(ExperimentCommand, ListNamesAllNine) {
   const auto result = run_revisit("experiment list");
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(cli::experiments().size(), 9U);
-  for (const auto& info : cli::experiments())
-    EXPECT_NE(result.out.find(info.name), std::string::npos) << info.name;
+  EXPECT_EQ(cli::experiment_table().experiment_size(), 9);
+  for (const auto& experiment : cli::experiment_table().experiment())
+    EXPECT_NE(result.out.find(experiment.report().name()), std::string::npos)
+        << experiment.report().name();
 }
 
 TEST_F(ExperimentCommand, WhatIsMissingIsSaidAndTheRestRuns) {
   const auto result = run_revisit(command("all"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.err.find("missing: sequence 05"), std::string::npos) << result.err;
   EXPECT_NE(result.err.find("missing: network vgg_cnn_s"), std::string::npos) << result.err;
-  for (const auto& info : cli::experiments()) EXPECT_EQ(read(info.name).title(), info.title);
+  for (const auto& experiment : cli::experiment_table().experiment())
+    EXPECT_EQ(read(experiment.report().name()).title(), experiment.report().title());
 
   const reports::Experiment networks = read("networks-and-layers");
   ASSERT_EQ(networks.runs_size(), 3);  // `data` on 00, 05, 06
@@ -77,7 +78,8 @@ TEST_F(ExperimentCommand, WhatIsMissingIsSaidAndTheRestRuns) {
   EXPECT_NE(test::read_file(out() / "report.html").find("Comparison with other methods"),
             std::string::npos);
   EXPECT_EQ(networks.runs(1).state(), "skipped");
-  EXPECT_EQ(networks.runs(1).reason(), "sequence 05 is not there");
+  EXPECT_NE(networks.runs(1).reason().find("sequences/05"), std::string::npos)
+      << networks.runs(1).reason();
 
   // The command beside a number gives that number.
   const auto again = run_revisit(done.command().substr(8) + " --no-report --format json -o " +
@@ -177,18 +179,32 @@ TEST_F(ExperimentCommand, PlacesNeedNoDrivesAndHaveTheWidthAskedFor) {
   EXPECT_NE(read("easy-vs-median").runs(0).reason().find("--kitti"), std::string::npos);
 }
 
-TEST(ExperimentPlan, ClaimsAreThePapers) {
+models::FoundModel network(const std::string& name, bool trained) {
+  models::FoundModel model;
+  model.name = name;
+  model.prototxt = name + ".prototxt";
+  model.weights = name + ".caffemodel";
+  model.cut = {"p5", ""};
+  model.trained = trained;
+  return model;
+}
+
+TEST(ExperimentPlan, ClaimsAreThePapersForEachNetwork) {
   cli::ExperimentOptions options;
   options.names = {"comparison"};
-  options.kitti = "kitti";
-  cli::Inventory inventory;
-  inventory.drives = {{"00", 4541}};
-  inventory.networks = {{"net", "net.prototxt", "net.caffemodel", true, {{"pool5", ""}}}};
-  const std::vector<cli::ExperimentPlan> plans = cli::make_plans(options, inventory);
-  std::vector<std::string> worse;
-  for (const cli::Claim& claim : plans.at(0).claims) worse.push_back(claim.worse);
+  options.shared.data = "kitti";
+  cli::Networks networks;
+  networks.found = {network("a", true), network("b", true)};
+  std::vector<std::string> better, worse;
+  for (const auto& claim : cli::make_plans(options, networks).at(0).claims) {
+    better.push_back(claim.better());
+    worse.push_back(claim.worse());
+  }
+  EXPECT_EQ(better.at(0), "a p5, proposed");
+  EXPECT_EQ(better.at(1), "b p5, proposed");
   EXPECT_EQ(worse,
-            (std::vector<std::string>{"range image (data)", "VFH", "ESF", "GRSD", "FAB-MAP"}));
+            (std::vector<std::string>{"range image (data)", "range image (data)", "VFH", "VFH",
+                                      "ESF", "ESF", "GRSD", "GRSD", "FAB-MAP", "FAB-MAP"}));
 }
 
 /// A run on sequence 00 with this average precision, between `low` and `high`.
@@ -209,11 +225,20 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
   add_run(experiment, "a", 0.507, 0.03, 1);
   add_run(experiment, "b", 0.55, 0, 1);
   add_run(experiment, "c", 0.2, 0.1, 0.52);  // holds a's, which does not hold it
-  cli::ExperimentPlan plan;
-  plan.runs = {{"00", {"a"}, {}, ""}};
-  plan.claims = {{"", "a", "b", 0}, {"", "b", "a", 0},   {"", "b", "c", 0},
-                 {"", "c", "b", 0}, {"", "a", "b", 0.1}, {"", "a", "b", 0.01}};
-  cli::check_claims(plan, &experiment);
+  std::vector<reports::PlannedClaim> claims;
+  const auto claim = [&](const char* better, const char* worse, double slack) {
+    claims.emplace_back();
+    claims.back().set_better(better);
+    claims.back().set_worse(worse);
+    claims.back().set_slack(slack);
+  };
+  claim("a", "b", 0);
+  claim("b", "a", 0);
+  claim("b", "c", 0);
+  claim("c", "b", 0);
+  claim("a", "b", 0.1);
+  claim("a", "b", 0.01);
+  cli::check_claims(claims, &experiment);
   std::vector<std::pair<bool, bool>> found;
   for (const auto& claim : experiment.claims())
     found.emplace_back(claim.holds(), claim.undecided());
@@ -229,63 +254,60 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
 TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirNetworks) {
   cli::ExperimentOptions options;
   options.names = {"networks-and-layers", "alignment", "hkust-rotation"};
-  options.kitti = "kitti";
-  options.width = 900;
-  cli::Inventory inventory;
-  inventory.drives = {{"00", 4541}, {"05", 100}};
-  inventory.networks = {{"a", "a.prototxt", "a.caffemodel", true, {{"c3", "p5"}, {"p5", ""}}},
-                        {"b", "b.prototxt", "b.caffemodel", true, {{"p5", ""}}},
-                        {"r", "r.prototxt", "r.caffemodel", false, {{"p5", ""}}}};
-  const std::vector<cli::ExperimentPlan> plans = cli::make_plans(options, inventory);
-  const auto labels = [](const cli::ExperimentPlan& plan, const std::string& panel) {
+  options.shared.data = "kitti";
+  options.shared.image.sensor = "hdl64";
+  options.shared.image.width = 900;
+  cli::Networks networks;
+  networks.found = {network("bvlc_alexnet", true), network("b", true), network("r", false)};
+  const std::vector<cli::Plan> plans = cli::make_plans(options, networks);
+  const auto labels = [](const cli::Plan& plan, const std::string& panel) {
     std::string text;
-    for (const cli::PlannedRun& run : plan.runs)
-      if (run.panel == panel) text += run.curve.label + (run.skipped.empty() ? "; " : " (not); ");
+    for (const reports::ExperimentRun& run : plan.report.runs())
+      if (run.panel() == panel) text += run.label() + (run.reason().empty() ? "; " : " (not); ");
     return text;
   };
-  EXPECT_EQ(labels(plans.at(0), "00"), "a c3+p5; a p5; b p5; r p5 (UNTRAINED) (not); data; ");
-  EXPECT_EQ(labels(plans.at(0), "05"), "a c3+p5; a p5; b p5; r p5 (UNTRAINED); data; ");
-  EXPECT_EQ(labels(plans.at(0), "06"),
-            "a c3+p5 (not); a p5 (not); b p5 (not); r p5 (UNTRAINED) (not); data (not); ");
+  const std::string layers = labels(plans.at(0), "05");
+  EXPECT_TRUE(layers.starts_with("bvlc_alexnet conv3+pool5; ")) << layers;
+  EXPECT_TRUE(layers.ends_with("; b p5; r p5 (UNTRAINED) (not); data; ")) << layers;
+  EXPECT_NE(labels(plans.at(0), "06").find("r p5 (UNTRAINED); data; "), std::string::npos);
   EXPECT_EQ(labels(plans.at(1), "05"),
-            "a c3+p5, aligned; a c3+p5, not aligned; b p5, aligned; b p5, not aligned; "
-            "data, aligned; data, not aligned; ");
-  EXPECT_EQ(
-      plans.at(1).runs.at(1).arguments,
-      (cli::Arguments{"kitti",        "--sequence", "00",  "--every", "1",          "--sensor",
-                      "hdl64",        "--width",    "900", "--model", "a.prototxt", "--weights",
-                      "a.caffemodel", "--end",      "c3",  "--graft", "p5",         "--protocol",
-                      "paper-median", "--align",    "none"}));
-  ASSERT_EQ(plans.at(0).claims.size(), 3U);
-  EXPECT_EQ(plans.at(0).claims[1].better, "a p5");
-  EXPECT_EQ(plans.at(0).claims[1].worse, "data");
+            "bvlc_alexnet conv3+pool5, aligned; bvlc_alexnet conv3+pool5, not aligned; "
+            "b p5, aligned; b p5, not aligned; data, aligned; data, not aligned; ");
+  EXPECT_EQ(plans.at(1).arguments.at(1), (cli::Arguments{"kitti",
+                                                         "--sequence",
+                                                         "00",
+                                                         "--every",
+                                                         "1",
+                                                         "--sensor",
+                                                         "hdl64",
+                                                         "--width",
+                                                         "900",
+                                                         "--model",
+                                                         "bvlc_alexnet.prototxt",
+                                                         "--weights",
+                                                         "bvlc_alexnet.caffemodel",
+                                                         "--end",
+                                                         "conv3",
+                                                         "--graft",
+                                                         "pool5",
+                                                         "--protocol",
+                                                         "paper-median",
+                                                         "--align",
+                                                         "none"}));
+  EXPECT_EQ(plans.at(0).claims.front().better(), "bvlc_alexnet conv3+pool5");
+  EXPECT_EQ(plans.at(0).claims.front().worse(), "data");
   ASSERT_EQ(plans.at(1).claims.size(), 2U);
-  EXPECT_EQ(plans.at(1).claims[1].better, "b p5, aligned");
-  EXPECT_EQ(plans.at(2).runs.size(), 18U) << "of each network three ways of three parts";
-  EXPECT_NE(plans.at(2).runs.at(0).skipped.find("--hkust"), std::string::npos);
-}
-
-TEST(ExperimentPlan, SaysAlongWhatSimulatedDrivesWent) {
-  cli::ExperimentOptions options;
-  options.names = {"score"};
-  options.kitti = "kitti";
-  cli::Inventory inventory;
-  const auto note = [&](int along_poses, int along_routes) {
-    inventory.along_poses = along_poses;
-    inventory.along_routes = along_routes;
-    return cli::make_plans(options, inventory).at(0).notes.at(0);
-  };
-  EXPECT_NE(note(1, 0).find("Simulated drives along the real poses:"), std::string::npos);
-  EXPECT_NE(note(0, 1).find("Simulated drives along generated routes:"), std::string::npos);
-  EXPECT_NE(note(1, 1).find("Simulated drives:"), std::string::npos);
-  EXPECT_EQ(note(0, 0).find("Simulated"), std::string::npos);
+  EXPECT_EQ(plans.at(1).claims[1].better(), "b p5, aligned");
+  EXPECT_EQ(plans.at(1).claims[1].worse(), "b p5, not aligned");
+  EXPECT_EQ(plans.at(2).report.runs_size(), 18) << "of each network three ways of three parts";
+  EXPECT_NE(plans.at(2).report.runs(0).reason().find("--hkust"), std::string::npos);
 }
 
 TEST_F(ExperimentCommand, WhatCannotRunHasOneRowAndNoEmptyTable) {
   std::ofstream(dir_ / "drive/sequences/00/simulation.txt") << "version: 1\nroute: loop\n";
   const auto result = run_revisit(command("alignment bidirectional"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.out.find("along generated routes"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("Simulated drives"), std::string::npos) << result.out;
   // bidirectional takes a network, of which there is none: no header without rows.
   const std::string nothing = result.out.substr(result.out.find("Revisits in the opposite"));
   EXPECT_EQ(nothing.substr(0, nothing.find("experiment ")).find("sequence  curve"),

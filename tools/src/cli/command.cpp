@@ -9,18 +9,12 @@
 namespace revisit::cli {
 namespace {
 
-CommandLine describe_all(const std::string& program, const char* introduction,
-                         const std::vector<Command>& table) {
+CommandLine describe_all(const std::string& program, const std::vector<Command>& table) {
   CommandLine line;
   line.command = program;
-  line.usage = "COMMAND [ARGUMENTS]";
-  line.summary = introduction;
-  line.groups = {{"", {{"help", 'h', "list the commands", {}}}}};
-  for (const Command& command : table) {
-    if (command.hidden) continue;
-    line.below.push_back(describe(command.run));
-    line.below.back().headline = command.summary;
-  }
+  line.options = {{"help", 'h', {}}};
+  for (const Command& command : table)
+    if (!command.hidden) line.below.push_back(describe(command.run));
   return line;
 }
 
@@ -41,7 +35,7 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes() {
 
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments) {
-  if (asks_for_description(arguments)) throw Described{describe_all(program, introduction, table)};
+  if (asks_for_description(arguments)) throw Described{describe_all(program, table)};
   if (arguments.size() > 1 && arguments[0] == "help") {  // as `COMMAND ... --help`
     Arguments asked(arguments.begin() + 1, arguments.end());
     asked.push_back("--help");

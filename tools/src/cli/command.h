@@ -58,6 +58,5 @@ int simulate_command(const Arguments&);
 int models_command(const Arguments&);
 int doctor_command(const Arguments&);
 int completion_command(const Arguments&);
-int man_command(const Arguments&);
 
 }  // namespace revisit::cli

@@ -25,13 +25,6 @@ std::string CommandLine::verb() const {
   return command.substr(command.rfind(' ') + 1);
 }
 
-std::vector<CommandLine::Option> CommandLine::options() const {
-  std::vector<Option> all;
-  for (const Group& group : groups)
-    all.insert(all.end(), group.options.begin(), group.options.end());
-  return all;
-}
-
 CommandLine describe(int (*run)(const Arguments&)) {
   try {
     run({kDescribe});

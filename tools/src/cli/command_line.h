@@ -18,40 +18,28 @@ struct Values {
   Paths paths = Paths::kNone;
 };
 
-/// What a command takes, as data: shell completion and manual pages are written from it.
+/// What a command takes, as data, from which shell completion is written.
 struct CommandLine {
   struct Option {
-    std::string name;  // without dashes
-    char letter = 0;   // 0: none
-    std::string help;
+    std::string name;             // without dashes
+    char letter = 0;              // 0: none
     std::optional<Values> value;  // none: a switch
-    bool repeatable = false;
-  };
-  struct Group {
-    std::string heading;  // "" for the first
-    std::vector<Option> options;
   };
   struct Argument {
     Values value;
-    bool required = false, repeated = false;
+    bool repeated = false;
   };
 
-  std::string command;   // "revisit net inspect"
-  std::string headline;  // one line, as the list of commands has it
-  std::string usage;     // "PROTOTXT [WEIGHTS]"
-  std::string summary;   // what it does; paragraphs are parted by empty lines
-  std::string examples;  // lines as --help has them
-  std::vector<Group> groups;
+  std::string command;  // "revisit net inspect"
+  std::vector<Option> options;
   std::vector<Argument> arguments;
   std::vector<CommandLine> below;  // subcommands; a command with any has no arguments
 
   /// The last word of `command`.
   std::string verb() const;
-  /// The options of all groups, in order.
-  std::vector<Option> options() const;
 };
 
-/// What `run` takes; it does nothing else. Its `headline` is empty.
+/// What `run` takes; it does nothing else.
 CommandLine describe(int (*run)(const Arguments&));
 
 /// `line` and all that is below it, each before what is below it.

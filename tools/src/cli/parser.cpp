@@ -51,7 +51,6 @@ struct Collected {
 
 /// argp identifies an option by an integer: a letter, or our index above the range of letters.
 constexpr int kHelpKey = '?', kUsageKey = 999, kFirstKey = 1000;
-constexpr const char *kHelpText = "Give this help list", *kUsageText = "Give a short usage message";
 
 error_t collect(int key, char* argument, argp_state* state) {
   auto& collected = *static_cast<Collected*>(state->input);
@@ -236,25 +235,17 @@ CommandLine Parser::describe() const {
   };
   CommandLine line;
   line.command = command_;
-  line.usage = usage_;
-  line.summary = summary_;
-  line.examples = examples_;
-  line.groups.emplace_back();
   for (const Option& option : options_) {
-    if (option.is_heading) {
-      line.groups.push_back({option.help, {}});
-      continue;
-    }
+    if (option.is_heading) continue;
     std::optional<Values> value;
     if (!option.metavar.empty()) value = values(option.metavar, option.is_path, option.suggested);
-    line.groups.back().options.push_back(
-        {option.name, option.letter, option.help, value, option.clear != nullptr});
+    line.options.push_back({option.name, option.letter, value});
   }
+  line.options.push_back({"help", 0, {}});
+  line.options.push_back({"usage", 0, {}});
   for (const Positional& positional : positionals_)
-    line.arguments.push_back({values(positional.name, positional.is_path, positional.suggested),
-                              positional.required, positional.repeated});
-  line.groups.push_back({"Help:", {{"help", 0, kHelpText, {}}, {"usage", 0, kUsageText, {}}}});
-  std::erase_if(line.groups, [](const CommandLine::Group& group) { return group.options.empty(); });
+    line.arguments.push_back(
+        {values(positional.name, positional.is_path, positional.suggested), positional.repeated});
   return line;
 }
 
@@ -273,8 +264,8 @@ void Parser::parse(std::vector<std::string> arguments) {
                      option.metavar.empty() ? nullptr : option.metavar.c_str(), 0,
                      option.help.c_str(), group_number});
   }
-  table.push_back({"help", kHelpKey, nullptr, 0, kHelpText, -1});
-  table.push_back({"usage", kUsageKey, nullptr, 0, kUsageText, -1});
+  table.push_back({"help", kHelpKey, nullptr, 0, "Give this help list", -1});
+  table.push_back({"usage", kUsageKey, nullptr, 0, "Give a short usage message", -1});
   table.push_back({});
 
   const argp parser{table.data(), collect, usage_.c_str(), summary_.c_str(),

@@ -42,7 +42,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   LoopsOptions o;
   o.feature.feature = "ring";
   o.feature.ring_key_candidates = kCandidates;
-  o.feature.declare(parser);
+  o.feature.declare(parser, Scans::kOneByOne);
   parser.group("Loops:")
       .option("exclusion", "KIND=N",
               "recent scans of this drive that are not compared: frames=50 (default), seconds=30, "
@@ -211,7 +211,7 @@ int loops_command(const Arguments& arguments) {
       "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n");
   LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
-  RecognizerSource described = recognizer_source(o.feature, parser, source.some);
+  RecognizerSource described = recognizer_source(o.feature, source.some);
   if (o.verify && !described.extractor.comparison.turn)
     throw UsageError(str("--verify: the feature ", o.feature.feature,
                          " tells no heading to start from; take --feature ring"));

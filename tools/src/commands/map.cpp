@@ -119,14 +119,14 @@ int build(const Arguments& arguments) {
       "crash.",
       "  revisit map build town --map town.map\n"
       "  revisit map build town --map 'postgresql://robot@server/maps?map=town'\n");
-  options.declare(parser);
+  options.declare(parser, Scans::kOneByOne);
   map.declare(parser);
   parser.parse(arguments);
   options.check_given(parser);
   map.check();
   if (map.file.empty()) throw UsageError("give the map: --map FILE");
   const pipeline::Dataset dataset = open_scans(options);
-  RecognizerSource source = recognizer_source(options, parser, dataset, ScansAtOnce::kMany);
+  RecognizerSource source = recognizer_source(options, dataset, ScansAtOnce::kMany);
   source.options.first_stretch = map.first_stretch;
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
   cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
@@ -156,7 +156,7 @@ int query(const Arguments& arguments) {
   Parser parser("revisit map query", "MAP SCAN...",
                 "For each scan, the place of a map that is most like it.",
                 "  revisit map query town.map scan.bin\n");
-  options.declare_describing(parser);
+  options.declare_describing(parser, Scans::kOneByOne);
   parser.positional("MAP", &map)
       .optional_positional("SCAN", &scans)
       .group("Query:")
@@ -177,7 +177,7 @@ int query(const Arguments& arguments) {
     dataset.scans.emplace_back().file = scan;
     dataset.scans.back().frame = static_cast<int>(dataset.scans.size()) - 1;
   }
-  RecognizerSource source = recognizer_source(options, parser, dataset);
+  RecognizerSource source = recognizer_source(options, dataset);
   source.options.threshold = threshold;
   source.options.precision = precision;
   const pipeline::MapIdentity identity =

@@ -59,9 +59,7 @@ int revisit_command(const Arguments& arguments) {
       {"doctor", "what works here and what is missing", doctor_command},
 #endif
       {"net", "a Caffe net alone: inspect, forward, profile", net_command},
-      // For packages: what they print is installed.
-      {"completion", "completion for a shell", completion_command, true},
-      {"man", "manual pages", man_command, true},
+      {"completion", "completion for bash, which packages install", completion_command, true},
   };
   return dispatch("revisit", introduction().c_str(), commands, arguments);
 }

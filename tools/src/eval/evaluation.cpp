@@ -79,6 +79,7 @@ EvaluationKey evaluation_key(const EvalOptions& options) {
       str("revisit ", REVISIT_VERSION, "\n", command_of(in.given), "\n", in.evaluation.key());
   key.large_files = in.evaluation.feature_files();
   key.feature = key.large_files.front();
+  key.feature_dim = in.source.extractor.dim;
   if (in.source.components < 0) key.large_files.clear();  // the features are the descriptors
   return key;
 }

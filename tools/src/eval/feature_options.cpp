@@ -101,17 +101,20 @@ void FeatureOptions::check_given(const Parser& parser, const std::vector<std::st
   }
 }
 
-void FeatureOptions::declare(Parser& parser) {
+void FeatureOptions::declare(Parser& parser, Scans scans) {
   parser.positional("DATA", &data);
   parser.group("Data:");
   parser.option("sequence", "NN",
                 "sequence of a KITTI root, e.g. 00 (not needed when there is one)", &sequence);
   parser.option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
                 &every);
-  declare_describing(parser);
+  declare_describing(parser, scans);
 }
 
-void FeatureOptions::declare_describing(Parser& parser) {
+void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
+  const bool of_drives = scans == Scans::kOfDrives;
+  std::vector<std::string> names = feature_names();
+  if (!of_drives) std::erase(names, "fabmap");
   image.declare(parser);
   parser.group("Feature:");
   parser
@@ -119,10 +122,10 @@ void FeatureOptions::declare_describing(Parser& parser) {
               std::string(
                   "cnn (output of a network), data (the range image itself), ring (columns of a "
                   "network and of heights, compared at every heading), vfh, esf, grsd, "
-                  "scan-context, m2dp, or fabmap on camera images (default ") +
-                  feature + ")",
+                  "scan-context, m2dp") +
+                  (of_drives ? ", or fabmap on camera images" : "") + " (default " + feature + ")",
               &feature)
-      .suggest(feature_names());
+      .suggest(names);
   parser
       .option("model", "P", "prototxt, or the name of a known model (default: the best one found)",
               &model)
@@ -161,16 +164,19 @@ void FeatureOptions::declare_describing(Parser& parser) {
                   "compared, chosen by keys, whatever the heading; 0: all (default ") +
           std::to_string(ring_key_candidates) + ")",
       &ring_key_candidates);
-  parser.option("images", "DIR",
-                "fabmap: PNG images with frame numbers as names (default: the sequence's image_0)",
-                &images);
-  parser.option("training-images", "DIR",
-                "fabmap: images to learn the words from (default: those of the drive itself)",
-                &training_images);
-  parser.option("new-place", "mean-field|sampled",
-                "fabmap: likelihood of a place never seen; sampled needs --training-images "
-                "(default mean-field)",
-                &new_place);
+  if (of_drives) {
+    parser.option(
+        "images", "DIR",
+        "fabmap: PNG images with frame numbers as names (default: the sequence's image_0)",
+        &images);
+    parser.option("training-images", "DIR",
+                  "fabmap: images to learn the words from (default: those of the drive itself)",
+                  &training_images);
+    parser.option("new-place", "mean-field|sampled",
+                  "fabmap: likelihood of a place never seen; sampled needs --training-images "
+                  "(default mean-field)",
+                  &new_place);
+  }
   parser.group("Reduction:");
   parser.option(
       "pca", "K|all|none",
@@ -179,24 +185,26 @@ void FeatureOptions::declare_describing(Parser& parser) {
       &pca);
   parser.option("pca-fit", "all|map|DIR",
                 "scans the PCA learns from, or a folder it was written to (default all)", &pca_fit);
-  parser.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb);
+  if (of_drives) parser.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb);
   parser.group("Running:");
   parser.option("threads", "N", "threads (default: all cores)", &threads);
-  parser.option(
-      "threads-per-scan", "N",
-      "threads that share one scan's network; fewer scans are then in flight, which takes "
-      "less memory and more time (default 1)",
-      &threads_per_scan);
   declare_precision(parser, &precision);
-  parser.option(
-      "cache", "DIR",
-      "where features and descriptors are kept (default: features only, in OUTPUT/features); "
-      "may be removed at any time, all in it can be made again",
-      &cache);
-  parser.flag("strict",
-              "end with the first scan that cannot be described (default: such scans are named, "
-              "and neither stored nor asked)",
-              &strict);
+  if (of_drives) {
+    parser.option(
+        "threads-per-scan", "N",
+        "threads that share one scan's network; fewer scans are then in flight, which takes "
+        "less memory and more time (default 1)",
+        &threads_per_scan);
+    parser.option(
+        "cache", "DIR",
+        "where features and descriptors are kept (default: features only, in OUTPUT/features); "
+        "may be removed at any time, all in it can be made again",
+        &cache);
+    parser.flag("strict",
+                "end with the first scan that cannot be described (default: such scans are named, "
+                "and neither stored nor asked)",
+                &strict);
+  }
   parser.flag("no-progress", "no progress line", &no_progress);
   parser.flag("quiet", "only results and errors", &quiet, 'q');
 }

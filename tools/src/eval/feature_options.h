@@ -18,6 +18,10 @@ namespace revisit::cli {
 
 struct FeatureSource;
 
+/// Whether a command describes drives as a whole, or scan after scan. The latter has no options of
+/// the former: for what is kept of a drive, for its PCA, and for FAB-MAP, which sees its images.
+enum class Scans { kOfDrives, kOneByOne };
+
 /// What every command that describes scans takes: data, network, geometry.
 struct FeatureOptions {
   std::filesystem::path data;
@@ -44,9 +48,9 @@ struct FeatureOptions {
   bool strict = false;  // a scan that cannot be described ends the work; false: it is left out
   bool no_progress = false, quiet = false;
 
-  void declare(Parser& parser);
+  void declare(Parser& parser, Scans scans = Scans::kOfDrives);
   /// The same without the data.
-  void declare_describing(Parser& parser);
+  void declare_describing(Parser& parser, Scans scans);
   /// Throws UsageError for a feature whose library is not built in, and for an option on the
   /// command line that `feature` does not use, like --end with --feature data: one of the two is a
   /// mistake. (Files and the environment may hold more.)

@@ -1,156 +1,189 @@
-#include "experiment/plan.h"
+#include <google/protobuf/text_format.h>
 
 #include <algorithm>
-#include <functional>
+#include <iterator>
+#include <sstream>
 
-#include "models/find_model.h"
-#include "revisit/base/error.h"
+#include "experiment/experiment.h"
+#include "experiments_table.h"
+#include "models/all_models.h"
+#include "models/cache.h"
+#include "models/fetch.h"
+#include "revisit/weights_conversion/random_model.h"
 
 namespace revisit::cli {
 namespace {
 
-void add(Arguments& to, const Arguments& more) {
-  to.insert(to.end(), more.begin(), more.end());
+namespace fs = std::filesystem;
+
+void add(Arguments* to, const Arguments& more) {
+  to->insert(to->end(), more.begin(), more.end());
 }
 
-Arguments feature_of(const NetworkFound& network, const models::Cut& cut) {
-  Arguments arguments = {"--model",   network.prototxt.string(),
-                         "--weights", network.weights.string(),
-                         "--end",     cut.end};
-  if (!cut.graft.empty()) add(arguments, {"--graft", cut.graft});
-  return arguments;
+/// A feature that a network gives.
+struct NetworkFeature {
+  std::string name;    // with its layers
+  std::string prefix;  // of the labels of its curves and claims
+  bool trained = true;
+  Arguments arguments;
+};
+
+/// All features of each network, or the best of each trained one; without these, of the first.
+std::vector<NetworkFeature> features_of(const std::vector<models::FoundModel>& networks, bool all) {
+  std::vector<NetworkFeature> features;
+  for (const models::FoundModel& network : networks) {
+    if (!all && !network.trained && !features.empty()) break;
+    const models::KnownModel* known = models::known_model_of(network);
+    for (const models::Cut& cut : known ? known->cuts : std::vector{network.cut}) {
+      NetworkFeature& feature = features.emplace_back();
+      feature.name = network.name + " " + models::to_string(cut);
+      if (!network.trained) feature.name += " (UNTRAINED)";
+      feature.trained = network.trained;
+      feature.arguments = {"--model",   network.prototxt.string(),
+                           "--weights", network.weights.string(),
+                           "--end",     cut.end};
+      if (!cut.graft.empty()) add(&feature.arguments, {"--graft", cut.graft});
+      if (!all) break;
+    }
+  }
+  for (NetworkFeature& feature : features)
+    feature.prefix = all ? feature.name : features.size() > 1 ? feature.name + ", " : "";
+  return features;
 }
 
-std::string label_of(const NetworkFound& network, const models::Cut& cut) {
-  return network.name + " " + models::to_string(cut) + (network.trained ? "" : " (UNTRAINED)");
-}
-
+/// Plans the runs of one experiment.
 class Planner {
  public:
-  Planner(const ExperimentOptions& options, const Inventory& inventory)
-      : options_(options), inventory_(inventory) {
-    for (const NetworkFound& network : inventory.networks)
-      if (network.trained) best_.push_back(&network);
-    if (best_.empty() && !inventory.networks.empty()) best_.push_back(&inventory.networks.front());
+  Planner(const reports::PlannedExperiment& experiment, const ExperimentOptions& options,
+          const Networks& networks)
+      : experiment_(experiment),
+        options_(options),
+        features_(features_of(networks.found, experiment.every_layer())) {
+    plan_.report = experiment.report();
+    plan_.report.set_version(REVISIT_VERSION);
+    plan_.report.set_simulated(
+        std::ranges::any_of(experiment.sequences(), [&](const std::string& sequence) {
+          return fs::exists(options.shared.data / "sequences" / sequence / "simulation.txt");
+        }));
+    add_notes(networks.missing);
+    for (const std::string& sequence : experiment.sequences()) add_runs(sequence);
+    for (const reports::PlannedClaim& claim : experiment.claim())
+      for (const NetworkFeature& feature : features_) add_claim(claim, feature.prefix);
   }
 
-  ExperimentPlan plan(const ExperimentInfo& info) const {
-    ExperimentPlan plan{&info, {}, {}, {}};
-    for (const std::string& sequence : info.sequences) {
-      if (info.every_layer) add_layers(plan, sequence);
-      for_best([&](const Arguments& feature, const std::string& prefix) {
-        for (const CurveInfo& curve : info.curves)
-          if (curve.feature == "cnn") add_run(plan, sequence, curve, feature, prefix);
-      });
-      for (const CurveInfo& curve : info.curves)
-        if (curve.feature != "cnn")
-          add_run(plan, sequence, curve, {"--feature", curve.feature}, "");
-    }
-    for (const Claim& claim : info.claims) {
-      if (!info.every_layer)
-        for_best([&](const Arguments&, const std::string& prefix) {
-          plan.claims.push_back(
-              {prefix + claim.text, prefix + claim.better, prefix + claim.worse, claim.slack});
-        });
-      else
-        for (const NetworkFound* network : best_)
-          for (const models::Cut& cut : network->cuts)
-            plan.claims.push_back({claim.text, label_of(*network, cut), claim.worse, claim.slack});
-    }
-    add_notes(plan);
-    return plan;
-  }
+  const Plan& plan() const { return plan_; }
 
  private:
-  /// `make(feature, prefix)` for the best layer of each trained network; the prefix tells them
-  /// apart where there are several.
-  void for_best(const std::function<void(const Arguments&, const std::string&)>& make) const {
-    for (const NetworkFound* network : best_)
-      make(feature_of(*network, network->cuts.front()),
-           best_.size() > 1 ? label_of(*network, network->cuts.front()) + ", " : "");
+  void add_notes(const std::vector<std::string>& missing) {
+    const auto add = [&](const std::string& note) { plan_.report.add_notes(note); };
+    if (experiment_.every_layer())
+      std::ranges::for_each(missing, add);
+    else if (features_.size() == 1)
+      add("Feature: " + features_.front().name + ".");
+    if (plan_.report.simulated()) add("Simulated drives: figures are not those of KITTI.");
+    if (features_.empty())
+      add("No network was found: give --models DIR, or --untrained to see the machinery work.");
+    else if (!features_.front().trained)
+      add("UNTRAINED: the networks have random weights; figures say nothing about the method.");
   }
 
-  /// A curve, on a sequence that is there or not.
-  void add_run(ExperimentPlan& plan, const std::string& sequence, const CurveInfo& curve,
-               const Arguments& feature, const std::string& prefix) const {
-    PlannedRun& run = plan.runs.emplace_back();
-    run.panel = sequence;
-    run.curve = curve;
-    run.curve.label = prefix + curve.label;
-    if (!plan.info->places) {
-      run.arguments = {options_.kitti.string(), "--sequence", sequence,       "--every",
-                       str(options_.every),     "--sensor",   options_.sensor};
-      if (options_.kitti.empty())
-        run.skipped = "no drives: give --kitti DIR";
-      else if (!inventory_.drive(sequence))
-        run.skipped = "sequence " + sequence + " is not there";
+  void add_runs(const std::string& sequence) {
+    for (const NetworkFeature& feature : features_)
+      for (const reports::PlannedCurve& curve : experiment_.curve())
+        if (curve.feature().empty()) add_run(sequence, curve, &feature);
+    for (const reports::PlannedCurve& curve : experiment_.curve())
+      if (!curve.feature().empty()) add_run(sequence, curve, nullptr);
+  }
+
+  void add_run(const std::string& sequence, const reports::PlannedCurve& curve,
+               const NetworkFeature* network) {
+    reports::ExperimentRun& run = *plan_.report.add_runs();
+    run.set_panel(sequence);
+    run.set_label(network ? network->prefix + curve.label() : curve.label());
+    run.set_feature(network ? "cnn" : curve.feature());
+    if (curve.has_method()) *run.mutable_method() = curve.method();
+    Arguments& arguments = plan_.arguments.emplace_back();
+    const FeatureOptions& shared = options_.shared;
+    if (!experiment_.places()) {
+      arguments = {shared.data.string(), "--sequence", sequence,           "--every",
+                   str(shared.every),    "--sensor",   shared.image.sensor};
+      if (shared.data.empty())
+        run.set_reason("no drives: give --kitti DIR");
+      else if (const std::string& smallest = *experiment_.sequences().rbegin();
+               experiment_.every_layer() && network && !network->trained && sequence != smallest)
+        run.set_reason("random weights prove nothing: run on sequence " + smallest +
+                       " alone, to show that the network runs");
     } else if (options_.hkust) {
-      run.arguments = {options_.hkust->string(), "--sequence", sequence, "--sensor", "vlp16"};
+      arguments = {options_.hkust->string(), "--sequence", sequence, "--sensor", "vlp16"};
     } else {
-      run.skipped = "no set of places: give --hkust DIR with " + sequence + "/";
+      run.set_reason("no set of places: give --hkust DIR with " + sequence + "/");
     }
-    if (options_.width) add(run.arguments, {"--width", str(options_.width)});
-    add(run.arguments, feature);
-    add(run.arguments, curve.options);
+    run.set_state(run.reason().empty() ? "to do" : "skipped");
+    if (shared.image.width) add(&arguments, {"--width", str(*shared.image.width)});
+    add(&arguments, network ? network->arguments : Arguments{"--feature", run.feature()});
+    std::istringstream words(experiment_.options() + " " + curve.options());
+    add(&arguments, {std::istream_iterator<std::string>(words), {}});
   }
 
-  void add_layers(ExperimentPlan& plan, const std::string& sequence) const {
-    CurveInfo curve;
-    curve.options = plan.info->curves.front().options;
-    for (const NetworkFound& network : inventory_.networks)
-      for (const models::Cut& cut : network.cuts) {
-        curve.label = label_of(network, cut);
-        add_run(plan, sequence, curve, feature_of(network, cut), "");
-        if (!network.trained && sequence != smallest() && plan.runs.back().skipped.empty())
-          plan.runs.back().skipped = "random weights prove nothing: run on sequence " + smallest() +
-                                     " alone, to show that the network runs";
-      }
+  void add_claim(reports::PlannedClaim claim, const std::string& prefix) {
+    const auto is_of_network = [&](const std::string& label) {
+      return std::ranges::any_of(experiment_.curve(), [&](const reports::PlannedCurve& curve) {
+        return curve.label() == label && curve.feature().empty();
+      });
+    };
+    if (claim.text().empty()) claim.set_text(claim.better() + " is better than " + claim.worse());
+    if (!experiment_.every_layer()) claim.set_text(prefix + claim.text());
+    claim.set_better(prefix + claim.better());
+    if (is_of_network(claim.worse())) claim.set_worse(prefix + claim.worse());
+    plan_.claims.push_back(claim);
   }
 
-  void add_notes(ExperimentPlan& plan) const {
-    if (plan.info->every_layer)
-      plan.notes = inventory_.missing;
-    else if (best_.size() == 1)
-      plan.notes.push_back("Feature: " + label_of(*best_.front(), best_.front()->cuts.front()) +
-                           ".");
-    if (!plan.info->note.empty()) plan.notes.push_back(plan.info->note);
-    if (inventory_.along_poses + inventory_.along_routes > 0 && !plan.info->places)
-      plan.notes.push_back(str("Simulated drives",
-                               inventory_.along_routes == 0  ? " along the real poses"
-                               : inventory_.along_poses == 0 ? " along generated routes"
-                                                             : "",
-                               ": figures are not those of KITTI."));
-    if (best_.empty())
-      plan.notes.push_back(
-          "No network was found: give --models DIR, or --untrained to see the "
-          "machinery work.");
-    else if (!best_.front()->trained)
-      plan.notes.push_back(
-          "UNTRAINED: the networks have random weights; figures say nothing about the method.");
-  }
-
-  std::string smallest() const {
-    const auto least = std::ranges::min_element(inventory_.drives, {}, [](const DriveFound& drive) {
-      return std::pair(drive.sequence == "08", drive.scans);
-    });
-    return least == inventory_.drives.end() ? "" : least->sequence;
-  }
-
+  const reports::PlannedExperiment& experiment_;
   const ExperimentOptions& options_;
-  const Inventory& inventory_;
-  std::vector<const NetworkFound*> best_;
+  const std::vector<NetworkFeature> features_;
+  Plan plan_;
 };
 
 }  // namespace
 
-std::vector<ExperimentPlan> make_plans(const ExperimentOptions& options,
-                                       const Inventory& inventory) {
-  const Planner planner(options, inventory);
-  std::vector<ExperimentPlan> plans;
-  for (const ExperimentInfo& info : experiments()) {
-    const auto wanted = [&](const std::string& name) { return name == "all" || name == info.name; };
-    if (std::ranges::any_of(options.names, wanted)) plans.push_back(planner.plan(info));
+const reports::ExperimentTable& experiment_table() {
+  static const reports::ExperimentTable table = [] {
+    reports::ExperimentTable read;
+    if (!google::protobuf::TextFormat::ParseFromString(kExperimentsTable, &read))
+      throw Error("experiments.txtpb cannot be read");
+    return read;
+  }();
+  return table;
+}
+
+Networks find_networks(const ExperimentOptions& options) {
+  std::vector<fs::path> folders = options.models;
+  for (const fs::path& folder : folders)
+    if (!fs::is_directory(folder))
+      throw UsageError(str("--models ", folder.string(), ": no such folder"));
+  if (folders.empty()) folders.push_back(models::cache_folder());
+  Networks networks;
+  networks.found = models::all_models(folders, &networks.passed_over);
+  for (const char* name : {"bvlc_alexnet", "vgg_cnn_s", "places_cnds8"}) {
+    const models::KnownModel& wanted = models::known_model(name);
+    if (std::ranges::count(networks.found, &wanted, models::known_model_of)) continue;
+    networks.missing.push_back(str("network ", name, ": no weights; ",
+                                   models::how_to_get(wanted, folders.front()),
+                                   options.untrained ? "; random weights take its place" : ""));
+    if (!options.untrained) continue;
+    const auto files = models::write_random_model(options.output / "models", wanted.trunk, 1);
+    networks.found.push_back(models::find_model({files.prototxt, files.weights}));
   }
+  return networks;
+}
+
+std::vector<Plan> make_plans(const ExperimentOptions& options, const Networks& networks) {
+  std::vector<Plan> plans;
+  for (const reports::PlannedExperiment& experiment : experiment_table().experiment())
+    if (std::ranges::any_of(options.names, [&](const std::string& name) {
+          return name == "all" || name == experiment.report().name();
+        }))
+      plans.push_back(Planner(experiment, options, networks).plan());
   return plans;
 }
 

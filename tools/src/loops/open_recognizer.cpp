@@ -35,13 +35,10 @@ pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor
 
 }  // namespace
 
-RecognizerSource recognizer_source(FeatureOptions& options, const Parser& parser,
-                                   const pipeline::Dataset& some, ScansAtOnce at_once) {
+RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
+                                   ScansAtOnce at_once) {
   if (options.feature == "fabmap")
     throw UsageError("--feature fabmap: it sees camera images, and all of them at once");
-  for (const char* option : {"cache", "memory", "strict", "threads-per-scan"})
-    if (parser.given(option))
-      throw UsageError(str("--", option, " is about whole drives: leave it out here"));
   if (const std::string found = resolve_sensor(options, some); !found.empty() && !options.quiet)
     note("sensor: " + found);
   options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;

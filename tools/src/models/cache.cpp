@@ -21,6 +21,17 @@ bool is_weights_name(const std::string& name) {
   return name.ends_with(".caffemodel") || name.ends_with(".caffemodel.h5");
 }
 
+template <class Iterator>
+std::vector<fs::path> files_of(const fs::path& folder, bool (*is_wanted)(const std::string&)) {
+  std::vector<fs::path> files;
+  std::error_code error;
+  for (Iterator entry(folder, error), end; !error && entry != end; entry.increment(error))
+    if (entry->is_regular_file(error) && is_wanted(entry->path().filename().string()))
+      files.push_back(entry->path());
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
 }  // namespace
 
 fs::path cache_folder() {
@@ -54,18 +65,15 @@ const char* to_string(CacheState state) {
 }
 
 std::vector<fs::path> files_in(const fs::path& folder, bool (*is_wanted)(const std::string&)) {
-  std::vector<fs::path> files;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
-       entry.increment(error))
-    if (entry->is_regular_file(error) && is_wanted(entry->path().filename().string()))
-      files.push_back(entry->path());
-  std::sort(files.begin(), files.end());
-  return files;
+  return files_of<fs::directory_iterator>(folder, is_wanted);
 }
 
 std::vector<fs::path> weights_in(const fs::path& folder) {
   return files_in(folder, is_weights_name);
+}
+
+std::vector<fs::path> weights_below(const fs::path& folder) {
+  return files_of<fs::recursive_directory_iterator>(folder, is_weights_name);
 }
 
 std::optional<fs::path> cached_weights(const fs::path& cache, const KnownModel& model) {

@@ -23,6 +23,8 @@ std::vector<std::filesystem::path> files_in(const std::filesystem::path& folder,
                                             bool (*is_wanted)(const std::string& name));
 /// The caffemodels (.caffemodel, .caffemodel.h5) in a folder, by name; not in folders below it.
 std::vector<std::filesystem::path> weights_in(const std::filesystem::path& folder);
+/// The same, in folders below it, too.
+std::vector<std::filesystem::path> weights_below(const std::filesystem::path& folder);
 
 /// The weights of `model` in its folder of the cache: the file of its own name, else the only
 /// caffemodel there (put there by hand, or unpacked from an archive).

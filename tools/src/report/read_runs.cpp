@@ -4,7 +4,7 @@
 #include <map>
 
 #include "cli/json.h"
-#include "experiment/catalog.h"
+#include "experiment/experiment.h"
 #include "revisit/base/error.h"
 #include "revisit/base/file_content.h"
 #include "robustness/robustness_report.h"
@@ -120,9 +120,10 @@ void read_robustness(const fs::path& file, reports::Page* page) {
   }
 }
 
-size_t catalog_position(const std::string& name) {
-  const auto& all = experiments();
-  return static_cast<size_t>(std::ranges::find(all, name, &ExperimentInfo::name) - all.begin());
+ptrdiff_t table_position(const std::string& name) {
+  const auto& all = experiment_table().experiment();
+  return std::ranges::find_if(all, [&](const auto& one) { return one.report().name() == name; }) -
+         all.begin();
 }
 
 }  // namespace
@@ -153,7 +154,7 @@ reports::Page read_runs(const std::vector<fs::path>& folders) {
     for (const fs::path& run : of_runs) runs.read(run);
   }
   std::ranges::stable_sort(
-      found, {}, [](const auto& experiment) { return catalog_position(experiment.first.name()); });
+      found, {}, [](const auto& experiment) { return table_position(experiment.first.name()); });
   for (auto& [experiment, folder] : found) {
     reports::PageExperiment& out = *page.add_experiments();
     for (const reports::ExperimentRun& run : experiment.runs())
