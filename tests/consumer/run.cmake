@@ -1,4 +1,4 @@
-# Installs the build tree into a scratch folder, builds the programs of pipeline/ against it and asks them for places.
+# Installs the build tree into a scratch folder, builds the C++ programs of examples/ against it and asks them for places.
 #   cmake -DBUILD=<build tree> -DSOURCE=<tests/consumer> -DGENERATOR=... -P run.cmake
 cmake_policy(VERSION 3.25)
 set(work ${BUILD}/tests/consumer_work)
@@ -13,7 +13,7 @@ function(must)
 endfunction()
 must(${CMAKE_COMMAND} --install ${BUILD} --prefix ${work}/prefix)
 must(${CMAKE_COMMAND} -S ${SOURCE} -B ${work}/build -G ${GENERATOR} -DCMAKE_PREFIX_PATH=${work}/prefix
-     -DPROGRAMS=${SOURCE}/../../pipeline -DCMAKE_BUILD_TYPE=Debug)
+     -DPROGRAMS=${SOURCE}/../../examples -DCMAKE_BUILD_TYPE=Debug)
 must(${CMAKE_COMMAND} --build ${work}/build)
 
 # The same by pkg-config: a program, and each library whole, so that the linker asks for all that it needs.
@@ -29,7 +29,7 @@ if(pkg_config)
     set(package_flags ${out} PARENT_SCOPE)
   endfunction()
   flags_of(revisit-datasets)
-  must(${CXX} -std=c++20 ${SOURCE}/../../pipeline/whole_path.cpp -o by_pkg_config ${package_flags})
+  must(${CXX} -std=c++20 ${SOURCE}/../../examples/whole_path.cpp -o by_pkg_config ${package_flags})
   file(WRITE ${work}/empty.cpp "int main() {}\n")
   foreach(pc_file IN LISTS pc_files)
     get_filename_component(package ${pc_file} NAME_WE)
