@@ -474,7 +474,7 @@ TEST(Bf16Nets, TakeLessMemoryAndKeepToTheLimit) {
   };
   EXPECT_EQ(kernel_of(narrow, "b"), has_bf16_tiles() ? "tiles bf16" : "pointwise bf16");
   EXPECT_EQ(kernel_of(narrow, "i"), "gemv bf16");
-  const PlanOptions tight{.max_run_bytes = narrow.arena_bytes() + (64 << 10),
+  const PlanOptions tight{.max_run_bytes = narrow.arena_bytes() + narrow.packed_weight_bytes() - 1,
                           .precision = Precision::kBf16};
   const Plan limited = net.plan({}, tight);
   EXPECT_LE(limited.arena_bytes() + limited.packed_weight_bytes(), tight.max_run_bytes);

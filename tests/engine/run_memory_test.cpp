@@ -43,7 +43,7 @@ std::ptrdiff_t limited(const Plan& plan) {
 }
 
 TEST(RunMemory, KernelsPackNothingWhereTheLimitIsTight) {
-  const Net net = small_net({1, 3, 24, 24}, vgg_like());
+  const Net net = small_net({1, 3, 8, 8}, vgg_like());
   const Plan fastest = net.plan();
   ASSERT_GT(fastest.packed_weight_bytes(), fastest.weight_bytes());
   EXPECT_EQ(limited(fastest), 0);
@@ -57,7 +57,7 @@ TEST(RunMemory, KernelsPackNothingWhereTheLimitIsTight) {
   // The same kernels for any number of threads.
   EXPECT_EQ(net.plan({}, {.threads = 2, .max_run_bytes = limit - 1}).packed_weight_bytes(), 0);
   expect_error<InputError>(
-      [&] { net.plan({}, {.max_run_bytes = 200 * 1024}); },
+      [&] { net.plan({}, {.max_run_bytes = 20 * 1024}); },
       {"running the net takes", "MB for packed weights, beside", "MB of weights", "max_run_bytes"});
 }
 
