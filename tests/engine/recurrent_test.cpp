@@ -33,14 +33,14 @@ SingleLayer random_lstm(int64_t fixed, int64_t output, const std::string& more =
 }
 
 /// Expects what the reference kernel gives of the fast one.
-void expect_as_reference(SingleLayer layer) {
+void expect_as_reference(SingleLayer layer, float tolerance = 1e-6F) {
   const std::vector<Tensor> found = run_layer(layer);
   layer.reference = true;
   const std::vector<Tensor> wanted = run_layer(layer);
   for (size_t i = 0; i < wanted.size(); ++i) {
     SCOPED_TRACE(i);
     EXPECT_EQ(found[i].shape, wanted[i].shape);
-    expect_near(found[i].values, wanted[i].values, 1e-6F);
+    expect_near(found[i].values, wanted[i].values, tolerance);
   }
 }
 
@@ -139,7 +139,8 @@ TEST(Rnn, IsItsReference) {
                     {random_floats(19 * 5, 3), random_floats(19, 4), random_floats(19 * 2, 5),
                      random_floats(19 * 19, 6), random_floats(19 * 19, 7), random_floats(19, 8)}};
   layer.passes = 2;
-  test::for_each_simd_target([&] { expect_as_reference(layer); });
+  // Sums of 26 products, whose rounding eight steps enlarge.
+  test::for_each_simd_target([&] { expect_as_reference(layer, 5e-6F); });
 }
 
 TEST(Rnn, RemembersAndExposes) {

@@ -6,14 +6,12 @@
 namespace revisit::engine {
 
 /// A window along one axis of an image: where it starts, and the pixels [begin, end) that the image
-/// has of it.
+/// has of it; none where `end` is not beyond `begin`.
 struct WindowRange {
   int64_t start, begin, end;
 
   WindowRange(int64_t first, int64_t extent, int64_t image)
-      : start(first),
-        begin(std::clamp<int64_t>(first, 0, image)),
-        end(std::clamp(first + extent, begin, image)) {}
+      : start(first), begin(std::max<int64_t>(first, 0)), end(std::min(first + extent, image)) {}
 };
 
 /// Whether windows are single pixels, one for each pixel of the image.

@@ -64,7 +64,7 @@ void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois,
     for (int64_t i = 0; i < p.out_h; ++i)
       for (int64_t j = 0; j < p.out_w; ++j) {
         const WindowRange rows = bin(y, i, p.out_h, p.h), columns = bin(x, j, p.out_w, p.w);
-        const bool empty = rows.end == rows.begin || columns.end == columns.begin;
+        const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
         float best = empty ? 0 : -FLT_MAX;
         for (int64_t iy = rows.begin; iy < rows.end; ++iy)
           for (int64_t ix = columns.begin; ix < columns.end; ++ix)

@@ -48,9 +48,10 @@ class Affine : public Layer {
                                          scales = scales_, learned, first, last](const Call& call) {
               const float* operand = learned ? first : call.inputs[1];
               for_each_run(runs, threads, [&](int64_t channel, int64_t begin, int64_t end) {
-                ChannelNorm norm;
-                (scales ? norm.factor : norm.shift) = operand[channel];
-                if (last) norm.shift = last[channel];
+                const float value = operand[channel];
+                const ChannelNorm norm =
+                    scales ? ChannelNorm{.factor = value, .shift = last ? last[channel] : -0.0F}
+                           : ChannelNorm{.shift = value};
                 normalise(norm, call.inputs[0] + begin, end - begin, call.outputs[0] + begin);
               });
             }};

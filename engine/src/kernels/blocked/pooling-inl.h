@@ -16,6 +16,19 @@ HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
+/// Without pixels `end` is `begin`, and both are places in the image.
+HWY_INLINE WindowRange in_image(WindowRange range, int64_t size) {
+  range.begin = std::min(range.begin, size);
+  range.end = std::max(range.end, range.begin);
+  return range;
+}
+HWY_INLINE WindowRange rows_of(const PoolingProblem& p, int64_t y) {
+  return in_image(p.rows(y), p.h);
+}
+HWY_INLINE WindowRange columns_of(const PoolingProblem& p, int64_t x) {
+  return in_image(p.columns(x), p.w);
+}
+
 struct Largest {
   static HWY_INLINE Vector first() { return hn::Set(Tag(), -FLT_MAX); }
   /// NaN never wins: x > best ? x : best.
@@ -78,7 +91,7 @@ HWY_INLINE void pool_row(const PoolingProblem& p, const RowOfWindows<In, Out>& r
   const int64_t room = p.w + p.pad_w - p.kernel_w;
   const int64_t whole_end = room < 0 ? 0 : room / p.stride_w + 1;
   for (int64_t x = row.begin; x < row.end;) {
-    const WindowRange columns = p.columns(x);
+    const WindowRange columns = columns_of(p, x);
     const int64_t width = p.width(columns.start);
     const auto run = [&](auto count) HWY_ATTR {
       pool_windows<Operation, decltype(count)::value>(

@@ -19,7 +19,7 @@ void pool(const PoolingProblem& p, int64_t channels, const T* input, T* output) 
   const int64_t blocks = channel_blocks(channels);
   parallel_for(p.planes / channels * blocks * p.out_h, p.threads, [&](int64_t item, int) HWY_ATTR {
     const int64_t plane = item / p.out_h, y = item % p.out_h;
-    const WindowRange rows = p.rows(y);
+    const WindowRange rows = rows_of(p, y);
     T* out = output + item * p.out_w * kLanes;
     pool_row<Operation>(p,
                         RowOfWindows<T, T>{.in = input + (plane * p.h + rows.begin) * p.w * kLanes,

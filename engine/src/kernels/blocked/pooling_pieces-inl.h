@@ -33,7 +33,7 @@ struct PoolingPiece {
   /// The first row of windows that ends below pixel row `y`.
   int64_t first_below(int64_t y) const {
     int64_t first = 0;
-    while (first < pooling.out_h && pooling.rows(first).end <= y) ++first;
+    while (first < pooling.out_h && rows_of(pooling, first).end <= y) ++first;
     return first;
   }
 
@@ -50,7 +50,7 @@ struct PoolingPiece {
     return {continued + (y - first_below(first_row)) * channel_blocks(channels) * step, step};
   }
   bool continues(int64_t y) const {
-    return pooling.rows(y).begin < first_row && pooling.rows(y).end > first_row;
+    return rows_of(pooling, y).begin < first_row && rows_of(pooling, y).end > first_row;
   }
   Place place(int64_t y) const { return continues(y) ? in_continued(y) : in_output(y); }
 
@@ -81,18 +81,18 @@ struct PoolingPiece {
 template <class T, class MakeRow>
 HWY_INLINE void pool_piece(const PoolingPiece<T>& piece, const MakeRow& make_row) {
   const PoolingProblem& p = piece.pooling;
-  const int64_t left = p.columns(piece.begin).begin, right = p.columns(piece.end - 1).end;
+  const int64_t left = columns_of(p, piece.begin).begin, right = columns_of(p, piece.end - 1).end;
   int64_t first = piece.first_below(piece.first_row);  // may still need the present row
   for (int64_t y = piece.first_row; y < piece.end_row; ++y) {
-    while (first < p.out_h && p.rows(first).end <= y) ++first;
-    if (first == p.out_h || p.rows(first).begin > y) continue;
+    while (first < p.out_h && rows_of(p, first).end <= y) ++first;
+    if (first == p.out_h || rows_of(p, first).begin > y) continue;
     if (left < right)  // else a last window that is empty is the only one
       make_row(PixelRange{y, left, right}, piece.row, (right - left) * kLanes);
-    for (int64_t out_y = first; out_y < p.out_h && p.rows(out_y).begin <= y; ++out_y)
-      piece.add(out_y, 1, y > std::max(p.rows(out_y).begin, piece.first_row), left, right);
+    for (int64_t out_y = first; out_y < p.out_h && rows_of(p, out_y).begin <= y; ++out_y)
+      piece.add(out_y, 1, y > std::max(rows_of(p, out_y).begin, piece.first_row), left, right);
   }
   for (int64_t y = 0; y < p.out_h; ++y) {
-    const WindowRange rows = p.rows(y);
+    const WindowRange rows = rows_of(p, y);
     const bool is_empty = rows.begin == rows.end;
     if (is_empty && piece.first_row == 0) piece.add(y, 0, false, left, right);
     if (is_empty ? piece.first_row == 0 : rows.begin < piece.end_row && rows.end > piece.first_row)
