@@ -131,6 +131,14 @@ def damaged(rng, content) -> bytes:
     return bytes(content)
 
 
+def damage(rng, file):
+    """Writes damaged bytes in the place of a file's."""
+    content = file.read_bytes()
+    for _ in range(rng.choice([1, 1, 2, 5])):
+        content = damaged(rng, content)
+    file.write_bytes(content)
+
+
 def capture(main, words):
     """Exit code and what a Python command said. Faults: what gets out of it, and errors of no type of the project's."""
     out = io.StringIO()

@@ -1,5 +1,6 @@
 """What outlives what, and what several threads do to one thing."""
 
+import contextlib
 import gc
 import os
 import sys
@@ -261,6 +262,17 @@ def together(*works):
         raise errors[0]
 
 
+def often(call, times=40):
+    """Work that calls, and may be refused."""
+    from revisit.errors import UsageError
+
+    def work():
+        for i in range(times):
+            with contextlib.suppress(UsageError):
+                call(i)
+    return work
+
+
 def one_run(rng, folder):
     """Each pass gives the right answer, or says that another thread is there."""
     from revisit.errors import UsageError
@@ -283,20 +295,10 @@ def one_run(rng, folder):
 
 def one_run_mixed(rng, folder):
     from revisit import engine
-    from revisit.errors import UsageError
     run = net_of(CONVOLVE).plan(threads=2, keep_all=True).run()
-
-    def calls(call):
-        def work():
-            for _ in range(40):
-                try:
-                    call()
-                except UsageError:
-                    pass
-        return work
-    together(calls(lambda: run.forward({'data': IMAGE})), calls(lambda: run.set_input('data', IMAGE)), calls(lambda: run.outputs()),
-             calls(lambda: run.layer_output('conv').copy()), calls(lambda: engine.profile(run, warmup=0, repeat=1)),
-             calls(lambda: run.plan.layers), calls(gc.collect), calls(lambda: run.input('data').fill(1)))
+    together(often(lambda _: run.forward({'data': IMAGE})), often(lambda _: run.set_input('data', IMAGE)), often(lambda _: run.outputs()),
+             often(lambda _: run.layer_output('conv').copy()), often(lambda _: engine.profile(run, warmup=0, repeat=1)),
+             often(lambda _: run.plan.layers), often(lambda _: gc.collect()), often(lambda _: run.input('data').fill(1)))
 
 
 def own_runs(rng, folder):
@@ -349,13 +351,7 @@ def recogniser(store):
                 len(recognizer), recognizer.threshold, recognizer.warnings
                 recognizer.refresh() if i % 5 == 0 else recognizer.refresh_on_news()
 
-        def remove():
-            for i in range(5):
-                try:
-                    recognizer.remove([i])
-                except revisit.errors.UsageError:
-                    pass
-        together(*[add(k) for k in range(4)], ask, ask, remove)
+        together(*[add(k) for k in range(4)], ask, ask, often(lambda i: recognizer.remove([i]), 5))
         removed = recognizer.remove(list(range(5)))
         if len(recognizer) != 25:  # positions stay
             raise Fault(f'{len(recognizer)} places, expected 25 ({removed} removed last)')
@@ -371,25 +367,15 @@ def one_map(rng, folder):
     """Read, removed from and closed at once."""
     import revisit
     from revisit import maps
-    from revisit.errors import UsageError
     recognizer = revisit.open_map(folder / 'm.map')
     for seed in range(8):
         recognizer.add(recognizer.describe(room(seed)[::8]))
     del recognizer
     gc.collect()
     map_ = maps.MapStore.open(folder / 'm.map', write=True)
-
-    def calls(call):
-        def work():
-            for i in range(40):
-                try:
-                    call(i)
-                except UsageError:
-                    pass
-        return work
-    together(calls(lambda i: map_.places()), calls(lambda i: map_.remove([1 + i % 8])), calls(lambda i: len(map_)),
-             calls(lambda i: map_.value('basis')), calls(lambda i: map_.removed()), calls(lambda i: i == 30 and map_.close()),
-             calls(lambda i: revisit.open_map(folder / 'other.map') and None if i == 0 else None))
+    together(often(lambda i: map_.places()), often(lambda i: map_.remove([1 + i % 8])), often(lambda i: len(map_)),
+             often(lambda i: map_.value('basis')), often(lambda i: map_.removed()), often(lambda i: i == 30 and map_.close()),
+             often(lambda i: revisit.open_map(folder / 'other.map'), 1))
 
 
 def gone_elsewhere(rng, folder):

@@ -12,7 +12,7 @@ import zlib
 
 import numpy as np
 
-from harness import Case, Fault, capture, damaged
+from harness import Case, Fault, capture, damage, damaged
 from nets import CONVOLVE
 
 REVISIT = os.environ.get('REVISIT_PROGRAM', 'revisit')
@@ -161,11 +161,7 @@ def files_below(folder):
 def damaged_recording(make):
     def work(rng, folder):
         path, options = make(folder)
-        file = rng.choice(files_below(folder))
-        content = file.read_bytes()
-        for _ in range(rng.choice([1, 1, 2, 5])):
-            content = damaged(rng, content)
-        file.write_bytes(content)
+        damage(rng, rng.choice(files_below(folder)))
         read_all(path, options)
     return work
 
@@ -437,10 +433,7 @@ FILES = {'caffemodel': weights_file('.caffemodel'), 'h5': weights_file('.h5'), '
 def damaged_file(make):
     def work(rng, folder):
         file, words = make(folder)
-        content = file.read_bytes()
-        for _ in range(rng.choice([1, 1, 2, 5])):
-            content = damaged(rng, content)
-        file.write_bytes(content)
+        damage(rng, file)
         convert(folder, *words(file))
     return work
 

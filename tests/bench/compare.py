@@ -10,7 +10,7 @@
 
 Nothing but Python's own modules is needed, and the packages of tools/bench_packages.txt. Peers need
 a Python with theirs, and are not among `all`:
-  python3 -m venv peers && peers/bin/pip install numpy protobuf onnx onnxruntime openvino
+  python3 -m venv peers && peers/bin/pip install . onnx onnxruntime openvino
 """
 
 import argparse
@@ -102,9 +102,8 @@ class Programs:
         prototxt, weights = self.net(name, 1, height, width, channels)
         revisit, onnx = self.build / 'tools' / 'revisit', prototxt.with_suffix('.onnx')
         if not onnx.exists():
-            run([options.python, ROOT / 'weights_conversion' / 'revisit-convert', 'onnx', prototxt, weights,
-                 onnx, '--fixed', '--no-check'], stdout=subprocess.DEVNULL,
-                env={**os.environ, 'REVISIT_PROGRAM': str(revisit)})
+            run([options.python, '-m', 'revisit.conversion', 'onnx', prototxt, weights, onnx, '--fixed', '--no-check'],
+                stdout=subprocess.DEVNULL)
         return output_of([options.python, ROOT / 'tests' / 'bench' / 'peers.py', revisit, prototxt, weights,
                           onnx, '--threads', threads, '--repeat', options.repeat])
 
@@ -264,7 +263,7 @@ def parse_options():
                         help="every net and input size (default: the paper's three nets)")
     parser.add_argument('--engines', help='of revisit,original,onednn,opencv; revisit first')
     parser.add_argument('--python', type=Path, default=Path(sys.executable),
-                        help='for peers: with numpy, protobuf, onnx, onnxruntime and openvino')
+                        help='for peers: with the package revisit, onnx, onnxruntime and openvino')
     parser.add_argument('--threads', default='1,2', help='default: 1,2')
     parser.add_argument('--repeat', type=int, default=20, help='passes (default: 20)')
     parser.add_argument('-j', '--jobs', type=int, default=os.cpu_count(), help='of the build')

@@ -40,9 +40,7 @@ class Net:
                                            f'stride: {stride} pad: {pad} }}')
 
 
-def alexnet(n, c, h, w):
-    """Krizhevsky et al. 2012, conv3 and pool5: the paper's best."""
-    net = Net('alexnet_conv3_pool5', n, c, h, w)
+def alexnet_to_conv3(net):
     net.conv_relu('conv1', 96, 11, 4)
     net.lrn('norm1', 1e-4, 1)
     net.pool('pool1', 3, 2)
@@ -50,6 +48,12 @@ def alexnet(n, c, h, w):
     net.lrn('norm2', 1e-4, 1)
     net.pool('pool2', 3, 2)
     net.conv_relu('conv3', 384, 3, 1, 1)
+
+
+def alexnet(n, c, h, w):
+    """Krizhevsky et al. 2012, conv3 and pool5: the paper's best."""
+    net = Net('alexnet_conv3_pool5', n, c, h, w)
+    alexnet_to_conv3(net)
     net.pool('pool5', 3, 2)
     return net.text
 
@@ -82,31 +86,40 @@ def places_cnds8(n, c, h, w):
     return net.text
 
 
+def fire(net, number, squeeze, expand):
+    """A module of SqueezeNet."""
+    squeezed = net.conv_relu(f'fire{number}/squeeze1x1', squeeze, 1)
+    parts = [net.conv_relu(f'fire{number}/expand1x1', expand, 1, bottom=squeezed),
+             net.conv_relu(f'fire{number}/expand3x3', expand, 3, 1, 1, bottom=squeezed)]
+    net.layer('Concat', f'fire{number}/concat', bottoms=parts)
+
+
 def squeezenet(n, c, h, w):
     """Iandola et al. 2016, version 1.0, to fire8."""
     net = Net('squeezenet_v1.0_fire8', n, c, h, w)
     net.conv_relu('conv1', 96, 7, 2)
     net.pool('pool1', 3, 2)
-    for fire, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128),
-                                  (6, 48, 192), (7, 48, 192), (8, 64, 256)):
-        if fire == 5:
+    for number, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128),
+                                    (6, 48, 192), (7, 48, 192), (8, 64, 256)):
+        if number == 5:
             net.pool('pool4', 3, 2)
-        squeezed = net.conv_relu(f'fire{fire}/squeeze1x1', squeeze, 1)
-        parts = [net.conv_relu(f'fire{fire}/expand1x1', expand, 1, bottom=squeezed),
-                 net.conv_relu(f'fire{fire}/expand3x3', expand, 3, 1, 1, bottom=squeezed)]
-        net.layer('Concat', f'fire{fire}/concat', bottoms=parts)
+        fire(net, number, squeeze, expand)
     return net.text
 
 
-def vgg16(n, c, h, w):
-    """Simonyan and Zisserman 2014, to conv5_3 and its ReLU."""
-    net = Net('vgg16_conv5_3', n, c, h, w)
+def vgg16_to_conv5_3(name, n, c, h, w):
+    net = Net(name, n, c, h, w)
     for stage, outputs, count in ((1, 64, 2), (2, 128, 2), (3, 256, 3), (4, 512, 3), (5, 512, 3)):
         for i in range(1, count + 1):
             net.conv_relu(f'conv{stage}_{i}', outputs, 3, 1, 1)
         if stage < 5:
             net.pool(f'pool{stage}', 2, 2)
-    return net.text
+    return net
+
+
+def vgg16(n, c, h, w):
+    """Simonyan and Zisserman 2014, to conv5_3 and its ReLU."""
+    return vgg16_to_conv5_3('vgg16_conv5_3', n, c, h, w).text
 
 
 def resnet50(n, c, h, w):
@@ -159,11 +172,7 @@ def global_pool(net):
 def whole_alexnet(n, c, h, w):
     """Krizhevsky et al. 2012, the whole classifier."""
     net = Net('alexnet', n, c, h, w)
-    for stage, outputs, kernel, stride, pad, group in ((1, 96, 11, 4, 0, 1), (2, 256, 5, 1, 2, 2)):
-        net.conv_relu(f'conv{stage}', outputs, kernel, stride, pad, group)
-        net.lrn(f'norm{stage}', 1e-4, 1)
-        net.pool(f'pool{stage}', 3, 2)
-    net.conv_relu('conv3', 384, 3, 1, 1)
+    alexnet_to_conv3(net)
     net.conv_relu('conv4', 384, 3, 1, 1, 2)
     net.conv_relu('conv5', 256, 3, 1, 1, 2)
     net.pool('pool5', 3, 2)
@@ -172,11 +181,8 @@ def whole_alexnet(n, c, h, w):
 
 def whole_vgg16(n, c, h, w):
     """Simonyan and Zisserman 2014, the whole classifier."""
-    net = Net('vgg16', n, c, h, w)
-    for stage, outputs, count in ((1, 64, 2), (2, 128, 2), (3, 256, 3), (4, 512, 3), (5, 512, 3)):
-        for i in range(1, count + 1):
-            net.conv_relu(f'conv{stage}_{i}', outputs, 3, 1, 1)
-        net.pool(f'pool{stage}', 2, 2)
+    net = vgg16_to_conv5_3('vgg16', n, c, h, w)
+    net.pool('pool5', 2, 2)
     return classifier(net, (4096, 4096))
 
 
@@ -222,14 +228,11 @@ def whole_squeezenet(n, c, h, w):
     """Iandola et al. 2016, version 1.1, the whole classifier."""
     net = Net('squeezenet_v1.1', n, c, h, w)
     net.conv_relu('conv1', 64, 3, 2)
-    for fire, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128),
-                                  (6, 48, 192), (7, 48, 192), (8, 64, 256), (9, 64, 256)):
-        if fire in (2, 4, 6):
-            net.pool(f'pool{fire - 1}', 3, 2)
-        squeezed = net.conv_relu(f'fire{fire}/squeeze1x1', squeeze, 1)
-        parts = [net.conv_relu(f'fire{fire}/expand1x1', expand, 1, bottom=squeezed),
-                 net.conv_relu(f'fire{fire}/expand3x3', expand, 3, 1, 1, bottom=squeezed)]
-        net.layer('Concat', f'fire{fire}/concat', bottoms=parts)
+    for number, squeeze, expand in ((2, 16, 64), (3, 16, 64), (4, 32, 128), (5, 32, 128),
+                                    (6, 48, 192), (7, 48, 192), (8, 64, 256), (9, 64, 256)):
+        if number in (2, 4, 6):
+            net.pool(f'pool{number - 1}', 3, 2)
+        fire(net, number, squeeze, expand)
     net.conv_relu('conv10', 1000, 1)
     global_pool(net)
     net.layer('Softmax', 'prob')

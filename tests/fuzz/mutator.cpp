@@ -4,41 +4,22 @@
 #include <array>
 #include <cctype>
 #include <cstring>
-#include <string_view>
+#include <iterator>
+#include <sstream>
+#include <string>
+#include <vector>
 
 namespace revisit::fuzz {
 namespace {
 
-constexpr std::array<std::string_view, 30> kTextNumbers = {"0",
-                                                           "-1",
-                                                           "1",
-                                                           "2",
-                                                           "3",
-                                                           "5",
-                                                           "7",
-                                                           "16",
-                                                           "255",
-                                                           "256",
-                                                           "65535",
-                                                           "1000000",
-                                                           "2147483646",
-                                                           "2147483647",
-                                                           "2147483648",
-                                                           "-2147483648",
-                                                           "4294967295",
-                                                           "4294967296",
-                                                           "1099511627776",
-                                                           "9223372036854775807",
-                                                           "-9223372036854775808",
-                                                           "18446744073709551615",
-                                                           "0.5",
-                                                           "-0.0",
-                                                           "1e38",
-                                                           "1e-45",
-                                                           "1e308",
-                                                           "nan",
-                                                           "inf",
-                                                           "0x7fffffff"};
+std::vector<std::string> words(const char* text) {
+  std::istringstream in(text);
+  return {std::istream_iterator<std::string>(in), {}};
+}
+const std::vector<std::string> kTextNumbers = words(
+    "0 -1 1 2 3 5 7 16 255 256 65535 1000000 2147483646 2147483647 2147483648 -2147483648 "
+    "4294967295 4294967296 1099511627776 9223372036854775807 -9223372036854775808 "
+    "18446744073709551615 0.5 -0.0 1e38 1e-45 1e308 nan inf 0x7fffffff");
 
 constexpr std::array<uint64_t, 16> kBinaryNumbers = {
     0,          1,          2,          127,        128,        255,
@@ -89,9 +70,9 @@ void replace_text_number(std::string& bytes, Random& random) {
   while (begin != bytes.begin() && is_numeric(begin[-1])) --begin;
   while (end != bytes.end() && is_numeric(*end)) ++end;
   const bool small = random.below(2) == 0;
-  bytes.replace(begin, end,
-                small ? std::to_string(random.below(10))
-                      : std::string(kTextNumbers[random.below(kTextNumbers.size())]));
+  bytes.replace(
+      begin, end,
+      small ? std::to_string(random.below(10)) : kTextNumbers[random.below(kTextNumbers.size())]);
 }
 
 void overwrite_binary_number(std::string& bytes, Random& random) {
