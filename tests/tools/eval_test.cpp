@@ -187,8 +187,8 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
 }
 
 TEST_F(EvalCommand, OptionsOfAnotherFeatureAreRefusedOnTheCommandLineAlone) {
-  for (const char* option : {"--end pool5", "--set end=pool5", "--mean-bgr 1,2,nan",
-                             "--ring-key-candidates 5", "--new-place sampled"}) {
+  for (const char* option :
+       {"--end pool5", "--mean-bgr 1,2,nan", "--ring-key-candidates 5", "--new-place sampled"}) {
     const auto result = run_revisit(eval(std::string("--no-report ") + option));
     EXPECT_EQ(result.exit_code, 2) << option;
     EXPECT_NE(result.err.find(" belongs to --feature "), std::string::npos) << result.err;

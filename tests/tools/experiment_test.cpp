@@ -137,7 +137,8 @@ TEST_F(ExperimentCommand, Misuse) {
   EXPECT_NE(unknown.err.find("did you mean 'alignment'"), std::string::npos) << unknown.err;
   EXPECT_EQ(run_revisit("experiment all -o " + out().string()).exit_code, 2);
   EXPECT_EQ(run_revisit("experiment all --kitti /nowhere -o " + out().string()).exit_code, 3);
-  for (const char* bad : {"--sensor hdl65", "--threads -1", "--width -5", "--width 1000000000"}) {
+  for (const char* bad :
+       {"--sensor hdl65", "--threads -1", "--width -5", "--width 1000000000", "--every 0"}) {
     const auto result = run_revisit(command("all", bad));
     EXPECT_EQ(result.exit_code, 2) << bad << result.out << result.err;
     EXPECT_FALSE(fs::exists(out())) << bad;

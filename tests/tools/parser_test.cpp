@@ -36,21 +36,15 @@ TEST(Parser, AListIsThatOfTheLastSourceThatHasOne) {
   ::setenv("REVISIT_PART", "e", 1);
   EXPECT_EQ(parts_of({"-c", "file"}), (Parts{"e"}));
   EXPECT_EQ(parts_of({"--part", "1", "--part", "2", "-c", "file"}), (Parts{"1", "2"}));
-  EXPECT_EQ(parts_of({"--set", "part=s", "--set", "part=t"}), (Parts{"s", "t"}));
   ::unsetenv("REVISIT_PART");
 }
 
-TEST(Parser, ThereIsOneConfigurationFileAndItNamesNoOther) {
+TEST(Parser, ThereIsOneConfigurationFile) {
   test::expect_error<UsageError>(
       [] {
         parts_of({"-c", "file", "--config", "other"});
       },
       {"--config: expected at most one", "file", "other"});
-  test::expect_error<UsageError>(
-      [] {
-        parts_of({"--set", "config=file"});
-      },
-      {"unknown key 'config'"});
 }
 
 TEST(Parser, AChoiceIsOneOfItsWords) {

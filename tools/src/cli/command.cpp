@@ -1,5 +1,6 @@
 #include "command.h"
 
+#include <algorithm>
 #include <iomanip>
 #include <iostream>
 
@@ -31,6 +32,12 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes() {
       {kScansLeftOut, "done, but some scans could not be described"},
       {kInterrupted, "interrupted (partial results are kept)"}};
   return codes;
+}
+
+bool have_option(const Arguments& arguments, const std::string& option, const std::string& value) {
+  const auto found = std::ranges::find(arguments, option);
+  return std::ranges::count(arguments, option + "=" + value) > 0 ||
+         (found != arguments.end() && found + 1 != arguments.end() && found[1] == value);
 }
 
 int dispatch(const std::string& program, const char* introduction,

@@ -22,6 +22,10 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes();
 
 using Arguments = std::vector<std::string>;
 
+/// Whether the arguments have `option` with `value`, like --sensor list, which needs no data; the
+/// parser would ask for it.
+bool have_option(const Arguments& arguments, const std::string& option, const std::string& value);
+
 /// One subcommand: `run` gets the arguments after the verb and returns an ExitCode. Errors are
 /// thrown; main() turns them into a message and a code.
 struct Command {

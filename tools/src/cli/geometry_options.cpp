@@ -126,15 +126,10 @@ std::vector<std::pair<std::string, std::string>> GeometryOptions::settings() con
   return settings;
 }
 
-bool lists_sensors(const std::vector<std::string>& arguments) {
-  for (size_t i = 0; i < arguments.size(); ++i) {
-    if (arguments[i] != "--sensor=list" &&
-        (arguments[i] != "--sensor" || i + 1 == arguments.size() || arguments[i + 1] != "list"))
-      continue;
-    print_sensors(std::cout);
-    return true;
-  }
-  return false;
+bool lists_sensors(const Arguments& arguments) {
+  const bool asked = have_option(arguments, "--sensor", "list");
+  if (asked) print_sensors(std::cout);
+  return asked;
 }
 
 }  // namespace revisit::cli

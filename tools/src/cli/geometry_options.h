@@ -34,8 +34,7 @@ struct GeometryOptions {
 /// The known sensors, for Parser::suggest().
 std::vector<std::string> sensor_names();
 
-/// Whether the arguments say `--sensor list`; the sensors are then printed. (The parser would ask
-/// for the data, too.)
-bool lists_sensors(const std::vector<std::string>& arguments);
+/// Whether the arguments say `--sensor list`; the sensors are then printed.
+bool lists_sensors(const Arguments& arguments);
 
 }  // namespace revisit::cli

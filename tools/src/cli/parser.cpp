@@ -71,9 +71,9 @@ error_t collect(int key, char* argument, argp_state* state) {
   return ARGP_ERR_UNKNOWN;
 }
 
-/// The options that name other options: they stand on the command line only.
+/// The option that names others stands on the command line only.
 bool is_config(const Parser::Option& option) {
-  return option.name == "config" || option.name == "set";
+  return option.name == "config";
 }
 
 std::string environment_name(const std::string& option) {
@@ -174,7 +174,6 @@ Parser& Parser::config(ConfigReader reader, std::vector<std::string> others) {
   config_others_ = std::move(others);
   group("Configuration:");
   option("config", "FILE", "YAML file of option names and values", &config_path_, 'c');
-  option("set", "KEY=VALUE", "set one option by name, after the file", &config_sets_);
   return *this;
 }
 
@@ -282,9 +281,9 @@ void Parser::parse(std::vector<std::string> arguments) {
   // The configuration comes first, whatever its place on the command line.
   for (const auto& [option, text] : collected.options) {
     if (!is_config(*option)) continue;
-    if (option->name == "config" && config_path_)
-      throw UsageError(str("--config: expected at most one, found ", config_path_->string(),
-                           " and ", text, "; --set overrides single settings"));
+    if (config_path_)
+      throw UsageError(
+          str("--config: expected at most one, found ", config_path_->string(), " and ", text));
     option->apply("--" + option->name, text);
   }
   if (config_path_)
@@ -296,13 +295,6 @@ void Parser::parse(std::vector<std::string> arguments) {
             config_path_->string() + ": " + name, value);
     }
   apply_environment();
-  for (const std::string& set : config_sets_) {
-    const size_t equals = set.find('=');
-    if (equals == std::string::npos)
-      throw UsageError("--set: expected KEY=VALUE, found '" + set + "'");
-    const std::string name = set.substr(0, equals);
-    apply(find("--set", name), Source::kSet, "--set " + name, set.substr(equals + 1));
-  }
   for (const auto& [option, text] : collected.options)
     if (!is_config(*option)) apply(*option, Source::kCommandLine, "--" + option->name, text);
   apply_positionals(collected.positionals);

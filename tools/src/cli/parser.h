@@ -85,8 +85,8 @@ class Parser {
   /// Called once with the path given with `--config`, before the command line is applied.
   using ConfigReader =
       std::function<std::vector<std::pair<std::string, std::string>>(const std::filesystem::path&)>;
-  /// Adds `-c/--config FILE` and `--set key=value`. The file may also hold values of `others`,
-  /// options of another command, which are passed over.
+  /// Adds `-c/--config FILE`. The file may also hold values of `others`, options of another
+  /// command, which are passed over.
   Parser& config(ConfigReader reader, std::vector<std::string> others = {});
 
   /// Parses `arguments` (without the program and subcommand names) and fills the targets.
@@ -95,11 +95,10 @@ class Parser {
   void parse(std::vector<std::string> arguments);
 
   /// Where a value comes from; each overrules those before it.
-  enum class Source { kDefault, kConfigFile, kEnvironment, kSet, kCommandLine };
+  enum class Source { kDefault, kConfigFile, kEnvironment, kCommandLine };
 
-  /// Whether the option has a value from `least` or what overrules it, by default the command line,
-  /// by itself or with --set; after parse().
-  bool given(const std::string& option, Source least = Source::kSet) const;
+  /// Whether the option has a value from `least` or what overrules it; after parse().
+  bool given(const std::string& option, Source least = Source::kCommandLine) const;
 
   struct Option {
     std::string name, metavar, help;
@@ -169,7 +168,6 @@ class Parser {
   ConfigReader config_reader_;
   std::vector<std::string> config_others_;
   std::optional<std::filesystem::path> config_path_;
-  std::vector<std::string> config_sets_;
 };
 
 }  // namespace revisit::cli

@@ -12,16 +12,6 @@
 namespace revisit::cli {
 namespace {
 
-/// For `--protocol list`, which needs no data: the parser would ask for it.
-bool has_option(const Arguments& arguments, const std::string& option, const std::string& value) {
-  const std::string joined = option + "=" + value;
-  for (size_t i = 0; i < arguments.size(); ++i)
-    if (arguments[i] == joined ||
-        (arguments[i] == option && i + 1 < arguments.size() && arguments[i + 1] == value))
-      return true;
-  return false;
-}
-
 /// For a handful of queries: what each of them found.
 void print_matches(const pipeline::TaskResult& result, const pipeline::Trajectory& trajectory,
                    const std::string& similarity) {
@@ -62,12 +52,9 @@ std::filesystem::path write_page(const std::filesystem::path& run) {
 }  // namespace
 
 int eval_command(const Arguments& arguments) {
-  if (has_option(arguments, "--protocol", "list")) {
-    if (has_option(arguments, "--format", "json")) {
-      print_protocols_json(std::cout);
-    } else {
-      print_protocols(std::cout);
-    }
+  if (have_option(arguments, "--protocol", "list")) {
+    const bool json = have_option(arguments, "--format", "json");
+    (json ? print_protocols_json : print_protocols)(std::cout);
     return kOk;
   }
   if (lists_sensors(arguments)) return kOk;

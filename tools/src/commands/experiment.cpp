@@ -91,8 +91,10 @@ void check(const ExperimentOptions& options) {
   if (options.output.empty()) throw UsageError("give the folder of the results: -o DIR");
   if (!(options.feature_mb > 0))
     throw UsageError(str("--feature-mb: expected a positive number, found ", options.feature_mb));
-  if (!options.hkust && !fs::is_directory(options.shared.data))
-    throw InputError(str(options.shared.data.string(), ": no such folder (--kitti)"));
+  if (options.shared.every < 1)
+    throw UsageError(str("--every: expected at least 1, found ", options.shared.every));
+  if (!options.hkust && !fs::is_directory(options.shared.data / "sequences"))
+    throw InputError(str(options.shared.data.string(), ": no folder sequences/ (--kitti)"));
   options.shared.image.geometry();
   options.shared.thread_count();
 }

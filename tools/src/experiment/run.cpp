@@ -31,18 +31,16 @@ void write_json(const fs::path& file, const google::protobuf::Message& report) {
   write_atomically(file, [&](std::ostream& out) { out << to_json(report) << "\n"; });
 }
 
-/// Whether a run was finished earlier; then it takes its result.
-bool find_finished(Work* work) {
+/// Takes the result of a run that was finished earlier.
+void find_finished(Work* work) {
   reports::ExperimentRun result;
   try {
     read_report(work->finished, &result);
   } catch (const InputError&) {
-    return false;  // absent, or of another version
+    return;  // absent, or of another version
   }
-  if (result.key() != work->key.text || !fs::exists(fs::path(result.folder()) / "report.json"))
-    return false;
-  work->result = result;
-  return true;
+  if (result.key() == work->key.text && fs::exists(fs::path(result.folder()) / "report.json"))
+    work->result = result;
 }
 
 /// Opens all that the evaluation needs. Where things go is the same for all runs, and does not
