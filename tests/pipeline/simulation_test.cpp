@@ -12,6 +12,7 @@
 
 #include "data_set.h"
 #include "drive.h"
+#include "expect_error.h"
 #include "lidar.h"
 #include "random.h"
 #include "ray_caster.h"
@@ -44,19 +45,6 @@ std::string scan_bytes(const fs::path& root, int frame) {
 
 // ---- random numbers ----
 
-TEST(SimulationRandom, NormalHasUnitVarianceAndNoCorrelationBetweenCounters) {
-  double sum = 0, squares = 0, products = 0, last = 0;
-  constexpr int kCount = 200000;
-  for (int i = 0; i < kCount; ++i) {
-    const double x = static_cast<double>(normal_float(random_bits(7, static_cast<uint64_t>(i), 3)));
-    sum += x, squares += x * x, products += x * last;
-    last = x;
-  }
-  EXPECT_NEAR(sum / kCount, 0, 0.01);
-  EXPECT_NEAR(squares / kCount, 1, 0.015);
-  EXPECT_NEAR(products / kCount, 0, 0.01);
-}
-
 TEST(SimulationRandom, NormalIsFiniteForEveryExtremeOfItsBits) {
   for (const uint64_t bits : {uint64_t{0}, ~uint64_t{0}, uint64_t{0xffffff}, ~uint64_t{0xffffff}})
     EXPECT_TRUE(std::isfinite(normal_float(bits)));
@@ -79,35 +67,42 @@ double nearest_triangle(const Mesh& mesh, const Vec3& origin, const Vec3& direct
   return nearest;
 }
 
+Vec3 anywhere(Random& random, double reach) {
+  const auto coordinate = [&] { return static_cast<float>(random.uniform(-reach, reach)); };
+  return {coordinate(), coordinate(), coordinate()};
+}
+
+/// Triangles of about `size` here and there, every `rare`-th of which moves.
+struct Scattered {
+  Scattered(Random& random, int count, double size, int rare) {
+    for (int i = 0; i < count; ++i) {
+      const Vec3 center = anywhere(random, 20);
+      Vec3 corner[3];
+      for (Vec3& c : corner) c = center + anywhere(random, size);
+      (i % rare ? still : moving)
+          .triangle(corner[0], corner[1], corner[2], surface(Material::kSolid, 0.5));
+    }
+    both = still;
+    both.append(moving, {});
+  }
+  Mesh still, moving, both;
+};
+
 TEST(RayCaster, AgreesWithTestingEveryTriangle) {
   Random random(5);
-  const auto coordinate = [&](double reach) {
-    return static_cast<float>(random.uniform(-reach, reach));
-  };
-  Mesh still, moving;
-  for (int i = 0; i < 300; ++i) {
-    Vec3 corner[3];
-    const Vec3 center(coordinate(20), coordinate(20), coordinate(20));
-    for (Vec3& c : corner) c = center + Vec3(coordinate(4), coordinate(4), coordinate(4));
-    (i % 3 ? still : moving)
-        .triangle(corner[0], corner[1], corner[2], surface(Material::kSolid, 0.5));
-  }
-  Mesh both = still;
-  both.append(moving, {});
+  Scattered triangles(random, 300, 4, 3);
   std::vector<Vec3> directions;
-  for (int i = 0; i < 1003; ++i) {  // no multiple of the packet's size
-    const Vec3 d(coordinate(1), coordinate(1), coordinate(1));
-    directions.push_back(d.normalized());
-  }
+  for (int i = 0; i < 1003; ++i)  // no multiple of the packet's size
+    directions.push_back(anywhere(random, 1).normalized());
   const Vec3 origin(0.3f, -0.2f, 0.1f);
-  const Scene scene(std::move(still));
+  const Scene scene(std::move(triangles.still));
   RayCaster caster(scene);
   std::vector<Hit> hits(directions.size());
-  caster.place(moving);
+  caster.place(triangles.moving);
   caster.cast(origin, directions, 100, hits);
   int met = 0, edges = 0;
   for (size_t i = 0; i < directions.size(); ++i) {
-    const double expected = nearest_triangle(both, origin, directions[i]);
+    const double expected = nearest_triangle(triangles.both, origin, directions[i]);
     const double found = hits[i].range < 0 ? std::numeric_limits<double>::infinity()
                                            : static_cast<double>(hits[i].range);
     if (std::isfinite(expected)) ++met;
@@ -124,32 +119,19 @@ TEST(RayCaster, AgreesWithTestingEveryTriangle) {
 
 TEST(RayCaster, SaysWhatIsObstructedAsTestingEveryTriangleDoes) {
   Random random(6);
-  const auto coordinate = [&](double reach) {
-    return static_cast<float>(random.uniform(-reach, reach));
-  };
-  Mesh still, moving;
-  for (int i = 0; i < 200; ++i) {
-    Vec3 corner[3];
-    const Vec3 center(coordinate(20), coordinate(20), coordinate(20));
-    for (Vec3& c : corner) c = center + Vec3(coordinate(8), coordinate(8), coordinate(8));
-    (i % 4 ? still : moving)
-        .triangle(corner[0], corner[1], corner[2], surface(Material::kSolid, 0.5));
-  }
-  Mesh both = still;
-  both.append(moving, {});
+  Scattered triangles(random, 200, 8, 4);
   std::vector<Vec3> origins;
-  for (int i = 0; i < 517; ++i)
-    origins.emplace_back(coordinate(25), coordinate(25), coordinate(25));
+  for (int i = 0; i < 517; ++i) origins.push_back(anywhere(random, 25));
   const Vec3 direction = Vec3(0.3f, -0.5f, 0.8f).normalized();
   constexpr float kReach = 12;
-  const Scene scene(std::move(still));
+  const Scene scene(std::move(triangles.still));
   RayCaster caster(scene);
-  caster.place(moving);
+  caster.place(triangles.moving);
   std::vector<uint8_t> obstructed(origins.size());
   caster.obstructed(origins, direction, kReach, obstructed);
   int yes = 0, edges = 0;
   for (size_t i = 0; i < origins.size(); ++i) {
-    const double nearest = nearest_triangle(both, origins[i], direction);
+    const double nearest = nearest_triangle(triangles.both, origins[i], direction);
     yes += obstructed[i];
     edges += (nearest > 0.05 && nearest < static_cast<double>(kReach)) != (obstructed[i] != 0);
   }
@@ -836,12 +818,8 @@ TEST(Simulate, KeepsWhatIsCompleteAndMakesWhatIsMissing) {
 TEST(Simulate, StopsBetweenScansAndContinues) {
   const TempDir dir, whole;
   int asked = 0;
-  try {
-    simulate(quick(dir.path()), {}, [&] { return ++asked == 3; });
-    FAIL() << "expected Interrupted";
-  } catch (const Interrupted& error) {
-    EXPECT_NE(std::string(error.what()).find("3 of 6"), std::string::npos) << error.what();
-  }
+  test::expect_error<Interrupted>(
+      [&] { simulate(quick(dir.path()), {}, [&] { return ++asked == 3; }); }, {"3 of 6"});
   EXPECT_EQ(simulate(quick(dir.path())).kept, 3);
   simulate(quick(whole.path()));
   for (int frame = 0; frame < 6; ++frame)
@@ -854,14 +832,8 @@ TEST(Simulate, OtherSettingsInTheSameFolderNeedOverwrite) {
   const std::string before = scan_bytes(dir.path(), 0);
   SimulationConfig config = quick(dir.path());
   config.seed = 2;
-  try {
-    simulate(config);
-    FAIL() << "expected UsageError";
-  } catch (const UsageError& error) {
-    EXPECT_NE(std::string(error.what()).find("seed: 1"), std::string::npos) << error.what();
-    EXPECT_NE(std::string(error.what()).find("SimulationConfig::overwrite"), std::string::npos)
-        << error.what();
-  }
+  test::expect_error<UsageError>([&] { simulate(config); },
+                                 {"seed: 1", "SimulationConfig::overwrite"});
   EXPECT_TRUE(scan_bytes(dir.path(), 0) == before);
   for (const auto& change : std::initializer_list<void (*)(SimulationConfig&)>{
            [](SimulationConfig& c) { c.surroundings = Surroundings::kCountry; },
@@ -941,12 +913,7 @@ TEST(Simulate, PosesThatAreNoRoadAreRefusedWithTheirLine) {
   SimulationConfig config = quick(dir / "out");
   config.poses = dir / "far.txt";
   config.last_frame.reset();
-  try {
-    simulate(config);
-    FAIL() << "expected InputError";
-  } catch (const InputError& error) {
-    EXPECT_NE(std::string(error.what()).find("far.txt:3:"), std::string::npos) << error.what();
-  }
+  test::expect_error<InputError>([&] { simulate(config); }, {"far.txt:3:"});
   config.poses = dir / "absent.txt";
   EXPECT_THROW(simulate(config), InputError);
 }

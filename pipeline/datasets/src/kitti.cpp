@@ -4,6 +4,7 @@
 
 #include "folder.h"
 #include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 #include "revisit/datasets/dataset.h"
 
 namespace revisit::pipeline {
@@ -73,9 +74,7 @@ std::vector<std::string> sequences_with_poses(const fs::path& root) {
 }
 
 std::string listed(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text.empty() ? "none" : text;
+  return names.empty() ? "none" : joined(names, ", ");
 }
 
 /// No sequence has what is needed.

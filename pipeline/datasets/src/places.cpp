@@ -4,6 +4,7 @@
 
 #include "folder.h"
 #include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -32,8 +33,7 @@ PlaceFolders find_places(const fs::path& root, const std::string& sequence) {
   if (names.empty()) {
     const std::vector<std::string> sets = list_names(root, is_set);
     if (sets.empty()) return found;
-    std::string list;
-    for (const std::string& set : sets) list += (list.empty() ? "" : ", ") + set;
+    const std::string list = joined(sets, ", ");
     if (!sequence.empty() && std::find(sets.begin(), sets.end(), sequence) == sets.end())
       throw InputError(str(root.string(), ": there is no set of places '", sequence, "'",
                            did_you_mean(sequence, sets), "; sets with a folder per place: ", list));

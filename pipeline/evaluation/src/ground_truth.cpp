@@ -1,5 +1,6 @@
 #include "revisit/evaluation/ground_truth.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -10,6 +11,10 @@
 
 namespace revisit::pipeline {
 namespace {
+
+// In the order of the enumerations.
+constexpr const char* kDistances[] = {"xz", "3d", "box", "place"};
+constexpr const char* kExclusions[] = {"none", "frames", "seconds", "metres"};
 
 /// WayDriven at each scan.
 std::vector<double> progress_along(const Trajectory& trajectory, const Exclusion& exclusion) {
@@ -37,25 +42,14 @@ std::vector<double> progress_along(const Trajectory& trajectory, const Exclusion
 }  // namespace
 
 Distance parse_distance(const std::string& text) {
-  if (text == "xz") return Distance::kXz;
-  if (text == "3d") return Distance::k3d;
-  if (text == "box") return Distance::kBox;
-  if (text == "place") return Distance::kPlace;
-  throw UsageError(str("distance: expected xz, 3d, box or place, found '", text, "'"));
+  const auto* const found = std::ranges::find(kDistances, text);
+  if (found == std::end(kDistances))
+    throw UsageError(str("distance: expected xz, 3d, box or place, found '", text, "'"));
+  return static_cast<Distance>(found - kDistances);
 }
 
 const char* name_of(Distance distance) {
-  switch (distance) {
-    case Distance::kXz:
-      return "xz";
-    case Distance::k3d:
-      return "3d";
-    case Distance::kBox:
-      return "box";
-    case Distance::kPlace:
-      return "place";
-  }
-  return "";
+  return kDistances[static_cast<size_t>(distance)];
 }
 
 Exclusion parse_exclusion(const std::string& text) {
@@ -63,40 +57,26 @@ Exclusion parse_exclusion(const std::string& text) {
   const size_t equals = text.find('=');
   const std::string kind = text.substr(0, equals);
   const std::string amount = equals == std::string::npos ? "" : text.substr(equals + 1);
+  const auto* const found = std::ranges::find(kExclusions, kind);
+  const bool is_kind = found != std::end(kExclusions);
   Exclusion exclusion;
+  if (is_kind) exclusion.kind = static_cast<Exclusion::Kind>(found - kExclusions);
   const char* const end = amount.data() + amount.size();
   const auto [stop, error] = std::from_chars(amount.data(), end, exclusion.amount);
   const bool is_number = error == std::errc() && stop == end && std::isfinite(exclusion.amount) &&
                          exclusion.amount >= 0;
-  if (is_number && kind == "seconds") {
-    exclusion.kind = Exclusion::Kind::kSeconds;
+  const bool is_whole = is_number && exclusion.amount == std::floor(exclusion.amount);
+  if (is_kind && exclusion.kind != Exclusion::Kind::kNone &&
+      (exclusion.kind == Exclusion::Kind::kFrames ? is_whole : is_number))
     return exclusion;
-  }
-  if (is_number && kind == "metres") {
-    exclusion.kind = Exclusion::Kind::kMetres;
-    return exclusion;
-  }
-  if (is_number && kind == "frames" && exclusion.amount == std::floor(exclusion.amount))
-    return exclusion;
-  const std::vector<std::string> kinds = {"frames", "seconds", "metres", "none"};
-  const bool is_kind = std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
-  throw UsageError(
-      str("exclusion: expected frames=N, seconds=T, metres=L (not negative) or none, found '", text,
-          "'", is_kind ? "" : did_you_mean(kind, kinds)));
+  throw UsageError(str(
+      "exclusion: expected frames=N, seconds=T, metres=L (not negative) or none, found '", text,
+      "'", is_kind ? "" : did_you_mean(kind, {std::begin(kExclusions), std::end(kExclusions)})));
 }
 
 std::string to_string(const Exclusion& exclusion) {
-  switch (exclusion.kind) {
-    case Exclusion::Kind::kNone:
-      return "none";
-    case Exclusion::Kind::kFrames:
-      return "frames=" + exact(exclusion.amount);
-    case Exclusion::Kind::kSeconds:
-      return "seconds=" + exact(exclusion.amount);
-    case Exclusion::Kind::kMetres:
-      return "metres=" + exact(exclusion.amount);
-  }
-  return "";
+  const std::string kind = kExclusions[static_cast<size_t>(exclusion.kind)];
+  return exclusion.kind == Exclusion::Kind::kNone ? kind : kind + "=" + exact(exclusion.amount);
 }
 
 double WayDriven::at(int64_t frame, const std::optional<double>& time,

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <functional>
 #include <string>
 
 #include "revisit/evaluation/protocols.h"
@@ -26,12 +25,5 @@ Task logg3d_task(const Trajectory& trajectory, const Exclusion& exclusion);
 /// Every `step`-th scan is stored, the rest is asked, whatever place they are of.
 Task places_task(int step, const Trajectory& trajectory);
 Task bevplace_task(const std::string& sequence, const Trajectory& trajectory);
-
-/// The rows whose frame `wanted` accepts.
-std::vector<int64_t> rows_where(const Trajectory& trajectory,
-                                const std::function<bool(int frame)>& wanted);
-
-/// Stores `stored` and asks `asked`, each against all of them.
-Task map_task(std::vector<int64_t> stored, const std::vector<int64_t>& asked);
 
 }  // namespace revisit::pipeline

@@ -4,6 +4,7 @@
 
 #include "protocol_tasks.h"
 #include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -161,23 +162,6 @@ std::vector<std::string> protocol_names() {
   return names;
 }
 
-std::vector<int64_t> rows_where(const Trajectory& trajectory,
-                                const std::function<bool(int frame)>& wanted) {
-  std::vector<int64_t> rows;
-  for (int64_t i = 0; i < trajectory.size(); ++i)
-    if (wanted(trajectory.frames[i])) rows.push_back(i);
-  return rows;
-}
-
-Task map_task(std::vector<int64_t> stored, const std::vector<int64_t>& asked) {
-  Task task;
-  const CandidateRange all{0, static_cast<int64_t>(stored.size())};
-  task.stored = std::move(stored);
-  if (all.size() > 0)
-    for (const int64_t scan : asked) task.queries.push_back({scan, {all, {}}});
-  return task;
-}
-
 void leave_out(Task& task, const std::vector<int64_t>& rows) {
   const std::set<int64_t> out(rows.begin(), rows.end());
   std::vector<int64_t> kept;                // of task.stored
@@ -205,13 +189,10 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
   std::vector<Task> tasks;
   for (const std::string& name : task_names(protocol, sequence)) {
     const Entry* entry = find_entry(name);
-    if (!entry) {
-      std::string known;
-      for (const std::string& other : protocol_names())
-        known += (known.empty() ? "" : ", ") + other;
+    if (!entry)
       throw UsageError(str("unknown protocol '", protocol, "'",
-                           did_you_mean(protocol, protocol_names()), "; known: ", known));
-    }
+                           did_you_mean(protocol, protocol_names()),
+                           "; known: ", joined(protocol_names(), ", ")));
     Task task = entry->make(sequence, trajectory, exclusion.value_or(entry->exclusion));
     task.name = name;
     task.definition = entry->protocol.definition;

@@ -103,7 +103,11 @@ Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
   Eigenpairs pairs{std::vector<double>(k), std::vector<double>(k * m)};
   for (int64_t i = 0; i < k; ++i) {
     pairs.values[i] = values[k - 1 - i];
-    std::copy_n(vectors.begin() + (k - 1 - i) * m, m, pairs.vectors.begin() + i * m);
+    const auto vector = vectors.begin() + (k - 1 - i) * m;
+    const double largest = *std::max_element(
+        vector, vector + m, [](double x, double y) { return std::abs(x) < std::abs(y); });
+    std::transform(vector, vector + m, pairs.vectors.begin() + i * m,
+                   [sign = largest < 0 ? -1 : 1](double value) { return sign * value; });
   }
   return pairs;
 }

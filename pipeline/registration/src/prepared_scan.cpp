@@ -5,10 +5,16 @@
 #include <cmath>
 #include <tuple>
 
-#include "check_options.h"
+#include "revisit/base/error.h"
 
 namespace revisit::pipeline {
 namespace {
+
+void check(const char* name, double value, double least, double most) {
+  if (!(value >= least && value <= most))
+    throw UsageError(
+        str("RegistrationOptions::", name, ": expected ", least, " to ", most, ", found ", value));
+}
 
 /// The mean of the points of each voxel, in the order of voxels: that of the file's points does not
 /// show, but for rounding.
@@ -62,6 +68,16 @@ Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,
 }
 
 }  // namespace
+
+void check(const RegistrationOptions& options) {
+  check("voxel", options.voxel, 0.05, 5);
+  check("max_range", options.max_range, 1, 200);
+  check("reach", options.reach, 0, 20);
+  check("max_distance", options.max_distance, 0.01, 20);
+  check("inlier_distance", options.inlier_distance, 0.01, 20);
+  check("least_inliers", options.least_inliers, 0, 1);
+  check("least_constraint", options.least_constraint, 0, 1);
+}
 
 PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& options) {
   check(options);

@@ -21,6 +21,9 @@ struct PreparedScan::Parts {
   std::vector<Eigen::Vector3f> upright;  // points of surfaces that stand rather than lie
 };
 
+/// Throws UsageError, naming the invalid field.
+void check(const RegistrationOptions& options);
+
 /// Whether a normal is that of a surface that stands rather than lies.
 inline bool is_upright(const Eigen::Vector3f& normal) {
   return std::abs(normal.z()) < 0.5F;

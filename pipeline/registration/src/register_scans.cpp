@@ -3,7 +3,6 @@
 #include <cmath>
 #include <vector>
 
-#include "check_options.h"
 #include "coarse_pose.h"
 #include "information.h"
 #include "prepared_scan.h"

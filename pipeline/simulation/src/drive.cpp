@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <sstream>
 
+#include "degree.h"
 #include "revisit/base/error.h"
 #include "revisit/base/file_content.h"
 
@@ -32,7 +33,6 @@ Pose typical_calibration() {
 }
 
 Eigen::Quaterniond tilt(const SensorMount& mount) {
-  constexpr double kDegree = 3.14159265358979323846 / 180;
   return Eigen::AngleAxisd(mount.pitch * kDegree, Eigen::Vector3d::UnitY()) *
          Eigen::AngleAxisd(mount.roll * kDegree, Eigen::Vector3d::UnitX());
 }

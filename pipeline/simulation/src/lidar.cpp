@@ -93,15 +93,8 @@ BeamPattern beam_pattern(LidarModel model) {
 }  // namespace simulation
 
 const char* name_of(LidarModel model) {
-  switch (model) {
-    case LidarModel::kHdl64:
-      return "hdl64";
-    case LidarModel::kVlp16:
-      return "vlp16";
-    case LidarModel::kOs1:
-      return "ouster-os1-64";
-  }
-  return "";
+  constexpr const char* kNames[] = {"hdl64", "vlp16", "ouster-os1-64"};
+  return kNames[static_cast<size_t>(model)];
 }
 
 namespace simulation {

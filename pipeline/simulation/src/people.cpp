@@ -1,12 +1,9 @@
-#include <numbers>
-
 #include "objects.h"
 
 namespace revisit::pipeline::simulation {
 
 Mesh make_person(Random& random) {
   Mesh mesh;
-  const auto f = [](double value) { return static_cast<float>(value); };
   const double height = random.uniform(1.55, 1.9), hip = 0.5 * height, shoulder = 0.82 * height;
   const Surface trousers = surface(Material::kSolid, random.uniform(0.1, 0.5));
   const Surface jacket = surface(Material::kSolid, random.uniform(0.1, 0.7));

@@ -4,7 +4,6 @@
 #include <numbers>
 
 #include "data_set.h"
-#include "each.h"
 #include "lidar.h"
 #include "output_folder.h"
 #include "passers.h"

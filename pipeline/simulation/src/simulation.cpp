@@ -6,7 +6,6 @@
 
 #include "camera.h"
 #include "data_set.h"
-#include "each.h"
 #include "lidar.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/gray_png.h"

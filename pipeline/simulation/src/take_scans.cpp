@@ -1,10 +1,21 @@
 #include "take_scans.h"
 
-#include "each.h"
+#include <omp.h>
+
+#include <algorithm>
+#include <atomic>
+#include <mutex>
+
 #include "revisit/base/error.h"
 #include "revisit/datasets/stopwatch.h"
+#include "revisit/engine/parallel_for.h"
 
 namespace revisit::pipeline::simulation {
+
+int threads_for(int asked, int64_t items) {
+  const int64_t most = asked > 0 ? asked : omp_get_max_threads();
+  return static_cast<int>(std::clamp<int64_t>(items, 1, most));
+}
 
 void take_scans(int64_t missing, int threads, const std::filesystem::path& folder,
                 const std::function<void(int64_t item, int thread)>& take,
@@ -12,14 +23,16 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
                 const std::function<bool()>& stop, SimulationSummary& summary) {
   Stopwatch watch;
   const int64_t total = summary.scans + missing;
-  bool stopped = false;
-  const auto count = [&](int64_t) {
+  std::mutex mutex;
+  std::atomic<bool> stopped = false;
+  parallel_for(missing, threads, [&](int64_t item, int thread) {
+    if (stopped) return;
+    take(item, thread);
+    const std::scoped_lock lock(mutex);
     ++summary.scans;
     if (progress) progress(summary.scans, total);
-    stopped = stopped || (stop && summary.scans < total && stop());
-    return !stopped;
-  };
-  for_each_item(missing, threads, take, count);
+    if (!stopped && stop && summary.scans < total && stop()) stopped = true;
+  });
   if (stopped)
     throw Interrupted(str("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
                           folder.string(), "; run the same command again to continue"));

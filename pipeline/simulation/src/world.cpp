@@ -95,6 +95,17 @@ class Builder {
                {origin, {1, 0}, {radius, radius}});
   }
 
+  /// Walks along the path and calls build(path point, side) on each side, first from `next` on [m];
+  /// what it returns is the way to the next one [m].
+  template <class Build>
+  void along_both_sides(std::array<double, 2> next, const Build& build) {
+    for (size_t i = 0; i < path_.size(); ++i) {
+      const double s = static_cast<double>(i) * kPathStep;
+      for (const int side : {1, -1})
+        if (double& next_s = next[side > 0 ? 0 : 1]; s >= next_s) next_s = s + build(i, side);
+    }
+  }
+
   // ---- streets nobody drives: gaps between the houses ----
   void side_streets() {
     if (scenery_.side_streets.high == 0) return;
@@ -122,16 +133,10 @@ class Builder {
 
   // ---- houses and gardens along the road ----
   void lots() {
-    std::array<double, 2> next = {0, 0};
-    for (size_t i = 0; i < path_.size(); ++i) {
-      const double s = static_cast<double>(i) * kPathStep;
-      for (const int side : {1, -1}) {
-        double& next_s = next[side > 0 ? 0 : 1];
-        if (s < next_s) continue;
-        const double used = lot_at(i, side);
-        next_s = s + (used > 0 ? used : 2.0);
-      }
-    }
+    along_both_sides({0, 0}, [&](size_t i, int side) {
+      const double used = lot_at(i, side);
+      return used > 0 ? used : 2.0;
+    });
   }
 
   /// Builds one lot that begins at path point i; returns the length of road it took, 0 for none.
@@ -344,23 +349,18 @@ class Builder {
   }
 
   void parked_cars() {
-    std::array<double, 2> next = {0, 0};
-    for (size_t i = 0; i < path_.size(); ++i) {
-      const double s = static_cast<double>(i) * kPathStep;
+    along_both_sides({0, 0}, [&](size_t i, int side) {
       const PathPoint& p = path_[i];
-      for (const int side : {1, -1}) {
-        double& next_s = next[side > 0 ? 0 : 1];
-        if (s < next_s || !ground_.has_parking(p.position)) continue;
-        const double lateral = lane_edge(side) + kClearance + 1.1 + random_.uniform(0, 0.12);
-        const Vec2 center = p.position + side * lateral * p.left();
-        const bool wanted = random_.chance(by(scenery_.parked, field(0x63617273, center, 60)));
-        if (wanted && taken_.free(center)) {
-          const double angle = random_.normal(0.02) + (random_.chance(0.15) ? 3.1416 : 0);
-          car_at(center, Eigen::Rotation2Dd(angle) * along(p, -side));
-        }
-        next_s = s + random_.uniform(5.4, 6.4);
+      if (!ground_.has_parking(p.position)) return 0.0;
+      const double lateral = lane_edge(side) + kClearance + 1.1 + random_.uniform(0, 0.12);
+      const Vec2 center = p.position + side * lateral * p.left();
+      const bool wanted = random_.chance(by(scenery_.parked, field(0x63617273, center, 60)));
+      if (wanted && taken_.free(center)) {
+        const double angle = random_.normal(0.02) + (random_.chance(0.15) ? 3.1416 : 0);
+        car_at(center, Eigen::Rotation2Dd(angle) * along(p, -side));
       }
-    }
+      return random_.uniform(5.4, 6.4);
+    });
   }
 
   /// Cars side by side in rows along the road, as in a car park. A slot that stays empty stays so
@@ -385,26 +385,21 @@ class Builder {
   }
 
   void things() {
-    std::array<double, 2> next = {5, 17};
-    for (size_t i = 0; i < path_.size(); ++i) {
-      const double s = static_cast<double>(i) * kPathStep;
+    along_both_sides({5, 17}, [&](size_t i, int side) {
+      const double to_next = draw(scenery_.things);
       const PathPoint& p = path_[i];
-      for (const int side : {1, -1}) {
-        double& next_s = next[side > 0 ? 0 : 1];
-        if (s < next_s) continue;
-        next_s = s + draw(scenery_.things);
-        const double kerb = ground_.kerb(p.position),
-                     lateral = lane_edge(side) + kerb + scenery_.verge;
-        const Vec2 at = p.position + side * lateral * p.left();
-        // One thing every few metres, also on a second visit.
-        const Footprint around{at, p.forward, {2.6, 1.0}};
-        if (!taken_.free(at) || !furniture_.free(around)) continue;
-        const double crown = std::min(kerb + scenery_.verge - kClearance - 0.3, 2.4);
-        bool done = false;
-        alike(0x7468696e, [&] { done = thing(p, side, at, crown); });
-        if (done) furniture_.take(around);
-      }
-    }
+      const double kerb = ground_.kerb(p.position),
+                   lateral = lane_edge(side) + kerb + scenery_.verge;
+      const Vec2 at = p.position + side * lateral * p.left();
+      // One thing every few metres, also on a second visit.
+      const Footprint around{at, p.forward, {2.6, 1.0}};
+      if (!taken_.free(at) || !furniture_.free(around)) return to_next;
+      const double crown = std::min(kerb + scenery_.verge - kClearance - 0.3, 2.4);
+      bool done = false;
+      alike(0x7468696e, [&] { done = thing(p, side, at, crown); });
+      if (done) furniture_.take(around);
+      return to_next;
+    });
   }
 
   /// Something on the pavement; false when it found no room. `crown`: of a tree, at most [m].

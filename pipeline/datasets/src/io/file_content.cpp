@@ -22,18 +22,27 @@ void read_ahead(const fs::path& file) {
   ::close(descriptor);
 }
 
+bool TextCursor::next(std::string_view* line) {
+  if (rest_.empty()) return false;
+  const size_t end = rest_.find('\n');
+  *line = rest_.substr(0, end);
+  rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
+  if (line->ends_with('\r')) line->remove_suffix(1);
+  ++line_;
+  return true;
+}
+
+std::string TextCursor::where() const {
+  return str(name_, ":", line_);
+}
+
 std::vector<std::string> read_lines(const fs::path& file) {
   const std::string content = read_content(file);
-  std::string_view rest = content;
-  if (rest.starts_with("\xEF\xBB\xBF")) rest.remove_prefix(3);
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  std::string_view line = content;
+  if (line.starts_with(kByteOrderMark)) line.remove_prefix(kByteOrderMark.size());
   std::vector<std::string> lines;
-  while (!rest.empty()) {
-    const size_t end = std::min(rest.find('\n'), rest.size());
-    std::string_view line = rest.substr(0, end);
-    rest.remove_prefix(std::min(end + 1, rest.size()));
-    if (line.ends_with('\r')) line.remove_suffix(1);
-    lines.emplace_back(line);
-  }
+  for (TextCursor text(line, file.string()); text.next(&line);) lines.emplace_back(line);
   while (!lines.empty() && lines.back().find_first_not_of(kBlanks) == std::string::npos)
     lines.pop_back();
   return lines;

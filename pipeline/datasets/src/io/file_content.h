@@ -13,6 +13,23 @@ namespace revisit::pipeline {
 /// left to the reader to report.
 void read_ahead(const std::filesystem::path& file);
 
+/// A file in memory, read as text line by line (the header, or all of it), with the line's number.
+class TextCursor {
+ public:
+  TextCursor(std::string_view text, std::string name) : rest_(text), name_(std::move(name)) {}
+  /// The next line without its end (LF or CRLF), or false at the end of the text.
+  bool next(std::string_view* line);
+  /// "file:line" of the line next() gave last.
+  std::string where() const;
+  std::string_view rest() const { return rest_; }
+  const std::string& name() const { return name_; }
+
+ private:
+  std::string_view rest_;
+  std::string name_;
+  size_t line_ = 0;
+};
+
 /// The lines of a text file without their ends (LF or CRLF) and a byte order mark; trailing blank
 /// lines are dropped, so lines()[i] is line i + 1 of the file. Throws as read_content() does.
 std::vector<std::string> read_lines(const std::filesystem::path& file);

@@ -28,20 +28,6 @@ void copy_column(proto::NumberReader read, const char* first, size_t stride, flo
 
 }  // namespace
 
-bool TextCursor::next(std::string_view* line) {
-  if (rest_.empty()) return false;
-  const size_t end = rest_.find('\n');
-  *line = rest_.substr(0, end);
-  rest_.remove_prefix(end == std::string_view::npos ? rest_.size() : end + 1);
-  if (line->ends_with('\r')) line->remove_suffix(1);
-  ++line_;
-  return true;
-}
-
-std::string TextCursor::where() const {
-  return str(name_, ":", line_);
-}
-
 size_t parse_count(std::string_view word, const std::string& where) {
   uint32_t value = 0;
   const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);

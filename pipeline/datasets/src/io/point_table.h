@@ -11,23 +11,6 @@
 
 namespace revisit::pipeline {
 
-/// A file in memory, read as text line by line (the header, or all of it), with the line's number.
-class TextCursor {
- public:
-  TextCursor(std::string_view text, std::string name) : rest_(text), name_(std::move(name)) {}
-  /// The next line without its end (LF or CRLF), or false at the end of the text.
-  bool next(std::string_view* line);
-  /// "file:line" of the line next() gave last.
-  std::string where() const;
-  std::string_view rest() const { return rest_; }
-  const std::string& name() const { return name_; }
-
- private:
-  std::string_view rest_;
-  std::string name_;
-  size_t line_ = 0;
-};
-
 /// A word as a whole number 0..2^32-1: any count these formats can hold. Throws InputError.
 size_t parse_count(std::string_view word, const std::string& where);
 

@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "feature/read_write_at.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
 #include "revisit/base/file_content.h"
@@ -54,43 +55,11 @@ std::string finished_key(const std::string& key, uint64_t checksum) {
   return std::move(text).str();
 }
 
-/// A pipe, a socket or a link under the name of one of our files is not ours. (Devices and
-/// folders stay: they are refused.)
-void discard_strange(const fs::path& file) {
-  std::error_code ignored;
-  const fs::file_type type = fs::symlink_status(file, ignored).type();
-  if (type == fs::file_type::fifo || type == fs::file_type::socket ||
-      type == fs::file_type::symlink)
-    fs::remove(file, ignored);
-}
-
-/// Reads `size` bytes at `offset`, or fewer at the end of the file; -1 on error.
-int64_t read_at(int descriptor, void* out, int64_t size, int64_t offset) {
-  int64_t done = 0;
-  while (done < size) {
-    const ssize_t got =
-        ::pread(descriptor, static_cast<char*>(out) + done, size - done, offset + done);
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0) return -1;
-    if (got == 0) break;
-    done += got;
-  }
-  return done;
-}
-
 bool is_regular(int descriptor, int64_t* size) {
   struct stat status {};
   if (::fstat(descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return false;
   *size = status.st_size;
   return true;
-}
-
-void sync_folder(const fs::path& folder) {
-  const int descriptor =
-      ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (descriptor < 0) return;  // the data is safe; only the name could be lost with the power
-  ::fsync(descriptor);
-  ::close(descriptor);
 }
 
 /// Of the file that is open, whatever its name stands for by now.
@@ -122,7 +91,6 @@ FeatureWriter::FeatureWriter(fs::path file, std::string key, int64_t n_rows, int
   header_ = proto::npy_header({n_rows, dim});
   std::error_code ignored;
   fs::create_directories(file_.parent_path(), ignored);  // open() below says what is wrong
-  discard_strange(part_);
   descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
   if (descriptor_ < 0) throw Error(str(part_.string(), ": cannot create: ", std::strerror(errno)));
   try {
@@ -167,7 +135,6 @@ void FeatureWriter::continue_or_create() {
       checksum_ = with_row(checksum_, row);
     }
     if (::ftruncate(descriptor_, written_bytes()) != 0) fail("cut off a torn row");
-    if (::lseek(descriptor_, 0, SEEK_END) < 0) fail("go to the end");
     check_space();
     return;
   }
@@ -176,7 +143,8 @@ void FeatureWriter::continue_or_create() {
   std::error_code ignored;
   fs::remove(part_key_, ignored);
   check_space();
-  write_all(header_.data(), header_.size());
+  if (!write_at(descriptor_, header_.data(), static_cast<int64_t>(header_.size()), 0))
+    fail("write");
   write_atomically(part_key_, [this](std::ostream& out) { out << key_; });
 }
 
@@ -196,38 +164,10 @@ void FeatureWriter::append(std::span<const float> row) {
         str(part_.string(), ": a row of ", row.size(), " floats where ", dim_, " were announced"));
   if (rows_ == n_rows_)
     throw Error(str(part_.string(), ": more than the announced ", n_rows_, " rows"));
-  check_untouched();
-  write_all(row.data(), row.size_bytes());
+  if (!write_at(descriptor_, row.data(), static_cast<int64_t>(row.size_bytes()), written_bytes()))
+    fail("write");
   checksum_ = with_row(checksum_, row);
   ++rows_;
-}
-
-void FeatureWriter::check_untouched() const {
-  struct stat opened {
-  }, named{};
-  if (::fstat(descriptor_, &opened) != 0) fail("examine");
-  if (opened.st_size != written_bytes())
-    throw Error(str(part_.string(), ": has ", opened.st_size, " bytes where ", written_bytes(),
-                    " were written: another process changed it; run again to continue"));
-  if (::lstat(part_.c_str(), &named) != 0 || named.st_ino != opened.st_ino)
-    throw Error(str(part_.string(), ": was removed or replaced by another process; run again"));
-}
-
-void FeatureWriter::write_all(const void* data, size_t size) {
-  const char* next = static_cast<const char*>(data);
-  while (size > 0) {
-    const ssize_t written = ::write(descriptor_, next, size);
-    if (written < 0 && errno == EINTR) continue;
-    if (written < 0) {
-      const int reason = errno;
-      // A retry would append behind the torn row; without it, it continues where the file is whole.
-      if (::ftruncate(descriptor_, written_bytes()) == 0) ::lseek(descriptor_, 0, SEEK_END);
-      errno = reason;
-      fail("write");
-    }
-    next += written;
-    size -= static_cast<size_t>(written);
-  }
 }
 
 void FeatureWriter::fail(const std::string& doing) const {
@@ -241,17 +181,14 @@ void FeatureWriter::fail(const std::string& doing) const {
 void FeatureWriter::finish() {
   if (rows_ != n_rows_)
     throw Error(str(part_.string(), ": only ", rows_, " of ", n_rows_, " features are written"));
-  check_untouched();
   if (::fsync(descriptor_) != 0) fail("flush to disk");
   write_atomically(part_key_, [this](std::ostream& out) { out << finished_key(key_, checksum_); });
   // The old key goes before the new rows come, for the same reason as above.
   const fs::path key_file = with_suffix(file_, ".key");
   std::error_code ignored;
   fs::remove(key_file, ignored);
-  discard_strange(file_);
   rename_into_place(part_, file_);
   rename_into_place(part_key_, key_file);
-  sync_folder(file_.parent_path());
   ::close(std::exchange(descriptor_, -1));
 }
 

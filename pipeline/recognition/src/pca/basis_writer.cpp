@@ -7,28 +7,13 @@
 #include <cstring>
 #include <utility>
 
+#include "feature/read_write_at.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
 #include "revisit/base/part_lock.h"
 #include "revisit/proto/npy.h"
 
 namespace revisit::pipeline {
-namespace {
-
-/// Returns 0 or the error number.
-int write_at(int descriptor, const void* data, int64_t size, int64_t offset) {
-  int64_t done = 0;
-  while (done < size) {
-    const ssize_t written =
-        ::pwrite(descriptor, static_cast<const char*>(data) + done, size - done, offset + done);
-    if (written < 0 && errno != EINTR) return errno;
-    if (written > 0) done += written;
-  }
-  return 0;
-}
-
-}  // namespace
-
 BasisWriter::BasisWriter(std::filesystem::path file, int64_t rows, int64_t columns)
     : file_(std::move(file)), part_(file_.string() + ".part"), rows_(rows), columns_(columns) {
   const std::string header = proto::npy_header({rows, columns});
@@ -44,7 +29,7 @@ BasisWriter::BasisWriter(std::filesystem::path file, int64_t rows, int64_t colum
   const int64_t size = header_bytes_ + rows * columns * static_cast<int64_t>(sizeof(float));
   // What a killed run left goes first.
   int error = ::ftruncate(descriptor_, 0) != 0 ? errno : ::posix_fallocate(descriptor_, 0, size);
-  if (error == 0) error = write_at(descriptor_, header.data(), header_bytes_, 0);
+  if (error == 0 && !write_at(descriptor_, header.data(), header_bytes_, 0)) error = errno;
   if (error == 0) return;
   ::close(descriptor_);
   ::unlink(part_.c_str());
@@ -66,8 +51,7 @@ void BasisWriter::write(int64_t first, int64_t count, const float* values) {
   constexpr int64_t kSize = sizeof(float);
   for (int64_t r = 0; r < rows_; ++r) {
     const int64_t offset = header_bytes_ + (r * columns_ + first) * kSize;
-    if (const int error = write_at(descriptor_, values + r * count, count * kSize, offset))
-      fail("write", error);
+    if (!write_at(descriptor_, values + r * count, count * kSize, offset)) fail("write", errno);
   }
 }
 

@@ -57,16 +57,6 @@ void release(std::vector<double>& values) {
   std::vector<double>().swap(values);
 }
 
-/// A sign does not matter to a cosine, but the same input should give the same file.
-void fix_signs(Eigenpairs& pairs, int64_t m) {
-  for (size_t i = 0; i < pairs.values.size(); ++i) {
-    const auto begin = pairs.vectors.begin() + static_cast<int64_t>(i) * m;
-    const auto largest = std::max_element(
-        begin, begin + m, [](double a, double b) { return std::abs(a) < std::abs(b); });
-    if (*largest < 0) std::transform(begin, begin + m, begin, std::negate<>());
-  }
-}
-
 int64_t numerical_rank(const Eigenpairs& pairs, int64_t m) {
   int64_t rank = 0;
   const int64_t most =
@@ -118,9 +108,8 @@ PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
     throw InputError(
         str(files[0]->path().string(), ": the ", m,
             " features to learn from are all the same; there is no direction to keep"));
-  Eigenpairs pairs = largest_eigenpairs(gram.fitted, m, std::min(options.components, m));
+  const Eigenpairs pairs = largest_eigenpairs(gram.fitted, m, std::min(options.components, m));
   release(gram.fitted);
-  fix_signs(pairs, m);
 
   const double degrees = static_cast<double>(m - 1);
   result.rank = numerical_rank(pairs, m);

@@ -1,4 +1,5 @@
 #include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 #include "revisit/recognition/sensor.h"
 
 namespace revisit::pipeline {
@@ -51,10 +52,8 @@ const std::vector<Sensor>& sensors() {
 ImageGeometry sensor_geometry(const std::string& sensor) {
   for (const Sensor& known : sensors())
     if (known.name == sensor) return known.image;
-  std::string names;
-  for (const std::string& name : sensor_names()) names += " " + name;
   throw UsageError(str("unknown sensor '", sensor, "'", did_you_mean(sensor, sensor_names()),
-                       "; known:", names));
+                       "; known: ", joined(sensor_names(), " ")));
 }
 
 std::vector<std::string> sensor_names() {

@@ -41,12 +41,9 @@ struct ColumnSums {
     const Eigenpairs pairs = largest_eigenpairs(covariance, rows, numbers);
     result.directions = FloatMatrix(numbers, rows);
     for (int i = 0; i < numbers; ++i) {
-      const auto first = pairs.vectors.begin() + i * rows, last = first + rows;
-      const auto largest = std::max_element(
-          first, last, [](double a, double b) { return std::abs(a) < std::abs(b); });
-      const double sign = *largest < 0 ? -1 : 1;  // so that equal scans give equal files
-      std::transform(first, last, result.directions.row(i).begin(),
-                     [sign](double v) { return static_cast<float>(sign * v); });
+      const auto first = pairs.vectors.begin() + i * rows;
+      std::transform(first, first + rows, result.directions.row(i).begin(),
+                     [](double v) { return static_cast<float>(v); });
     }
     return result;
   }

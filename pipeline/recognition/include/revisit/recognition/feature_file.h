@@ -13,8 +13,8 @@ namespace revisit::pipeline {
 ///
 /// Until finish() the rows are in `FILE.part`, with `FILE.part.key` beside it: a text that names
 /// all that the features depend on (model hash, layer, image geometry, the scans ...). A part with
-/// the same key and shape is continued, any other is discarded, and so is what stands there and is
-/// no regular file (a link is not followed). The key of a finished file ends with its checksum.
+/// the same key and shape is continued, any other is discarded. What stands there and is no regular
+/// file (a link, a pipe) is an Error. The key of a finished file ends with its checksum.
 ///
 ///   if (!features_complete(file, key)) {
 ///     FeatureWriter writer(file, key, n, d);
@@ -34,20 +34,18 @@ class FeatureWriter {
 
   /// Complete rows in the part: the index of the next row to append.
   int64_t rows_written() const { return rows_; }
-  /// Appends one row of `dim` floats. Throws Error when the disk is full (the part stays), the row
-  /// has another size, or another process changed the length of the part.
+  /// Appends one row of `dim` floats. Throws Error when the disk is full (the part stays) and for a
+  /// row of another size.
   void append(std::span<const float> row);
   /// Flushes to disk and gives the file its name (and `FILE.key` its key). Throws Error when rows
-  /// are missing, or the part is not what was written.
+  /// are missing.
   void finish();
 
  private:
   void continue_or_create();
   bool continues_part(int64_t size) const;
   int64_t written_bytes() const;
-  void check_untouched() const;
   void check_space() const;
-  void write_all(const void* data, size_t size);
   [[noreturn]] void fail(const std::string& doing) const;
 
   std::filesystem::path file_, part_, part_key_;

@@ -28,6 +28,7 @@ void add_product_with_adjoint(int64_t m, int64_t k, double factor, const std::co
                               const std::complex<double>* b, std::complex<double>* c);
 
 /// The `k` largest eigenvalues of a symmetric matrix, largest first, with orthonormal eigenvectors.
+/// The entry of largest magnitude of each is positive, so that equal input gives equal files.
 struct Eigenpairs {
   std::vector<double> values;   // [k]
   std::vector<double> vectors;  // [k][m], one eigenvector a row
