@@ -1,8 +1,7 @@
 // Search in large maps of synthetic places, as rows of the tables in docs/SPEED.md.
 //   revisit_large_maps PLACES cosines[NUMBERS] WAY...
 // Ways: sgemv (OpenBLAS, products alone), exact, threads (exact, on two), many (64 queries at
-// once), graph, listsPROBES[/NUMBERS_PER_BYTE]. The time of a query is the least of several rounds,
-// in which all ways take turns.
+// once), graph. The time of a query is the least of several rounds, in which all ways take turns.
 #include "revisit/maps/large_maps.h"
 
 #include <cblas.h>
@@ -17,6 +16,7 @@
 #include <random>
 #include <string>
 
+#include "recall.h"
 #include "revisit/base/error.h"
 
 namespace {
@@ -176,8 +176,7 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
                     }});
     ways.back().together = kQueries;
   }
-  // Sources choose among the places of an index of their own, which shares nothing with the exact
-  // one: they are measured after it.
+  // A graph changes the index: it is measured after the exact search.
   for (int64_t round = 0; round < kRounds; ++round)
     for (int64_t q = 0; q < kQueries; ++q)
       for (Way& way : ways) {
@@ -193,30 +192,20 @@ void measure(int64_t n, const std::string& feature, const std::vector<std::strin
   for (Way& way : ways) print(places, feature, way, way.name == "sgemv" ? nullptr : exact);
   keys = {};
 
-  const auto by_source = [&](const std::string& name, auto make) {
-    const double memory = resident_bytes(), start = seconds();
-    std::unique_ptr<CandidateSource> source = make();
-    Way way{name, [&](int64_t q, Match& match) { match = index.best(queries.row(q), {&all, 1}); }};
-    way.build = seconds() - start;
-    way.bytes = (resident_bytes() - memory) / double(n);
-    index.choose_by(std::move(source), kCandidates);
-    for (int64_t round = 0; round < 3 * kRounds; ++round)
-      for (int64_t q = 0; q < kQueries; ++q) {
-        const double begin = seconds();
-        way.ask(q, way.matches[size_t(q)]);
-        way.times[size_t(q)] = std::min(way.times[size_t(q)], seconds() - begin);
-      }
-    print(places, feature, way, exact);
-  };
-  if (wants("graph")) by_source("graph", [&] { return graph_of_keys(index, {.threads = 2}); });
-  for (const std::string& name : names) {
-    int probes = 0, numbers_per_byte = 8;
-    if (std::sscanf(name.c_str(), "lists%d/%d", &probes, &numbers_per_byte) < 1) continue;
-    by_source(name, [&] {
-      return lists_of_keys(index,
-                           {.probes = probes, .numbers_per_byte = numbers_per_byte, .threads = 2});
-    });
-  }
+  if (!wants("graph")) return;
+  const double memory = resident_bytes(), start = seconds();
+  std::unique_ptr<CandidateSource> graph = graph_of_keys(index, 2);
+  Way way{"graph", [&](int64_t q, Match& match) { match = index.best(queries.row(q), {&all, 1}); }};
+  way.build = seconds() - start;
+  way.bytes = (resident_bytes() - memory) / double(n);
+  index.choose_by(std::move(graph), kCandidates);
+  for (int64_t round = 0; round < 3 * kRounds; ++round)
+    for (int64_t q = 0; q < kQueries; ++q) {
+      const double begin = seconds();
+      way.ask(q, way.matches[size_t(q)]);
+      way.times[size_t(q)] = std::min(way.times[size_t(q)], seconds() - begin);
+    }
+  print(places, feature, way, exact);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include <numbers>
 #include <random>
 
+#include "recall.h"
 #include "revisit/base/error.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/place_index.h"

@@ -320,14 +320,6 @@ TEST(PlaceIndex, RefusesASourceOfOtherPlaces) {
                            {"at least 1 candidate"});
 }
 
-TEST(PlaceIndex, RecallIsTheShareOfExactRanks) {
-  const std::vector<Match> exact = {{.ranks = {1, 2, 3, 4}}, {.ranks = {5}}},
-                           found = {{.ranks = {4, 9, 1, 8}}, {.ranks = {}}}, none(2);
-  EXPECT_DOUBLE_EQ(recall_of(exact, found), 0.4);
-  EXPECT_EQ(recall_of(none, found), 1);
-  expect_error<UsageError>([&] { recall_of(exact, {}); }, {"2 queries", "found 0"});
-}
-
 TEST(PlaceIndex, OfNothingFindsNothing) {
   PlaceIndex index(2);
   const std::vector<float> x{1, 2};

@@ -5,11 +5,7 @@
 
 namespace revisit::pipeline {
 
-std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex&, const GraphOptions&) {
-  built_without("candidates of a large map", "FAISS");
-}
-
-std::unique_ptr<CandidateSource> lists_of_keys(const PlaceIndex&, const ListOptions&) {
+std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex&, int) {
   built_without("candidates of a large map", "FAISS");
 }
 

@@ -147,7 +147,7 @@ struct PlaceRecognizer::Impl {
   void use_graph() {
     if (options.graph_candidates == 0 || has_graph || !settled || index->size() == 0) return;
     const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-    index->choose_by(graph_of_keys(*index, {.threads = threads}), options.graph_candidates);
+    index->choose_by(graph_of_keys(*index, threads), options.graph_candidates);
     has_graph = true;
   }
 

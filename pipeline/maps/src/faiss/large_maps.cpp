@@ -1,12 +1,9 @@
 #include "revisit/maps/large_maps.h"
 
-#include <faiss/IndexFlat.h>
 #include <faiss/IndexHNSW.h>
-#include <faiss/IndexIVFPQ.h>
 #include <omp.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "revisit/base/error.h"
 #include "revisit/recognition/cosine.h"
@@ -15,6 +12,9 @@ namespace revisit::pipeline {
 namespace {
 
 constexpr int64_t kTogether = 4096;  // keys that are added in one call
+constexpr int kLinks = 16;           // of a place; twice as many in the lowest layer
+constexpr int kBuildEffort = 80;     // places that adding one looks for
+constexpr int kSearchEffort = 160;   // places that a query keeps in view; at least those asked for
 
 /// FAISS takes as many threads as OpenMP has for the calling one.
 class OpenMpThreads {
@@ -30,13 +30,11 @@ class OpenMpThreads {
   int before_;
 };
 
-/// `descriptor` at unit length -> `key`, with zeros behind it.
+/// `descriptor` at unit length -> `key`.
 void unit_key(std::span<const float> descriptor, std::span<float> key) {
   const double length = length_of(descriptor), scale = length > 0 ? 1 / length : 0;
-  const auto end = std::ranges::transform(descriptor, key.begin(), [scale](float v) {
-                     return static_cast<float>(v * scale);
-                   }).out;
-  std::fill(end, key.end(), 0.0F);
+  std::ranges::transform(descriptor, key.begin(),
+                         [scale](float v) { return static_cast<float>(v * scale); });
 }
 
 bool is_among(int64_t place, std::span<const CandidateRange> among) {
@@ -47,7 +45,6 @@ bool is_among(int64_t place, std::span<const CandidateRange> among) {
 
 class FaissSource : public CandidateSource {
  public:
-  /// `index` takes keys with as many zeros behind them as it has more numbers.
   explicit FaissSource(std::unique_ptr<faiss::Index> index) : index_(std::move(index)) {}
 
   int64_t size() const override { return index_->ntotal; }
@@ -76,91 +73,31 @@ class FaissSource : public CandidateSource {
   std::unique_ptr<faiss::Index> index_;
 };
 
-/// Every `step`-th key from `first` on, `count` of them, each with zeros up to `d` numbers.
-FloatMatrix some_keys(const PlaceIndex& index, int64_t d, int64_t first, int64_t count,
-                      int64_t step) {
-  FloatMatrix keys(count, d);
-  for (int64_t i = 0; i < count; ++i) unit_key(index.descriptor(first + i * step), keys.row(i));
+/// `count` keys from place `first` on.
+FloatMatrix some_keys(const PlaceIndex& index, int64_t first, int64_t count) {
+  FloatMatrix keys(count, std::ssize(index.descriptor(0)));
+  for (int64_t i = 0; i < count; ++i) unit_key(index.descriptor(first + i), keys.row(i));
   return keys;
-}
-
-std::unique_ptr<CandidateSource> filled(std::unique_ptr<faiss::Index> empty,
-                                        const PlaceIndex& index) {
-  for (int64_t first = 0; first < index.size(); first += kTogether) {
-    const int64_t count = std::min(kTogether, index.size() - first);
-    empty->add(count, some_keys(index, empty->d, first, count, 1).values.data());
-  }
-  return std::make_unique<FaissSource>(std::move(empty));
-}
-
-void check(const PlaceIndex& index, int64_t least) {
-  if (!index.by_cosine())
-    throw UsageError("candidates of a large map: its descriptors are not compared by cosine");
-  if (index.size() < least)
-    throw UsageError(str("candidates of a large map: expected at least ", least, " places, found ",
-                         index.size()));
-}
-
-int64_t numbers_of(const PlaceIndex& index) {
-  return static_cast<int64_t>(index.descriptor(0).size());
-}
-
-void check_positive(const char* what, int value) {
-  if (value < 1) throw UsageError(str(what, ": expected at least 1, found ", value));
 }
 
 }  // namespace
 
-std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index,
-                                               const GraphOptions& options) {
-  check(index, 1);
-  if (options.links < 2)
-    throw UsageError(str("graph of keys, links: expected at least 2, found ", options.links));
-  check_positive("graph of keys, build_effort", options.build_effort);
-  check_positive("graph of keys, search_effort", options.search_effort);
-  check_positive("graph of keys, threads", options.threads);
-  const OpenMpThreads threads(options.threads);
-  auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(numbers_of(index)),
-                                                    faiss::ScalarQuantizer::QT_fp16, options.links,
+std::unique_ptr<CandidateSource> graph_of_keys(const PlaceIndex& index, int threads) {
+  if (!index.by_cosine())
+    throw UsageError("candidates of a large map: its descriptors are not compared by cosine");
+  if (index.size() == 0) throw UsageError("candidates of a large map: it has no places");
+  const OpenMpThreads for_build(threads);
+  auto graph = std::make_unique<faiss::IndexHNSWSQ>(static_cast<int>(index.descriptor(0).size()),
+                                                    faiss::ScalarQuantizer::QT_fp16, kLinks,
                                                     faiss::METRIC_INNER_PRODUCT);
-  graph->hnsw.efConstruction = options.build_effort;
-  graph->hnsw.efSearch = options.search_effort;
-  graph->train(1, some_keys(index, graph->d, 0, 1, 1).values.data());  // float16 learns nothing
-  return filled(std::move(graph), index);
-}
-
-std::unique_ptr<CandidateSource> lists_of_keys(const PlaceIndex& index,
-                                               const ListOptions& options) {
-  constexpr int64_t kCodes = 256, kKeysPerCentre = 64;
-  check(index, kCodes);
-  if (options.lists < 0 || options.lists > index.size())
-    throw UsageError(
-        str("lists of keys, lists: expected 0 to ", index.size(), ", found ", options.lists));
-  check_positive("lists of keys, probes", options.probes);
-  check_positive("lists of keys, numbers_per_byte", options.numbers_per_byte);
-  check_positive("lists of keys, threads", options.threads);
-  const OpenMpThreads threads(options.threads);
-  const int64_t bytes =
-                    (numbers_of(index) + options.numbers_per_byte - 1) / options.numbers_per_byte,
-                d = bytes * options.numbers_per_byte;
-  const int64_t n_lists =
-      options.lists > 0
-          ? options.lists
-          : static_cast<int64_t>(std::lround(std::sqrt(static_cast<double>(index.size()))));
-  auto centres = std::make_unique<faiss::IndexFlatIP>(d);
-  auto lists = std::make_unique<faiss::IndexIVFPQ>(
-      centres.get(), static_cast<size_t>(d), static_cast<size_t>(n_lists),
-      static_cast<size_t>(bytes), 8, faiss::METRIC_INNER_PRODUCT);
-  lists->own_fields = true;
-  centres.release();  // it is the lists' now
-  lists->nprobe = static_cast<size_t>(options.probes);
-  // FAISS complains on the standard error about few examples.
-  lists->cp.min_points_per_centroid = lists->pq.cp.min_points_per_centroid = 1;
-  const int64_t step =
-      std::max<int64_t>(1, index.size() / (kKeysPerCentre * std::max(n_lists, kCodes)));
-  const FloatMatrix examples = some_keys(index, d, 0, index.size() / step, step);
-  lists->train(examples.n, examples.values.data());
-  return filled(std::move(lists), index);
+  graph->hnsw.efConstruction = kBuildEffort;
+  graph->hnsw.efSearch = kSearchEffort;
+  graph->train(1, some_keys(index, 0, 1).values.data());  // float16 learns nothing
+  for (int64_t first = 0; first < index.size(); first += kTogether) {
+    const int64_t count = std::min(kTogether, index.size() - first);
+    graph->add(count, some_keys(index, first, count).values.data());
+  }
+  return std::make_unique<FaissSource>(std::move(graph));
 }
 
 }  // namespace revisit::pipeline

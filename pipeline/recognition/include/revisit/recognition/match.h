@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -30,9 +29,5 @@ struct Match {
   /// tell it.
   std::optional<double> turn = {};
 };
-
-/// The share of the ranks of `exact` that `found`, the answers to the same queries, have too; 1
-/// without ranks. Throws UsageError when there are not as many of both.
-double recall_of(std::span<const Match> exact, std::span<const Match> found);
 
 }  // namespace revisit::pipeline
