@@ -38,7 +38,7 @@ void find_drives(const ExperimentOptions& options, Inventory& found) {
         found.along_routes += line.starts_with("route: ") ? 1 : 0;
       }
     } catch (const InputError& error) {
-      found.missing.push_back(str("sequence ", sequence, ": ", in_our_words(error.what())));
+      found.missing.push_back(str("sequence ", sequence, ": ", error.what()));
     }
   }
 }
@@ -114,7 +114,7 @@ void find_networks(const ExperimentOptions& options, Inventory& found) {
         request.weights = weights;
         add_network(request, options, found);
       } catch (const Error& unusable) {
-        found.passed_over.push_back(str(weights.string(), ": ", in_our_words(unusable.what())));
+        found.passed_over.push_back(str(weights.string(), ": ", message_of(unusable)));
       }
     }
   }

@@ -125,7 +125,7 @@ class Workload {
       throw;
     } catch (const Error& error) {
       work.state = "skipped";
-      work.reason = in_our_words(error.what());
+      work.reason = message_of(error);
       return;
     }
     if (finished_.find(work.key.text, &work.result)) work.state = "done";
@@ -151,7 +151,7 @@ class Workload {
       throw;
     } catch (const Error& error) {
       work.state = "failed";
-      work.reason = in_our_words(error.what());
+      work.reason = message_of(error);
       std::cerr << "failed: " << work.reason << "\n";
     }
   }
