@@ -47,7 +47,7 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"new-place", f.new_place},
           {"ring-key-candidates", str(f.ring_key_candidates)},
           {"pca", f.pca},
-          {"pca-fit", f.pca_fit == "all" || f.pca_fit == "map" ? f.pca_fit : placed(f.pca_fit)},
+          {"fit-on", f.fit_on == "all" || f.fit_on == "map" ? f.fit_on : placed(f.fit_on)},
           {"memory", exact(f.memory_gb)},
           {"protocol", o.protocol},
           {"align", f.align.value_or("")},

@@ -15,7 +15,7 @@ struct RecognizerSource {
 };
 /// Whether all cores work on one scan, or each on its own.
 enum class ScansAtOnce { kOne, kMany };
-/// Throws UsageError for a feature that learns from whole drives (--pca, but for --pca-fit DIR) and
+/// Throws UsageError for a feature that learns from whole drives (--pca, but for --fit-on DIR) and
 /// for options without a meaning here.
 RecognizerSource recognizer_source(FeatureOptions& options, const Parser& parser,
                                    const pipeline::Dataset& some,
