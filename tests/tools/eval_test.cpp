@@ -47,7 +47,7 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
   EXPECT_NE(result.out.find("\nreport: "), std::string::npos) << result.out;
   const std::string loops = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(loops.substr(0, loops.find('\n')),
-            "query_index,match_index,rank,query_time,match_time,cosine,score,margin,yaw_deg,"
+            "query_index,match_index,rank,query_time,match_time,similarity,score,margin,yaw_deg,"
             "accepted,true,positive,case");
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
   EXPECT_FALSE(fs::exists(run_folder() / "report.html"));
@@ -670,7 +670,8 @@ TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
                                                                            : "none";
   };
   EXPECT_STREQ(score(""), "margin");
-  EXPECT_STREQ(score("--score cosine"), "cosine");
+  EXPECT_STREQ(score("--score similarity"), "cosine");
+  EXPECT_STREQ(score("--score cosine"), "cosine") << "its former name";
   EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8"), "cosine");
   EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8 --score margin"), "margin");
 }

@@ -160,7 +160,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
       observer_.stage(result.on_pairs() ? "comparing" : "retrieving", "queries");
   watch.lap();
   if (result.on_pairs()) {
-    result.score = Score::kBest;
+    result.score = Score::kSimilarity;
     PairResult pairs = evaluate_pairs(task, trajectory_, descriptors,
                                       {options_.threads, resampling, progress, observer_.stop});
     times.retrieve.push_back(watch.lap());
@@ -171,7 +171,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
     return result;
   }
   result.score = options_.score.value_or(
-      case1_.extractor().best_is_sure || !task.margin_score ? Score::kBest : Score::kMargin);
+      case1_.extractor().best_is_sure || !task.margin_score ? Score::kSimilarity : Score::kMargin);
   result.matches =
       retrieve(descriptors, task,
                {options_.k, result.score, options_.threads, progress, observer_.stop}, query_case);

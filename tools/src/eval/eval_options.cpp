@@ -101,9 +101,9 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
                 "the alignment cases queries are described in; stored scans always use case 1 "
                 "(default protocol: both in paper-difficult, else 1)",
                 &o.query_case);
-  parser.option("score", "margin|cosine",
+  parser.option("score", "margin|similarity",
                 "s = 2 c1 - ck, or c1 alone, the similarity of the best (default: the protocol's; "
-                "cosine for fabmap, whose similarity is a probability)",
+                "similarity for fabmap, whose similarity is a probability)",
                 &o.score);
   parser.option("k", "K", "retrieved scans per query (default 4)", &o.k);
   parser.option("distance", "xz|3d|box|place",
