@@ -23,6 +23,18 @@ size_t edit_distance(std::string_view a, std::string_view b) {
 
 }  // namespace
 
+Error::Error(const std::string& message) : Error(Pieces(message)) {}
+Error::Error(const char* message) : Error(Pieces(message)) {}
+Error::Error(Pieces&& pieces)
+    : std::runtime_error(pieces.text([](const std::string& name) { return name; })),
+      pieces_(std::move(pieces)) {}
+
+std::string Error::Pieces::text(const Words& word) const {
+  std::string text;
+  for (const Piece& piece : *this) text += piece.is_name ? word(piece.text) : piece.text;
+  return text;
+}
+
 std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates) {
   constexpr size_t kLongestName = 200;  // bounds the work on hostile input
   if (wanted.size() > kLongestName) return "";

@@ -20,11 +20,11 @@ void check_weight_bytes(const Net::Impl& net, int64_t limit) {
   for (const Node& node : net.graph.nodes) {
     for (const Tensor& weight : node.weights) bytes += bytes_of(weight.shape);
     if (bytes <= limit) continue;
-    throw InputError(
-        str(net.file, ": layer '", node.name, "' (", node.param.type(),
-            "): the weights up to here take ", bytes / kMegabyte, " MB, more than the limit of ",
-            limit / kMegabyte,
-            " MB (Limits::weight_bytes raises it); is its num_output or kernel right?"));
+    throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(),
+                     "): the weights up to here take ", bytes / kMegabyte,
+                     " MB, more than the limit of ", limit / kMegabyte, " MB (",
+                     CppName{"Limits::weight_bytes"},
+                     " raises it); is its num_output or kernel right?");
   }
 }
 
@@ -32,9 +32,9 @@ void check_outputs(const std::vector<Shape>& outputs, int64_t limit) {
   int64_t bytes = 0;
   for (const Shape& output : outputs) bytes += bytes_of(output);
   if (bytes > limit)
-    throw InputError(str("its outputs take ", bytes / kMegabyte, " MB, more than the limit of ",
-                         limit / kMegabyte,
-                         " MB (PlanOptions::max_run_bytes); choose smaller input shapes"));
+    throw InputError("its outputs take ", bytes / kMegabyte, " MB, more than the limit of ",
+                     limit / kMegabyte, " MB (", CppName{"PlanOptions::max_run_bytes"},
+                     "); choose smaller input shapes");
 }
 
 void check_run_memory(const Plan::Impl& plan, int64_t limit) {
@@ -43,12 +43,12 @@ void check_run_memory(const Plan::Impl& plan, int64_t limit) {
   const auto largest =
       std::max_element(schedule.buffers.begin(), schedule.buffers.end(),
                        [](const BufferUse& a, const BufferUse& b) { return a.bytes < b.bytes; });
-  throw InputError(str(
+  throw InputError(
       plan.net->file, ": running the net takes ", schedule.arena_bytes / kMegabyte,
       " MB for values and ", schedule.packed_bytes / kMegabyte, " MB for packed weights, beside ",
       plan.weight_bytes / kMegabyte, " MB of weights, more than the limit of ", limit / kMegabyte,
-      " MB (PlanOptions::max_run_bytes); most is for '", largest->what,
-      "': ", largest->bytes / kMegabyte, " MB; choose smaller input shapes or fewer threads"));
+      " MB (", CppName{"PlanOptions::max_run_bytes"}, "); most is for '", largest->what,
+      "': ", largest->bytes / kMegabyte, " MB; choose smaller input shapes or fewer threads");
 }
 
 void check_threads(int threads) {

@@ -40,11 +40,12 @@ std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
         const ValueId id = node.inputs[port];
         inputs.push_back(shapes[id]);
         if (result[id] && !is_view)
-          throw UnsupportedError(str("the number of rows of its input '", net.graph.values[id].blob,
-                                     "' depends on the data (layer '",
-                                     net.graph.nodes[result[id]->layer].name,
-                                     "'); such a blob can only be an output: end the net "
-                                     "before this layer (Truncation::end)"));
+          throw UnsupportedError("the number of rows of its input '", net.graph.values[id].blob,
+                                 "' depends on the data (layer '",
+                                 net.graph.nodes[result[id]->layer].name,
+                                 "'); such a blob can only be an output: end the net "
+                                 "before this layer (",
+                                 CppName{"Truncation::end"}, ")");
       }
       for (size_t port = 0; port < node.outputs.size(); ++port) {
         std::optional<DynamicRows>& rows = result[node.outputs[port]];

@@ -6,6 +6,8 @@
 namespace revisit::engine {
 namespace {
 
+constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
+
 /// A layer without the fields that inference never looks at.
 caffe::LayerParameter description(const caffe::LayerParameter& layer) {
   caffe::LayerParameter result = layer;
@@ -71,11 +73,12 @@ std::vector<std::string> names(const std::vector<Node>& nodes) {
   return result;
 }
 
-const Node& find_layer(const Graph& graph, const std::string& name, const char* field) {
+const Node& find_layer(const Graph& graph, const std::string& name, CppName option) {
   for (const Node& node : graph.nodes)
     if (node.name == name) return node;
-  throw UsageError(str(field, ": the net '", graph.name, "' has no layer '", name, "'",
-                       did_you_mean(name, names(graph.nodes)), "; Net::layer_names lists them"));
+  throw UsageError(option, ": the net '", graph.name, "' has no layer '", name, "'",
+                   did_you_mean(name, names(graph.nodes)), "; ", CppName{"Net::layer_names"},
+                   " lists them");
 }
 
 /// What comes out of the ReLU of the layer that wrote `value`: one that works in place, or that
@@ -92,17 +95,17 @@ ValueId after_relu(Graph& graph, const Truncation& truncation, ValueId value) {
   if (relu->in_place || n_readers == 1) return relu->outputs.at(0);
   graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
                                "' before the ReLU '", relu->name,
-                               "', because other layers read it, too; with '", relu->name,
-                               "' as Truncation::end it is after it"));
+                               "', because other layers read it, too; end the net at '", relu->name,
+                               "' to graft after it"));
   return value;
 }
 
 /// Appends a copy of layer `graft` (parameters only) after `end` and its ReLU.
 Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
-  const Node& source = find_layer(graph, truncation.graft, "Truncation::graft");
+  const Node& source = find_layer(graph, truncation.graft, kGraft);
   if (source.inputs.size() != 1 || source.outputs.size() != 1)
-    throw UsageError(str("Truncation::graft: layer '", truncation.graft,
-                         "' must have one input and one output to be grafted"));
+    throw UsageError(kGraft, ": layer '", truncation.graft,
+                     "' must have one input and one output to be grafted");
   value = after_relu(graph, truncation, value);
   Node node = source;
   node.name = truncation.name();
@@ -134,14 +137,13 @@ Graph parse(const caffe::NetParameter& net) {
 Graph prune(const Graph& whole, const Truncation& truncation) {
   Graph graph = whole;
   if (!truncation.graft.empty() && truncation.end.empty())
-    throw UsageError("Truncation::graft needs Truncation::end: the layer to graft onto");
+    throw UsageError(kGraft, " needs ", kEnd, ": the layer to graft onto");
   if (!truncation.end.empty()) {
-    const Node& end = find_layer(graph, truncation.end, "Truncation::end");
-    if (end.outputs.empty())
-      throw UsageError(str("Truncation::end: layer '", end.name, "' has no output"));
+    const Node& end = find_layer(graph, truncation.end, kEnd);
+    if (end.outputs.empty()) throw UsageError(kEnd, ": layer '", end.name, "' has no output");
     if (!truncation.graft.empty() && end.outputs.size() > 1)
-      throw UsageError(str("Truncation::graft: the layer '", end.name, "' (Truncation::end) has ",
-                           end.outputs.size(), " outputs; graft onto a layer with one"));
+      throw UsageError(kGraft, ": the layer '", end.name, "' (", kEnd, ") has ", end.outputs.size(),
+                       " outputs; graft onto a layer with one");
     if (truncation.graft.empty()) {
       graph.outputs.clear();
       for (size_t i = 0; i < end.outputs.size(); ++i)

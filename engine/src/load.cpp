@@ -38,10 +38,10 @@ void check_graft(const Net::Impl& net, const Truncation& truncation) {
   if (truncation.graft.empty()) return;  // then a net may be without layers, too
   const Node& last = net.graph.nodes.back();
   if (last.weights.empty()) return;
-  throw UsageError(str(net.file, ": Truncation::graft: layer '", truncation.graft, "' (",
-                       last.param.type(),
-                       ") has weights, which a copy would lack; graft a layer without weights, "
-                       "e.g. a pooling layer"));
+  throw UsageError(net.file, ": ", CppName{"Truncation::graft"}, ": layer '", truncation.graft,
+                   "' (", last.param.type(),
+                   ") has weights, which a copy would lack; graft a layer without weights, "
+                   "e.g. a pooling layer");
 }
 
 /// Everything but the weights' values; their shapes are set.
@@ -58,7 +58,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     for (const std::string& warning : net->graph.warnings)
       net->warnings.push_back(str(net->file, ": ", warning));
   } catch (const InputError& error) {
-    throw InputError(net->file + ": " + error.what());
+    throw InputError(net->file, ": ", error);
   }
   for (Node& node : net->graph.nodes) {
     try {

@@ -102,9 +102,9 @@ HeldWeights hold(const Net::Impl& net, const Step& step) {
   try {
     return step.kernel.hold();
   } catch (const std::bad_alloc&) {
-    throw MemoryError(str(net.file, ": layer '", net.graph.nodes[step.layer].name,
-                          "': out of memory for ", step.kernel.packed.count / kMegabyte,
-                          " MB of packed weights; lower PlanOptions::max_run_bytes"));
+    throw MemoryError(net.file, ": layer '", net.graph.nodes[step.layer].name,
+                      "': out of memory for ", step.kernel.packed.count / kMegabyte,
+                      " MB of packed weights; lower ", CppName{"PlanOptions::max_run_bytes"});
   }
 }
 

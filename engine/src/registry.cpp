@@ -99,9 +99,9 @@ std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
       param.bottom_size() == 0 && param.top_size() > 0
           ? "; it reads no blob: if it reads data, write an Input layer instead"
           : "";
-  throw UnsupportedError(str("layer type '", param.type(), "' is not supported",
-                             did_you_mean(param.type(), known), reads_data,
-                             "; engine::layer_types lists them"));
+  throw UnsupportedError("layer type '", param.type(), "' is not supported",
+                         did_you_mean(param.type(), known), reads_data, "; ",
+                         CppName{"engine::layer_types"}, " lists them");
 }
 
 std::vector<LayerType> layer_types() {

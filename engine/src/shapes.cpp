@@ -10,12 +10,12 @@ Shape input_shape(const Node& node, size_t port) {
   const caffe::InputParameter& param = node.param.input_param();
   const auto n_shapes = static_cast<size_t>(param.shape_size());
   if (n_shapes == 0)
-    throw InputError(str("the file gives no shape for the input '",
-                         node.param.top(static_cast<int>(port)),
-                         "'; give it in the prototxt or by LoadOptions::inputs"));
+    throw InputError("the file gives no shape for the input '",
+                     node.param.top(static_cast<int>(port)), "'; give it in the prototxt or by ",
+                     CppName{"LoadOptions::inputs"});
   if (n_shapes != 1 && n_shapes != node.outputs.size())
-    throw InputError(str("expected 1 or ", node.outputs.size(), " shapes, found ", n_shapes,
-                         "; give them in the prototxt or by LoadOptions::inputs"));
+    throw InputError("expected 1 or ", node.outputs.size(), " shapes, found ", n_shapes,
+                     "; give them in the prototxt or by ", CppName{"LoadOptions::inputs"});
   const caffe::BlobShape& shape = param.shape(n_shapes == 1 ? 0 : static_cast<int>(port));
   return Shape(std::vector<int64_t>(shape.dim().begin(), shape.dim().end()));
 }
@@ -27,9 +27,9 @@ void rethrow_at(const std::string& file, const Node& node) {
   try {
     throw;
   } catch (const UnsupportedError& error) {
-    throw UnsupportedError(place + error.what());
+    throw UnsupportedError(place, error);
   } catch (const InputError& error) {
-    throw InputError(place + error.what());
+    throw InputError(place, error);
   }
 }
 

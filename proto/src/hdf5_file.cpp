@@ -237,7 +237,8 @@ const Hdf5Links& Hdf5File::links(uint64_t address) {
 void Hdf5File::spend(int64_t steps) {
   steps_left_ -= steps;
   if (steps_left_ < 0)
-    throw FormatError(cursor_.position(), "has too many links (Limits::layers raises the limit)");
+    throw FormatError(cursor_.position(), "has too many links (", CppName{"Limits::layers"},
+                      " raises the limit)");
 }
 
 /// A node of the tree that holds a group's links, at `level` (-1: the top).

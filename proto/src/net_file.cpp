@@ -72,23 +72,23 @@ void check_is_text(const std::string& text, const std::string& name, const Limit
         str(name, ":1:1: starts with a byte order mark; save it as UTF-8 without one"));
   }
   if (static_cast<int64_t>(text.size()) > limits.text_bytes) {
-    throw InputError(
-        str(name, ": is larger than ", limits.text_bytes >> 20,
-            " MB, the limit for a network description (Limits::text_bytes raises it)"));
+    throw InputError(name, ": is larger than ", limits.text_bytes >> 20,
+                     " MB, the limit for a network description (", CppName{"Limits::text_bytes"},
+                     " raises it)");
   }
   const auto opens = [](char c) { return c == '{' || c == '<'; };
   if (std::ranges::count_if(text, opens) > limits.layers * kMessagesPerLayer) {
-    throw InputError(str(name, ": has more than ", limits.layers * kMessagesPerLayer, " pairs of ",
-                         "braces, ", kMessagesPerLayer, " for each of at most ", limits.layers,
-                         " layers (Limits::layers raises the limit)"));
+    throw InputError(name, ": has more than ", limits.layers * kMessagesPerLayer, " pairs of ",
+                     "braces, ", kMessagesPerLayer, " for each of at most ", limits.layers,
+                     " layers (", CppName{"Limits::layers"}, " raises the limit)");
   }
 }
 
 void check_layers(const caffe::NetParameter& net, const std::string& name, const Limits& limits) {
   const int64_t layers = int64_t{net.layer_size()} + net.layers_size();
   if (layers <= limits.layers) return;
-  throw InputError(str(name, ": has ", layers, " layers, more than the limit of ", limits.layers,
-                       " (Limits::layers raises it)"));
+  throw InputError(name, ": has ", layers, " layers, more than the limit of ", limits.layers, " (",
+                   CppName{"Limits::layers"}, " raises it)");
 }
 
 /// Everything that is done to a net once it is parsed; `text` is null for a binary file.

@@ -35,16 +35,16 @@ struct Range {
 };
 
 InputError malformed(const FileCursor& cursor, const FormatError& error, const std::string& where) {
-  return InputError(
-      str(cursor.file().string(), ": byte ", error.offset, ": ", where, error.what()));
+  return InputError(cursor.file().string(), ": byte ", error.offset, ": ", where, error);
 }
 
 /// Refuses files of more bytes than a limit allows before they are looked at.
 void check_size(const FileCursor& cursor, const Limits& limits) {
   const auto size = static_cast<int64_t>(cursor.size());
   if (size <= limits.weight_bytes) return;
-  throw InputError(str(cursor.file().string(), ": is ", size, " bytes, more than the limit of ",
-                       limits.weight_bytes >> 20, " MB (Limits::weight_bytes raises it)"));
+  throw InputError(cursor.file().string(), ": is ", size, " bytes, more than the limit of ",
+                   limits.weight_bytes >> 20, " MB (", CppName{"Limits::weight_bytes"},
+                   " raises it)");
 }
 
 void check_binary_size(const FileCursor& cursor, const char* what) {
@@ -126,8 +126,8 @@ class Caffemodel final : public WeightsFile {
         throw FormatError(field.begin, "has both V1 `layers` and V2 `layer`; Caffe reads neither");
       }
       if (static_cast<int64_t>(layers_.size()) == limits_.layers) {
-        throw FormatError(field.begin, str("more than ", limits_.layers,
-                                           " layers (Limits::layers raises the limit)"));
+        throw FormatError(field.begin, "more than ", limits_.layers, " layers (",
+                          CppName{"Limits::layers"}, " raises the limit)");
       }
       Layer layer;
       std::vector<Range> blobs;
@@ -158,9 +158,9 @@ class Caffemodel final : public WeightsFile {
       if (field.is(numbers.name, WireType::kLength)) layer.name = read_string(field);
       if (!field.is(numbers.blobs, WireType::kLength)) continue;
       if (++n_blobs_ > limits_.layers * kBlobsPerLayer) {
-        throw FormatError(field.begin, str("more than ", limits_.layers * kBlobsPerLayer,
-                                           " blobs (Limits::layers raises the limit, ",
-                                           kBlobsPerLayer, " for each layer)"));
+        throw FormatError(field.begin, "more than ", limits_.layers * kBlobsPerLayer, " blobs (",
+                          CppName{"Limits::layers"}, " raises the limit, ", kBlobsPerLayer,
+                          " for each layer)");
       }
       blobs.push_back({field.begin, field.end});
     }

@@ -56,8 +56,9 @@ class Hdf5Weights final : public WeightsFile {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& reason) const {
-    throw InputError(str(cursor_.file().string(), ": ", reason));
+  template <class... Parts>
+  [[noreturn]] void fail(const Parts&... reason) const {
+    throw InputError(cursor_.file().string(), ": ", reason...);
   }
 
   /// Runs `action`; what it finds wrong with the format becomes an error with file and place.
@@ -66,7 +67,7 @@ class Hdf5Weights final : public WeightsFile {
     try {
       action();
     } catch (const FormatError& error) {
-      fail(str("byte ", error.offset, ": ", place, "a damaged HDF5 file: ", error.what()));
+      fail("byte ", error.offset, ": ", place, "a damaged HDF5 file: ", error);
     } catch (const Hdf5Unsupported& error) {
       throw UnsupportedError(str(cursor_.file().string(), ": ", place, error.what()));
     }
@@ -108,21 +109,22 @@ class Hdf5Weights final : public WeightsFile {
         has_groups = true;
         if (!with_groups) continue;
         if (depth + 1 == kDeepestName)
-          fail(str("'/data/", place, "' is nested too deeply for the name of a layer"));
+          fail("'/data/", place, "' is nested too deeply for the name of a layer");
         // Links can make circles: what is below a group is looked at once, under its own name.
         const bool is_own = link.target.empty() && visited_.insert(*address).second;
         index_group(*address, place, depth + 1, is_own);
       } else if (index >= 0) {
-        if (!object.is_array) fail(str("'/data/", place, "' leads to no array of this file"));
+        if (!object.is_array) fail("'/data/", place, "' leads to no array of this file");
         if (index >= kMostBlobs)
-          fail(str("layer '", name, "' has a blob ", index, "; at most ", kMostBlobs, " are read"));
+          fail("layer '", name, "' has a blob ", index, "; at most ", kMostBlobs, " are read");
         blobs.resize(std::max(blobs.size(), static_cast<size_t>(index) + 1));
         blobs[static_cast<size_t>(index)] = address;
       }
     }
     if (name.empty() || (blobs.empty() && has_groups)) return;
     if (static_cast<int64_t>(layers_.size()) == limits_.layers)
-      fail(str("more than ", limits_.layers, " layers (Limits::layers raises the limit)"));
+      fail("more than ", limits_.layers, " layers (", CppName{"Limits::layers"},
+           " raises the limit)");
     layers_.push_back({name, blobs.size()});
     blobs_.push_back(std::move(blobs));
   }
@@ -133,7 +135,7 @@ class Hdf5Weights final : public WeightsFile {
     const NumberReader number = number_reader(array.number);
     if (!number) throw Hdf5Unsupported("holds no floats, doubles or integers");
     const auto blame = [&](const std::string& reason) {
-      fail(str(place, "shape ", shape_text(array.shape), " ", reason));
+      fail(place, "shape ", shape_text(array.shape), " ", reason);
     };
     uint64_t elements = 1;
     for (const int64_t dim : array.shape) {

@@ -223,9 +223,9 @@ void bind_tasks(nb::module_& module) {
       .def_prop_ro(
           "score",
           [](const Task& task) {
-            return name_of(task.margin_score ? Score::kMargin : Score::kBest);
+            return name_of(task.margin_score ? Score::kMargin : Score::kSimilarity);
           },
-          "Which score the protocol uses: 'margin' or 'cosine'.");
+          "Which score the protocol uses: 'margin' or 'cosine' (the similarity).");
   module.def(
       "make_tasks",
       [](const std::string& protocol, const std::string& sequence, const Trajectory& trajectory,
@@ -257,7 +257,7 @@ void bind_matching(nb::module_& module) {
          int threads) {
         const Descriptors descriptors = descriptors_from(array);
         const Score chosen =
-            score ? parse_score(*score) : (task.margin_score ? Score::kMargin : Score::kBest);
+            score ? parse_score(*score) : (task.margin_score ? Score::kMargin : Score::kSimilarity);
         Listener listener;
         return listener.run([&] {
           return retrieve(descriptors, task,
@@ -268,7 +268,7 @@ void bind_matching(nb::module_& module) {
       "threads"_a = 1,
       "The k stored scans most similar to every query, by cosine.\n\n"
       "descriptors: [scans of the data set][numbers].\n"
-      "score: 'margin' (2 c1 - ck), 'cosine' (c1) or the protocol's.");
+      "score: 'margin' (2 c1 - ck), 'similarity' (c1) or the protocol's.");
   module.def(
       "judge",
       [](const std::vector<Match>& matches, const Task& task, const Trajectory& trajectory) {

@@ -116,7 +116,7 @@ void bind_recognizer(nb::module_& module) {
           "is reached.\n"
           "precision: the share of accepted loops that are to be right, as far as the calibration "
           "of the map or the feature holds.\n"
-          "score: 'margin' (2 c1 - ck) or 'cosine' (c1).\n"
+          "score: 'margin' (2 c1 - ck) or 'similarity' (c1).\n"
           "Raises InputError when the map was made with another feature.")
       .def(
           "describe",

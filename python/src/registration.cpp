@@ -31,6 +31,12 @@ ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)
                  self);
 }
 
+/// Warns of an attribute's former name, which is kept for one release.
+void warn_renamed(const char* former, const char* name) {
+  if (PyErr_WarnFormat(PyExc_DeprecationWarning, 1, "%s is now %s", former, name) != 0)
+    throw nb::python_error();
+}
+
 }  // namespace
 
 void bind_registration(nb::module_& module) {
@@ -69,8 +75,24 @@ void bind_registration(nb::module_& module) {
       .def_prop_ro(
           "information", [](const Registration& r) { return r.information; },
           "Inverse covariance of (t, w), float64 [6][6], in the query's frame.")
-      .def_ro("fitness", &Registration::fitness, "Mean squared distance of the inliers [m^2].")
-      .def_ro("inliers", &Registration::inliers, "Share of the query's upright points, 0 to 1.")
+      .def_ro("mean_squared_distance", &Registration::mean_squared_distance,
+              "Of the inliers [m^2].")
+      .def_ro("inlier_ratio", &Registration::inlier_ratio,
+              "Share of the query's upright points, 0 to 1.")
+      .def_prop_ro(
+          "fitness",
+          [](const Registration& r) {
+            warn_renamed("fitness", "mean_squared_distance");
+            return r.mean_squared_distance;
+          },
+          "Former name of mean_squared_distance.")
+      .def_prop_ro(
+          "inliers",
+          [](const Registration& r) {
+            warn_renamed("inliers", "inlier_ratio");
+            return r.inlier_ratio;
+          },
+          "Former name of inlier_ratio.")
       .def_ro("constraint", &Registration::constraint, "0 (along a corridor) to 1/3.")
       .def_ro("accepted", &Registration::accepted);
   module.attr("HAS_PCL") = has_pcl();

@@ -5,6 +5,17 @@
 namespace revisit {
 namespace {
 
+TEST(Error, MessageIsItsPartsWithOtherWordsForCppNames) {
+  const auto shout = [](const std::string& name) { return "<" + name + ">"; };
+  const InputError inner("give it by ", CppName{"A::b"}, ", found ", 7);
+  EXPECT_STREQ(inner.what(), "give it by A::b, found 7");
+  EXPECT_EQ(inner.message(shout), "give it by <A::b>, found 7");
+  const UsageError outer("A::b.bin: ", inner, "; ", UsageError("A::b"));
+  EXPECT_STREQ(outer.what(), "A::b.bin: give it by A::b, found 7; A::b");
+  EXPECT_EQ(outer.message(shout), "A::b.bin: give it by <A::b>, found 7; A::b");
+  EXPECT_EQ(UsageError(inner).message(shout), inner.message(shout)) << "also as another type";
+}
+
 TEST(NearestName, OffersLikelyMisspellingsOnly) {
   const std::vector<std::string> layers = {"conv1", "conv2", "pool5", "relu3_1"};
   EXPECT_EQ(nearest_name("cov1", layers), "conv1");

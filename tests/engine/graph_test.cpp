@@ -85,7 +85,7 @@ TEST(Graph, GraftBeforeAReluIsSaidWhenOtherLayersReadWhatItReads) {
   ASSERT_EQ(graph.warnings.size(), 1U);
   EXPECT_EQ(graph.warnings[0],
             "'conv1+pool' is grafted onto 'conv1' before the ReLU 'relu1', because other layers "
-            "read it, too; with 'relu1' as Truncation::end it is after it");
+            "read it, too; end the net at 'relu1' to graft after it");
   EXPECT_EQ(names(prune(whole, {"relu1", "pool"})),
             (std::vector<std::string>{"in", "conv1", "relu1", "relu1+pool"}));
 }

@@ -82,7 +82,7 @@ void register_them(const PointsView& points) {
       register_scans(scan, scan, 0.1, {}, [](const Eigen::Isometry3d& start) { return start; });
   require(found.T_place_query.matrix().allFinite() && found.information.allFinite(),
           "a registration is finite");
-  require(found.inliers >= 0 && found.inliers <= 1, "inliers are a share");
+  require(found.inlier_ratio >= 0 && found.inlier_ratio <= 1, "inliers are a share");
 }
 
 }  // namespace

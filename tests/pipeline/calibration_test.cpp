@@ -224,14 +224,14 @@ TEST(Calibration, FiguresOfHowWellItHolds) {
 TEST(Calibration, IsWrittenAndRead) {
   Calibration c = isotonic_calibration(drawn(500, 0.5, 7));
   c.k = 7;
-  c.score = Score::kBest;
+  c.score = Score::kSimilarity;
   c.radius = 3, c.wrong_beyond = 9;
   c.learnt_from = "a town";
   const std::string content = calibration_content(c);
   const Calibration read = parse_calibration(content, "x");
   EXPECT_EQ(read, c);
   EXPECT_EQ(read.k, 7);
-  EXPECT_EQ(read.score, Score::kBest);
+  EXPECT_EQ(read.score, Score::kSimilarity);
   EXPECT_EQ(read.radius, 3);
   EXPECT_EQ(read.wrong_beyond, 9);
   EXPECT_EQ(read.learnt_from, "a town");

@@ -73,7 +73,7 @@ Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparis
     match.similarities.push_back(-similarity);
   }
   const double best = match.similarities.front(), kth = match.similarities.back();
-  match.score = options.score == Score::kBest ? best : 2 * best - kth;
+  match.score = options.score == Score::kSimilarity ? best : 2 * best - kth;
   return match;
 }
 
@@ -141,7 +141,7 @@ std::unique_ptr<AllCosines> source_of(const PlaceIndex& index) {
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByCosine) {
   expect_what_the_slow_twin_finds(random_descriptors(2500, 37), {}, {.k = 4});
   expect_what_the_slow_twin_finds(random_descriptors(1024, 37), {},
-                                  {.k = 1, .score = Score::kBest});
+                                  {.k = 1, .score = Score::kSimilarity});
 }
 
 TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByRings) {

@@ -514,7 +514,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
   EXPECT_LT(accepted, 100);
   // Of other scores it knows nothing.
   for (const RecognizerOptions& other :
-       {RecognizerOptions{.k = 2}, RecognizerOptions{.score = Score::kBest}}) {
+       {RecognizerOptions{.k = 2}, RecognizerOptions{.score = Score::kSimilarity}}) {
     PlaceRecognizer uncalibrated(calibrated_coordinates(), other);
     drive(uncalibrated, 0, 5);
     EXPECT_FALSE(uncalibrated.threshold());

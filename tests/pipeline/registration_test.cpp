@@ -128,8 +128,8 @@ TEST(Registration, FindsHowScansOfAStreetLie) {
         const Eigen::Isometry3d truth = T_world_place.inverse() * T_world_query;
         const PreparedScan query(street().scan(T_world_query));
         const Registration found = register_scans(query, place, yaw_of(truth) + error);
-        EXPECT_TRUE(found.accepted) << at << " " << turn << " " << ahead << ": " << found.inliers
-                                    << " " << found.constraint;
+        EXPECT_TRUE(found.accepted) << at << " " << turn << " " << ahead << ": "
+                                    << found.inlier_ratio << " " << found.constraint;
         metres.push_back((found.T_place_query.translation() - truth.translation()).norm());
         degrees.push_back(angle_between(found.T_place_query, truth) / kDegree);
         EXPECT_LT(metres.back(), 0.3);
@@ -159,7 +159,7 @@ TEST(Registration, AWrongPlaceIsNotAccepted) {
     for (const double turn : {0, 180}) {
       const PreparedScan there(street().scan(street().pose(elsewhere)));
       const Registration found = register_scans(here, there, turn * kDegree);
-      EXPECT_FALSE(found.accepted) << elsewhere << " " << turn << ": " << found.inliers;
+      EXPECT_FALSE(found.accepted) << elsewhere << " " << turn << ": " << found.inlier_ratio;
     }
 }
 
@@ -203,7 +203,7 @@ TEST(Registration, ACorridorIsNotHeldAlongItsAxis) {
   const auto along_by_across = [](double length) {
     const Registration found =
         register_scans(PreparedScan(room(length, 1)), PreparedScan(room(length, 2)), 0);
-    EXPECT_GT(found.inliers, 0.8);
+    EXPECT_GT(found.inlier_ratio, 0.8);
     EXPECT_EQ(found.accepted, length < 100) << found.constraint;
     return found.information(0, 0) / found.information(1, 1);
   };
@@ -231,7 +231,7 @@ TEST(Registration, AScanOfHardlyAnythingIsNotAccepted) {
       for (const bool swap : {false, true}) {
         const Registration found = register_scans(swap ? *other : scan, swap ? scan : *other, 1);
         EXPECT_FALSE(found.accepted)
-            << cloud->points.size() << " " << found.inliers << " " << found.constraint;
+            << cloud->points.size() << " " << found.inlier_ratio << " " << found.constraint;
         EXPECT_TRUE(found.T_place_query.matrix().allFinite());
         EXPECT_TRUE(found.information.allFinite());
       }
@@ -281,7 +281,7 @@ TEST(Registration, RealRevisitsAreAcceptedAndOtherPlacesAreNot) {
     const Eigen::Isometry3d expected = truth(query, place);
     const Registration found =
         register_scans(scan(query), scan(place), yaw_of(expected) + 2 * kDegree);
-    EXPECT_TRUE(found.accepted) << query << " " << place << ": " << found.inliers;
+    EXPECT_TRUE(found.accepted) << query << " " << place << ": " << found.inlier_ratio;
     const Eigen::Vector3d error = found.T_place_query.translation() - expected.translation();
     EXPECT_LT(error.head<2>().norm(), 0.3) << query << " " << place;
     EXPECT_LT(std::abs(yaw_of(expected.inverse() * found.T_place_query)), kDegree);

@@ -66,7 +66,8 @@ TEST(Retrieve, ScoreByHand) {
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{0, 1, 3, 4}));
   EXPECT_NEAR(match.score, 2 * 1 - 0, 1e-12);
   EXPECT_NEAR(retrieve({m}, first_stored(6, 5), {.k = 3}).at(0).score, 2 - 0.6, 1e-7);
-  EXPECT_NEAR(retrieve({m}, first_stored(6, 5), {.score = Score::kBest}).at(0).score, 1, 1e-12);
+  EXPECT_NEAR(retrieve({m}, first_stored(6, 5), {.score = Score::kSimilarity}).at(0).score, 1,
+              1e-12);
   EXPECT_EQ(match.which_case, 1);
 }
 
@@ -162,12 +163,13 @@ TEST(Retrieve, BySimilarityOfItsOwn) {
   EXPECT_EQ(match.ranks, (std::vector<int64_t>{1, 3, 2, 0}));
   EXPECT_EQ(match.similarities, (std::vector<double>{-1, -1, -2, -4}));
   EXPECT_EQ(match.score, 2 * -1 - -4);
-  EXPECT_EQ(retrieve(descriptors, first_stored(6, 5), {.score = Score::kBest}).at(0).score, -1);
+  EXPECT_EQ(retrieve(descriptors, first_stored(6, 5), {.score = Score::kSimilarity}).at(0).score,
+            -1);
   // Case 2 asks with another descriptor, 9: the stored ones stay as they are.
   descriptors.case2 = matrix({{0}, {0}, {0}, {0}, {0}, {9}});
   for (const QueryCase asked : {QueryCase::kBoth, QueryCase::kTwo}) {
     const Match second =
-        retrieve(descriptors, first_stored(6, 5), {.score = Score::kBest}, asked).at(0);
+        retrieve(descriptors, first_stored(6, 5), {.score = Score::kSimilarity}, asked).at(0);
     EXPECT_EQ(second.which_case, 2);
     EXPECT_EQ(second.ranks[0], 4);
   }

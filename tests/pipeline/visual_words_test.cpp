@@ -147,7 +147,7 @@ TEST_F(VisualWords, FabMapFindsThePlaceAgain) {
   for (int64_t i = 0; i < 12; ++i) task.stored.push_back(i);
   for (int64_t i = 12; i < 18; ++i) task.queries.push_back({i, {CandidateRange{0, 12}, {}}});
   for (const Match& match :
-       retrieve({words, {}, fabmap.comparison}, task, {.score = Score::kBest})) {
+       retrieve({words, {}, fabmap.comparison}, task, {.score = Score::kSimilarity})) {
     EXPECT_EQ(match.ranks[0], match.query - 12);
     EXPECT_GT(match.score, 0.5);
     EXPECT_LE(match.score, 1);

@@ -159,7 +159,7 @@ class Maps(FolderTest):
     def test_stay_open_when_a_recogniser_refuses(self):
         filled(revisit.open_map(self.file, first_stretch=4))
         store = maps.MapStore.open(self.file, write=True)
-        for options, error, says in (({'k': 0}, revisit.UsageError, 'RecognizerOptions::k'),
+        for options, error, says in (({'k': 0}, revisit.UsageError, 'k: expected at least 1'),
                                      ({}, revisit.InputError, "feature: the map has .*, this program 'm2dp'")):
             with self.assertRaisesRegex(error, says):
                 maps.PlaceRecognizer(revisit.recognition.m2dp_features(), store, **options)

@@ -33,7 +33,10 @@ class Registering(unittest.TestCase):
         turn = np.arctan2(found.T_place_query[1, 0], found.T_place_query[0, 0])
         self.assertAlmostEqual(turn, 0.5, delta=0.01)
         np.testing.assert_allclose(found.T_place_query[:3, 3], 0, atol=0.2)
-        self.assertGreater(found.inliers, 0.5)
+        self.assertGreater(found.inlier_ratio, 0.5)
+        for former, name in (('inliers', 'inlier_ratio'), ('fitness', 'mean_squared_distance')):
+            with self.assertWarnsRegex(DeprecationWarning, f'{former} is now {name}'):
+                self.assertEqual(getattr(found, former), getattr(found, name))
         self.assertEqual(found.information.shape, (6, 6))
 
     def test_what_cannot_be_is_refused(self):
@@ -88,7 +91,7 @@ class OfASimulatedDrive(unittest.TestCase):
             metres.append(np.linalg.norm(apart[:3]))
             degrees.append(np.degrees(np.linalg.norm(apart[3:])))
             self.assertEqual(one.accepted, other.accepted)
-            self.assertAlmostEqual(one.inliers, other.inliers, delta=0.05)
+            self.assertAlmostEqual(one.inlier_ratio, other.inlier_ratio, delta=0.05)
             self.assertAlmostEqual(one.constraint, other.constraint, delta=0.02)
             # in a direction that little holds it changes with the pose; on the whole it is the same
             ratios.append(np.linalg.eigvals(np.linalg.solve(one.information, other.information)).real)

@@ -47,7 +47,7 @@ TEST_F(EvalCommand, WritesEveryFileOfARun) {
   EXPECT_NE(result.out.find("\nreport: "), std::string::npos) << result.out;
   const std::string loops = test::read_file(run_folder() / "loops_online.csv");
   EXPECT_EQ(loops.substr(0, loops.find('\n')),
-            "query_index,match_index,rank,query_time,match_time,cosine,score,margin,yaw_deg,"
+            "query_index,match_index,rank,query_time,match_time,similarity,score,margin,yaw_deg,"
             "accepted,true,positive,case");
   ASSERT_EQ(run_revisit(eval("--no-report")).exit_code, 0);
   EXPECT_FALSE(fs::exists(run_folder() / "report.html"));
@@ -170,7 +170,7 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
   const fs::path before = fs::current_path();
   fs::current_path(dir_ / "my nets");
   const std::string command = cli::command_of(cli::parse_eval_options(
-      {"/data", "--model", "bvlc_alexnet", "--weights", "w.caffemodel", "--pca-fit", "pca",
+      {"/data", "--model", "bvlc_alexnet", "--weights", "w.caffemodel", "--fit-on", "pca",
        "--radius", "2.9999999", "--max-range", "1234567", "--memory", "0.1"}));
   const std::string of_images = cli::command_of(cli::parse_eval_options(
       {"/data", "--feature", "fabmap", "--images", "pca", "--training-images", "pca"}));
@@ -178,7 +178,7 @@ TEST_F(EvalCommand, ItsCommandHoldsInEveryFolderAndToTheLastDigit) {
   const std::string nets = "'" + (dir_ / "my nets").string();
   for (const std::string& part :
        {std::string(" --model bvlc_alexnet "), " --weights " + nets + "/w.caffemodel' ",
-        " --pca-fit " + nets + "/pca' ", std::string(" --max-range 1234567 "),
+        " --fit-on " + nets + "/pca' ", std::string(" --max-range 1234567 "),
         std::string(" --memory 0.1 ")})
     EXPECT_NE(command.find(part), std::string::npos) << part << " not in " << command;
   EXPECT_EQ(of_images, "revisit eval /data --feature fabmap --images " + nets +
@@ -286,7 +286,7 @@ TEST_F(EvalCommand, EveryNthFrame) {
 TEST_F(EvalCommand, DescriptorsAreFinite) {
   const std::string describe = "describe " + root().string() + " --feature data --width 100 ";
   const std::string from_model =
-      describe + "--pca-fit " + (results() / "pca").string() + " -o " + (dir_ / "other").string();
+      describe + "--fit-on " + (results() / "pca").string() + " -o " + (dir_ / "other").string();
   ASSERT_EQ(run_revisit(describe + "--pca 5 -o " + results().string()).exit_code, 0);
   proto::NpyArray mean = proto::read_npy(results() / "pca/mean.npy");
   const auto with_mean = [&](float value) {
@@ -565,7 +565,7 @@ TEST_F(EvalCommand, WithoutPcaTheFeatureItselfIsCompared) {
   EXPECT_NE(all, raw);
   ASSERT_EQ(run_revisit(eval("--no-report --pca 0")).exit_code, 0);
   EXPECT_EQ(test::read_file(run_folder() / "loops_online.csv"), all);
-  for (const char* bad : {"--pca -1", "--pca x", "--pca none --pca-fit map"})
+  for (const char* bad : {"--pca -1", "--pca x", "--pca none --fit-on map"})
     EXPECT_EQ(run_revisit(eval(bad)).exit_code, 2) << bad;
 }
 
@@ -670,7 +670,8 @@ TEST_F(EvalCommand, ScoreIsTheProtocolsUnlessAsked) {
                                                                            : "none";
   };
   EXPECT_STREQ(score(""), "margin");
-  EXPECT_STREQ(score("--score cosine"), "cosine");
+  EXPECT_STREQ(score("--score similarity"), "cosine");
+  EXPECT_STREQ(score("--score cosine"), "cosine") << "its former name";
   EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8"), "cosine");
   EXPECT_STREQ(score("--protocol logg3d --exclusion frames=8 --score margin"), "margin");
 }
@@ -683,10 +684,10 @@ TEST_F(EvalCommand, DescribeWritesDescriptorsAndAPcaModel) {
   for (const char* file :
        {"descriptors.npy", "frames.csv", "run.json", "pca/mean.npy", "pca/basis.npy"})
     EXPECT_TRUE(fs::exists(out / file)) << file;
-  const auto again = run_revisit("describe " + common + (dir_ / "two").string() + " --pca-fit " +
+  const auto again = run_revisit("describe " + common + (dir_ / "two").string() + " --fit-on " +
                                  (out / "pca").string());
   EXPECT_EQ(again.exit_code, 0) << again.err;
-  const auto cached = run_revisit("describe " + common + (dir_ / "three").string() + " --pca-fit " +
+  const auto cached = run_revisit("describe " + common + (dir_ / "three").string() + " --fit-on " +
                                   (out / "pca").string() + " --cache " + (dir_ / "c").string());
   EXPECT_EQ(cached.exit_code, 0) << cached.err;
   EXPECT_TRUE(fs::exists(dir_ / "three/descriptors.npy"));

@@ -405,7 +405,7 @@ TEST_F(Loops, SayWhatCannotBe) {
   fails(loops("--sure 2"), 2, "--sure");
   fails(loops("--exclusion years=2"), 2, "exclusion");
   fails(loops("--cache x"), 2, "--cache");
-  fails(loops("--first-stretch 1"), 2, "--first-stretch");
+  fails(loops("--first-stretch 1"), 2, "first stretch: expected at least 2");
   fails(loops("--feature fabmap"), 2, "camera images");
   fails(loops("--g2o x.g2o"), 2, "--verify");
   fails(loops("--tum x.tum"), 2, "--verify");

@@ -51,16 +51,15 @@ TEST(Messages, LibrariesNameNoFlagAndNoCommandOfTheProgram) {
   }
 }
 
-TEST(Messages, EveryFieldThatLibrariesNameHasAWordHere) {
+TEST(Messages, EveryCppNameInLibrariesHasAWordHere) {
   std::set<std::string> known, unused;
-  for (const Setting& setting : settings_in_messages()) known.insert(setting.field);
+  for (const ProgramName& name : names_in_messages()) known.emplace(name.cpp);
   unused = known;
-  const std::regex field(R"([A-Za-z_]+::[A-Za-z_]+)");
+  const std::regex cpp_name(R"([A-Za-z_]+::[A-Za-z_]+)");
   for (const auto& [place, text] : library_strings()) {
-    for (std::sregex_iterator at(text.begin(), text.end(), field), end; at != end; ++at) {
-      EXPECT_TRUE(known.contains(at->str())) << place << ": " << at->str() << " in: " << text;
-      unused.erase(at->str());
-    }
+    if (!std::regex_search(text, cpp_name)) continue;
+    EXPECT_TRUE(known.contains(text)) << place << ": not a CppName, or without a word: " << text;
+    unused.erase(text);
   }
   for (const std::string& name : unused) ADD_FAILURE() << "in no message any more: " << name;
 }
@@ -73,18 +72,20 @@ TEST(Messages, TheWordsAreFlagsAndCommandsThatThereAre) {
     EXPECT_EQ(result.exit_code, 0) << command;
     help += "'revisit " + std::string(command) + "'" + result.out;
   }
-  for (const auto& [field, here] : settings_in_messages()) {
+  for (const auto& [cpp, here] : names_in_messages()) {
     const std::string word = here;
     EXPECT_NE(help.find(word.substr(0, word.starts_with("--") ? word.find(' ') : word.size())),
               std::string::npos)
-        << field << " -> " << here;
+        << cpp << " -> " << here;
   }
 }
 
-TEST(Messages, FieldsBecomeFlags) {
-  EXPECT_EQ(in_our_words("Truncation::graft needs Truncation::end: the layer; Truncation::end"),
-            "--graft needs --end: the layer; --end");
-  EXPECT_EQ(in_our_words("nothing: to::say"), "nothing: to::say");
+TEST(Messages, CppNamesBecomeFlagsButTextStays) {
+  const UsageError error("Truncation::end", ": ", CppName{"Truncation::end"}, " is not ",
+                         CppName{"of::here"});
+  EXPECT_EQ(message_of(error), "Truncation::end: --end is not of::here");
+  EXPECT_STREQ(error.what(), "Truncation::end: Truncation::end is not of::here");
+  EXPECT_EQ(message_of(InputError("Truncation::end: is empty")), "Truncation::end: is empty");
 }
 
 }  // namespace

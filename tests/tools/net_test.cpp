@@ -265,6 +265,14 @@ TEST_F(NetCommand, BadFilesAreExitCode3WithTheirPlace) {
                  "bad.npy");
 }
 
+TEST_F(NetCommand, NamesOfFilesAndLayersStayAsTheyAreInMessages) {
+  fs::rename(dir_ / "net.prototxt", dir_ / "Limits::layers");
+  expect_failure(2, "net inspect --end Truncation::end " + path("Limits::layers"),
+                 "--end: the net 'small' has no layer 'Truncation::end'; 'revisit net inspect'");
+  expect_failure(3, "net inspect --max-layers 3 " + path("Limits::layers"),
+                 "Limits::layers: has 4 layers, more than the limit of 3 (--max-layers raises it)");
+}
+
 TEST_F(NetCommand, LimitsAreOptions) {
   expect_failure(3, "net inspect --max-layers 3 " + path("net.prototxt"),
                  "has 4 layers, more than the limit of 3 (--max-layers raises it)");

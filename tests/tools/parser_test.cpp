@@ -72,6 +72,31 @@ TEST(Parser, AChoiceIsOneOfItsWords) {
       {"--number: expected one or two, found 'three'"});
 }
 
+TEST(Parser, AFormerNameIsAcceptedWithANoteButNotInHelp) {
+  const auto given = [](const std::vector<std::string>& arguments) {
+    std::string value;
+    Parser parser("test", "", "", "");
+    parser.option("fit-on", "X", "", &value).formerly("pca-fit");
+    parser.config([](const std::filesystem::path&) {
+      return std::vector<std::pair<std::string, std::string>>{{"pca-fit", "file"}};
+    });
+    testing::internal::CaptureStderr();
+    parser.parse(arguments);
+    EXPECT_EQ(parser.given("fit-on", Parser::Source::kConfigFile), !value.empty());
+    return std::pair(value, testing::internal::GetCapturedStderr());
+  };
+  EXPECT_EQ(given({"--fit-on", "map"}), std::pair(std::string("map"), std::string()));
+  EXPECT_EQ(given({"--pca-fit", "map"}),
+            std::pair(std::string("map"), std::string("note: --pca-fit is now called --fit-on\n")));
+  EXPECT_EQ(given({"--config", "c.yaml"}),
+            std::pair(std::string("file"),
+                      std::string("note: c.yaml: pca-fit is now called --fit-on\n")));
+  const auto help = test::run_revisit("eval --help");
+  EXPECT_NE(help.out.find("--fit-on"), std::string::npos);
+  EXPECT_EQ(help.out.find("--pca-fit"), std::string::npos);
+  EXPECT_EQ(test::run_revisit("eval --usage").out.find("--pca-fit"), std::string::npos);
+}
+
 TEST(Progress, TheLineIsCutToTheTerminal) {
   EXPECT_EQ(redrawn("abcdef", 0, 0, false), "\r\033[Kabcdef");
   EXPECT_EQ(redrawn("abcdef", 9, 5, false), "\r\033[Kabcd");

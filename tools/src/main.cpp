@@ -6,6 +6,7 @@
 #include <iostream>
 #include <new>
 #include <optional>
+#include <string>
 
 #include "cli/blas_choice.h"
 #include "cli/command.h"
@@ -18,8 +19,8 @@ namespace {
 
 using namespace revisit;
 
-int fail(const char* message, int code) {
-  std::cerr << "revisit: " << cli::in_our_words(message) << "\n";
+int fail(const std::string& message, int code) {
+  std::cerr << "revisit: " << message << "\n";
   return code;
 }
 
@@ -48,13 +49,15 @@ int main(int argc, char** argv) {
     std::cout.flush();
     return std::cout ? code : fail("cannot write to standard output", cli::kFailed);
   } catch (const UsageError& error) {
-    return fail(error.what(), cli::kUsage);
+    return fail(cli::message_of(error), cli::kUsage);
   } catch (const InputError& error) {
-    return fail(error.what(), cli::kBadInput);
+    return fail(cli::message_of(error), cli::kBadInput);
   } catch (const UnsupportedError& error) {
-    return fail(error.what(), cli::kUnsupported);
+    return fail(cli::message_of(error), cli::kUnsupported);
   } catch (const Interrupted& error) {
-    return fail(error.what(), cli::kInterrupted);
+    return fail(cli::message_of(error), cli::kInterrupted);
+  } catch (const Error& error) {
+    return fail(cli::message_of(error), cli::kFailed);
   } catch (const std::bad_alloc&) {
     return fail("out of memory; try a smaller input or fewer threads", cli::kFailed);
   } catch (const std::exception& error) {

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 
 #include "revisit/base/error.h"
-#include "revisit/recognition/polar_heights.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -106,8 +106,23 @@ std::vector<size_t> nearest_ring_keys(std::span<const float> query,
 
 void scan_context(const PointCloud& cloud, const ScanContextOptions& options,
                   std::span<float> context) {
-  polar_heights(cloud, {options.rings, options.sectors, options.max_range, options.sensor_height},
-                context);
+  constexpr float kEmpty = std::numeric_limits<float>::lowest();
+  constexpr double kTurn = 2 * std::numbers::pi;
+  std::ranges::fill(context, kEmpty);
+  for (const Point& point : cloud.points) {
+    if (!is_return(point)) continue;
+    const double range = std::hypot(double{point.x}, double{point.y});
+    if (range > options.max_range) continue;
+    double azimuth = std::atan2(double{point.y}, double{point.x});
+    if (azimuth < 0) azimuth += kTurn;
+    const int ring =
+        std::min(static_cast<int>(range / options.max_range * options.rings), options.rings - 1);
+    const int sector =
+        std::min(static_cast<int>(azimuth / kTurn * options.sectors), options.sectors - 1);
+    float& bin = context[static_cast<size_t>(ring) * options.sectors + sector];
+    bin = std::max(bin, static_cast<float>(point.z + options.sensor_height));
+  }
+  std::ranges::replace(context, kEmpty, 0.0F);
 }
 
 std::vector<float> ring_key(std::span<const float> context, const ScanContextOptions& options) {

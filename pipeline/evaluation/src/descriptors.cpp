@@ -22,8 +22,8 @@ FloatMatrix rows_of(const FloatMatrix& all, int64_t first, int64_t count) {
 FloatMatrix all_rows(const FeatureFile& file, double memory_gb) {
   const double gigabytes = 4e-9 * static_cast<double>(file.n()) * static_cast<double>(file.d());
   if (gigabytes > memory_gb)
-    throw UsageError(str("ReductionOptions::memory_gb: ", file.path().string(), " takes ",
-                         gigabytes, " GB, more than the ", memory_gb, " allowed"));
+    throw UsageError(CppName{"ReductionOptions::memory_gb"}, ": ", file.path().string(), " takes ",
+                     gigabytes, " GB, more than the ", memory_gb, " allowed");
   FloatMatrix matrix(file.n(), file.d());
   for (int64_t i = 0; i < file.n(); ++i) file.read(i, 0, file.d(), matrix.row(i).data());
   return matrix;
@@ -44,13 +44,13 @@ void clear_rows(FloatMatrix& matrix, const std::vector<int64_t>& rows) {
 }
 
 std::string fit_text(const ReductionOptions& options, int64_t scans, int64_t components) {
-  return str(options.pca_fit, ": ", scans, " scans, ", components, " components");
+  return str(options.fit_on, ": ", scans, " scans, ", components, " components");
 }
 
 /// Of case 1 only, also when case 2 is there.
 std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const Task& task,
                                         int64_t n, const std::vector<int64_t>& left_out) {
-  if (options.pca_fit == "map") return task.stored;
+  if (options.fit_on == "map") return task.stored;
   std::vector<int64_t> rows;
   for (int64_t row = 0; row < n; ++row)
     if (!std::ranges::binary_search(left_out, row)) rows.push_back(row);
@@ -64,8 +64,8 @@ constexpr int kDescriptorVersion = 1;
 std::string descriptor_key(const ReductionOptions& options, const Task& task,
                            const DatasetFeatures& case1, const DatasetFeatures* case2) {
   std::string key = str("descriptors ", kDescriptorVersion, "\n", case1.key(),
-                        case2 ? case2->key() : "", "pca-fit ", options.pca_fit, "\n");
-  if (options.pca_fit == "map")
+                        case2 ? case2->key() : "", "pca-fit ", options.fit_on, "\n");
+  if (options.fit_on == "map")
     for (const int64_t row : task.stored) key += str(row, " ");
   return key;
 }
@@ -112,7 +112,7 @@ void check_finite(const Descriptors& descriptors) {
 TaskDescriptors::TaskDescriptors(ReductionOptions options, DatasetFeatures& case1,
                                  DatasetFeatures* case2, fs::path cache, const Observer& observer)
     : options_(std::move(options)), case1_(case1), case2_(case2), observer_(observer) {
-  const bool learns = options_.pca_fit == "all" || options_.pca_fit == "map";
+  const bool learns = options_.fit_on == "all" || options_.fit_on == "map";
   if (learns && options_.components >= 0 && !case1.extractor().reduce) cache_ = std::move(cache);
 }
 
@@ -143,8 +143,8 @@ std::optional<Descriptors> TaskDescriptors::cached(const Task& task) const {
     const int64_t columns = asked ? std::min(asked, file.d()) : file.d();
     const int64_t n = case1_.n();
     const auto fitted = static_cast<int64_t>(
-        options_.pca_fit == "map" ? task.stored.size()
-                                  : static_cast<size_t>(n) - left_out_of(case1_, case2_).size());
+        options_.fit_on == "map" ? task.stored.size()
+                                 : static_cast<size_t>(n) - left_out_of(case1_, case2_).size());
     Descriptors found;
     found.case1 = read_rows(file, 0, n, columns);
     if (case2_) found.case2 = read_rows(file, n, n, columns);
@@ -215,16 +215,16 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
   Descriptors result;
   result.comparison = extractor.comparison;
   FloatMatrix all;
-  if (options.pca_fit == "all" || options.pca_fit == "map") {
+  if (options.fit_on == "all" || options.fit_on == "map") {
     pca.fit_rows = rows_to_learn_from(options, task, n, left_out);
     PcaResult fitted = fit_pca(files, pca);
     result.pca_fit = fit_text(options, static_cast<int64_t>(pca.fit_rows.size()), fitted.rank);
     result.note = fitted.note;
     all = std::move(fitted.descriptors);
   } else {
-    all = PcaModel(options.pca_fit).project(files, pca);
-    result.pca_fit = str(options.pca_fit, ": ", all.d, " components");
-    pca.model_folder = options.pca_fit;
+    all = PcaModel(options.fit_on).project(files, pca);
+    result.pca_fit = str(options.fit_on, ": ", all.d, " components");
+    pca.model_folder = options.fit_on;
   }
   if (!pca.model_folder.empty())
     result.of_more = [pca, numbers = all.d](const FeatureFile& more) {

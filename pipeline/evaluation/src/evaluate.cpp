@@ -22,21 +22,21 @@ DescribeOptions in_case(DescribeOptions options, AlignCase align) {
 
 void check_query_case(const EvaluationOptions& options, const Task& task) {
   if (!options.query_case || options.query_case == QueryCase::kAsStored) return;
-  const std::string asked =
-      str("EvaluationOptions::query_case ", options.query_case == QueryCase::kBoth ? "both" : "2");
+  const CppName option{"EvaluationOptions::query_case"};
+  const char* const asked = options.query_case == QueryCase::kBoth ? " both" : " 2";
   if (options.describe.align != AlignCase::kOne)
-    throw UsageError(asked + " needs DescribeOptions::align case1");
+    throw UsageError(option, asked, " needs ", CppName{"DescribeOptions::align"}, " case1");
   if (task.decision == Decision::kPair)
-    throw UsageError(
-        str(asked, ": task ", task.name, " compares pairs of scans, each in one case"));
+    throw UsageError(option, asked, ": task ", task.name,
+                     " compares pairs of scans, each in one case");
   if (options.query_case == QueryCase::kBoth) return;
   // A scan that is stored and asked has one row only: case 2 would change it on both sides.
   std::vector<int64_t> queries, both;
   for (const TaskQuery& query : task.queries) queries.push_back(query.scan);
   std::ranges::set_intersection(task.stored, queries, std::back_inserter(both));
   if (!both.empty())
-    throw UsageError(str(asked, ": task ", task.name,
-                         " asks scans that it also stores; use a task that keeps them apart"));
+    throw UsageError(option, asked, ": task ", task.name,
+                     " asks scans that it also stores; use a task that keeps them apart");
 }
 
 }  // namespace
@@ -68,10 +68,10 @@ std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::
       if (options.query_case) task.both_cases = options.query_case == QueryCase::kBoth;
       need_distances(trajectory, task.rule.distance, "task " + task.name);
       if (std::ranges::find(tasks, task.name, &Task::name) != tasks.end())
-        throw UsageError(str("EvaluationOptions::protocols: ", task.name, " is in it twice"));
+        throw UsageError(str("task ", task.name, " is chosen twice"));
       tasks.push_back(std::move(task));
     }
-  if (tasks.empty()) throw UsageError("EvaluationOptions::protocols: give at least one name");
+  if (tasks.empty()) throw UsageError("no protocol is chosen: give at least one");
   return tasks;
 }
 
@@ -144,7 +144,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
                                                       : name_of(options_.describe.align);
   if (task.both_cases && query_case != QueryCase::kBoth)
     note_once(str(task.name, " asks each query in both alignment cases, which takes ",
-                  "DescribeOptions::align case1: here each is asked once"));
+                  "features of case1: here each is asked once"));
   Stopwatch watch;
   const Descriptors& descriptors = all.of(task);
   times.reduce.push_back(watch.lap());
@@ -160,7 +160,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
       observer_.stage(result.on_pairs() ? "comparing" : "retrieving", "queries");
   watch.lap();
   if (result.on_pairs()) {
-    result.score = Score::kBest;
+    result.score = Score::kSimilarity;
     PairResult pairs = evaluate_pairs(task, trajectory_, descriptors,
                                       {options_.threads, resampling, progress, observer_.stop});
     times.retrieve.push_back(watch.lap());
@@ -171,7 +171,7 @@ TaskResult Evaluation::evaluate(const Task& task, TaskDescriptors& all, Evaluati
     return result;
   }
   result.score = options_.score.value_or(
-      case1_.extractor().best_is_sure || !task.margin_score ? Score::kBest : Score::kMargin);
+      case1_.extractor().best_is_sure || !task.margin_score ? Score::kSimilarity : Score::kMargin);
   result.matches =
       retrieve(descriptors, task,
                {options_.k, result.score, options_.threads, progress, observer_.stop}, query_case);

@@ -157,9 +157,11 @@ double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Dist
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {
   if (kind == Distance::kPlace && trajectory.places.empty())
     throw UsageError(str(what, " needs named places; this data set has none"));
-  if (kind != Distance::kPlace && trajectory.positions.empty())
-    throw UsageError(str(what, " needs poses; this data set has none",
-                         trajectory.places.empty() ? "" : ", but places: use Distance::kPlace"));
+  if (kind == Distance::kPlace || !trajectory.positions.empty()) return;
+  if (trajectory.places.empty())
+    throw UsageError(str(what, " needs poses; this data set has none"));
+  throw UsageError(what, " needs poses; this data set has none, but places: use ",
+                   CppName{"Distance::kPlace"});
 }
 
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion) {

@@ -20,16 +20,14 @@ void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
     throw UsageError(
         str("the feature ", extractor.name, " sees camera images, which are not altered"));
   if (drive.scans.empty()) throw UsageError("robustness: the drive has no scans");
-  if (options.alterations.empty())
-    throw UsageError("RobustnessOptions::alterations: there are none");
+  if (options.alterations.empty()) throw UsageError("robustness: there are no alterations");
   if (options.queries < 0)
-    throw UsageError(
-        str("RobustnessOptions::queries: expected at least 0, found ", options.queries));
+    throw UsageError(str("robustness: expected at least 0 queries, found ", options.queries));
   if (!(options.rule.radius > 0))
-    throw UsageError(
-        str("RobustnessOptions::rule: expected a radius above 0, found ", options.rule.radius));
+    throw UsageError(str("robustness: expected a radius above 0, found ", options.rule.radius));
   if (options.both_cases && options.describe.align != AlignCase::kOne)
-    throw UsageError("RobustnessOptions::both_cases takes DescribeOptions::align case1");
+    throw UsageError("robustness: queries in both alignment cases take ",
+                     CppName{"DescribeOptions::align"}, " case1");
 }
 
 /// What a scan that is asked may find. Places are counted as they are stored.

@@ -405,26 +405,22 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
                                  std::unique_ptr<MapStore>&& map,
                                  const MapStore::Damaged& damaged) {
   if (options.first_stretch < 2)
-    throw UsageError(str("RecognizerOptions::first_stretch: expected at least 2, found ",
-                         options.first_stretch));
-  if (options.k < 1)
-    throw UsageError(str("RecognizerOptions::k: expected at least 1, found ", options.k));
+    throw UsageError(
+        str("first stretch: expected at least 2 places, found ", options.first_stretch));
+  if (options.k < 1) throw UsageError(str("k: expected at least 1, found ", options.k));
   if (options.graph_candidates < 0)
-    throw UsageError(str("RecognizerOptions::graph_candidates: expected at least 0, found ",
-                         options.graph_candidates));
+    throw UsageError(
+        str("graph candidates: expected at least 0, found ", options.graph_candidates));
   if (options.graph_candidates > 0) {  // now, not when the first stretch ends
     need("candidates of a large map", "FAISS");
     if (extractor.comparison.similarity)
-      throw UsageError(
-          str("RecognizerOptions::graph_candidates: a graph is for features compared "
-              "by cosine, found '",
-              extractor.name, "'"));
+      throw UsageError(str("graph candidates: a graph is for features compared by cosine, found '",
+                           extractor.name, "'"));
   }
   check_threshold(options.threshold);
   if (!(options.precision > 0 && options.precision < 1))
     throw UsageError(
-        str("RecognizerOptions::precision: expected more than 0 and less than 1, found ",
-            options.precision));
+        str("precision: expected more than 0 and less than 1, found ", options.precision));
   impl_ = std::make_unique<Impl>(std::move(extractor), options, damaged);
   impl_->map = std::move(map);
   try {

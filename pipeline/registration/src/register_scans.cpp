@@ -54,9 +54,9 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
     residual.at = moved;
     hessian += residual.jacobian * residual.jacobian.transpose();
   }
-  if (inliers > 0) result->fitness = squares / static_cast<double>(inliers);
+  if (inliers > 0) result->mean_squared_distance = squares / static_cast<double>(inliers);
   if (!query.upright.empty())
-    result->inliers =
+    result->inlier_ratio =
         static_cast<double>(upright_inliers) / static_cast<double>(query.upright.size());
   if (residuals.empty()) return;
   result->information = information_of(residuals, hessian);
@@ -84,7 +84,7 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
   result.T_place_query = proper(refine(start), start);
   judge(query, place, options.inlier_distance, &result);
   result.accepted =
-      result.inliers >= options.least_inliers && result.constraint >= options.least_constraint;
+      result.inlier_ratio >= options.least_inliers && result.constraint >= options.least_constraint;
   return result;
 }
 

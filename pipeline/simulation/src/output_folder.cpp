@@ -14,6 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr CppName kOverwrite{"SimulationConfig::overwrite"};
 constexpr const char* kHeader = "# revisit simulate: the settings of the scans beside this file\n";
 
 }  // namespace
@@ -42,18 +43,14 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
     for (const fs::path& file : strange)
       if (fs::exists(file))
         throw UsageError(str(file.string(), " already exists and was not made by a simulation (no ",
-                             settings_file_.string(),
-                             "): choose another "
-                             "SimulationConfig::output or SimulationConfig::sequence"));
+                             settings_file_.string(), "): choose another output or sequence"));
   } else if (!known.starts_with(kHeader)) {
     throw UsageError(settings_file_.string() +
-                     " exists but is not a settings file of a simulation: choose another "
-                     "SimulationConfig::output");
+                     " exists but is not a settings file of a simulation: choose another output");
   } else if (known != settings_ && !overwrite) {
-    throw UsageError(
-        str(folder, " holds ", there.size(), " files made with other settings (", difference(known),
-            "): choose another SimulationConfig::output or "
-            "SimulationConfig::sequence, or replace them (SimulationConfig::overwrite)"));
+    throw UsageError(folder, " holds ", there.size(), " files made with other settings (",
+                     difference(known), "): choose another output or sequence, or replace them (",
+                     kOverwrite, ")");
   }
   // What this run would not make: all of other settings, or what was not asked for.
   Files stale = there;
@@ -62,12 +59,10 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
     std::set_difference(there.begin(), there.end(), wanted.begin(), wanted.end(),
                         std::inserter(stale, stale.end()));
     if (!stale.empty() && !overwrite)
-      throw UsageError(
-          str(folder, " holds ", stale.size(), " more files than asked for (",
-              stale.begin()->filename().string(),
-              "): widen SimulationConfig::last_frame or SimulationConfig::every, choose "
-              "another SimulationConfig::output, or remove them "
-              "(SimulationConfig::overwrite)"));
+      throw UsageError(folder, " holds ", stale.size(), " more files than asked for (",
+                       stale.begin()->filename().string(),
+                       "): ask for more frames, choose another output, or remove them (",
+                       kOverwrite, ")");
   }
   for (const fs::path& file : stale) fs::remove(file);
   Files complete;

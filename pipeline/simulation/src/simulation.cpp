@@ -37,10 +37,10 @@ void check(const SimulationConfig& config) {
     if (!(value >= low && value <= high))
       refuse(what, " is ", value, ": expected ", low, " to ", high);
   };
-  within("SimulationConfig::traffic", config.traffic, 0, 10);
-  within("SensorMount::height", config.mount.height, 0.5, 5);
-  within("SensorMount::pitch", config.mount.pitch, -45, 45);
-  within("SensorMount::roll", config.mount.roll, -45, 45);
+  within("traffic", config.traffic, 0, 10);
+  within("sensor height", config.mount.height, 0.5, 5);
+  within("sensor pitch", config.mount.pitch, -45, 45);
+  within("sensor roll", config.mount.roll, -45, 45);
   if (config.camera && !(config.camera->scale >= 0.1 && config.camera->scale <= 1))
     refuse("pictures of ", config.camera->scale, " times KITTI's size: expected 0.1 to 1");
   if (config.calibration && !config.poses)

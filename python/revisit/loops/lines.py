@@ -28,7 +28,7 @@ def line_of(visit, drive) -> dict:
         T = registered.T_place_query
         line['registered'] = {
             'accepted': registered.accepted, **position_of(T), **dict(zip(('qx', 'qy', 'qz', 'qw'), map(float, quaternion(T[:3, :3])))),
-            'inliers': registered.inliers, 'fitness': registered.fitness}
+            'inliers': registered.inlier_ratio, 'fitness': registered.mean_squared_distance}
     if scan.pose is not None:
         line['position'] = position_of(scan.pose)
     if loop is not None and loop.pose is not None:

@@ -2,22 +2,25 @@
 
 #include <span>
 #include <string>
+#include <string_view>
+
+#include "revisit/base/error.h"
 
 namespace revisit::cli {
 
-/// What the messages of the libraries call a setting, and what the program calls it.
-struct Setting {
-  const char* field;  // "LoadOptions::inputs"
-  const char* here;   // "--input-shape"
+/// Name in the program of an option or function of the libraries.
+struct ProgramName {
+  std::string_view cpp;  // "LoadOptions::inputs", a CppName
+  const char* here;      // "--input-shape"
 };
 
-/// All fields and functions that messages of the libraries name.
-std::span<const Setting> settings_in_messages();
+/// Every CppName in messages of the libraries.
+std::span<const ProgramName> names_in_messages();
 
-/// A message of a library in the words of the program: its flags for fields of option structs.
-std::string in_our_words(std::string message);
+/// The message of an error, with the program's name for each CppName.
+std::string message_of(const Error& error);
 
-/// "note: ..." and "warning: ..." on standard error, in our words.
+/// "note: ..." and "warning: ..." on standard error.
 void note(const std::string& message);
 void warn(const std::string& message);
 /// Of a scan that cannot be described.

@@ -10,6 +10,8 @@
 #include <limits>
 #include <span>
 
+#include "cli/messages.h"
+
 namespace revisit::cli {
 namespace {
 
@@ -165,6 +167,12 @@ Parser& Parser::flag(std::string name, std::string help, bool* target, char lett
        [target](const std::string& what, const std::string& text) { assign(what, text, target); }});
 }
 
+Parser& Parser::formerly(std::string name) {
+  Option former{std::move(name), options_.back().metavar, "", 0, {}};
+  former.now = options_.back().name;
+  return add(std::move(former));
+}
+
 Parser& Parser::group(std::string heading) {
   return add({"", "", std::move(heading), 0, {}, true});
 }
@@ -182,7 +190,7 @@ Parser::Option& Parser::find(const std::string& source, const std::string& name)
   for (Option& option : options_) {
     if (option.is_heading || is_config(option)) continue;
     if (option.name == name) return option;
-    known.push_back(option.name);
+    if (option.now.empty()) known.push_back(option.name);
   }
   throw UsageError(str(source, ": unknown key '", name, "'", did_you_mean(name, known)));
 }
@@ -194,6 +202,10 @@ bool Parser::given(const std::string& option, Source least) const {
 
 void Parser::apply(Option& option, Source source, const std::string& what,
                    const std::string& text) {
+  if (!option.now.empty()) {
+    note(str(what, " is now called --", option.now));
+    return apply(find(what, option.now), source, what, text);
+  }
   if (option.clear && option.source != source) option.clear();
   option.source = source;
   option.apply(what, text);
@@ -235,7 +247,7 @@ CommandLine Parser::describe() const {
   CommandLine line;
   line.command = command_;
   for (const Option& option : options_) {
-    if (option.is_heading) continue;
+    if (option.is_heading || !option.now.empty()) continue;
     std::optional<Values> value;
     if (!option.metavar.empty()) value = values(option.metavar, option.is_path, option.suggested);
     line.options.push_back({option.name, option.letter, value});
@@ -260,8 +272,8 @@ void Parser::parse(std::vector<std::string> arguments) {
     }
     table.push_back({option.name.c_str(),
                      option.letter ? option.letter : kFirstKey + static_cast<int>(i),
-                     option.metavar.empty() ? nullptr : option.metavar.c_str(), 0,
-                     option.help.c_str(), group_number});
+                     option.metavar.empty() ? nullptr : option.metavar.c_str(),
+                     option.now.empty() ? 0 : OPTION_HIDDEN, option.help.c_str(), group_number});
   }
   table.push_back({"help", kHelpKey, nullptr, 0, "Give this help list", -1});
   table.push_back({"usage", kUsageKey, nullptr, 0, "Give a short usage message", -1});

@@ -78,6 +78,9 @@ class Parser {
   /// for shell completion; nothing is checked against them.
   Parser& suggest(const std::vector<std::string>& words);
 
+  /// A former name of the option declared last: accepted with a note, but in no help.
+  Parser& formerly(std::string name);
+
   /// A heading for the options declared after it.
   Parser& group(std::string heading);
 
@@ -109,6 +112,7 @@ class Parser {
     Source source = Source::kDefault;
     bool is_path = false;
     std::vector<std::string> suggested = {};
+    std::string now = {};  // of a former name: the name now
   };
 
  private:
@@ -154,8 +158,7 @@ class Parser {
   Parser& add(Option option);
   static size_t index_of_word(const std::string& what, const std::string& text,
                               const std::vector<std::string>& words);
-  static void apply(Option& option, Source source, const std::string& what,
-                    const std::string& text);
+  void apply(Option& option, Source source, const std::string& what, const std::string& text);
   Option& find(const std::string& source, const std::string& name);
   void apply_environment();
   void apply_positionals(const std::vector<std::string>& arguments);

@@ -48,10 +48,10 @@ int describe_command(const Arguments& arguments) {
       "a descriptor: "
       "DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan), "
       "DIR/run.json (how it was made and the time of each stage) and DIR/pca (mean.npy, "
-      "basis.npy: for --pca-fit elsewhere). Run the same command again to continue a stopped run.",
+      "basis.npy: for --fit-on elsewhere). Run the same command again to continue a stopped run.",
       "  revisit describe KITTI --sequence 00 -o out\n"
       "  revisit describe scans/ --sensor vlp16 --feature data --pca 100 -o out\n"
-      "  revisit describe KITTI --sequence 05 --pca-fit out/pca -o out05\n");
+      "  revisit describe KITTI --sequence 05 --fit-on out/pca -o out05\n");
   options.declare(parser);
   parser.group("Output:");
   parser.option("output", "DIR", "folder for the descriptors", &output, 'o');
@@ -61,8 +61,8 @@ int describe_command(const Arguments& arguments) {
   parser.parse(arguments);
   options.check_given(parser);
   if (output.empty()) throw UsageError("give the folder for the descriptors: -o DIR");
-  if (options.pca_fit == "map")
-    throw UsageError("--pca-fit map needs a task with stored scans: use `revisit eval`");
+  if (options.fit_on == "map")
+    throw UsageError("--fit-on map needs a task with stored scans: use `revisit eval`");
 
   const pipeline::Dataset dataset = open_scans(options);
   const pipeline::Observer observer = options.observer();
@@ -81,7 +81,7 @@ int describe_command(const Arguments& arguments) {
   pipeline::EvaluationTimes times;
   times.describe = features.times();
 
-  const bool fits = options.pca_fit == "all";
+  const bool fits = options.fit_on == "all";
   pipeline::Stopwatch watch;
   const pipeline::Descriptors descriptors =
       pipeline::reduce(options.reduction(source), {}, features, nullptr, observer,

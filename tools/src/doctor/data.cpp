@@ -1,6 +1,5 @@
 #include <algorithm>
 
-#include "cli/messages.h"
 #include "doctor/checks.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/dataset.h"
@@ -40,7 +39,7 @@ Check check_of(const fs::path& root, const std::string& sequence) {
                            : data.has_places()   ? "set " + data.sequence
                                                  : "sequence " + data.sequence;
   Check check{"data", name, Status::kOk, content_of(data)};
-  for (const std::string& warning : data.warnings) warn(check, cli::in_our_words(warning));
+  for (const std::string& warning : data.warnings) warn(check, warning);
   const auto empty = std::ranges::count_if(data.scans, [](const pipeline::ScanRef& scan) {
     std::error_code error;
     return fs::file_size(scan.file, error) == 0 && !error;
@@ -52,7 +51,7 @@ Check check_of(const fs::path& root, const std::string& sequence) {
   if (std::error_code none; fs::is_directory(images, none)) try {
       check.found += ", " + plural(static_cast<int64_t>(camera_images(data).scans.size()), "image");
     } catch (const InputError& error) {
-      warn(check, cli::in_our_words(error.what()));
+      warn(check, error.what());
     }
   return check;
 }
@@ -82,7 +81,7 @@ void check_data(const fs::path& root, Checks& checks) {
       found.push_back(check_of(root, ""));
       any = true;
     } catch (const InputError& error) {
-      problem = cli::in_our_words(error.what());
+      problem = error.what();
     }
   // The sequences of KITTI, each of which may be there or not; or sets of places beside each other.
   if (!any)
@@ -91,8 +90,8 @@ void check_data(const fs::path& root, Checks& checks) {
         any = true;
       } catch (const InputError& error) {
         if (kitti)
-          found.push_back({"data", "sequence " + name, Status::kWarn, "cannot be used",
-                           cli::in_our_words(error.what())});
+          found.push_back(
+              {"data", "sequence " + name, Status::kWarn, "cannot be used", error.what()});
       }
   checks.push_back({"data", "layout", any ? Status::kOk : Status::kMissing, root.string(),
                     any ? "" : problem, true});

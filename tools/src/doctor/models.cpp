@@ -1,4 +1,3 @@
-#include "cli/messages.h"
 #include "doctor/checks.h"
 #include "models/cache.h"
 #include "models/fetch.h"
@@ -34,7 +33,7 @@ void check_models(Checks& checks) {
       }
     } catch (const std::exception& error) {
       check.status = Status::kWarn;
-      check.found = cli::in_our_words(error.what());
+      check.found = error.what();
     }
     checks.push_back(check);
   }

@@ -2,7 +2,6 @@
 #include <cmath>
 
 #include "cli/built_in.h"
-#include "cli/messages.h"
 #include "doctor/checks.h"
 #include "revisit/base/error.h"
 #include "revisit/engine/net.h"
@@ -54,7 +53,7 @@ Check self_test() {
     else
       check.advice = "the results of networks are wrong on this machine; please report this output";
   } catch (const std::exception& error) {
-    check.found = cli::in_our_words(error.what());
+    check.found = error.what();
     check.advice = "networks do not run on this machine; please report this output";
   }
   return check;

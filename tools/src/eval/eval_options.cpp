@@ -47,7 +47,7 @@ std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& 
           {"new-place", f.new_place},
           {"ring-key-candidates", str(f.ring_key_candidates)},
           {"pca", f.pca},
-          {"pca-fit", f.pca_fit == "all" || f.pca_fit == "map" ? f.pca_fit : placed(f.pca_fit)},
+          {"fit-on", f.fit_on == "all" || f.fit_on == "map" ? f.fit_on : placed(f.fit_on)},
           {"memory", exact(f.memory_gb)},
           {"protocol", o.protocol},
           {"align", f.align.value_or("")},
@@ -101,9 +101,9 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
                 "the alignment cases queries are described in; stored scans always use case 1 "
                 "(default protocol: both in paper-difficult, else 1)",
                 &o.query_case);
-  parser.option("score", "margin|cosine",
+  parser.option("score", "margin|similarity",
                 "s = 2 c1 - ck, or c1 alone, the similarity of the best (default: the protocol's; "
-                "cosine for fabmap, whose similarity is a probability)",
+                "similarity for fabmap, whose similarity is a probability)",
                 &o.score);
   parser.option("k", "K", "retrieved scans per query (default 4)", &o.k);
   parser.option("distance", "xz|3d|box|place",

@@ -157,14 +157,14 @@ void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
                 "ring: share of the model's spread that the map's own takes the place of, 0 to 1 "
                 "(default 0.3)",
                 &ring_options.adapt);
-  parser.group("Competitors:");
   parser.option(
       "ring-key-candidates", "N",
-      std::string("scan-context (10 or 50 in its paper) and ring: only this many candidates are "
+      std::string("ring and scan-context (10 or 50 in its paper): only this many candidates are "
                   "compared, chosen by keys, whatever the heading; 0: all (default ") +
           std::to_string(ring_key_candidates) + ")",
       &ring_key_candidates);
   if (of_drives) {
+    parser.group("Competitors:");
     parser.option(
         "images", "DIR",
         "fabmap: PNG images with frame numbers as names (default: the sequence's image_0)",
@@ -183,8 +183,12 @@ void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
       "numbers per scan; all (or 0): as many as the data gives, with the mean subtracted; none: "
       "the feature itself (default 400 for cnn and data, none for the others)",
       &pca);
-  parser.option("pca-fit", "all|map|DIR",
-                "scans the PCA learns from, or a folder it was written to (default all)", &pca_fit);
+  parser
+      .option("fit-on", "all|map|DIR",
+              "scans that the PCA or the ring mean is estimated from: all, the stored ones (map), "
+              "or a folder with a PCA (default all)",
+              &fit_on)
+      .formerly("pca-fit");
   if (of_drives) parser.option("memory", "GB", "working memory of the PCA (default 2)", &memory_gb);
   parser.group("Running:");
   parser.option("threads", "N", "threads (default: all cores)", &threads);
@@ -233,7 +237,7 @@ pipeline::DescribeOptions FeatureOptions::describe(const FeatureSource& source) 
 }
 
 pipeline::ReductionOptions FeatureOptions::reduction(const FeatureSource& source) const {
-  return {source.components, pca_fit, memory_gb, thread_count()};
+  return {source.components, fit_on, memory_gb, thread_count()};
 }
 
 pipeline::Observer FeatureOptions::observer() const {
@@ -331,11 +335,11 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
   constexpr int64_t kDefault = 400, kNoPca = -1;
   const std::optional<int64_t> components = options.components();
   if (components == kNoPca) {
-    if (options.pca_fit != "all")
-      throw UsageError("--pca none learns nothing: leave out --pca-fit, or give a number");
+    if (options.fit_on != "all")
+      throw UsageError("--pca none learns nothing: leave out --fit-on, or give a number");
     return kNoPca;
   }
-  const bool asked = components || options.pca_fit != "all";
+  const bool asked = components || options.fit_on != "all";
   if (asked && source.extractor.comparison.similarity)
     throw UsageError(str("--pca: the feature ", source.extractor.name,
                          " is compared in its own way, which a PCA would destroy"));

@@ -42,7 +42,7 @@ struct FeatureOptions {
   int threads_per_scan = 1;          // of one forward pass
   engine::Precision precision = engine::Precision::kFloat32;
   std::string pca;  // components(), as given
-  std::string pca_fit = "all";
+  std::string fit_on = "all";
   double memory_gb = 2;
   std::string cache;    // folder of the features; "" means below the output folder
   bool strict = false;  // a scan that cannot be described ends the work; false: it is left out

@@ -39,8 +39,8 @@ std::string config_yaml(const RunContext& context) {
 /// one of them is the threshold of the best F1, and rounding would put it on either side.
 void write_loops(const fs::path& file, const RunContext& context,
                  const pipeline::TaskResult& result) {
-  Table table({"query_index", "match_index", "rank", "query_time", "match_time", "cosine", "score",
-               "margin", "yaw_deg", "accepted", "true", "positive", "case"});
+  Table table({"query_index", "match_index", "rank", "query_time", "match_time", "similarity",
+               "score", "margin", "yaw_deg", "accepted", "true", "positive", "case"});
   const auto time_of = [&](int64_t scan) {
     return context.trajectory.times.empty()
                ? ""

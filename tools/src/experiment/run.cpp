@@ -66,7 +66,7 @@ Work prepare(const Arguments& arguments, const ExperimentOptions& options) {
     throw;
   } catch (const Error& error) {
     work.result.set_state("skipped");
-    work.result.set_reason(in_our_words(error.what()));
+    work.result.set_reason(message_of(error));
   }
   return work;
 }
@@ -91,7 +91,7 @@ void run(Work* work) {
     throw;
   } catch (const Error& error) {
     run.set_state("failed");
-    run.set_reason(in_our_words(error.what()));
+    run.set_reason(message_of(error));
     std::cerr << "failed: " << run.reason() << "\n";
   }
 }

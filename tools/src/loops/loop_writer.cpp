@@ -109,8 +109,8 @@ reports::LoopLine line_of(const Visit& visit) {
   out.set_qy(q.y());
   out.set_qz(q.z());
   out.set_qw(q.w());
-  out.set_inliers(r.inliers);
-  out.set_fitness(r.fitness);
+  out.set_inliers(r.inlier_ratio);
+  out.set_fitness(r.mean_squared_distance);
   return line;
 }
 

@@ -47,12 +47,11 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
   result.options.align = source.align;
   result.options.geometry = options.image.geometry();
   if (source.components < 0) return result;
-  if (options.pca_fit == "all" || options.pca_fit == "map")
+  if (options.fit_on == "all" || options.fit_on == "map")
     throw UsageError(str("--feature ", options.feature,
-                         ": the PCA must be learnt before: give its folder with --pca-fit, as "
+                         ": the PCA must be learnt before: give its folder with --fit-on, as "
                          "`revisit describe` writes it, or --pca none"));
-  result.extractor =
-      projected(result.extractor, result.options, options.pca_fit, source.components);
+  result.extractor = projected(result.extractor, result.options, options.fit_on, source.components);
   result.options.align = pipeline::AlignCase::kNone;  // done in the feature
   return result;
 }

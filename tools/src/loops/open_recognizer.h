@@ -15,7 +15,7 @@ struct RecognizerSource {
 };
 /// Whether all cores work on one scan, or each on its own.
 enum class ScansAtOnce { kOne, kMany };
-/// Throws UsageError for a feature that learns from whole drives (--pca, but for --pca-fit DIR).
+/// Throws UsageError for a feature that learns from whole drives (--pca, but for --fit-on DIR).
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
                                    ScansAtOnce at_once = ScansAtOnce::kOne);
 

@@ -17,7 +17,7 @@ std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& fol
         if (std::ranges::count(all, found.name, &FoundModel::name) == 0)
           all.push_back(std::move(found));
       } catch (const Error& unusable) {
-        passed_over->push_back(str(weights.string(), ": ", cli::in_our_words(unusable.what())));
+        passed_over->push_back(str(weights.string(), ": ", cli::message_of(unusable)));
       }
   std::ranges::stable_sort(all, {}, [](const FoundModel& model) {
     const KnownModel* known = known_model_of(model);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <concepts>
+#include <functional>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -8,10 +10,61 @@
 
 namespace revisit {
 
+/// Concatenates its arguments as an output stream would print them.
+template <class... Parts>
+std::string str(const Parts&... parts) {
+  std::ostringstream out;
+  (out << ... << parts);
+  return std::move(out).str();
+}
+
+/// An option or function of the C++ interface that the message of an error names, e.g.
+/// {"LoadOptions::inputs"}. A program can print its own name instead: Error::message().
+struct CppName {
+  std::string_view name;
+};
+inline std::ostream& operator<<(std::ostream& out, CppName cpp) {
+  return out << cpp.name;
+}
+
 /// Base of every error this project throws on purpose. `what()` is one complete message for a
 /// person: where, what was expected, what was found, what to do.
 class Error : public std::runtime_error {
-  using std::runtime_error::runtime_error;
+ public:
+  using Words = std::function<std::string(const std::string& name)>;
+
+  explicit Error(const std::string& message);
+  explicit Error(const char* message);
+  /// The message is all parts, as an output stream prints them. A part that is an Error stands for
+  /// its message.
+  template <class... Parts>
+  explicit Error(const Parts&... parts) : Error(Pieces(parts...)) {}
+
+  /// The message with `word(name)` in the place of each CppName.
+  std::string message(const Words& word) const { return pieces_.text(word); }
+
+ private:
+  struct Piece {
+    std::string text;
+    bool is_name;  // a CppName
+  };
+  struct Pieces : std::vector<Piece> {
+    template <class... Parts>
+    explicit Pieces(const Parts&... parts) {
+      (add(parts), ...);
+    }
+    template <class Part>
+    void add(const Part& part) {
+      if constexpr (std::derived_from<Part, Error>)
+        insert(end(), part.pieces_.begin(), part.pieces_.end());
+      else
+        push_back({str(part), std::same_as<Part, CppName>});
+    }
+    std::string text(const Words& word) const;
+  };
+  explicit Error(Pieces&& pieces);
+
+  Pieces pieces_;
 };
 
 /// The caller asked for something impossible: an unknown layer name, a bad option value.
@@ -37,14 +90,6 @@ class UnsupportedError : public Error {
 class Interrupted : public Error {
   using Error::Error;
 };
-
-/// Concatenates its arguments as an output stream would print them.
-template <class... Parts>
-std::string str(const Parts&... parts) {
-  std::ostringstream out;
-  (out << ... << parts);
-  return std::move(out).str();
-}
 
 /// The candidate nearest to `wanted` in edit distance, or "" when none is near enough to be a
 /// likely misspelling. For "did you mean" hints.

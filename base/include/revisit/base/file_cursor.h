@@ -2,18 +2,20 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "revisit/base/error.h"
+
 namespace revisit {
 
 /// A place in a file where its format is broken. Becomes an InputError once the path and what was
 /// being read are known.
-struct FormatError : std::runtime_error {
-  FormatError(uint64_t at, const std::string& reason) : std::runtime_error(reason), offset(at) {}
+struct FormatError : Error {
+  template <class... Parts>
+  explicit FormatError(uint64_t at, const Parts&... reason) : Error(reason...), offset(at) {}
   uint64_t offset;  // [bytes] from the beginning of the file
 };
 

@@ -61,8 +61,8 @@ const std::vector<AlignmentRecord>& DatasetFeatures::alignments() {
       throw InputError(str(first, ": cannot be described, nor any other of the ", n(),
                            " scans; is this the right data, and complete?"));
     if (options_.strict)
-      throw InputError(str(first, ": cannot be described, nor ", none.size() - 1, " others of the ",
-                           n(), "; without DescribeOptions::strict they are left out"));
+      throw InputError(
+          str(first, ": cannot be described, nor ", none.size() - 1, " others of the ", n()));
   }
   return *alignments_;
 }

@@ -28,8 +28,9 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
                       {.threads = forward.threads, .precision = forward.precision});
   const engine::Plan& plan = images.plan;
   if (plan.outputs().size() != 1)
-    throw UsageError(str("the net '", net.name(), "' has ", plan.outputs().size(),
-                         " outputs; choose the layer that is the feature by Truncation::end"));
+    throw UsageError("the net '", net.name(), "' has ", plan.outputs().size(),
+                     " outputs; choose the layer that is the feature by ",
+                     CppName{"Truncation::end"});
   FeatureExtractor extractor;
   extractor.name = plan.outputs()[0].name;
   extractor.dim = plan.outputs()[0].shape.elements();

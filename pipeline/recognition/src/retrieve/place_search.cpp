@@ -38,7 +38,7 @@ void rank(std::vector<RankedPlace>& places, const SearchOptions& options, Match&
     match.similarities.push_back(-places[i].first);
   }
   const double best = match.similarities.front(), kth = match.similarities.back();
-  match.score = options.score == Score::kBest ? best : 2 * best - kth;
+  match.score = options.score == Score::kSimilarity ? best : 2 * best - kth;
 }
 
 void unit_length(std::span<const float> x, double length, std::span<float> direction) {

@@ -129,7 +129,7 @@ std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
 
 void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& recipe,
                    const NextScan& next) {
-  if (recipe.layers.empty()) throw UsageError("RingRecipe::layers: expected at least one");
+  if (recipe.layers.empty()) throw UsageError("ring layers: expected at least one");
   std::vector<std::string> names;
   for (const auto& [name, numbers] : recipe.layers) names.push_back(name);
   const ColumnPlan plan(model, names, recipe.sectors, net, {});
@@ -139,7 +139,7 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
     const auto [name, numbers] = recipe.layers[i];
     const ColumnMap& map = plan.maps()[i];
     if (numbers < 1 || numbers > map.rows)
-      throw UsageError(str("RingRecipe::layers: '", name, "' has columns of ", map.rows,
+      throw UsageError(str("ring layers: '", name, "' has columns of ", map.rows,
                            " numbers, found ", numbers, " asked for"));
     sums.emplace_back(map.rows);
   }
@@ -207,7 +207,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
 void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt) {
   constexpr double kFewScans = 128;
   if (!(adapt >= 0 && adapt <= 1))
-    throw UsageError(str("RingOptions::adapt: expected 0 to 1, found ", adapt));
+    throw UsageError(str("ring adapt: expected 0 to 1, found ", adapt));
   if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
   const auto places = rings_of(model);
   std::optional<RingModel> map;

@@ -55,14 +55,13 @@ RingModel shipped_ring_model(const std::string& sensor, const std::string& weigh
     return model.sensor == sensor && model.weights_sha1 == weights_sha1;
   });
   if (found == std::end(kShipped))
-    throw UsageError(
-        str("no ring model for the sensor '", sensor, "'",
-            weights_sha1.empty() ? "" : " and these weights", "; there are models for ",
-            joined(shipped_ring_models(), ", "),
-            weights_sha1.empty()
-                ? ""
-                : str(", and with the weights of SqueezeNet v1.0 (SHA-1 ", kSqueezeNet, ")"),
-            ": learn one by pipeline::learn_ring_model"));
+    throw UsageError("no ring model for the sensor '", sensor, "'",
+                     weights_sha1.empty() ? "" : " and these weights", "; there are models for ",
+                     joined(shipped_ring_models(), ", "),
+                     weights_sha1.empty() ? ""
+                                          : str(", and with the weights of SqueezeNet v1.0 (SHA-1 ",
+                                                kSqueezeNet, ")"),
+                     ": learn one by ", CppName{"pipeline::learn_ring_model"});
   return parse_ring_model({found->begin, static_cast<size_t>(found->end - found->begin)},
                           "the ring model of " + sensor);
 }

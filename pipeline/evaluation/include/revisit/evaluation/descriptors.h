@@ -16,10 +16,12 @@ namespace revisit::pipeline {
 
 /// How features become descriptors.
 struct ReductionOptions {
-  int64_t components = -1;      // of the PCA; 0: as many as the data gives; -1: no PCA
-  std::string pca_fit = "all";  // learnt from all scans, from the stored ones ("map"), or a folder
-  double memory_gb = 2;         // of the PCA; without one, bounds the descriptors
-  int threads = 1;              // the values do not depend on it
+  int64_t components = -1;  // of the PCA; 0: as many as the data gives; -1: no PCA
+  /// Scans that a PCA or a ring mean is estimated from: all, the stored ones ("map"), or a folder
+  /// with a PCA.
+  std::string fit_on = "all";
+  double memory_gb = 2;  // of the PCA; without one, bounds the descriptors
+  int threads = 1;       // the values do not depend on it
 };
 
 /// Descriptors of all scans, in alignment case 1 and, when asked for, in case 2.

@@ -9,12 +9,12 @@ namespace revisit::pipeline {
 
 /// How sure a match is (paper, section III-D).
 enum class Score {
-  kMargin,  // s = 2 c1 - ck: high when the best is similar AND stands out from the k-th
-  kBest,    // c1, the similarity of the best alone
+  kMargin,      // s = 2 c1 - ck: high when the best is similar AND stands out from the k-th
+  kSimilarity,  // c1, the similarity of the best alone
 };
-/// "margin" or "cosine" (kBest, which is a cosine for most features); throws UsageError for
-/// anything else.
+/// "margin" or "similarity", which files call "cosine"; throws UsageError for anything else.
 Score parse_score(const std::string& text);
+/// "margin" or "cosine", as in files.
 const char* name_of(Score score);
 
 /// The answer to one query. Of a PlaceIndex, queries and places are counted from 0; of a task of

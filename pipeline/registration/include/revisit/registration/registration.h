@@ -57,11 +57,11 @@ struct Registration {
   /// have (docs/SLAM.md). Real scans that are distorted by motion are not that good.
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
 
-  double fitness = 0;  ///< mean squared distance of the inliers [m^2]; 0 without any
+  double mean_squared_distance = 0;  ///< of the inliers [m^2]; 0 without any
 
   /// Share of the query's upright points (walls, trunks, cars) with a point of the place within
   /// `inlier_distance`, 0 to 1. Ground is left out: it fits everywhere.
-  double inliers = 0;
+  double inlier_ratio = 0;
 
   /// Of the translation's part of H, the least direction's share, 0 to 1/3. Along a corridor, or
   /// within a lone plane, nothing holds the scans: near 0.
