@@ -6,10 +6,8 @@ import re
 import numpy as np
 
 from harness import Case, Fault
-
 from nets import CONVOLVE, SCALE
 from scans import room
-
 
 LONG = ('caffe.Net.forward_all', 'caffe.io.resize_image')
 

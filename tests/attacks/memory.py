@@ -139,15 +139,13 @@ def changes_meanwhile(rng, folder):
 def gone_during_pass(rng, folder):
     run = net_of(CONVOLVE).plan(threads=2).run()
     runs = [run]
-    threads = [threading.Thread(target=lambda: [runs[0].forward({'data': IMAGE}) for _ in range(50) if runs]) for _ in range(1)]
-    for thread in threads:
-        thread.start()
+    thread = threading.Thread(target=lambda: [runs[0].forward({'data': IMAGE}) for _ in range(50) if runs])
+    thread.start()
     time.sleep(0.01)
     del run
     runs.clear()
     gc.collect()
-    for thread in threads:
-        thread.join()
+    thread.join()
 
 
 def after_fork(threads):

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-
 from harness import MEGA, Case, Fault, command
 from scans import room
 from strangers import REVISIT, mean

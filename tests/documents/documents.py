@@ -176,8 +176,8 @@ class Checker:
                     self.fault(document, number, f'{target} leads nowhere')
 
     def check_program(self, document, block):
-        includes = [f'-I{ROOT / folder / "include"}' for folder in ('engine', 'proto', 'pipeline/recognition', 'pipeline/maps',
-                                                               'pipeline/registration')]
+        folders = ('base', 'engine', 'proto', 'pipeline/recognition', 'pipeline/maps', 'pipeline/registration')
+        includes = [f'-I{ROOT / folder / "include"}' for folder in folders]
         includes += ['-isystem', '/usr/include/eigen3']
         done = subprocess.run(['c++', '-std=c++20', '-fsyntax-only', '-xc++', *includes, '-'], input=block.text, text=True,
                               capture_output=True)
