@@ -1,5 +1,6 @@
 """revisit.recordings: what each data set is written like is read back, bit for bit."""
 
+import bz2
 import contextlib
 import importlib.util
 import json
@@ -12,13 +13,14 @@ from collections import Counter
 from pathlib import Path
 from random import Random
 from types import SimpleNamespace
+from unittest import mock
 
 import numpy as np
 
 import revisit
-from bags import HAVE_ROSBAGS, KINDS, START, packed, write_bag
-from folders import FolderTest
+from bags import CLOUD, HAVE_ROSBAGS, KINDS, START, message, packed, write_bag
 from revisit import datasets
+from revisit.recordings import bags as reader
 from revisit.recordings import open_recording, packets
 from revisit.recordings.point_cloud2 import points_of
 
@@ -32,11 +34,28 @@ def have(name):
         return False
 
 
+def packers():
+    """What bags are packed with: its name, a function that packs, and a decompressor."""
+    yield 'bz2', bz2.compress, bz2.BZ2Decompressor
+    if have('lz4.frame'):
+        from lz4 import frame
+        yield 'lz4', lambda data: frame.compress(data, content_checksum=True), frame.LZ4FrameDecompressor
+    with contextlib.suppress(ImportError):
+        from rosbags.rosbag2.reader import zstd
+        checked = {zstd.CompressionParameter.checksum_flag: 1}
+        yield 'zstd', lambda data: zstd.compress(data, options=checked), zstd.ZstdDecompressor
+
+
 def some_points(seed, n=200):
     return np.random.default_rng(seed).uniform(-20, 20, (n, 3)).astype(np.float32)
 
 
-class Folders(FolderTest):
+class Folders(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
     def put(self, name, content):
         file = self.folder / name
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -196,6 +215,80 @@ class Bags(Folders):
             next(scans).points()
         with self.assertRaisesRegex(revisit.InputError, 'holds 3 messages, where .* tells of 4'):
             next(scans)
+
+    def test_bombs_are_not_unpacked(self):
+        from rosbags.rosbag1 import Writer
+        from rosbags.typesys import Stores, get_typestore
+        store, text = get_typestore(Stores.ROS1_NOETIC), 'std_msgs/msg/String'
+        for kind in ('BZ2', 'LZ4'):
+            path = self.folder / f'{kind}.bag'
+            writer = Writer(path)
+            writer.set_compression(Writer.CompressionFormat[kind])
+            with writer:
+                clouds = writer.add_connection('/points', CLOUD, typestore=store)
+                writer.write(clouds, START * 10**9, store.serialize_ros1(message(store, packed(self.clouds[0]), 0, True), CLOUD))
+                others = writer.add_connection('/others', text, typestore=store)
+                writer.write(others, START * 10**9, bytes(300 << 20))
+            self.assertLess(path.stat().st_size, 3 << 20)
+            with self.assertRaisesRegex(revisit.InputError, f'{kind}.bag: .* become more than 256 MB'):
+                list(open_recording(path).scans())
+
+    def test_what_is_packed_may_be_large_or_of_several_streams(self):
+        few = np.random.default_rng(1).bytes(50_000)
+        for name, pack, make in packers():
+            with self.subTest(name):
+                unpack = reader.bounded(name, make)
+                self.assertEqual(unpack(pack(few) + pack(b'more')), few + b'more')
+                self.assertEqual(unpack(pack(b'')), b'')
+                for n in range(1, 10):
+                    self.assertEqual(unpack(pack(few) + bytes(n)), few)
+                with mock.patch.object(reader, 'MOST_UNPACKED', 1000):
+                    self.assertEqual(unpack(pack(few), len(few)), few)
+                    with self.assertRaisesRegex(ValueError, 'a bomb'):
+                        unpack(pack(bytes(1 << 23)))
+                for packed in (b'', pack(few)[:-1], pack(b'more') + pack(few)[:-1]):
+                    with self.assertRaisesRegex(ValueError, 'are cut off'):
+                        unpack(packed)
+                damaged = bytearray(pack(b'more') + pack(few))
+                damaged[-20_000] ^= 1
+                with self.assertRaises(Exception):  # each has its own
+                    unpack(damaged)
+
+    def test_many_packed_streams_are_linear_work(self):
+        pieces = []
+
+        class Counting:
+            def __init__(self):
+                self.own = bz2.BZ2Decompressor()
+
+            def decompress(self, piece, most):
+                pieces.append(len(piece))
+                return self.own.decompress(piece, most)
+
+            def __getattr__(self, name):
+                return getattr(self.own, name)
+        self.assertEqual(reader.bounded('bz2', Counting)(bz2.compress(b'') * 5000), b'')
+        self.assertEqual(len(pieces), 5000)
+        self.assertLessEqual(max(pieces), reader.PIECE)
+
+    def test_packed_files_that_are_bombs(self):
+        try:
+            from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
+        except ImportError:
+            self.skipTest('an old rosbags')
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+        store = get_typestore(Stores.LATEST)
+        for mode in ('MESSAGE', 'STORAGE', 'FILE'):
+            path = self.folder / mode
+            writer = Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3 if mode == 'MESSAGE' else StoragePlugin.MCAP)
+            writer.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
+            with writer:
+                clouds = writer.add_connection('/points', CLOUD, typestore=store)
+                writer.write(clouds, START * 10**9, store.serialize_cdr(message(store, packed(self.clouds[0]), 0, False), CLOUD))
+                writer.write(clouds, START * 10**9 + 1, bytes(300 << 20))
+            with self.assertRaisesRegex(revisit.InputError, f'{mode}: .* become more than .* a bomb'):
+                list(open_recording(path).scans())
 
     def test_a_pipe_in_the_place_of_a_file_is_refused(self):
         path = write_bag(self.folder, 'mcap', {'/points': [packed(self.clouds[0])]})

@@ -3,7 +3,11 @@
 import contextlib
 import functools
 import heapq
+import os
+import re
 import struct
+import sys
+import types
 
 from revisit.errors import Error, InputError, UsageError
 from revisit.recordings.point_cloud2 import fields_of, points_of
@@ -13,6 +17,81 @@ ENDINGS = ('.bag', '.db3', '.mcap')
 CLOUD = 'sensor_msgs/msg/PointCloud2'
 MENDED_BY = {'index': 'rosbag reindex', 'end magic': 'mcap recover', 'malformed': 'sqlite3 FILE .recover'}
 CLOUDS = (CLOUD, 'sensor_msgs/PointCloud2')
+
+
+MOST_UNPACKED = 1 << 28
+"""[bytes] that anything packed may become: chunks are about a megabyte, clouds tens."""
+MOST_TIMES = 100
+"""What it may become beyond that, of its size: scans become a few times more, zeros a million times."""
+
+BEGINS = {'bz2': rb'BZh', 'lz4': rb'(\x04"|[P-_]\*)M\x18', 'zstd': rb'\(\xb5/\xfd|[P-_]\*M\x18'}
+"""What streams begin with; of LZ4 and Zstandard also frames that are to be skipped."""
+
+PIECE = 1 << 14
+"""[bytes] that an unpacker gets at once: what it does not use is copied."""
+
+
+def most_of(size):
+    """[bytes] that so many packed ones may become."""
+    return max(MOST_UNPACKED, MOST_TIMES * size)
+
+
+def bounded(kind, make):
+    """Unpacks by decompressors of `make()`, one for each stream in the data, and no further than most_of() it. What follows
+    the first stream counts where it begins as one of its kind."""
+    begins = re.compile(BEGINS[kind])
+
+    def unpack(data, *_):
+        parts, at = [], 0
+        most = left = most_of(len(data))
+        while at == 0 or begins.match(data, at):
+            unpacker = make()
+            while not unpacker.eof:
+                piece = bytes(data[at:at + PIECE]) if unpacker.needs_input else b''
+                if unpacker.needs_input and not piece:
+                    raise ValueError(f'{len(data)} packed bytes are cut off')
+                at += len(piece)
+                parts.append(unpacker.decompress(piece, left + 1))
+                left -= len(parts[-1])
+                if left < 0:
+                    raise ValueError(f'{len(data)} packed bytes become more than {most >> 20} MB: a bomb')
+            at -= len(unpacker.unused_data or b'')
+        return b''.join(parts)
+    return unpack
+
+
+def bounded_open(zstd):
+    """Opens a packed file that becomes no more than most_of() it."""
+    def open_(packed, mode):
+        size = os.fstat(packed.fileno()).st_size
+        file = zstd.open(packed, mode)
+        read = file.read
+
+        def checked(n=-1):
+            part = read(n)
+            if file.tell() > most_of(size):
+                raise ValueError(f'{size} packed bytes become more than {MOST_TIMES} times as many: a bomb')
+            return part
+        file.read = checked
+        return file
+    return open_
+
+
+@functools.cache
+def bound_unpacking():
+    """The package unpacks whatever it becomes, at once, by the functions in these tables; other versions may have none."""
+    import bz2
+
+    import lz4.frame
+    ours = {'bz2': bounded('bz2', bz2.BZ2Decompressor), 'lz4': bounded('lz4', lz4.frame.LZ4FrameDecompressor)}
+    of_ros2 = sys.modules.get('rosbags.rosbag2.reader')
+    zstd = getattr(of_ros2, 'zstd', None)
+    if hasattr(zstd, 'ZstdDecompressor') and hasattr(zstd, 'open'):
+        ours['zstd'] = bounded('zstd', zstd.ZstdDecompressor)
+        of_ros2.zstd = types.SimpleNamespace(**vars(zstd) | {'open': bounded_open(zstd), 'decompress': ours['zstd']})
+    for module, name in (('rosbag1.reader', 'decompressors'), ('rosbag2.storage_mcap', 'DECOMPRESSORS')):
+        table = getattr(sys.modules.get(f'rosbags.{module}'), name, {})
+        table.update({key: unpack for key, unpack in ours.items() if key in table})
 
 
 def detects(path):
@@ -48,6 +127,7 @@ def opened(path):
     package('rosbags', 'rosbags', f'{path}: reading bags')
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
+    bound_unpacking()
     files = files_of(path)
     if not files:
         raise InputError(f'{path}: no .bag, .db3 or .mcap files and no metadata.yaml here')
