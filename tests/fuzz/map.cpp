@@ -1,4 +1,4 @@
-// Any file as a map. (A log beside it is what tests/pipeline/map_store_test.cpp damages.)
+// Any file as a map.
 #include <unistd.h>
 
 #include <array>

@@ -11,6 +11,7 @@
 #include <map>
 #include <numeric>
 #include <random>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -177,22 +178,19 @@ TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
 std::optional<std::string> build(const std::filesystem::path& file, int64_t first_stretch,
                                  int64_t at_once, int64_t most = 40) {
   PlaceRecognizer recognizer(coordinates(), {.first_stretch = first_stretch}, map_in(file));
-  std::vector<int64_t> frames(40);
-  std::iota(frames.begin(), frames.end(), 0);
-  recognizer.expect("x", frames);
-  while (most > 0) {
-    const auto claim = recognizer.claim("x", std::min(at_once, most));
-    if (claim == nullptr) break;
-    std::vector<Description> scans;
-    std::vector<StoredPlace> places;
-    for (const int64_t frame : claim->frames) {
-      const PointCloud cloud = scan_of(static_cast<int>(frame));
-      scans.push_back(recognizer.describe(view_of(cloud)));
-      places.push_back({.drive = "x", .frame = frame});
-    }
-    recognizer.add(scans, std::move(places), *claim);
-    most -= std::ssize(scans);
+  const std::set<int64_t> there = recognizer.frames_of("x");
+  std::vector<Description> scans;
+  std::vector<StoredPlace> places;
+  for (int64_t frame = 0; frame < most; ++frame) {
+    if (there.contains(frame)) continue;
+    scans.push_back(recognizer.describe(view_of(scan_of(static_cast<int>(frame)))));
+    places.push_back({.drive = "x", .frame = frame});
+    if (std::ssize(scans) < at_once) continue;
+    recognizer.add(std::exchange(scans, {}), std::exchange(places, {}));
   }
+  recognizer.add(scans, places);
+  EXPECT_EQ(std::ssize(recognizer.frames_of("x")), most);
+  EXPECT_EQ(recognizer.size(), most);
   return open_map(file, MapAccess::kRead)->value(kBasisValue);
 }
 
@@ -259,12 +257,9 @@ struct BreakingMap : MapStore {
     if (steps_left-- == 0) throw Error("lost");
     values[name] = bytes;
   }
-  std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>, Claim*) override {
+  std::vector<int64_t> add(std::span<const StoredPlace>, std::optional<int64_t>) override {
     return {++places};
   }
-  void expect(const std::string&, std::span<const int64_t>) override {}
-  std::unique_ptr<Claim> claim(const std::string&, int64_t) override { return nullptr; }
-  int64_t expected(const std::string&) const override { return 0; }
   MapPosition read(int64_t after, const Take& take, const Damaged&) const override {
     for (int64_t id = after + 1; id <= places; ++id) {
       if (id == std::exchange(breaks_at_place, id == breaks_at_place ? 0 : breaks_at_place))
@@ -277,6 +272,7 @@ struct BreakingMap : MapStore {
     return {.last = places, .revision = 0, .removed = std::ssize(those_removed)};
   }
   int64_t remove(std::span<const int64_t>) override { return 0; }
+  void check(const Damaged&) const override {}
   std::vector<int64_t> removed(int64_t after) const override {
     if (std::exchange(breaks_at_removals, false)) throw Error("lost");
     return {those_removed.begin() + after, those_removed.end()};
@@ -446,6 +442,8 @@ TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
     ASSERT_EQ(reader.query(scan)->position, 7);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7, 30, 7}), 2);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
+    EXPECT_FALSE(writer->frames_of("").contains(70));
+    EXPECT_TRUE(writer->frames_of("").contains(80));
     expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"position 60"});
     EXPECT_NE(writer->query(scan)->position, 7);
     reader.refresh();

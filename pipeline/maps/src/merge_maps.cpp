@@ -1,3 +1,5 @@
+#include <utility>
+
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/maps/map_store.h"
@@ -8,24 +10,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kAtOnce = 1000;  // places a step
-
-/// Places by and by, a step for many.
-class Adder {
- public:
-  explicit Adder(MapStore& map) : map_(map) {}
-  void add(StoredPlace&& place) {
-    places_.push_back(std::move(place));
-    if (places_.size() == kAtOnce) flush();
-  }
-  void flush() {
-    map_.add(places_);
-    places_.clear();
-  }
-
- private:
-  MapStore& map_;
-  std::vector<StoredPlace> places_;
-};
 
 }  // namespace
 
@@ -70,10 +54,13 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
   if (const auto basis = sources.front()->value(kBasisValue))
     merged->set_value(kBasisValue, *basis);
   for (const auto& source : sources) {
-    Adder adder(*merged);
-    source->read(
-        0, [&](StoredPlace&& place) { adder.add(std::move(place)); }, damaged);
-    adder.flush();
+    std::vector<StoredPlace> places;
+    const auto add = [&](StoredPlace&& place) {
+      places.push_back(std::move(place));
+      if (places.size() == kAtOnce) merged->add(std::exchange(places, {}));
+    };
+    source->read(0, add, damaged);
+    merged->add(places);
   }
   return merged->size();
 }

@@ -1,8 +1,13 @@
 #include <unistd.h>
 
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <string_view>
+
 #include "identity.h"
-#include "journal.h"
 #include "postgres_map.h"
+#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
 #include "server_address.h"
 #include "sqlite_map.h"
@@ -17,25 +22,25 @@ struct File {
   fs::path path;     // absolute, without symbolic links: SQLite's other files are beside it
   std::string name;  // as the user knows it
   bool is_there = false;
+  uintmax_t bytes = 0;
 
-  fs::path journal() const { return path.string() + "-wal"; }
+  uintmax_t bytes_of_log() const {
+    std::error_code none;
+    const uintmax_t found = fs::file_size(path.string() + "-wal", none);
+    return none ? 0 : found;
+  }
 };
 
-/// SQLite opens what is beside the file whatever it is: a pipe would be waited for without end.
-void must_be_plain(const File& file) {
-  for (const char* ending : {"-wal", "-shm", "-journal"}) {
+/// SQLite opens what is beside the file whatever it is: a pipe would be waited for without end. A
+/// journal it carries out, which changes the file and may remove another: maps have none.
+void check_beside(const File& file) {
+  for (const std::string ending : {"-wal", "-shm", "-journal"}) {
     std::error_code none;
     const fs::file_type type = fs::symlink_status(file.path.string() + ending, none).type();
-    if (type != fs::file_type::regular && type != fs::file_type::not_found &&
-        type != fs::file_type::none)
-      throw InputError(str(file.name, ending,
-                           ": not a file, which it has to be beside a map; "
-                           "move it away"));
+    if (type == fs::file_type::not_found || type == fs::file_type::none) continue;
+    if (type != fs::file_type::regular || ending == "-journal")
+      throw InputError(str(file.name, ending, ": not of a map; move it away"));
   }
-  if (names_a_file_to_remove(file.path.string() + "-journal"))
-    throw InputError(str(file.name,
-                         "-journal: not of a map, and would remove another file; move "
-                         "it away"));
 }
 
 File look_at(const fs::path& file) {
@@ -48,22 +53,46 @@ File look_at(const fs::path& file) {
     throw Error(str(found.name, ": cannot be opened: ", error.message()));
   if (found.is_there && !fs::is_regular_file(status))
     throw InputError(str(found.name, ": not a map: not a file"));
-  must_be_plain(found);
+  if (found.is_there) found.bytes = fs::file_size(found.path, error);
+  check_beside(found);
   return found;
 }
 
 File look_at_existing(const fs::path& file) {
   File found = look_at(file);
   if (!found.is_there) throw InputError(str(found.name, ": there is no such map"));
-  std::error_code error;
-  if (fs::file_size(found.path, error) == 0 && !error)
-    throw InputError(str(found.name, ": not a map: the file is empty"));
+  if (found.bytes == 0) throw InputError(str(found.name, ": not a map: the file is empty"));
   return found;
 }
 
-std::string loss_of(const File& file, const JournalDamage& damage) {
-  return str(file.name, "-wal: damaged at byte ", damage.at, ": the steps after it are lost",
-             damage.lost_for_sure ? "" : "; if the power failed there, none of them had finished");
+/// Looks at its first bytes before SQLite does, which may change a file when it only opens it.
+void check_is_a_map(const File& file) {
+  constexpr std::string_view kDatabase("SQLite format 3\0", 16);
+  constexpr size_t kApplicationIdAt = 68;
+  std::ifstream in(file.path, std::ios::binary);
+  if (!in) throw Error(str(file.name, ": cannot be opened: ", std::strerror(errno)));
+  std::string head(kApplicationIdAt + 4, '\0');
+  in.read(head.data(), static_cast<std::streamsize>(head.size()));
+  if (!head.starts_with(kDatabase))
+    throw InputError(
+        str(file.name, ": not a map, or its first bytes are damaged: not a SQLite database"));
+  uint32_t application = 0;
+  for (const char byte : head.substr(kApplicationIdAt))
+    application = application << 8 | static_cast<unsigned char>(byte);
+  if (application != kApplicationId)
+    throw InputError(str(file.name, ": a SQLite database, but not a map (application id ",
+                         application, ", a map has ", kApplicationId, ")"));
+}
+
+/// The map appears whole, so that SQLite never makes a journal.
+void make_map_file(const File& file, const MapIdentity& identity, NumberFormat format) {
+  if (file.bytes_of_log() > 0)
+    throw InputError(str(file.name, "-wal: the log of a map that is not here; move it away"));
+  Connection map(":memory:", SQLITE_OPEN_READWRITE, file.name);
+  make_map(map, {.identity = identity, .format = format});
+  std::string bytes = map.content();
+  bytes[18] = bytes[19] = 2;  // it has a log: https://www.sqlite.org/fileformat2.html#vnums
+  write_atomically(file.path, [&](std::ostream& out) { out << bytes; });
 }
 
 /// The same path, for a reader that cannot write beside the file: nobody changes it meanwhile.
@@ -78,60 +107,55 @@ std::string immutable_uri(const fs::path& path) {
   return uri + "?immutable=1";
 }
 
-std::unique_ptr<Connection> open_for_reading(const File& file, std::vector<std::string>& losses) {
-  if (const auto damage = journal_damage(file.journal())) losses.push_back(loss_of(file, *damage));
+std::unique_ptr<Connection> open_for_reading(const File& file) {
   const bool may_write_beside = ::access(file.path.parent_path().c_str(), W_OK) == 0;
   auto connection = std::make_unique<Connection>(file.path, SQLITE_OPEN_READONLY, file.name);
   const int code =
       sqlite3_exec(connection->handle(), "SELECT 1 FROM sqlite_schema", nullptr, nullptr, nullptr);
   const int kind = code & 0xFF;
+  if (code == SQLITE_OK) return connection;
   // Readers of a log share memory in FILE-shm, which this process cannot make.
-  if (!may_write_beside && (kind == SQLITE_CANTOPEN || kind == SQLITE_READONLY)) {
-    connection = std::make_unique<Connection>(immutable_uri(file.path),
-                                              SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, file.name);
-    std::error_code none;
-    if (const auto bytes = fs::file_size(file.journal(), none); !none && bytes > 0)
-      losses.push_back(str(file.name, "-wal: its ", bytes,
-                           " bytes cannot be read in a folder that cannot be written: the places "
-                           "in it are not seen; copy both files to another folder"));
-  } else if (code != SQLITE_OK) {
+  if (may_write_beside || (kind != SQLITE_CANTOPEN && kind != SQLITE_READONLY))
     connection->fail(code);
-  }
-  return connection;
+  if (file.bytes_of_log() > 0)
+    throw Error(str(file.name, "-wal: has places that cannot be read in a folder that cannot be ",
+                    "written; copy both files to another folder"));
+  return std::make_unique<Connection>(immutable_uri(file.path),
+                                      SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, file.name);
 }
 
-std::unique_ptr<Connection> open_for_writing(const File& file, const MapIdentity* identity,
-                                             NumberFormat format,
-                                             std::vector<std::string>& losses) {
-  if (const auto damage = journal_damage(file.journal())) {
-    // To go on would write over what remains, and give ids a second time.
-    if (damage->lost_for_sure)
-      throw InputError(str(loss_of(file, *damage), "; it can be read; `sqlite3 ", file.name,
-                           " 'PRAGMA wal_checkpoint(TRUNCATE)'` accepts the loss"));
-    losses.push_back(loss_of(file, *damage));
-  }
-  auto connection = std::make_unique<Connection>(
-      file.path, SQLITE_OPEN_READWRITE | (identity != nullptr ? SQLITE_OPEN_CREATE : 0), file.name);
+std::unique_ptr<Connection> open_for_writing(const File& file) {
+  auto connection = std::make_unique<Connection>(file.path, SQLITE_OPEN_READWRITE, file.name);
   if (sqlite3_db_readonly(connection->handle(), nullptr) != 0) connection->fail(SQLITE_READONLY);
-  if (connection->integer("PRAGMA page_count") == 0) {  // also after a kill when it was made
-    if (identity == nullptr) throw InputError(str(file.name, ": not a map: the file is empty"));
-    make_map(*connection, {.identity = *identity, .format = format});
-  }
   check_schema(*connection);
   if (const std::string mode = connection->text("PRAGMA journal_mode = WAL"); mode != "wal")
     throw Error(str(file.name, ": this file system has no shared memory for SQLite's log (", mode,
                     " instead of WAL); use a local disk"));
   connection->execute("PRAGMA synchronous = FULL");  // a step is on the disk when it ends
-  // The log only grows while it is in use: a kill leaves no frame that looks like damage.
-  connection->execute("PRAGMA journal_size_limit = 0");
   return connection;
 }
 
 std::unique_ptr<SqliteMap> open_existing(const File& file) {
-  std::vector<std::string> losses;
-  auto connection = open_for_reading(file, losses);
+  check_is_a_map(file);
+  auto connection = open_for_reading(file);
   check_schema(*connection);
-  return std::make_unique<SqliteMap>(nullptr, std::move(connection), std::move(losses));
+  return std::make_unique<SqliteMap>(nullptr, std::move(connection));
+}
+
+std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
+                                       const MapIdentity* identity, NumberFormat format) {
+  const auto look = [&] {
+    File found = identity == nullptr ? look_at_existing(file) : look_at(file);
+    if (access == MapAccess::kNew && found.is_there)
+      throw InputError(str(found.name, ": already exists"));
+    if (found.bytes > 0) check_is_a_map(found);
+    return found;
+  };
+  File found = look();
+  auto lock = std::make_unique<WriterLock>(found.path, found.name);
+  found = look();  // another process may have made it meanwhile
+  if (found.bytes == 0) make_map_file(found, *identity, format);
+  return std::make_unique<SqliteMap>(std::move(lock), open_for_writing(found));
 }
 
 }  // namespace
@@ -146,32 +170,32 @@ std::string shown_name(const fs::path& map) {
 
 std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
                                    const MapIdentity* identity, NumberFormat format) {
+  std::unique_ptr<MapStore> map;
   if (is_on_a_server(file.string()))
-    return open_postgres_map(file.string(), access, identity, format);
-  std::unique_ptr<SqliteMap> map;
-  if (access == MapAccess::kRead) {
+    map = open_postgres_map(file.string(), access, identity, format);
+  else if (access == MapAccess::kRead)
     map = open_existing(look_at_existing(file));
-  } else {
-    const File found = identity == nullptr ? look_at_existing(file) : look_at(file);
-    if (access == MapAccess::kNew && found.is_there)
-      throw InputError(str(found.name, ": already exists"));
-    auto lock = std::make_unique<WriterLock>(found.path, found.name);
-    std::vector<std::string> losses;
-    auto connection = open_for_writing(found, identity, format, losses);
-    map = std::make_unique<SqliteMap>(std::move(lock), std::move(connection), std::move(losses));
-  }
+  else
+    map = open_writer(file, access, identity, format);
   if (identity != nullptr) must_match(shown_name(file), map->identity(), *identity);
   return map;
 }
 
 std::vector<std::string> check_map(const fs::path& file) {
-  if (is_on_a_server(file.string())) return check_postgres_map(file.string());
-  const File found = look_at_existing(file);
+  if (!is_on_a_server(file.string())) look_at_existing(file);
+  std::vector<std::string> wrong;
   try {
-    return open_existing(found)->check();
+    open_map(file, MapAccess::kRead)->check([&](const std::string& what) {
+      wrong.push_back(what);
+    });
   } catch (const InputError& error) {
-    return {error.what()};
+    wrong.emplace_back(error.what());
   }
+  return wrong;
+}
+
+std::unique_ptr<SharedWork> open_shared_work(const fs::path& map) {
+  return is_on_a_server(map.string()) ? open_postgres_work(map.string()) : nullptr;
 }
 
 }  // namespace revisit::pipeline

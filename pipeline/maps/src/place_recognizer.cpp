@@ -166,13 +166,6 @@ struct PlaceRecognizer::Impl {
                            extractor.name, "' has ", extractor.dim));
     if (!can_be_used(scan.feature)) throw UsageError(str("a scan described by ", kTooLarge));
   }
-  void check_added(std::span<const Description> scans) const {
-    for (const Description& scan : scans) {
-      if (!scan.described())
-        throw UsageError("a scan that was not described cannot be added: " + scan.why_not);
-      check_feature(scan);
-    }
-  }
   /// Why a place of the map, which may be a stranger's, cannot be used; "" when it can.
   std::string misfit_of(const StoredPlace& place) const {
     const bool by_feature = !settled || !place.feature.empty();
@@ -305,7 +298,8 @@ struct PlaceRecognizer::Impl {
         place.feature = settled ? std::vector<float>() : features_to_add[i];
         place.descriptor = settled ? descriptor_of(features_to_add[i]) : features_to_add[i];
       }
-      ids = map->add(places_to_add, read_to.revision, claim);
+      ids = claim != nullptr ? claim->add(places_to_add, read_to.revision)
+                             : map->add(places_to_add, read_to.revision);
       if (ids.size() == places_to_add.size()) break;
       take_in_new_places();  // another has settled the basis
     }
@@ -321,6 +315,25 @@ struct PlaceRecognizer::Impl {
       take_in_new_places();
     }
     return ids;
+  }
+
+  /// Adds scans and returns the position of the last.
+  int64_t add(std::span<const Description> scans, std::vector<StoredPlace> about, Claim* claim) {
+    for (size_t i = 0; i < scans.size(); ++i) {
+      if (!scans[i].described())
+        throw UsageError("a scan that was not described cannot be added: " + scans[i].why_not);
+      check_feature(scans[i]);
+      about[i].feature = scans[i].feature;
+    }
+    std::vector<int64_t> ids;
+    if (map) {
+      ids = add_to_map(std::move(about), claim);
+    } else {
+      for (StoredPlace& place : about) take_in(std::move(place));
+      learn_in_time();
+    }
+    end_the_stretch_in_time();
+    return ids.empty() ? std::ssize(places) - 1 : position_of(ids.back());
   }
 
   int64_t position_of(int64_t id) const {
@@ -371,11 +384,6 @@ struct PlaceRecognizer::Impl {
         map->set_value(name, *bytes);
     }
     take_over_calibration();
-  }
-
-  Impl& need_map() {
-    if (!map) throw UsageError("this PlaceRecognizer has no map to share the work of");
-    return *this;
   }
 };
 
@@ -468,32 +476,18 @@ Description PlaceRecognizer::describe(const PointsView& points) const {
 }
 
 int64_t PlaceRecognizer::add(const Description& scan, StoredPlace about) {
-  impl_->check_added({&scan, 1});
-  about.feature = scan.feature;
-  const std::unique_lock lock(impl_->mutex);
-  Impl& impl = *impl_;
-  if (!impl.map) {
-    impl.take_in(std::move(about));
-    impl.learn_in_time();
-    impl.end_the_stretch_in_time();
-    return static_cast<int64_t>(impl.places.size()) - 1;
-  }
   std::vector<StoredPlace> one;
   one.push_back(std::move(about));
-  const int64_t id = impl.add_to_map(std::move(one), nullptr).front();
-  impl.end_the_stretch_in_time();
-  return impl.position_of(id);
+  const std::unique_lock lock(impl_->mutex);
+  return impl_->add({&scan, 1}, std::move(one), nullptr);
 }
 
 void PlaceRecognizer::add(std::span<const Description> scans, std::vector<StoredPlace> about,
-                          Claim& claim) {
+                          Claim* claim) {
   if (scans.size() != about.size())
     throw UsageError(str("add(): ", scans.size(), " scans and ", about.size(), " places"));
-  impl_->check_added(scans);
-  for (size_t i = 0; i < scans.size(); ++i) about[i].feature = scans[i].feature;
   const std::unique_lock lock(impl_->mutex);
-  impl_->need_map().add_to_map(std::move(about), &claim);
-  impl_->end_the_stretch_in_time();
+  impl_->add(scans, std::move(about), claim);
 }
 
 std::optional<Loop> PlaceRecognizer::query(const Description& scan,
@@ -550,6 +544,17 @@ int64_t PlaceRecognizer::size() const {
   return static_cast<int64_t>(impl_->places.size());
 }
 
+std::set<int64_t> PlaceRecognizer::frames_of(const std::string& drive) const {
+  const std::shared_lock lock(impl_->mutex);
+  std::set<int64_t> frames;
+  for (int64_t position = 0; position < std::ssize(impl_->places); ++position) {
+    const StoredPlace& place = impl_->places[static_cast<size_t>(position)];
+    if (place.drive == drive && !std::ranges::binary_search(impl_->removed, position))
+      frames.insert(place.frame);
+  }
+  return frames;
+}
+
 std::optional<double> PlaceRecognizer::threshold() const {
   const std::shared_lock lock(impl_->mutex);
   return impl_->threshold;
@@ -568,22 +573,6 @@ void PlaceRecognizer::refresh() {
 void PlaceRecognizer::refresh_on_news() {
   const std::unique_lock lock(impl_->mutex);
   if (impl_->map && (impl_->is_behind || impl_->map->has_news())) impl_->take_in_new_places();
-}
-
-void PlaceRecognizer::expect(const std::string& drive, std::span<const int64_t> frames) {
-  const std::unique_lock lock(impl_->mutex);
-  impl_->need_map().map->expect(drive, frames);
-  impl_->end_the_stretch_in_time();  // a process may have ended before it did
-}
-
-std::unique_ptr<Claim> PlaceRecognizer::claim(const std::string& drive, int64_t most) {
-  const std::unique_lock lock(impl_->mutex);
-  return impl_->need_map().map->claim(drive, most);
-}
-
-int64_t PlaceRecognizer::expected(const std::string& drive) const {
-  const std::unique_lock lock(impl_->mutex);
-  return impl_->need_map().map->expected(drive);
 }
 
 void PlaceRecognizer::calibrate(double threshold) {

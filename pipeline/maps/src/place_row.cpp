@@ -16,8 +16,6 @@ static_assert(std::endian::native == std::endian::little, "maps hold the machine
 
 using PoseNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
 
-constexpr const char* kWrongChecksum = "its checksum is wrong";
-
 template <class Number>
 std::string bytes_of_numbers(const Number* numbers, size_t n) {
   std::string bytes(n * sizeof(Number), '\0');
@@ -127,7 +125,7 @@ RowView view_of(const StoredPlace& place, const PlaceRow& row, int64_t revision)
 
 std::string take_row(int64_t id, const RowView& row, NumberFormat format, int64_t revision,
                      StoredPlace& place) {
-  if (checksum_of(id, row) != row.checksum) return kWrongChecksum;
+  if (checksum_of(id, row) != row.checksum) return "its checksum is wrong";
   if (row.revision != revision) return "it is older than the map's other descriptors";
 
   // What the checksum cannot know: the file may be a stranger's.
@@ -175,33 +173,17 @@ void insert_place(sqlite::Statement& insert, int64_t id, const StoredPlace& plac
   insert.bind(7, revision).bind(8, checksum_of(id, view)).bind(9, id).step();
 }
 
-std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
-                         NumberFormat format, int64_t revision, StoredPlace& place) {
-  const int code = select.reset().bind(1, id).try_step();
-  if (code == SQLITE_DONE) return kRowNotFound;
-  if (code != SQLITE_ROW) {
-    if (!sqlite::is_damage(code)) connection.fail(code);
-    return sqlite3_errstr(code);
-  }
-  const auto has_type = [&](int column, int type, bool may_be_absent) {
-    const int found = select.type(column);
-    return found == type || (may_be_absent && found == SQLITE_NULL);
-  };
-  if (!has_type(0, SQLITE_TEXT, false) || !has_type(1, SQLITE_INTEGER, false) ||
-      !has_type(2, SQLITE_FLOAT, true) || !has_type(3, SQLITE_BLOB, true) ||
-      !has_type(4, SQLITE_BLOB, false) || !has_type(5, SQLITE_BLOB, true) ||
-      !has_type(6, SQLITE_INTEGER, false) || !has_type(7, SQLITE_INTEGER, false))
-    return kWrongChecksum;
-
-  RowView row{.drive = select.bytes(0),
-              .frame = select.integer(1),
-              .pose = select.bytes(3),
-              .descriptor = select.bytes(4),
-              .feature = select.bytes(5),
-              .revision = select.integer(6),
-              .checksum = select.integer(7)};
-  if (select.type(2) == SQLITE_FLOAT) row.time = select.real(2);
-  return take_row(id, row, format, revision, place);
+std::string take_row(sqlite::Statement& select, NumberFormat format, int64_t revision,
+                     StoredPlace& place) {
+  RowView row{.drive = select.bytes(1),
+              .frame = select.integer(2),
+              .pose = select.bytes(4),
+              .descriptor = select.bytes(5),
+              .feature = select.bytes(6),
+              .revision = select.integer(7),
+              .checksum = select.integer(8)};
+  if (select.type(3) != SQLITE_NULL) row.time = select.real(3);
+  return take_row(select.integer(0), row, format, revision, place);
 }
 
 }  // namespace revisit::pipeline

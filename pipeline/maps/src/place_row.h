@@ -57,14 +57,11 @@ inline constexpr const char* kReplacePlace =
     "UPDATE place SET drive = ?, frame = ?, time = ?, pose = ?, descriptor = ?, feature = ?, "
     "revision = ?, checksum = ? WHERE id = ?";
 
-inline constexpr const char* kRowNotFound = "not found";
-
-/// Reads place `id`; returns "", kRowNotFound, or what else is wrong with it. Throws for anything
-/// but damage.
-std::string select_place(sqlite::Connection& connection, sqlite::Statement& select, int64_t id,
-                         NumberFormat format, int64_t revision, StoredPlace& place);
-inline constexpr const char* kSelectPlace =
-    "SELECT drive, frame, time, pose, descriptor, feature, revision, checksum FROM place "
-    "WHERE id = ?";
+/// Takes the row of `select`, the statement kSelectPlaces; returns "", or what is wrong with it.
+std::string take_row(sqlite::Statement& select, NumberFormat format, int64_t revision,
+                     StoredPlace& place);
+inline constexpr const char* kSelectPlaces =
+    "SELECT id, drive, frame, time, pose, descriptor, feature, revision, checksum FROM place "
+    "WHERE id > ? AND id <= ? ORDER BY id";
 
 }  // namespace revisit::pipeline

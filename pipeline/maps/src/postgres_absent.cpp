@@ -10,7 +10,7 @@ std::unique_ptr<MapStore> open_postgres_map(const std::string&, MapAccess, const
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 
-std::vector<std::string> check_postgres_map(const std::string&) {
+std::unique_ptr<SharedWork> open_postgres_work(const std::string&) {
   built_without("a map on a PostgreSQL server", "libpqxx");
 }
 

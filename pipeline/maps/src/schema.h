@@ -16,7 +16,7 @@ constexpr int kFirstMapVersion = 1;
 /// The smallest unit of disks and file systems: damage costs one page, and a step writes few bytes.
 constexpr int kPageSize = 4096;
 
-/// What is said once about a map. It is kept twice, so that one damaged byte does not cost the map.
+/// What is said once about a map.
 struct MapHead {
   MapIdentity identity;
   NumberFormat format = NumberFormat::kFloat32;
@@ -27,28 +27,26 @@ struct MapHead {
 /// places in the table `removed`.
 struct Counts {
   int64_t places = 0, values = 0;
-  std::string damage;  // when they had to be taken from the tables, why
 };
 
 int64_t head_checksum(std::string_view identity, int64_t bytes_per_number, int64_t revision);
 int64_t checksum_of(const Counts& counts);
 
-/// Makes the tables in an empty file, in one step. Throws UsageError for an identity with "=" in a
-/// name or a line break.
+/// Makes the tables in an empty database. Throws UsageError for an identity with "=" in a name or a
+/// line break.
 void make_map(sqlite::Connection& connection, const MapHead& head);
 
-/// Holds the file against what make_map() makes. Throws InputError.
+/// Holds the tables against those of make_map(). Throws InputError.
 void check_schema(sqlite::Connection& connection);
 
 /// Whether the file has the table `removed`. It gets it with the first removal, within a step.
 bool may_have_removed(sqlite::Connection& connection);
 void make_table_of_removed(sqlite::Connection& connection);
 
-/// Throws InputError when both copies are damaged. `damage`: what is wrong with either.
-MapHead read_head(sqlite::Connection& connection, std::string* damage = nullptr);
-void write_head(sqlite::Connection& connection, const MapHead& head);
-
+/// These two throw InputError for what is damaged.
+MapHead read_head(sqlite::Connection& connection);
 Counts read_counts(sqlite::Connection& connection);
+void write_head(sqlite::Connection& connection, const MapHead& head);
 void write_counts(sqlite::Connection& connection, const Counts& counts);
 
 }  // namespace revisit::pipeline

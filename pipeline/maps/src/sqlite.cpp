@@ -1,6 +1,7 @@
 #include "sqlite.h"
 
 #include <cstring>
+#include <memory>
 #include <new>
 
 #include "revisit/base/error.h"
@@ -67,9 +68,6 @@ void Connection::fail(int code) const {
                                  ? std::string(sqlite3_errstr(code))
                                  : str(sqlite3_errstr(code), ": ", std::strerror(system_error));
   switch (code & 0xFF) {
-    case SQLITE_NOTADB:
-      throw InputError(
-          str(name_, ": not a map, or its first bytes are damaged: not a SQLite database"));
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       throw Error(str(name_, ": another process is writing to this map; wait for it to end"));
@@ -86,21 +84,21 @@ void Connection::fail(int code) const {
     case SQLITE_NOMEM:
       throw std::bad_alloc();
     default:
-      throw InputError(str(name_, ": this map is damaged: ", reason,
-                           "; go back to a copy of it, or make it again"));
+      fail_damaged(reason);
   }
 }
 
-bool is_damage(int code) {
-  switch (code & 0xFF) {
-    case SQLITE_CORRUPT:
-    case SQLITE_NOTADB:
-    case SQLITE_TOOBIG:
-    case SQLITE_ERROR:
-      return true;
-    default:
-      return code == SQLITE_IOERR_READ || code == SQLITE_IOERR_CORRUPTFS;
-  }
+void Connection::fail_damaged(const std::string& what) const {
+  throw InputError(
+      str(name_, ": this map is damaged: ", what, "; go back to a copy of it, or make it again"));
+}
+
+std::string Connection::content() {
+  sqlite3_int64 size = 0;
+  const std::unique_ptr<unsigned char, decltype(&sqlite3_free)> bytes(
+      sqlite3_serialize(handle_, "main", &size, 0), &sqlite3_free);
+  if (bytes == nullptr) throw std::bad_alloc();
+  return {reinterpret_cast<const char*>(bytes.get()), static_cast<size_t>(size)};
 }
 
 Statement::Statement(Connection& connection, const std::string& sql) : connection_(connection) {
@@ -149,7 +147,7 @@ Statement& Statement::reset() {
 }
 
 bool Statement::step() {
-  const int code = try_step();
+  const int code = sqlite3_step(statement_);
   if (code != SQLITE_ROW && code != SQLITE_DONE) connection_.fail(code);
   return code == SQLITE_ROW;
 }

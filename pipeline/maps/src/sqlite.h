@@ -32,6 +32,10 @@ class Connection {
 
   /// Throws the error for a result code of SQLite.
   [[noreturn]] void fail(int code) const;
+  /// Throws InputError that says what is damaged, and what to do.
+  [[noreturn]] void fail_damaged(const std::string& what) const;
+  /// The bytes of the file.
+  std::string content();
 
  private:
   void harden();
@@ -39,9 +43,6 @@ class Connection {
   sqlite3* handle_ = nullptr;
   std::string name_;
 };
-
-/// Whether a result code speaks of what is in the file, or of a sector that cannot be read.
-bool is_damage(int code);
 
 class Statement {
  public:
@@ -59,8 +60,6 @@ class Statement {
   Statement& bind_null(int parameter);
   Statement& reset();
 
-  /// The result code of a step: SQLITE_ROW, SQLITE_DONE or an error.
-  int try_step() { return sqlite3_step(statement_); }
   /// Whether there is a row; throws.
   bool step();
 

@@ -130,8 +130,10 @@ int build(const Arguments& arguments) {
   source.options.first_stretch = map.first_stretch;
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
   cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
+  const auto shared = pipeline::open_shared_work(map.file);
   BuildMap how;
   how.drive = map.drive_of(dataset);
+  how.shared = shared.get();
   how.threads = options.thread_count();
   how.stop = interrupted;
   how.done = [&](int64_t done, int64_t all) { progress.update(done, all); };

@@ -1,8 +1,10 @@
 #include "build_map.h"
 
+#include <algorithm>
 #include <chrono>
+#include <map>
+#include <set>
 #include <thread>
-#include <unordered_map>
 
 #include "loops/describe_scan.h"
 #include "revisit/base/error.h"
@@ -14,22 +16,57 @@ namespace {
 using pipeline::Description;
 using pipeline::ScanRef;
 
-/// Scans of a claim for each thread: the more, the fewer steps of the map, and the more is lost
+/// Scans of a step for each thread: the more, the fewer steps of the map, and the more is lost
 /// with a process.
 constexpr int64_t kScansAtOnce = 8;
 /// Others have the last scans: when one of them ends before it has added its own, they come back.
 constexpr std::chrono::milliseconds kOthersAtWork{250};
 constexpr std::chrono::seconds kBetweenCounts{1};
 
-using ByFrame = std::unordered_map<int64_t, const ScanRef*>;
+using ByFrame = std::map<int64_t, const ScanRef*>;
 
-const ScanRef* scan_of(int64_t frame, const ByFrame& by_frame, const BuildMap& options) {
+const ScanRef& scan_of(int64_t frame, const ByFrame& by_frame, const BuildMap& options) {
   const auto found = by_frame.find(frame);
   if (found == by_frame.end())
     throw InputError(str("the map expects frame ", frame, " of drive '", options.drive,
                          "', which is not among these scans: give the data that the others have, "
                          "or another name for this drive"));
-  return found->second;
+  return *found->second;
+}
+
+void stop_when_told(const BuildMap& options) {
+  if (options.stop())
+    throw Interrupted("stopped; what was added is kept; the same command goes on");
+}
+
+/// Describes the scans of some frames, of `claim` when it is not null, and adds them.
+void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
+                      pipeline::PlaceRecognizer& recognizer, const BuildMap& options,
+                      pipeline::Claim* claim, Built& built) {
+  std::vector<const ScanRef*> scans;
+  for (const int64_t frame : frames) scans.push_back(&scan_of(frame, by_frame, options));
+  std::vector<DescribedScan> described(scans.size());
+  parallel_for(std::ssize(scans), options.threads, [&](int64_t i) {
+    pipeline::PointCloud cloud;
+    described[static_cast<size_t>(i)] =
+        describe_scan(*scans[static_cast<size_t>(i)], options.drive, recognizer, cloud);
+  });
+  std::vector<Description> good;
+  std::vector<pipeline::StoredPlace> places;
+  std::map<int64_t, std::string> left_out;
+  for (DescribedScan& scan : described) {
+    if (!scan.description.described()) {
+      left_out[scan.place.frame] = scan.description.why_not;
+      continue;
+    }
+    places.push_back(std::move(scan.place));
+    good.push_back(std::move(scan.description));
+  }
+  if (claim != nullptr) claim->left_out = left_out;
+  recognizer.add(good, std::move(places), claim);
+  built.added += std::ssize(good);
+  built.left_out += std::ssize(left_out);
+  for (const auto& [frame, why] : left_out) options.left_out(why);
 }
 
 }  // namespace
@@ -37,58 +74,49 @@ const ScanRef* scan_of(int64_t frame, const ByFrame& by_frame, const BuildMap& o
 Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
                 const BuildMap& options) {
   ByFrame by_frame;
+  for (const ScanRef& scan : scans) by_frame[scan.frame] = &scan;
   std::vector<int64_t> frames;
-  for (const ScanRef& scan : scans) {
-    by_frame[scan.frame] = &scan;
-    frames.push_back(scan.frame);
-  }
-  recognizer.expect(options.drive, frames);
-  const int64_t missing = recognizer.expected(options.drive);
+  for (const auto& [frame, scan] : by_frame) frames.push_back(frame);
+  // A process may have been killed before it had ended the first stretch.
+  recognizer.add(std::span<const Description>(), {});
+  const int64_t at_once = kScansAtOnce * options.threads;
   Built built;
+  if (options.shared == nullptr) {
+    const std::set<int64_t> there = recognizer.frames_of(options.drive);
+    std::erase_if(frames, [&](int64_t frame) { return there.contains(frame); });
+    const auto all = std::ssize(frames);
+    for (int64_t done = 0; done < all; done += at_once) {
+      options.done(done, all);
+      stop_when_told(options);
+      const auto n = static_cast<size_t>(std::min(at_once, all - done));
+      describe_and_add(std::span(frames).subspan(static_cast<size_t>(done), n), by_frame,
+                       recognizer, options, nullptr, built);
+    }
+    options.done(all, all);
+    return built;
+  }
+
+  pipeline::SharedWork& work = *options.shared;
+  work.expect(options.drive, frames);
+  const int64_t missing = work.expected(options.drive);
   using Clock = std::chrono::steady_clock;
   Clock::time_point next_count;  // counting takes longer the more is left: now and then is enough
   while (true) {
     if (Clock::now() >= next_count) {
-      const int64_t left = recognizer.expected(options.drive);
+      const int64_t left = work.expected(options.drive);
       options.done(missing - left, missing);
       if (left == 0) return built;
       next_count = Clock::now() + kBetweenCounts;
     }
-    if (options.stop())
-      throw Interrupted("stopped; what was added is kept; the same command goes on");
+    stop_when_told(options);
     try {
-      const auto claim = recognizer.claim(options.drive, kScansAtOnce * options.threads);
-      if (claim == nullptr) {  // all is done, or in the hands of others
-        if (recognizer.expected(options.drive) > 0) std::this_thread::sleep_for(kOthersAtWork);
-        next_count = {};
+      if (const auto claim = work.claim(options.drive, at_once)) {
+        describe_and_add(claim->frames, by_frame, recognizer, options, claim.get(), built);
         continue;
       }
-      std::vector<const ScanRef*> claimed;
-      for (const int64_t frame : claim->frames)
-        claimed.push_back(scan_of(frame, by_frame, options));
-      std::vector<DescribedScan> described(claimed.size());
-      parallel_for(static_cast<int64_t>(claimed.size()), options.threads, [&](int64_t i) {
-        pipeline::PointCloud cloud;
-        described[static_cast<size_t>(i)] =
-            describe_scan(*claimed[static_cast<size_t>(i)], options.drive, recognizer, cloud);
-      });
-      std::vector<Description> good;
-      std::vector<pipeline::StoredPlace> places;
-      for (size_t i = 0; i < claimed.size(); ++i) {
-        Description& description = described[i].description;
-        if (!description.described()) {
-          claim->left_out[claimed[i]->frame] = description.why_not;
-          continue;
-        }
-        places.push_back(std::move(described[i].place));
-        good.push_back(std::move(description));
-      }
-      recognizer.add(good, std::move(places), *claim);
-      built.added += static_cast<int64_t>(good.size());
-      for (const auto& [frame, why] : claim->left_out) {
-        ++built.left_out;
-        options.left_out(why);
-      }
+      // All is done, or in the hands of others.
+      if (work.expected(options.drive) > 0) std::this_thread::sleep_for(kOthersAtWork);
+      next_count = {};
     } catch (const pipeline::ClaimLost&) {  // others have it, or we again
     }
   }

@@ -10,7 +10,8 @@
 namespace revisit::cli {
 
 struct BuildMap {
-  std::string drive;  // its name in the map
+  std::string drive;                       // its name in the map
+  pipeline::SharedWork* shared = nullptr;  // of a map that other processes fill, too
   int threads = 1;
   std::function<bool()> stop;
   std::function<void(int64_t done, int64_t of)>
@@ -22,8 +23,8 @@ struct Built {
   int64_t added = 0, left_out = 0;  // by this process
 };
 
-/// Adds the scans that the recogniser's map has not to it, together with all others that do the
-/// same, and returns when none is missing. A scan that cannot be read or described gets no place.
+/// Adds the scans that the recogniser's map has not to it, together with all others that share the
+/// work, and returns when none is missing. A scan that cannot be read or described gets no place.
 /// Throws what PlaceRecognizer does, Interrupted.
 Built build_map(const std::vector<pipeline::ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
                 const BuildMap& options);

@@ -1,11 +1,8 @@
 #include "postgres_map.h"
 
 #include <algorithm>
-#include <mutex>
-#include <random>
 #include <set>
 
-#include "damaged_places.h"
 #include "identity.h"
 #include "revisit/base/error.h"
 #include "server.h"
@@ -16,21 +13,6 @@ namespace {
 
 using Moment = pqxx::transaction<pqxx::repeatable_read, pqxx::read_only>;
 using namespace postgres;
-
-/// The transaction holds the claimed rows of `expected`: the server lets go of them when the
-/// connection ends.
-struct ServerClaim : Claim {
-  explicit ServerClaim(std::shared_ptr<std::recursive_mutex> mutex)
-      : of_connection(std::move(mutex)) {}
-  ServerClaim(const ServerClaim&) = delete;
-  ServerClaim& operator=(const ServerClaim&) = delete;
-  ~ServerClaim() override {
-    const std::lock_guard lock(*of_connection);
-    step.reset();
-  }
-  std::unique_ptr<pqxx::work> step;                     // null once it has ended
-  std::shared_ptr<std::recursive_mutex> of_connection;  // which the next claim() may be using
-};
 
 /// A map in a schema of a PostgreSQL database.
 class PostgresMap : public MapStore {
@@ -44,8 +26,7 @@ class PostgresMap : public MapStore {
   int64_t size() const override {
     return server_->run([&](pqxx::connection& connection) {
       Moment moment(connection);
-      const int64_t there = read_places(moment, server_->name(), "");
-      return std::max<int64_t>(0, there - count_removed(moment, there));
+      return std::max<int64_t>(0, read_places(moment, server_->name()) - count_removed(moment, 0));
     });
   }
 
@@ -74,11 +55,10 @@ class PostgresMap : public MapStore {
     });
   }
 
-  std::vector<int64_t> add(std::span<const StoredPlace> places, std::optional<int64_t> revision,
-                           Claim* claim) override {
+  std::vector<int64_t> add(std::span<const StoredPlace> places,
+                           std::optional<int64_t> revision) override {
     must_be_writer();
-    const Places all(places, head_.format, random_);
-    if (claim != nullptr) return add_of(*claim, all, revision);
+    const NewPlaces all(places, head_.format);
     if (places.empty()) return {};
     int64_t first = 0;  // the first id of the try before this one
     return server_->run([&](pqxx::connection& connection) {
@@ -93,7 +73,8 @@ class PostgresMap : public MapStore {
       if (!was_added) {
         const MapHead head = read_head(step, server_->name());
         if (revision && *revision != head.revision) return ids;
-        first = insert(step, all, there, head);
+        first = insert_places(step, all, there, head);
+        server_->tell_others(step);
         step.commit();
       }
       for (size_t i = 0; i < places.size(); ++i) ids.push_back(first + static_cast<int64_t>(i));
@@ -101,102 +82,36 @@ class PostgresMap : public MapStore {
     });
   }
 
-  void expect(const std::string& drive, std::span<const int64_t> frames) override {
-    must_be_writer();
-    check_drive(drive);
-    std::string numbers;
-    for (const int64_t frame : frames) numbers += str(numbers.empty() ? "" : ",", frame);
-    server_->run([&](pqxx::connection& connection) {
-      pqxx::work step(connection);
-      lock_places(step, server_->name());
-      step.exec(kTableOfExpected);
-      step.exec_params(
-          "INSERT INTO expected (drive, frame, place) SELECT $1, wanted, min(place.id) FROM "
-          "unnest($2::bigint[]) AS wanted LEFT JOIN place ON place.drive = $1 AND place.frame = "
-          "wanted GROUP BY wanted ON CONFLICT DO NOTHING",
-          drive, "{" + numbers + "}");
-      step.commit();
-    });
-  }
-
-  std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) override {
-    must_be_writer();
-    check_drive(drive);
-    if (most < 1) throw UsageError(str("a claim of ", most, " scans: expected at least 1"));
-    const std::lock_guard lock(*of_claims_);
-    if (claims_ == nullptr) claims_ = std::make_unique<Server>(server_->address(), false);
-    return claims_->run([&](pqxx::connection& connection) -> std::unique_ptr<Claim> {
-      auto claim = std::make_unique<ServerClaim>(of_claims_);
-      claim->drive = drive;
-      try {
-        claim->step = std::make_unique<pqxx::work>(connection);
-      } catch (const pqxx::usage_error&) {
-        throw UsageError("the previous claim has not ended");
-      }
-      if (!has_table(*claim->step, server_->map(), "expected")) return nullptr;
-      const pqxx::result rows = claim->step->exec_params(
-          "SELECT frame FROM expected WHERE drive = $1 AND place IS NULL ORDER BY frame LIMIT $2 "
-          "FOR UPDATE SKIP LOCKED",
-          drive, most);
-      for (const pqxx::row& row : rows) claim->frames.push_back(row[0].as<int64_t>());
-      if (claim->frames.empty()) return nullptr;
-      return claim;
-    });
-  }
-
-  int64_t expected(const std::string& drive) const override {
-    return server_->run([&](pqxx::connection& connection) {
-      Moment moment(connection);
-      if (!has_table(moment, server_->map(), "expected")) return int64_t{0};
-      return moment
-          .exec_params("SELECT count(*) FROM expected WHERE drive = $1 AND place IS NULL",
-                       drive)[0][0]
-          .as<int64_t>();
-    });
-  }
-
   MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const override {
-    const auto tell_once = [&](const std::string& what) {
-      if (told_.insert(what).second) damaged(what);
-    };
     MapPosition at{.last = std::max<int64_t>(after, 0), .revision = -1};
-    DamagedPlaces places(server_->name(), damaged);
     server_->forget_news();  // before the moment: what comes later is told again
     server_->run([&](pqxx::connection& connection) {
       connection.get_notifs();
       server_->forget_news();
       Moment moment(connection);
       const MapHead head = read_head(moment, server_->name());
-      std::string damage;
-      const int64_t there = read_places(moment, server_->name(), "", &damage);
-      if (!damage.empty())
-        tell_once(str(server_->name(), ": the number of places is damaged: ", damage, "; ", there,
-                      " is the last that was found"));
+      const int64_t there = read_places(moment, server_->name());
       // The connection was lost on the way, and the moment is another: the next read() goes on.
       if (at.revision >= 0 && at.revision != head.revision) return server_->has_more_news();
       // Of the first moment: what was removed after it may have been handed over.
-      if (at.revision < 0) {
-        at.removed = last_removal(moment);
-        const std::string what = after <= 0 ? damage_of_removed(moment, there) : "";
-        if (!what.empty())
-          tell_once(str(server_->name(), ": the list of removed places is damaged: ", what));
-      }
+      if (at.revision < 0) at.removed = last_removal(moment);
       at.revision = head.revision;
-      select_places(
+      at.last = std::min(at.last, there);
+      const int64_t behind = at.last, expected = there - behind - count_removed(moment, behind);
+      const int64_t found = select_places(
           moment, head, there, at.last,
-          [&](StoredPlace&& place, int64_t) {
-            places.flush();  // a caller that throws has heard of it
-            take(std::move(place));
-          },
-          [&](int64_t first, int64_t last, const std::string& reason) {
-            places.add(first, last, reason);
+          [&](StoredPlace&& place, int64_t) { take(std::move(place)); },
+          [&](int64_t id, const std::string& damage) {
+            damaged(str(server_->name(), ": place ", id, " is damaged: ", damage));
           });
+      if (found != expected)
+        damaged(str(server_->name(), ": it has ", found, " places behind place ", behind, ", not ",
+                    expected, ": go back to a copy of it"));
     });
-    places.flush();
     return at;
   }
 
-  bool has_news(std::chrono::milliseconds wait) override { return server_->was_told(wait); }
+  bool has_news() override { return server_->was_told(); }
 
   bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
@@ -216,7 +131,7 @@ class PostgresMap : public MapStore {
             write_place(step, kReplacePlaceAt, place.id, place,
                         place_row(place, head.format, place.id), revision + 1, call);
           },
-          [](int64_t, int64_t, const std::string&) {});
+          [](int64_t, const std::string&) {});
       ++head.revision;
       write_head(step, head);
       for (const auto& [name, bytes] : values) put_value(step, name, bytes);
@@ -228,120 +143,44 @@ class PostgresMap : public MapStore {
 
   int64_t remove(std::span<const int64_t> ids) override {
     must_be_writer();
-    std::optional<int64_t> before;  // how many were removed before the first try
-    std::set<int64_t> to_remove;
-    const auto n = [&] { return static_cast<int64_t>(to_remove.size()); };
+    std::set<int64_t> to_remove;  // at the first try
     return server_->run([&](pqxx::connection& connection) {
       pqxx::work step(connection);
       const int64_t there = lock_places(step, server_->name());
-      // A connection that is lost in a commit leaves open what became of it: the list says it.
-      const bool was_done =
-          before &&
-          std::ranges::equal(
-              to_remove,
-              read_removed(step, str("id > ", *before, " AND id <= ", *before + n())).ids);
-      if (!was_done) {
-        to_remove = ids_to_remove(ids, there);
-        for (const int64_t id : read_removed(step, "true").ids) to_remove.erase(id);
-        if (to_remove.empty()) return int64_t{0};
-        before = last_removal(step);
-        remove_places(step, to_remove);
+      std::set<int64_t> left = ids_to_remove(ids, there);
+      for (const int64_t id : read_removed(step, server_->name(), 0)) left.erase(id);
+      if (to_remove.empty()) to_remove = left;
+      if (!left.empty()) {
+        remove_places(step, left);
         server_->tell_others(step);
         step.commit();
       }
-      return n();
+      return static_cast<int64_t>(to_remove.size());
     });
   }
 
   std::vector<int64_t> removed(int64_t after) const override {
     return server_->run([&](pqxx::connection& connection) {
       Moment moment(connection);
-      return read_removed(moment, str("id > ", after)).ids;
+      return read_removed(moment, server_->name(), after);
     });
   }
 
-  std::vector<std::string> check() const {
-    std::vector<std::string> wrong;
-    const auto add_to = [&](const std::string& what) { wrong.push_back(what); };
+  void check(const Damaged& wrong) const override {
     read(
-        0, [](StoredPlace&&) {}, add_to);
-    const pqxx::result values = server_->run([&](pqxx::connection& connection) {
+        0, [](StoredPlace&&) {}, wrong);
+    removed(0);
+    const pqxx::result names = server_->run([&](pqxx::connection& connection) {
       Moment moment(connection);
-      return moment.exec("SELECT name, bytes, checksum FROM value ORDER BY name");
+      return moment.exec("SELECT name FROM value ORDER BY name");
     });
-    for (const pqxx::row& row : values)
-      if (value_checksum(row[0].as<std::string>(), bytes_in(row[1])) != row[2].as<int64_t>())
-        add_to(str(server_->name(), ": the value '", row[0].as<std::string>(),
-                   "' is damaged: its checksum is wrong"));
-    return wrong;
+    for (const pqxx::row& row : names) value(row[0].as<std::string>());
   }
 
  private:
   void must_be_writer() const {
     if (access_ == MapAccess::kRead)
       throw UsageError(str(server_->name(), ": this map was opened for reading (MapAccess)"));
-  }
-
-  /// Places as they are added. `call` tells them from those of other calls.
-  struct Places {
-    std::span<const StoredPlace> places;
-    std::vector<PlaceRow> rows;
-    int64_t call;
-    Places(std::span<const StoredPlace> of, NumberFormat format, std::random_device& random)
-        : places(of), call(static_cast<int64_t>((uint64_t{random()} << 32) | random())) {
-      for (const StoredPlace& place : places)
-        rows.push_back(place_row(place, format, rows.size() + 1));
-    }
-  };
-
-  /// The id of the first; the others follow.
-  int64_t insert(pqxx::transaction_base& step, const Places& all, int64_t there,
-                 const MapHead& head) const {
-    for (size_t i = 0; i < all.rows.size(); ++i)
-      write_place(step, kInsertPlaceAt, there + 1 + static_cast<int64_t>(i), all.places[i],
-                  all.rows[i], head.revision, all.call);
-    write_places(step, there + static_cast<int64_t>(all.rows.size()));
-    server_->tell_others(step);
-    return there + 1;
-  }
-
-  /// What is claimed is not tried again when the connection is lost: then others have it.
-  std::vector<int64_t> add_of(Claim& claim, const Places& all, std::optional<int64_t> revision) {
-    check_places_of(claim, all.places);
-    auto* own = dynamic_cast<ServerClaim*>(&claim);
-    if (own == nullptr || own->step == nullptr || own->of_connection != of_claims_)
-      throw UsageError("this claim has ended, or is another map's");
-    const std::lock_guard lock(*of_claims_);
-    std::vector<int64_t> ids;
-    pqxx::work& step = *own->step;
-    try {
-      pqxx::subtransaction adding(step);  // taken back, it lets go of the lock, not of the claim
-      const int64_t there = lock_places(adding, server_->name());
-      const MapHead head = read_head(adding, server_->name());
-      if (revision && *revision != head.revision && !all.rows.empty()) return ids;
-      const int64_t first = insert(adding, all, there, head);
-      const auto set = [&](int64_t frame, int64_t place, const std::string& why_not) {
-        adding.exec_params(
-            "UPDATE expected SET place = $3, why_not = nullif($4, '') WHERE drive = $1 AND frame "
-            "= $2",
-            claim.drive, frame, place, why_not);
-      };
-      for (const StoredPlace& place : all.places) {
-        ids.push_back(first + static_cast<int64_t>(ids.size()));
-        set(place.frame, ids.back(), "");
-      }
-      for (const auto& [frame, why_not] : claim.left_out) set(frame, 0, why_not);
-      adding.commit();
-      step.commit();
-      own->step.reset();
-    } catch (const pqxx::pqxx_exception& error) {
-      own->step.reset();
-      claims_->throw_unless_lost(error);
-      throw ClaimLost(str(server_->name(), ": the connection was lost with ", claim.frames.size(),
-                          " claimed scans of drive '", claim.drive,
-                          "'; they can be claimed again"));
-    }
-    return ids;
   }
 
   static void put_value(pqxx::transaction_base& step, const std::string& name,
@@ -352,17 +191,15 @@ class PostgresMap : public MapStore {
         name, bytes_of(bytes), value_checksum(name, bytes));
   }
 
-  std::unique_ptr<Server> server_, claims_;  // of the second, one transaction a claim
-  std::shared_ptr<std::recursive_mutex> of_claims_ = std::make_shared<std::recursive_mutex>();
+  std::unique_ptr<Server> server_;
   MapAccess access_;
   MapHead head_;  // as it was when the map was opened
-  std::random_device random_;
-  mutable std::set<std::string> told_;
 };
 
-/// `identity`: the map is made with it when there is none; with kNew there must be none.
-std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess access,
-                                         const MapIdentity* identity, NumberFormat format) {
+}  // namespace
+
+std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
+                                            const MapIdentity* identity, NumberFormat format) {
   auto server = std::make_unique<Server>(postgres::parse_address(where));
   bool made = false;  // perhaps: by the try before this one, whose connection was lost
   const MapHead head = server->run([&](pqxx::connection& connection) {
@@ -394,20 +231,6 @@ std::unique_ptr<PostgresMap> open_map_at(const std::string& where, MapAccess acc
     return found;
   });
   return std::make_unique<PostgresMap>(std::move(server), access, head);
-}
-
-}  // namespace
-
-std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess access,
-                                            const MapIdentity* identity, NumberFormat format) {
-  auto map = open_map_at(where, access, identity, format);
-  if (identity != nullptr) must_match(shown_name(where), map->identity(), *identity);
-  return map;
-}
-
-std::vector<std::string> check_postgres_map(const std::string& where) {
-  const auto map = open_map_at(where, MapAccess::kRead, nullptr, NumberFormat::kFloat32);
-  return map->check();
 }
 
 }  // namespace revisit::pipeline

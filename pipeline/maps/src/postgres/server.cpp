@@ -134,15 +134,8 @@ void Server::tell_others(pqxx::transaction_base& step) const {
   step.exec("NOTIFY " + channel_);
 }
 
-bool Server::was_told(std::chrono::milliseconds wait) {
-  if (!news_)
-    run([&](pqxx::connection& connection) {
-      connection.get_notifs();
-      const Clock::time_point end = Clock::now() + wait;
-      for (auto left = wait; !news_ && left.count() > 0;
-           left = std::chrono::duration_cast<std::chrono::milliseconds>(end - Clock::now()))
-        connection.await_notification(left.count() / 1000, left.count() % 1000 * 1000);
-    });
+bool Server::was_told() {
+  if (!news_) run([](pqxx::connection& connection) { connection.get_notifs(); });
   return news_;
 }
 

@@ -47,7 +47,7 @@ class Server {
   /// Tells others that this transaction changes the map.
   void tell_others(pqxx::transaction_base& step) const;
   /// Whether others have told so, or may have while the connection was lost.
-  bool was_told(std::chrono::milliseconds wait);
+  bool was_told();
   void forget_news() { news_ = false; }
   /// Not all that was told was read.
   void has_more_news() { news_ = true; }

@@ -1,7 +1,10 @@
 #include "tables.h"
 
+#include <random>
+
 #include "checksum.h"
 #include "identity.h"
+#include "removed_places.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
@@ -65,7 +68,7 @@ void write_places(pqxx::transaction_base& step, int64_t places) {
   step.exec_params(
       "INSERT INTO counts VALUES (1, $1, $2) ON CONFLICT (id) DO UPDATE SET places = "
       "EXCLUDED.places, checksum = EXCLUDED.checksum",
-      places, checksum_of(Counts{.places = places, .values = 0, .damage = ""}));
+      places, checksum_of(Counts{.places = places}));
 }
 
 bool has_table(pqxx::transaction_base& step, const std::string& map, const std::string& table) {
@@ -75,28 +78,20 @@ bool has_table(pqxx::transaction_base& step, const std::string& map, const std::
               .empty();
 }
 
-int64_t read_places(pqxx::transaction_base& step, const std::string& name, const char* lock,
-                    std::string* damage) {
-  pqxx::result rows = step.exec(str("SELECT places, checksum FROM counts WHERE id = 1", lock));
-  const auto is_sound = [](const pqxx::row& row) {
-    return checksum_of(Counts{.places = row[0].as<int64_t>(), .values = 0, .damage = ""}) ==
-           row[1].as<int64_t>();
-  };
-  if (rows.empty() || !is_sound(rows[0])) {
-    if (damage != nullptr) *damage = rows.empty() ? "not found" : "its checksum is wrong";
-    const bool removed = may_have_removed(step);  // the last place may be one of them
-    rows = step.exec(str("SELECT coalesce(max(id), 0) FROM (SELECT id FROM place",
-                         removed ? " UNION ALL SELECT place FROM removed" : "", ") AS there"));
-  }
-  const auto places = rows[0][0].as<int64_t>();
-  if (places < 0 || places > kMostPlaces)
-    throw InputError(str(name, ": this map is damaged: it says that it has ", places, " places"));
+int64_t read_places(pqxx::transaction_base& step, const std::string& name, const char* lock) {
+  const pqxx::result rows =
+      step.exec(str("SELECT places, checksum FROM counts WHERE id = 1", lock));
+  const auto places = rows.empty() ? -1 : rows[0][0].as<int64_t>();
+  if (places < 0 || places > kMostPlaces ||
+      checksum_of(Counts{.places = places}) != rows[0][1].as<int64_t>())
+    throw InputError(str(name, ": this map is damaged: the number of its places is ",
+                         rows.empty() ? "not found" : "wrong", "; go back to a copy of it"));
   return places;
 }
 
-int64_t count_removed(pqxx::transaction_base& step, int64_t there) {
+int64_t count_removed(pqxx::transaction_base& step, int64_t after) {
   if (!may_have_removed(step)) return 0;
-  return step.exec_params("SELECT count(*) FROM removed WHERE place BETWEEN 1 AND $1", there)[0][0]
+  return step.exec_params("SELECT count(*) FROM removed WHERE place > $1", after)[0][0]
       .as<int64_t>();
 }
 
@@ -105,45 +100,50 @@ int64_t last_removal(pqxx::transaction_base& step) {
   return step.exec("SELECT coalesce(max(id), 0) FROM removed")[0][0].as<int64_t>();
 }
 
-std::string damage_of_removed(pqxx::transaction_base& step, int64_t there) {
-  const RemovedPlaces removed = read_removed(step, "true");
-  const std::string damage = damage_of(removed, there);
-  if (!damage.empty() || removed.ids.empty()) return damage;
-  const pqxx::result both =
-      step.exec("SELECT min(id) FROM place WHERE id IN (SELECT place FROM removed)");
-  return both[0][0].is_null() ? ""
-                              : str("it has place ", both[0][0].as<int64_t>(), ", which is there");
-}
-
-RemovedPlaces read_removed(pqxx::transaction_base& step, const std::string& where) {
-  RemovedPlaces removed;
-  if (!may_have_removed(step)) return removed;
-  const pqxx::result rows =
-      step.exec(str("SELECT id, place, checksum FROM removed WHERE ", where, " ORDER BY id"));
-  for (const pqxx::row& row : rows) {
-    const auto id = row[0].as<int64_t>(), place = row[1].as<int64_t>();
-    if (removed_checksum(id, place) == row[2].as<int64_t>())
-      removed.ids.push_back(place);
-    else if (removed.damage.empty())
-      removed.damage = str("the checksum of entry ", id, " is wrong");
+std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::string& name,
+                                  int64_t after) {
+  std::vector<int64_t> places;
+  if (!may_have_removed(step)) return places;
+  for (const pqxx::row& row : step.exec_params(
+           "SELECT id, place, checksum FROM removed WHERE id > $1 ORDER BY id", after)) {
+    places.push_back(row[1].as<int64_t>());
+    if (removed_checksum(row[0].as<int64_t>(), places.back()) != row[2].as<int64_t>())
+      throw InputError(str(name, ": this map is damaged: a checksum in the list of removed places ",
+                           "is wrong; go back to a copy of it"));
   }
-  return removed;
+  return places;
 }
 
 void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places) {
   step.exec(kTableOfRemoved);
   step.exec(kTableOfExpected);
   step.exec(str("UPDATE map SET version = ", kMapVersion, " WHERE id = 1"));
-  int64_t id = last_removal(step);
+  const auto n = static_cast<int64_t>(places.size());
+  // The server adds: behind the largest number it refuses.
+  const auto last = step.exec(str("SELECT coalesce(max(id), 0) + ", n, " FROM removed"))[0][0];
+  int64_t id = last.as<int64_t>() - n;
   for (const int64_t place : places) {
     ++id;
     step.exec_params("DELETE FROM place WHERE id = $1", place);
     step.exec_params("DELETE FROM expected WHERE place = $1", place);  // may be described again
-    step.exec_params(
-        "INSERT INTO removed VALUES ($1, $2, $3) ON CONFLICT (place) DO UPDATE SET id = "
-        "EXCLUDED.id, checksum = EXCLUDED.checksum",
-        id, place, removed_checksum(id, place));
+    step.exec_params("INSERT INTO removed VALUES ($1, $2, $3)", id, place,
+                     removed_checksum(id, place));
   }
+}
+
+NewPlaces::NewPlaces(std::span<const StoredPlace> of, NumberFormat format) : places(of) {
+  std::random_device random;
+  call = static_cast<int64_t>((uint64_t{random()} << 32) | random());
+  for (const StoredPlace& place : places) rows.push_back(place_row(place, format, rows.size() + 1));
+}
+
+int64_t insert_places(pqxx::transaction_base& step, const NewPlaces& all, int64_t there,
+                      const MapHead& head) {
+  for (size_t i = 0; i < all.rows.size(); ++i)
+    write_place(step, kInsertPlaceAt, there + 1 + static_cast<int64_t>(i), all.places[i],
+                all.rows[i], head.revision, all.call);
+  write_places(step, there + static_cast<int64_t>(all.rows.size()));
+  return there + 1;
 }
 
 int64_t lock_places(pqxx::transaction_base& step, const std::string& name) {

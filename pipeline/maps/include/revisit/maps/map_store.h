@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -41,14 +40,16 @@ struct MapPosition {
   int64_t removed = 0;   // how many places were removed: when it grows, removed() names them
 };
 
-/// Scans of a drive that one process describes into a map, and no other meanwhile. It ends when
-/// MapStore::add() takes it, when it is destroyed (before its map, by any thread), and with its
-/// process or connection: what was not added can then be claimed again.
+/// Scans of a drive that one process describes into a map on a server, and no other meanwhile. It
+/// ends when add() adds them, when it is destroyed (before its SharedWork), and with its process or
+/// connection: what was not added can then be claimed again.
 struct Claim {
   std::string drive;
   std::vector<int64_t> frames;              // ascending
   std::map<int64_t, std::string> left_out;  // frame -> why it gets no place; nobody tries it again
   virtual ~Claim() = default;
+  /// As MapStore::add(), of places of this claim. Throws ClaimLost, too.
+  virtual std::vector<int64_t> add(std::span<const StoredPlace> places, int64_t revision) = 0;
 };
 
 /// The connection of a claim was lost before its places were known to be added. Either they were,
@@ -79,37 +80,28 @@ class MapStore {
 
   /// Adds places, whatever their `id`, and returns the ids they have now. All numbers are finite.
   /// `revision`: what they were described for; when the map has another, nothing is added and no
-  /// ids are returned. `claim`: all of the places are of it, and it ends in the same step. Throws
-  /// ClaimLost.
+  /// ids are returned.
   virtual std::vector<int64_t> add(std::span<const StoredPlace> places,
-                                   std::optional<int64_t> revision = std::nullopt,
-                                   Claim* claim = nullptr) = 0;
-
-  /// The map is to have a place of each of these frames of a drive. Frames that have one, that were
-  /// left out or are expected already stay as they are. A file forgets it when it is closed.
-  virtual void expect(const std::string& drive, std::span<const int64_t> frames) = 0;
-  /// Up to `most` of the expected frames that nobody has claimed; null when there are none now.
-  /// Throws UsageError while another claim of this object is alive, and for `most` below 1.
-  virtual std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) = 0;
-  /// Frames of the drive still expected, claimed or not.
-  virtual int64_t expected(const std::string& drive) const = 0;
+                                   std::optional<int64_t> revision = std::nullopt) = 0;
 
   /// Hands over the places with ids above `after`, ascending, as they are at one moment. Damaged
-  /// ones are left out; `damaged` gets a message that names them. So it does, once, for what else
-  /// was lost. The callbacks must not call this object.
+  /// ones are left out; `damaged` gets a message that names each, and one when places are lost. The
+  /// callbacks must not call this object.
   virtual MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
 
-  /// Removes places for good, in one step. Their ids are not given again. Damaged and lost places
-  /// can be removed, too, and are then no damage any more. Returns how many there were to remove:
-  /// those removed before do not count. Throws UsageError for an id that no place has had.
+  /// Removes places for good, in one step. Their ids are not given again. Damaged places can be
+  /// removed, too. Returns how many there were to remove: those removed before do not count. Throws
+  /// UsageError for an id that no place has had.
   virtual int64_t remove(std::span<const int64_t> ids) = 0;
   /// The ids of the places that were removed, in the order of their removal, but for the first
   /// `after`.
   virtual std::vector<int64_t> removed(int64_t after = 0) const = 0;
 
-  /// Whether others may have changed the map since the last read(); waits at most so long for it.
-  /// A file says nothing of others: false at once.
-  virtual bool has_news(std::chrono::milliseconds /*wait*/ = {}) { return false; }
+  /// Whether others may have changed the map since the last read(). A file says nothing of others.
+  virtual bool has_news() { return false; }
+
+  /// Reads all, and tells `wrong` what is wrong. Throws InputError for damage that ends this.
+  virtual void check(const Damaged& wrong) const = 0;
 
   /// Gives every place the descriptor that `descriptor_of` makes of it, drops the features and sets
   /// `values`, in one step. Damaged places stay so. `descriptor_of` must not call this object.
@@ -117,6 +109,22 @@ class MapStore {
   virtual bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
       const std::map<std::string, std::string>& values, int64_t revision) = 0;
+};
+
+/// The work that several processes share on a map on a server: scans of drives, each of which one
+/// of them describes. One thread at a time. Throws what MapStore throws, and UsageError while a
+/// claim of this object is alive.
+class SharedWork {
+ public:
+  virtual ~SharedWork() = default;
+  /// The map is to have a place of each of these frames of a drive. Frames that have one, that were
+  /// left out or are expected already stay as they are.
+  virtual void expect(const std::string& drive, std::span<const int64_t> frames) = 0;
+  /// Up to `most` (at least 1) of the expected frames that nobody has claimed; null when there are
+  /// none now.
+  virtual std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) = 0;
+  /// Frames of the drive still expected, claimed or not.
+  virtual int64_t expected(const std::string& drive) = 0;
 };
 
 /// The names of the values that hold what the descriptors of a map were made with, how its scores
@@ -149,6 +157,10 @@ enum class MapAccess { kRead, kWrite, kNew };
 std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess access,
                                    const MapIdentity* identity = nullptr,
                                    NumberFormat format = NumberFormat::kFloat32);
+
+/// The work on a map that is on a server; null for a file, which one process writes. Throws as
+/// open_map().
+std::unique_ptr<SharedWork> open_shared_work(const std::filesystem::path& map);
 
 /// Gives a map without places what another of the same identity learnt from its first stretch: its
 /// basis. `damaged` is told what of the map was lost, as by read(). Throws InputError when the

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -84,8 +85,10 @@ class PlaceRecognizer {
   /// they were added to the map before it. Throws UsageError for a scan that was not described, or
   /// by another feature, and what MapStore::add() throws: the place is then not known either.
   int64_t add(const Description& scan, StoredPlace about);
-  /// The same for several scans in one step, and for `claim`, which ends with it.
-  void add(std::span<const Description> scans, std::vector<StoredPlace> about, Claim& claim);
+  /// The same for several scans, or none, in one step; `claim`: of whose frames they are, which
+  /// ends with it. Of a first stretch that a process was killed in it makes the end.
+  void add(std::span<const Description> scans, std::vector<StoredPlace> about,
+           Claim* claim = nullptr);
   /// The best place but those at the positions `without` (in any order), which are of the same
   /// moment; nothing when there is none or the scan was not described. Throws UsageError for a scan
   /// that another feature described.
@@ -98,6 +101,8 @@ class PlaceRecognizer {
 
   /// Places known, with those removed since this object knows them: the next one's position.
   int64_t size() const;
+  /// The frames of a drive that have a place.
+  std::set<int64_t> frames_of(const std::string& drive) const;
   /// The score from which places are accepted; absent when neither the options, nor the map, nor a
   /// calibration that promises RecognizerOptions::precision give one.
   std::optional<double> threshold() const;
@@ -107,11 +112,6 @@ class PlaceRecognizer {
   void refresh();
   /// The same when the map says that there is something (MapStore::has_news()): cheap when not.
   void refresh_on_news();
-  /// Work that several processes share (MapStore). Throw UsageError without a map, and what
-  /// MapStore throws.
-  void expect(const std::string& drive, std::span<const int64_t> frames);
-  std::unique_ptr<Claim> claim(const std::string& drive, int64_t most);
-  int64_t expected(const std::string& drive) const;
   /// Keeps a threshold or a calibration in the map, in the place of either. Throws UsageError for a
   /// threshold that is not finite, and for a calibration of another k or score, or without blocks.
   void calibrate(double threshold);
