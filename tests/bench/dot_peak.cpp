@@ -18,7 +18,7 @@
 
 namespace {
 
-using revisit::profiling::LoopWork;
+using namespace revisit::profiling;
 
 constexpr int64_t kRounds = 100000, kTileRounds = 20000;
 
