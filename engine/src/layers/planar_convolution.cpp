@@ -56,13 +56,6 @@ struct RunBlocked {
   }
 };
 
-const ConvolutionNdKernel& choose_plain(const ConvolutionNdProblem& p, bool reference) {
-  if (reference) return kConvolutionReference;
-  const auto kernels = convolution_kernels();
-  return *std::find_if(kernels.begin(), kernels.end(),
-                       [&](const ConvolutionNdKernel& kernel) { return kernel.supports(p); });
-}
-
 /// All channels of a gray input: the picture plus each channel's offset.
 const float* write_channels(const ConvolutionNdProblem& p, const std::vector<float>& offsets,
                             const float* picture, float* channels) {
