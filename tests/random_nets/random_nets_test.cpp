@@ -35,9 +35,11 @@ TEST(RandomNets, CoverEveryLayerType) {
 
 TEST(RandomNets, HaveWeightsInTheTypesThatTheRegistrySays) {
   std::set<std::string> with_weights;
-  for (uint64_t seed = 0; seed < kGenerated; ++seed)
-    for (const caffe::LayerParameter& layer : make_random_net(seed).net.layer())
+  for (uint64_t seed = 0; seed < kGenerated; ++seed) {
+    const RandomNet net = make_random_net(seed);
+    for (const caffe::LayerParameter& layer : net.net.layer())
       if (layer.blobs_size() > 0) with_weights.insert(layer.type());
+  }
   EXPECT_EQ(with_weights, engine::types_with_weights());
 }
 

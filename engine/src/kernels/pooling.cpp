@@ -32,13 +32,13 @@ void average_pool(const PoolingProblem& p, const float* input, float* output) {
     const int64_t plane = item / p.out_h, y = item % p.out_h;
     const float* image = input + plane * p.h * p.w;
     const WindowRange rows = p.rows(y);
+    const int64_t height = p.height(rows.start);
     for (int64_t x = 0; x < p.out_w; ++x) {
       const WindowRange columns = p.columns(x);
       float sum = 0;
       for (int64_t iy = rows.begin; iy < rows.end; ++iy)
         for (int64_t ix = columns.begin; ix < columns.end; ++ix) sum += image[iy * p.w + ix];
-      output[item * p.out_w + x] =
-          sum / static_cast<float>(p.height(rows.start) * p.width(columns.start));
+      output[item * p.out_w + x] = sum / static_cast<float>(height * p.width(columns.start));
     }
   });
 }
