@@ -196,8 +196,9 @@ TEST(ExperimentPlan, ClaimsAreThePapersForEachNetwork) {
   options.shared.data = "kitti";
   cli::Networks networks;
   networks.found = {network("a", true), network("b", true)};
+  const std::vector<cli::Plan> plans = cli::make_plans(options, networks);
   std::vector<std::string> better, worse;
-  for (const auto& claim : cli::make_plans(options, networks).at(0).claims) {
+  for (const auto& claim : plans.at(0).claims) {
     better.push_back(claim.better());
     worse.push_back(claim.worse());
   }
