@@ -97,7 +97,7 @@ TEST_F(Bash, CompletesTheWordsOfValues) {
 TEST_F(Bash, CompletesPathsWhereOneIsMeant) {
   EXPECT_EQ(offered("revisit loops --map a"), (Words{"a folder", "a.map"}));
   EXPECT_EQ(offered("revisit loops --map=a."), Words{"a.map"});
-  EXPECT_EQ(offered("revisit loops --cache a"), Words{"a folder"});
+  EXPECT_EQ(offered("revisit eval --cache a"), Words{"a folder"});
   EXPECT_EQ(offered("revisit map query a."), Words{"a.map"});
   EXPECT_EQ(offered("revisit map query a.map x y a."), Words{"a.map"});
   EXPECT_EQ(offered("revisit eval --fit-on a"), (Words{"a folder", "all"}));

@@ -196,8 +196,9 @@ TEST(ExperimentPlan, ClaimsAreThePapersForEachNetwork) {
   options.shared.data = "kitti";
   cli::Networks networks;
   networks.found = {network("a", true), network("b", true)};
+  const std::vector<cli::Plan> plans = cli::make_plans(options, networks);
   std::vector<std::string> better, worse;
-  for (const auto& claim : cli::make_plans(options, networks).at(0).claims) {
+  for (const auto& claim : plans.at(0).claims) {
     better.push_back(claim.better());
     worse.push_back(claim.worse());
   }
@@ -227,18 +228,18 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
   add_run(experiment, "b", 0.55, 0, 1);
   add_run(experiment, "c", 0.2, 0.1, 0.52);  // holds a's, which does not hold it
   std::vector<reports::PlannedClaim> claims;
-  const auto claim = [&](const char* better, const char* worse, double slack) {
+  const auto add = [&](const char* better, const char* worse, double slack) {
     claims.emplace_back();
     claims.back().set_better(better);
     claims.back().set_worse(worse);
     claims.back().set_slack(slack);
   };
-  claim("a", "b", 0);
-  claim("b", "a", 0);
-  claim("b", "c", 0);
-  claim("c", "b", 0);
-  claim("a", "b", 0.1);
-  claim("a", "b", 0.01);
+  add("a", "b", 0);
+  add("b", "a", 0);
+  add("b", "c", 0);
+  add("c", "b", 0);
+  add("a", "b", 0.1);
+  add("a", "b", 0.01);
   cli::check_claims(claims, &experiment);
   std::vector<std::pair<bool, bool>> found;
   for (const auto& claim : experiment.claims())
