@@ -650,7 +650,7 @@ TEST(PlaceRecognizer, AMapOfAnotherFeatureIsRefused) {
   camera.make = FeatureMaker<GrayImage>();
   expect_error<UsageError>([&] { PlaceRecognizer(camera, {}); }, {"camera images"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.first_stretch = 1}); },
-                           {"first_stretch", "found 1"});
+                           {"first stretch", "found 1"});
   expect_error<UsageError>([&] { PlaceRecognizer(coordinates(), {.k = 0}); }, {"k:", "found 0"});
 }
 
@@ -680,11 +680,11 @@ TEST(PlaceRecognizer, AGraphProposesWhatIsComparedExactly) {
   }
   EXPECT_GE(same, 98);
   expect_error<UsageError>([] { PlaceRecognizer(coordinates(), {.graph_candidates = -1}); },
-                           {"graph_candidates"});
+                           {"graph candidates"});
   FeatureExtractor rings = coordinates();
   rings.comparison = ring_comparison({});
   expect_error<UsageError>([&] { PlaceRecognizer(rings, {.graph_candidates = 30}); },
-                           {"graph_candidates", "cosine", rings.name});
+                           {"graph candidates", "cosine", rings.name});
   PlaceRecognizer(rings, {});
 }
 

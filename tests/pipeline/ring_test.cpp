@@ -386,7 +386,7 @@ TEST(RingLearning, RefusesWhatCannotTeach) {
   learnt.describer({.numbers = 60, .adapt = 1});
   expect_error<UsageError>([&] { fit_to_map(learnt.model, rings, {}, 0); }, {"at least 1 scan"});
   expect_error<UsageError>([&] { learnt.describer({.key_candidates = -1}); },
-                           {"key_candidates", "found -1"});
+                           {"ring key candidates", "found -1"});
 }
 
 TEST(RingModelFile, GivesBackWhatWasWritten) {
