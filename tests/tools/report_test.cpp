@@ -206,7 +206,7 @@ TEST_F(ReportCommand, MarkdownHasTheCommandBesideEachNumber) {
                                 std::regex("aligned \\| [01]\\.[0-9]{3} \\[[01]\\.[0-9]{2}, ")))
       << text.substr(row, 60);
   EXPECT_NE(text.find("`revisit eval " + path("drive")), std::string::npos) << text;
-  EXPECT_NE(text.find("sequence 05 is not there"), std::string::npos) << text;
+  EXPECT_NE(text.find("sequence 05 has no scans"), std::string::npos) << text;
 }
 
 /// A page with a run on `scans` scans whose task asked the first ones, with these flags.

@@ -130,10 +130,13 @@ TEST(SimulateCommand, SurroundingsAndMountAreSettings) {
   const ProgramResult name = run_revisit(quick(dir / "other") + "--surroundings contry");
   EXPECT_EQ(name.exit_code, 2);
   EXPECT_TRUE(has(name.err, "did you mean 'country'")) << name.err;
-  for (const char* option : {"--traffic", "--sensor-height", "--sensor-pitch", "--sensor-roll"}) {
+  for (const auto& [option, words] : {std::pair("--traffic", "traffic"),
+                                      {"--sensor-height", "sensor height"},
+                                      {"--sensor-pitch", "sensor pitch"},
+                                      {"--sensor-roll", "sensor roll"}}) {
     const ProgramResult far = run_revisit(quick(dir / "other") + option + " 99");
     EXPECT_EQ(far.exit_code, 2);
-    EXPECT_TRUE(has(far.err, std::string(option) + " is 99: expected")) << far.err;
+    EXPECT_TRUE(has(far.err, std::string(words) + " is 99: expected")) << far.err;
   }
 }
 
