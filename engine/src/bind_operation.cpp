@@ -123,7 +123,7 @@ std::vector<int64_t> image_sizes(const std::vector<Shape>& parts, Precision valu
   return sizes;
 }
 
-/// What `form` says on blocked values; nothing where no kernel does that.
+/// The kernel of `form` on blocked values; nothing where there is none.
 std::optional<Kernel> blocked_kernel(const Form& form, const Binding& binding) {
   if (const auto* activation = std::get_if<Activating>(&form))
     return bind_activation(*activation, binding);
@@ -162,7 +162,7 @@ std::optional<Kernel> bind_blocked(const Form& form, const Binding& binding) {
   return kernel;
 }
 
-/// On a run of one channel.
+/// The epilogue of a run of one channel.
 Epilogue of_channel(const Epilogue& e, int64_t channel) {
   if (e.activation != Epilogue::Activation::kPrelu) return e;
   return {.activation = Epilogue::Activation::kRelu, .slope = e.slopes[channel]};

@@ -15,8 +15,8 @@
 
 namespace revisit::engine {
 
-// What a layer computes, for layers that can be merged with their neighbours (fuse.h) or have
-// kernels on blocked values (bind_operation.h).
+// Forms say what a layer computes, for layers that can be merged with their neighbours (fuse.h) or
+// have kernels on blocked values (bind_operation.h).
 
 /// Sums of products over the channels of `[n][c][h][w]`, which can take a Fusion.
 struct Convolving {

@@ -34,7 +34,7 @@ struct Call {
   const HeldWeights* weights = nullptr;  // what Kernel::hold gave
 };
 
-/// What a kernel multiplies, and how.
+/// Products of a kernel, and how it computes them.
 struct Work {
   int64_t macs = 0;
   int64_t multiplications = 0;  // LayerCost::multiplications; 0: as many as macs
@@ -67,8 +67,8 @@ struct Kernel {
   Layout writes = Layout::kNchw;
   Aliasing aliasing = Aliasing::kNone;
   Bytes packed = {};  // weights in its own order, beside those of the net
-  /// Of kernels with packed weights: makes them, or takes those that are there. To be called once,
-  /// when it is known that there is memory for them.
+  /// Makes the packed weights, or takes those that are there; null for kernels without. To be
+  /// called once, when it is known that there is memory for them.
   std::function<HeldWeights()> hold = {};
 };
 

@@ -105,7 +105,7 @@ NetFile finish(NetFile file, const std::string* text, const std::string& name,
     const TextPosition where = text ? locate(*text, error.field, error.index) : TextPosition();
     throw InputError(message_start(name, where) + error.what());
   } catch (const InputError& error) {
-    throw InputError(str(name, ": ", error.what()));
+    throw InputError(name, ": ", error);
   }
   for (const std::string& note : notes) file.warnings.push_back(str(name, ": ", note));
   if (file.net.layer_size() == 0) {

@@ -1,4 +1,4 @@
-// What layers multiply and move.
+// Products and traffic of layers.
 #include <gtest/gtest.h>
 
 #include <cstring>

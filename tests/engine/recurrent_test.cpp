@@ -78,6 +78,28 @@ TEST(Lstm, SecondStepByHand) {
   }
 }
 
+TEST(Lstm, StaticInputAndExposedStateByHand) {
+  // Gates i 4.5, f 3.5, o -0.5, g -0.25: each has another weight of x, static input, h and bias.
+  for (const bool reference : {false, true}) {
+    const auto found =
+        run_layer({.type = "LSTM",
+                   .param = "recurrent_param { num_output: 1 expose_hidden: true }",
+                   .inputs = {{Shape{1, 1, 1}, {2}},
+                              {Shape{1, 1}, {1}},
+                              {Shape{1, 1}, {3}},
+                              {Shape{1, 1, 1}, {0.5F}},
+                              {Shape{1, 1, 1}, {-0.25F}}},
+                   .weights = {{1, 0, -1, 0.5F}, {0, 0, 1, 0}, {0.5F, 1, 0, -0.25F}, {2, 1, 1, -1}},
+                   .n_outputs = 3,
+                   .reference = reference});
+    const double c = sigmoid(3.5) * -0.25 + sigmoid(4.5) * std::tanh(-0.25);
+    const auto h = static_cast<float>(sigmoid(-0.5) * std::tanh(c));
+    expect_near(found[0].values, {h}, 1e-6F);
+    expect_near(found[1].values, {h}, 1e-6F);
+    expect_near(found[2].values, {static_cast<float>(c)}, 1e-6F);
+  }
+}
+
 TEST(Lstm, FollowsTheEquationsAndRemembersBetweenPasses) {
   for (const int passes : {1, 2, 3}) {
     SingleLayer layer = random_lstm(0, 2);

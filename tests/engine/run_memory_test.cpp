@@ -1,9 +1,8 @@
-// What a run takes: one limit for arena and packed weights.
+// Memory of a run: one limit for arena and packed weights.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 
 #include "compare.h"
 #include "expect_error.h"
@@ -54,7 +53,7 @@ TEST(RunMemory, KernelsPackNothingWhereTheLimitIsTight) {
   EXPECT_LT(bytes_of(plan), limit);
   EXPECT_EQ(plan.packed_weight_bytes(), 0);
   EXPECT_EQ(limited(plan), 5);
-  // The same kernels for any number of threads.
+  // Kernels do not depend on the number of threads.
   EXPECT_EQ(net.plan({}, {.threads = 2, .max_run_bytes = limit - 1}).packed_weight_bytes(), 0);
   expect_error<InputError>(
       [&] { net.plan({}, {.max_run_bytes = 20 * 1024}); },

@@ -1,4 +1,4 @@
-// What passes and their layers take.
+// Times of passes and their layers.
 #include "revisit/profiling/profile.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// What the machine can do at most.
+// Limits of the machine.
 #include "revisit/profiling/speed_limits.h"
 
 #include <gtest/gtest.h>

@@ -53,8 +53,9 @@ def read_with_types(path):
             raise InputError(f'{path}: the name of a layer is not UTF-8 text: {name!r}')
         axes = LEGACY_AXES.get(types.get(name))
         for i, array in enumerate(arrays):
-            if axes and array.ndim == 4:
-                arrays[i] = array.reshape(array.shape[4 - axes[min(i, 1)]:])
+            extra = 4 - axes[min(i, 1)] if axes and array.ndim == 4 else 0
+            if array.shape[:extra] == (1,) * extra:
+                arrays[i] = array.reshape(array.shape[extra:])
     return weights, types
 
 

@@ -6,8 +6,8 @@ namespace revisit::engine {
 
 /// C[m][n] = A * B, row-major with leading dimensions, on the calling thread only, so that the
 /// result does not depend on how many threads share the work around it. A is [m][k], or [k][m] when
-/// `transpose_a`; B is [k][n], or [n][k] when `transpose_b`. A kernel that calls it has "gemm" in
-/// its name: by that a run knows that it needs room for OpenBLAS's buffers, as a pass cannot fail.
+/// `transpose_a`; B is [k][n], or [n][k] when `transpose_b`. A kernel that calls it says so by
+/// Work::uses_blas: a run then makes room for OpenBLAS's buffers, as a pass cannot fail.
 struct GemmProblem {
   int64_t m, n, k;
   const float* a;

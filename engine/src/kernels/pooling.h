@@ -14,7 +14,7 @@ struct PoolingProblem {
 
   WindowRange rows(int64_t y) const { return {y * stride_h - pad_h, kernel_h, h}; }
   WindowRange columns(int64_t x) const { return {x * stride_w - pad_w, kernel_w, w}; }
-  /// Of a window that starts there, what a mean is taken over: clipped to the padded image.
+  /// Sides of the area of a mean, of a window that starts there: clipped to the padded image.
   int64_t height(int64_t start) const { return std::min(start + kernel_h, h + pad_h) - start; }
   int64_t width(int64_t start) const { return std::min(start + kernel_w, w + pad_w) - start; }
 };

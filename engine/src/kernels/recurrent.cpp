@@ -115,11 +115,11 @@ int64_t lstm_scratch_floats(const RecurrentProblem& p) {
 void lstm(const RecurrentProblem& p, const LstmWeights& w, const RecurrentOperands& o) {
   const int64_t width = p.output;
   StepInput input(p, 4 * width, o, w.xc, w.b_c, w.x_static, w.hc);
+  auto& cell = HWY_DYNAMIC_DISPATCH(lstm_cell);
   for (int64_t t = 0; t < p.steps; ++t) {
     const float* gates = input.at(t, o.state.h);
     for (int64_t n = 0; n < p.streams; ++n, gates += 4 * width)
-      HWY_DYNAMIC_DISPATCH(lstm_cell)
-      (width, o.cont[t * p.streams + n], gates, o.state.c + n * width, o.state.h + n * width);
+      cell(width, o.cont[t * p.streams + n], gates, o.state.c + n * width, o.state.h + n * width);
     std::copy_n(o.state.h, p.streams * width, o.y + t * p.streams * width);
   }
 }

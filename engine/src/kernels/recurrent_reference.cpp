@@ -16,7 +16,7 @@ double dot(const float* a, const float* b, int64_t count) {
   return sum;
 }
 
-/// What a step computes before its nonlinearity.
+/// Sums of a step, before its nonlinearity.
 struct StepSum {
   const RecurrentProblem& p;
   const RecurrentOperands& o;

@@ -71,10 +71,10 @@ class BatchNormalisation : public OneToOneLayer {
   BatchNormalisation(const char* type, const char* kernel, bool of_batch)
       : type_(type), kernel_(kernel), of_batch_(of_batch) {}
 
-  /// What is done to each channel, by the weights. Empty when the net is only inspected.
+  /// The norm of each channel, by the weights. Empty when the net is only inspected.
   virtual std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const = 0;
 
-  /// The same of a channel with the statistics of a batch.
+  /// The norm of a channel with the statistics of a batch in the place of its own.
   virtual ChannelNorm with_statistics(ChannelNorm norm, const Moments& batch) const = 0;
 
  private:

@@ -2,7 +2,7 @@
 
 #include "layer.h"
 
-/// What joining and cutting along an axis share, on values of any layout.
+/// Kernels that join and cut along an axis, on values of any layout.
 namespace revisit::engine {
 
 /// Copies the inputs one after another, `outer` times: of each, as many floats as `sizes` says.

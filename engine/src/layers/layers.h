@@ -5,8 +5,8 @@
 #include "layer.h"
 
 /// The factories behind the registry; one layer type a file, but for those that share their code:
-/// functions of one number are in elementwise.cpp. Each throws InputError for parameters that are wrong whatever the
-/// input.
+/// functions of one number are in elementwise.cpp. Each throws InputError for parameters that are
+/// wrong whatever the input.
 namespace revisit::engine {
 
 using LayerFactory = std::unique_ptr<Layer>(const caffe::LayerParameter&);

@@ -5,7 +5,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -129,7 +128,7 @@ enum class KernelReason {
   kNotWorthBlocking,  // few channels, or a CPU without AVX2
   kReference,         // PlanOptions::reference_kernels
 };
-/// In words, "" for kNone.
+/// Its words, "" for kNone.
 const char* text_of(KernelReason reason);
 
 /// What one layer is and costs under a plan.
@@ -140,7 +139,7 @@ struct LayerCost {
   std::string kernel;
   KernelReason why = KernelReason::kNone;
   bool winograd = false;  // the kernel is Winograd's algorithm
-  bool exact = false;     // the layer only moves or chooses values: it rounds nothing
+  bool exact = false;     // only moves or chooses values, or (leaky ReLU) scales each once
   std::vector<Shape> inputs, outputs;
   std::vector<std::string>
       blobs;         // what the file calls the outputs; an in-place layer repeats a name

@@ -14,9 +14,8 @@ void share_items(int64_t items, int threads,
 }  // namespace engine
 
 /// Calls `work(item)`, or `work(item, thread)` where it takes that, for every item in [0, items) on
-/// up to `threads` threads, which calculate in the float mode of the calling one. Items must be
-/// independent, and no value may depend on how many there are where their number depends on that of
-/// the threads.
+/// up to `threads` threads. They calculate in the float mode of the calling one. Items must be
+/// independent. Where their number depends on that of the threads, no value may depend on it.
 ///
 /// A thread begins with a range of items of its own, which is the same part of all in every region:
 /// what it wrote in one is in its cache for the next. Then it takes what others have left.

@@ -11,7 +11,8 @@ namespace revisit::engine {
 bool has_blocked_kernels();
 
 /// Instructions that a kernel needs. AVX-512 multiplies bfloat16 by AVX512-BF16 and AMX only: a CPU
-/// without them runs the whole kernel by AVX2. Its sums have the same bits; roots may differ by one.
+/// without them runs the whole kernel by AVX2. Its sums have the same bits; roots may differ by a
+/// bit.
 enum class Instructions { kFloat32, kBf16, kTiles };
 
 inline Instructions instructions_for(Precision values) {
