@@ -1,5 +1,6 @@
 #include "revisit/maps/map_store.h"
 
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -221,6 +222,22 @@ TEST(MapStore, OneWriterAndAnyNumberOfReaders) {
   EXPECT_TRUE(same(more.places[0], made(6)));
   EXPECT_EQ(more.position.last, 7);
   expect_places(*open_map(dir / "map", MapAccess::kRead), 7);
+}
+
+/// Locks of files end when the process closes any descriptor of the file; another program may then
+/// remove the log that is written to.
+TEST(MapStore, OpeningAMapAgainKeepsItsLocks) {
+  const TempDir dir;
+  const auto map = writer_of(dir / "map");
+  map->add(made_places(1, 1));
+  open_map(dir / "map", MapAccess::kRead);
+  expect_error<Error>([&] { writer_of(dir / "map"); }, {"another process is writing"});
+  EXPECT_TRUE(in_another_process([&] {
+    const int file = ::open((dir / "map").c_str(), O_RDWR);
+    struct flock lock {};
+    lock.l_type = F_WRLCK;
+    return ::fcntl(file, F_GETLK, &lock) == 0 && lock.l_type == F_RDLCK;
+  }));
 }
 
 /// Also when one opens the file of the lock while another, that ends, removes it.

@@ -1,8 +1,5 @@
 #include <unistd.h>
 
-#include <cerrno>
-#include <cstring>
-#include <fstream>
 #include <string_view>
 
 #include "identity.h"
@@ -65,21 +62,24 @@ File look_at_existing(const fs::path& file) {
   return found;
 }
 
-/// Looks at its first bytes before SQLite does, which may change a file when it only opens it.
+/// The same path, for a reader that cannot write beside the file: nobody changes it meanwhile.
+std::string immutable_uri(const fs::path& path) {
+  std::string uri = "file://";
+  for (const char c : path.string()) {
+    if (c == '%' || c == '?' || c == '#')
+      uri += c == '%' ? "%25" : c == '?' ? "%3f" : "%23";
+    else
+      uri += c;
+  }
+  return uri + "?immutable=1";
+}
+
+/// Asks SQLite without its locks, its log and its journal: it then changes nothing. A stream that
+/// is closed would end all locks of this process on the file (sqlite.org/howtocorrupt.html, 2.2).
 void check_is_a_map(const File& file) {
-  constexpr std::string_view kDatabase("SQLite format 3\0", 16);
-  constexpr size_t kApplicationIdAt = 68;
-  std::ifstream in(file.path, std::ios::binary);
-  if (!in) throw Error(str(file.name, ": cannot be opened: ", std::strerror(errno)));
-  std::string head(kApplicationIdAt + 4, '\0');
-  in.read(head.data(), static_cast<std::streamsize>(head.size()));
-  if (!head.starts_with(kDatabase))
-    throw InputError(
-        str(file.name, ": not a map, or its first bytes are damaged: not a SQLite database"));
-  uint32_t application = 0;
-  for (const char byte : head.substr(kApplicationIdAt))
-    application = application << 8 | static_cast<unsigned char>(byte);
-  if (application != kApplicationId)
+  Connection found(immutable_uri(file.path), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, file.name);
+  if (const int64_t application = found.integer("PRAGMA application_id");
+      application != kApplicationId)
     throw InputError(str(file.name, ": a SQLite database, but not a map (application id ",
                          application, ", a map has ", kApplicationId, ")"));
 }
@@ -93,18 +93,6 @@ void make_map_file(const File& file, const MapIdentity& identity, NumberFormat f
   std::string bytes = map.content();
   bytes[18] = bytes[19] = 2;  // it has a log: https://www.sqlite.org/fileformat2.html#vnums
   write_atomically(file.path, [&](std::ostream& out) { out << bytes; });
-}
-
-/// The same path, for a reader that cannot write beside the file: nobody changes it meanwhile.
-std::string immutable_uri(const fs::path& path) {
-  std::string uri = "file://";
-  for (const char c : path.string()) {
-    if (c == '%' || c == '?' || c == '#')
-      uri += c == '%' ? "%25" : c == '?' ? "%3f" : "%23";
-    else
-      uri += c;
-  }
-  return uri + "?immutable=1";
 }
 
 std::unique_ptr<Connection> open_for_reading(const File& file) {

@@ -81,6 +81,9 @@ void Connection::fail(int code) const {
           str(name_, ": cannot be written: the disk is full; what was added before is kept"));
     case SQLITE_IOERR:
       throw Error(str(name_, ": cannot be read or written: ", reason));
+    case SQLITE_NOTADB:
+      throw InputError(
+          str(name_, ": not a map, or its first bytes are damaged: not a SQLite ", "database"));
     case SQLITE_NOMEM:
       throw std::bad_alloc();
     default:
