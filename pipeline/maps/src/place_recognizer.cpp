@@ -317,8 +317,9 @@ struct PlaceRecognizer::Impl {
     return ids;
   }
 
-  /// Adds scans and returns the position of the last.
-  int64_t add(std::span<const Description> scans, std::vector<StoredPlace> about, Claim* claim) {
+  /// Adds scans and returns their ids, none without a map.
+  std::vector<int64_t> add(std::span<const Description> scans, std::vector<StoredPlace> about,
+                           Claim* claim) {
     for (size_t i = 0; i < scans.size(); ++i) {
       if (!scans[i].described())
         throw UsageError("a scan that was not described cannot be added: " + scans[i].why_not);
@@ -333,7 +334,7 @@ struct PlaceRecognizer::Impl {
       learn_in_time();
     }
     end_the_stretch_in_time();
-    return ids.empty() ? std::ssize(places) - 1 : position_of(ids.back());
+    return ids;
   }
 
   int64_t position_of(int64_t id) const {
@@ -479,7 +480,8 @@ int64_t PlaceRecognizer::add(const Description& scan, StoredPlace about) {
   std::vector<StoredPlace> one;
   one.push_back(std::move(about));
   const std::unique_lock lock(impl_->mutex);
-  return impl_->add({&scan, 1}, std::move(one), nullptr);
+  const std::vector<int64_t> ids = impl_->add({&scan, 1}, std::move(one), nullptr);
+  return ids.empty() ? std::ssize(impl_->places) - 1 : impl_->position_of(ids.front());
 }
 
 void PlaceRecognizer::add(std::span<const Description> scans, std::vector<StoredPlace> about,

@@ -13,7 +13,7 @@ constexpr int kMapVersion = 2;
 /// Of a map that no place was removed from. The first removal makes it kMapVersion: a program that
 /// knows no removal would call these places lost, and refuses that instead.
 constexpr int kFirstMapVersion = 1;
-/// The smallest unit of disks and file systems: damage costs one page, and a step writes few bytes.
+/// The smallest unit of disks and file systems, so that a step writes few bytes.
 constexpr int kPageSize = 4096;
 
 /// What is said once about a map.

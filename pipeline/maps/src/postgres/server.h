@@ -21,7 +21,6 @@ class Server {
   Server(const Server&) = delete;
   Server& operator=(const Server&) = delete;
 
-  const Address& address() const { return address_; }
   const std::string& name() const { return address_.name; }
   const std::string& map() const { return address_.map; }
 
