@@ -44,7 +44,7 @@ std::vector<CommandLine> all_of(const CommandLine& line) {
 }
 
 Values values_named(const std::string& name, bool is_path) {
-  Values values{name, {}, is_path ? Paths::kFiles : Paths::kNone};
+  Values values{{}, is_path ? Paths::kFiles : Paths::kNone};
   std::istringstream pieces(name);
   for (std::string piece; std::getline(pieces, piece, '|');) {
     if (is_word(piece)) values.words.push_back(piece);

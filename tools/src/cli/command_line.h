@@ -13,7 +13,6 @@ enum class Paths { kNone, kFolders, kFiles };
 
 /// What may stand where a value is asked for, as far as it is known.
 struct Values {
-  std::string name;                // as --help writes it: "FILE", "table|json"
   std::vector<std::string> words;  // "table", "json"
   Paths paths = Paths::kNone;
 };

@@ -23,7 +23,7 @@ struct Built {
   int64_t added = 0, left_out = 0;  // by this process
 };
 
-/// Adds the scans that the recogniser's map has not to it, together with all others that share the
+/// Adds the scans that the recogniser's map lacks, together with all others that share the
 /// work, and returns when none is missing. A scan that cannot be read or described gets no place.
 /// Throws what PlaceRecognizer does, Interrupted.
 Built build_map(const std::vector<pipeline::ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,

@@ -19,7 +19,8 @@ struct NetReadOptions {
   /// is, merely upgraded. Otherwise the net is the one inference runs.
   bool keep_training = false;
   /// Layer types with weights (engine::types_with_weights()): what comes out of one was learned, so
-  /// a loss takes it as the prediction, not as a label.
+  /// a loss takes it as the prediction, not as a label. Without them a training net may keep its
+  /// labels.
   std::set<std::string> types_with_weights = {};
   Limits limits;
 };

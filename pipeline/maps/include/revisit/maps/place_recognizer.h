@@ -85,8 +85,8 @@ class PlaceRecognizer {
   /// they were added to the map before it. Throws UsageError for a scan that was not described, or
   /// by another feature, and what MapStore::add() throws: the place is then not known either.
   int64_t add(const Description& scan, StoredPlace about);
-  /// The same for several scans, or none, in one step; `claim`: of whose frames they are, which
-  /// ends with it. Of a first stretch that a process was killed in it makes the end.
+  /// Adds several scans, or none, in one step. `claim` has their frames and ends with the call.
+  /// Ends a first stretch in which a process was killed.
   void add(std::span<const Description> scans, std::vector<StoredPlace> about,
            Claim* claim = nullptr);
   /// The best place but those at the positions `without` (in any order), which are of the same
