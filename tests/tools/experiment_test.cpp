@@ -7,10 +7,12 @@
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <optional>
 
 #include "cli/json.h"
 #include "eval/curve.h"
 #include "reports.pb.h"
+#include "revisit/base/joined.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "small_drive.h"
 #include "test_data.h"
@@ -49,8 +51,8 @@ class ExperimentCommand : public testing::Test {
 TEST_F(ExperimentCommand, ListNamesAllNine) {
   const auto result = run_revisit("experiment list");
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_EQ(cli::experiment_table().experiment_size(), 9);
-  for (const auto& experiment : cli::experiment_table().experiment())
+  EXPECT_EQ(cli::paper_experiments().size(), 9);
+  for (const auto& experiment : cli::paper_experiments())
     EXPECT_NE(result.out.find(experiment.report().name()), std::string::npos)
         << experiment.report().name();
 }
@@ -58,8 +60,8 @@ TEST_F(ExperimentCommand, ListNamesAllNine) {
 TEST_F(ExperimentCommand, WhatIsMissingIsSaidAndTheRestRuns) {
   const auto result = run_revisit(command("all"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  EXPECT_NE(result.err.find("missing: network vgg_cnn_s"), std::string::npos) << result.err;
-  for (const auto& experiment : cli::experiment_table().experiment())
+  EXPECT_NE(result.out.find("network vgg_cnn_s: no weights"), std::string::npos) << result.out;
+  for (const auto& experiment : cli::paper_experiments())
     EXPECT_EQ(read(experiment.report().name()).title(), experiment.report().title());
 
   const reports::Experiment networks = read("networks-and-layers");
@@ -99,8 +101,8 @@ TEST_F(ExperimentCommand, WhatIsMissingIsSaidAndTheRestRuns) {
   EXPECT_EQ(on_00.at("fabmap")->state(), "skipped");
   EXPECT_NE(on_00.at("fabmap")->reason().find("image_0"), std::string::npos);
   const auto second = run_revisit(command("networks-and-layers"));
-  EXPECT_NE(second.err.find("0 runs to do, 1 done before, 2 cannot run"), std::string::npos)
-      << second.err;
+  EXPECT_EQ(second.err.find("run: "), std::string::npos) << second.err;
+  EXPECT_EQ(cli::to_json(read("networks-and-layers").runs(0)), cli::to_json(done));
 }
 
 TEST_F(ExperimentCommand, ARunIsRepeatedWhenAScanHasChanged) {
@@ -110,7 +112,7 @@ TEST_F(ExperimentCommand, ARunIsRepeatedWhenAScanHasChanged) {
   const std::string bytes = test::read_file(scan);
   test::write_file(scan, bytes.substr(0, bytes.size() - 16));
   const auto again = run_revisit(command("networks-and-layers"));
-  EXPECT_NE(again.err.find("1 runs to do, 0 done before"), std::string::npos) << again.err;
+  EXPECT_NE(again.err.find("run: revisit eval "), std::string::npos) << again.err;
 }
 
 TEST_F(ExperimentCommand, ABrokenScanIsLeftOut) {
@@ -138,7 +140,7 @@ TEST_F(ExperimentCommand, Misuse) {
   EXPECT_EQ(run_revisit("experiment all -o " + out().string()).exit_code, 2);
   EXPECT_EQ(run_revisit("experiment all --kitti /nowhere -o " + out().string()).exit_code, 3);
   for (const char* bad :
-       {"--sensor hdl65", "--threads -1", "--width -5", "--width 1000000000", "--every 0"}) {
+       {"--models /nowhere", "--threads -1", "--width -5", "--width 1000000000", "--every 0"}) {
     const auto result = run_revisit(command("all", bad));
     EXPECT_EQ(result.exit_code, 2) << bad << result.out << result.err;
     EXPECT_FALSE(fs::exists(out())) << bad;
@@ -190,23 +192,35 @@ models::FoundModel network(const std::string& name, bool trained) {
   return model;
 }
 
-TEST(ExperimentPlan, ClaimsAreThePapersForEachNetwork) {
-  cli::ExperimentOptions options;
-  options.names = {"comparison"};
-  options.shared.data = "kitti";
-  cli::Networks networks;
-  networks.found = {network("a", true), network("b", true)};
-  const std::vector<cli::Plan> plans = cli::make_plans(options, networks);
-  std::vector<std::string> better, worse;
-  for (const auto& claim : plans.at(0).claims) {
-    better.push_back(claim.better());
-    worse.push_back(claim.worse());
+struct Planned {
+  Planned(const std::string& name, const std::vector<models::FoundModel>& networks) {
+    cli::ExperimentOptions options;
+    options.feature.data = "kitti";
+    options.feature.image.width = 900;
+    options.output = "out";
+    for (const auto& experiment : cli::paper_experiments())
+      if (experiment.report().name() == name)
+        cli::plan_experiment(experiment, options, networks, &report, &runs);
   }
-  EXPECT_EQ(better.at(0), "a p5, proposed");
-  EXPECT_EQ(better.at(1), "b p5, proposed");
-  EXPECT_EQ(worse,
-            (std::vector<std::string>{"range image (data)", "range image (data)", "VFH", "VFH",
-                                      "ESF", "ESF", "GRSD", "GRSD", "FAB-MAP", "FAB-MAP"}));
+  std::string labels(const std::string& panel) const {
+    std::string text;
+    for (const reports::ExperimentRun& run : report.runs())
+      if (run.panel() == panel) text += run.label() + "; ";
+    return text;
+  }
+  reports::Experiment report;
+  cli::Runs runs;
+};
+
+TEST(ExperimentPlan, ClaimsAreThePapersForEachNetwork) {
+  const Planned planned("comparison", {network("a", true), network("b", true)});
+  for (const int run : {0, 1}) {
+    EXPECT_EQ(planned.report.runs(run).label(), run ? "b p5, proposed" : "a p5, proposed");
+    const auto& worse = planned.report.runs(run).better_than();
+    EXPECT_EQ(std::vector<std::string>(worse.begin(), worse.end()),
+              (std::vector<std::string>{"range image (data)", "VFH", "ESF", "GRSD", "FAB-MAP"}));
+  }
+  EXPECT_TRUE(planned.report.runs(2).better_than().empty());
 }
 
 /// A run on sequence 00 with this average precision, between `low` and `high`.
@@ -227,97 +241,59 @@ TEST(ExperimentClaims, AreUndecidedWithinTheIntervalsOfEachOther) {
   add_run(experiment, "a", 0.507, 0.03, 1);
   add_run(experiment, "b", 0.55, 0, 1);
   add_run(experiment, "c", 0.2, 0.1, 0.52);  // holds a's, which does not hold it
-  std::vector<reports::PlannedClaim> claims;
-  const auto add = [&](const char* better, const char* worse, double slack) {
-    claims.emplace_back();
-    claims.back().set_better(better);
-    claims.back().set_worse(worse);
-    claims.back().set_slack(slack);
+  using Verdict = std::pair<bool, bool>;     // holds, undecided
+  const auto verdict = [&](int better, const char* worse, std::optional<double> slack = {}) {
+    reports::Experiment claimed = experiment;
+    reports::ExperimentRun& run = *claimed.mutable_runs(better);
+    run.add_better_than(worse);
+    if (slack) run.set_slack(*slack);
+    cli::check_claims(&claimed);
+    return Verdict(claimed.claims(0).holds(), claimed.claims(0).undecided());
   };
-  add("a", "b", 0);
-  add("b", "a", 0);
-  add("b", "c", 0);
-  add("c", "b", 0);
-  add("a", "b", 0.1);
-  add("a", "b", 0.01);
-  cli::check_claims(claims, &experiment);
-  std::vector<std::pair<bool, bool>> found;
-  for (const auto& claim : experiment.claims())
-    found.emplace_back(claim.holds(), claim.undecided());
-  // The last but one claims no more than that they are as good as each other.
-  EXPECT_EQ(found, (std::vector<std::pair<bool, bool>>{{false, true},
-                                                       {true, true},
-                                                       {true, false},
-                                                       {false, false},
-                                                       {true, false},
-                                                       {false, true}}));
+  EXPECT_EQ(verdict(0, "b"), Verdict(false, true));
+  EXPECT_EQ(verdict(1, "a"), Verdict(true, true));
+  EXPECT_EQ(verdict(1, "c"), Verdict(true, false));
+  EXPECT_EQ(verdict(2, "b"), Verdict(false, false));
+  // No more is claimed than that they are as good as each other.
+  EXPECT_EQ(verdict(0, "b", 0.1), Verdict(true, false));
+  EXPECT_EQ(verdict(0, "b", 0.01), Verdict(false, true));
 }
 
 TEST(ExperimentPlan, ALayerTablesCurvesAreNamedAfterTheirLayersOthersAfterTheirNetworks) {
-  cli::ExperimentOptions options;
-  options.names = {"networks-and-layers", "alignment", "hkust-rotation"};
-  options.shared.data = "kitti";
-  options.shared.image.sensor = "hdl64";
-  options.shared.image.width = 900;
-  cli::Networks networks;
-  networks.found = {network("bvlc_alexnet", true), network("b", true), network("r", false)};
-  const std::vector<cli::Plan> plans = cli::make_plans(options, networks);
-  const auto labels = [](const cli::Plan& plan, const std::string& panel) {
-    std::string text;
-    for (const reports::ExperimentRun& run : plan.report.runs())
-      if (run.panel() == panel) text += run.label() + (run.reason().empty() ? "; " : " (not); ");
-    return text;
-  };
-  const std::string layers = labels(plans.at(0), "05");
-  EXPECT_TRUE(layers.starts_with("bvlc_alexnet conv3+pool5; ")) << layers;
-  EXPECT_TRUE(layers.ends_with("; b p5; r p5 (UNTRAINED) (not); data; ")) << layers;
-  EXPECT_NE(labels(plans.at(0), "06").find("r p5 (UNTRAINED); data; "), std::string::npos);
-  EXPECT_EQ(labels(plans.at(1), "05"),
-            "bvlc_alexnet conv3+pool5, aligned; bvlc_alexnet conv3+pool5, not aligned; "
+  const std::vector<models::FoundModel> networks = {network("bvlc_alexnet", true),
+                                                    network("b", true), network("r", false)};
+  const Planned layers("networks-and-layers", networks);
+  EXPECT_EQ(layers.labels("05"),
+            "bvlc_alexnet conv3+pool5; bvlc_alexnet conv4+pool5; bvlc_alexnet pool5; b p5; "
+            "r p5 (UNTRAINED); data; ");
+  EXPECT_EQ(layers.report.runs(0).better_than(0), "data");
+  const Planned alignment("alignment", networks);
+  EXPECT_EQ(alignment.labels("05"),
+            "bvlc_alexnet p5, aligned; bvlc_alexnet p5, not aligned; "
             "b p5, aligned; b p5, not aligned; data, aligned; data, not aligned; ");
-  EXPECT_EQ(plans.at(1).arguments.at(1), (cli::Arguments{"kitti",
-                                                         "--sequence",
-                                                         "00",
-                                                         "--every",
-                                                         "1",
-                                                         "--sensor",
-                                                         "hdl64",
-                                                         "--width",
-                                                         "900",
-                                                         "--model",
-                                                         "bvlc_alexnet.prototxt",
-                                                         "--weights",
-                                                         "bvlc_alexnet.caffemodel",
-                                                         "--end",
-                                                         "conv3",
-                                                         "--graft",
-                                                         "pool5",
-                                                         "--protocol",
-                                                         "paper-median",
-                                                         "--align",
-                                                         "none"}));
-  EXPECT_EQ(plans.at(0).claims.front().better(), "bvlc_alexnet conv3+pool5");
-  EXPECT_EQ(plans.at(0).claims.front().worse(), "data");
-  ASSERT_EQ(plans.at(1).claims.size(), 2U);
-  EXPECT_EQ(plans.at(1).claims[1].better(), "b p5, aligned");
-  EXPECT_EQ(plans.at(1).claims[1].worse(), "b p5, not aligned");
-  EXPECT_EQ(plans.at(2).report.runs_size(), 18) << "of each network three ways of three parts";
-  EXPECT_NE(plans.at(2).report.runs(0).reason().find("--hkust"), std::string::npos);
+  EXPECT_EQ(alignment.report.runs(0).better_than(0), "bvlc_alexnet p5, not aligned");
+  EXPECT_EQ(alignment.report.runs(2).better_than(0), "b p5, not aligned");
+  const auto not_aligned =
+      std::ranges::find(alignment.runs, &alignment.report.runs(1), &cli::Runs::value_type::second);
+  ASSERT_NE(not_aligned, alignment.runs.end());
+  EXPECT_EQ(joined(not_aligned->first, " "),
+            "kitti --sequence 00 --every 1 --sensor hdl64 --width 900 --model "
+            "bvlc_alexnet.prototxt --weights bvlc_alexnet.caffemodel --end p5 --align none "
+            "--protocol paper-median --cache out/cache --threads 0");
+  EXPECT_EQ(Planned("hkust-rotation", networks).runs.size(), 18U)
+      << "of each network three ways of three parts";
 }
 
-TEST_F(ExperimentCommand, WhatCannotRunHasOneRowAndNoEmptyTable) {
+TEST_F(ExperimentCommand, WhatCannotRunHasOneLineAndNoEmptyTable) {
   std::ofstream(dir_ / "drive/sequences/00/simulation.txt") << "version: 1\nroute: loop\n";
   const auto result = run_revisit(command("alignment bidirectional"));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_NE(result.out.find("Simulated drives"), std::string::npos) << result.out;
   // bidirectional takes a network, of which there is none: no header without rows.
   const std::string nothing = result.out.substr(result.out.find("Revisits in the opposite"));
-  EXPECT_EQ(nothing.substr(0, nothing.find("experiment ")).find("sequence  curve"),
-            std::string::npos)
+  EXPECT_EQ(nothing.find("sequence  curve"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("): 05 data, aligned; 05 data, not aligned."), std::string::npos)
       << result.out;
-  size_t rows = 0;
-  for (size_t at = 0; (at = result.out.find("\nalignment ", at)) != std::string::npos; ++at) ++rows;
-  EXPECT_EQ(rows, 2U) << "done, skipped\n" << result.out;
 }
 
 TEST(DrawnCurve, KeepTheEndsAndDropWhatIsNotSeen) {

@@ -8,8 +8,10 @@
 
 #include "cli/printable.h"
 #include "cli/table.h"
+#include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
 #include "revisit/base/file_content.h"
+#include "revisit/base/folder.h"
 
 namespace revisit::cli {
 
@@ -68,6 +70,11 @@ std::string to_json(const google::protobuf::Message& report) {
 
 std::string to_compact_json(const google::protobuf::Message& report) {
   return printed(report, {});
+}
+
+void write_json(const std::filesystem::path& file, const Message& report) {
+  make_folder(file.parent_path());
+  write_atomically(file, [&](std::ostream& out) { out << to_json(report) << "\n"; });
 }
 
 void print_report(const std::string& format, const google::protobuf::Message& report,

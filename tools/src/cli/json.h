@@ -16,6 +16,9 @@ std::string to_json(const google::protobuf::Message& report);
 /// so that it can stand in a script element of HTML.
 std::string to_compact_json(const google::protobuf::Message& report);
 
+/// Writes to_json() to a file, whole or not at all; makes its folder.
+void write_json(const std::filesystem::path& file, const google::protobuf::Message& report);
+
 class Table;
 
 /// Prints a report as `format`, "table", "json" or "csv", says; the table has the same in columns.

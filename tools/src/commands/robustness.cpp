@@ -138,8 +138,7 @@ int robustness_command(const Arguments& arguments) {
   const fs::path run = make_run_folder(o.output, question.drive);
   write_atomically(run / "robustness.csv",
                    [&](std::ostream& out) { robustness_lines(report).print_csv(out); });
-  write_atomically(run / "robustness.json",
-                   [&](std::ostream& out) { out << to_json(report) << "\n"; });
+  write_json(run / "robustness.json", report);
   link_latest(run);
   PageOptions page;
   page.command =

@@ -77,10 +77,12 @@ EvaluationKey evaluation_key(const EvalOptions& options) {
   EvaluationKey key;
   key.text =
       str("revisit ", REVISIT_VERSION, "\n", command_of(in.given), "\n", in.evaluation.key());
-  key.large_files = in.evaluation.feature_files();
-  key.feature = key.large_files.front();
+  const std::vector<std::filesystem::path> files = in.evaluation.feature_files();
+  key.feature = files.front();
   key.feature_dim = in.source.extractor.dim;
-  if (in.source.components < 0) key.large_files.clear();  // the features are the descriptors
+  if (in.source.components >= 0)  // else the features are the descriptors
+    for (const std::filesystem::path& file : files)
+      key.large_files.insert(key.large_files.end(), {file, file.string() + ".key"});
   return key;
 }
 

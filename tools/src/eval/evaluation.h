@@ -26,7 +26,7 @@ struct EvaluationKey {
   std::string text;               // names everything that the results depend on
   std::filesystem::path feature;  // the file of its features, which others may share
   int64_t feature_dim = 0;        // before the reduction
-  /// The large files of the cache; not needed once the descriptors are there, too.
+  /// The large files of the cache, with their keys; not needed once the descriptors are there, too.
   std::vector<std::filesystem::path> large_files;
 };
 

@@ -129,6 +129,14 @@ void link_latest(const fs::path& run) {
   if (!error) fs::rename(fresh, link, error);
 }
 
+fs::path finished_run(const fs::path& output) {
+  std::error_code none;
+  for (const fs::directory_entry& data : fs::directory_iterator(output, none))
+    if (const fs::path run = data.path() / "latest"; fs::exists(run / "metrics.json"))
+      return fs::canonical(run);
+  return "";
+}
+
 reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& results, int resamples) {
   reports::MetricsList list;
   for (const pipeline::TaskResult& result : results) {
@@ -153,7 +161,9 @@ void write_run(const fs::path& run, const RunContext& context,
                                    results.empty() ? "" : results.front().pca_fit, times);
   add_left_out(info, context.dataset, context.alignments);
   info.set_command(context.command);
-  write_text(run / "run.json", to_json(info) + "\n");
+  if (!results.empty())
+    info.set_descriptor_dimension(static_cast<int>(results.front().descriptor_dim));
+  write_json(run / "run.json", info);
   write_scans(run / "scans.csv", context, results);
   for (const pipeline::TaskResult& result : results) {
     pipeline::write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);
@@ -163,7 +173,7 @@ void write_run(const fs::path& run, const RunContext& context,
   const reports::MetricsList metrics = metrics_list(results, context.resamples);
   write_text(run / "report.json",
              to_compact_json(run_data(context, results, info, metrics)) + "\n");
-  write_text(run / "metrics.json", to_json(metrics) + "\n");
+  write_json(run / "metrics.json", metrics);
 }
 
 }  // namespace revisit::cli

@@ -31,6 +31,9 @@ std::filesystem::path make_run_folder(const std::filesystem::path& output,
 /// name.
 void link_latest(const std::filesystem::path& run);
 
+/// The latest finished run below `output`, in which runs of one data set are; "" without one.
+std::filesystem::path finished_run(const std::filesystem::path& output);
+
 /// config.yaml, run.json, scans.csv (where each scan was taken, how it was aligned and which tasks
 /// store it), pr_<task>.csv, loops_<task>.csv (not when pairs are decided), report.json (all of it
 /// again, for the page) and metrics.json, which comes last: with it the run is complete.

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -12,47 +12,32 @@
 namespace revisit::cli {
 
 /// The paper's nine experiments, in its order: experiments.txtpb.
-const reports::ExperimentTable& experiment_table();
+const google::protobuf::RepeatedPtrField<reports::PlannedExperiment>& paper_experiments();
 
 struct ExperimentOptions {
   std::vector<std::string> names;
-  FeatureOptions shared;  // by all runs; its data are the drives
   std::vector<std::filesystem::path> models;
-  std::optional<std::filesystem::path> hkust;
-  std::filesystem::path output;
-  double feature_mb = 8;
-  bool untrained = false, keep_features = false, no_report = false;
+  FeatureOptions feature;               // of all runs; its data are the drives
+  std::filesystem::path hkust, output;  // sets of places; the folder of the experiments
+  bool no_report = false;
 };
 
-/// The networks to take features from, and what to know of the others.
-struct Networks {
-  std::vector<models::FoundModel> found;
-  std::vector<std::string> missing, passed_over;
-};
+/// Runs of `revisit eval` by their arguments. In this order those of one feature follow each other,
+/// first --pca 0, whose PCA serves the others.
+using Runs = std::multimap<Arguments, reports::ExperimentRun*>;
 
-/// Throws UsageError for folders that do not exist.
-Networks find_networks(const ExperimentOptions& options);
+/// Fills in the report of an experiment but for its results, and adds its runs to `runs`.
+void plan_experiment(const reports::PlannedExperiment& experiment, const ExperimentOptions& options,
+                     const std::vector<models::FoundModel>& networks, reports::Experiment* report,
+                     Runs* runs);
 
-/// An experiment: its report, whose runs are to do, or skipped for a reason.
-struct Plan {
-  reports::Experiment report;
-  std::vector<Arguments> arguments;  // of `revisit eval`, for each run
-  std::vector<reports::PlannedClaim> claims;
-};
-
-/// Plans the experiments that `options` names.
-std::vector<Plan> make_plans(const ExperimentOptions& options, const Networks& networks);
-
-/// Carries out the plans below `options.output`: the folders of the runs in `runs/`, what is shared
-/// between them in `cache/`, and `<experiment>/experiment.json`. A run that was finished before is
-/// not repeated when nothing it depends on has changed. What cannot run is skipped; its reason is
-/// in the report. Throws Interrupted; what was done is kept, and the files say what is to do.
-std::vector<reports::Experiment> run_plans(const ExperimentOptions& options,
-                                           const std::vector<Plan>& plans,
-                                           const std::string& command);
+/// Carries out the runs below `options.output`: `runs/` has their folders, `cache/` what they
+/// share. A finished run is not repeated when nothing it depends on has changed. What cannot run is
+/// skipped, for a reason. Throws Interrupted; finished runs are kept.
+void carry_out(const ExperimentOptions& options, const Runs& runs);
 
 /// Adds to a report with finished runs whether each claim holds on each sequence that has both of
 /// its curves, of trained networks.
-void check_claims(const std::vector<reports::PlannedClaim>& claims, reports::Experiment* report);
+void check_claims(reports::Experiment* report);
 
 }  // namespace revisit::cli

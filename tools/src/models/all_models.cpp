@@ -8,30 +8,39 @@
 
 namespace revisit::models {
 
-std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& folders,
-                                   std::vector<std::string>* passed_over) {
+namespace {
+
+std::vector<KnownModel>::const_iterator row_of(const FoundModel& model) {
+  return std::ranges::find(known_models(), model.name, &KnownModel::name);
+}
+
+}  // namespace
+
+std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& folders) {
+  if (folders.empty()) {
+    const std::filesystem::path cache = cache_folder();
+    return std::filesystem::exists(cache) ? all_models({cache}) : std::vector<FoundModel>();
+  }
   std::vector<FoundModel> all;
-  for (const std::filesystem::path& folder : folders)
+  for (const std::filesystem::path& folder : folders) {
+    if (!std::filesystem::is_directory(folder))
+      throw UsageError(folder.string() + ": no such folder of models");
     for (const std::filesystem::path& weights : weights_below(folder)) try {
         FoundModel found = find_model({.weights = weights});
         if (std::ranges::count(all, found.name, &FoundModel::name) == 0)
           all.push_back(std::move(found));
       } catch (const Error& unusable) {
-        passed_over->push_back(str(weights.string(), ": ", cli::message_of(unusable)));
+        cli::warn(str(weights.string(), ": passed over: ", cli::message_of(unusable)));
       }
-  std::ranges::stable_sort(all, {}, [](const FoundModel& model) {
-    const KnownModel* known = known_model_of(model);
-    return std::pair(!model.trained, known ? known - known_models().data() : PTRDIFF_MAX);
-  });
+  }
+  std::ranges::stable_sort(
+      all, {}, [](const FoundModel& model) { return std::pair(!model.trained, row_of(model)); });
   return all;
 }
 
-const KnownModel* known_model_of(const FoundModel& model) {
-  for (const KnownModel& known : known_models())
-    if (known.name == model.name || (!model.trained && !known.trunk.empty() &&
-                                     model.prototxt.filename().string().starts_with(known.trunk)))
-      return &known;
-  return nullptr;
+std::vector<Cut> cuts_of(const FoundModel& model) {
+  const auto row = row_of(model);
+  return row == known_models().end() ? std::vector{model.cut} : row->cuts;
 }
 
 }  // namespace revisit::models

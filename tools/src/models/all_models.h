@@ -4,12 +4,12 @@
 
 namespace revisit::models {
 
-/// The models in `folders` and below them, of one name the first: trained ones, then others, each
-/// in the order of the known models. Adds to `passed_over` why a caffemodel is none.
-std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& folders,
-                                   std::vector<std::string>* passed_over);
+/// The models in `folders` and below them, without folders those in the cache; of one name the
+/// first. Trained ones come first, then others, each in the order of the known models. Warns of
+/// caffemodels that cannot be used. Throws UsageError for folders that do not exist.
+std::vector<FoundModel> all_models(const std::vector<std::filesystem::path>& folders);
 
-/// The known model that this is, or that it stands in for with random weights; or null.
-const KnownModel* known_model_of(const FoundModel& model);
+/// Where to take features from a model: as suggested for a known one, else as it was found.
+std::vector<Cut> cuts_of(const FoundModel& model);
 
 }  // namespace revisit::models

@@ -86,6 +86,26 @@ void write_skipped(const reports::Experiment& experiment, std::ostream& out) {
 
 }  // namespace
 
+void print_experiment(const reports::Experiment& experiment, std::ostream& out) {
+  out << "\n" << experiment.title() << "\n\n";
+  for (const std::string& note : experiment.notes()) out << note << "\n";
+  Table table({"sequence", "curve", "AP", "F1 max", "recall@100%P", "recall@1"});
+  bool any = false;
+  for (const reports::ExperimentRun& run : experiment.runs()) {
+    if (run.state() != "done") continue;
+    const reports::Metrics& m = run.metrics();
+    table.row({run.panel(), run.label(),
+               metric(m.has_average_precision(), m.average_precision(), m.average_precision_ci()),
+               metric(m.has_f1_max(), m.f1_max(), m.f1_max_ci()),
+               metric(m.has_max_recall_at_precision_1(), m.max_recall_at_precision_1()),
+               metric(m.has_recall_at_1(), m.recall_at_1(), m.recall_at_1_ci())});
+    any = true;
+  }
+  if (any) table.print(out);
+  write_claims(experiment, out);
+  write_skipped(experiment, out);
+}
+
 std::string results_markdown(const reports::Page& page) {
   std::ostringstream out;
   out << kMarkdownMark;

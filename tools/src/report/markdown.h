@@ -1,5 +1,6 @@
 #pragma once
 
+#include <iosfwd>
 #include <string>
 
 #include "reports.pb.h"
@@ -12,5 +13,8 @@ std::string results_markdown(const reports::Page& page);
 inline constexpr const char* kMarkdownMark =
     "# Results\n\nThe experiments of the paper (Sun, Liu, Ye, Yeung: Point-cloud-based place "
     "recognition using CNN feature extraction), made with\n\n";
+
+/// The figures of one experiment for a terminal, and why other runs of it are not done.
+void print_experiment(const reports::Experiment& experiment, std::ostream& out);
 
 }  // namespace revisit::cli

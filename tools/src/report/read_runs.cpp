@@ -121,7 +121,7 @@ void read_robustness(const fs::path& file, reports::Page* page) {
 }
 
 ptrdiff_t table_position(const std::string& name) {
-  const auto& all = experiment_table().experiment();
+  const auto& all = paper_experiments();
   return std::ranges::find_if(all, [&](const auto& one) { return one.report().name() == name; }) -
          all.begin();
 }

@@ -179,7 +179,7 @@
       el("p", { class: "soft" }, "The paper: " + experiment.paper), list(experiment.notes).map(note => el("p", { class: "note" }, note)),
       el("div", { class: "grid" }, [...panels].map(([panel, items]) => el("div", { class: "card" }, el("h3", {}, panel), panelPlot(entry, panel, items)))),
       list(experiment.claims).length ? table([["statement"], ["sequence"], ["AP", "n"], ["against", "n"], ["result"]],
-        experiment.claims.map(claim => [`${claim.text}: ${claim.better}`, claim.panel, number(claim.better_average_precision), number(claim.worse_average_precision),
+        experiment.claims.map(claim => [claim.text, claim.panel, number(claim.better_average_precision), number(claim.worse_average_precision),
           claim.undecided ? el("span", { class: "soft", title: "each within the other's 95 % interval" }, "undecided")
             : el("span", { class: claim.holds ? "good" : "bad" }, claim.holds ? "holds" : "does not hold")])) : null,
       done.length ? el("details", {}, el("summary", {}, `Numbers and commands (${done.length} curves)`),
