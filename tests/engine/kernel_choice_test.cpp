@@ -29,6 +29,7 @@ Net two_convolutions(const std::string& between, const std::string& after) {
 }
 
 TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const auto why = [](const Net& net, const PlanOptions& options = {}) {
     const Plan plan = net.plan({}, options);
     return std::pair(cost_of(plan, "a").why, cost_of(plan, "b").why);
@@ -64,6 +65,7 @@ TEST(KernelChoice, IsLimitedBeforeLayersThatAmplifyRounding) {
 
 /// Through layers that only pass values on, and past one branch of two.
 TEST(KernelChoice, FollowsTheValuesOfAConvolution) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const Net net = test::small_net(
       {1, 64, 56, 56},
       test::conv("a", "data", "num_output: 64 kernel_size: 3 pad: 1") +
@@ -129,6 +131,7 @@ TEST(KernelChoice, OfKnownNets) {
 }
 
 TEST(KernelChoice, AlexNetWithItsSoftmaxIsAsFastAsItsTrunk) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   REVISIT_NEED_SHARED(nets, "data/nets");
   const auto file = nets / "bvlc_alexnet_deploy.prototxt";
   const Plan whole = Net::load_without_weights(file).plan();

@@ -13,6 +13,11 @@
 #include "kernels/blocked/dispatch.h"
 #include "revisit/engine/simd.h"
 
+/// Skips the rest of a test that is about kernels on blocked values.
+#define REVISIT_NEED_BLOCKED_KERNELS()           \
+  if (!::revisit::engine::has_blocked_kernels()) \
+  GTEST_SKIP() << "this CPU has no blocked kernels (of x86 it takes AVX2): all values are plain"
+
 namespace revisit::test {
 
 /// Makes the kernels use one set of instructions while it lives. It may be nested.

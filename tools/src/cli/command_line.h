@@ -11,13 +11,13 @@ namespace revisit::cli {
 /// Which paths may stand where a value is asked for; files come with the folders they are in.
 enum class Paths { kNone, kFolders, kFiles };
 
-/// What may stand where a value is asked for, as far as it is known.
+/// Known values of an option or argument.
 struct Values {
   std::vector<std::string> words;  // "table", "json"
   Paths paths = Paths::kNone;
 };
 
-/// What a command takes, as data, from which shell completion is written.
+/// Options, arguments and subcommands of a command, from which shell completion is written.
 struct CommandLine {
   struct Option {
     std::string name;             // without dashes
@@ -38,7 +38,7 @@ struct CommandLine {
   std::string verb() const;
 };
 
-/// What `run` takes; it does nothing else.
+/// Describes the command line of `run`, which does nothing else.
 CommandLine describe(int (*run)(const Arguments&));
 
 /// `line` and all that is below it, each before what is below it.

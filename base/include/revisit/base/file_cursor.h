@@ -27,7 +27,7 @@ struct FormatError : Error {
 class FileCursor {
  public:
   explicit FileCursor(const std::filesystem::path& file);
-  /// Of `content`, which has to stay; `name` stands for the path.
+  /// Reads `content`, which must outlive the cursor; `name` stands for the path.
   FileCursor(std::string_view content, std::filesystem::path name);
 
   const std::filesystem::path& file() const { return file_; }

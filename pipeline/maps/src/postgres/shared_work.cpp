@@ -21,7 +21,7 @@ std::unique_ptr<pqxx::work> work_on(pqxx::connection& connection) {
 struct ServerClaim : Claim {
   explicit ServerClaim(Server& of) : server(of) {}
 
-  /// What is claimed is not tried again when the connection is lost: then others have it.
+  /// Does not retry after a lost connection, because others then have the claimed frames.
   std::vector<int64_t> add(std::span<const StoredPlace> places, int64_t revision) override {
     if (step == nullptr) throw UsageError("this claim has ended");
     check_places_of(*this, places);

@@ -27,8 +27,8 @@ inline constexpr const char* kTables =
     "FLOAT8, pose BYTEA, descriptor BYTEA NOT NULL, feature BYTEA, revision BIGINT NOT NULL, "
     "checksum BIGINT NOT NULL, call BIGINT NOT NULL)";
 
-/// What the map expects (SharedWork::expect()). `place`: the id of the frame's place, 0 for one
-/// that was left out, NULL while it is expected. Maps of before have no such table.
+/// Frames that the map expects (SharedWork::expect()). `place` is the id of the frame's place, 0
+/// if the frame was skipped, NULL while it is expected. Older maps have no such table.
 inline constexpr const char* kTableOfExpected =
     "CREATE TABLE IF NOT EXISTS expected (drive TEXT NOT NULL, frame BIGINT NOT NULL, place "
     "BIGINT, why_not TEXT, PRIMARY KEY (drive, frame))";
