@@ -7,6 +7,7 @@
 #include "expect_error.h"
 #include "net_case.h"
 #include "revisit/base/error.h"
+#include "simd_targets.h"
 #include "single_layer.h"
 
 namespace revisit::engine {
@@ -56,6 +57,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& instance) { return std::string(instance.param.name); });
 
 TEST(Fuse, NotAcrossAValueThatIsReadTwice) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const Net net = small_net(kFuseData, conv("c", "data") + layer("a", "ReLU", {"c"}) +
                                            layer("both", "Concat", {"c", "a"}));
   EXPECT_EQ(kernel_of(expect_as_reference(net), "a"), "activation");
@@ -74,6 +76,7 @@ TEST(Fuse, NotAcrossAValueThatIsAnOutput) {
 }
 
 TEST(Fuse, OnlyOneActivationAndNoScaleAfterIt) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const Net net = small_net(kFuseData, conv("c", "data") + in_place("a", "ReLU", "c") +
                                            in_place("b", "ELU", "c") + in_place("s", "Scale", "c"));
   const Plan plan = expect_as_reference(net);
@@ -146,6 +149,7 @@ TEST(FusedAffine, WeightsOfOtherShapesAreRefusedFirst) {
 }
 
 TEST(FusedAffine, WithoutAConvolutionIntoOneAnother) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   // As before the convolutions of a DenseNet; blocked, and plain where nothing is blocked yet.
   for (const bool blocked : {true, false}) {
     const Net net = small_net(
@@ -234,6 +238,7 @@ TEST(FusedSum, NotOfOtherSums) {
 }
 
 TEST(FusedLrn, WithTheMaximumPoolingAfterIt) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
   const std::string pool = "pooling_param { kernel_size: 3 stride: 2 pad: 1 }";
   const Net net =
@@ -258,6 +263,7 @@ TEST(FusedLrn, WithTheMaximumPoolingAfterIt) {
 
 /// A few channels stay plain: 16 lanes for one take 16 times the memory, and may not fit.
 TEST(FusedLrn, NotWhereBlocksAreMostlyPadding) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const std::string layers =
       layer("n", "LRN", {"data"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }") +
       layer("p", "Pooling", {"n"}, "pooling_param { kernel_size: 3 stride: 2 }");
@@ -270,6 +276,7 @@ TEST(FusedLrn, NotWhereBlocksAreMostlyPadding) {
 
 /// Of 512 channels a strip has 32 columns: wide windows that overlap would all make theirs.
 TEST(FusedPooling, NotWhereStripsMakeTheSameColumnsAgain) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const auto kernel = [](const std::string& layers, const std::string& window) {
     return kernel_of(
         expect_as_reference(small_net(
@@ -291,6 +298,7 @@ TEST(FusedPooling, NotWhereStripsMakeTheSameColumnsAgain) {
 }
 
 TEST(FusedFirstConvolution, OnlyTheFirstOfTwoPoolings) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const Shape data{1, 3, 41, 53};
   const std::string first = conv("c", "data", "num_output: 24 kernel_size: 5 stride: 2 pad: 1");
   const std::string p = layer("p", "Pooling", {"c"}, "pooling_param { kernel_size: 3 stride: 2 }");
@@ -306,6 +314,7 @@ TEST(FusedFirstConvolution, OnlyTheFirstOfTwoPoolings) {
 }
 
 TEST(FusedFirstConvolution, OnAnInputThatOthersReadInBlocks) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const std::string pool = "pooling_param { kernel_size: 3 stride: 2 }";
   const Net net = small_net({1, 3, 21, 33}, conv("a", "data", "num_output: 16 kernel_size: 1") +
                                                 layer("b", "Concat", {"a", "data"}) +
@@ -339,6 +348,7 @@ TEST(FusedFirstConvolution, IsNoLayerWithoutInputs) {
 }
 
 TEST(FusedFirstConvolution, WithNormalisationAndPooling) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const std::string norm = layer("n", "LRN", {"c"}, "lrn_param { local_size: 3 alpha: 0.5 k: 2 }");
   const std::string pool = "pooling_param { kernel_size: 3 stride: 2 }";
   for (const int64_t n : {1, 2}) {

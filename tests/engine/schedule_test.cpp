@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "net_case.h"
+#include "simd_targets.h"
 
 namespace revisit::engine {
 namespace {
@@ -164,6 +165,7 @@ TEST(Layouts, ShuffledChannelsStayBlocked) {
 }
 
 TEST(Layouts, PlainLayersInBetween) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const std::string layers =
       conv("c1", "data") + in_place("t", "Power", "c1", "power_param { power: 2 }") +
       conv("c2", "c1") + layer("flat", "Flatten", {"c2"}) +
@@ -181,6 +183,7 @@ TEST(Layouts, PlainLayersInBetween) {
 }
 
 TEST(Layouts, ValuesThatAreNeededInBoth) {
+  REVISIT_NEED_BLOCKED_KERNELS();
   const Net net = small_net(
       kLayoutData, conv("c", "data") + layer("s", "AbsVal", {"c"}) +
                        layer("p", "Power", {"c"}, "power_param { power: 2 }") + conv("d", "c") +
