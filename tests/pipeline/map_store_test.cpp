@@ -524,6 +524,40 @@ TEST(MapStore, AKillLeavesTheDescriptorsOfOneRevision) {
   EXPECT_GT(acknowledged, 5);
 }
 
+/// Its log has eight steps of three places each, as after a kill.
+TEST(MapStore, ADamagedLogIsRefusedWhenStepsAreBehindTheDamage) {
+  const TempDir dir;
+  const fs::path file = dir / "map", log = dir / "map-wal";
+  ASSERT_TRUE(in_another_process([&] {
+    auto map = writer_of(file);
+    for (int64_t step = 0; step < 8; ++step) map->add(made_places(3 * step + 1, 3 * step + 3));
+    map.release();  // closing it would move the steps into the file
+    return true;
+  }));
+  const std::string whole = test::read_file(file), sound = test::read_file(log);
+  EXPECT_EQ(check_map(file), std::vector<std::string>());
+  for (size_t at = 0; at < sound.size(); at += 101) {
+    test::write_file(file, whole);
+    fs::remove(file.string() + "-shm");
+    std::string damaged = sound;
+    damaged[at] ^= 0x10;
+    test::write_file(log, damaged);
+    try {
+      EXPECT_GE(open_map(file, MapAccess::kRead)->size(), 24 - 2 * 3) << at;
+      EXPECT_GE(writer_of(file)->size(), 24 - 2 * 3) << at;
+    } catch (const InputError& error) {
+      EXPECT_NE(std::string(error.what()).find("map-wal: damaged at byte"), std::string::npos)
+          << at << ": " << error.what();
+      EXPECT_EQ(check_map(file).size(), 1) << at;
+      EXPECT_EQ(test::read_file(log), damaged) << at;
+    }
+  }
+  // What a loss of power leaves: steps, and one in part.
+  test::write_file(file, whole);
+  test::write_file(log, sound.substr(0, sound.size() - 100));
+  EXPECT_EQ(writer_of(file)->size(), 24 - 3);
+}
+
 TEST(MapStore, ADamagedByteIsAnErrorOrNamed) {
   const TempDir dir;
   constexpr int64_t kPlaces = 60;

@@ -3,6 +3,7 @@
 #include <string_view>
 
 #include "identity.h"
+#include "log_check.h"
 #include "postgres_map.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
@@ -125,6 +126,7 @@ std::unique_ptr<Connection> open_for_writing(const File& file) {
 
 std::unique_ptr<SqliteMap> open_existing(const File& file) {
   check_is_a_map(file);
+  check_log(file.path.string() + "-wal", file.name);
   auto connection = open_for_reading(file);
   check_schema(*connection);
   return std::make_unique<SqliteMap>(nullptr, std::move(connection));
@@ -143,6 +145,7 @@ std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
   auto lock = std::make_unique<WriterLock>(found.path, found.name);
   found = look();  // another process may have made it meanwhile
   if (found.bytes == 0) make_map_file(found, *identity, format);
+  check_log(found.path.string() + "-wal", found.name);
   return std::make_unique<SqliteMap>(std::move(lock), open_for_writing(found));
 }
 
