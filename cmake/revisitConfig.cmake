@@ -13,6 +13,7 @@ set(revisit_baselines_needs datasets)
 set(revisit_registration_needs recognition)
 set(revisit_simulation_needs datasets)
 set(revisit_maps_needs recognition)
+set(revisit_loops_needs maps registration)
 
 macro(revisit_find_libraries component)
   if("${component}" STREQUAL "proto")

@@ -2,20 +2,15 @@
 // and added to a map that outlives the program.
 //   loop_closure MAP SCAN...      # scans of an HDL-64E in the order they were taken
 #include <revisit/datasets/scan_file.h>
-#include <revisit/maps/place_recognizer.h>
+#include <revisit/loops/loop_detector.h>
 #include <revisit/recognition/ring/features.h>
-#include <revisit/registration/registration.h>
 
-#include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <map>
 
 using namespace revisit::pipeline;
 
 namespace {
-
-constexpr int64_t kSameMoment = 50;  // scans before this one that are not asked
 
 void run(int argc, char** argv) {
   const RingModel model = shipped_ring_model("hdl64");
@@ -24,30 +19,17 @@ void run(int argc, char** argv) {
   const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
   PlaceRecognizer recognizer(rings, options, open_map(argv[1], MapAccess::kWrite, &identity));
 
-  std::map<int64_t, PointCloud> scans;  // of this drive, by position
+  LoopDetector detector(recognizer, {.verify = true});
   for (int i = 2; i < argc; ++i) {
-    PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, point_step}
-    const Description scan = recognizer.describe(view_of(cloud));
-    if (!scan.described()) {
-      std::printf("%s: %s\n", argv[i], scan.why_not.c_str());
-      continue;
-    }
-    std::vector<int64_t> recent;
-    for (int64_t p = std::max(int64_t{0}, recognizer.size() - kSameMoment); p < recognizer.size();
-         ++p)
-      recent.push_back(p);
-    if (const auto loop = recognizer.query(scan, recent); loop && loop->accepted) {
-      std::printf("%s is place %ld, score %.3f, turned by %.1f degrees\n", argv[i],
-                  static_cast<long>(loop->id), loop->score, *loop->turn * 57.2958);
-      if (const auto there = scans.find(loop->position); there != scans.end()) {
-        const Registration r =
-            register_scans(PreparedScan(cloud), PreparedScan(there->second), *loop->turn);
-        const Eigen::Vector3d t = r.T_place_query.translation();
-        if (r.accepted)  // an edge of the pose graph, with r.information
-          std::printf("  %.2f m ahead of it, %.2f m to its left\n", t.x(), t.y());
-      }
-    }
-    scans.emplace(recognizer.add(scan, {.frame = i - 2}), std::move(cloud));
+    const PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, step}
+    const Detection found = detector.take(view_of(cloud), {.frame = i - 2});
+    if (!found.position) std::printf("%s: %s\n", argv[i], found.why_not.c_str());
+    if (!found.loop || !found.loop->accepted) continue;
+    std::printf("%s is place %ld, score %.3f, turned by %.1f degrees\n", argv[i],
+                static_cast<long>(found.loop->id), found.loop->score, *found.loop->turn * 57.2958);
+    if (!found.registered) continue;  // else an edge of the pose graph, with its information
+    const Eigen::Vector3d t = found.registered->T_place_query.translation();
+    std::printf("  %.2f m ahead of it, %.2f m to its left\n", t.x(), t.y());
   }
   std::printf("%ld places known\n", static_cast<long>(recognizer.size()));
 }

@@ -51,7 +51,7 @@ def main():
     parser.add_argument('--sensor', help='found from the scans unless given')
     parser.add_argument('--map', help='where places are kept; nowhere unless given')
     parser.add_argument('--threshold', type=float, help='of the score (default: where 99 of 100 loops are right)')
-    parser.add_argument('--same-moment', type=int, default=20, help='scans just before, which are not compared')
+    parser.add_argument('--exclusion', default='frames=50', help='scans just before, which are not compared')
     parser.add_argument('-o', '--output', help='a picture (needs matplotlib)')
     o = parser.parse_args()
 
@@ -61,20 +61,20 @@ def main():
     drive = datasets.open_dataset(o.folder, o.sequence)
     recognizer = revisit.open_map(o.map, o.sensor or sensor_of(drive), threshold=o.threshold)
 
+    detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion)
     loops, known = [], {}  # known: the scan at a position, for those of this drive
     print('scan,place,frame,score,turn_degrees')
     for i, ref in enumerate(drive.scans):
-        scan = recognizer.describe(datasets.read_scan(ref.file))
-        if not scan.described:
-            print(f'{ref.file}: {scan.why_not}', file=sys.stderr)
+        found = detector.take(datasets.read_scan(ref.file), frame=ref.frame, time=ref.time, pose=ref.pose)
+        if found.position is None:
+            print(f'{ref.file}: {found.why_not}', file=sys.stderr)
             continue
-        recent = [position for position, j in known.items() if j >= i - o.same_moment]
-        loop = recognizer.query(scan, recent)
+        known[found.position] = i
+        loop = found.loop
         if loop and loop.accepted:
             print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.turn):.1f}')
             if loop.position in known:
                 loops.append((i, known[loop.position]))
-        known[recognizer.add(scan, frame=ref.frame, time=ref.time)] = i
     print(f'{len(recognizer)} places known, {len(loops)} loops in this drive', file=sys.stderr)
     if o.output:
         draw(o.output, drive, loops)

@@ -20,8 +20,8 @@ try:
     from evo.core import geometry, metrics, trajectory
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
-    from revisit import errors, open_map, poses, recognition, recordings, registration, simulation  # noqa: F401
-    from revisit.loops import Exclusion, command, progress, recognise
+    from revisit import LoopDetector, errors, open_map, poses, recognition, recordings, registration, simulation  # noqa: F401
+    from revisit.loops import command, progress, recognise
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")
 
@@ -113,7 +113,7 @@ def main():
     odometry, loops, node_of, ended, start = Odometry(o.max_range), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
     try:
-        for visit in recognise(moving, open_map(None, sensor), Exclusion('metres', 40), verify=True):
+        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', verify=True)):
             node_of[visit.position] = len(odometry.chosen) - 1
             if visit.registered and visit.accepted:
                 loops.append((node_of[visit.loop.position], len(odometry.chosen) - 1, visit.registered))

@@ -14,9 +14,10 @@ set(sees_pipeline/baselines baselines datasets recognition engine proto base)
 set(sees_pipeline/registration registration recognition engine proto base)
 set(sees_pipeline/simulation simulation datasets engine proto base)  # knows no recognition
 set(sees_pipeline/maps maps recognition engine proto base)
+set(sees_pipeline/loops loops maps registration recognition engine proto base)
 set(sees_weights_conversion weights_conversion proto base)
-set(sees_python maps evaluation registration simulation baselines datasets recognition profiling engine proto base)
-set(sees_tools tools maps registration simulation baselines evaluation datasets recognition profiling engine proto weights_conversion base)
+set(sees_python loops maps evaluation registration simulation baselines datasets recognition profiling engine proto base)
+set(sees_tools tools loops maps registration simulation baselines evaluation datasets recognition profiling engine proto weights_conversion base)
 
 # library header pattern -> files that may include it
 set(owned_libraries
@@ -44,7 +45,7 @@ function(complain text)
 endfunction()
 
 foreach(layer base proto engine engine/profiling pipeline/recognition pipeline/datasets pipeline/evaluation pipeline/baselines
-        pipeline/registration pipeline/simulation pipeline/maps weights_conversion tools python)
+        pipeline/registration pipeline/simulation pipeline/maps pipeline/loops weights_conversion tools python)
   file(GLOB_RECURSE sources ${ROOT}/${layer}/*.h ${ROOT}/${layer}/*.cpp)
   if(layer STREQUAL "engine")
     list(FILTER sources EXCLUDE REGEX "^${ROOT}/engine/profiling/")

@@ -3,13 +3,10 @@
 // Takes sensor_msgs/PointCloud2 on `points`. Gives geometry_msgs/PoseWithCovarianceStamped on
 // `loops`: where the scan with this stamp was taken, in the frame of the place's sensor, which is
 // called place_ID in the map. Only loops that fit when registered are given.
-#include <revisit/maps/place_recognizer.h>
+#include <revisit/loops/loop_detector.h>
 #include <revisit/recognition/ring/features.h>
-#include <revisit/registration/registration.h>
 
-#include <deque>
 #include <geometry_msgs/msg/pose_with_covariance_stamped.hpp>
-#include <map>
 #include <rclcpp/rclcpp.hpp>
 #include <sensor_msgs/msg/point_cloud2.hpp>
 
@@ -55,12 +52,15 @@ class LoopClosureNode : public rclcpp::Node {
     const FeatureExtractor rings = ring_recogniser(model, ring_net(model), {});
     RecognizerOptions options;
     options.precision = declare_parameter("precision", options.precision);
-    same_moment_ = declare_parameter("exclusion_seconds", 30.0);
+    const double exclusion = declare_parameter("exclusion_seconds", 30.0);
     const std::string file = declare_parameter("map", "");
     const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
     recognizer_ = std::make_unique<PlaceRecognizer>(
         rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &identity));
-    drive_ = declare_parameter("drive", "ros");
+    detector_.emplace(*recognizer_,
+                      LoopDetectorOptions{.drive = declare_parameter("drive", "ros"),
+                                          .exclusion = {Exclusion::Kind::kSeconds, exclusion},
+                                          .verify = true});
     loops_ = create_publisher<Pose>("loops", 10);
     points_ = create_subscription<PointCloud2>("points", rclcpp::SensorDataQoS(),
                                                [this](PointCloud2::ConstSharedPtr m) { take(*m); });
@@ -68,34 +68,17 @@ class LoopClosureNode : public rclcpp::Node {
 
  private:
   void take(const PointCloud2& message) {
-    PointCloud cloud;
-    Description scan;
+    Detection found;
     try {
-      cloud = cloud_of(message);
-      scan = recognizer_->describe(view_of(cloud));
+      const double time = rclcpp::Time(message.header.stamp).seconds();
+      found = detector_->take(view_of(cloud_of(message)), {.frame = frame_, .time = time});
     } catch (const revisit::UsageError& error) {  // the next message may be fine
-      scan.why_not = error.what();
+      found.why_not = error.what();
     }
-    if (!scan.described()) {
-      RCLCPP_WARN(get_logger(), "%s", scan.why_not.c_str());
-      return;
-    }
-    const double time = rclcpp::Time(message.header.stamp).seconds();
-    while (!recent_.empty() && time - recent_.front().time > same_moment_) {
-      without_.erase(without_.begin());
-      recent_.pop_front();
-    }
-    const PreparedScan prepared(cloud);
-    if (const auto loop = recognizer_->query(scan, without_); loop && loop->accepted && loop->turn)
-      if (const auto there = prepared_.find(loop->position); there != prepared_.end()) {
-        const Registration r = register_scans(prepared, there->second, *loop->turn);
-        if (r.accepted) publish(message, *loop, r);
-      }
-    const int64_t position =
-        recognizer_->add(scan, {.drive = drive_, .frame = frame_++, .time = time});
-    prepared_.emplace(position, prepared);
-    recent_.push_back({position, time});
-    without_.push_back(position);
+    ++frame_;
+    if (!found.position) RCLCPP_WARN(get_logger(), "%s", found.why_not.c_str());
+    if (found.registered && found.registered->accepted)
+      publish(message, *found.loop, *found.registered);
   }
 
   void publish(const PointCloud2& message, const Loop& loop, const Registration& r) {
@@ -119,17 +102,9 @@ class LoopClosureNode : public rclcpp::Node {
     loops_->publish(out);
   }
 
-  struct Recent {
-    int64_t position = 0;
-    double time = 0;  // [s]
-  };
   std::unique_ptr<PlaceRecognizer> recognizer_;
-  std::string drive_;
-  double same_moment_ = 0;  // [s]
+  std::optional<LoopDetector> detector_;
   int64_t frame_ = 0;
-  std::deque<Recent> recent_;
-  std::vector<int64_t> without_;              // positions of `recent_`
-  std::map<int64_t, PreparedScan> prepared_;  // of this drive; places of others are not registered
   rclcpp::Publisher<Pose>::SharedPtr loops_;
   rclcpp::Subscription<PointCloud2>::SharedPtr points_;
 };

@@ -13,6 +13,6 @@ __all__ = [
 
 if hasattr(_core, 'maps'):  # else a build with REVISIT_PIPELINE=OFF: the engine alone
     from revisit import datasets, evaluation, maps, recognition, simulation
-    from revisit.maps import PlaceRecognizer, open_map
+    from revisit.maps import LoopDetector, PlaceRecognizer, open_map
 
-    __all__ += ['PlaceRecognizer', 'datasets', 'evaluation', 'maps', 'open_map', 'recognition', 'simulation']
+    __all__ += ['LoopDetector', 'PlaceRecognizer', 'datasets', 'evaluation', 'maps', 'open_map', 'recognition', 'simulation']

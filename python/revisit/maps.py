@@ -4,11 +4,12 @@ import os
 
 from revisit import recognition
 from revisit._core.maps import (
-    Description, Loop, MapStore, PlaceRecognizer, StoredPlace, check_map, merge_maps)
+    Description, Detection, Loop, LoopDetector, MapStore, PlaceRecognizer, StoredPlace, check_exclusion, check_map,
+    merge_maps)
 
 __all__ = [
-    'Description', 'Loop', 'MapStore', 'PlaceRecognizer', 'StoredPlace', 'check_map', 'merge_maps',
-    'open_map']
+    'Description', 'Detection', 'Loop', 'LoopDetector', 'MapStore', 'PlaceRecognizer', 'StoredPlace',
+    'check_exclusion', 'check_map', 'merge_maps', 'open_map']
 
 KEY_CANDIDATES = 1000
 """As in `revisit loops`: how many places are compared, those with the most similar keys."""

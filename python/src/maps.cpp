@@ -13,6 +13,7 @@
 #include "module.h"
 #include "points.h"
 #include "poses.h"
+#include "revisit/loops/loop_detector.h"
 #include "revisit/maps/place_recognizer.h"
 #include "strings.h"
 
@@ -177,12 +178,55 @@ void bind_recognizer(nb::module_& module) {
           "What a map of this feature must have been made with.");
 }
 
+void bind_loop_detector(nb::module_& module) {
+  nb::class_<Detection>(module, "Detection", "The result for one scan.")
+      .def_ro("position", &Detection::position,
+              "Of its place in the recogniser; None for a scan that was not described.")
+      .def_ro("why_not", &Detection::why_not, "The scan was not described: the reason.")
+      .def_ro("loop", &Detection::loop, "The most similar place, or None.")
+      .def_ro("registered", &Detection::registered,
+              "With verify=True, of an accepted loop whose place has its points at hand.");
+  module.def(
+      "check_exclusion", [](const std::string& text) { parse_exclusion(text); }, "exclusion"_a,
+      "Raises UsageError for a text that LoopDetector does not take.");
+  nb::class_<LoopDetector>(
+      module, "LoopDetector",
+      "Takes the scans of one drive in order and says where each was before: every scan is "
+      "described, compared with the places that are not excluded, and added.")
+      .def(
+          "__init__",
+          [](LoopDetector* self, Recognizer& recognizer, const std::string& drive,
+             const std::string& exclusion, bool verify) {
+            new (self) LoopDetector(
+                recognizer,
+                {.drive = drive, .exclusion = parse_exclusion(exclusion), .verify = verify});
+          },
+          nb::keep_alive<1, 2>(), "recognizer"_a, nb::kw_only(), "drive"_a = "",
+          "exclusion"_a = to_string(Exclusion()), "verify"_a = false,
+          "drive: its name in the map.\n"
+          "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'metres=L' or "
+          "'none'.\n"
+          "verify: registers accepted loops; those that do not fit are not accepted.")
+      .def(
+          "take",
+          [](LoopDetector& self, PointsArgument points, int64_t frame, std::optional<double> time,
+             PoseArgument pose) {
+            const GivenPoints given(points);
+            const ScanStamp stamp{frame, time, pose_from(pose)};
+            return without_lock([&] { return self.take(given.view(), stamp); });
+          },
+          "points"_a, nb::kw_only(), "frame"_a, "time"_a = nb::none(), "pose"_a = nb::none(),
+          "points: in the sensor's frame [m]. time: [s]. pose: T_world_sensor, float64 [4][4].\n"
+          "Raises UsageError when the exclusion needs a time or a pose that is not given.");
+}
+
 }  // namespace
 
 void bind_maps(nb::module_& module) {
   bind_map_store(module);
   bind_records(module);
   bind_recognizer(module);
+  bind_loop_detector(module);
 }
 
 }  // namespace revisit::python

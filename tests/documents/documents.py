@@ -8,7 +8,7 @@
 - A block of ```sh not run: REASON is only checked: `revisit` must know the options, scripts and presets must exist,
   a Python script and `revisit-loops` must know the options. So is what stands between backquotes and begins with `revisit `.
 - A page has at most two screens of prose: MOST_WORDS outside of blocks and tables.
-- Programs of ```cpp pass the compiler's checks, with the public headers of the engine, of recognition, of maps and of registration.
+- Programs of ```cpp pass the compiler's checks, with the public headers of the engine, of recognition, maps, loops and registration.
 - Links and pictures lead to files and headings that are there. Files of the sources that are named between backquotes are there.
 - A number with decimals in a table of the README stands in a page of docs/, too, where its command is.
 
@@ -176,7 +176,7 @@ class Checker:
                     self.fault(document, number, f'{target} leads nowhere')
 
     def check_program(self, document, block):
-        folders = ('base', 'engine', 'proto', 'pipeline/recognition', 'pipeline/maps', 'pipeline/registration')
+        folders = ('base', 'engine', 'proto', 'pipeline/recognition', 'pipeline/loops', 'pipeline/maps', 'pipeline/registration')
         includes = [f'-I{ROOT / folder / "include"}' for folder in folders]
         includes += ['-isystem', '/usr/include/eigen3']
         done = subprocess.run(['c++', '-std=c++20', '-fsyntax-only', '-xc++', *includes, '-'], input=block.text, text=True,

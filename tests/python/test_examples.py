@@ -70,7 +70,7 @@ class Examples(FolderTest):
         self.check_picture()
 
     def test_loop_closures(self):
-        printed = run('loop_closures', self.folder / 'town', '--simulate', 600, '--threshold', 0.4,
+        printed = run('loop_closures', self.folder / 'town', '--simulate', 600, '--threshold', 0.4, '--exclusion', 'frames=400',
                       '--map', self.folder / 'town.map', *self.picture())
         loops = printed.splitlines()[1:]
         self.assertGreater(len(loops), 2)

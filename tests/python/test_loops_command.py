@@ -22,7 +22,7 @@ from bags import HAVE_ROSBAGS, KINDS, packed, write_bag
 from folders import FolderTest
 from revisit import datasets, poses, program, simulation
 from revisit._core import registration as core
-from revisit.loops import Exclusion, command, lines, progress
+from revisit.loops import command, lines, progress
 from scans import room
 
 PROGRAM = os.environ.get('REVISIT_PROGRAM', '')
@@ -334,11 +334,12 @@ class Faults(Command):
 
 class Pieces(unittest.TestCase):
     def test_exclusions(self):
-        self.assertEqual(Exclusion.parse('seconds=2.5'), ('seconds', 2.5))
-        self.assertEqual(Exclusion.parse('none').kind, 'none')
+        recognizer = revisit.open_map(None, 'vlp16')
+        for right in ('seconds=2.5', 'none'):
+            revisit.LoopDetector(recognizer, exclusion=right)
         for wrong in ('', 'frames', 'frames=', 'frames=2.5', 'frames=-1', 'seconds=nan', 'seconds=inf', 'none=3', 'hours=1'):
             with self.assertRaisesRegex(revisit.UsageError, 'expected frames=N'):
-                Exclusion.parse(wrong)
+                revisit.LoopDetector(recognizer, exclusion=wrong)
 
     def test_a_package_of_the_engine_alone_says_so(self):
         said = io.StringIO()

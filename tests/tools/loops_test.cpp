@@ -16,7 +16,6 @@
 #include <utility>
 
 #include "loops/loop_writer.h"
-#include "loops/recognise.h"
 #include "program_test.h"
 #include "revisit/maps/map_store.h"
 #include "revisit/recognition/ring/features.h"
@@ -299,41 +298,13 @@ TEST_F(Loops, WhatIsWrongForAMomentInADriveThatGrowsIsPassedOver) {
   EXPECT_EQ(lines(result.out).size(), 1 + 3) << result.out;
 }
 
-TEST_F(Loops, AScanThatIsGoneIsNotRegistered) {
-  const std::string town = path("town1/sequences/00/velodyne/");
-  std::vector<pipeline::ScanRef> scans(2);
-  fs::create_directory(path("going"));
-  for (int i = 0; i < 2; ++i) {
-    scans[i].frame = i;
-    scans[i].file = path("going/" + std::to_string(i) + ".bin");
-    fs::copy_file(town + "000024.bin", scans[i].file);
-  }
-  const auto stream = [&, next = 0]() mutable -> std::optional<pipeline::ScanRef> {
-    if (next == 1) fs::remove(scans[0].file);
-    if (next == 2) return std::nullopt;
-    return scans[next++];
-  };
-  const pipeline::RingModel model = pipeline::shipped_ring_model("vlp16");
-  pipeline::PlaceRecognizer recognizer(
-      pipeline::ring_recogniser(model, pipeline::ring_net(model), {}), {.threshold = -2});
-  Recognise options;
-  options.exclusion = pipeline::parse_exclusion("none");
-  options.verify = true;
-  std::vector<Visit> visits;
-  recognise(stream, recognizer, options, [&](const Visit& visit) { visits.push_back(visit); });
-  ASSERT_EQ(visits.size(), 2);
-  ASSERT_TRUE(visits[1].loop);
-  EXPECT_TRUE(visits[1].loop->accepted);
-  EXPECT_FALSE(visits[1].registered);
-}
-
 TEST(LoopWriter, FramesMayBeTimeStamps) {
   Visit visit;
-  visit.loop.emplace().frame = 1700000000123456789;
+  visit.found.loop.emplace().frame = 1700000000123456789;
   for (const auto& [format, cell] : {std::pair("csv", ",1700000000123456789,"),
                                      std::pair("jsonl", "\"match_frame\":1700000000123456789,")}) {
     std::ostringstream out;
-    LoopWriter(out, format).write(line_of(visit));
+    LoopWriter(out, format).write(line_of(visit, ""));
     EXPECT_NE(out.str().find(cell), std::string::npos) << out.str();
   }
 }

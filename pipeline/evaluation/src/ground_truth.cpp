@@ -1,7 +1,6 @@
 #include "revisit/evaluation/ground_truth.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -12,9 +11,8 @@
 namespace revisit::pipeline {
 namespace {
 
-// In the order of the enumerations.
+// In the order of the enumeration.
 constexpr const char* kDistances[] = {"xz", "3d", "box", "place"};
-constexpr const char* kExclusions[] = {"none", "frames", "seconds", "metres"};
 
 /// WayDriven at each scan.
 std::vector<double> progress_along(const Trajectory& trajectory, const Exclusion& exclusion) {
@@ -50,46 +48,6 @@ Distance parse_distance(const std::string& text) {
 
 const char* name_of(Distance distance) {
   return kDistances[static_cast<size_t>(distance)];
-}
-
-Exclusion parse_exclusion(const std::string& text) {
-  if (text == "none") return {Exclusion::Kind::kNone, 0};
-  const size_t equals = text.find('=');
-  const std::string kind = text.substr(0, equals);
-  const std::string amount = equals == std::string::npos ? "" : text.substr(equals + 1);
-  const auto* const found = std::ranges::find(kExclusions, kind);
-  const bool is_kind = found != std::end(kExclusions);
-  Exclusion exclusion;
-  if (is_kind) exclusion.kind = static_cast<Exclusion::Kind>(found - kExclusions);
-  const char* const end = amount.data() + amount.size();
-  const auto [stop, error] = std::from_chars(amount.data(), end, exclusion.amount);
-  const bool is_number = error == std::errc() && stop == end && std::isfinite(exclusion.amount) &&
-                         exclusion.amount >= 0;
-  const bool is_whole = is_number && exclusion.amount == std::floor(exclusion.amount);
-  if (is_kind && exclusion.kind != Exclusion::Kind::kNone &&
-      (exclusion.kind == Exclusion::Kind::kFrames ? is_whole : is_number))
-    return exclusion;
-  throw UsageError(str(
-      "exclusion: expected frames=N, seconds=T, metres=L (not negative) or none, found '", text,
-      "'", is_kind ? "" : did_you_mean(kind, {std::begin(kExclusions), std::end(kExclusions)})));
-}
-
-std::string to_string(const Exclusion& exclusion) {
-  const std::string kind = kExclusions[static_cast<size_t>(exclusion.kind)];
-  return exclusion.kind == Exclusion::Kind::kNone ? kind : kind + "=" + exact(exclusion.amount);
-}
-
-double WayDriven::at(int64_t frame, const std::optional<double>& time,
-                     const std::optional<Eigen::Vector3d>& position) {
-  if (kind_ == Exclusion::Kind::kSeconds) {
-    if (!time) throw UsageError("exclusion in seconds: the scans have no times; use frames=N");
-    return *time;
-  }
-  if (kind_ != Exclusion::Kind::kMetres) return static_cast<double>(frame);
-  if (!position) throw UsageError("exclusion in metres: the scans have no poses; use frames=N");
-  if (last_) metres_ += (*position - *last_).norm();
-  last_ = position;
-  return metres_;
 }
 
 Trajectory make_trajectory(const Dataset& dataset) {

@@ -557,6 +557,10 @@ std::set<int64_t> PlaceRecognizer::frames_of(const std::string& drive) const {
   return frames;
 }
 
+bool PlaceRecognizer::finds_heading() const {
+  return static_cast<bool>(impl_->extractor.comparison.turn);
+}
+
 std::optional<double> PlaceRecognizer::threshold() const {
   const std::shared_lock lock(impl_->mutex);
   return impl_->threshold;

@@ -104,6 +104,7 @@ def work(o):
         say(o, 'no threshold: every scan is printed; give --threshold or a lower --sure, or a map that '
                '`revisit loops --calibrate` has calibrated')
     drive = recording.name if o.drive is None else o.drive
+    detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, verify=o.verify)
     if o.poses_out and first[0].pose is None:
         raise UsageError('--poses-out: the scans have no poses; give --poses')
     count = recording.count and -(-recording.count // o.every)
@@ -115,7 +116,7 @@ def work(o):
         write_all = lines.writer(jsonl, 'jsonl') if jsonl else None
         try:
             told = scans_told(itertools.chain(first, scans), count, False if o.quiet else None)
-            for visit in recognise(told, recognizer, o.exclusion, drive, o.verify):
+            for visit in recognise(told, detector):
                 n += 1
                 if view:
                     view(visit)

@@ -3,9 +3,8 @@
 import argparse
 import os
 
-from revisit import poses, recognition
+from revisit import maps, poses, recognition
 from revisit.errors import Error, UsageError
-from revisit.loops.recognise import Exclusion
 from revisit.recordings import READERS
 
 EXAMPLES = """\
@@ -86,7 +85,7 @@ def make_parser():
 
 def parse(arguments):
     o = make_parser().parse_args(arguments)
-    o.exclusion = Exclusion.parse(o.exclusion)
+    maps.check_exclusion(o.exclusion)
     if o.poses and not o.pose_frame:
         raise UsageError('--poses: say whose axes they have with --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or camera '
                          "(z forward, y down; KITTI's poses)")

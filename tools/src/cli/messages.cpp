@@ -15,6 +15,7 @@ constexpr ProgramName kNames[] = {
     {"Limits::weight_bytes", "--max-weights-mb"},
     {"LoadOptions::allow_missing", "--allow-missing"},
     {"LoadOptions::inputs", "--input-shape"},
+    {"LoopDetectorOptions::verify", "--verify"},
     {"Net::layer_names", "'revisit net inspect'"},
     {"PlanOptions::max_run_bytes", "--max-run-mb"},
     {"ReductionOptions::memory_gb", "--memory"},

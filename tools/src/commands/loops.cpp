@@ -27,7 +27,8 @@ struct LoopsOptions {
   FeatureOptions feature;
   MapOptions map;
   fs::path output, g2o, tum;
-  std::string format = "csv", exclusion = "frames=50";
+  std::string format = "csv";
+  pipeline::Exclusion exclusion;
   std::optional<double> threshold;
   fs::path calibrate;
   std::string calibrate_sequence;
@@ -40,6 +41,7 @@ struct LoopsOptions {
 
 LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   LoopsOptions o;
+  std::string exclusion = to_string(o.exclusion);
   o.feature.feature = "ring";
   o.feature.ring_key_candidates = kCandidates;
   o.feature.declare(parser, Scans::kOneByOne);
@@ -47,7 +49,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
       .option("exclusion", "KIND=N",
               "recent scans of this drive that are not compared: frames=50 (default), seconds=30, "
               "metres=50 or none",
-              &o.exclusion)
+              &exclusion)
       .option("threshold", "S",
               "a loop is accepted from this score on (default: from where --sure is reached)",
               &o.threshold)
@@ -88,6 +90,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "places' poses (with --verify)",
               &o.tum);
   parser.parse(arguments);
+  o.exclusion = pipeline::parse_exclusion(exclusion);
   o.feature.check_given(parser);
   if (!(o.precision > 0 && o.precision < 1))
     throw UsageError(str("--sure: expected more than 0, less than 1, found ", o.precision));
@@ -147,7 +150,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options);
   cli::Progress progress("calibrating", "scans", !o.feature.no_progress && !o.feature.quiet);
   JudgeDrive how;
-  how.exclusion = pipeline::parse_exclusion(o.exclusion);
+  how.exclusion = o.exclusion;
   how.rule = rule_of(o.radius);
   how.left_out = warn_left_out;
   how.stop = interrupted;
@@ -212,9 +215,6 @@ int loops_command(const Arguments& arguments) {
   LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
   RecognizerSource described = recognizer_source(o.feature, source.some);
-  if (o.verify && !described.extractor.comparison.turn)
-    throw UsageError(str("--verify: the feature ", o.feature.feature,
-                         " tells no heading to start from; take --feature ring"));
   described.options.threshold = o.threshold;
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
@@ -250,43 +250,42 @@ int loops_command(const Arguments& arguments) {
   if (!o.g2o.empty()) graph.emplace(o.g2o);
   std::optional<TrajectoryWriter> trajectory;
   if (!o.tum.empty()) trajectory.emplace(o.tum);
-  Recognise how;
-  how.drive = o.map.drive_of(source.some);
-  how.exclusion = pipeline::parse_exclusion(o.exclusion);
-  how.verify = o.verify;
-  how.stop = interrupted;
+  const std::string drive = o.map.drive_of(source.some);
+  pipeline::LoopDetector detector(recognizer,
+                                  {.drive = drive, .exclusion = o.exclusion, .verify = o.verify});
   std::vector<double> milliseconds;
   int64_t scans = 0, left_out = 0, accepted = 0, unregistered = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
-  recognise(source.stream, recognizer, how, [&](const Visit& visit) {
+  recognise(source.stream, detector, interrupted, [&](const Visit& visit) {
+    const pipeline::Detection& found = visit.found;
     progress.update(++scans, std::max(scans, total));
-    if (!visit.position) {
+    if (!found.position) {
       ++left_out;
-      warn_left_out(visit.why_not);
+      warn_left_out(found.why_not);
       return;
     }
     milliseconds.push_back(visit.milliseconds);
-    const bool registered = visit.registered && visit.registered->accepted;
+    const bool registered = found.registered && found.registered->accepted;
     if (graph) {
-      graph->vertex(*visit.position, visit.scan.pose);
+      graph->vertex(*found.position, visit.scan.pose);
       if (registered)
-        graph->edge(visit.loop->position, *visit.position, visit.registered->T_place_query,
-                    visit.registered->information);
+        graph->edge(found.loop->position, *found.position, found.registered->T_place_query,
+                    found.registered->information);
     }
-    if (trajectory && registered && visit.loop->pose)
+    if (trajectory && registered && found.loop->pose)
       trajectory->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),
-                      *visit.loop->pose * visit.registered->T_place_query);
-    const bool is_loop = visit.loop && visit.loop->accepted;
+                      *found.loop->pose * found.registered->T_place_query);
+    const bool is_loop = found.loop && found.loop->accepted;
     accepted += is_loop ? 1 : 0;
-    unregistered += is_loop && o.verify && !visit.registered ? 1 : 0;
-    if (is_loop || all) writer.write(line_of(visit));
+    unregistered += is_loop && o.verify && !found.registered ? 1 : 0;
+    if (is_loop || all) writer.write(line_of(visit, drive));
   });
   if (!o.feature.quiet) {
     std::cerr << scans << " scans, " << accepted << " loops accepted"
-              << (unregistered > 0 ? str(" (", unregistered,
-                                         " not registered: the places' scans are not at hand)")
-                                   : "")
+              << (unregistered > 0
+                      ? str(" (", unregistered, " not registered: the places are of other drives)")
+                      : "")
               << (left_out > 0 ? str(", ", left_out, " scans left out") : "") << ", "
               << recognizer.size() << " places known\n";
     print_latencies(std::move(milliseconds), recognizer.size());

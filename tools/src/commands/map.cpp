@@ -189,13 +189,12 @@ int query(const Arguments& arguments) {
   LoopWriter writer(std::cout, format);
   bool left_out = false;
   for (const pipeline::ScanRef& scan : dataset.scans) {
-    Visit visit;
-    visit.scan = scan;
+    Visit visit{.scan = scan};
     const pipeline::PointCloud cloud = pipeline::read_scan(scan.file);
     const pipeline::Description description = recognizer.describe(view_of(cloud));
-    visit.loop = recognizer.query(description);
-    if (visit.loop) {
-      writer.write(line_of(visit));
+    visit.found.loop = recognizer.query(description);
+    if (visit.found.loop) {
+      writer.write(line_of(visit, ""));
       continue;
     }
     left_out = true;

@@ -78,14 +78,14 @@ void set_position(const std::optional<Eigen::Isometry3d>& pose, const Message& m
 
 }  // namespace
 
-reports::LoopLine line_of(const Visit& visit) {
+reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   reports::LoopLine line;
-  if (!visit.drive.empty()) line.set_drive(visit.drive);
+  if (!drive.empty()) line.set_drive(drive);
   line.set_frame(visit.scan.frame);
   set_position(visit.scan.pose, [&] { return line.mutable_position(); });
   if (visit.scan.time) line.set_time(*visit.scan.time);
-  if (!visit.loop) return line;
-  const pipeline::Loop& loop = *visit.loop;
+  if (!visit.found.loop) return line;
+  const pipeline::Loop& loop = *visit.found.loop;
   line.set_match_drive(loop.drive);
   line.set_match_frame(loop.frame);
   set_position(loop.pose, [&] { return line.mutable_match_position(); });
@@ -96,8 +96,8 @@ reports::LoopLine line_of(const Visit& visit) {
   if (loop.probability) line.set_probability(*loop.probability);
   if (loop.turn) line.set_yaw_deg(*loop.turn * 180 / std::numbers::pi);
   line.set_accepted(loop.accepted);
-  if (!visit.registered) return line;
-  const pipeline::Registration& r = *visit.registered;
+  if (!visit.found.registered) return line;
+  const pipeline::Registration& r = *visit.found.registered;
   const Eigen::Vector3d t = r.T_place_query.translation();
   const Eigen::Quaterniond q(r.T_place_query.rotation());
   reports::Registered& out = *line.mutable_registered();

@@ -9,8 +9,8 @@
 
 namespace revisit::cli {
 
-/// What is printed of a scan.
-reports::LoopLine line_of(const Visit& visit);
+/// What is printed of a scan of `drive`.
+reports::LoopLine line_of(const Visit& visit, const std::string& drive);
 
 /// Prints loops as they are found, a line each, at once: "csv" with a header, or "jsonl".
 class LoopWriter {

@@ -1,38 +1,22 @@
 #pragma once
 
 #include <functional>
-#include <optional>
-#include <string>
 
 #include "loops/scan_stream.h"
-#include "revisit/evaluation/ground_truth.h"
-#include "revisit/maps/place_recognizer.h"
-#include "revisit/registration/registration.h"
+#include "revisit/loops/loop_detector.h"
 
 namespace revisit::cli {
 
-/// What became of one scan.
+/// A scan and what the detector found.
 struct Visit {
-  std::string drive;
   pipeline::ScanRef scan;
-  std::optional<int64_t> position;     // in the recogniser; nothing for one not described
-  std::optional<pipeline::Loop> loop;  // the place most like it
-  std::optional<pipeline::Registration> registered;
-  std::string why_not;      // described
-  double milliseconds = 0;  // from the points in memory to the answer, and until it is added
+  pipeline::Detection found;  // why_not names the file
+  double milliseconds = 0;    // from the points in memory to the result
 };
 
-struct Recognise {
-  std::string drive;              // the name of this one in the map
-  pipeline::Exclusion exclusion;  // of its own scans of the same moment
-  bool verify = false;  // accepted loops are registered; those that do not fit are not accepted
-  std::function<bool()> stop = [] { return false; };
-};
-
-/// Takes every scan of the stream: describes it, asks for the place most like it, adds it, and
-/// hands it to `visit`; a scan that cannot be read or described, too. Throws what PlaceRecognizer
-/// does, UsageError for an exclusion that the scans know nothing of, Interrupted.
-void recognise(const ScanStream& next, pipeline::PlaceRecognizer& recognizer,
-               const Recognise& options, const std::function<void(const Visit&)>& visit);
+/// Hands every scan of the stream to the detector and its result to `visit`, also for a scan that
+/// cannot be read or described. Throws what LoopDetector::take() does, Interrupted.
+void recognise(const ScanStream& next, pipeline::LoopDetector& detector,
+               const std::function<bool()>& stop, const std::function<void(const Visit&)>& visit);
 
 }  // namespace revisit::cli

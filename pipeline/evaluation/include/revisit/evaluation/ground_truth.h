@@ -8,6 +8,7 @@
 
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/pose.h"
+#include "revisit/recognition/exclusion.h"
 
 namespace revisit::pipeline {
 
@@ -21,37 +22,6 @@ enum class Distance {
 /// "xz", "3d", "box", "place"; throws UsageError for anything else.
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
-
-/// Which scans are too close in time to count as a revisit of the query.
-/// A candidate must be MORE than `amount` away (strictly).
-struct Exclusion {
-  enum class Kind {
-    kNone,     // every other scan may match
-    kFrames,   // difference of frame numbers
-    kSeconds,  // difference of time stamps [s]
-    kMetres,   // length of the path driven between the two [m]
-  };
-  Kind kind = Kind::kFrames;
-  double amount = 50;
-  bool operator==(const Exclusion&) const = default;
-};
-/// "frames=50", "seconds=30", "metres=50" or "none"; throws UsageError for anything else.
-Exclusion parse_exclusion(const std::string& text);
-std::string to_string(const Exclusion& exclusion);
-
-/// What an exclusion counts in, scan after scan of a drive: frames, seconds or metres driven.
-class WayDriven {
- public:
-  explicit WayDriven(Exclusion::Kind kind) : kind_(kind) {}
-  /// At the next scan. Throws UsageError when the time or the position is needed and not there.
-  double at(int64_t frame, const std::optional<double>& time,
-            const std::optional<Eigen::Vector3d>& position);
-
- private:
-  Exclusion::Kind kind_;
-  double metres_ = 0;
-  std::optional<Eigen::Vector3d> last_;
-};
 
 /// What makes a retrieved place right: nearer than `radius` (strictly). It is wrong when it is not
 /// nearer than `radius` and farther than `false_beyond`; between the two it is neither.

@@ -103,6 +103,8 @@ class PlaceRecognizer {
   int64_t size() const;
   /// The frames of a drive that have a place.
   std::set<int64_t> frames_of(const std::string& drive) const;
+  /// Whether queries say how the scan is turned against the place (Loop::turn).
+  bool finds_heading() const;
   /// The score from which places are accepted; absent when neither the options, nor the map, nor a
   /// calibration that promises RecognizerOptions::precision give one.
   std::optional<double> threshold() const;

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "revisit/maps/place_recognizer.h"
+#include "revisit/recognition/exclusion.h"
+
+namespace revisit::pipeline {
+
+/// Where and when a scan of a drive was taken.
+struct ScanStamp {
+  int64_t frame = 0;
+  std::optional<double> time;             // [s]
+  std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
+};
+
+/// The places of a drive that are excluded from matching with its next scan.
+class RecentPlaces {
+ public:
+  explicit RecentPlaces(const Exclusion& exclusion)
+      : exclusion_(exclusion), driven_(exclusion.kind) {}
+  /// Their positions in the recogniser, at the next scan. Throws UsageError when the exclusion
+  /// needs a time or a pose that the scan lacks.
+  std::span<const int64_t> at(const ScanStamp& scan);
+  /// Adds the scan of the last at() as the place at `position`.
+  void add(int64_t position);
+
+ private:
+  struct Place {
+    int64_t position = 0;
+    double along = 0;  // the drive, in frames, seconds or metres
+  };
+  Exclusion exclusion_;
+  WayDriven driven_;
+  double along_ = 0;
+  std::deque<Place> places_;
+  std::vector<int64_t> positions_;
+};
+
+}  // namespace revisit::pipeline

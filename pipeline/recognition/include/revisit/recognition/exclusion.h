@@ -1,0 +1,41 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace revisit::pipeline {
+
+/// Which scans of a drive are too close in time to be a revisit of the query.
+/// A candidate must be MORE than `amount` away (strictly).
+struct Exclusion {
+  enum class Kind {
+    kNone,     // every other scan may match
+    kFrames,   // difference of frame numbers
+    kSeconds,  // difference of time stamps [s]
+    kMetres,   // length of the path driven between the two [m]
+  };
+  Kind kind = Kind::kFrames;
+  double amount = 50;
+  bool operator==(const Exclusion&) const = default;
+};
+/// "frames=50", "seconds=30", "metres=50" or "none"; throws UsageError for anything else.
+Exclusion parse_exclusion(const std::string& text);
+std::string to_string(const Exclusion& exclusion);
+
+/// What an exclusion counts in, scan after scan of a drive: frames, seconds or metres driven.
+class WayDriven {
+ public:
+  explicit WayDriven(Exclusion::Kind kind) : kind_(kind) {}
+  /// At the next scan. Throws UsageError when the time or the position is needed and not there.
+  double at(int64_t frame, const std::optional<double>& time,
+            const std::optional<Eigen::Vector3d>& position);
+
+ private:
+  Exclusion::Kind kind_;
+  double metres_ = 0;
+  std::optional<Eigen::Vector3d> last_;
+};
+
+}  // namespace revisit::pipeline
