@@ -26,13 +26,13 @@ FileCursor::FileCursor(const std::filesystem::path& file)
     // Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
     : file_(file), descriptor_(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
   if (descriptor_.number < 0) {
-    throw InputError(str(file.string(), ": cannot open: ", std::strerror(errno)));
+    throw InputError(file.string(), ": cannot open: ", std::strerror(errno));
   }
   struct stat status {};
   if (::fstat(descriptor_.number, &status) != 0 || !S_ISREG(status.st_mode)) {
-    throw InputError(str(file.string(), ": is ",
-                         S_ISDIR(status.st_mode) ? "a folder" : "not a regular file",
-                         ", expected a file"));
+    throw InputError(file.string(), ": is ",
+                     S_ISDIR(status.st_mode) ? "a folder" : "not a regular file",
+                     ", expected a file");
   }
   size_ = static_cast<uint64_t>(status.st_size);
 }
@@ -71,7 +71,7 @@ void FileCursor::read(void* destination, uint64_t n) {
       }
       refill();
       if (buffer_.empty()) {
-        throw InputError(str(file_.string(), ": byte ", position_, ": the file ends here"));
+        throw InputError(file_.string(), ": byte ", position_, ": the file ends here");
       }
     }
     const uint64_t skipped = position_ - buffer_begin_;
@@ -86,7 +86,7 @@ void FileCursor::read(void* destination, uint64_t n) {
 void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
   if (descriptor_.number < 0) {
     if (position > size_ || n > size_ - position)
-      throw InputError(str(file_.string(), ": byte ", size_, ": ends here"));
+      throw InputError(file_.string(), ": byte ", size_, ": ends here");
     std::memcpy(destination, content_.data() + position, n);
     bytes_read_ += n;
     return;
@@ -96,8 +96,8 @@ void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
     const ssize_t got = ::pread(descriptor_.number, out, n, static_cast<off_t>(position));
     if (got < 0 && errno == EINTR) continue;
     if (got <= 0) {
-      throw InputError(str(file_.string(), ": byte ", position, ": cannot read: ",
-                           got < 0 ? std::strerror(errno) : "the file became shorter"));
+      throw InputError(file_.string(), ": byte ", position, ": cannot read: ",
+                       got < 0 ? std::strerror(errno) : "the file became shorter");
     }
     out += got;
     position += static_cast<uint64_t>(got);

@@ -28,8 +28,8 @@ class Builder {
       const bool in_place = i < layer.bottom_size() && layer.bottom(i) == top;
       node.in_place |= in_place;
       if (!in_place && current_.count(top))
-        throw InputError(str("layer '", layer.name(), "': top '", top,
-                             "' is already written by another layer and is not its own bottom"));
+        throw InputError("layer '", layer.name(), "': top '", top,
+                         "' is already written by another layer and is not its own bottom");
       node.outputs.push_back(produce(top));
     }
     graph_.nodes.push_back(std::move(node));
@@ -47,8 +47,8 @@ class Builder {
     if (found == current_.end()) {
       std::vector<std::string> known;
       for (const auto& [blob, id] : current_) known.push_back(blob);
-      throw InputError(str("layer '", layer.name(), "': bottom '", bottom,
-                           "' is written by no layer before it", did_you_mean(bottom, known)));
+      throw InputError("layer '", layer.name(), "': bottom '", bottom,
+                       "' is written by no layer before it", did_you_mean(bottom, known));
     }
     consumed_[found->second] = true;
     return found->second;

@@ -11,12 +11,12 @@ std::vector<Shape> OneToOneLayer::infer(const std::vector<Shape>& inputs, size_t
 }
 
 void expect_count(size_t found, size_t expected, const char* what) {
-  if (found != expected) throw InputError(str("expected ", expected, " ", what, ", found ", found));
+  if (found != expected) throw InputError("expected ", expected, " ", what, ", found ", found);
 }
 
 void expect_int(int64_t size, const char* what) {
   constexpr int64_t kMost = std::numeric_limits<int>::max();
-  if (size > kMost) throw InputError(str(what, " must be at most ", kMost, ", found ", size));
+  if (size > kMost) throw InputError(what, " must be at most ", kMost, ", found ", size);
 }
 
 }  // namespace revisit::engine

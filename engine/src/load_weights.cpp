@@ -129,21 +129,21 @@ class Loader {
            net_.sharing.contains({net_.graph.nodes[node].name, n_expected - 1}))
       --n_expected;
     if (blobs.size() != n_expected)
-      throw InputError(str(place_text(node), ": expected ", weights.size(), " blobs, found ",
-                           blobs.size(), "; these weights belong to another network"));
+      throw InputError(place_text(node), ": expected ", weights.size(), " blobs, found ",
+                       blobs.size(), "; these weights belong to another network");
     for (size_t b = 0; b < blobs.size(); ++b)
       if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
-        throw InputError(str(place_text(node), " blob ", b, ": expected shape ", weights[b].shape,
-                             ", found ", text_of(blobs[b].shape),
-                             "; these weights belong to another network"));
+        throw InputError(place_text(node), " blob ", b, ": expected shape ", weights[b].shape,
+                         ", found ", text_of(blobs[b].shape),
+                         "; these weights belong to another network");
   }
 
   void put(const Place& place, const std::string& layer, size_t blob, std::vector<float> values) {
     Tensor& weight = weights_[place.node][place.blob];
     if (values.size() != static_cast<size_t>(weight.shape.elements()))
-      throw InputError(str(place_text(place.node), " blob ", place.blob, ": shares blob ", blob,
-                           " of layer '", layer, "', which has ", values.size(),
-                           " values instead of ", weight.shape.elements()));
+      throw InputError(place_text(place.node), " blob ", place.blob, ": shares blob ", blob,
+                       " of layer '", layer, "', which has ", values.size(), " values instead of ",
+                       weight.shape.elements());
     weight.values = std::move(values);
     filled_.insert(place);
   }
@@ -188,10 +188,9 @@ void check_sharing(const Net::Impl& net) {
           static_cast<int>(b) < node.param.param_size() &&
           node.param.param(static_cast<int>(b)).share_mode() == caffe::ParamSpec::PERMISSIVE;
       if (permissive ? owned.elements() != shape.elements() : owned != shape)
-        throw InputError(str(net.file, ": layer '", node.name, "' (", node.param.type(), ") blob ",
-                             b, " is ", shape, ", but it shares the parameter '", group->second,
-                             "' with layer '", owner->second.first->name, "', where it is ",
-                             owned));
+        throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(), ") blob ", b,
+                         " is ", shape, ", but it shares the parameter '", group->second,
+                         "' with layer '", owner->second.first->name, "', where it is ", owned);
     }
   }
 }

@@ -35,7 +35,7 @@ const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, con
   if (found != slots.end()) return found->second;
   std::vector<std::string> known;
   for (const auto& [slot, place] : slots) known.push_back(slot);
-  throw UsageError(str("this run keeps no ", what, " '", name, "'", did_you_mean(name, known)));
+  throw UsageError("this run keeps no ", what, " '", name, "'", did_you_mean(name, known));
 }
 
 FloatMode mode_of(const Plan::Impl& plan) {
@@ -82,10 +82,10 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
     memory_->floats = AlignedFloats(plan_.arena_bytes() / static_cast<int64_t>(sizeof(float)));
     if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
   } catch (const std::bad_alloc&) {
-    throw MemoryError(str(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
-                          " MB of values and ", 128 * impl.blas_threads,
-                          " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
-                          "or fewer runs at a time"));
+    throw MemoryError(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
+                      " MB of values and ", 128 * impl.blas_threads,
+                      " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
+                      "or fewer runs at a time");
   }
   std::byte* const arena = memory_->arena = reinterpret_cast<std::byte*>(memory_->floats.data());
   poison(arena, plan_.arena_bytes());

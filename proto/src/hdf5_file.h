@@ -3,18 +3,18 @@
 #include <cstdint>
 #include <map>
 #include <set>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "revisit/base/error.h"
 #include "revisit/base/file_cursor.h"
 #include "revisit/proto/number_type.h"
 
 namespace revisit::proto {
 
 /// Something well-formed that this reader does not know. Becomes an UnsupportedError.
-struct Hdf5Unsupported : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct Hdf5Unsupported : Error {
+  using Error::Error;
 };
 
 /// What the header of an object says: a group has `tree` and `heap`, an array the rest.

@@ -192,8 +192,8 @@ void check_complete(const caffe::NetParameter& net, const std::string& text,
   std::vector<std::string> missing;
   if (net.IsInitialized()) return;
   net.FindInitializationErrors(&missing);
-  throw InputError(str(message_start(name, locate_parent(text, missing.front())),
-                       "missing required field ", missing.front()));
+  throw InputError(message_start(name, locate_parent(text, missing.front())),
+                   "missing required field ", missing.front());
 }
 
 }  // namespace

@@ -53,9 +53,7 @@ class HeaderParser {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& reason) const {
-    throw InputError(str(path_, ": ", reason));
-  }
+  [[noreturn]] void fail(const std::string& reason) const { throw InputError(path_, ": ", reason); }
   char peek() {
     const size_t at = text_.find_first_not_of(" \t\r\n");
     text_.remove_prefix(at == std::string_view::npos ? text_.size() : at);
@@ -122,11 +120,11 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
   if (!has_start ||
       !std::equal(kMagic.begin(), kMagic.end(), start.begin(),
                   [](char a, unsigned char b) { return static_cast<unsigned char>(a) == b; })) {
-    throw InputError(str(path, ": is not a NumPy .npy file (no \\x93NUMPY at its beginning)"));
+    throw InputError(path, ": is not a NumPy .npy file (no \\x93NUMPY at its beginning)");
   }
   const int version = start[6];
   if (version < 1 || version > 3) {
-    throw InputError(str(path, ": .npy version ", version, ", expected 1, 2 or 3"));
+    throw InputError(path, ": .npy version ", version, ", expected 1, 2 or 3");
   }
   uint64_t length = 0;
   const int length_bytes = version == 1 ? 2 : 4;
@@ -134,9 +132,9 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
     length |= static_cast<uint64_t>(cursor.read_byte()) << (8 * i);
   }
   if (length > kLongestNpyHeader || length > cursor.size() - cursor.position()) {
-    throw InputError(str(path, ": byte 8: a header of ", length, " bytes, but only ",
-                         cursor.size() - cursor.position(), " bytes follow (limit ",
-                         kLongestNpyHeader, ")"));
+    throw InputError(path, ": byte 8: a header of ", length, " bytes, but only ",
+                     cursor.size() - cursor.position(), " bytes follow (limit ", kLongestNpyHeader,
+                     ")");
   }
   std::string header(length, '\0');
   cursor.read(header.data(), length);
@@ -160,9 +158,9 @@ uint64_t check_size(const FileCursor& cursor, const NpyHeader& header, uint64_t 
   }
   if (overflows || count > std::numeric_limits<uint64_t>::max() / item_bytes ||
       count * item_bytes != available) {
-    throw InputError(str(cursor.file().string(), ": shape ", describe(header.shape), " of '",
-                         header.dtype, "' does not fit the ", available,
-                         " bytes after the header (is the file truncated?)"));
+    throw InputError(cursor.file().string(), ": shape ", describe(header.shape), " of '",
+                     header.dtype, "' does not fit the ", available,
+                     " bytes after the header (is the file truncated?)");
   }
   return count;
 }
@@ -181,7 +179,7 @@ NpyArray read_npy(const std::filesystem::path& file) {
   FileCursor cursor(file);
   const NpyHeader header = read_npy_header(cursor);
   const auto refuse = [&](const std::string& reason) {
-    throw InputError(str(file.string(), ": ", reason));
+    throw InputError(file.string(), ": ", reason);
   };
   const bool single = header.dtype == "<f4";
   if (!single && header.dtype != "<f8")
@@ -214,7 +212,7 @@ std::string npy_header(const std::vector<int64_t>& shape) {
   dictionary.append((kAlignment - unpadded % kAlignment) % kAlignment, ' ');
   dictionary += '\n';
   if (shape.size() > kNumpyMostAxes)
-    throw UsageError(str("an array of ", shape.size(), " axes, NumPy has at most 64"));
+    throw UsageError("an array of ", shape.size(), " axes, NumPy has at most 64");
 
   std::string header(kMagic);
   header += {'\x01', '\x00'};
@@ -228,7 +226,7 @@ void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& sh
   std::streamsize bytes = sizeof(float);
   for (const int64_t dim : shape)
     if (dim < 0 || __builtin_mul_overflow(bytes, dim, &bytes))
-      throw UsageError(str(file.string(), ": cannot hold an array of shape ", describe(shape)));
+      throw UsageError(file.string(), ": cannot hold an array of shape ", describe(shape));
   const std::string header = npy_header(shape);
   write_atomically(file, [&](std::ostream& out) {
     out << header;

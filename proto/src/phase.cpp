@@ -22,7 +22,7 @@ bool meets(const caffe::NetState& state, const caffe::NetStateRule& rule) {
 bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) {
   const auto met = [&](const caffe::NetStateRule& rule) { return meets(state, rule); };
   if (layer.include_size() > 0 && layer.exclude_size() > 0)
-    throw InputError(str("layer '", layer.name(), "': give include or exclude rules, not both"));
+    throw InputError("layer '", layer.name(), "': give include or exclude rules, not both");
   if (layer.include_size() > 0)
     return std::any_of(layer.include().begin(), layer.include().end(), met);
   return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);

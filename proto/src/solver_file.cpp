@@ -31,8 +31,8 @@ fs::path find_net(const std::string& name, const fs::path& solver) {
     std::error_code ignored;
     if (fs::is_regular_file(candidate, ignored)) return candidate;
   }
-  throw InputError(str(solver.string(), ": is a solver file; the net it names, '", name,
-                       "', is neither beside it nor in the working folder; give the net itself"));
+  throw InputError(solver.string(), ": is a solver file; the net it names, '", name,
+                   "', is neither beside it nor in the working folder; give the net itself");
 }
 
 }  // namespace
@@ -51,7 +51,7 @@ std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& 
   if (names.empty() && !has_net_inside) return std::nullopt;
 
   const auto fail = [&](const std::string& reason) {
-    throw InputError(str(path.string(), ": is a solver file ", reason));
+    throw InputError(path.string(), ": is a solver file ", reason);
   };
   if (has_net_inside) fail("with a net inside; put that into a prototxt of its own and give that");
   if (names.size() > 1)

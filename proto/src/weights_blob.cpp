@@ -40,8 +40,8 @@ template <class Number>
 void append(FileCursor& cursor, const WireField& field, std::vector<float>& out) {
   const uint64_t bytes = field.end - field.begin;
   if (bytes % sizeof(Number) != 0) {
-    throw FormatError(field.begin, str("a run of ", bytes, " bytes holds no whole number of ",
-                                       sizeof(Number), "-byte values"));
+    throw FormatError(field.begin, "a run of ", bytes, " bytes holds no whole number of ",
+                      sizeof(Number), "-byte values");
   }
   cursor.seek(field.begin);
   const size_t count = bytes / sizeof(Number);
@@ -71,14 +71,14 @@ void append_raw(FileCursor& cursor, const WireField& field, uint64_t type,
     case 2:
       return append<Half>(cursor, field, out);
     default:
-      throw FormatError(field.begin, str("raw_data of raw_data_type ", type,
-                                         "; expected 0 (double), 1 (float) or 2 (float16)"));
+      throw FormatError(field.begin, "raw_data of raw_data_type ", type,
+                        "; expected 0 (double), 1 (float) or 2 (float16)");
   }
 }
 
 void append_dim(uint64_t value, uint64_t offset, std::vector<int64_t>& shape) {
   if (shape.size() == kMostAxes)
-    throw FormatError(offset, str("a shape of more than ", kMostAxes, " axes"));
+    throw FormatError(offset, "a shape of more than ", kMostAxes, " axes");
   shape.push_back(static_cast<int64_t>(value));
 }
 
@@ -98,7 +98,7 @@ void append_shape(FileCursor& cursor, const WireField& message, std::vector<int6
 int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
   int64_t count = 1;
   for (const int64_t dim : shape) {
-    if (dim < 0) throw FormatError(offset, str("negative dimension in shape ", shape_text(shape)));
+    if (dim < 0) throw FormatError(offset, "negative dimension in shape ", shape_text(shape));
     if (count != 0 && dim > kMostElements / count) {
       throw FormatError(
           offset, str("shape ", shape_text(shape), " has more than ", kMostElements, " elements"));

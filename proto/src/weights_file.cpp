@@ -49,9 +49,9 @@ void check_size(const FileCursor& cursor, const Limits& limits) {
 
 void check_binary_size(const FileCursor& cursor, const char* what) {
   if (static_cast<int64_t>(cursor.size()) <= kLargestBinary) return;
-  throw InputError(str(cursor.file().string(), ": is ", cursor.size(), " bytes; ", what,
-                       " has at most ", kLargestBinary,
-                       ", protobuf's limit (larger weights are kept in HDF5)"));
+  throw InputError(cursor.file().string(), ": is ", cursor.size(), " bytes; ", what,
+                   " has at most ", kLargestBinary,
+                   ", protobuf's limit (larger weights are kept in HDF5)");
 }
 
 /// The first bytes of the file, enough to tell what it is.
@@ -93,7 +93,7 @@ class Caffemodel final : public WeightsFile {
  private:
   void index() {
     const std::string path = cursor_.file().string();
-    if (cursor_.size() == 0) throw InputError(str(path, ": is empty, expected a caffemodel"));
+    if (cursor_.size() == 0) throw InputError(path, ": is empty, expected a caffemodel");
     check_binary_size(cursor_, "a caffemodel");
     const std::string head = read_head(cursor_);
     const std::string not_binary =
@@ -169,7 +169,7 @@ class Caffemodel final : public WeightsFile {
   std::string read_string(const WireField& field) {
     const uint64_t length = field.end - field.begin;
     if (length > kLongestLayerName) {
-      throw FormatError(field.begin, str("a layer name of ", length, " bytes"));
+      throw FormatError(field.begin, "a layer name of ", length, " bytes");
     }
     std::string text(length, '\0');
     cursor_.seek(field.begin);

@@ -69,7 +69,7 @@ class Hdf5Weights final : public WeightsFile {
     } catch (const FormatError& error) {
       fail("byte ", error.offset, ": ", place, "a damaged HDF5 file: ", error);
     } catch (const Hdf5Unsupported& error) {
-      throw UnsupportedError(str(cursor_.file().string(), ": ", place, error.what()));
+      throw UnsupportedError(cursor_.file().string(), ": ", place, error.what());
     }
   }
 

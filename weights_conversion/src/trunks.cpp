@@ -201,8 +201,8 @@ caffe::NetParameter trunk(const std::string& name) {
     if (name == known.name) return known.build();
   std::string list;
   for (const std::string& known : trunk_names()) list += (list.empty() ? "" : ", ") + known;
-  throw UsageError(
-      str("unknown network '", name, "'", did_you_mean(name, trunk_names()), "; there are ", list));
+  throw UsageError("unknown network '", name, "'", did_you_mean(name, trunk_names()),
+                   "; there are ", list);
 }
 
 }  // namespace revisit::models

@@ -161,7 +161,7 @@ SpeedLimits measure_speed_limits(int threads) {
   constexpr int64_t kRounds = 1 << 16;
   constexpr int kMostThreads = 1024;
   if (threads < 1 || threads > kMostThreads)
-    throw UsageError(str("expected 1 to ", kMostThreads, " threads, found ", threads));
+    throw UsageError("expected 1 to ", kMostThreads, " threads, found ", threads);
   SpeedLimits limits;
   limits.threads = threads;
   limits.float32_gflops = gflops(threads, kRounds, multiply_float32);

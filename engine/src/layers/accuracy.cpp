@@ -14,7 +14,7 @@ class AccuracyLayer : public Layer {
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     const int64_t classes = scores(inputs, n_outputs).lines.classes;
     if (param_.top_k() > classes)
-      throw InputError(str("top_k ", param_.top_k(), " is more than the ", classes, " classes"));
+      throw InputError("top_k ", param_.top_k(), " is more than the ", classes, " classes");
     std::vector<Shape> outputs{Shape{}};
     if (n_outputs == 2) outputs.push_back(Shape{classes});
     return outputs;

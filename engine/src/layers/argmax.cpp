@@ -19,8 +19,8 @@ class ArgMax : public OneToOneLayer {
     if (input.rank() < 1) throw InputError("ArgMax needs an input of at least one axis");
     const int64_t top_k = param_.top_k(), candidates = lines(input).candidates;
     if (top_k > candidates)
-      throw InputError(str("top_k ", top_k, " is more than the ", candidates,
-                           " values to choose from in an input of shape ", input));
+      throw InputError("top_k ", top_k, " is more than the ", candidates,
+                       " values to choose from in an input of shape ", input);
     if (param_.has_axis()) return input.with(axis(input), top_k);
     // n x (indices, values) x k, and 1 for further axes.
     std::vector<int64_t> axes(std::max<size_t>(input.rank(), 3), 1);

@@ -16,7 +16,7 @@ class BatchNormalisation : public OneToOneLayer {
  public:
   Shape output_shape(const Shape& input) const override {
     if (input.rank() < 2)
-      throw InputError(str(type_, " needs an input of at least 2 axes, found ", input));
+      throw InputError(type_, " needs an input of at least 2 axes, found ", input);
     return input;
   }
 

@@ -16,7 +16,7 @@ class BatchReindex : public Layer {
     expect_count(n_outputs, 1, "outputs");
     if (inputs[0].rank() < 1) throw InputError("the first input must have at least one axis");
     if (inputs[1].rank() != 1)
-      throw InputError(str("the indices must have one axis, found ", inputs[1]));
+      throw InputError("the indices must have one axis, found ", inputs[1]);
     return {inputs[0].with(0, inputs[1][0])};
   }
 

@@ -18,8 +18,8 @@ class Concat : public Layer {
     int64_t total = 0;
     for (const Shape& input : inputs) {
       if (input.rank() != inputs[0].rank() || input.with(axis, 1) != inputs[0].with(axis, 1))
-        throw InputError(
-            str("inputs must agree in all axes but ", axis, ", found ", inputs[0], " and ", input));
+        throw InputError("inputs must agree in all axes but ", axis, ", found ", inputs[0], " and ",
+                         input);
       total += input[axis];
     }
     return {inputs[0].with(axis, total)};

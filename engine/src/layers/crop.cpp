@@ -16,16 +16,16 @@ class Crop : public Layer {
     const size_t first = first_axis(input);
     const auto n_offsets = static_cast<size_t>(param_.offset_size());
     if (n_offsets > 1 && first + n_offsets != input.rank())
-      throw InputError(str("expected one offset, or one for each of the ", input.rank() - first,
-                           " axes from axis ", first, " on, found ", n_offsets));
+      throw InputError("expected one offset, or one for each of the ", input.rank() - first,
+                       " axes from axis ", first, " on, found ", n_offsets);
     if (wanted.rank() < input.rank())
-      throw InputError(
-          str("the second input (", wanted, ") has fewer axes than the first (", input, ")"));
+      throw InputError("the second input (", wanted, ") has fewer axes than the first (", input,
+                       ")");
     std::vector<int64_t> axes = input.axes();
     for (size_t axis = first; axis < axes.size(); ++axis) {
       if (offset(axis, first) + wanted[axis] > input[axis])
-        throw InputError(str("in axis ", axis, ", ", wanted[axis], " values from ",
-                             offset(axis, first), " on reach past the input (", input, ")"));
+        throw InputError("in axis ", axis, ", ", wanted[axis], " values from ", offset(axis, first),
+                         " on reach past the input (", input, ")");
       axes[axis] = wanted[axis];
     }
     return {Shape(std::move(axes))};

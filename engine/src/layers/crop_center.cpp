@@ -15,14 +15,14 @@ class CropCenter : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     if (cut_.size() != input.rank())
-      throw InputError(str("expected a crop_size for each of the ", input.rank(),
-                           " axes of the input (", input, "), found ", cut_.size()));
+      throw InputError("expected a crop_size for each of the ", input.rank(),
+                       " axes of the input (", input, "), found ", cut_.size());
     std::vector<int64_t> axes = input.axes();
     for (size_t axis = 0; axis < axes.size(); ++axis) {
       axes[axis] -= 2 * cut_[axis];
       if (axes[axis] < 1)
-        throw InputError(str("in axis ", axis, ", cutting ", cut_[axis],
-                             " values off both ends leaves nothing of the input (", input, ")"));
+        throw InputError("in axis ", axis, ", cutting ", cut_[axis],
+                         " values off both ends leaves nothing of the input (", input, ")");
     }
     return Shape(std::move(axes));
   }

@@ -114,8 +114,7 @@ class PowerOfOne : public OneToOneLayer {
 float log_of_base(float base) {
   if (base == -1) return 1;
   const float result = base > 0 ? std::log(base) : NAN;
-  if (!std::isfinite(result))
-    throw InputError(str("base must be positive (or -1 for e), found ", base));
+  if (!std::isfinite(result)) throw InputError("base must be positive (or -1 for e), found ", base);
   return result;
 }
 

@@ -46,16 +46,15 @@ class Eltwise : public Layer {
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    if (inputs.size() < 2)
-      throw InputError(str("expected at least 2 inputs, found ", inputs.size()));
+    if (inputs.size() < 2) throw InputError("expected at least 2 inputs, found ", inputs.size());
     expect_count(n_outputs, 1, "outputs");
     const auto n_coefficients = static_cast<size_t>(param_.coeff_size());
     if (n_coefficients != 0 && n_coefficients != inputs.size())
-      throw InputError(
-          str("expected one coeff for each of ", inputs.size(), " inputs, found ", n_coefficients));
+      throw InputError("expected one coeff for each of ", inputs.size(), " inputs, found ",
+                       n_coefficients);
     for (const Shape& input : inputs)
       if (input != inputs[0])
-        throw InputError(str("inputs must have the same shape, found ", inputs[0], " and ", input));
+        throw InputError("inputs must have the same shape, found ", inputs[0], " and ", input);
     return {inputs[0]};
   }
 

@@ -10,7 +10,7 @@ class Flatten : public OneToOneLayer {
   Shape output_shape(const Shape& input) const override {
     const size_t first = input.canonical_axis(param_.axis(), "flatten axis");
     const size_t last = input.canonical_axis(param_.end_axis(), "flatten end_axis");
-    if (last < first) throw InputError(str("end_axis ", last, " comes before axis ", first));
+    if (last < first) throw InputError("end_axis ", last, " comes before axis ", first);
     std::vector<int64_t> axes(input.axes().begin(),
                               input.axes().begin() + static_cast<int64_t>(first));
     axes.push_back(input.product(first, last + 1));

@@ -63,7 +63,7 @@ class Normalize : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     if (input.rank() < 2)
-      throw InputError(str("expected an input of at least 2 axes (n x c x ...), found ", input));
+      throw InputError("expected an input of at least 2 axes (n x c x ...), found ", input);
     return input;
   }
 

@@ -14,13 +14,13 @@ class Permute : public OneToOneLayer {
     std::vector<size_t> sorted = order_;
     std::sort(sorted.begin(), sorted.end());
     const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
-    if (twice != sorted.end()) throw InputError(str("order names axis ", *twice, " twice"));
+    if (twice != sorted.end()) throw InputError("order names axis ", *twice, " twice");
   }
 
   Shape output_shape(const Shape& input) const override {
     for (const size_t axis : order_)
       if (axis >= input.rank())
-        throw InputError(str("order names axis ", axis, ", the input is ", input));
+        throw InputError("order names axis ", axis, ", the input is ", input);
     std::vector<int64_t> axes;
     for (const size_t axis : whole_order(input.rank())) axes.push_back(input[axis]);
     return Shape(std::move(axes));

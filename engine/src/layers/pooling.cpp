@@ -12,9 +12,8 @@ class Pooling : public Layer {
     expect_count(inputs.size(), 1, "inputs");
     const bool max = window_.is_max();
     if (n_outputs < 1 || n_outputs > (max ? 2 : 1))
-      throw InputError(str("expected ",
-                           max ? "1 or 2 outputs (the second is the mask)" : "1 output", ", found ",
-                           n_outputs));
+      throw InputError("expected ", max ? "1 or 2 outputs (the second is the mask)" : "1 output",
+                       ", found ", n_outputs);
     const PoolingProblem p = window_.problem(inputs[0]);
     return std::vector<Shape>(n_outputs, Shape{inputs[0][0], inputs[0][1], p.out_h, p.out_w});
   }

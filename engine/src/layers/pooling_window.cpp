@@ -34,7 +34,7 @@ PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(para
 
 PoolingProblem PoolingWindow::problem(const Shape& input) const {
   if (input.rank() != 4)
-    throw InputError(str("pooling needs an input of 4 axes (n x c x h x w), found ", input));
+    throw InputError("pooling needs an input of 4 axes (n x c x h x w), found ", input);
   const Axis h = global(h_, input[2]), w = global(w_, input[3]);
   PoolingProblem p;
   p.planes = input[0] * input[1];
@@ -65,7 +65,7 @@ PoolingWindow::Axis PoolingWindow::axis(uint32_t kernel, uint32_t stride, bool h
   if (result.kernel < 1) throw InputError("the kernel size must be at least 1");
   if (result.stride < 1) throw InputError("the stride must be at least 1");
   if (result.pad >= result.kernel)
-    throw InputError(str("pad ", result.pad, " must be smaller than the kernel ", result.kernel));
+    throw InputError("pad ", result.pad, " must be smaller than the kernel ", result.kernel);
   return result;
 }
 
@@ -84,8 +84,8 @@ int64_t PoolingWindow::size(int64_t input, const Axis& axis) const {
   // Caffe to check both.
   if ((h_.pad || w_.pad) && (out - 1) * axis.stride >= input + axis.pad) --out;
   if (out < 1)
-    throw InputError(str("a kernel of ", axis.kernel, " does not fit into ", input, " + 2 x ",
-                         axis.pad, ": the output would be empty"));
+    throw InputError("a kernel of ", axis.kernel, " does not fit into ", input, " + 2 x ", axis.pad,
+                     ": the output would be empty");
   return out;
 }
 

@@ -15,7 +15,7 @@ class PReLU : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     if (input.rank() < 2)
-      throw InputError(str("PReLU needs an input of at least 2 axes, found ", input));
+      throw InputError("PReLU needs an input of at least 2 axes, found ", input);
     return input;
   }
 

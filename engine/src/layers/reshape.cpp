@@ -10,12 +10,12 @@ class Reshape : public OneToOneLayer {
   explicit Reshape(const caffe::ReshapeParameter& param) : param_(param) {
     int inferred = 0;
     for (const int64_t size : param.shape().dim()) {
-      if (size < -1) throw InputError(str("a dim must be -1, 0 or a size, found ", size));
+      if (size < -1) throw InputError("a dim must be -1, 0 or a size, found ", size);
       inferred += size == -1;
     }
-    if (inferred > 1) throw InputError(str("at most one dim can be -1, found ", inferred));
+    if (inferred > 1) throw InputError("at most one dim can be -1, found ", inferred);
     if (param.num_axes() < -1)
-      throw InputError(str("num_axes must be -1 (all) or more, found ", param.num_axes()));
+      throw InputError("num_axes must be -1 (all) or more, found ", param.num_axes());
   }
 
   Shape output_shape(const Shape& input) const override {
@@ -24,19 +24,18 @@ class Reshape : public OneToOneLayer {
     // -1 is the place after the last axis here, not the last axis.
     const int64_t first = param_.axis() >= 0 ? param_.axis() : rank + param_.axis() + 1;
     if (first < 0 || first > rank)
-      throw InputError(
-          str("axis ", param_.axis(), " is out of range for an input of shape ", input));
+      throw InputError("axis ", param_.axis(), " is out of range for an input of shape ", input);
     const int64_t last = param_.num_axes() == -1 ? rank : first + param_.num_axes();
     if (last > rank)
-      throw InputError(str(param_.num_axes(), " axes from axis ", first,
-                           " on reach past the input (", input, ")"));
+      throw InputError(param_.num_axes(), " axes from axis ", first, " on reach past the input (",
+                       input, ")");
 
     std::vector<int64_t> axes(old.begin(), old.begin() + first);
     size_t inferred = old.size() + static_cast<size_t>(param_.shape().dim_size());  // none
     for (const int64_t size : param_.shape().dim()) {
       if (size == 0 && axes.size() >= old.size())
-        throw InputError(str("dim ", axes.size() - static_cast<size_t>(first),
-                             " is 0, but there is no such axis in the input (", input, ")"));
+        throw InputError("dim ", axes.size() - static_cast<size_t>(first),
+                         " is 0, but there is no such axis in the input (", input, ")");
       if (size == -1) inferred = axes.size();
       axes.push_back(size == 0 ? old[axes.size()] : size == -1 ? 1 : size);
     }
@@ -46,8 +45,8 @@ class Reshape : public OneToOneLayer {
     if (inferred < output.rank() && input.elements() % output.elements() == 0)
       output = output.with(inferred, input.elements() / output.elements());
     if (output.elements() != input.elements())
-      throw InputError(str("the ", input.elements(), " values of the input (", input,
-                           ") do not fit into the new shape (", output, ")"));
+      throw InputError("the ", input.elements(), " values of the input (", input,
+                       ") do not fit into the new shape (", output, ")");
     return output;
   }
 

@@ -87,10 +87,10 @@ class RoiPooling : public Layer {
     expect_count(n_outputs, 1, "outputs");
     const Shape &input = inputs[0], &rois = inputs[1];
     if (input.rank() != 4)
-      throw InputError(str("expected a feature map of 4 axes (n x c x h x w), found ", input));
+      throw InputError("expected a feature map of 4 axes (n x c x h x w), found ", input);
     if (rois.rank() < 1 || rois.product(1, rois.rank()) != 5)
-      throw InputError(str(
-          "expected regions of 5 numbers (image, x1, y1, x2, y2), found an input of shape ", rois));
+      throw InputError(
+          "expected regions of 5 numbers (image, x1, y1, x2, y2), found an input of shape ", rois);
     return {Shape{rois[0], input[1], param_.pooled_h(), param_.pooled_w()}};
   }
 

@@ -13,10 +13,10 @@ class ShuffleChannel : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     if (input.rank() < 2)
-      throw InputError(str("ShuffleChannel needs an input of at least 2 axes, found ", input));
+      throw InputError("ShuffleChannel needs an input of at least 2 axes, found ", input);
     if (input[1] % groups_ != 0)
-      throw InputError(str("the ", input[1], " channels of the input (", input,
-                           ") are not a multiple of group ", groups_));
+      throw InputError("the ", input[1], " channels of the input (", input,
+                       ") are not a multiple of group ", groups_);
     return input;
   }
 

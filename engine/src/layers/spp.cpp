@@ -59,7 +59,7 @@ class Spp : public OneToOneLayer {
 
   std::vector<PoolingProblem> levels_of(const Shape& input) const {
     if (input.rank() != 4)
-      throw InputError(str("SPP needs an input of 4 axes (n x c x h x w), found ", input));
+      throw InputError("SPP needs an input of 4 axes (n x c x h x w), found ", input);
     std::vector<PoolingProblem> levels;
     for (uint32_t level = 0; level < param_.pyramid_height(); ++level) {
       const int64_t n_bins = int64_t{1} << level;
@@ -67,8 +67,8 @@ class Spp : public OneToOneLayer {
       const auto [kernel_w, pad_w] = cover(input[3], n_bins);
       // Caffe's pooling refuses it, too. This also ends a pyramid of absurd height early.
       if (pad_h >= kernel_h || pad_w >= kernel_w)
-        throw InputError(str("level ", level, " of the pyramid has ", n_bins, " x ", n_bins,
-                             " bins, too many for an input of ", input[2], " x ", input[3]));
+        throw InputError("level ", level, " of the pyramid has ", n_bins, " x ", n_bins,
+                         " bins, too many for an input of ", input[2], " x ", input[3]);
       caffe::PoolingParameter pooling;
       pooling.set_pool(param_.pool() == caffe::SPPParameter::MAX ? caffe::PoolingParameter::MAX
                                                                  : caffe::PoolingParameter::AVE);

@@ -9,7 +9,7 @@ class Tile : public OneToOneLayer {
  public:
   explicit Tile(const caffe::TileParameter& param) : param_(param) {
     if (param.tiles() < 1)
-      throw InputError(str("tiles must be given and at least 1, found ", param.tiles()));
+      throw InputError("tiles must be given and at least 1, found ", param.tiles());
   }
 
   Shape output_shape(const Shape& input) const override {

@@ -90,12 +90,12 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   parser.parse(arguments);
   o.feature.check_given(parser);
   if (!(o.precision > 0 && o.precision < 1))
-    throw UsageError(str("--sure: expected more than 0, less than 1, found ", o.precision));
+    throw UsageError("--sure: expected more than 0, less than 1, found ", o.precision);
   for (const char* option : {"calibrate", "sure"})
     if (o.threshold && parser.given(option))
-      throw UsageError(str("--threshold and --", option, ": one of the two"));
+      throw UsageError("--threshold and --", option, ": one of the two");
   if (o.follow && !(*o.follow > 0))
-    throw UsageError(str("--follow: expected a positive number, found ", *o.follow));
+    throw UsageError("--follow: expected a positive number, found ", *o.follow);
   o.map.check();
   if (o.verify) need_built_in("--verify", "PCL");
   if (o.graph_candidates > 0) need_built_in("--graph-candidates", "FAISS");
@@ -172,10 +172,10 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
 /// Throws UsageError, naming what is calibrated, when it does not promise the precision.
 void need_promise(const pipeline::Calibration& calibration, double precision) {
   if (!calibration.threshold_for(precision))
-    throw UsageError(str("--sure ", precision, ": learnt from ", calibration.learnt_from,
-                         ", the calibration promises at most ",
-                         number(calibration.highest_precision(), 5),
-                         "; ask for less, --calibrate on a longer drive, or give --threshold"));
+    throw UsageError("--sure ", precision, ": learnt from ", calibration.learnt_from,
+                     ", the calibration promises at most ",
+                     number(calibration.highest_precision(), 5),
+                     "; ask for less, --calibrate on a longer drive, or give --threshold");
 }
 
 /// What a scan took, for people.
@@ -213,8 +213,8 @@ int loops_command(const Arguments& arguments) {
   const Source source = open_source(o);
   RecognizerSource described = recognizer_source(o.feature, source.some);
   if (o.verify && !described.extractor.comparison.turn)
-    throw UsageError(str("--verify: the feature ", o.feature.feature,
-                         " tells no heading to start from; take --feature ring"));
+    throw UsageError("--verify: the feature ", o.feature.feature,
+                     " tells no heading to start from; take --feature ring");
   described.options.threshold = o.threshold;
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
