@@ -46,20 +46,12 @@ std::optional<int> own_descriptor(const fs::path& file) {
 }
 
 const char* kind_of(fs::file_type type) {
-  switch (type) {
-    case fs::file_type::directory:
-      return "folder";
-    case fs::file_type::block:
-      return "block device";
-    case fs::file_type::socket:
-      return "socket";
-    case fs::file_type::fifo:
-      return "FIFO";
-    case fs::file_type::character:
-      return "character device";
-    default:
-      return "special file";
-  }
+  if (type == fs::file_type::directory) return "folder";
+  if (type == fs::file_type::block) return "block device";
+  if (type == fs::file_type::socket) return "socket";
+  if (type == fs::file_type::fifo) return "FIFO";
+  if (type == fs::file_type::character) return "character device";
+  return "special file";
 }
 
 Target resolve(const fs::path& file) {

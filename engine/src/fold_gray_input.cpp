@@ -29,9 +29,8 @@ std::string why_not_gray(const Net::Impl& net, const Operations& operations, Val
 }
 
 ValueId only_input(const Net::Impl& net) {
-  const auto input = std::find_if(net.graph.nodes.begin(), net.graph.nodes.end(),
-                                  [](const Node& node) { return !node.layer; });
-  return net.graph.nodes[input - net.graph.nodes.begin()].outputs[0];
+  return std::ranges::find_if(net.graph.nodes, [](const Node& node) { return !node.layer; })
+      ->outputs[0];
 }
 
 }  // namespace

@@ -1,7 +1,5 @@
 #include "fuse.h"
 
-#include <algorithm>
-
 #include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/pooling_pieces.h"
 #include "layers/planar_convolution.h"
@@ -9,8 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Goes through the operations in order and merges each into the one that makes its input, where
-/// that gives the same.
+/// Merges each operation, in order, into the one that makes its input, where that gives the same.
 class Fuser {
  public:
   explicit Fuser(Operations operations)

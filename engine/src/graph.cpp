@@ -67,18 +67,14 @@ class Builder {
   std::vector<bool> consumed_;
 };
 
-std::vector<std::string> names(const std::vector<Node>& nodes) {
-  std::vector<std::string> result;
-  for (const Node& node : nodes) result.push_back(node.name);
-  return result;
-}
-
 const Node& find_layer(const Graph& graph, const std::string& name, CppName option) {
-  for (const Node& node : graph.nodes)
+  std::vector<std::string> others;
+  for (const Node& node : graph.nodes) {
     if (node.name == name) return node;
+    others.push_back(node.name);
+  }
   throw UsageError(option, ": the net '", graph.name, "' has no layer '", name, "'",
-                   did_you_mean(name, names(graph.nodes)), "; ", CppName{"Net::layer_names"},
-                   " lists them");
+                   did_you_mean(name, others), "; ", CppName{"Net::layer_names"}, " lists them");
 }
 
 /// What comes out of the ReLU of the layer that wrote `value`: one that works in place, or that

@@ -5,13 +5,11 @@
 #include <span>
 
 #include "revisit/base/joined.h"
-#include "revisit/proto/weights_file.h"
 
 namespace revisit::engine {
 namespace {
 
-/// Caffe's rule (docs/LAYERS.md point 8): legacy blobs compare right-aligned with the last 4
-/// axes, others exactly.
+/// Caffe's rule (docs/LAYERS.md point 8): legacy blobs compare right-aligned with the last 4 axes.
 bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   if (!blob.legacy_shape) return blob.shape == wanted.axes();
   if (wanted.rank() > 4) return false;
@@ -58,12 +56,11 @@ class Loader {
     for (size_t i = 0; i < file_->layers().size(); ++i) {
       const proto::WeightsFile::Layer& layer = file_->layers()[i];
       if (layer.n_blobs == 0) continue;
-      if (is_wanted(layer)) {
+      if (is_wanted(layer))
         take(layer.name, file_->read(i));
-      } else if (std::find(net_.layer_names.begin(), net_.layer_names.end(), layer.name) ==
-                 net_.layer_names.end()) {
+      else if (std::find(net_.layer_names.begin(), net_.layer_names.end(), layer.name) ==
+               net_.layer_names.end())
         unused_.push_back(layer.name);
-      }
     }
   }
 

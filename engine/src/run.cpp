@@ -13,20 +13,9 @@ namespace revisit::engine {
 namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-#ifdef REVISIT_POISON
-constexpr bool kPoison = true;
-#else
-constexpr bool kPoison = false;
-#endif
 
 float* floats_at(std::byte* memory) {
   return reinterpret_cast<float*>(memory);
-}
-
-/// A read of memory that nothing wrote shows. Elsewhere pages stay untouched until a kernel's
-/// threads write them: then they are near those threads, and only as many as are needed.
-void poison(std::byte* arena, int64_t bytes) {
-  if (kPoison) std::memset(arena, 0xFF, static_cast<size_t>(bytes));  // NaN of every type
 }
 
 template <class Slots>
@@ -88,7 +77,10 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
                       "or fewer runs at a time");
   }
   std::byte* const arena = memory_->arena = reinterpret_cast<std::byte*>(memory_->floats.data());
-  poison(arena, plan_.arena_bytes());
+  // Pages stay untouched until a kernel's threads write them, and so near those threads.
+#ifdef REVISIT_POISON  // a read of memory that nothing wrote finds NaN of every type
+  std::memset(arena, 0xFF, static_cast<size_t>(plan_.arena_bytes()));
+#endif
   for (const auto& [blob, slot] : impl.input_slots)  // one that is not filled shows
     std::fill_n(floats_at(arena + slot.offset), slot.shape.elements(), kNan);
   const std::vector<Stored>& stored = impl.schedule.stored;

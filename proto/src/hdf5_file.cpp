@@ -2,8 +2,6 @@
 
 #include <limits>
 
-#include "revisit/base/error.h"
-
 namespace revisit::proto {
 namespace {
 
@@ -41,10 +39,9 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
   read_offset();  // of free space
   const uint64_t end_at = cursor_.position();
   const uint64_t end = read_offset();
-  if (end > cursor_.size()) {
+  if (end > cursor_.size())
     throw FormatError(end_at, "the file should have ", end, " bytes, it has ", cursor_.size(),
                       " (is it truncated?)");
-  }
   read_offset();  // of driver information
   read_offset();  // of the root's name: it has none
   root_ = read_offset();
@@ -79,8 +76,6 @@ std::string Hdf5File::read_signature() {
 bool Hdf5File::is_undefined(uint64_t address) const {
   return address == std::numeric_limits<uint64_t>::max() >> (64 - 8 * offset_bytes_);
 }
-
-// --------------------------------------------------------------------------- headers of objects
 
 Hdf5Object Hdf5File::object(uint64_t address) {
   seek(address);
@@ -221,8 +216,6 @@ void Hdf5File::read_layout(Hdf5Object& object) {
   }
 }
 
-// --------------------------------------------------------------------------------------- groups
-
 const Hdf5Links& Hdf5File::links(uint64_t address) {
   const auto [entry, is_new] = links_.try_emplace(address);
   if (!is_new) return entry->second;
@@ -261,11 +254,10 @@ void Hdf5File::read_tree(uint64_t address, int level, const Hdf5Object& group,
     read_length();  // the last name of the child before
     const uint64_t child = read_offset();
     next = cursor_.position();
-    if (found > 0) {
+    if (found > 0)
       read_tree(child, found - 1, group, seen, links);
-    } else {
+    else
       read_symbols(child, group, links);
-    }
   }
 }
 

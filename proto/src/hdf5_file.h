@@ -51,8 +51,7 @@ class Hdf5File {
   Hdf5Object object(uint64_t address);
   /// The links of the group whose header is at `address`.
   const Hdf5Links& links(uint64_t address);
-  /// Counts steps: links, nodes of their trees, parts of soft links. Throws when there are too
-  /// many.
+  /// Counts steps: links, nodes of their trees, parts of soft links. Throws for too many.
   void spend(int64_t steps);
 
  private:

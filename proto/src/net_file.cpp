@@ -12,7 +12,6 @@
 #include <limits>
 #include <memory>
 #include <optional>
-#include <string_view>
 
 #include "inference_net.h"
 #include "net_text.h"
@@ -26,8 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A message takes up to 700 bytes in memory and two bytes in a text; a layer of a real net has
-// about five.
+// A message takes up to 700 bytes in memory and two in a text; a layer of a real net has some five.
 constexpr int64_t kMessagesPerLayer = 16;
 
 std::string read_text(const fs::path& file, const Limits& limits) {
@@ -57,30 +55,26 @@ std::string read_text(const fs::path& file, const Limits& limits) {
 void check_is_text(const std::string& text, const std::string& name, const Limits& limits) {
   const std::string_view head = std::string_view(text).substr(0, 4096);
   const char* found = nullptr;
-  if (text.empty()) {
+  if (text.empty())
     found = "is empty";
-  } else if (head.starts_with("\x89HDF")) {
+  else if (head.starts_with("\x89HDF"))
     found = "looks like an HDF5 weights file";
-  } else if (std::ranges::any_of(head, [](unsigned char c) {
-               return c < ' ' && (c == '\0' || !std::strchr("\t\n\v\f\r", c));
-             })) {
+  else if (std::ranges::any_of(head, [](unsigned char c) {
+             return c < ' ' && (c == '\0' || !std::strchr("\t\n\v\f\r", c));
+           }))
     found = "looks like a binary caffemodel";
-  }
   if (found) throw InputError(name, ": ", found, ", expected a prototxt (text)");
-  if (head.starts_with("\xEF\xBB\xBF")) {
+  if (head.starts_with("\xEF\xBB\xBF"))
     throw InputError(name, ":1:1: starts with a byte order mark; save it as UTF-8 without one");
-  }
-  if (static_cast<int64_t>(text.size()) > limits.text_bytes) {
+  if (static_cast<int64_t>(text.size()) > limits.text_bytes)
     throw InputError(name, ": is larger than ", limits.text_bytes >> 20,
                      " MB, the limit for a network description (", CppName{"Limits::text_bytes"},
                      " raises it)");
-  }
   const auto opens = [](char c) { return c == '{' || c == '<'; };
-  if (std::ranges::count_if(text, opens) > limits.layers * kMessagesPerLayer) {
+  if (std::ranges::count_if(text, opens) > limits.layers * kMessagesPerLayer)
     throw InputError(name, ": has more than ", limits.layers * kMessagesPerLayer, " pairs of ",
                      "braces, ", kMessagesPerLayer, " for each of at most ", limits.layers,
                      " layers (", CppName{"Limits::layers"}, " raises the limit)");
-  }
 }
 
 void check_layers(const caffe::NetParameter& net, const std::string& name, const Limits& limits) {
@@ -107,24 +101,21 @@ NetFile finish(NetFile file, const std::string* text, const std::string& name,
     throw InputError(name, ": ", error);
   }
   for (const std::string& note : notes) file.warnings.push_back(str(name, ": ", note));
-  if (file.net.layer_size() == 0) {
+  if (file.net.layer_size() == 0)
     throw InputError(name, has_layers ? ": none of its layers is for inference (TEST phase)"
                                       : ": describes no layers");
-  }
   return file;
 }
 
 void check_writable(const fs::path& file, const caffe::NetParameter& net) {
-  if (!net.IsInitialized()) {
+  if (!net.IsInitialized())
     throw Error(file.string(), ": cannot write a net without ", net.InitializationErrorString());
-  }
 }
 
 void check_size(const fs::path& file, const caffe::NetParameter& net) {
   const size_t size = net.ByteSizeLong();
-  if (size > static_cast<size_t>(std::numeric_limits<int32_t>::max())) {
+  if (size > static_cast<size_t>(std::numeric_limits<int32_t>::max()))
     throw Error(file.string(), ": the net takes ", size, " bytes, protobuf allows 2^31-1");
-  }
 }
 
 /// What is done to a binary net once protobuf has it.

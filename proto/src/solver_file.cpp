@@ -50,14 +50,14 @@ std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& 
   const std::vector<std::string> names = named_nets(solver);
   if (names.empty() && !has_net_inside) return std::nullopt;
 
-  const auto fail = [&](const std::string& reason) {
-    throw InputError(path.string(), ": is a solver file ", reason);
+  const auto fail = [&](const auto&... reason) {
+    throw InputError(path.string(), ": is a solver file ", reason...);
   };
   if (has_net_inside) fail("with a net inside; put that into a prototxt of its own and give that");
   if (names.size() > 1)
-    fail(str("that names several nets: '", joined(names, "', '"), "'; give one of them"));
+    fail("that names several nets: '", joined(names, "', '"), "'; give one of them");
   if (solver.test_state_size() > 1)
-    fail(str("that tests its net in several states; give the net itself, '", names[0], "'"));
+    fail("that tests its net in several states; give the net itself, '", names[0], "'");
   SolverNet result{find_net(names[0], path), {}};
   if (solver.test_state_size() == 1) result.state = solver.test_state(0);
   return result;

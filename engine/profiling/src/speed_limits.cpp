@@ -27,9 +27,9 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// Times of runs in which every thread does `work(run, part)`, a part each: at least `least` runs,
-/// and as many as the budget allows [s]. Runs of less than a millisecond find moments in which
-/// nothing else runs.
+/// Times of runs in which every thread does `work(run, part)`: at least `least` runs, and as many
+/// as the budget allows [s]. Runs of less than a millisecond find moments in which nothing else
+/// runs.
 template <class Work>
 std::vector<double> seconds_of_runs(int threads, int64_t least, const Work& work) {
   constexpr double kBudget = 0.02;

@@ -7,8 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Where the largest values are, and on demand the values: along one axis, or of all values of an
-/// image.
+/// Indices of the largest values, and on demand the values: along one axis, or of a whole image.
 class ArgMax : public OneToOneLayer {
  public:
   explicit ArgMax(const caffe::ArgMaxParameter& param) : param_(param) {
@@ -31,8 +30,7 @@ class ArgMax : public OneToOneLayer {
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (!param_.has_axis() || axis(input) + 2 >= input.rank()) return std::nullopt;
-    return WindowHw{};
+    return param_.has_axis() ? window_across(axis(input), input) : std::nullopt;
   }
 
   Kernel bind(const Binding& binding) const override {

@@ -26,8 +26,7 @@ class Concat : public Layer {
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (concat_axis(input) + 2 >= input.rank()) return std::nullopt;  // along rows or columns
-    return WindowHw{};
+    return window_across(concat_axis(input), input);
   }
 
   Rounding rounding() const override { return Rounding::kNone; }

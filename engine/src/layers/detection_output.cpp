@@ -66,14 +66,8 @@ class DetectionOutput : public Layer {
   }
 
   BoxCode code() const {
-    switch (param_.code_type()) {
-      case caffe::PriorBoxParameter::CORNER:
-        return BoxCode::kCorner;
-      case caffe::PriorBoxParameter::CENTER_SIZE:
-        return BoxCode::kCenterSize;
-      case caffe::PriorBoxParameter::CORNER_SIZE:
-        break;
-    }
+    if (param_.code_type() == caffe::PriorBoxParameter::CORNER) return BoxCode::kCorner;
+    if (param_.code_type() == caffe::PriorBoxParameter::CENTER_SIZE) return BoxCode::kCenterSize;
     return BoxCode::kCornerSize;
   }
 

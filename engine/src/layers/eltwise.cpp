@@ -40,8 +40,10 @@ void maximum(const Inputs& inputs, int64_t begin, int64_t count, float* result) 
 /// Product, weighted sum or maximum of inputs of one shape.
 class Eltwise : public Layer {
  public:
-  explicit Eltwise(const caffe::EltwiseParameter& param) : param_(param) {
-    if (param.operation() == caffe::EltwiseParameter::PROD && param.coeff_size() > 0)
+  using Param = caffe::EltwiseParameter;
+
+  explicit Eltwise(const Param& param) : param_(param) {
+    if (param.operation() == Param::PROD && param.coeff_size() > 0)
       throw InputError("coeff is for the operation SUM, not for PROD");
   }
 
@@ -62,33 +64,19 @@ class Eltwise : public Layer {
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     using Operation = BlockedEltwise::Operation;
-    switch (param_.operation()) {
-      case caffe::EltwiseParameter::PROD:
-        return Combining{Operation::kProduct, {}};
-      case caffe::EltwiseParameter::MAX:
-        return Combining{Operation::kMaximum, {}};
-      case caffe::EltwiseParameter::SUM:
-        break;
-    }
+    if (param_.operation() == Param::PROD) return Combining{Operation::kProduct, {}};
+    if (param_.operation() == Param::MAX) return Combining{Operation::kMaximum, {}};
     return Combining{Operation::kSum, coefficients(inputs.size())};
   }
 
   /// Caffe zeroes the output of a sum before it reads the inputs.
-  bool allows_in_place() const override {
-    return param_.operation() != caffe::EltwiseParameter::SUM;
-  }
+  bool allows_in_place() const override { return param_.operation() != Param::SUM; }
 
   Kernel bind(const Binding& binding) const override {
     const int64_t elements = binding.outputs[0].elements();
     const int threads = binding.threads;
-    switch (param_.operation()) {
-      case caffe::EltwiseParameter::PROD:
-        return kernel("product", elements, threads, multiply);
-      case caffe::EltwiseParameter::MAX:
-        return kernel("maximum", elements, threads, maximum);
-      case caffe::EltwiseParameter::SUM:
-        break;
-    }
+    if (param_.operation() == Param::PROD) return kernel("product", elements, threads, multiply);
+    if (param_.operation() == Param::MAX) return kernel("maximum", elements, threads, maximum);
     return kernel("sum", elements, threads,
                   [coefficients = coefficients(binding.inputs.size())](
                       const Inputs& inputs, int64_t begin, int64_t count, float* result) {
@@ -115,7 +103,7 @@ class Eltwise : public Layer {
             }};
   }
 
-  caffe::EltwiseParameter param_;
+  Param param_;
 };
 
 }  // namespace

@@ -74,8 +74,7 @@ class Interp : public OneToOneLayer {
   }
 
   Shape output_shape(const Shape& input) const override {
-    if (input.rank() != 4)
-      throw InputError("Interp needs an input of 4 axes (n x c x h x w), found ", input);
+    expect_image(input, "Interp");
     const InterpolationProblem p = problem(input);
     return Shape{input[0], input[1], p.out_h, p.out_w};
   }

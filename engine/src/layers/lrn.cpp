@@ -14,8 +14,7 @@ class Lrn : public OneToOneLayer {
   }
 
   Shape output_shape(const Shape& input) const override {
-    if (input.rank() != 4)
-      throw InputError("LRN needs an input of 4 axes (n x c x h x w), found ", input);
+    expect_image(input, "LRN");
     return input;
   }
 

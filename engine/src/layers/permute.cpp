@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "kernels/strided_copy.h"
+#include "layers/join_and_cut.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -35,9 +35,7 @@ class Permute : public OneToOneLayer {
       copy.shape.push_back(input[axis]);
       copy.strides.push_back(input.product(axis + 1, input.rank()));
     }
-    return {"transpose", [copy = std::move(copy)](const Call& call) {
-              strided_copy(copy, call.inputs[0], call.outputs[0]);
-            }};
+    return copy_kernel("transpose", std::move(copy));
   }
 
  private:

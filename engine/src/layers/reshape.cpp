@@ -3,9 +3,38 @@
 namespace revisit::engine {
 namespace {
 
-/// The same values under another shape. Axes [axis, axis + num_axes) are replaced by `shape`, in
+/// The same values under another shape.
+class ViewLayer : public OneToOneLayer {
+ public:
+  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
+  bool allows_in_place() const override { return false; }
+  Kernel bind(const Binding&) const override { return {}; }
+};
+
+/// Merges the axes [axis, end_axis].
+class Flatten : public ViewLayer {
+ public:
+  explicit Flatten(const caffe::FlattenParameter& param) : param_(param) {}
+
+  Shape output_shape(const Shape& input) const override {
+    const size_t first = input.canonical_axis(param_.axis(), "flatten axis");
+    const size_t last = input.canonical_axis(param_.end_axis(), "flatten end_axis");
+    if (last < first) throw InputError("end_axis ", last, " comes before axis ", first);
+    std::vector<int64_t> axes(input.axes().begin(),
+                              input.axes().begin() + static_cast<int64_t>(first));
+    axes.push_back(input.product(first, last + 1));
+    axes.insert(axes.end(), input.axes().begin() + static_cast<int64_t>(last) + 1,
+                input.axes().end());
+    return Shape(std::move(axes));
+  }
+
+ private:
+  caffe::FlattenParameter param_;
+};
+
+/// Axes [axis, axis + num_axes) are replaced by `shape`, in
 /// which 0 copies the axis of the input at that place and -1 takes what is left.
-class Reshape : public OneToOneLayer {
+class Reshape : public ViewLayer {
  public:
   explicit Reshape(const caffe::ReshapeParameter& param) : param_(param) {
     int inferred = 0;
@@ -50,15 +79,15 @@ class Reshape : public OneToOneLayer {
     return output;
   }
 
-  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
-  bool allows_in_place() const override { return false; }
-  Kernel bind(const Binding&) const override { return {}; }
-
  private:
   caffe::ReshapeParameter param_;
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_flatten(const caffe::LayerParameter& param) {
+  return std::make_unique<Flatten>(param.flatten_param());
+}
 
 std::unique_ptr<Layer> make_reshape(const caffe::LayerParameter& param) {
   return std::make_unique<Reshape>(param.reshape_param());

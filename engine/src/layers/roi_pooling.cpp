@@ -96,15 +96,10 @@ class RoiPooling : public Layer {
 
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
-    const RoiPoolingProblem p{input[0],
-                              input[1],
-                              input[2],
-                              input[3],
-                              binding.inputs[1][0],
-                              param_.pooled_h(),
-                              param_.pooled_w(),
-                              param_.spatial_scale(),
-                              binding.threads};
+    RoiPoolingProblem p{input[0], input[1], input[2], input[3], binding.inputs[1][0]};
+    p.out_h = param_.pooled_h(), p.out_w = param_.pooled_w();
+    p.scale = param_.spatial_scale();
+    p.threads = binding.threads;
     return {"roi-max-pool", [p](const Call& call) {
               roi_pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
             }};

@@ -42,8 +42,7 @@ class Slice : public Layer {
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (slice_axis(input) + 2 >= input.rank()) return std::nullopt;  // along rows or columns
-    return WindowHw{};
+    return window_across(slice_axis(input), input);
   }
 
   Rounding rounding() const override { return Rounding::kNone; }

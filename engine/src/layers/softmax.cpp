@@ -15,8 +15,7 @@ class Softmax : public OneToOneLayer {
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (input.canonical_axis(axis_, "softmax axis") + 2 >= input.rank()) return std::nullopt;
-    return WindowHw{};
+    return window_across(input.canonical_axis(axis_, "softmax axis"), input);
   }
 
   Rounding rounding() const override { return Rounding::kCompared; }

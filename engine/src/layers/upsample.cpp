@@ -55,8 +55,7 @@ class Upsample : public Layer {
                        inputs.size());
     expect_count(n_outputs, 1, "outputs");
     const Shape& input = inputs[0];
-    if (input.rank() != 4)
-      throw InputError("Upsample needs an input of 4 axes (n x c x h x w), found ", input);
+    expect_image(input, "Upsample");
     if (inputs.size() == 2 && inputs[1] != input)
       throw InputError("the mask must have the shape of the input, ", input, ", found ", inputs[1]);
     const auto [h, w] = inputs.size() == 2 ? masked_size(input) : repeated_size(input);
