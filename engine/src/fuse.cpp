@@ -97,7 +97,9 @@ class Fuser {
 
   /// Only the later of the two inputs' makers can add the other, which is there by then.
   bool take(const Operation& operation, const Combining& combining) {
-    if (!is_sum_of_two(combining)) return false;
+    if (combining.operation != BlockedEltwise::Operation::kSum ||
+        combining.coefficients != std::vector<float>{1, 1})
+      return false;
     const auto made_at = [&](ValueId id) {
       return maker_[id] == kNone ? 0 : maker_[id] + 1;  // inputs of the net: before all
     };
@@ -117,11 +119,6 @@ class Fuser {
     const auto* gating = std::get_if<Gating>(&maker.form);
     return std::holds_alternative<Convolving>(maker.form) ||
            (gating && !gating->addend && maker.inputs[gating->x] != addend);
-  }
-
-  static bool is_sum_of_two(const Combining& combining) {
-    return combining.operation == BlockedEltwise::Operation::kSum &&
-           combining.coefficients == std::vector<float>{1, 1};
   }
 
   bool take(const Operation& operation, const PoolingProblem& pooling) {

@@ -8,20 +8,14 @@ namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
 
-/// A layer without the fields that inference never looks at.
-caffe::LayerParameter description(const caffe::LayerParameter& layer) {
-  caffe::LayerParameter result = layer;
-  result.clear_blobs();
-  return result;
-}
-
 /// Resolves blob names to values while nodes are added in order.
 class Builder {
  public:
   explicit Builder(Graph& graph) : graph_(graph) {}
 
   void add(const caffe::LayerParameter& layer) {
-    Node node{layer.name(), description(layer), {}, {}};
+    Node node{layer.name(), layer, {}, {}};
+    node.param.clear_blobs();
     for (const std::string& bottom : layer.bottom()) node.inputs.push_back(consume(layer, bottom));
     for (int i = 0; i < layer.top_size(); ++i) {
       const std::string& top = layer.top(i);
@@ -77,8 +71,7 @@ const Node& find_layer(const Graph& graph, const std::string& name, CppName opti
                    did_you_mean(name, others), "; ", CppName{"Net::layer_names"}, " lists them");
 }
 
-/// What comes out of the ReLU of the layer that wrote `value`: one that works in place, or that
-/// nobody reads `value` beside. Without one, `value` itself.
+/// Output of the ReLU of `value` that works in place or is its only reader; else `value` itself.
 ValueId after_relu(Graph& graph, const Truncation& truncation, ValueId value) {
   const Node* relu = nullptr;
   int n_readers = 0;

@@ -83,9 +83,8 @@ Draft make_draft(const Net::Impl& net, const std::vector<Shape>& shapes, const P
   return draft;
 }
 
-/// The fastest kernels where their packed weights and arena together keep to
-/// PlanOptions::max_run_bytes, else those that pack nothing. Which they are is decided for one
-/// thread, whose scratch is the smallest: what a plan computes does not depend on its threads.
+/// The fastest kernels where they keep to PlanOptions::max_run_bytes, else those that pack nothing.
+/// Decided for one thread, whose scratch is the smallest: results do not depend on threads.
 Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& shapes,
                               const PlanOptions& options) {
   PlanOptions one_thread = options;

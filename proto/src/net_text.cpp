@@ -94,7 +94,9 @@ class Complaints final : public google::protobuf::io::ErrorCollector {
     std::string reason = message;
     if (const auto name = between(message, "has no field named \"", "\".")) {
       offset = begin_of(*name, offset);
-      reason = unknown_field(*name, between(message, in_package(), "\"").value_or(""));
+      const std::string package = caffe::NetParameter::descriptor()->file()->package();
+      const std::string before = str("Message type \"", package, ".");
+      reason = unknown_field(*name, between(message, before, "\"").value_or(""));
     } else if (const auto value = between(message, "Unknown enumeration value of \"", "\"")) {
       offset = begin_of(*value, offset);
       reason = unknown_enum(*value, between(message, "for field \"", "\"").value_or(""));
@@ -104,11 +106,6 @@ class Complaints final : public google::protobuf::io::ErrorCollector {
       reason += "the end of the text";
     }
     return message_start(name_, position_of(text_, offset)) + reason + consequence;
-  }
-
-  /// How protobuf begins the name of a message of ours.
-  static std::string in_package() {
-    return str("Message type \"", caffe::NetParameter::descriptor()->file()->package(), ".");
   }
 
   /// protobuf complains of a name when it is already behind it.

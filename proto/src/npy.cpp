@@ -21,8 +21,7 @@ constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr size_t kNumpyMostAxes = 64;  // NumPy's limit
 constexpr size_t kAlignment = 64;      // [bytes] of the data in the file
 
-/// The header's Python dictionary, e.g. `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3),
-/// }`.
+/// The header's Python dictionary: `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3), }`.
 class HeaderParser {
  public:
   HeaderParser(std::string_view text, const std::string& path) : text_(text), path_(path) {}

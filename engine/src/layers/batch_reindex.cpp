@@ -7,8 +7,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Chooses images of the first input by the indices in the second. An index that is out of range
-/// ends the original; here its image becomes NaN, which cannot be taken for a result.
+/// Chooses images of the first input by the indices in the second. The original ends on an index
+/// out of range; here its image becomes NaN.
 class BatchReindex : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

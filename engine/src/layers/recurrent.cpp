@@ -9,10 +9,9 @@ namespace {
 
 enum class Cell { kLstm, kRnn };
 
-/// LSTM and RNN. Inputs: x `[steps][streams][...]`, cont `[steps][streams]`, then a static input
-/// `[streams][...]` if there is one, then, with expose_hidden, the hidden state (LSTM: and the
-/// cell) before the first step, which then come out as further outputs after the last. Without
-/// expose_hidden the layer itself remembers them from one forward pass to the next.
+/// LSTM and RNN. Inputs: x `[steps][streams][...]`, cont `[steps][streams]`, perhaps a static input
+/// `[streams][...]`, and with expose_hidden the hidden state (LSTM: and the cell) before the first
+/// step; those after the last are further outputs. Else the layer itself remembers them.
 class Recurrent : public Layer {
  public:
   Recurrent(const caffe::RecurrentParameter& param, Cell cell)

@@ -20,8 +20,7 @@ class Softmax : public OneToOneLayer {
 
   Rounding rounding() const override { return Rounding::kCompared; }
 
-  // The original copies its input first.
-  bool allows_in_place() const override { return true; }
+  bool allows_in_place() const override { return true; }  // Caffe copies its input first
 
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
