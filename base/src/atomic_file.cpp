@@ -21,8 +21,8 @@ constexpr int kMostLinks = 40;      // the kernel's own limit
 constexpr int kMostWriters = 1000;  // at one target at one time
 
 [[noreturn]] void fail(const fs::path& file, const char* doing) {
-  throw Error(
-      str(file.string(), ": cannot ", doing, ": ", errno ? std::strerror(errno) : "write error"));
+  throw Error(file.string(), ": cannot ", doing, ": ",
+              errno ? std::strerror(errno) : "write error");
 }
 
 /// Where the bytes go once links are followed.
@@ -46,27 +46,19 @@ std::optional<int> own_descriptor(const fs::path& file) {
 }
 
 const char* kind_of(fs::file_type type) {
-  switch (type) {
-    case fs::file_type::directory:
-      return "folder";
-    case fs::file_type::block:
-      return "block device";
-    case fs::file_type::socket:
-      return "socket";
-    case fs::file_type::fifo:
-      return "FIFO";
-    case fs::file_type::character:
-      return "character device";
-    default:
-      return "special file";
-  }
+  if (type == fs::file_type::directory) return "folder";
+  if (type == fs::file_type::block) return "block device";
+  if (type == fs::file_type::socket) return "socket";
+  if (type == fs::file_type::fifo) return "FIFO";
+  if (type == fs::file_type::character) return "character device";
+  return "special file";
 }
 
 Target resolve(const fs::path& file) {
   Target target{file};
   for (int links = 0; links < kMostLinks; ++links) {
     if (!target.file.has_filename())
-      throw UsageError(str(file.string(), ": names a folder, expected a file to write"));
+      throw UsageError(file.string(), ": names a folder, expected a file to write");
     target.descriptor = own_descriptor(target.file);
     if (target.descriptor) {
       target.writing = Writing::kStreams;
@@ -87,11 +79,10 @@ Target resolve(const fs::path& file) {
       case fs::file_type::regular:
         return target;
       default:
-        throw UsageError(
-            str(file.string(), ": is a ", kind_of(type), ", expected a file to write"));
+        throw UsageError(file.string(), ": is a ", kind_of(type), ", expected a file to write");
     }
   }
-  throw UsageError(str(file.string(), ": too many symbolic links"));
+  throw UsageError(file.string(), ": too many symbolic links");
 }
 
 /// Whether `descriptor` is open on what has the name `file`.
@@ -213,8 +204,8 @@ void write_atomically(const fs::path& file, const std::function<void(std::ostrea
 void rename_into_place(const fs::path& temporary, const fs::path& file) {
   struct stat there {};
   if (::lstat(file.c_str(), &there) == 0 && !S_ISREG(there.st_mode) && !S_ISLNK(there.st_mode))
-    throw Error(str(file.string(), ": is a ", kind_of(fs::symlink_status(file).type()),
-                    ", which a file cannot replace"));
+    throw Error(file.string(), ": is a ", kind_of(fs::symlink_status(file).type()),
+                ", which a file cannot replace");
   if (::rename(temporary.c_str(), file.c_str()) != 0) fail(file, "rename into place");
 }
 

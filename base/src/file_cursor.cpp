@@ -8,8 +8,6 @@
 #include <cerrno>
 #include <cstring>
 
-#include "revisit/base/error.h"
-
 namespace revisit {
 namespace {
 
@@ -25,15 +23,13 @@ FileCursor::Descriptor::~Descriptor() {
 FileCursor::FileCursor(const std::filesystem::path& file)
     // Without O_NONBLOCK, opening a pipe that nobody writes to would wait for ever.
     : file_(file), descriptor_(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
-  if (descriptor_.number < 0) {
-    throw InputError(str(file.string(), ": cannot open: ", std::strerror(errno)));
-  }
+  if (descriptor_.number < 0)
+    throw InputError(file.string(), ": cannot open: ", std::strerror(errno));
   struct stat status {};
-  if (::fstat(descriptor_.number, &status) != 0 || !S_ISREG(status.st_mode)) {
-    throw InputError(str(file.string(), ": is ",
-                         S_ISDIR(status.st_mode) ? "a folder" : "not a regular file",
-                         ", expected a file"));
-  }
+  if (::fstat(descriptor_.number, &status) != 0 || !S_ISREG(status.st_mode))
+    throw InputError(file.string(), ": is ",
+                     S_ISDIR(status.st_mode) ? "a folder" : "not a regular file",
+                     ", expected a file");
   size_ = static_cast<uint64_t>(status.st_size);
 }
 
@@ -70,9 +66,8 @@ void FileCursor::read(void* destination, uint64_t n) {
         return;
       }
       refill();
-      if (buffer_.empty()) {
-        throw InputError(str(file_.string(), ": byte ", position_, ": the file ends here"));
-      }
+      if (buffer_.empty())
+        throw InputError(file_.string(), ": byte ", position_, ": the file ends here");
     }
     const uint64_t skipped = position_ - buffer_begin_;
     const uint64_t taken = std::min<uint64_t>(n, buffer_.size() - skipped);
@@ -86,7 +81,7 @@ void FileCursor::read(void* destination, uint64_t n) {
 void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
   if (descriptor_.number < 0) {
     if (position > size_ || n > size_ - position)
-      throw InputError(str(file_.string(), ": byte ", size_, ": ends here"));
+      throw InputError(file_.string(), ": byte ", size_, ": ends here");
     std::memcpy(destination, content_.data() + position, n);
     bytes_read_ += n;
     return;
@@ -95,10 +90,9 @@ void FileCursor::read_at(uint64_t position, void* destination, uint64_t n) {
   while (n > 0) {
     const ssize_t got = ::pread(descriptor_.number, out, n, static_cast<off_t>(position));
     if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) {
-      throw InputError(str(file_.string(), ": byte ", position, ": cannot read: ",
-                           got < 0 ? std::strerror(errno) : "the file became shorter"));
-    }
+    if (got <= 0)
+      throw InputError(file_.string(), ": byte ", position, ": cannot read: ",
+                       got < 0 ? std::strerror(errno) : "the file became shorter");
     out += got;
     position += static_cast<uint64_t>(got);
     n -= static_cast<uint64_t>(got);

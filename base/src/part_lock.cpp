@@ -11,15 +11,14 @@ namespace revisit {
 
 void lock_part(int descriptor, const std::filesystem::path& part) {
   if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-    throw Error(
-        str(part.string(),
-            ": another process is writing this file; wait for it or write to another folder"));
+    throw Error(part.string(),
+                ": another process is writing this file; wait for it or write to another folder");
   // The writer that held the lock may have finished, so that what we opened has its final name now.
   struct stat opened {
   }, named{};
   if (::fstat(descriptor, &opened) != 0 || ::stat(part.c_str(), &named) != 0 ||
       opened.st_ino != named.st_ino)
-    throw Error(str(part.string(), ": another process has just finished this file; run again"));
+    throw Error(part.string(), ": another process has just finished this file; run again");
 }
 
 }  // namespace revisit

@@ -22,8 +22,8 @@ AlignedFloats::AlignedFloats(int64_t size) : size_(size) {
   if (!data_) throw std::bad_alloc();
 #ifdef MADV_HUGEPAGE
   // Weights are streamed and strips are far apart: with pages of 4 KiB, a net of 512 channels
-  // spends 5 % of its time on their addresses. Refused where the system has no such pages: no harm
-  // done.
+  // spends 5 % of its time on their addresses. Systems without such pages refuse, which does no
+  // harm.
   if (alignment == kHugePage) madvise(data_.get(), bytes, MADV_HUGEPAGE);
 #endif
 }

@@ -40,21 +40,11 @@ Kernel bind_affine(const ChannelAffine& affine, const Binding& binding) {
           }};
 }
 
-const char* name_of(BlockedEltwise::Operation operation) {
-  switch (operation) {
-    case BlockedEltwise::Operation::kProduct:
-      return "product";
-    case BlockedEltwise::Operation::kMaximum:
-      return "maximum";
-    case BlockedEltwise::Operation::kSum:
-      break;
-  }
-  return "sum";
-}
-
 Kernel bind_combination(const Combining& combining, const Binding& binding) {
-  return {name_of(combining.operation), [size = size_of(binding), combining,
-                                         activation = binding.fusion.activation](const Call& call) {
+  static constexpr const char* kNames[] = {"sum", "product", "maximum"};
+  return {kNames[static_cast<size_t>(combining.operation)],
+          [size = size_of(binding), combining,
+           activation = binding.fusion.activation](const Call& call) {
             blocked_eltwise(size,
                             {combining.operation, combining.coefficients, activation.epilogue},
                             call.inputs, call.outputs[0]);

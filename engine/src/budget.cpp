@@ -52,9 +52,9 @@ void check_run_memory(const Plan::Impl& plan, int64_t limit) {
 }
 
 void check_threads(int threads) {
-  if (threads < 1) throw UsageError(str("expected at least 1 thread, found ", threads));
+  if (threads < 1) throw UsageError("expected at least 1 thread, found ", threads);
   if (threads > kMostThreads)
-    throw UsageError(str("expected at most ", kMostThreads, " threads, found ", threads));
+    throw UsageError("expected at most ", kMostThreads, " threads, found ", threads);
 }
 
 }  // namespace revisit::engine

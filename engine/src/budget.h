@@ -11,8 +11,7 @@ namespace revisit::engine {
 
 void check_weight_bytes(const Net::Impl& net, int64_t limit);
 
-/// The outputs of one layer are alive together: they alone can exceed the limit of a run. Throws
-/// with a reason only, as Layer does.
+/// The outputs of one layer are alive together. Throws with a reason only, as Layer does.
 void check_outputs(const std::vector<Shape>& outputs, int64_t limit);
 
 /// Of a plan whose schedule is placed.

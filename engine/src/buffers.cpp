@@ -86,9 +86,8 @@ class Placer {
       buffers_[b].last = std::max(buffers_[b].last, step);
   }
 
-  /// Whether the first output can be where the first input is: nothing reads that buffer later, nor
-  /// what it is a part of, under any of the names it has, and no other input of this step lies
-  /// there.
+  /// Whether the first output can be where the first input is: nothing reads that buffer, or what
+  /// it is a part of, later under any name, and no other input of this step lies there.
   bool may_overwrite(const Step& step, int index) const {
     if (step.memory != OutputMemory::kMayReuseInput) return false;
     const size_t first = step.inputs[0];
@@ -105,8 +104,7 @@ class Placer {
     return buffer;
   }
 
-  /// Whether the inputs can lie one after another in the output, each from a whole block on or, if
-  /// plain, on a cache line.
+  /// Whether the inputs can follow each other in the output, from whole blocks or cache lines on.
   bool can_join(const Step& step) const {
     std::vector<int> seen;
     for (size_t i = 0; i < step.inputs.size(); ++i) {

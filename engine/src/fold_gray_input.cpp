@@ -29,9 +29,8 @@ std::string why_not_gray(const Net::Impl& net, const Operations& operations, Val
 }
 
 ValueId only_input(const Net::Impl& net) {
-  const auto input = std::find_if(net.graph.nodes.begin(), net.graph.nodes.end(),
-                                  [](const Node& node) { return !node.layer; });
-  return net.graph.nodes[input - net.graph.nodes.begin()].outputs[0];
+  return std::ranges::find_if(net.graph.nodes, [](const Node& node) { return !node.layer; })
+      ->outputs[0];
 }
 
 }  // namespace
@@ -39,14 +38,14 @@ ValueId only_input(const Net::Impl& net) {
 void fold_gray_input(const Net::Impl& net, const std::vector<Shape>& shapes,
                      const std::vector<float>& offsets, Operations* operations) {
   if (net.inputs.size() != 1)
-    throw UsageError(str("gray input: expected a net with one input, found ", net.inputs.size()));
+    throw UsageError("gray input: expected a net with one input, found ", net.inputs.size());
   const ValueId id = only_input(net);
   const Shape& shape = shapes[id];
   const std::string reason = why_not_gray(net, *operations, id, shape);
   if (!reason.empty()) throw UsageError("gray input: " + reason);
   if (shape[1] != static_cast<int64_t>(offsets.size()))
-    throw UsageError(str("gray input: expected an offset for each of the ", shape[1],
-                         " channels of the input, found ", offsets.size()));
+    throw UsageError("gray input: expected an offset for each of the ", shape[1],
+                     " channels of the input, found ", offsets.size());
   for (Operation& operation : operations->list)
     if (std::count(operation.inputs.begin(), operation.inputs.end(), id) > 0)
       operation.fusion.gray_offsets = offsets;

@@ -1,7 +1,5 @@
 #include "fuse.h"
 
-#include <algorithm>
-
 #include "kernels/blocked/dispatch.h"
 #include "kernels/blocked/pooling_pieces.h"
 #include "layers/planar_convolution.h"
@@ -9,8 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Goes through the operations in order and merges each into the one that makes its input, where
-/// that gives the same.
+/// Merges each operation, in order, into the one that makes its input, where that gives the same.
 class Fuser {
  public:
   explicit Fuser(Operations operations)
@@ -100,7 +97,9 @@ class Fuser {
 
   /// Only the later of the two inputs' makers can add the other, which is there by then.
   bool take(const Operation& operation, const Combining& combining) {
-    if (!is_sum_of_two(combining)) return false;
+    if (combining.operation != BlockedEltwise::Operation::kSum ||
+        combining.coefficients != std::vector<float>{1, 1})
+      return false;
     const auto made_at = [&](ValueId id) {
       return maker_[id] == kNone ? 0 : maker_[id] + 1;  // inputs of the net: before all
     };
@@ -120,11 +119,6 @@ class Fuser {
     const auto* gating = std::get_if<Gating>(&maker.form);
     return std::holds_alternative<Convolving>(maker.form) ||
            (gating && !gating->addend && maker.inputs[gating->x] != addend);
-  }
-
-  static bool is_sum_of_two(const Combining& combining) {
-    return combining.operation == BlockedEltwise::Operation::kSum &&
-           combining.coefficients == std::vector<float>{1, 1};
   }
 
   bool take(const Operation& operation, const PoolingProblem& pooling) {

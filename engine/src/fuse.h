@@ -19,9 +19,8 @@ Operations fuse(Operations operations, bool may_pack);
 /// whose values reach a layer that amplifies rounding. To be called before fuse().
 void limit_rounding(Accuracy accuracy, Operations* operations);
 
-/// Makes the convolutions on the only input of the net take one channel that stands for all:
-/// channel c is that channel plus `offsets[c]`. To be called before fuse(). Throws UsageError when
-/// anything else reads the input.
+/// Makes the convolutions on the only input of the net take one channel for all: channel c is that
+/// channel plus `offsets[c]`. Before fuse(). Throws UsageError when anything else reads the input.
 void fold_gray_input(const Net::Impl& net, const std::vector<Shape>& shapes,
                      const std::vector<float>& offsets, Operations* operations);
 

@@ -8,28 +8,22 @@ namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
 
-/// A layer without the fields that inference never looks at.
-caffe::LayerParameter description(const caffe::LayerParameter& layer) {
-  caffe::LayerParameter result = layer;
-  result.clear_blobs();
-  return result;
-}
-
 /// Resolves blob names to values while nodes are added in order.
 class Builder {
  public:
   explicit Builder(Graph& graph) : graph_(graph) {}
 
   void add(const caffe::LayerParameter& layer) {
-    Node node{layer.name(), description(layer), {}, {}};
+    Node node{layer.name(), layer, {}, {}};
+    node.param.clear_blobs();
     for (const std::string& bottom : layer.bottom()) node.inputs.push_back(consume(layer, bottom));
     for (int i = 0; i < layer.top_size(); ++i) {
       const std::string& top = layer.top(i);
       const bool in_place = i < layer.bottom_size() && layer.bottom(i) == top;
       node.in_place |= in_place;
       if (!in_place && current_.count(top))
-        throw InputError(str("layer '", layer.name(), "': top '", top,
-                             "' is already written by another layer and is not its own bottom"));
+        throw InputError("layer '", layer.name(), "': top '", top,
+                         "' is already written by another layer and is not its own bottom");
       node.outputs.push_back(produce(top));
     }
     graph_.nodes.push_back(std::move(node));
@@ -47,8 +41,8 @@ class Builder {
     if (found == current_.end()) {
       std::vector<std::string> known;
       for (const auto& [blob, id] : current_) known.push_back(blob);
-      throw InputError(str("layer '", layer.name(), "': bottom '", bottom,
-                           "' is written by no layer before it", did_you_mean(bottom, known)));
+      throw InputError("layer '", layer.name(), "': bottom '", bottom,
+                       "' is written by no layer before it", did_you_mean(bottom, known));
     }
     consumed_[found->second] = true;
     return found->second;
@@ -67,22 +61,17 @@ class Builder {
   std::vector<bool> consumed_;
 };
 
-std::vector<std::string> names(const std::vector<Node>& nodes) {
-  std::vector<std::string> result;
-  for (const Node& node : nodes) result.push_back(node.name);
-  return result;
-}
-
 const Node& find_layer(const Graph& graph, const std::string& name, CppName option) {
-  for (const Node& node : graph.nodes)
+  std::vector<std::string> others;
+  for (const Node& node : graph.nodes) {
     if (node.name == name) return node;
+    others.push_back(node.name);
+  }
   throw UsageError(option, ": the net '", graph.name, "' has no layer '", name, "'",
-                   did_you_mean(name, names(graph.nodes)), "; ", CppName{"Net::layer_names"},
-                   " lists them");
+                   did_you_mean(name, others), "; ", CppName{"Net::layer_names"}, " lists them");
 }
 
-/// What comes out of the ReLU of the layer that wrote `value`: one that works in place, or that
-/// nobody reads `value` beside. Without one, `value` itself.
+/// Output of the ReLU of `value` that works in place or is its only reader; else `value` itself.
 ValueId after_relu(Graph& graph, const Truncation& truncation, ValueId value) {
   const Node* relu = nullptr;
   int n_readers = 0;

@@ -12,8 +12,7 @@ namespace revisit::engine {
 /// Index into Graph::values.
 using ValueId = int;
 
-/// A tensor written once (static single assignment): an in-place ReLU makes a new value under the
-/// same blob name.
+/// A tensor written once (SSA): an in-place ReLU makes a new value under the same blob name.
 struct Value {
   std::string blob;
 };
@@ -45,9 +44,8 @@ struct Graph {
   std::vector<std::string> warnings;  // of prune: for the user
 };
 
-/// Builds the graph of a net that proto::read_net gave: the layers of the TEST phase only. Layer
-/// types are not looked at. Throws InputError naming the layer: unknown input, a blob written
-/// twice.
+/// Builds the graph of a net that proto::read_net gave: the layers of the TEST phase only, of any
+/// type. Throws InputError naming the layer: unknown input, a blob written twice.
 Graph parse(const caffe::NetParameter& net);
 
 /// Keeps what `truncation` needs, with the grafted layer appended. Throws UsageError for layers

@@ -48,8 +48,7 @@ enum class Aliasing {
   kNone,
   /// The output is the inputs one after another: where they already lie so, nothing has to run.
   kJoinsInputs,
-  /// The outputs are the input, one after another: they may be parts of it. Of those that are not,
-  /// it makes copies.
+  /// The outputs are the input, one after another: they may be parts of it; the others are copied.
   kCutsInput,
 };
 
@@ -59,8 +58,7 @@ struct Kernel {
   std::function<void(const Call&)> run;
   Bytes scratch = {};
   Work work = {};
-  /// Memory that starts as zeros and keeps its values from one forward pass to the next, for layers
-  /// that remember (LSTM).
+  /// Memory that starts as zeros and stays from one forward pass to the next (LSTM).
   Bytes state = {};
   /// The layout it wants each input in; empty: all plain. The planner reorders where needed.
   std::vector<Layout> reads = {};
@@ -112,8 +110,7 @@ enum class Rounding {
   kCompared,
 };
 
-/// How an output pixel depends on its input, along one axis: on `extent` pixels from
-/// `i * stride - pad` on.
+/// The pixels that an output pixel i depends on, along one axis: `extent` from i * stride - pad on.
 struct Window {
   int64_t extent = 1, stride = 1, pad = 0;
 };
@@ -121,6 +118,8 @@ struct Window {
 struct WindowHw {
   Window h, w;
 };
+/// Layer::window() of a layer that works along `axis`: nothing for rows and columns, else a pixel.
+std::optional<WindowHw> window_across(size_t axis, const Shape& input);
 
 /// One layer type with its parameters. Knows shapes and picks kernels; owns no memory and no
 /// weights. Created from the file's description by the registry. Functions throw InputError with a
@@ -137,11 +136,10 @@ class Layer {
 
   virtual OutputMemory output_memory() const { return OutputMemory::kOwn; }
 
-  /// What it computes, where the planner can merge that with its neighbours.
+  /// The computation, where the planner can merge it with its neighbours.
   virtual Form form(const std::vector<Shape>&, const std::vector<Tensor>&) const { return {}; }
 
-  /// The window of each output pixel; nothing when it can see the whole input. Layers that work
-  /// element by element see one pixel.
+  /// The window of each output pixel; nothing when it can see the whole input.
   virtual std::optional<WindowHw> window(const Shape&) const {
     return output_memory() == OutputMemory::kMayReuseInput ? std::optional(WindowHw{})
                                                            : std::nullopt;
@@ -156,9 +154,8 @@ class Layer {
   /// Call::rows. All axes before it have size 1.
   virtual std::optional<size_t> dynamic_axis() const { return std::nullopt; }
 
-  /// Whether the file may give an output the name of its input. Here that would be harmless for any
-  /// layer; but where the original refuses it or reads what it has overwritten, no result is the
-  /// right one.
+  /// Whether the file may give an output the name of its input. That would be harmless here; but if
+  /// the original refuses it or reads what it has overwritten, no result is the right one.
   virtual bool allows_in_place() const { return output_memory() != OutputMemory::kOwn; }
 
   /// The kernel on plain values for shapes that infer() accepted. Not called for views.
@@ -178,8 +175,12 @@ class OneToOneLayer : public Layer {
 /// Throws InputError unless there are `expected` of `what` ("inputs", "outputs").
 void expect_count(size_t found, size_t expected, const char* what);
 
-/// Throws InputError unless a size of the file fits an int, in which Caffe keeps it. Then the
-/// product of two fits an int64_t.
+/// Throws InputError, naming `what`, unless the input is an image: n x c x h x w.
+void expect_image(const Shape& input, const char* what);
+/// Throws InputError, naming `what`, unless the input has channels.
+void expect_channels(const Shape& input, const char* what);
+
+/// Throws InputError unless a size fits an int, as in Caffe: products of two then fit an int64_t.
 void expect_int(int64_t size, const char* what);
 
 }  // namespace revisit::engine

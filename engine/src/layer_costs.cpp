@@ -38,8 +38,7 @@ int64_t stored_bytes(const std::vector<size_t>& values, const Schedule& schedule
   return bytes;
 }
 
-/// The weights that a kernel reads. One that multiplies nothing reads at most one for every number
-/// that it writes: Embed a few rows of many.
+/// Weights that a kernel reads. Without products at most one for every number written (Embed).
 int64_t weight_bytes(const Step& step, int64_t written, const LayerCost& cost) {
   if (step.is_reorder) return 0;
   if (step.kernel.packed.count > 0) return step.kernel.packed.count;

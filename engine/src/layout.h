@@ -37,8 +37,7 @@ constexpr int64_t channel_blocks(int64_t c) {
 constexpr int64_t padded_channels(int64_t c) {
   return channel_blocks(c) * kLanes;
 }
-/// Whether lanes are not mostly padding: a few channels of a large image would take many times the
-/// memory of plain ones.
+/// Whether lanes are not mostly padding, which would take many times the memory of plain values.
 constexpr bool fills_blocks(int64_t c) {
   constexpr int64_t kMostWaste = 2;
   return padded_channels(c) <= kMostWaste * c;

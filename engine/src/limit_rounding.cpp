@@ -1,5 +1,3 @@
-#include <algorithm>
-
 #include "fuse.h"
 
 namespace revisit::engine {

@@ -23,8 +23,8 @@ void check_in_place(const Node& node) {
 void check_param_count(const Node& node) {
   const auto n_params = static_cast<size_t>(node.param.param_size());
   if (n_params > node.weights.size())
-    throw InputError(str("expected at most one `param` for each of its ", node.weights.size(),
-                         " weight blobs, found ", n_params));
+    throw InputError("expected at most one `param` for each of its ", node.weights.size(),
+                     " weight blobs, found ", n_params);
 }
 
 proto::NetReadOptions reading(const LoadOptions& options) {

@@ -5,13 +5,11 @@
 #include <span>
 
 #include "revisit/base/joined.h"
-#include "revisit/proto/weights_file.h"
 
 namespace revisit::engine {
 namespace {
 
-/// Caffe's rule (docs/LAYERS.md point 8): legacy blobs compare right-aligned with the last 4
-/// axes, others exactly.
+/// Caffe's rule (docs/LAYERS.md point 8): legacy blobs compare right-aligned with the last 4 axes.
 bool shape_fits(const proto::Blob& blob, const Shape& wanted) {
   if (!blob.legacy_shape) return blob.shape == wanted.axes();
   if (wanted.rank() > 4) return false;
@@ -58,12 +56,11 @@ class Loader {
     for (size_t i = 0; i < file_->layers().size(); ++i) {
       const proto::WeightsFile::Layer& layer = file_->layers()[i];
       if (layer.n_blobs == 0) continue;
-      if (is_wanted(layer)) {
+      if (is_wanted(layer))
         take(layer.name, file_->read(i));
-      } else if (std::find(net_.layer_names.begin(), net_.layer_names.end(), layer.name) ==
-                 net_.layer_names.end()) {
+      else if (std::find(net_.layer_names.begin(), net_.layer_names.end(), layer.name) ==
+               net_.layer_names.end())
         unused_.push_back(layer.name);
-      }
     }
   }
 
@@ -129,21 +126,21 @@ class Loader {
            net_.sharing.contains({net_.graph.nodes[node].name, n_expected - 1}))
       --n_expected;
     if (blobs.size() != n_expected)
-      throw InputError(str(place_text(node), ": expected ", weights.size(), " blobs, found ",
-                           blobs.size(), "; these weights belong to another network"));
+      throw InputError(place_text(node), ": expected ", weights.size(), " blobs, found ",
+                       blobs.size(), "; these weights belong to another network");
     for (size_t b = 0; b < blobs.size(); ++b)
       if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
-        throw InputError(str(place_text(node), " blob ", b, ": expected shape ", weights[b].shape,
-                             ", found ", text_of(blobs[b].shape),
-                             "; these weights belong to another network"));
+        throw InputError(place_text(node), " blob ", b, ": expected shape ", weights[b].shape,
+                         ", found ", text_of(blobs[b].shape),
+                         "; these weights belong to another network");
   }
 
   void put(const Place& place, const std::string& layer, size_t blob, std::vector<float> values) {
     Tensor& weight = weights_[place.node][place.blob];
     if (values.size() != static_cast<size_t>(weight.shape.elements()))
-      throw InputError(str(place_text(place.node), " blob ", place.blob, ": shares blob ", blob,
-                           " of layer '", layer, "', which has ", values.size(),
-                           " values instead of ", weight.shape.elements()));
+      throw InputError(place_text(place.node), " blob ", place.blob, ": shares blob ", blob,
+                       " of layer '", layer, "', which has ", values.size(), " values instead of ",
+                       weight.shape.elements());
     weight.values = std::move(values);
     filled_.insert(place);
   }
@@ -188,10 +185,9 @@ void check_sharing(const Net::Impl& net) {
           static_cast<int>(b) < node.param.param_size() &&
           node.param.param(static_cast<int>(b)).share_mode() == caffe::ParamSpec::PERMISSIVE;
       if (permissive ? owned.elements() != shape.elements() : owned != shape)
-        throw InputError(str(net.file, ": layer '", node.name, "' (", node.param.type(), ") blob ",
-                             b, " is ", shape, ", but it shares the parameter '", group->second,
-                             "' with layer '", owner->second.first->name, "', where it is ",
-                             owned));
+        throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(), ") blob ", b,
+                         " is ", shape, ", but it shares the parameter '", group->second,
+                         "' with layer '", owner->second.first->name, "', where it is ", owned);
     }
   }
 }

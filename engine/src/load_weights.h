@@ -8,8 +8,7 @@
 
 namespace revisit::engine {
 
-/// Which blobs of a net are one and the same (`param { name: "..." }`), over all layers of the
-/// file.
+/// Blobs that are one and the same (`param { name: "..." }`), over all layers of the file.
 Sharing find_sharing(const Graph& whole);
 
 /// Throws InputError unless shared blobs of the kept layers have one shape (`share_mode:
@@ -17,9 +16,8 @@ Sharing find_sharing(const Graph& whole);
 void check_sharing(const Net::Impl& net);
 
 /// Reads the weights of the kept layers, matched by layer name as Caffe does (docs/LAYERS.md
-/// point 9). Blobs that are shared take what any layer of the group has in the file. Throws
-/// InputError naming layer, blob, expected and found; layers without weights are an error unless
-/// allowed to be missing.
+/// point 9). Shared blobs take those of any layer of the group. Throws InputError naming layer,
+/// blob, expected and found, and for layers without weights unless they may be missing.
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options);
 

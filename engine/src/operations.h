@@ -27,8 +27,7 @@ struct Operation {
 /// The layers of a net as operations, in execution order; Input layers are not among them.
 struct Operations {
   std::vector<Operation> list;
-  /// The value that holds the numbers of each value: itself, but for outputs of layers that change
-  /// nothing.
+  /// The value that holds the numbers of each: itself, unless its layer changes nothing.
   std::vector<ValueId> held_by;
   /// Of each value: outputs of the net, and what is to be kept. Nothing may write over these.
   std::vector<bool> read_outside;

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <new>
 
 #include "budget.h"
@@ -27,9 +26,9 @@ void check_weight_shapes(const Net::Impl& net, const std::vector<Shape>& shapes)
       const std::vector<Shape> wanted = node.layer->weight_shapes(shapes_of(node.inputs, shapes));
       for (size_t i = 0; i < wanted.size(); ++i)
         if (wanted[i] != node.weights[i].shape)
-          throw InputError(str("with these input shapes weight blob ", i, " would have to be ",
-                               wanted[i], ", it is ", node.weights[i].shape,
-                               "; choose another input shape or cut the net before this layer"));
+          throw InputError("with these input shapes weight blob ", i, " would have to be ",
+                           wanted[i], ", it is ", node.weights[i].shape,
+                           "; choose another input shape or cut the net before this layer");
     } catch (const Error&) {
       rethrow_at(net.file, node);
     }
@@ -46,8 +45,8 @@ std::map<std::string, ValueId> kept_values(const Net::Impl& net, const PlanOptio
   for (const std::string& name : options.keep) {
     const auto found = all.find(name);
     if (found == all.end())
-      throw UsageError(str("keep: the net '", net.graph.name, "', as it is cut off, has no layer '",
-                           name, "'", did_you_mean(name, net.layer_names)));
+      throw UsageError("keep: the net '", net.graph.name, "', as it is cut off, has no layer '",
+                       name, "'", did_you_mean(name, net.layer_names));
     kept.insert(*found);
   }
   return kept;
@@ -84,9 +83,8 @@ Draft make_draft(const Net::Impl& net, const std::vector<Shape>& shapes, const P
   return draft;
 }
 
-/// The fastest kernels where their packed weights and arena together keep to
-/// PlanOptions::max_run_bytes, else those that pack nothing. Which they are is decided for one
-/// thread, whose scratch is the smallest: what a plan computes does not depend on its threads.
+/// The fastest kernels where they keep to PlanOptions::max_run_bytes, else those that pack nothing.
+/// Decided for one thread, whose scratch is the smallest: results do not depend on threads.
 Draft make_draft_within_limit(const Net::Impl& net, const std::vector<Shape>& shapes,
                               const PlanOptions& options) {
   PlanOptions one_thread = options;

@@ -22,7 +22,6 @@ bool is_around_one(const std::string& type, size_t blob) {
 
 }  // namespace
 
-/// Uniform with the variance of He et al. 2015, so that activations keep their scale over depth.
 void fill_randomly(Net::Impl& net, uint64_t seed) {
   uint64_t state = seed;
   std::map<std::string, const Tensor*> first_of;  // of each group that shares a parameter

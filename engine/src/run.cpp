@@ -13,20 +13,9 @@ namespace revisit::engine {
 namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-#ifdef REVISIT_POISON
-constexpr bool kPoison = true;
-#else
-constexpr bool kPoison = false;
-#endif
 
 float* floats_at(std::byte* memory) {
   return reinterpret_cast<float*>(memory);
-}
-
-/// A read of memory that nothing wrote shows. Elsewhere pages stay untouched until a kernel's
-/// threads write them: then they are near those threads, and only as many as are needed.
-void poison(std::byte* arena, int64_t bytes) {
-  if (kPoison) std::memset(arena, 0xFF, static_cast<size_t>(bytes));  // NaN of every type
 }
 
 template <class Slots>
@@ -35,7 +24,7 @@ const Plan::Impl::Slot& find_slot(const Slots& slots, std::string_view name, con
   if (found != slots.end()) return found->second;
   std::vector<std::string> known;
   for (const auto& [slot, place] : slots) known.push_back(slot);
-  throw UsageError(str("this run keeps no ", what, " '", name, "'", did_you_mean(name, known)));
+  throw UsageError("this run keeps no ", what, " '", name, "'", did_you_mean(name, known));
 }
 
 FloatMode mode_of(const Plan::Impl& plan) {
@@ -82,13 +71,16 @@ Run::Run(Plan plan) : plan_(std::move(plan)) {  // NOLINT(performance-*)
     memory_->floats = AlignedFloats(plan_.arena_bytes() / static_cast<int64_t>(sizeof(float)));
     if (impl.blas_threads > 0) memory_->blas_room = std::make_unique<BlasRoom>(impl.blas_threads);
   } catch (const std::bad_alloc&) {
-    throw MemoryError(str(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
-                          " MB of values and ", 128 * impl.blas_threads,
-                          " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
-                          "or fewer runs at a time"));
+    throw MemoryError(impl.net->file, ": out of memory for a run: ", plan_.arena_bytes() >> 20,
+                      " MB of values and ", 128 * impl.blas_threads,
+                      " MB of OpenBLAS's buffers; choose smaller input shapes, fewer threads "
+                      "or fewer runs at a time");
   }
   std::byte* const arena = memory_->arena = reinterpret_cast<std::byte*>(memory_->floats.data());
-  poison(arena, plan_.arena_bytes());
+  // Pages stay untouched until a kernel's threads write them, and so near those threads.
+#ifdef REVISIT_POISON  // a read of memory that nothing wrote finds NaN of every type
+  std::memset(arena, 0xFF, static_cast<size_t>(plan_.arena_bytes()));
+#endif
   for (const auto& [blob, slot] : impl.input_slots)  // one that is not filled shows
     std::fill_n(floats_at(arena + slot.offset), slot.shape.elements(), kNan);
   const std::vector<Stored>& stored = impl.schedule.stored;

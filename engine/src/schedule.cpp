@@ -1,7 +1,5 @@
 #include "schedule.h"
 
-#include <algorithm>
-
 #include "bind_operation.h"
 #include "budget.h"
 #include "kernels/blocked/reorder.h"

@@ -42,10 +42,9 @@ struct Schedule {
 };
 
 /// Binds every operation: blocked kernels where a layer has one that takes what is there, with
-/// reorders only where a layer needs what is not there yet. Values that are read from outside (the
-/// outputs of the net; all, with keep_all) are plain in the end. Nothing is packed yet; unless
-/// kernels `may_pack`, all read the weights as they are. Throws InputError naming the layer that
-/// cannot take the shapes.
+/// reorders only where a layout is missing. Values that are read from outside (the outputs of the
+/// net; all, with keep_all) are plain in the end. Nothing is packed yet; unless kernels `may_pack`,
+/// all read the weights as they are. Throws InputError naming the layer that refuses the shapes.
 Schedule schedule(const Net::Impl& net, const std::vector<Shape>& shapes,
                   const Operations& operations, const PlanOptions& options, bool may_pack);
 

@@ -59,8 +59,8 @@ std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string
   }
   for (const auto& [blob, shape] : inputs)
     if (std::find(input_names.begin(), input_names.end(), blob) == input_names.end())
-      throw UsageError(str(net.file, ": the net, as it is cut off, has no input '", blob, "'",
-                           did_you_mean(blob, input_names)));
+      throw UsageError(net.file, ": the net, as it is cut off, has no input '", blob, "'",
+                       did_you_mean(blob, input_names));
   return shapes;
 }
 

@@ -10,12 +10,12 @@ namespace revisit::engine {
 
 Shape::Shape(std::vector<int64_t> axes) : axes_(std::move(axes)) {
   if (rank() > proto::kMostAxes)
-    throw InputError(str("a shape of ", rank(), " axes; Caffe's have at most ", proto::kMostAxes));
+    throw InputError("a shape of ", rank(), " axes; Caffe's have at most ", proto::kMostAxes);
   int64_t elements = 1;
   for (const int64_t size : axes_) {
-    if (size < 1) throw InputError(str("a shape of ", text(), " has an axis below 1"));
+    if (size < 1) throw InputError("a shape of ", text(), " has an axis below 1");
     if (__builtin_mul_overflow(elements, size, &elements) || elements > kMaxElements)
-      throw InputError(str("a shape of ", text(), " has more than ", kMaxElements, " elements"));
+      throw InputError("a shape of ", text(), " has more than ", kMaxElements, " elements");
   }
 }
 
@@ -27,7 +27,7 @@ Shape Shape::parse(std::string_view text) {
     int64_t size = 0;
     const auto [stop, error] = std::from_chars(next, end, size);
     if (error != std::errc() || size < 1 || (stop != end && *stop != 'x'))
-      throw UsageError(str("expected a shape like 1x3x107x4000, found '", text, "'"));
+      throw UsageError("expected a shape like 1x3x107x4000, found '", text, "'");
     axes.push_back(size);
     if (stop == end) break;
     next = stop + 1;
@@ -48,7 +48,7 @@ int64_t Shape::product(size_t begin, size_t end) const {
 size_t Shape::canonical_axis(int64_t axis, std::string_view what) const {
   const auto rank_signed = static_cast<int64_t>(rank());
   if (axis < -rank_signed || axis >= rank_signed)
-    throw InputError(str(what, " ", axis, " is out of range for an input of shape ", text()));
+    throw InputError(what, " ", axis, " is out of range for an input of shape ", text());
   return static_cast<size_t>(axis < 0 ? axis + rank_signed : axis);
 }
 

@@ -33,8 +33,7 @@ struct PackedWeightsKey {
   friend auto operator<=>(const PackedWeightsKey&, const PackedWeightsKey&) = default;
 };
 
-/// The packed weights of a net, shared by all its plans and gone when no plan needs them. Safe to
-/// use from several threads.
+/// The packed weights of a net, shared by all its plans until no plan needs them. Thread-safe.
 class WeightCache {
  public:
   using Pack = std::function<PackedWeights()>;

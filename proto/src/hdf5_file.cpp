@@ -2,8 +2,6 @@
 
 #include <limits>
 
-#include "revisit/base/error.h"
-
 namespace revisit::proto {
 namespace {
 
@@ -28,23 +26,22 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
   check_range(0, 16, "the superblock");
   cursor_.seek(8);
   const int version = cursor_.read_byte();
-  if (version > 1) throw Hdf5Unsupported(str("HDF5 superblock version ", version, kSaveOlder));
+  if (version > 1) throw Hdf5Unsupported("HDF5 superblock version ", version, kSaveOlder);
   cursor_.seek(13);
   offset_bytes_ = cursor_.read_byte();
   length_bytes_ = cursor_.read_byte();
   for (const int bytes : {offset_bytes_, length_bytes_})
     if (bytes != 2 && bytes != 4 && bytes != 8)
-      throw FormatError(13, str("addresses or sizes of ", bytes, " bytes"));
+      throw FormatError(13, "addresses or sizes of ", bytes, " bytes");
   // Sizes of tree nodes and flags; version 1 has four more bytes of them.
   cursor_.seek(version == 0 ? 24 : 28);
   base_ = read_offset();
   read_offset();  // of free space
   const uint64_t end_at = cursor_.position();
   const uint64_t end = read_offset();
-  if (end > cursor_.size()) {
-    throw FormatError(end_at, str("the file should have ", end, " bytes, it has ", cursor_.size(),
-                                  " (is it truncated?)"));
-  }
+  if (end > cursor_.size())
+    throw FormatError(end_at, "the file should have ", end, " bytes, it has ", cursor_.size(),
+                      " (is it truncated?)");
   read_offset();  // of driver information
   read_offset();  // of the root's name: it has none
   root_ = read_offset();
@@ -52,13 +49,13 @@ Hdf5File::Hdf5File(FileCursor& cursor, int64_t most_steps)
 
 void Hdf5File::check_range(uint64_t begin, uint64_t length, const char* what) const {
   if (begin <= cursor_.size() && length <= cursor_.size() - begin) return;
-  throw FormatError(begin, str(what, " would end beyond the file (is it truncated?)"));
+  throw FormatError(begin, what, " would end beyond the file (is it truncated?)");
 }
 
 void Hdf5File::seek(uint64_t address) {
   uint64_t position = 0;
   if (__builtin_add_overflow(base_, address, &position) || position >= cursor_.size())
-    throw FormatError(cursor_.position(), str("address ", address, " lies beyond the file"));
+    throw FormatError(cursor_.position(), "address ", address, " lies beyond the file");
   cursor_.seek(position);
 }
 
@@ -80,18 +77,16 @@ bool Hdf5File::is_undefined(uint64_t address) const {
   return address == std::numeric_limits<uint64_t>::max() >> (64 - 8 * offset_bytes_);
 }
 
-// --------------------------------------------------------------------------- headers of objects
-
 Hdf5Object Hdf5File::object(uint64_t address) {
   seek(address);
   const uint64_t at = cursor_.position();
   const auto version = read_number(1);
-  if (version == 'O') throw Hdf5Unsupported(str("an HDF5 object of a newer format", kSaveOlder));
-  if (version != 1) throw FormatError(at, str("an object header of version ", version));
+  if (version == 'O') throw Hdf5Unsupported("an HDF5 object of a newer format", kSaveOlder);
+  if (version != 1) throw FormatError(at, "an object header of version ", version);
   read_number(1);
   uint64_t messages = read_number(2);
   if (messages > kMostMessages)
-    throw FormatError(at, str("an object header of ", messages, " messages"));
+    throw FormatError(at, "an object header of ", messages, " messages");
   read_number(4);  // how often it is linked to
   const uint64_t size = read_number(4);
   cursor_.seek(at + 16);
@@ -139,7 +134,7 @@ void Hdf5File::read_message(int type, uint64_t end, Hdf5Object& object) {
       break;
     case kLinkInfo:
     case kLink:
-      throw Hdf5Unsupported(str("an HDF5 group of a newer format", kSaveOlder));
+      throw Hdf5Unsupported("an HDF5 group of a newer format", kSaveOlder);
     case kSpace:
       read_space(object, end);
       break;
@@ -156,8 +151,7 @@ void Hdf5File::read_message(int type, uint64_t end, Hdf5Object& object) {
     default:
       return;  // times, comments, fill values, attributes
   }
-  if (cursor_.position() > end)
-    throw FormatError(begin, str("header message ", type, " is too short"));
+  if (cursor_.position() > end) throw FormatError(begin, "header message ", type, " is too short");
 }
 
 void Hdf5File::read_space(Hdf5Object& object, uint64_t end) {
@@ -166,9 +160,9 @@ void Hdf5File::read_space(Hdf5Object& object, uint64_t end) {
   read_number(1);  // flags
   const uint64_t kind = read_number(1);
   if (version == 2 && kind == 2) throw FormatError(at, "an array without a shape");
-  if (version != 1 && version != 2) throw FormatError(at, str("a dataspace of version ", version));
+  if (version != 1 && version != 2) throw FormatError(at, "a dataspace of version ", version);
   if (version == 1) read_number(4);
-  if (rank > kHdf5MostAxes) throw FormatError(at, str("an array of ", rank, " axes"));
+  if (rank > kHdf5MostAxes) throw FormatError(at, "an array of ", rank, " axes");
   if (cursor_.position() > end) throw FormatError(at, "a dataspace that is too short");
   object.shape.clear();
   for (uint64_t axis = 0; axis < rank; ++axis)
@@ -204,7 +198,7 @@ void Hdf5File::read_layout(Hdf5Object& object) {
   const uint64_t at = cursor_.position();
   const uint64_t version = read_number(1), kind = read_number(1);
   if (version != 3 && version != 4)
-    throw Hdf5Unsupported(str("an HDF5 array with a layout of version ", version, kSaveOlder));
+    throw Hdf5Unsupported("an HDF5 array with a layout of version ", version, kSaveOlder);
   if (kind == kCompact) {
     object.stored = read_number(2);
     object.begin = cursor_.position();
@@ -221,8 +215,6 @@ void Hdf5File::read_layout(Hdf5Object& object) {
     object.unsupported = str("its values are in chunks or compressed", kSaveWhole);
   }
 }
-
-// --------------------------------------------------------------------------------------- groups
 
 const Hdf5Links& Hdf5File::links(uint64_t address) {
   const auto [entry, is_new] = links_.try_emplace(address);
@@ -251,7 +243,7 @@ void Hdf5File::read_tree(uint64_t address, int level, const Hdf5Object& group,
   const uint64_t kind = read_number(1);
   const int found = static_cast<int>(read_number(1));
   if (kind != 0 || found > kHighestTree || (level >= 0 && found != level))
-    throw FormatError(at, str("a tree node of kind ", kind, " and level ", found));
+    throw FormatError(at, "a tree node of kind ", kind, " and level ", found);
   const uint64_t children = read_number(2);
   spend(1);
   read_offset();  // its left neighbour
@@ -262,11 +254,10 @@ void Hdf5File::read_tree(uint64_t address, int level, const Hdf5Object& group,
     read_length();  // the last name of the child before
     const uint64_t child = read_offset();
     next = cursor_.position();
-    if (found > 0) {
+    if (found > 0)
       read_tree(child, found - 1, group, seen, links);
-    } else {
+    else
       read_symbols(child, group, links);
-    }
   }
 }
 
@@ -303,15 +294,14 @@ std::string Hdf5File::read_name(uint64_t heap, uint64_t offset) {
   read_length();  // where its free space begins
   seek(read_offset());
   check_range(cursor_.position(), size, "a heap of names");
-  if (offset >= size)
-    throw FormatError(at, str("name ", offset, " lies beyond its heap of ", size));
+  if (offset >= size) throw FormatError(at, "name ", offset, " lies beyond its heap of ", size);
   cursor_.seek(cursor_.position() + offset);
   std::string name;
   for (uint64_t left = size - offset; left > 0; --left) {
     const auto c = static_cast<char>(cursor_.read_byte());
     if (c == '\0') return name;
     if (name.size() == kLongestHdf5Name)
-      throw FormatError(at, str("a name of more than ", kLongestHdf5Name, " bytes"));
+      throw FormatError(at, "a name of more than ", kLongestHdf5Name, " bytes");
     name += c;
   }
   throw FormatError(at, "a name that does not end");

@@ -3,18 +3,18 @@
 #include <cstdint>
 #include <map>
 #include <set>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "revisit/base/error.h"
 #include "revisit/base/file_cursor.h"
 #include "revisit/proto/number_type.h"
 
 namespace revisit::proto {
 
 /// Something well-formed that this reader does not know. Becomes an UnsupportedError.
-struct Hdf5Unsupported : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct Hdf5Unsupported : Error {
+  using Error::Error;
 };
 
 /// What the header of an object says: a group has `tree` and `heap`, an array the rest.
@@ -51,8 +51,7 @@ class Hdf5File {
   Hdf5Object object(uint64_t address);
   /// The links of the group whose header is at `address`.
   const Hdf5Links& links(uint64_t address);
-  /// Counts steps: links, nodes of their trees, parts of soft links. Throws when there are too
-  /// many.
+  /// Counts steps: links, nodes of their trees, parts of soft links. Throws for too many.
   void spend(int64_t steps);
 
  private:

@@ -2,10 +2,8 @@
 
 #include <algorithm>
 #include <map>
-#include <set>
 #include <string_view>
 
-#include "phase.h"
 #include "revisit/base/error.h"
 #include "revisit/base/joined.h"
 
@@ -21,7 +19,39 @@ const Names kTrainingTypes = {
     "HingeLoss", "InfogainLoss",    "MultinomialLogisticLoss", "SigmoidCrossEntropyLoss",
     "Silence",   "SoftmaxWithLoss"};
 
-/// The shape of a data layer's images, as far as the file says it; empty when it does not.
+/// Caffe's StateMeetsRule: every condition that is set must hold.
+bool meets(const caffe::NetState& state, const caffe::NetStateRule& rule) {
+  const auto has_stage = [&](const std::string& stage) {
+    return std::find(state.stage().begin(), state.stage().end(), stage) != state.stage().end();
+  };
+  if (rule.has_phase() && rule.phase() != state.phase()) return false;
+  if (rule.has_min_level() && state.level() < rule.min_level()) return false;
+  if (rule.has_max_level() && state.level() > rule.max_level()) return false;
+  return std::all_of(rule.stage().begin(), rule.stage().end(), has_stage) &&
+         std::none_of(rule.not_stage().begin(), rule.not_stage().end(), has_stage);
+}
+
+bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) {
+  const auto met = [&](const caffe::NetStateRule& rule) { return meets(state, rule); };
+  if (layer.include_size() > 0 && layer.exclude_size() > 0)
+    throw InputError("layer '", layer.name(), "': give include or exclude rules, not both");
+  if (layer.include_size() > 0)
+    return std::any_of(layer.include().begin(), layer.include().end(), met);
+  return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);
+}
+
+/// Drops the layers that the TEST phase leaves out, by their include and exclude rules against
+/// `net.state()`. Throws InputError for a layer that has both.
+void keep_test_phase(caffe::NetParameter& net) {
+  caffe::NetState state = net.state();
+  state.set_phase(caffe::TEST);
+  auto& layers = *net.mutable_layer();
+  layers.erase(std::remove_if(layers.begin(), layers.end(),
+                              [&](const auto& layer) { return !included(state, layer); }),
+               layers.end());
+}
+
+/// The shape of a data layer's images; empty when the file does not say it.
 std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
   const auto& transform = layer.transform_param();
   const int64_t crop = transform.crop_size();
@@ -168,9 +198,8 @@ class Extraction {
   /// one and nobody else takes the softmax of the prediction.
   void choose_softmax() {
     std::vector<int> losses;
-    for (int i = 0; i < n_; ++i) {
+    for (int i = 0; i < n_; ++i)
       if (layer(i).type() == "SoftmaxWithLoss" && layer(i).bottom_size() > 0) losses.push_back(i);
-    }
     for (const int i : losses) {
       const Maker maker = makers_[i][0];
       const bool has_softmax =
@@ -188,19 +217,17 @@ class Extraction {
   }
 
   void build() {
-    for (int i = 0; i < n_; ++i) {
-      if (is_data(i)) {
+    for (int i = 0; i < n_; ++i)
+      if (is_data(i))
         add_inputs(i);
-      } else if (softmax_.contains(i)) {
+      else if (softmax_.contains(i))
         add_softmax(i);
-      } else if (layer(i).type() == "Silence") {
+      else if (layer(i).type() == "Silence")
         add_silence(i);
-      } else if (training_[i] || labels_[i]) {
+      else if (training_[i] || labels_[i])
         left_out_.push_back(i);
-      } else {
+      else
         *kept_.add_layer() = layer(i);
-      }
-    }
     const auto name = [&](int i) { return str("'", layer(i).name(), "' (", layer(i).type(), ")"); };
     if (!left_out_.empty())
       warnings_.push_back(
@@ -261,11 +288,10 @@ class Extraction {
     silence.clear_bottom();
     for (int b = 0; b < layer(i).bottom_size(); ++b)
       if (!is_label({i, b})) silence.add_bottom(layer(i).bottom(b));
-    if (silence.bottom_size() > 0) {
+    if (silence.bottom_size() > 0)
       *kept_.add_layer() = std::move(silence);
-    } else {
+    else
       left_out_.push_back(i);
-    }
   }
 
   caffe::NetParameter& net_;

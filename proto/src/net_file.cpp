@@ -12,7 +12,6 @@
 #include <limits>
 #include <memory>
 #include <optional>
-#include <string_view>
 
 #include "inference_net.h"
 #include "net_text.h"
@@ -26,16 +25,15 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A message takes up to 700 bytes in memory and two bytes in a text; a layer of a real net has
-// about five.
+// A message takes up to 700 bytes in memory and two in a text; a layer of a real net has some five.
 constexpr int64_t kMessagesPerLayer = 16;
 
 std::string read_text(const fs::path& file, const Limits& limits) {
   std::error_code ignored;
   if (fs::is_directory(file, ignored))
-    throw InputError(str(file.string(), ": is a folder, expected a prototxt"));
+    throw InputError(file.string(), ": is a folder, expected a prototxt");
   const auto fail = [&](const char* doing) -> InputError {
-    return InputError(str(file.string(), ": cannot ", doing, ": ", std::strerror(errno)));
+    return InputError(file.string(), ": cannot ", doing, ": ", std::strerror(errno));
   };
   // Opening a pipe that nobody writes to would wait for ever; reading it finds its end.
   const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
@@ -57,31 +55,26 @@ std::string read_text(const fs::path& file, const Limits& limits) {
 void check_is_text(const std::string& text, const std::string& name, const Limits& limits) {
   const std::string_view head = std::string_view(text).substr(0, 4096);
   const char* found = nullptr;
-  if (text.empty()) {
+  if (text.empty())
     found = "is empty";
-  } else if (head.starts_with("\x89HDF")) {
+  else if (head.starts_with("\x89HDF"))
     found = "looks like an HDF5 weights file";
-  } else if (std::ranges::any_of(head, [](unsigned char c) {
-               return c < ' ' && (c == '\0' || !std::strchr("\t\n\v\f\r", c));
-             })) {
+  else if (std::ranges::any_of(head, [](unsigned char c) {
+             return c < ' ' && (c == '\0' || !std::strchr("\t\n\v\f\r", c));
+           }))
     found = "looks like a binary caffemodel";
-  }
-  if (found) throw InputError(str(name, ": ", found, ", expected a prototxt (text)"));
-  if (head.starts_with("\xEF\xBB\xBF")) {
-    throw InputError(
-        str(name, ":1:1: starts with a byte order mark; save it as UTF-8 without one"));
-  }
-  if (static_cast<int64_t>(text.size()) > limits.text_bytes) {
+  if (found) throw InputError(name, ": ", found, ", expected a prototxt (text)");
+  if (head.starts_with("\xEF\xBB\xBF"))
+    throw InputError(name, ":1:1: starts with a byte order mark; save it as UTF-8 without one");
+  if (static_cast<int64_t>(text.size()) > limits.text_bytes)
     throw InputError(name, ": is larger than ", limits.text_bytes >> 20,
                      " MB, the limit for a network description (", CppName{"Limits::text_bytes"},
                      " raises it)");
-  }
   const auto opens = [](char c) { return c == '{' || c == '<'; };
-  if (std::ranges::count_if(text, opens) > limits.layers * kMessagesPerLayer) {
+  if (std::ranges::count_if(text, opens) > limits.layers * kMessagesPerLayer)
     throw InputError(name, ": has more than ", limits.layers * kMessagesPerLayer, " pairs of ",
                      "braces, ", kMessagesPerLayer, " for each of at most ", limits.layers,
                      " layers (", CppName{"Limits::layers"}, " raises the limit)");
-  }
 }
 
 void check_layers(const caffe::NetParameter& net, const std::string& name, const Limits& limits) {
@@ -108,32 +101,28 @@ NetFile finish(NetFile file, const std::string* text, const std::string& name,
     throw InputError(name, ": ", error);
   }
   for (const std::string& note : notes) file.warnings.push_back(str(name, ": ", note));
-  if (file.net.layer_size() == 0) {
-    throw InputError(str(name, has_layers ? ": none of its layers is for inference (TEST phase)"
-                                          : ": describes no layers"));
-  }
+  if (file.net.layer_size() == 0)
+    throw InputError(name, has_layers ? ": none of its layers is for inference (TEST phase)"
+                                      : ": describes no layers");
   return file;
 }
 
 void check_writable(const fs::path& file, const caffe::NetParameter& net) {
-  if (!net.IsInitialized()) {
-    throw Error(
-        str(file.string(), ": cannot write a net without ", net.InitializationErrorString()));
-  }
+  if (!net.IsInitialized())
+    throw Error(file.string(), ": cannot write a net without ", net.InitializationErrorString());
 }
 
 void check_size(const fs::path& file, const caffe::NetParameter& net) {
   const size_t size = net.ByteSizeLong();
-  if (size > static_cast<size_t>(std::numeric_limits<int32_t>::max())) {
-    throw Error(str(file.string(), ": the net takes ", size, " bytes, protobuf allows 2^31-1"));
-  }
+  if (size > static_cast<size_t>(std::numeric_limits<int32_t>::max()))
+    throw Error(file.string(), ": the net takes ", size, " bytes, protobuf allows 2^31-1");
 }
 
 /// What is done to a binary net once protobuf has it.
 NetFile finish_binary(NetFile file, bool parsed, const std::string& name, const Limits& limits) {
-  if (!parsed) throw InputError(str(name, ": protobuf cannot parse it as a caffemodel"));
+  if (!parsed) throw InputError(name, ": protobuf cannot parse it as a caffemodel");
   if (!file.net.IsInitialized())
-    throw InputError(str(name, ": missing required field ", file.net.InitializationErrorString()));
+    throw InputError(name, ": missing required field ", file.net.InitializationErrorString());
   return finish(std::move(file), nullptr, name, {.keep_training = true, .limits = limits});
 }
 

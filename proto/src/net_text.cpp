@@ -52,13 +52,11 @@ std::optional<std::string> between(const std::string& text, std::string_view bef
 /// The byte in `text` that protobuf's tokenizer means; it expands tabs to 8 columns. Both from 0.
 size_t byte_offset(const std::string& text, int line, int column) {
   size_t begin = 0;
-  for (int i = 0; i < line && begin < text.size(); ++i) {
+  for (int i = 0; i < line && begin < text.size(); ++i)
     begin = std::min(text.find('\n', begin), text.size() - 1) + 1;
-  }
   size_t offset = begin;
-  for (int reached = 0; reached < column && offset < text.size(); ++offset) {
+  for (int reached = 0; reached < column && offset < text.size(); ++offset)
     reached = text[offset] == '\t' ? (reached / 8 + 1) * 8 : reached + 1;
-  }
   return offset;
 }
 
@@ -96,7 +94,9 @@ class Complaints final : public google::protobuf::io::ErrorCollector {
     std::string reason = message;
     if (const auto name = between(message, "has no field named \"", "\".")) {
       offset = begin_of(*name, offset);
-      reason = unknown_field(*name, between(message, in_package(), "\"").value_or(""));
+      const std::string package = caffe::NetParameter::descriptor()->file()->package();
+      const std::string before = str("Message type \"", package, ".");
+      reason = unknown_field(*name, between(message, before, "\"").value_or(""));
     } else if (const auto value = between(message, "Unknown enumeration value of \"", "\"")) {
       offset = begin_of(*value, offset);
       reason = unknown_enum(*value, between(message, "for field \"", "\"").value_or(""));
@@ -106,11 +106,6 @@ class Complaints final : public google::protobuf::io::ErrorCollector {
       reason += "the end of the text";
     }
     return message_start(name_, position_of(text_, offset)) + reason + consequence;
-  }
-
-  /// How protobuf begins the name of a message of ours.
-  static std::string in_package() {
-    return str("Message type \"", caffe::NetParameter::descriptor()->file()->package(), ".");
   }
 
   /// protobuf complains of a name when it is already behind it.
@@ -126,9 +121,8 @@ class Complaints final : public google::protobuf::io::ErrorCollector {
         caffe::NetParameter::descriptor()->file()->FindMessageTypeByName(message);
     if (type) hint = did_you_mean(field, field_names(*type));
     const Descriptor* net = caffe::NetParameter::descriptor();
-    if (type == net && caffe::SolverParameter::descriptor()->FindFieldByName(field)) {
+    if (type == net && caffe::SolverParameter::descriptor()->FindFieldByName(field))
       hint = " (is this a solver file? give the net it names)";
-    }
     return str("unknown field '", field, "' in ", message, hint);
   }
 
@@ -177,9 +171,8 @@ TextPosition locate_parent(const std::string& text, std::string_view path) {
     const FieldDescriptor* field = message->FindFieldByName(std::string(step.substr(0, bracket)));
     if (!field) break;
     int index = field->is_repeated() ? 0 : -1;
-    if (bracket != std::string_view::npos) {
+    if (bracket != std::string_view::npos)
       std::from_chars(step.data() + bracket + 1, step.data() + step.size(), index);
-    }
     position = position_of(text, tree->GetLocation(field, index));
     tree = tree->GetTreeForNested(field, index);
     message = field->message_type();
@@ -192,8 +185,8 @@ void check_complete(const caffe::NetParameter& net, const std::string& text,
   std::vector<std::string> missing;
   if (net.IsInitialized()) return;
   net.FindInitializationErrors(&missing);
-  throw InputError(str(message_start(name, locate_parent(text, missing.front())),
-                       "missing required field ", missing.front()));
+  throw InputError(message_start(name, locate_parent(text, missing.front())),
+                   "missing required field ", missing.front());
 }
 
 }  // namespace
@@ -213,10 +206,9 @@ caffe::NetParameter parse_net_text(const std::string& text, const std::string& n
   parser.AllowPartialMessage(true);
   parser.SetRecursionLimit(kDeepestNesting);
   caffe::NetParameter net;
-  if (!parser.ParseFromString(text, &net)) {
+  if (!parser.ParseFromString(text, &net))
     throw InputError(complaints.first_error.empty() ? message_start(name, {}) + "cannot be parsed"
                                                     : complaints.first_error);
-  }
   check_complete(net, text, name);
   return net;
 }

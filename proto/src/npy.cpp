@@ -1,11 +1,11 @@
 #include "revisit/proto/npy.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <charconv>
 #include <limits>
 #include <optional>
-#include <string>
 #include <string_view>
 
 #include "revisit/base/atomic_file.h"
@@ -21,8 +21,7 @@ constexpr std::string_view kMagic = "\x93NUMPY";
 constexpr size_t kNumpyMostAxes = 64;  // NumPy's limit
 constexpr size_t kAlignment = 64;      // [bytes] of the data in the file
 
-/// The header's Python dictionary, e.g. `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3),
-/// }`.
+/// The header's Python dictionary: `{'descr': '<f4', 'fortran_order': False, 'shape': (1, 3), }`.
 class HeaderParser {
  public:
   HeaderParser(std::string_view text, const std::string& path) : text_(text), path_(path) {}
@@ -43,7 +42,7 @@ class HeaderParser {
       } else if (key == "shape") {
         shape = parse_shape();
       } else {
-        fail(str("unknown header key '", key, "'"));
+        fail("unknown header key '", key, "'");
       }
       if (!accept(',') && peek() != '}') fail("malformed header");
     }
@@ -53,8 +52,9 @@ class HeaderParser {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& reason) const {
-    throw InputError(str(path_, ": ", reason));
+  template <class... Parts>
+  [[noreturn]] void fail(const Parts&... reason) const {
+    throw InputError(path_, ": ", reason...);
   }
   char peek() {
     const size_t at = text_.find_first_not_of(" \t\r\n");
@@ -97,7 +97,7 @@ class HeaderParser {
       if (error != std::errc() || dim < 0) fail("a dimension of the shape is not a count");
       text_.remove_prefix(static_cast<size_t>(end - text_.data()));
       accept('L');  // Python 2
-      if (dims.size() == kNumpyMostAxes) fail(str("more than ", kNumpyMostAxes, " axes"));
+      if (dims.size() == kNumpyMostAxes) fail("more than ", kNumpyMostAxes, " axes");
       dims.push_back(dim);
       if (!accept(',') && peek() != ')') fail("malformed header");
     }
@@ -121,23 +121,19 @@ std::string read_header(FileCursor& cursor, const std::string& path) {
   if (has_start) cursor.read(start.data(), start.size());
   if (!has_start ||
       !std::equal(kMagic.begin(), kMagic.end(), start.begin(),
-                  [](char a, unsigned char b) { return static_cast<unsigned char>(a) == b; })) {
-    throw InputError(str(path, ": is not a NumPy .npy file (no \\x93NUMPY at its beginning)"));
-  }
+                  [](char a, unsigned char b) { return static_cast<unsigned char>(a) == b; }))
+    throw InputError(path, ": is not a NumPy .npy file (no \\x93NUMPY at its beginning)");
   const int version = start[6];
-  if (version < 1 || version > 3) {
-    throw InputError(str(path, ": .npy version ", version, ", expected 1, 2 or 3"));
-  }
+  if (version < 1 || version > 3)
+    throw InputError(path, ": .npy version ", version, ", expected 1, 2 or 3");
   uint64_t length = 0;
   const int length_bytes = version == 1 ? 2 : 4;
-  for (int i = 0; i < length_bytes && cursor.position() < cursor.size(); ++i) {
+  for (int i = 0; i < length_bytes && cursor.position() < cursor.size(); ++i)
     length |= static_cast<uint64_t>(cursor.read_byte()) << (8 * i);
-  }
-  if (length > kLongestNpyHeader || length > cursor.size() - cursor.position()) {
-    throw InputError(str(path, ": byte 8: a header of ", length, " bytes, but only ",
-                         cursor.size() - cursor.position(), " bytes follow (limit ",
-                         kLongestNpyHeader, ")"));
-  }
+  if (length > kLongestNpyHeader || length > cursor.size() - cursor.position())
+    throw InputError(path, ": byte 8: a header of ", length, " bytes, but only ",
+                     cursor.size() - cursor.position(), " bytes follow (limit ", kLongestNpyHeader,
+                     ")");
   std::string header(length, '\0');
   cursor.read(header.data(), length);
   return header;
@@ -148,22 +144,15 @@ uint64_t check_size(const FileCursor& cursor, const NpyHeader& header, uint64_t 
   const uint64_t available = cursor.size() - cursor.position();
   uint64_t count = 1;
   bool overflows = false;
-  for (const int64_t dim : header.shape) {
+  for (const int64_t dim : header.shape)
     overflows |= __builtin_mul_overflow(count, static_cast<uint64_t>(dim), &count);
-  }
   // Of an empty array (0 among the dimensions) no product overflows into data.
-  for (const int64_t dim : header.shape) {
-    if (dim == 0) {
-      count = 0;
-      overflows = false;
-    }
-  }
+  if (std::ranges::find(header.shape, 0) != header.shape.end()) count = 0, overflows = false;
   if (overflows || count > std::numeric_limits<uint64_t>::max() / item_bytes ||
-      count * item_bytes != available) {
-    throw InputError(str(cursor.file().string(), ": shape ", describe(header.shape), " of '",
-                         header.dtype, "' does not fit the ", available,
-                         " bytes after the header (is the file truncated?)"));
-  }
+      count * item_bytes != available)
+    throw InputError(cursor.file().string(), ": shape ", describe(header.shape), " of '",
+                     header.dtype, "' does not fit the ", available,
+                     " bytes after the header (is the file truncated?)");
   return count;
 }
 
@@ -180,16 +169,14 @@ NpyHeader read_npy_header(FileCursor& cursor) {
 NpyArray read_npy(const std::filesystem::path& file) {
   FileCursor cursor(file);
   const NpyHeader header = read_npy_header(cursor);
-  const auto refuse = [&](const std::string& reason) {
-    throw InputError(str(file.string(), ": ", reason));
-  };
   const bool single = header.dtype == "<f4";
   if (!single && header.dtype != "<f8")
-    refuse(str(
-        "dtype '", header.dtype,
-        "', expected little-endian float32 ('<f4') or float64 ('<f8'); save array.astype('<f4')"));
+    throw InputError(
+        file.string(), ": dtype '", header.dtype,
+        "', expected little-endian float32 ('<f4') or float64 ('<f8'); save array.astype('<f4')");
   if (header.fortran_order)
-    refuse("Fortran order, expected C order; save numpy.ascontiguousarray(array)");
+    throw InputError(file.string(),
+                     ": Fortran order, expected C order; save numpy.ascontiguousarray(array)");
 
   const uint64_t count = check_size(cursor, header, single ? sizeof(float) : sizeof(double));
   NpyArray array{header.shape, std::vector<float>(count)};
@@ -214,7 +201,7 @@ std::string npy_header(const std::vector<int64_t>& shape) {
   dictionary.append((kAlignment - unpadded % kAlignment) % kAlignment, ' ');
   dictionary += '\n';
   if (shape.size() > kNumpyMostAxes)
-    throw UsageError(str("an array of ", shape.size(), " axes, NumPy has at most 64"));
+    throw UsageError("an array of ", shape.size(), " axes, NumPy has at most 64");
 
   std::string header(kMagic);
   header += {'\x01', '\x00'};
@@ -228,7 +215,7 @@ void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& sh
   std::streamsize bytes = sizeof(float);
   for (const int64_t dim : shape)
     if (dim < 0 || __builtin_mul_overflow(bytes, dim, &bytes))
-      throw UsageError(str(file.string(), ": cannot hold an array of shape ", describe(shape)));
+      throw UsageError(file.string(), ": cannot hold an array of shape ", describe(shape));
   const std::string header = npy_header(shape);
   write_atomically(file, [&](std::ostream& out) {
     out << header;

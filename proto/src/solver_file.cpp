@@ -31,8 +31,8 @@ fs::path find_net(const std::string& name, const fs::path& solver) {
     std::error_code ignored;
     if (fs::is_regular_file(candidate, ignored)) return candidate;
   }
-  throw InputError(str(solver.string(), ": is a solver file; the net it names, '", name,
-                       "', is neither beside it nor in the working folder; give the net itself"));
+  throw InputError(solver.string(), ": is a solver file; the net it names, '", name,
+                   "', is neither beside it nor in the working folder; give the net itself");
 }
 
 }  // namespace
@@ -50,14 +50,14 @@ std::optional<SolverNet> net_of_solver(const std::string& text, const fs::path& 
   const std::vector<std::string> names = named_nets(solver);
   if (names.empty() && !has_net_inside) return std::nullopt;
 
-  const auto fail = [&](const std::string& reason) {
-    throw InputError(str(path.string(), ": is a solver file ", reason));
+  const auto fail = [&](const auto&... reason) {
+    throw InputError(path.string(), ": is a solver file ", reason...);
   };
   if (has_net_inside) fail("with a net inside; put that into a prototxt of its own and give that");
   if (names.size() > 1)
-    fail(str("that names several nets: '", joined(names, "', '"), "'; give one of them"));
+    fail("that names several nets: '", joined(names, "', '"), "'; give one of them");
   if (solver.test_state_size() > 1)
-    fail(str("that tests its net in several states; give the net itself, '", names[0], "'"));
+    fail("that tests its net in several states; give the net itself, '", names[0], "'");
   SolverNet result{find_net(names[0], path), {}};
   if (solver.test_state_size() == 1) result.state = solver.test_state(0);
   return result;

@@ -3,7 +3,6 @@
 #include <string_view>
 #include <unordered_set>
 
-#include "revisit/base/error.h"
 #include "upgrade_v0.h"
 #include "upgrade_v1.h"
 
@@ -24,18 +23,14 @@ void check_one_generation(const caffe::NetParameter& net) {
 std::vector<caffe::BlobShape> input_shapes(const caffe::NetParameter& net) {
   std::vector<caffe::BlobShape> shapes(net.input_shape().begin(), net.input_shape().end());
   if (!shapes.empty()) {
-    if (net.input_shape_size() != net.input_size()) {
-      throw UpgradeError("input_shape", 0,
-                         str("expected one input_shape for each of the ", net.input_size(),
-                             " inputs, found ", net.input_shape_size()));
-    }
+    if (net.input_shape_size() != net.input_size())
+      throw UpgradeError("input_shape", 0, "expected one input_shape for each of the ",
+                         net.input_size(), " inputs, found ", net.input_shape_size());
     return shapes;
   }
-  if (net.input_dim_size() != kLegacyAxes * net.input_size()) {
-    throw UpgradeError("input_dim", 0,
-                       str("expected ", kLegacyAxes, " input_dim for each of the ",
-                           net.input_size(), " inputs, found ", net.input_dim_size()));
-  }
+  if (net.input_dim_size() != kLegacyAxes * net.input_size())
+    throw UpgradeError("input_dim", 0, "expected ", kLegacyAxes, " input_dim for each of the ",
+                       net.input_size(), " inputs, found ", net.input_dim_size());
   for (int i = 0; i < net.input_dim_size(); ++i) {
     if (i % kLegacyAxes == 0) shapes.emplace_back();
     shapes.back().add_dim(net.input_dim(i));

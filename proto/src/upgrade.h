@@ -1,18 +1,19 @@
 #pragma once
 
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "caffe_schema.pb.h"
+#include "revisit/base/error.h"
 
 namespace revisit::proto {
 
 /// A net that cannot be upgraded, because of entry `index` of NetParameter's `field` as the file
 /// has it. Becomes an InputError once the line is known.
-struct UpgradeError : std::runtime_error {
-  UpgradeError(std::string field_name, int field_index, const std::string& reason)
-      : std::runtime_error(reason), field(std::move(field_name)), index(field_index) {}
+struct UpgradeError : Error {
+  template <class... Parts>
+  UpgradeError(std::string field_name, int field_index, const Parts&... reason)
+      : Error(reason...), field(std::move(field_name)), index(field_index) {}
   std::string field;
   int index;
 };

@@ -6,7 +6,6 @@
 #include <map>
 #include <sstream>
 
-#include "revisit/base/error.h"
 #include "upgrade.h"
 #include "upgrade_v1.h"
 
@@ -18,8 +17,7 @@ using V1 = caffe::V1LayerParameter;
 using google::protobuf::FieldDescriptor;
 
 /// A layer type, and the V0 fields that V1 keeps in the type's own message (`convolution_param` of
-/// CONVOLUTION): a name, or "V0's=V1's". Training data and losses are never run, but `net upgrade`
-/// writes them back.
+/// CONVOLUTION): a name, or "V0's=V1's". `net upgrade` writes back training data and losses, too.
 struct LayerKind {
   const char* v0;
   V1::LayerType v1;
@@ -64,8 +62,7 @@ const LayerKind& kind_of(const std::string& v0, int index) {
   if (kind != kV0Types.end()) return *kind;
   std::vector<std::string> names = {kPadding};
   for (const LayerKind& k : kV0Types) names.emplace_back(k.v0);
-  throw UpgradeError("layers", index,
-                     str("unknown V0 layer type '", v0, "'", did_you_mean(v0, names)));
+  throw UpgradeError("layers", index, "unknown V0 layer type '", v0, "'", did_you_mean(v0, names));
 }
 
 /// What V1 calls a V0 field, or "" when it is none of `fields`.
@@ -93,12 +90,6 @@ bool carry_over(const V0& v0, const FieldDescriptor& field, const LayerKind& kin
   return !name.empty() && merge_field(v0, field, message, name, v1);
 }
 
-void warn_ignored(const std::string& layer, const std::string& field, const std::string& type,
-                  std::vector<std::string>& warnings) {
-  warnings.push_back(str("layer '", layer, "': ", field, " has no meaning for V0 type '", type,
-                         "' and is ignored"));
-}
-
 V1 upgrade_layer(const V1& shell, int index, std::vector<std::string>& warnings) {
   const V0& v0 = shell.layer();
   V1 v1;
@@ -120,19 +111,18 @@ V1 upgrade_layer(const V1& shell, int index, std::vector<std::string>& warnings)
     const int number = field->number();
     if (number == V0::kNameFieldNumber || number == V0::kTypeFieldNumber ||
         number == V0::kBlobsFieldNumber || number == V0::kBlobsLrFieldNumber ||
-        number == V0::kWeightDecayFieldNumber || carry_over(v0, *field, kind, v1)) {
+        number == V0::kWeightDecayFieldNumber || carry_over(v0, *field, kind, v1))
       continue;
-    }
-    warn_ignored(v0.name(), field->name(), v0.type(), warnings);
+    warnings.push_back(str("layer '", v0.name(), "': ", field->name(),
+                           " has no meaning for V0 type '", v0.type(), "' and is ignored"));
   }
   fields.clear();
   V1::GetReflection()->ListFields(shell, &fields);
   for (const FieldDescriptor* field : fields) {
     const int number = field->number();
     if (number == V1::kLayerFieldNumber || number == V1::kBottomFieldNumber ||
-        number == V1::kTopFieldNumber) {
+        number == V1::kTopFieldNumber)
       continue;
-    }
     warnings.push_back(str("layer '", v0.name(), "': V1 field ", field->name(),
                            " beside a V0 layer is ignored, as in Caffe"));
   }
@@ -143,8 +133,7 @@ V1 upgrade_layer(const V1& shell, int index, std::vector<std::string>& warnings)
 using Producers = std::map<std::string, int>;
 constexpr int kInput = -1;
 
-/// When bottom `j` of layer `index` comes from a padding layer: gives `layer` its pad and its
-/// bottom.
+/// When bottom `j` of layer `index` comes from a padding layer, gives `layer` its pad and bottom.
 void fold_padding(const caffe::NetParameter& net, const Producers& producers, int index, int j,
                   V1& layer, std::vector<std::string>& warnings) {
   const std::string& blob = net.layers(index).bottom(j);
@@ -152,9 +141,9 @@ void fold_padding(const caffe::NetParameter& net, const Producers& producers, in
   if (producer == producers.end()) {
     std::vector<std::string> known;
     for (const auto& [name, unused] : producers) known.push_back(name);
-    throw UpgradeError("layers", index,
-                       str("layer '", layer.layer().name(), "': no layer before it makes bottom '",
-                           blob, "'", did_you_mean(blob, known)));
+    throw UpgradeError("layers", index, "layer '", layer.layer().name(),
+                       "': no layer before it makes bottom '", blob, "'",
+                       did_you_mean(blob, known));
   }
   if (producer->second == kInput) return;
   const V1& source = net.layers(producer->second);
@@ -162,21 +151,18 @@ void fold_padding(const caffe::NetParameter& net, const Producers& producers, in
 
   V0& v0 = *layer.mutable_layer();
   const auto reject = [&](const char* reason) {
-    throw UpgradeError("layers", index,
-                       str("layer '", v0.name(), "' (", v0.type(), ") after padding layer '",
-                           source.layer().name(), "': ", reason));
+    throw UpgradeError("layers", index, "layer '", v0.name(), "' (", v0.type(),
+                       ") after padding layer '", source.layer().name(), "': ", reason);
   };
   if (v0.type() != "conv" && v0.type() != "pool")
     reject("only conv and pool can follow a padding layer");
   if (layer.bottom_size() != 1) reject("expected one bottom");
-  if (source.bottom_size() != 1 || source.top_size() != 1) {
+  if (source.bottom_size() != 1 || source.top_size() != 1)
     reject("a padding layer needs one bottom and one top");
-  }
-  if (v0.pad() != 0) {
+  if (v0.pad() != 0)
     warnings.push_back(str("layer '", v0.name(), "': its own pad ", v0.pad(), " gives way to pad ",
                            source.layer().pad(), " of padding layer '", source.layer().name(),
                            "', as in Caffe"));
-  }
   v0.set_pad(source.layer().pad());
   layer.set_bottom(j, source.bottom(0));
 }

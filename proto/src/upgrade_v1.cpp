@@ -48,8 +48,7 @@ caffe::ParamSpec& param_spec(caffe::LayerParameter& layer, int i) {
   return *layer.mutable_param(i);
 }
 
-/// Sub-messages (include, exclude, blobs, every *_param) are the same in V1 and V2, but for the
-/// numbers of their fields.
+/// Sub-messages (include, blobs, every *_param) are the same in V1 and V2 but for field numbers.
 void copy_messages(const V1& v1, caffe::LayerParameter& v2) {
   const auto* from = V1::GetReflection();
   const auto* to = caffe::LayerParameter::GetReflection();
@@ -62,9 +61,8 @@ void copy_messages(const V1& v1, caffe::LayerParameter& v2) {
       to->MutableMessage(&v2, twin)->CopyFrom(from->GetMessage(v1, field));
       continue;
     }
-    for (int i = 0; i < from->FieldSize(v1, field); ++i) {
+    for (int i = 0; i < from->FieldSize(v1, field); ++i)
       to->AddMessage(&v2, twin)->CopyFrom(from->GetRepeatedMessage(v1, field, i));
-    }
   }
 }
 

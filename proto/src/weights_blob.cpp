@@ -4,7 +4,6 @@
 #include <array>
 #include <bit>
 #include <optional>
-#include <string>
 #include <type_traits>
 
 #include "revisit/base/joined.h"
@@ -39,10 +38,9 @@ struct Half {
 template <class Number>
 void append(FileCursor& cursor, const WireField& field, std::vector<float>& out) {
   const uint64_t bytes = field.end - field.begin;
-  if (bytes % sizeof(Number) != 0) {
-    throw FormatError(field.begin, str("a run of ", bytes, " bytes holds no whole number of ",
-                                       sizeof(Number), "-byte values"));
-  }
+  if (bytes % sizeof(Number) != 0)
+    throw FormatError(field.begin, "a run of ", bytes, " bytes holds no whole number of ",
+                      sizeof(Number), "-byte values");
   cursor.seek(field.begin);
   const size_t count = bytes / sizeof(Number);
   const size_t before = out.size();
@@ -63,22 +61,16 @@ void append(FileCursor& cursor, const WireField& field, std::vector<float>& out)
 /// Appends the bytes of raw_data, whose type says what they are.
 void append_raw(FileCursor& cursor, const WireField& field, uint64_t type,
                 std::vector<float>& out) {
-  switch (type) {
-    case 0:
-      return append<double>(cursor, field, out);
-    case 1:
-      return append<float>(cursor, field, out);
-    case 2:
-      return append<Half>(cursor, field, out);
-    default:
-      throw FormatError(field.begin, str("raw_data of raw_data_type ", type,
-                                         "; expected 0 (double), 1 (float) or 2 (float16)"));
-  }
+  if (type == 0) return append<double>(cursor, field, out);
+  if (type == 1) return append<float>(cursor, field, out);
+  if (type == 2) return append<Half>(cursor, field, out);
+  throw FormatError(field.begin, "raw_data of raw_data_type ", type,
+                    "; expected 0 (double), 1 (float) or 2 (float16)");
 }
 
 void append_dim(uint64_t value, uint64_t offset, std::vector<int64_t>& shape) {
   if (shape.size() == kMostAxes)
-    throw FormatError(offset, str("a shape of more than ", kMostAxes, " axes"));
+    throw FormatError(offset, "a shape of more than ", kMostAxes, " axes");
   shape.push_back(static_cast<int64_t>(value));
 }
 
@@ -98,11 +90,10 @@ void append_shape(FileCursor& cursor, const WireField& message, std::vector<int6
 int64_t count_elements(const std::vector<int64_t>& shape, uint64_t offset) {
   int64_t count = 1;
   for (const int64_t dim : shape) {
-    if (dim < 0) throw FormatError(offset, str("negative dimension in shape ", shape_text(shape)));
-    if (count != 0 && dim > kMostElements / count) {
-      throw FormatError(
-          offset, str("shape ", shape_text(shape), " has more than ", kMostElements, " elements"));
-    }
+    if (dim < 0) throw FormatError(offset, "negative dimension in shape ", shape_text(shape));
+    if (count != 0 && dim > kMostElements / count)
+      throw FormatError(offset, "shape ", shape_text(shape), " has more than ", kMostElements,
+                        " elements");
     count *= dim;
   }
   return count;
@@ -139,11 +130,10 @@ Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end) {
   if (raw && blob.data.empty()) append_raw(cursor, *raw, raw_type, blob.data);
 
   const int64_t wanted = count_elements(blob.shape, begin);
-  if (static_cast<uint64_t>(wanted) != blob.data.size()) {
-    throw FormatError(
-        begin, str("shape ", shape_text(blob.shape), blob.shape.empty() ? " (none given)" : "",
-                   " wants ", wanted, " values, found ", blob.data.size()));
-  }
+  if (static_cast<uint64_t>(wanted) != blob.data.size())
+    throw FormatError(begin, "shape ", shape_text(blob.shape),
+                      blob.shape.empty() ? " (none given)" : "", " wants ", wanted,
+                      " values, found ", blob.data.size());
   return blob;
 }
 

@@ -7,8 +7,7 @@ namespace revisit::proto {
 
 /// Decodes the BlobProto at [begin, end) of a file, in any legal encoding: packed, unpacked or
 /// chunked numbers, float or double, legacy or current shape, fields in any order; where there are
-/// none, the bytes of raw_data. Gradients (`diff`) are not read. Throws FormatError, also for more
-/// than kMostElements values.
+/// none, the bytes of raw_data. Skips gradients. Throws FormatError, also beyond kMostElements.
 Blob read_blob(FileCursor& cursor, uint64_t begin, uint64_t end);
 
 }  // namespace revisit::proto

@@ -4,7 +4,6 @@
 #include <limits>
 #include <string_view>
 
-#include "revisit/base/file_cursor.h"
 #include "weights_blob.h"
 #include "weights_hdf5.h"
 #include "wire_reader.h"
@@ -49,9 +48,9 @@ void check_size(const FileCursor& cursor, const Limits& limits) {
 
 void check_binary_size(const FileCursor& cursor, const char* what) {
   if (static_cast<int64_t>(cursor.size()) <= kLargestBinary) return;
-  throw InputError(str(cursor.file().string(), ": is ", cursor.size(), " bytes; ", what,
-                       " has at most ", kLargestBinary,
-                       ", protobuf's limit (larger weights are kept in HDF5)"));
+  throw InputError(cursor.file().string(), ": is ", cursor.size(), " bytes; ", what,
+                   " has at most ", kLargestBinary,
+                   ", protobuf's limit (larger weights are kept in HDF5)");
 }
 
 /// The first bytes of the file, enough to tell what it is.
@@ -93,7 +92,7 @@ class Caffemodel final : public WeightsFile {
  private:
   void index() {
     const std::string path = cursor_.file().string();
-    if (cursor_.size() == 0) throw InputError(str(path, ": is empty, expected a caffemodel"));
+    if (cursor_.size() == 0) throw InputError(path, ": is empty, expected a caffemodel");
     check_binary_size(cursor_, "a caffemodel");
     const std::string head = read_head(cursor_);
     const std::string not_binary =
@@ -108,10 +107,9 @@ class Caffemodel final : public WeightsFile {
           layers_.empty() ? "" : str("after layer '", layers_.back().name, "': ");
       throw malformed(cursor_, error, layer + "not a caffemodel, or a damaged one: ");
     }
-    if (layers_.empty()) {
+    if (layers_.empty())
       throw InputError(is_text(head) ? not_binary
                                      : str(path, ": holds no layers, expected a caffemodel"));
-    }
   }
 
   void index_net() {
@@ -122,13 +120,11 @@ class Caffemodel final : public WeightsFile {
       const bool v2 = field.is(kV2Layer, WireType::kLength);
       if (!v1 && !v2) continue;
       (v1 ? v1_at : v2_at) = field.begin;
-      if (v1_at != 0 && v2_at != 0) {
+      if (v1_at != 0 && v2_at != 0)
         throw FormatError(field.begin, "has both V1 `layers` and V2 `layer`; Caffe reads neither");
-      }
-      if (static_cast<int64_t>(layers_.size()) == limits_.layers) {
+      if (static_cast<int64_t>(layers_.size()) == limits_.layers)
         throw FormatError(field.begin, "more than ", limits_.layers, " layers (",
                           CppName{"Limits::layers"}, " raises the limit)");
-      }
       Layer layer;
       std::vector<Range> blobs;
       const bool is_v0 = v1 && index_v0(field, layer, blobs);
@@ -157,20 +153,18 @@ class Caffemodel final : public WeightsFile {
     for (WireField field; reader.next(field);) {
       if (field.is(numbers.name, WireType::kLength)) layer.name = read_string(field);
       if (!field.is(numbers.blobs, WireType::kLength)) continue;
-      if (++n_blobs_ > limits_.layers * kBlobsPerLayer) {
+      if (++n_blobs_ > limits_.layers * kBlobsPerLayer)
         throw FormatError(field.begin, "more than ", limits_.layers * kBlobsPerLayer, " blobs (",
                           CppName{"Limits::layers"}, " raises the limit, ", kBlobsPerLayer,
                           " for each layer)");
-      }
       blobs.push_back({field.begin, field.end});
     }
   }
 
   std::string read_string(const WireField& field) {
     const uint64_t length = field.end - field.begin;
-    if (length > kLongestLayerName) {
-      throw FormatError(field.begin, str("a layer name of ", length, " bytes"));
-    }
+    if (length > kLongestLayerName)
+      throw FormatError(field.begin, "a layer name of ", length, " bytes");
     std::string text(length, '\0');
     cursor_.seek(field.begin);
     cursor_.read(text.data(), length);

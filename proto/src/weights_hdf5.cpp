@@ -69,7 +69,7 @@ class Hdf5Weights final : public WeightsFile {
     } catch (const FormatError& error) {
       fail("byte ", error.offset, ": ", place, "a damaged HDF5 file: ", error);
     } catch (const Hdf5Unsupported& error) {
-      throw UnsupportedError(str(cursor_.file().string(), ": ", place, error.what()));
+      throw UnsupportedError(cursor_.file().string(), ": ", place, error.what());
     }
   }
 
@@ -134,21 +134,20 @@ class Hdf5Weights final : public WeightsFile {
     if (!array.unsupported.empty()) throw Hdf5Unsupported(array.unsupported);
     const NumberReader number = number_reader(array.number);
     if (!number) throw Hdf5Unsupported("holds no floats, doubles or integers");
-    const auto blame = [&](const std::string& reason) {
-      fail(place, "shape ", shape_text(array.shape), " ", reason);
+    const auto blame = [&](const auto&... reason) {
+      fail(place, "shape ", shape_text(array.shape), " ", reason...);
     };
     uint64_t elements = 1;
     for (const int64_t dim : array.shape) {
       if (dim < 0 || (dim > 0 && elements > static_cast<uint64_t>(kMostElements / dim)))
-        blame(str("has more than ", kMostElements, " elements"));
+        blame("has more than ", kMostElements, " elements");
       elements *= static_cast<uint64_t>(dim);
     }
     const uint64_t bytes = elements * array.number.bytes;
     if (bytes > 0 && !array.is_written) blame("has no values: they were never written");
-    if (bytes > 0 && bytes != array.stored)
-      blame(str("needs ", bytes, " bytes, found ", array.stored));
+    if (bytes > 0 && bytes != array.stored) blame("needs ", bytes, " bytes, found ", array.stored);
     if (bytes > cursor_.size() || array.begin > cursor_.size() - bytes)
-      blame(str("needs ", bytes, " bytes at ", array.begin, ", beyond the end of the file"));
+      blame("needs ", bytes, " bytes at ", array.begin, ", beyond the end of the file");
 
     blob.shape = array.shape;
     blob.data.resize(elements);

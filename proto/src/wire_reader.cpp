@@ -12,12 +12,12 @@ uint64_t read_varint(FileCursor& cursor, uint64_t end, const char* what) {
   const uint64_t begin = cursor.position();
   uint64_t value = 0;
   for (int shift = 0; shift < 70; shift += 7) {
-    if (cursor.position() >= end) throw FormatError(begin, str(what, " is cut off"));
+    if (cursor.position() >= end) throw FormatError(begin, what, " is cut off");
     const uint8_t byte = cursor.read_byte();
     value |= static_cast<uint64_t>(byte & 0x7f) << shift;
     if (byte < 0x80) return value;
   }
-  throw FormatError(begin, str(what, " is longer than 10 bytes"));
+  throw FormatError(begin, what, " is longer than 10 bytes");
 }
 
 bool WireReader::next(WireField& field) {
@@ -39,9 +39,8 @@ void WireReader::read_tag(WireField& field, bool& closes_group) {
   const uint64_t at = cursor_.position();
   const uint64_t tag = read_varint(cursor_, end_, "a field tag");
   const uint64_t type = tag & 7;
-  if (tag > std::numeric_limits<uint32_t>::max() || tag >> 3 == 0 || type > 5) {
-    throw FormatError(at, str("illegal field tag ", tag));
-  }
+  if (tag > std::numeric_limits<uint32_t>::max() || tag >> 3 == 0 || type > 5)
+    throw FormatError(at, "illegal field tag ", tag);
   closes_group = type == 4;
   field.number = static_cast<uint32_t>(tag >> 3);
   field.type = closes_group ? WireType::kGroup : static_cast<WireType>(type);
@@ -71,10 +70,9 @@ void WireReader::read_extent(WireField& field) {
       break;
   }
   field.begin = cursor_.position();
-  if (length > end_ - field.begin) {
-    throw FormatError(at, str("field ", field.number, " needs ", length, " bytes, only ",
-                              end_ - field.begin, " are left (is the file truncated?)"));
-  }
+  if (length > end_ - field.begin)
+    throw FormatError(at, "field ", field.number, " needs ", length, " bytes, only ",
+                      end_ - field.begin, " are left (is the file truncated?)");
   field.end = field.begin + length;
   cursor_.seek(field.end);
 }
@@ -87,9 +85,8 @@ void WireReader::skip_group(const WireField& group) {
     bool closes_group = false;
     read_tag(field, closes_group);
     if (closes_group) {
-      if (field.number != open.back()) {
-        throw FormatError(at, str("group ", open.back(), " is closed as ", field.number));
-      }
+      if (field.number != open.back())
+        throw FormatError(at, "group ", open.back(), " is closed as ", field.number);
       open.pop_back();
       continue;
     }

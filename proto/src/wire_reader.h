@@ -1,8 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <stdexcept>
-#include <string>
 
 #include "revisit/base/file_cursor.h"
 

@@ -18,7 +18,7 @@ using namespace pipeline;
 Missed parse_missed(const std::string& text) {
   if (text == "not-found") return Missed::kNotFound;
   if (text == "rejected") return Missed::kRejected;
-  throw UsageError(str("missed: expected 'not-found' or 'rejected', found '", text, "'"));
+  throw UsageError("missed: expected 'not-found' or 'rejected', found '", text, "'");
 }
 
 using Columns = nb::typed<nb::dict, nb::str, nb::ndarray<nb::numpy>>;

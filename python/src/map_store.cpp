@@ -26,7 +26,7 @@ using namespace pipeline;
 NumberFormat parse_numbers(const std::string& text) {
   if (text == "float32") return NumberFormat::kFloat32;
   if (text == "float16") return NumberFormat::kFloat16;
-  throw UsageError(str("numbers: expected 'float32' or 'float16', found '", text, "'"));
+  throw UsageError("numbers: expected 'float32' or 'float16', found '", text, "'");
 }
 
 std::vector<StoredPlace> places_of(OpenMap& map, int64_t after) {

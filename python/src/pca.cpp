@@ -32,7 +32,7 @@ struct Files {
 
 int64_t bytes_of(double gigabytes) {
   if (!std::isfinite(gigabytes) || gigabytes <= 0)
-    throw UsageError(str("memory_gb: expected a number above 0, found ", gigabytes));
+    throw UsageError("memory_gb: expected a number above 0, found ", gigabytes);
   return static_cast<int64_t>(std::min(gigabytes * 0x1p30, 0x1p62));
 }
 

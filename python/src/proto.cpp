@@ -104,8 +104,7 @@ void set_weights(NetFile& file,
       found = true;
     }
     if (!found)
-      throw UsageError(
-          str("set_weights: there is no layer '", name, "'", did_you_mean(name, names)));
+      throw UsageError("set_weights: there is no layer '", name, "'", did_you_mean(name, names));
   }
 }
 

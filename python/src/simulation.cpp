@@ -24,8 +24,7 @@ Kind parse(const char* what, const std::string& text, const std::array<Kind, n>&
            const char* (*name)(Kind)) {
   for (const Kind kind : all)
     if (text == name(kind)) return kind;
-  throw UsageError(
-      str(what, ": expected one of ", joined(all, ", ", name), ", found '", text, "'"));
+  throw UsageError(what, ": expected one of ", joined(all, ", ", name), ", found '", text, "'");
 }
 
 constexpr std::array kSensors = {LidarModel::kHdl64, LidarModel::kVlp16, LidarModel::kOs1};

@@ -16,10 +16,6 @@ class Layer:
     inputs: list = field(default_factory=list)
     outputs: list = field(default_factory=list)
 
-    @property
-    def in_place(self):
-        return any(a == b for a, b in zip(self.message.bottom, self.message.top))
-
     def ports(self):
         """The names of its outputs, as the engine gives them: 'layer', then 'layer.1'."""
         return [self.name if i == 0 else f'{self.name}.{i}' for i in range(len(self.outputs))]
@@ -95,7 +91,7 @@ def truncate(graph, end, graft):
 def _after_relu(graph, value):
     readers = graph.readers(value)
     relus = [layer for layer in readers if layer.type == 'ReLU']
-    in_place = [layer for layer in relus if layer.in_place]
+    in_place = [layer for layer in relus if layer.message.bottom[:1] == layer.message.top[:1]]
     if in_place:
         return in_place[-1].outputs[0]
     return relus[0].outputs[0] if relus and len(readers) == 1 else value

@@ -28,13 +28,13 @@ class NetWriter:
     def convolution(self, name, bottom, weights, bias=None, stride=1, pad=0, dilation=1):
         """Weights [outputs][inputs / groups][h][w]; the group is found from the number of channels of `bottom`."""
         outputs, per_group, h, w = weights.shape
-        stride, pad = _pair(stride), _pair(pad)
         channels = self.channels(bottom)
         if channels % per_group:
             raise InputError(f"layer '{name}': weights for {per_group} channels do not fit an input of {channels}")
         p = dict(num_output=outputs, bias_term=bias is not None, group=channels // per_group)
         p.update(dict(kernel_size=[h]) if h == w else dict(kernel_h=h, kernel_w=w))
-        for field, values in (('stride', stride), ('pad', pad)):
+        for field, value in (('stride', stride), ('pad', pad)):
+            values = (value, value) if isinstance(value, int) else tuple(value)
             if values[0] == values[1]:
                 p[field] = [values[0]]
             else:
@@ -63,7 +63,3 @@ class NetWriter:
 
     def types(self):
         return {layer.name: layer.type for layer in self.net.layer}
-
-
-def _pair(value):
-    return (value, value) if isinstance(value, int) else tuple(value)

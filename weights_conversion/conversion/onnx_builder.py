@@ -74,14 +74,11 @@ class Builder:
         """x with constant rows and columns around its last two axes: `before` and `after` are (rows, columns)."""
         return self.node('Pad', x, self.integers(0, 0, *before, 0, 0, *after), self.constant(value), mode='constant')
 
-    def cast(self, x, kind):
-        return self.node('Cast', x, to=kind)
-
     def to_float(self, x):
-        return self.cast(x, TensorProto.FLOAT)
+        return self.node('Cast', x, to=TensorProto.FLOAT)
 
     def to_integers(self, x):
-        return self.cast(x, TensorProto.INT64)
+        return self.node('Cast', x, to=TensorProto.INT64)
 
     def affine(self, x, scale=1.0, shift=0.0):
         """x * scale + shift, without what changes nothing."""

@@ -11,7 +11,7 @@ def read(path):
     """{key: array} of a .safetensors, .npz or PyTorch file (.pth, .pt; needs torch)."""
     path = existing(path)
     ending = path.suffix.lower()
-    readers = {'.safetensors': _safetensors, '.npz': _npz}
+    readers = {'.safetensors': _safetensors, '.npz': lambda file: dict(read_npz(file))}
     state = readers.get(ending, _torch)(path)
     if not state:
         raise InputError(f'{path}: holds no arrays')
@@ -25,10 +25,6 @@ def _safetensors(path):
         return load_file(str(path))
     except (SafetensorError, OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(f'{path}: not a readable safetensors file: {error}') from None
-
-
-def _npz(path):
-    return dict(read_npz(path))
 
 
 def _torch(path):

@@ -95,14 +95,10 @@ def _read_npz(path):
         arrays = weights.setdefault(name, [])
         if not name or index != str(len(arrays)):
             raise InputError(f"{path}: the entry '{key}' is not LAYER/INDEX with indices 0, 1, ... in order")
-        arrays.append(_numbers(path, key, array))
+        if array.dtype.kind not in 'fiu':
+            raise InputError(f"{path}: '{key}' holds {array.dtype}, expected numbers")
+        arrays.append(array.astype(np.float32))
     return weights
-
-
-def _numbers(path, key, array):
-    if array.dtype.kind not in 'fiu':
-        raise InputError(f"{path}: '{key}' holds {array.dtype}, expected numbers")
-    return array.astype(np.float32)
 
 
 def to_float16(weights):

@@ -18,17 +18,15 @@ std::string lower(std::string text) {
 }
 
 // None of these addresses could be reached when the table was written. A checksum is given only
-// where a public source states it.
+// where a public source states it. Without `file`, the address ends with it.
 std::vector<KnownModel> table() {
-  // The feature layers of the paper's section on networks and layers, which also says which of
-  // each network is the best.
+  // Feature layers of the paper's section on networks and layers, the best of each network first.
   const std::vector<Cut> kAlexNetCuts = {{"conv3", "pool5"}, {"conv4", "pool5"}, {"pool5", ""}};
   const std::vector<Cut> kVggCuts = {{"conv4", "pool5"}, {"conv3", "pool5"}, {"pool5", ""}};
   const std::vector<Cut> kPlacesCuts = {{"pool5", ""}, {"pool4", "pool5"}, {"pool3", "pool5"}};
   return {
       {.name = "bvlc_alexnet",
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_alexnet.caffemodel",
-       .file = "bvlc_alexnet.caffemodel",
        .sha1 = "9116a64c0fbe4459d18f4bb6b56d647b63920377",
        .sha1_source = "models/bvlc_alexnet/readme.md of github.com/BVLC/caffe",
        .licence = "unrestricted",
@@ -40,7 +38,6 @@ std::vector<KnownModel> table() {
       {.name = "vgg_cnn_s",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
                   "VGG_CNN_S.caffemodel",
-       .file = "VGG_CNN_S.caffemodel",
        .sha1 = "862b3744bce69b7ba90d29b8099aed3b00c8580b",
        .sha1_source = "one third-party source only",
        .sha1_is_doubtful = true,
@@ -76,7 +73,6 @@ std::vector<KnownModel> table() {
                 "other names"},
       {.name = "bvlc_reference_caffenet",
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_reference_caffenet.caffemodel",
-       .file = "bvlc_reference_caffenet.caffemodel",
        .sha1 = "4c8d77deb20ea792f84eb5e6d0a11ca0a8660a46",
        .sha1_source = "models/bvlc_reference_caffenet/readme.md of github.com/BVLC/caffe",
        .licence = "unrestricted",
@@ -91,7 +87,6 @@ std::vector<KnownModel> table() {
        .address = "https://raw.githubusercontent.com/DeepScale/SqueezeNet/"
                   "b5c3f1a23713c8b3fd7b801d229f6b04c64374a5/SqueezeNet_v1.1/"
                   "squeezenet_v1.1.caffemodel",
-       .file = "squeezenet_v1.1.caffemodel",
        .sha1 = "3397f026368a45ae236403ccc81cfcbe8ebe1bd0",
        .sha1_source = "opencv_extra/testdata/dnn/download_models.py",
        .licence = "BSD",
@@ -102,7 +97,6 @@ std::vector<KnownModel> table() {
            "https://github.com/DeepScale/SqueezeNet, SqueezeNet_v1.1/deploy.prototxt"},
       {.name = "places205_alexnet",
        .address = "http://places.csail.mit.edu/model/placesCNN_upgraded.tar.gz",
-       .file = "placesCNN_upgraded.tar.gz",
        .licence = "not stated; see places.csail.mit.edu",
        .input_size = 227,
        .cuts = kAlexNetCuts,
@@ -110,7 +104,6 @@ std::vector<KnownModel> table() {
        .notes = "archive with prototxt, weights and mean image"},
       {.name = "hybrid_alexnet",
        .address = "http://places.csail.mit.edu/model/hybridCNN_upgraded.tar.gz",
-       .file = "hybridCNN_upgraded.tar.gz",
        .licence = "not stated; see places.csail.mit.edu",
        .input_size = 227,
        .cuts = kAlexNetCuts,
@@ -119,7 +112,6 @@ std::vector<KnownModel> table() {
       {.name = "vgg_cnn_m_2048",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
                   "VGG_CNN_M_2048.caffemodel",
-       .file = "VGG_CNN_M_2048.caffemodel",
        .licence = "non-commercial",
        .mean_bgr = kVggMeanBgr,
        .input_size = 224,
@@ -129,7 +121,6 @@ std::vector<KnownModel> table() {
       {.name = "vgg_cnn_f",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/deep_eval/releases/bvlc/"
                   "VGG_CNN_F.caffemodel",
-       .file = "VGG_CNN_F.caffemodel",
        .licence = "non-commercial",
        .mean_bgr = kVggMeanBgr,
        .input_size = 224,
@@ -139,7 +130,6 @@ std::vector<KnownModel> table() {
       {.name = "vgg16",
        .address = "http://www.robots.ox.ac.uk/~vgg/software/very_deep/caffe/"
                   "VGG_ILSVRC_16_layers.caffemodel",
-       .file = "VGG_ILSVRC_16_layers.caffemodel",
        .licence = "CC BY (to be confirmed)",
        .mean_bgr = std::array<double, 3>{103.939, 116.779, 123.68},
        .input_size = 224,
@@ -147,7 +137,6 @@ std::vector<KnownModel> table() {
        .prototxt_address = "https://gist.github.com/ksimonyan/211839e770f7b538e2d8"},
       {.name = "bvlc_googlenet",
        .address = "http://dl.caffe.berkeleyvision.org/bvlc_googlenet.caffemodel",
-       .file = "bvlc_googlenet.caffemodel",
        .sha1 = "405fc5acd08a3bb12de8ee5e23a96bec22f08204",
        .sha1_source = "models/bvlc_googlenet/readme.md of github.com/BVLC/caffe",
        .licence = "unrestricted",
@@ -165,7 +154,12 @@ std::string to_string(const Cut& cut) {
 }
 
 const std::vector<KnownModel>& known_models() {
-  static const std::vector<KnownModel> models = table();
+  static const std::vector<KnownModel> models = [] {
+    std::vector<KnownModel> all = table();
+    for (KnownModel& model : all)
+      if (model.file.empty()) model.file = model.address.substr(model.address.rfind('/') + 1);
+    return all;
+  }();
   return models;
 }
 

@@ -1,11 +1,11 @@
 #include "revisit/weights_conversion/trunks.h"
 
-#include <functional>
 #include <initializer_list>
 #include <utility>
 
 #include "caffe_schema.pb.h"
 #include "revisit/base/error.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::models {
 namespace {
@@ -162,8 +162,7 @@ caffe::NetParameter places_cnds8() {
       .net();
 }
 
-/// For range images of 64 beams, continued by an eighth of a turn on both sides: the shape of
-/// SqueezeNet's first layers.
+/// SqueezeNet's first layers, for range images of 64 beams continued by an eighth on both sides.
 caffe::NetParameter ring64() {
   Chain chain("ring64", {1, 1, 64, 1280});
   return chain.conv("1", {.outputs = 96, .kernel = 7, .stride = 2}).max_pool("pool1", 3, 2).net();
@@ -199,10 +198,8 @@ const std::vector<std::string>& trunk_names() {
 caffe::NetParameter trunk(const std::string& name) {
   for (const Trunk& known : kTrunks)
     if (name == known.name) return known.build();
-  std::string list;
-  for (const std::string& known : trunk_names()) list += (list.empty() ? "" : ", ") + known;
-  throw UsageError(
-      str("unknown network '", name, "'", did_you_mean(name, trunk_names()), "; there are ", list));
+  throw UsageError("unknown network '", name, "'", did_you_mean(name, trunk_names()),
+                   "; there are ", joined(trunk_names(), ", "));
 }
 
 }  // namespace revisit::models

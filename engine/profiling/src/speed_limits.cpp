@@ -27,9 +27,9 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// Times of runs in which every thread does `work(run, part)`, a part each: at least `least` runs,
-/// and as many as the budget allows [s]. Runs of less than a millisecond find moments in which
-/// nothing else runs.
+/// Times of runs in which every thread does `work(run, part)`: at least `least` runs, and as many
+/// as the budget allows [s]. Runs of less than a millisecond find moments in which nothing else
+/// runs.
 template <class Work>
 std::vector<double> seconds_of_runs(int threads, int64_t least, const Work& work) {
   constexpr double kBudget = 0.02;
@@ -161,7 +161,7 @@ SpeedLimits measure_speed_limits(int threads) {
   constexpr int64_t kRounds = 1 << 16;
   constexpr int kMostThreads = 1024;
   if (threads < 1 || threads > kMostThreads)
-    throw UsageError(str("expected 1 to ", kMostThreads, " threads, found ", threads));
+    throw UsageError("expected 1 to ", kMostThreads, " threads, found ", threads);
   SpeedLimits limits;
   limits.threads = threads;
   limits.float32_gflops = gflops(threads, kRounds, multiply_float32);

@@ -5,8 +5,7 @@
 
 namespace revisit::engine {
 
-/// Normalisation of a channel: (x - mean) / deviation * factor + shift. Defaults leave every bit as
-/// it is.
+/// Normalisation of a channel: (x - mean) / deviation * factor + shift. Defaults change no bit.
 struct ChannelNorm {
   float mean = 0, deviation = 1, factor = 1, shift = -0.0F;
 };

@@ -4,8 +4,7 @@
 
 namespace revisit::engine {
 
-/// An array seen as [outer][channels][inner]: what belongs to a channel is constant along runs of
-/// `inner` elements.
+/// An array [outer][channels][inner]: runs of `inner` elements belong to one channel.
 struct ChannelRuns {
   int64_t outer = 1, channels = 1, inner = 1;
   int64_t elements() const { return outer * channels * inner; }

@@ -107,14 +107,6 @@ void run_reference(const ConvolutionNdProblem& p, const float* input, const floa
   }
 }
 
-int64_t no_scratch(const ConvolutionNdProblem&) {
-  return 0;
-}
-
-bool always(const ConvolutionNdProblem&) {
-  return true;
-}
-
 }  // namespace
 
 const ConvolutionNdKernel kConvolutionReference = {"reference", always, reference_scratch_floats,

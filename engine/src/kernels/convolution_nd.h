@@ -25,8 +25,7 @@ struct ConvolutionNdProblem {
   int64_t macs() const { return n * c_windows * windows() * depth(); }
 };
 
-/// The kernels take the inputs, weights, bias (of the outputs' channels, or null), outputs,
-/// scratch.
+/// The bias is of the outputs' channels, or null.
 struct ConvolutionNdKernel {
   const char* name;
   bool (*supports)(const ConvolutionNdProblem&);
@@ -35,6 +34,14 @@ struct ConvolutionNdKernel {
               const float* bias, float* output, float* scratch);
   bool uses_blas = false;  // OpenBLAS multiplies
 };
+
+// For kernels that support everything, or need no scratch.
+inline bool always(const ConvolutionNdProblem&) {
+  return true;
+}
+inline int64_t no_scratch(const ConvolutionNdProblem&) {
+  return 0;
+}
 
 /// Of convolutions, in order of preference; the last is the reference and supports everything.
 std::span<const ConvolutionNdKernel> convolution_kernels();

@@ -157,13 +157,8 @@ int64_t detect(const DetectionProblem& p, const float* locations, const float* c
     for (int64_t i = 0; i < found; ++i, ++rows) {
       const Detection& d = s.detections[i];
       const Box& box = s.boxes[(p.shared_locations ? 0 : d.label * p.priors) + d.box];
-      const float row[kRow] = {static_cast<float>(image),
-                               static_cast<float>(d.label),
-                               d.score,
-                               box.xmin,
-                               box.ymin,
-                               box.xmax,
-                               box.ymax};
+      const auto number = static_cast<float>(image), label = static_cast<float>(d.label);
+      const float row[kRow] = {number, label, d.score, box.xmin, box.ymin, box.xmax, box.ymax};
       std::copy_n(row, kRow, output + rows * kRow);
     }
   }

@@ -9,8 +9,7 @@ struct Box {
   float xmin, ymin, xmax, ymax;
 };
 
-/// How a network's four numbers `t` move a prior box (Liu et al. 2016), each weighted by its
-/// variance.
+/// How four numbers `t`, each times its variance, move a prior box (Liu et al. 2016).
 enum class BoxCode {
   kCorner,      // added to the corners
   kCenterSize,  // centre moved by t w, t h; size times exp(t)

@@ -7,8 +7,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Where the largest values are, and on demand the values: along one axis, or of all values of an
-/// image.
+/// Indices of the largest values, and on demand the values: along one axis, or of a whole image.
 class ArgMax : public OneToOneLayer {
  public:
   explicit ArgMax(const caffe::ArgMaxParameter& param) : param_(param) {
@@ -19,8 +18,8 @@ class ArgMax : public OneToOneLayer {
     if (input.rank() < 1) throw InputError("ArgMax needs an input of at least one axis");
     const int64_t top_k = param_.top_k(), candidates = lines(input).candidates;
     if (top_k > candidates)
-      throw InputError(str("top_k ", top_k, " is more than the ", candidates,
-                           " values to choose from in an input of shape ", input));
+      throw InputError("top_k ", top_k, " is more than the ", candidates,
+                       " values to choose from in an input of shape ", input);
     if (param_.has_axis()) return input.with(axis(input), top_k);
     // n x (indices, values) x k, and 1 for further axes.
     std::vector<int64_t> axes(std::max<size_t>(input.rank(), 3), 1);
@@ -31,8 +30,7 @@ class ArgMax : public OneToOneLayer {
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (!param_.has_axis() || axis(input) + 2 >= input.rank()) return std::nullopt;
-    return WindowHw{};
+    return param_.has_axis() ? window_across(axis(input), input) : std::nullopt;
   }
 
   Kernel bind(const Binding& binding) const override {

@@ -13,10 +13,10 @@ class Axpy : public Layer {
     expect_count(inputs.size(), 3, "inputs");
     expect_count(n_outputs, 1, "outputs");
     const Shape &a = inputs[0], &x = inputs[1], &y = inputs[2];
-    if (x != y) throw InputError(str("x and y must have the same shape, found ", x, " and ", y));
+    if (x != y) throw InputError("x and y must have the same shape, found ", x, " and ", y);
     if (x.rank() < 2 || a.rank() < 2 || a[0] != x[0] || a[1] != x[1] || a.elements() != x[0] * x[1])
-      throw InputError(str("expected a factor for each image and channel of x (", x,
-                           "), that is n x c or n x c x 1 x 1, found ", a));
+      throw InputError("expected a factor for each image and channel of x (", x,
+                       "), that is n x c or n x c x 1 x 1, found ", a);
     return {x};
   }
 

@@ -10,20 +10,17 @@
 namespace revisit::engine {
 namespace {
 
-/// Normalisation of every channel, with the statistics of training, or (rare) those of the batch at
-/// hand.
+/// Normalisation of every channel, by the statistics of training or (rare) of the batch at hand.
 class BatchNormalisation : public OneToOneLayer {
  public:
   Shape output_shape(const Shape& input) const override {
-    if (input.rank() < 2)
-      throw InputError(str(type_, " needs an input of at least 2 axes, found ", input));
+    expect_channels(input, type_);
     return input;
   }
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
-  // With stored statistics, too: in the weights of a convolution the means are subtracted all the
-  // same.
+  // With stored statistics, too: the weights of a convolution then subtract the means.
   Rounding rounding() const override { return Rounding::kAmplified; }
 
   std::optional<WindowHw> window(const Shape&) const override {
@@ -138,8 +135,7 @@ class Bn : public BatchNormalisation {
     if (of_segnet_ && of_pspnet)
       throw InputError(
           "bn_param has fields of SegNet's BN (scale_filler, shift_filler, bn_mode) and of "
-          "PSPNet's "
-          "(slope_filler, bias_filler, frozen, momentum, eps), which have other weights");
+          "PSPNet's (slope_filler, bias_filler, frozen, momentum, eps), which have other weights");
   }
 
   std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {

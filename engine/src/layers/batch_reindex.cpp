@@ -7,8 +7,8 @@
 namespace revisit::engine {
 namespace {
 
-/// Chooses images of the first input by the indices in the second. An index that is out of range
-/// ends the original; here its image becomes NaN, which cannot be taken for a result.
+/// Chooses images of the first input by the indices in the second. The original ends on an index
+/// out of range; here its image becomes NaN.
 class BatchReindex : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -16,7 +16,7 @@ class BatchReindex : public Layer {
     expect_count(n_outputs, 1, "outputs");
     if (inputs[0].rank() < 1) throw InputError("the first input must have at least one axis");
     if (inputs[1].rank() != 1)
-      throw InputError(str("the indices must have one axis, found ", inputs[1]));
+      throw InputError("the indices must have one axis, found ", inputs[1]);
     return {inputs[0].with(0, inputs[1][0])};
   }
 

@@ -15,8 +15,7 @@ ChannelRuns lay_over(const Shape& operand, const Shape& input, int64_t axis);
 
 /// x * scale + shift as ChannelAffine, where `runs` gives every channel of `input` (or all of them)
 /// one number; without `scale` or `shift` the other alone. Nothing for other runs, nor for numbers
-/// that are not finite: as factors of weights they would not give what they give as factors of
-/// sums.
+/// that are not finite: factors of weights would not give what factors of sums give.
 Form channel_affine(const ChannelRuns& runs, const Shape& input, const std::vector<float>* scale,
                     const std::vector<float>* shift);
 

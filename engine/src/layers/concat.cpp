@@ -18,16 +18,15 @@ class Concat : public Layer {
     int64_t total = 0;
     for (const Shape& input : inputs) {
       if (input.rank() != inputs[0].rank() || input.with(axis, 1) != inputs[0].with(axis, 1))
-        throw InputError(
-            str("inputs must agree in all axes but ", axis, ", found ", inputs[0], " and ", input));
+        throw InputError("inputs must agree in all axes but ", axis, ", found ", inputs[0], " and ",
+                         input);
       total += input[axis];
     }
     return {inputs[0].with(axis, total)};
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (concat_axis(input) + 2 >= input.rank()) return std::nullopt;  // along rows or columns
-    return WindowHw{};
+    return window_across(concat_axis(input), input);
   }
 
   Rounding rounding() const override { return Rounding::kNone; }

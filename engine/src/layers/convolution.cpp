@@ -79,10 +79,10 @@ class Convolution : public Layer {
     p.n = input.product(0, axis);
     p.group = per_channel ? inputs : param_.group();
     if (outputs % p.group != 0)
-      throw InputError(str("num_output ", outputs, " is not a multiple of group ", p.group));
+      throw InputError("num_output ", outputs, " is not a multiple of group ", p.group);
     if (inputs % p.group != 0)
-      throw InputError(str("the ", inputs, " channels of the input (", input,
-                           ") are not a multiple of group ", p.group));
+      throw InputError("the ", inputs, " channels of the input (", input,
+                       ") are not a multiple of group ", p.group);
     p.c_image = transposed_ ? outputs : inputs;
     p.c_windows = transposed_ ? inputs : outputs;
     p.axes = window_axes(param_, input.rank() - axis - 1);

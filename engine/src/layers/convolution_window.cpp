@@ -8,8 +8,8 @@ template <class Field>
 std::vector<int64_t> per_axis(const Field& field, size_t axes, int64_t absent, const char* name) {
   const auto given = static_cast<size_t>(field.size());
   if (given != 0 && given != 1 && given != axes)
-    throw InputError(str(name, " is given ", given, " times; expected once, or once for each of ",
-                         axes, " spatial axes"));
+    throw InputError(name, " is given ", given, " times; expected once, or once for each of ", axes,
+                     " spatial axes");
   std::vector<int64_t> values(axes, absent);
   for (size_t i = 0; i < axes && given > 0; ++i)
     values[i] = field.Get(static_cast<int>(given == 1 ? 0 : i));
@@ -22,16 +22,16 @@ std::vector<int64_t> per_axis_or_hw(const Field& field, bool has_h, bool has_w, 
                                     int64_t w, size_t axes, int64_t absent, const char* name) {
   if (!has_h && !has_w) return per_axis(field, axes, absent, name);
   if (axes != 2)
-    throw InputError(str(name, "_h and ", name, "_w need 2 spatial axes, the input has ", axes));
+    throw InputError(name, "_h and ", name, "_w need 2 spatial axes, the input has ", axes);
   if (field.size() > 0)
-    throw InputError(str("give ", name, " or ", name, "_h and ", name, "_w, not both"));
+    throw InputError("give ", name, " or ", name, "_h and ", name, "_w, not both");
   return {h, w};
 }
 
 /// Within Caffe's own range of int, which also keeps products of two from overflowing.
 void check(int64_t value, int64_t least, const char* what) {
-  if (value < least) throw InputError(str(what, " must be at least ", least));
-  if (value > INT32_MAX) throw InputError(str(what, " is too large: ", value));
+  if (value < least) throw InputError(what, " must be at least ", least);
+  if (value > INT32_MAX) throw InputError(what, " is too large: ", value);
 }
 
 int64_t extent(const WindowAxis& axis) {
@@ -44,16 +44,15 @@ void check_outputs_and_groups(const caffe::ConvolutionParameter& param) {
   if (param.num_output() < 1) throw InputError("num_output must be at least 1");
   if (param.group() < 1) throw InputError("group must be at least 1");
   if (param.num_output() % param.group() != 0)
-    throw InputError(
-        str("num_output ", param.num_output(), " is not a multiple of group ", param.group()));
+    throw InputError("num_output ", param.num_output(), " is not a multiple of group ",
+                     param.group());
 }
 
 void check_inputs_and_outputs(const std::vector<Shape>& inputs, size_t n_outputs) {
   if (inputs.empty()) throw InputError("expected at least one input");
   expect_count(n_outputs, inputs.size(), "outputs");
   for (const Shape& input : inputs)
-    if (input != inputs[0])
-      throw InputError(str("inputs differ in shape: ", inputs[0], " and ", input));
+    if (input != inputs[0]) throw InputError("inputs differ in shape: ", inputs[0], " and ", input);
 }
 
 Shape with_channels(const Shape& input, size_t channel_axis, int64_t channels,
@@ -100,17 +99,17 @@ WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes) 
 int64_t count_windows(const WindowAxis& axis) {
   const int64_t windows = (axis.image + 2 * axis.pad - extent(axis)) / axis.stride + 1;
   if (windows < 1)
-    throw InputError(str("a kernel that spans ", extent(axis), " does not fit into ", axis.image,
-                         " + 2 x ", axis.pad, " of the input: the output would be empty"));
+    throw InputError("a kernel that spans ", extent(axis), " does not fit into ", axis.image,
+                     " + 2 x ", axis.pad, " of the input: the output would be empty");
   return windows;
 }
 
 int64_t count_pixels(const WindowAxis& axis) {
   const int64_t pixels = axis.stride * (axis.windows - 1) + extent(axis) - 2 * axis.pad;
   if (pixels < 1)
-    throw InputError(str(axis.windows, " kernels that span ", extent(axis),
-                         " cover no more than the padding of 2 x ", axis.pad,
-                         ": the output would be empty"));
+    throw InputError(axis.windows, " kernels that span ", extent(axis),
+                     " cover no more than the padding of 2 x ", axis.pad,
+                     ": the output would be empty");
   return pixels;
 }
 

@@ -9,8 +9,7 @@ namespace revisit::engine {
 /// Throws InputError unless the outputs can be divided into the groups.
 void check_outputs_and_groups(const caffe::ConvolutionParameter& param);
 
-/// Both convolve any number of inputs of one shape, each into an output of its own. Throws
-/// InputError for others.
+/// Throws InputError unless all inputs have one shape and each has an output of its own.
 void check_inputs_and_outputs(const std::vector<Shape>& inputs, size_t n_outputs);
 
 /// The input's axes before the channels, then `channels` and `pixels`.
@@ -25,10 +24,9 @@ std::vector<Shape> filters_and_bias(const ConvolutionNdProblem& p,
 /// image and window sizes are left to the caller. Throws InputError for what Caffe refuses.
 WindowAxes window_axes(const caffe::ConvolutionParameter& param, size_t n_axes);
 
-/// How many windows fit along an axis of `axis.image` pixels: the output size of a convolution.
-/// Integer division truncates toward zero (docs/LAYERS.md point 3): a kernel larger than
-/// the padded image by less than the stride still gives one window. Throws InputError when none
-/// fits.
+/// Windows that fit along an axis of `axis.image` pixels: the output size of a convolution. Integer
+/// division truncates toward zero (docs/LAYERS.md point 3): a kernel larger than the padded image
+/// by less than the stride still gives one window. Throws InputError when none fits.
 int64_t count_windows(const WindowAxis& axis);
 
 /// How many pixels `axis.windows` windows cover, less the padding: the output size of a

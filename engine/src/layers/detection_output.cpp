@@ -39,7 +39,7 @@ class DetectionOutput : public Layer {
     const Shape &locations = inputs[0], &confidences = inputs[1], &priors = inputs[2];
     if (priors.rank() < 3 || priors[0] != 1 || priors[1] != 2 || priors[2] % 4 != 0 ||
         priors.product(3, priors.rank()) != 1)
-      throw InputError(str("expected prior boxes of shape 1 x 2 x (4 a box), found ", priors));
+      throw InputError("expected prior boxes of shape 1 x 2 x (4 a box), found ", priors);
     DetectionProblem p;
     p.priors = priors[2] / 4;
     p.classes = param_.num_classes();
@@ -47,13 +47,12 @@ class DetectionOutput : public Layer {
     p.images = locations.rank() > 0 ? locations[0] : 1;
     const int64_t numbers = p.priors * (p.shared_locations ? 1 : p.classes) * 4;
     if (locations.rank() < 2 || locations.product(1, locations.rank()) != numbers)
-      throw InputError(str("expected ", numbers, " locations an image for ", p.priors,
-                           " prior boxes, found ", locations));
+      throw InputError("expected ", numbers, " locations an image for ", p.priors,
+                       " prior boxes, found ", locations);
     if (confidences.rank() < 2 || confidences[0] != p.images ||
         confidences.product(1, confidences.rank()) != p.priors * p.classes)
-      throw InputError(str("expected ", p.images, " x ", p.priors * p.classes, " confidences for ",
-                           p.priors, " prior boxes and ", p.classes, " classes, found ",
-                           confidences));
+      throw InputError("expected ", p.images, " x ", p.priors * p.classes, " confidences for ",
+                       p.priors, " prior boxes and ", p.classes, " classes, found ", confidences);
     p.background = param_.background_label_id();
     p.code = code();
     p.variance_in_target = param_.variance_encoded_in_target();
@@ -67,14 +66,8 @@ class DetectionOutput : public Layer {
   }
 
   BoxCode code() const {
-    switch (param_.code_type()) {
-      case caffe::PriorBoxParameter::CORNER:
-        return BoxCode::kCorner;
-      case caffe::PriorBoxParameter::CENTER_SIZE:
-        return BoxCode::kCenterSize;
-      case caffe::PriorBoxParameter::CORNER_SIZE:
-        break;
-    }
+    if (param_.code_type() == caffe::PriorBoxParameter::CORNER) return BoxCode::kCorner;
+    if (param_.code_type() == caffe::PriorBoxParameter::CENTER_SIZE) return BoxCode::kCenterSize;
     return BoxCode::kCornerSize;
   }
 

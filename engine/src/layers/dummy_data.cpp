@@ -7,8 +7,8 @@ namespace {
 
 void one_or_each(int given, size_t n_outputs, const char* name) {
   if (given != 1 && static_cast<size_t>(given) != n_outputs)
-    throw InputError(str(name, " is given ", given, " times; expected once, or once for each of ",
-                         n_outputs, " outputs"));
+    throw InputError(name, " is given ", given, " times; expected once, or once for each of ",
+                     n_outputs, " outputs");
 }
 
 /// The entry for output `i` of a field that is given once, or once for each output.
@@ -24,8 +24,8 @@ class DummyData : public Layer {
   explicit DummyData(const caffe::DummyDataParameter& param) : param_(param) {
     for (const caffe::FillerParameter& filler : param.data_filler()) {
       if (filler.type() != "constant")
-        throw UnsupportedError(str("filler '", filler.type(),
-                                   "' is not supported (only 'constant' is the same every time)"));
+        throw UnsupportedError("filler '", filler.type(),
+                               "' is not supported (only 'constant' is the same every time)");
       if (filler.sparse() != -1) throw InputError("the filler 'constant' does not take sparse");
     }
   }

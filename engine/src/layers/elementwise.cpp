@@ -10,9 +10,8 @@
 namespace revisit::engine {
 namespace {
 
-/// One function of one number, applied to every element. The expressions below are Caffe's own
-/// where they decide about NaN and infinity, or round in double; of activations they are the
-/// reference, which kernels compute in SIMD.
+/// A function of each element. The expressions below are Caffe's own where they decide about NaN
+/// and infinity, or round in double; of activations they are the reference of SIMD kernels.
 template <class Function>
 class Elementwise : public OneToOneLayer {
  public:
@@ -114,16 +113,14 @@ class PowerOfOne : public OneToOneLayer {
 float log_of_base(float base) {
   if (base == -1) return 1;
   const float result = base > 0 ? std::log(base) : NAN;
-  if (!std::isfinite(result))
-    throw InputError(str("base must be positive (or -1 for e), found ", base));
+  if (!std::isfinite(result)) throw InputError("base must be positive (or -1 for e), found ", base);
   return result;
 }
 
 }  // namespace
 
 std::unique_ptr<Layer> make_abs_val(const caffe::LayerParameter&) {
-  // The one function that Caffe refuses in place.
-  constexpr bool kInPlace = false;
+  constexpr bool kInPlace = false;  // the one function that Caffe refuses in place
   return elementwise(
       "abs", [](float x) { return std::abs(x); }, kInPlace);
 }

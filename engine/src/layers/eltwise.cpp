@@ -40,22 +40,23 @@ void maximum(const Inputs& inputs, int64_t begin, int64_t count, float* result) 
 /// Product, weighted sum or maximum of inputs of one shape.
 class Eltwise : public Layer {
  public:
-  explicit Eltwise(const caffe::EltwiseParameter& param) : param_(param) {
-    if (param.operation() == caffe::EltwiseParameter::PROD && param.coeff_size() > 0)
+  using Param = caffe::EltwiseParameter;
+
+  explicit Eltwise(const Param& param) : param_(param) {
+    if (param.operation() == Param::PROD && param.coeff_size() > 0)
       throw InputError("coeff is for the operation SUM, not for PROD");
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
-    if (inputs.size() < 2)
-      throw InputError(str("expected at least 2 inputs, found ", inputs.size()));
+    if (inputs.size() < 2) throw InputError("expected at least 2 inputs, found ", inputs.size());
     expect_count(n_outputs, 1, "outputs");
     const auto n_coefficients = static_cast<size_t>(param_.coeff_size());
     if (n_coefficients != 0 && n_coefficients != inputs.size())
-      throw InputError(
-          str("expected one coeff for each of ", inputs.size(), " inputs, found ", n_coefficients));
+      throw InputError("expected one coeff for each of ", inputs.size(), " inputs, found ",
+                       n_coefficients);
     for (const Shape& input : inputs)
       if (input != inputs[0])
-        throw InputError(str("inputs must have the same shape, found ", inputs[0], " and ", input));
+        throw InputError("inputs must have the same shape, found ", inputs[0], " and ", input);
     return {inputs[0]};
   }
 
@@ -63,33 +64,19 @@ class Eltwise : public Layer {
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     using Operation = BlockedEltwise::Operation;
-    switch (param_.operation()) {
-      case caffe::EltwiseParameter::PROD:
-        return Combining{Operation::kProduct, {}};
-      case caffe::EltwiseParameter::MAX:
-        return Combining{Operation::kMaximum, {}};
-      case caffe::EltwiseParameter::SUM:
-        break;
-    }
+    if (param_.operation() == Param::PROD) return Combining{Operation::kProduct, {}};
+    if (param_.operation() == Param::MAX) return Combining{Operation::kMaximum, {}};
     return Combining{Operation::kSum, coefficients(inputs.size())};
   }
 
   /// Caffe zeroes the output of a sum before it reads the inputs.
-  bool allows_in_place() const override {
-    return param_.operation() != caffe::EltwiseParameter::SUM;
-  }
+  bool allows_in_place() const override { return param_.operation() != Param::SUM; }
 
   Kernel bind(const Binding& binding) const override {
     const int64_t elements = binding.outputs[0].elements();
     const int threads = binding.threads;
-    switch (param_.operation()) {
-      case caffe::EltwiseParameter::PROD:
-        return kernel("product", elements, threads, multiply);
-      case caffe::EltwiseParameter::MAX:
-        return kernel("maximum", elements, threads, maximum);
-      case caffe::EltwiseParameter::SUM:
-        break;
-    }
+    if (param_.operation() == Param::PROD) return kernel("product", elements, threads, multiply);
+    if (param_.operation() == Param::MAX) return kernel("maximum", elements, threads, maximum);
     return kernel("sum", elements, threads,
                   [coefficients = coefficients(binding.inputs.size())](
                       const Inputs& inputs, int64_t begin, int64_t count, float* result) {
@@ -116,7 +103,7 @@ class Eltwise : public Layer {
             }};
   }
 
-  caffe::EltwiseParameter param_;
+  Param param_;
 };
 
 }  // namespace

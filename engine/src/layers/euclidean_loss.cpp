@@ -11,8 +11,8 @@ class EuclideanLoss : public Layer {
     expect_count(n_outputs, 1, "outputs");
     const Shape &a = inputs[0], &b = inputs[1];
     if (a.rank() < 1 || b.rank() < 1 || a[0] != b[0] || a.elements() != b.elements())
-      throw InputError(
-          str("expected as many images and values an image in both inputs, found ", a, " and ", b));
+      throw InputError("expected as many images and values an image in both inputs, found ", a,
+                       " and ", b);
     return {Shape{}};
   }
 

@@ -14,11 +14,11 @@ class Filter : public Layer {
     expect_count(n_outputs, inputs.size() - 1, "outputs");
     const Shape& selector = inputs.back();
     if (selector.rank() < 1 || selector.elements() != selector[0])
-      throw InputError(str("the selector must hold one number for each item, found ", selector));
+      throw InputError("the selector must hold one number for each item, found ", selector);
     for (const Shape& input : inputs)
       if (input.rank() < 1 || input[0] != selector[0])
-        throw InputError(str("the selector is for ", selector[0], " items (", selector,
-                             "), found an input of shape ", input));
+        throw InputError("the selector is for ", selector[0], " items (", selector,
+                         "), found an input of shape ", input);
     return {inputs.begin(), inputs.end() - 1};
   }
 

@@ -9,8 +9,7 @@ namespace revisit::engine {
 /// The second blob of a layer, or null where it has none.
 const float* bias_of(const std::vector<Tensor>& originals);
 
-/// A 2-D convolution as its blocked kernels see it: what its fusion changes about input and
-/// weights.
+/// A 2-D convolution as its blocked kernels see it, input and weights changed by its fusion.
 class FusedConvolution {
  public:
   FusedConvolution(const ConvolutionProblem& problem, const Fusion& fusion);
@@ -21,8 +20,7 @@ class FusedConvolution {
 
   /// Of packed(): the kernel's own for weights and constants, and the bias.
   Bytes packed_size(const BlockedConvolutionKernel& kernel) const;
-  /// From `cache`, which knows the layer as `layer`; made of its weights in the file where they are
-  /// not there.
+  /// From `cache`, under `layer`, or made of the layer's weights in the file.
   HeldWeights packed(const BlockedConvolutionKernel& kernel, const std::vector<Tensor>& originals,
                      WeightCache* cache, size_t layer) const;
 

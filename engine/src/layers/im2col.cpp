@@ -52,7 +52,7 @@ class Im2col : public OneToOneLayer {
     const size_t axis = channel_axis(input);
     WindowAxes axes = window_axes(param_, input.rank() - axis - 1);
     if (axes.empty())
-      throw InputError(str("expected at least one axis after the channels, found ", input));
+      throw InputError("expected at least one axis after the channels, found ", input);
     for (size_t i = 0; i < axes.size(); ++i) {
       axes[i].image = input[axis + 1 + i];
       axes[i].windows = count_windows(axes[i]);

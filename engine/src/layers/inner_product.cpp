@@ -41,7 +41,7 @@ class InnerProduct : public OneToOneLayer {
     const float* weights = binding.weights[0].values.data();
     const float* bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
     if (binding.bf16_weights && kInnerProductGemv.supports(problem))
-      return bind_bf16(problem, binding);
+      return bind_bf16(problem, bias, binding);
     const InnerProductKernel& kernel =
         binding.reference_kernels ? kInnerProductReference : choose_inner_product(problem);
     return {kernel.name,
@@ -53,7 +53,8 @@ class InnerProduct : public OneToOneLayer {
   }
 
  private:
-  Kernel bind_bf16(const InnerProductProblem& problem, const Binding& binding) const {
+  static Kernel bind_bf16(const InnerProductProblem& problem, const float* bias,
+                          const Binding& binding) {
     Kernel kernel;
     kernel.name = "gemv bf16";
     kernel.work.macs = problem.m * problem.n * problem.k;
@@ -69,7 +70,6 @@ class InnerProduct : public OneToOneLayer {
           });
           return HeldWeights{packed->weights.data(), nullptr, nullptr, packed};
         };
-    const float* const bias = param_.bias_term() ? binding.weights[1].values.data() : nullptr;
     kernel.run = [problem, bias](const Call& call) {
       inner_product_bf16(problem, call.inputs[0],
                          reinterpret_cast<const BFloat16*>(call.weights->weights), bias,

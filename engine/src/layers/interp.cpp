@@ -57,8 +57,8 @@ class Interp : public OneToOneLayer {
  public:
   explicit Interp(const caffe::InterpParameter& param) : param_(param) {
     if (param.interp_type() != "bilinear")
-      throw UnsupportedError(
-          str("interp_type '", param.interp_type(), "' is not supported ('bilinear' is)"));
+      throw UnsupportedError("interp_type '", param.interp_type(),
+                             "' is not supported ('bilinear' is)");
     if (param.pad_beg() > 0 || param.pad_end() > 0)
       throw InputError("pad_beg and pad_end must not be positive: they only crop");
     if (param.has_shrink_factor() && param.shrink_factor() < 1)
@@ -74,8 +74,7 @@ class Interp : public OneToOneLayer {
   }
 
   Shape output_shape(const Shape& input) const override {
-    if (input.rank() != 4)
-      throw InputError(str("Interp needs an input of 4 axes (n x c x h x w), found ", input));
+    expect_image(input, "Interp");
     const InterpolationProblem p = problem(input);
     return Shape{input[0], input[1], p.out_h, p.out_w};
   }
@@ -108,8 +107,8 @@ class Interp : public OneToOneLayer {
     p.cropped_h = p.h - p.crop - crop_end;
     p.cropped_w = p.w - p.crop - crop_end;
     if (p.cropped_h < 1 || p.cropped_w < 1)
-      throw InputError(str("cropping by ", p.crop, " and ", crop_end,
-                           " leaves nothing of the input (", input, ")"));
+      throw InputError("cropping by ", p.crop, " and ", crop_end, " leaves nothing of the input (",
+                       input, ")");
     p.out_h = output_size(p.cropped_h, param_.height());
     p.out_w = output_size(p.cropped_w, param_.width());
     return p;

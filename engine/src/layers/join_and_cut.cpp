@@ -3,9 +3,13 @@
 #include <algorithm>
 #include <numeric>
 
-#include "kernels/strided_copy.h"
-
 namespace revisit::engine {
+
+Kernel copy_kernel(const char* name, StridedCopyProblem copy) {
+  return {name, [copy = std::move(copy)](const Call& call) {
+            strided_copy(copy, call.inputs[0], call.outputs[0]);
+          }};
+}
 
 Kernel join_kernel(int64_t outer, const std::vector<int64_t>& sizes) {
   Kernel kernel{"copy", [outer, sizes](const Call& call) {

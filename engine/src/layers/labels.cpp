@@ -1,19 +1,41 @@
-#include "layers/labels.h"
+#include <algorithm>
+#include <cfloat>
+#include <cmath>
+#include <limits>
+
+#include "kernels/softmax.h"
+#include "layers/layers.h"
 
 namespace revisit::engine {
+namespace {
+
+/// Scores, and a label for each line of them.
+struct LabelledScores {
+  ClassLines lines;
+  std::optional<int> ignored;  // a label that does not count
+
+  /// Throws InputError unless there are two inputs that fit each other and one or two outputs.
+  static LabelledScores of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
+                           std::optional<int> ignored);
+
+  enum class Kind { kClass, kIgnored, kInvalid };
+  /// What the value of a label means. Invalid ones make the original read beyond the scores: no
+  /// result is right then, and ours is NaN.
+  Kind classify(float value) const;
+};
 
 LabelledScores LabelledScores::of(const std::vector<Shape>& inputs, size_t n_outputs, int axis,
                                   std::optional<int> ignored) {
   expect_count(inputs.size(), 2, "inputs (scores and labels)");
   if (n_outputs < 1 || n_outputs > 2)
-    throw InputError(str("expected 1 or 2 outputs, found ", n_outputs));
+    throw InputError("expected 1 or 2 outputs, found ", n_outputs);
   const Shape& scores = inputs[0];
   const size_t classes = scores.canonical_axis(axis, "class axis");
   const ClassLines lines{scores.product(0, classes), scores[classes],
                          scores.product(classes + 1, scores.rank())};
   if (inputs[1].elements() != lines.outer * lines.inner)
-    throw InputError(str("scores of shape ", scores, " need ", lines.outer * lines.inner,
-                         " labels, found ", inputs[1].elements()));
+    throw InputError("scores of shape ", scores, " need ", lines.outer * lines.inner,
+                     " labels, found ", inputs[1].elements());
   return {lines, ignored};
 }
 
@@ -23,6 +45,157 @@ LabelledScores::Kind LabelledScores::classify(float value) const {
   const int label = static_cast<int>(value);
   if (label == ignored) return Kind::kIgnored;
   return label >= 0 && label < lines.classes ? Kind::kClass : Kind::kInvalid;
+}
+
+/// The share of labels whose score is among the k best; the second output says it for each class.
+class AccuracyLayer : public Layer {
+ public:
+  explicit AccuracyLayer(const caffe::AccuracyParameter& param) : param_(param) {}
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    const int64_t classes = scores(inputs, n_outputs).lines.classes;
+    if (param_.top_k() > classes)
+      throw InputError("top_k ", param_.top_k(), " is more than the ", classes, " classes");
+    std::vector<Shape> outputs{Shape{}};
+    if (n_outputs == 2) outputs.push_back(Shape{classes});
+    return outputs;
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const bool by_class = binding.outputs.size() == 2;
+    const LabelledScores s = scores(binding.inputs, binding.outputs.size());
+    return {"count",
+            [s, by_class, top_k = int64_t{param_.top_k()}](const Call& call) {
+              count(s, top_k, call, by_class ? call.outputs[1] : nullptr);
+            },
+            floats(by_class ? s.lines.classes : 0)};
+  }
+
+ private:
+  LabelledScores scores(const std::vector<Shape>& inputs, size_t n_outputs) const {
+    std::optional<int> ignored;
+    if (param_.has_ignore_label()) ignored = param_.ignore_label();
+    return LabelledScores::of(inputs, n_outputs, param_.axis(), ignored);
+  }
+
+  /// Others of the same score are counted as better; NaN is better than nothing.
+  static bool is_among_best(const float* line, const ClassLines& lines, int64_t label,
+                            int64_t top_k) {
+    int64_t better = -1;  // the label itself is as good as itself
+    for (int64_t c = 0; c < lines.classes && better < top_k; ++c)
+      better += line[c * lines.inner] >= line[label * lines.inner];
+    return better < top_k;
+  }
+
+  /// `hits_of` classes may be null.
+  static void count(const LabelledScores& s, int64_t top_k, const Call& call, float* hits_of) {
+    using Kind = LabelledScores::Kind;
+    const ClassLines& lines = s.lines;
+    float* labels_of = call.scratch;
+    for (int64_t c = 0; hits_of && c < lines.classes; ++c) hits_of[c] = labels_of[c] = 0;
+    int64_t hits = 0, labels = 0;
+    bool valid = true;
+    for (int64_t o = 0; o < lines.outer; ++o)
+      for (int64_t i = 0; i < lines.inner; ++i) {
+        const float value = call.inputs[1][o * lines.inner + i];
+        const Kind kind = s.classify(value);
+        valid &= kind != Kind::kInvalid;
+        if (kind != Kind::kClass) continue;
+        const auto label = static_cast<int64_t>(value);
+        const bool hit = is_among_best(call.inputs[0] + o * lines.classes * lines.inner + i, lines,
+                                       label, top_k);
+        hits += hit;
+        ++labels;
+        if (!hits_of) continue;
+        hits_of[label] += static_cast<float>(hit);
+        ++labels_of[label];
+      }
+    const auto share = [valid](float part, float whole) {
+      if (!valid) return std::numeric_limits<float>::quiet_NaN();
+      return whole == 0 ? 0.0F : part / whole;
+    };
+    *call.outputs[0] = share(static_cast<float>(hits), static_cast<float>(labels));
+    for (int64_t c = 0; hits_of && c < lines.classes; ++c)
+      hits_of[c] = share(hits_of[c], labels_of[c]);
+  }
+
+  caffe::AccuracyParameter param_;
+};
+
+using Loss = caffe::LossParameter;
+
+/// The mean of -log(softmax(scores)[label]); the second output are the probabilities.
+class SoftmaxWithLoss : public Layer {
+ public:
+  explicit SoftmaxWithLoss(const caffe::LayerParameter& param)
+      : axis_(param.softmax_param().axis()), normalization_(param.loss_param().normalization()) {
+    const Loss& loss = param.loss_param();
+    if (loss.has_ignore_label()) ignored_ = loss.ignore_label();
+    if (!loss.has_normalization() && loss.has_normalize())  // the old way to say it
+      normalization_ = loss.normalize() ? Loss::VALID : Loss::BATCH_SIZE;
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    LabelledScores::of(inputs, n_outputs, axis_, ignored_);
+    std::vector<Shape> outputs{Shape{}};
+    if (n_outputs == 2) outputs.push_back(inputs[0]);
+    return outputs;
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    const bool keeps = binding.outputs.size() == 2;
+    const LabelledScores s =
+        LabelledScores::of(binding.inputs, binding.outputs.size(), axis_, ignored_);
+    return {binding.reference_kernels ? "reference" : "softmax-loss",
+            [s, keeps, reference = binding.reference_kernels,
+             normalization = normalization_](const Call& call) {
+              float* probabilities = keeps ? call.outputs[1] : call.scratch;
+              if (reference)
+                softmax_reference(call.inputs[0], s.lines, probabilities);
+              else
+                softmax(call.inputs[0], s.lines, probabilities);
+              *call.outputs[0] = loss(s, normalization, probabilities, call.inputs[1]);
+            },
+            floats(keeps ? 0 : binding.inputs[0].elements())};
+  }
+
+ private:
+  static float loss(const LabelledScores& s, Loss::NormalizationMode normalization,
+                    const float* probabilities, const float* labels) {
+    using Kind = LabelledScores::Kind;
+    const ClassLines& lines = s.lines;
+    float sum = 0;
+    int64_t n_valid = 0;
+    for (int64_t o = 0; o < lines.outer; ++o)
+      for (int64_t i = 0; i < lines.inner; ++i) {
+        const float value = labels[o * lines.inner + i];
+        const Kind kind = s.classify(value);
+        if (kind == Kind::kInvalid) return std::numeric_limits<float>::quiet_NaN();
+        if (kind == Kind::kIgnored) continue;
+        const int64_t at = (o * lines.classes + static_cast<int64_t>(value)) * lines.inner + i;
+        sum -= std::log(std::max(probabilities[at], FLT_MIN));
+        ++n_valid;
+      }
+    const int64_t n = normalization == Loss::FULL         ? lines.outer * lines.inner
+                      : normalization == Loss::VALID      ? n_valid
+                      : normalization == Loss::BATCH_SIZE ? lines.outer
+                                                          : 1;
+    return sum / static_cast<float>(std::max<int64_t>(n, 1));
+  }
+
+  int axis_;
+  Loss::NormalizationMode normalization_;
+  std::optional<int> ignored_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_accuracy(const caffe::LayerParameter& param) {
+  return std::make_unique<AccuracyLayer>(param.accuracy_param());
+}
+
+std::unique_ptr<Layer> make_softmax_with_loss(const caffe::LayerParameter& param) {
+  return std::make_unique<SoftmaxWithLoss>(param);
 }
 
 }  // namespace revisit::engine

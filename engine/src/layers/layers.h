@@ -4,72 +4,22 @@
 
 #include "layer.h"
 
-/// The factories behind the registry; one layer type a file, but for those that share their code:
-/// functions of one number are in elementwise.cpp. Each throws InputError for parameters that are
-/// wrong whatever the input.
+/// The factories behind the registry; one layer type a file, but for those that share their code.
+/// Each throws InputError for parameters that are wrong whatever the input.
 namespace revisit::engine {
 
 using LayerFactory = std::unique_ptr<Layer>(const caffe::LayerParameter&);
 
-LayerFactory make_abs_val;
-LayerFactory make_accuracy;
-LayerFactory make_argmax;
-LayerFactory make_axpy;
-LayerFactory make_batch_norm;
-LayerFactory make_batch_reindex;
-LayerFactory make_bias;
-LayerFactory make_bn;
-LayerFactory make_bnll;
-LayerFactory make_clip;
-LayerFactory make_concat;
-LayerFactory make_convolution;
-LayerFactory make_convolution_depthwise;
-LayerFactory make_crop;
-LayerFactory make_crop_center;
-LayerFactory make_deconvolution;
-LayerFactory make_depthwise_convolution;
-LayerFactory make_detection_output;
-LayerFactory make_dummy_data;
-LayerFactory make_eltwise;
-LayerFactory make_elu;
-LayerFactory make_embed;
-LayerFactory make_euclidean_loss;
-LayerFactory make_exp;
-LayerFactory make_filter;
-LayerFactory make_flatten;
-LayerFactory make_identity;  // Dropout (at inference), Split
-LayerFactory make_im2col;
-LayerFactory make_inner_product;
-LayerFactory make_interp;
-LayerFactory make_log;
-LayerFactory make_lrn;
-LayerFactory make_lstm;
-LayerFactory make_mvn;
-LayerFactory make_normalize;
-LayerFactory make_parameter;
-LayerFactory make_permute;
-LayerFactory make_pooling;
-LayerFactory make_power;
-LayerFactory make_prelu;
-LayerFactory make_prior_box;
-LayerFactory make_reduction;
-LayerFactory make_relu6;
-LayerFactory make_relu;
-LayerFactory make_reshape;
-LayerFactory make_rnn;
-LayerFactory make_roi_pooling;
-LayerFactory make_scale;
-LayerFactory make_shuffle_channel;
-LayerFactory make_sigmoid;
-LayerFactory make_silence;
-LayerFactory make_slice;
-LayerFactory make_softmax;
-LayerFactory make_softmax_with_loss;
-LayerFactory make_spp;
-LayerFactory make_swish;
-LayerFactory make_tanh;
-LayerFactory make_threshold;
-LayerFactory make_tile;
-LayerFactory make_upsample;
+LayerFactory make_abs_val, make_accuracy, make_argmax, make_axpy, make_batch_norm,
+    make_batch_reindex, make_bias, make_bn, make_bnll, make_clip, make_concat, make_convolution,
+    make_convolution_depthwise, make_crop, make_crop_center, make_deconvolution,
+    make_depthwise_convolution, make_detection_output, make_dummy_data, make_eltwise, make_elu,
+    make_embed, make_euclidean_loss, make_exp, make_filter, make_flatten, make_identity,
+    make_im2col, make_inner_product, make_interp, make_log, make_lrn, make_lstm, make_mvn,
+    make_normalize, make_parameter, make_permute, make_pooling, make_power, make_prelu,
+    make_prior_box, make_reduction, make_relu6, make_relu, make_reshape, make_rnn, make_roi_pooling,
+    make_scale, make_shuffle_channel, make_sigmoid, make_silence, make_slice, make_softmax,
+    make_softmax_with_loss, make_spp, make_swish, make_tanh, make_threshold, make_tile,
+    make_upsample;
 
 }  // namespace revisit::engine

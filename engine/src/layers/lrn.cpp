@@ -9,13 +9,12 @@ class Lrn : public OneToOneLayer {
  public:
   explicit Lrn(const caffe::LRNParameter& param) : param_(param) {
     if (param.local_size() % 2 == 0)
-      throw InputError(str("local_size must be odd, found ", param.local_size()));
+      throw InputError("local_size must be odd, found ", param.local_size());
     expect_int(param.local_size(), "local_size");
   }
 
   Shape output_shape(const Shape& input) const override {
-    if (input.rank() != 4)
-      throw InputError(str("LRN needs an input of 4 axes (n x c x h x w), found ", input));
+    expect_image(input, "LRN");
     return input;
   }
 

@@ -14,8 +14,7 @@ class Mvn : public OneToOneLayer {
   explicit Mvn(const caffe::MVNParameter& param) : param_(param) {}
 
   Shape output_shape(const Shape& input) const override {
-    if (input.rank() > 4)
-      throw InputError(str("MVN needs an input of at most 4 axes, found ", input));
+    if (input.rank() > 4) throw InputError("MVN needs an input of at most 4 axes, found ", input);
     return input;
   }
 

@@ -63,7 +63,7 @@ class Normalize : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     if (input.rank() < 2)
-      throw InputError(str("expected an input of at least 2 axes (n x c x ...), found ", input));
+      throw InputError("expected an input of at least 2 axes (n x c x ...), found ", input);
     return input;
   }
 
@@ -79,13 +79,11 @@ class Normalize : public OneToOneLayer {
 
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
-    const NormalizeProblem problem{shape[0],
-                                   shape[1],
-                                   shape.product(2, shape.rank()),
-                                   param_.across_spatial(),
-                                   param_.channel_shared(),
-                                   param_.eps(),
-                                   binding.threads};
+    NormalizeProblem problem{shape[0], shape[1], shape.product(2, shape.rank())};
+    problem.across_spatial = param_.across_spatial();
+    problem.channel_shared = param_.channel_shared();
+    problem.eps = param_.eps();
+    problem.threads = binding.threads;
     const float* scale = binding.weights[0].values.data();
     return {"l2-normalize", [problem, scale](const Call& call) {
               normalize(problem, call.inputs[0], scale, call.outputs[0]);

@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "kernels/strided_copy.h"
+#include "layers/join_and_cut.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -14,13 +14,13 @@ class Permute : public OneToOneLayer {
     std::vector<size_t> sorted = order_;
     std::sort(sorted.begin(), sorted.end());
     const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
-    if (twice != sorted.end()) throw InputError(str("order names axis ", *twice, " twice"));
+    if (twice != sorted.end()) throw InputError("order names axis ", *twice, " twice");
   }
 
   Shape output_shape(const Shape& input) const override {
     for (const size_t axis : order_)
       if (axis >= input.rank())
-        throw InputError(str("order names axis ", axis, ", the input is ", input));
+        throw InputError("order names axis ", axis, ", the input is ", input);
     std::vector<int64_t> axes;
     for (const size_t axis : whole_order(input.rank())) axes.push_back(input[axis]);
     return Shape(std::move(axes));
@@ -35,9 +35,7 @@ class Permute : public OneToOneLayer {
       copy.shape.push_back(input[axis]);
       copy.strides.push_back(input.product(axis + 1, input.rank()));
     }
-    return {"transpose", [copy = std::move(copy)](const Call& call) {
-              strided_copy(copy, call.inputs[0], call.outputs[0]);
-            }};
+    return copy_kernel("transpose", std::move(copy));
   }
 
  private:

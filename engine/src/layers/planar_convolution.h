@@ -6,10 +6,9 @@
 
 namespace revisit::engine {
 
-/// The blocked kernel for a 2-D convolution with its fusion, whose input is in this layout; null
-/// where none of at most so many transform points pays: then a kernel on plain values takes it,
-/// which can do all of a fusion but pooling. To be asked once for an operation: what else is
-/// planned depends on the answer.
+/// The blocked kernel for a 2-D convolution with its fusion, whose input is in this layout. Null
+/// where none of at most so many transform points pays: a kernel on plain values can do all of a
+/// fusion but pooling. To be asked once for an operation: other plans depend on the answer.
 const BlockedConvolutionKernel* choose_convolution(const ConvolutionProblem& problem,
                                                    const Fusion& fusion, Layout input,
                                                    int most_points);

@@ -12,9 +12,8 @@ class Pooling : public Layer {
     expect_count(inputs.size(), 1, "inputs");
     const bool max = window_.is_max();
     if (n_outputs < 1 || n_outputs > (max ? 2 : 1))
-      throw InputError(str("expected ",
-                           max ? "1 or 2 outputs (the second is the mask)" : "1 output", ", found ",
-                           n_outputs));
+      throw InputError("expected ", max ? "1 or 2 outputs (the second is the mask)" : "1 output",
+                       ", found ", n_outputs);
     const PoolingProblem p = window_.problem(inputs[0]);
     return std::vector<Shape>(n_outputs, Shape{inputs[0][0], inputs[0][1], p.out_h, p.out_w});
   }
@@ -47,10 +46,91 @@ class Pooling : public Layer {
   PoolingWindow window_;
 };
 
+/// Spatial pyramid pooling (He et al. 2014): level i pools the image into 2^i x 2^i bins.
+class Spp : public OneToOneLayer {
+ public:
+  explicit Spp(const caffe::SPPParameter& param) : param_(param) {
+    if (param.pyramid_height() < 1) throw InputError("pyramid_height must be at least 1");
+    if (param.pool() == caffe::SPPParameter::STOCHASTIC)
+      throw UnsupportedError("stochastic pooling is not supported (Caffe runs it on a GPU only)");
+  }
+
+  Shape output_shape(const Shape& input) const override {
+    const std::vector<PoolingProblem> levels = levels_of(input);
+    // A pyramid of one level is a pooling layer: its output is not flattened.
+    if (levels.size() == 1) return Shape{input[0], input[1], levels[0].out_h, levels[0].out_w};
+    return Shape{input[0], input[1] * bins(levels)};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    std::vector<PoolingProblem> levels = levels_of(binding.inputs[0]);
+    for (PoolingProblem& level : levels) {
+      level.planes = binding.inputs[0][1];  // of one image: the levels of the next come after
+      level.threads = binding.threads;
+    }
+    const bool max = param_.pool() == caffe::SPPParameter::MAX;
+    return {"pyramid-pool", [levels, max, images = binding.inputs[0][0]](const Call& call) {
+              float* out = call.outputs[0];
+              for (int64_t n = 0; n < images; ++n)
+                for (const PoolingProblem& level : levels) {
+                  const float* image = call.inputs[0] + n * level.planes * level.h * level.w;
+                  if (max)
+                    max_pool(level, image, out, nullptr);
+                  else
+                    average_pool(level, image, out);
+                  out += level.planes * level.out_h * level.out_w;
+                }
+            }};
+  }
+
+ private:
+  static int64_t bins(const std::vector<PoolingProblem>& levels) {
+    int64_t sum = 0;
+    for (const PoolingProblem& level : levels) sum += level.out_h * level.out_w;
+    return sum;
+  }
+
+  /// Kernel and pad that cover `size` pixels with `n_bins` windows, as Caffe chooses them: the pad
+  /// is half of what is missing, rounded up.
+  static std::pair<uint32_t, uint32_t> cover(int64_t size, int64_t n_bins) {
+    const int64_t kernel = (size + n_bins - 1) / n_bins;
+    const int64_t pad = (kernel * n_bins - size + 1) / 2;
+    return {static_cast<uint32_t>(kernel), static_cast<uint32_t>(pad)};
+  }
+
+  std::vector<PoolingProblem> levels_of(const Shape& input) const {
+    expect_image(input, "SPP");
+    std::vector<PoolingProblem> levels;
+    for (uint32_t level = 0; level < param_.pyramid_height(); ++level) {
+      const int64_t n_bins = int64_t{1} << level;
+      const auto [kernel_h, pad_h] = cover(input[2], n_bins);
+      const auto [kernel_w, pad_w] = cover(input[3], n_bins);
+      // Caffe's pooling refuses it, too. This also ends a pyramid of absurd height early.
+      if (pad_h >= kernel_h || pad_w >= kernel_w)
+        throw InputError("level ", level, " of the pyramid has ", n_bins, " x ", n_bins,
+                         " bins, too many for an input of ", input[2], " x ", input[3]);
+      caffe::PoolingParameter pooling;
+      pooling.set_pool(param_.pool() == caffe::SPPParameter::MAX ? caffe::PoolingParameter::MAX
+                                                                 : caffe::PoolingParameter::AVE);
+      pooling.set_kernel_h(kernel_h), pooling.set_kernel_w(kernel_w);
+      pooling.set_stride_h(kernel_h), pooling.set_stride_w(kernel_w);
+      pooling.set_pad_h(pad_h), pooling.set_pad_w(pad_w);
+      levels.push_back(PoolingWindow(pooling).problem(input));
+    }
+    return levels;
+  }
+
+  caffe::SPPParameter param_;
+};
+
 }  // namespace
 
 std::unique_ptr<Layer> make_pooling(const caffe::LayerParameter& param) {
   return std::make_unique<Pooling>(param.pooling_param());
+}
+
+std::unique_ptr<Layer> make_spp(const caffe::LayerParameter& param) {
+  return std::make_unique<Spp>(param.spp_param());
 }
 
 }  // namespace revisit::engine

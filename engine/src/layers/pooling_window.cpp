@@ -33,8 +33,7 @@ PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(para
 }
 
 PoolingProblem PoolingWindow::problem(const Shape& input) const {
-  if (input.rank() != 4)
-    throw InputError(str("pooling needs an input of 4 axes (n x c x h x w), found ", input));
+  expect_image(input, "pooling");
   const Axis h = global(h_, input[2]), w = global(w_, input[3]);
   PoolingProblem p;
   p.planes = input[0] * input[1];
@@ -65,7 +64,7 @@ PoolingWindow::Axis PoolingWindow::axis(uint32_t kernel, uint32_t stride, bool h
   if (result.kernel < 1) throw InputError("the kernel size must be at least 1");
   if (result.stride < 1) throw InputError("the stride must be at least 1");
   if (result.pad >= result.kernel)
-    throw InputError(str("pad ", result.pad, " must be smaller than the kernel ", result.kernel));
+    throw InputError("pad ", result.pad, " must be smaller than the kernel ", result.kernel);
   return result;
 }
 
@@ -80,12 +79,11 @@ int64_t PoolingWindow::size(int64_t input, const Axis& axis) const {
   const float steps =
       static_cast<float>(input + 2 * axis.pad - axis.kernel) / static_cast<float>(axis.stride);
   int64_t out = static_cast<int64_t>(floor ? std::floor(steps) : std::ceil(steps)) + 1;
-  // The last window must start inside the image or its leading pad. One axis padded is enough for
-  // Caffe to check both.
+  // The last window must start inside the image or its leading pad, once any axis is padded.
   if ((h_.pad || w_.pad) && (out - 1) * axis.stride >= input + axis.pad) --out;
   if (out < 1)
-    throw InputError(str("a kernel of ", axis.kernel, " does not fit into ", input, " + 2 x ",
-                         axis.pad, ": the output would be empty"));
+    throw InputError("a kernel of ", axis.kernel, " does not fit into ", input, " + 2 x ", axis.pad,
+                     ": the output would be empty");
   return out;
 }
 

@@ -14,8 +14,7 @@ class PReLU : public OneToOneLayer {
   explicit PReLU(const caffe::PReLUParameter& param) : shared_(param.channel_shared()) {}
 
   Shape output_shape(const Shape& input) const override {
-    if (input.rank() < 2)
-      throw InputError(str("PReLU needs an input of at least 2 axes, found ", input));
+    expect_channels(input, "PReLU");
     return input;
   }
 

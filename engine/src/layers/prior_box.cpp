@@ -44,7 +44,7 @@ class PriorBox : public Layer {
     expect_count(n_outputs, 1, "outputs");
     for (const Shape& input : inputs)
       if (input.rank() != 4)
-        throw InputError(str("expected inputs of 4 axes (n x c x h x w), found ", input));
+        throw InputError("expected inputs of 4 axes (n x c x h x w), found ", input);
     const auto boxes = static_cast<int64_t>(boxes_.size());
     return {Shape{1, 2, Shape{inputs[0][2], inputs[0][3], boxes, 4}.elements()}};
   }
@@ -72,7 +72,7 @@ class PriorBox : public Layer {
 
   static void check_listed(int count, const char* what) {
     if (count > kMostListed)
-      throw InputError(str("expected at most ", kMostListed, " ", what, ", found ", count));
+      throw InputError("expected at most ", kMostListed, " ", what, ", found ", count);
   }
 
   void check_sizes() const {
@@ -81,26 +81,26 @@ class PriorBox : public Layer {
     check_listed(n, "min_size");
     check_listed(param_.aspect_ratio_size(), "aspect_ratio");
     if (param_.max_size_size() != 0 && param_.max_size_size() != n)
-      throw InputError(str("expected one max_size for each of ", n, " min_size, or none, found ",
-                           param_.max_size_size()));
+      throw InputError("expected one max_size for each of ", n, " min_size, or none, found ",
+                       param_.max_size_size());
     constexpr float kMost = 1e6F;  // [pixels]; also keeps NaN out
     for (int i = 0; i < n; ++i) {
       if (!(param_.min_size(i) > 0 && param_.min_size(i) < kMost))
-        throw InputError(str("min_size must be above 0, found ", param_.min_size(i)));
+        throw InputError("min_size must be above 0, found ", param_.min_size(i));
       if (param_.max_size_size() > 0 &&
           !(param_.max_size(i) > param_.min_size(i) && param_.max_size(i) < kMost))
-        throw InputError(str("max_size ", param_.max_size(i), " must be larger than min_size ",
-                             param_.min_size(i)));
+        throw InputError("max_size ", param_.max_size(i), " must be larger than min_size ",
+                         param_.min_size(i));
     }
     for (const float ratio : param_.aspect_ratio())
-      if (!(ratio > 0)) throw InputError(str("aspect_ratio must be above 0, found ", ratio));
+      if (!(ratio > 0)) throw InputError("aspect_ratio must be above 0, found ", ratio);
   }
 
   void check_variances() {
     const int n = param_.variance_size();
-    if (n > 1 && n != 4) throw InputError(str("expected 1 or 4 variances, found ", n));
+    if (n > 1 && n != 4) throw InputError("expected 1 or 4 variances, found ", n);
     for (const float variance : param_.variance())
-      if (!(variance > 0)) throw InputError(str("variance must be above 0, found ", variance));
+      if (!(variance > 0)) throw InputError("variance must be above 0, found ", variance);
     for (int i = 0; i < 4; ++i)
       variances_.push_back(n == 0 ? 0.1F : param_.variance(n == 1 ? 0 : i));
   }
@@ -123,7 +123,7 @@ class PriorBox : public Layer {
     const size_t count =
         static_cast<size_t>(param_.min_size_size()) * ratios.size() + param_.max_size_size();
     if (count > kMostBoxes)
-      throw InputError(str("expected at most ", kMostBoxes, " boxes for each cell, found ", count));
+      throw InputError("expected at most ", kMostBoxes, " boxes for each cell, found ", count);
     for (int i = 0; i < param_.min_size_size(); ++i) {
       // SSD keeps sizes as integers here.
       const double least = std::trunc(param_.min_size(i));

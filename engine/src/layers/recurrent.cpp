@@ -9,10 +9,9 @@ namespace {
 
 enum class Cell { kLstm, kRnn };
 
-/// LSTM and RNN. Inputs: x `[steps][streams][...]`, cont `[steps][streams]`, then a static input
-/// `[streams][...]` if there is one, then, with expose_hidden, the hidden state (LSTM: and the
-/// cell) before the first step, which then come out as further outputs after the last. Without
-/// expose_hidden the layer itself remembers them from one forward pass to the next.
+/// LSTM and RNN. Inputs: x `[steps][streams][...]`, cont `[steps][streams]`, perhaps a static input
+/// `[streams][...]`, and with expose_hidden the hidden state (LSTM: and the cell) before the first
+/// step; those after the last are further outputs. Else the layer itself remembers them.
 class Recurrent : public Layer {
  public:
   Recurrent(const caffe::RecurrentParameter& param, Cell cell)
@@ -23,26 +22,23 @@ class Recurrent : public Layer {
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     const size_t fewest = 2 + n_exposed();
     if (inputs.size() != fewest && inputs.size() != fewest + 1)
-      throw InputError(str("expected ", fewest, " inputs, or ", fewest + 1,
-                           " with a static input, found ", inputs.size()));
+      throw InputError("expected ", fewest, " inputs, or ", fewest + 1,
+                       " with a static input, found ", inputs.size());
     expect_count(n_outputs, 1 + n_exposed(), "outputs");
     const Shape &x = inputs[0], &cont = inputs[1];
     if (x.rank() < 3)
-      throw InputError(
-          str("the input needs at least 3 axes (steps x streams x values), found ", x));
+      throw InputError("the input needs at least 3 axes (steps x streams x values), found ", x);
     if (cont != Shape{x[0], x[1]})
-      throw InputError(str("the continuation indicators must be ", x[0], "x", x[1],
-                           " (steps x streams), found ", cont));
+      throw InputError("the continuation indicators must be ", x[0], "x", x[1],
+                       " (steps x streams), found ", cont);
     if (has_static(inputs)) {
       const Shape& fixed = inputs[2];
       if (fixed.rank() < 2 || fixed[0] != x[1])
-        throw InputError(
-            str("the static input must be ", x[1], " streams x values, found ", fixed));
+        throw InputError("the static input must be ", x[1], " streams x values, found ", fixed);
     }
     const Shape state{1, x[1], output_};
     for (size_t i = inputs.size() - n_exposed(); i < inputs.size(); ++i)
-      if (inputs[i] != state)
-        throw InputError(str("the state must be ", state, ", found ", inputs[i]));
+      if (inputs[i] != state) throw InputError("the state must be ", state, ", found ", inputs[i]);
     std::vector<Shape> outputs(1 + n_exposed(), state);
     outputs[0] = Shape{x[0], x[1], output_};
     return outputs;

@@ -18,15 +18,10 @@ class Reduction : public OneToOneLayer {
   }
 
   Kernel bind(const Binding& binding) const override {
-    switch (param_.operation()) {
-      case caffe::ReductionParameter::ASUM:
-        return kernel(binding, "sum-of-magnitudes", [](double x) { return std::abs(x); });
-      case caffe::ReductionParameter::SUMSQ:
-        return kernel(binding, "sum-of-squares", [](double x) { return x * x; });
-      case caffe::ReductionParameter::SUM:
-      case caffe::ReductionParameter::MEAN:
-        break;
-    }
+    if (param_.operation() == caffe::ReductionParameter::ASUM)
+      return kernel(binding, "sum-of-magnitudes", [](double x) { return std::abs(x); });
+    if (param_.operation() == caffe::ReductionParameter::SUMSQ)
+      return kernel(binding, "sum-of-squares", [](double x) { return x * x; });
     return kernel(binding, "sum", [](double x) { return x; });
   }
 

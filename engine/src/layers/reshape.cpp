@@ -3,19 +3,48 @@
 namespace revisit::engine {
 namespace {
 
-/// The same values under another shape. Axes [axis, axis + num_axes) are replaced by `shape`, in
+/// The same values under another shape.
+class ViewLayer : public OneToOneLayer {
+ public:
+  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
+  bool allows_in_place() const override { return false; }
+  Kernel bind(const Binding&) const override { return {}; }
+};
+
+/// Merges the axes [axis, end_axis].
+class Flatten : public ViewLayer {
+ public:
+  explicit Flatten(const caffe::FlattenParameter& param) : param_(param) {}
+
+  Shape output_shape(const Shape& input) const override {
+    const size_t first = input.canonical_axis(param_.axis(), "flatten axis");
+    const size_t last = input.canonical_axis(param_.end_axis(), "flatten end_axis");
+    if (last < first) throw InputError("end_axis ", last, " comes before axis ", first);
+    std::vector<int64_t> axes(input.axes().begin(),
+                              input.axes().begin() + static_cast<int64_t>(first));
+    axes.push_back(input.product(first, last + 1));
+    axes.insert(axes.end(), input.axes().begin() + static_cast<int64_t>(last) + 1,
+                input.axes().end());
+    return Shape(std::move(axes));
+  }
+
+ private:
+  caffe::FlattenParameter param_;
+};
+
+/// Axes [axis, axis + num_axes) are replaced by `shape`, in
 /// which 0 copies the axis of the input at that place and -1 takes what is left.
-class Reshape : public OneToOneLayer {
+class Reshape : public ViewLayer {
  public:
   explicit Reshape(const caffe::ReshapeParameter& param) : param_(param) {
     int inferred = 0;
     for (const int64_t size : param.shape().dim()) {
-      if (size < -1) throw InputError(str("a dim must be -1, 0 or a size, found ", size));
+      if (size < -1) throw InputError("a dim must be -1, 0 or a size, found ", size);
       inferred += size == -1;
     }
-    if (inferred > 1) throw InputError(str("at most one dim can be -1, found ", inferred));
+    if (inferred > 1) throw InputError("at most one dim can be -1, found ", inferred);
     if (param.num_axes() < -1)
-      throw InputError(str("num_axes must be -1 (all) or more, found ", param.num_axes()));
+      throw InputError("num_axes must be -1 (all) or more, found ", param.num_axes());
   }
 
   Shape output_shape(const Shape& input) const override {
@@ -24,19 +53,18 @@ class Reshape : public OneToOneLayer {
     // -1 is the place after the last axis here, not the last axis.
     const int64_t first = param_.axis() >= 0 ? param_.axis() : rank + param_.axis() + 1;
     if (first < 0 || first > rank)
-      throw InputError(
-          str("axis ", param_.axis(), " is out of range for an input of shape ", input));
+      throw InputError("axis ", param_.axis(), " is out of range for an input of shape ", input);
     const int64_t last = param_.num_axes() == -1 ? rank : first + param_.num_axes();
     if (last > rank)
-      throw InputError(str(param_.num_axes(), " axes from axis ", first,
-                           " on reach past the input (", input, ")"));
+      throw InputError(param_.num_axes(), " axes from axis ", first, " on reach past the input (",
+                       input, ")");
 
     std::vector<int64_t> axes(old.begin(), old.begin() + first);
     size_t inferred = old.size() + static_cast<size_t>(param_.shape().dim_size());  // none
     for (const int64_t size : param_.shape().dim()) {
       if (size == 0 && axes.size() >= old.size())
-        throw InputError(str("dim ", axes.size() - static_cast<size_t>(first),
-                             " is 0, but there is no such axis in the input (", input, ")"));
+        throw InputError("dim ", axes.size() - static_cast<size_t>(first),
+                         " is 0, but there is no such axis in the input (", input, ")");
       if (size == -1) inferred = axes.size();
       axes.push_back(size == 0 ? old[axes.size()] : size == -1 ? 1 : size);
     }
@@ -46,20 +74,20 @@ class Reshape : public OneToOneLayer {
     if (inferred < output.rank() && input.elements() % output.elements() == 0)
       output = output.with(inferred, input.elements() / output.elements());
     if (output.elements() != input.elements())
-      throw InputError(str("the ", input.elements(), " values of the input (", input,
-                           ") do not fit into the new shape (", output, ")"));
+      throw InputError("the ", input.elements(), " values of the input (", input,
+                       ") do not fit into the new shape (", output, ")");
     return output;
   }
-
-  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
-  bool allows_in_place() const override { return false; }
-  Kernel bind(const Binding&) const override { return {}; }
 
  private:
   caffe::ReshapeParameter param_;
 };
 
 }  // namespace
+
+std::unique_ptr<Layer> make_flatten(const caffe::LayerParameter& param) {
+  return std::make_unique<Flatten>(param.flatten_param());
+}
 
 std::unique_ptr<Layer> make_reshape(const caffe::LayerParameter& param) {
   return std::make_unique<Reshape>(param.reshape_param());

@@ -87,24 +87,19 @@ class RoiPooling : public Layer {
     expect_count(n_outputs, 1, "outputs");
     const Shape &input = inputs[0], &rois = inputs[1];
     if (input.rank() != 4)
-      throw InputError(str("expected a feature map of 4 axes (n x c x h x w), found ", input));
+      throw InputError("expected a feature map of 4 axes (n x c x h x w), found ", input);
     if (rois.rank() < 1 || rois.product(1, rois.rank()) != 5)
-      throw InputError(str(
-          "expected regions of 5 numbers (image, x1, y1, x2, y2), found an input of shape ", rois));
+      throw InputError(
+          "expected regions of 5 numbers (image, x1, y1, x2, y2), found an input of shape ", rois);
     return {Shape{rois[0], input[1], param_.pooled_h(), param_.pooled_w()}};
   }
 
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
-    const RoiPoolingProblem p{input[0],
-                              input[1],
-                              input[2],
-                              input[3],
-                              binding.inputs[1][0],
-                              param_.pooled_h(),
-                              param_.pooled_w(),
-                              param_.spatial_scale(),
-                              binding.threads};
+    RoiPoolingProblem p{input[0], input[1], input[2], input[3], binding.inputs[1][0]};
+    p.out_h = param_.pooled_h(), p.out_w = param_.pooled_w();
+    p.scale = param_.spatial_scale();
+    p.threads = binding.threads;
     return {"roi-max-pool", [p](const Call& call) {
               roi_pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
             }};

@@ -16,7 +16,7 @@ class Affine : public Layer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     if (inputs.empty() || inputs.size() > 2)
-      throw InputError(str("expected 1 or 2 inputs, found ", inputs.size()));
+      throw InputError("expected 1 or 2 inputs, found ", inputs.size());
     expect_count(n_outputs, 1, "outputs");
     runs(inputs);
     weight_shapes(inputs);

@@ -1,4 +1,4 @@
-#include "kernels/strided_copy.h"
+#include "layers/join_and_cut.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -12,11 +12,10 @@ class ShuffleChannel : public OneToOneLayer {
   }
 
   Shape output_shape(const Shape& input) const override {
-    if (input.rank() < 2)
-      throw InputError(str("ShuffleChannel needs an input of at least 2 axes, found ", input));
+    expect_channels(input, "ShuffleChannel");
     if (input[1] % groups_ != 0)
-      throw InputError(str("the ", input[1], " channels of the input (", input,
-                           ") are not a multiple of group ", groups_));
+      throw InputError("the ", input[1], " channels of the input (", input,
+                       ") are not a multiple of group ", groups_);
     return input;
   }
 
@@ -32,12 +31,10 @@ class ShuffleChannel : public OneToOneLayer {
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const int64_t inner = input.product(2, input.rank()), per_group = input[1] / groups_;
-    return {"transpose", [copy = StridedCopyProblem{{input[0], per_group, groups_, inner},
-                                                    {input[1] * inner, inner, per_group * inner, 1},
-                                                    0,
-                                                    binding.threads}](const Call& call) {
-              strided_copy(copy, call.inputs[0], call.outputs[0]);
-            }};
+    return copy_kernel("transpose", {{input[0], per_group, groups_, inner},
+                                     {input[1] * inner, inner, per_group * inner, 1},
+                                     0,
+                                     binding.threads});
   }
 
  private:

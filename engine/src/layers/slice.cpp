@@ -21,20 +21,20 @@ class Slice : public Layer {
     if (param_.slice_point_size() == 0) {
       const auto parts = static_cast<int64_t>(n_outputs);
       if (size % parts != 0)
-        throw InputError(str("axis ", axis, " of the input (", inputs[0], ") cannot be cut into ",
-                             parts, " equal parts; give slice_point"));
+        throw InputError("axis ", axis, " of the input (", inputs[0], ") cannot be cut into ",
+                         parts, " equal parts; give slice_point");
       outputs.assign(n_outputs, inputs[0].with(axis, size / parts));
       return outputs;
     }
     if (static_cast<size_t>(param_.slice_point_size()) != n_outputs - 1)
-      throw InputError(str("expected ", n_outputs - 1, " slice points for ", n_outputs,
-                           " outputs, found ", param_.slice_point_size()));
+      throw InputError("expected ", n_outputs - 1, " slice points for ", n_outputs,
+                       " outputs, found ", param_.slice_point_size());
     int64_t begin = 0;
     for (size_t i = 0; i < n_outputs; ++i) {
       const int64_t end = i + 1 < n_outputs ? param_.slice_point(static_cast<int>(i)) : size;
       if (end <= begin || end > size)
-        throw InputError(str("slice points must increase from above 0 to below ", size,
-                             ", the size of axis ", axis, " of the input (", inputs[0], ")"));
+        throw InputError("slice points must increase from above 0 to below ", size,
+                         ", the size of axis ", axis, " of the input (", inputs[0], ")");
       outputs.push_back(inputs[0].with(axis, end - begin));
       begin = end;
     }
@@ -42,8 +42,7 @@ class Slice : public Layer {
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (slice_axis(input) + 2 >= input.rank()) return std::nullopt;  // along rows or columns
-    return WindowHw{};
+    return window_across(slice_axis(input), input);
   }
 
   Rounding rounding() const override { return Rounding::kNone; }

@@ -15,14 +15,12 @@ class Softmax : public OneToOneLayer {
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (input.canonical_axis(axis_, "softmax axis") + 2 >= input.rank()) return std::nullopt;
-    return WindowHw{};
+    return window_across(input.canonical_axis(axis_, "softmax axis"), input);
   }
 
   Rounding rounding() const override { return Rounding::kCompared; }
 
-  // The original copies its input first.
-  bool allows_in_place() const override { return true; }
+  bool allows_in_place() const override { return true; }  // Caffe copies its input first
 
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];

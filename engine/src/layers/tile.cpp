@@ -1,4 +1,4 @@
-#include "kernels/strided_copy.h"
+#include "layers/join_and_cut.h"
 #include "layers/layers.h"
 
 namespace revisit::engine {
@@ -9,7 +9,7 @@ class Tile : public OneToOneLayer {
  public:
   explicit Tile(const caffe::TileParameter& param) : param_(param) {
     if (param.tiles() < 1)
-      throw InputError(str("tiles must be given and at least 1, found ", param.tiles()));
+      throw InputError("tiles must be given and at least 1, found ", param.tiles());
   }
 
   Shape output_shape(const Shape& input) const override {
@@ -18,20 +18,15 @@ class Tile : public OneToOneLayer {
   }
 
   std::optional<WindowHw> window(const Shape& input) const override {
-    if (tile_axis(input) + 2 >= input.rank()) return std::nullopt;  // along rows or columns
-    return WindowHw{};
+    return window_across(tile_axis(input), input);
   }
 
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const size_t axis = tile_axis(input);
     const int64_t run = input.product(axis, input.rank());
-    return {"copy", [copy = StridedCopyProblem{{input.product(0, axis), param_.tiles(), run},
-                                               {run, 0, 1},
-                                               0,
-                                               binding.threads}](const Call& call) {
-              strided_copy(copy, call.inputs[0], call.outputs[0]);
-            }};
+    return copy_kernel(
+        "copy", {{input.product(0, axis), param_.tiles(), run}, {run, 0, 1}, 0, binding.threads});
   }
 
  private:

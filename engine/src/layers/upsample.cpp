@@ -51,15 +51,13 @@ class Upsample : public Layer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     if (inputs.size() != 1 && inputs.size() != 2)
-      throw InputError(
-          str("expected 1 input, or 2 (the second is a pooling mask), found ", inputs.size()));
+      throw InputError("expected 1 input, or 2 (the second is a pooling mask), found ",
+                       inputs.size());
     expect_count(n_outputs, 1, "outputs");
     const Shape& input = inputs[0];
-    if (input.rank() != 4)
-      throw InputError(str("Upsample needs an input of 4 axes (n x c x h x w), found ", input));
+    expect_image(input, "Upsample");
     if (inputs.size() == 2 && inputs[1] != input)
-      throw InputError(
-          str("the mask must have the shape of the input, ", input, ", found ", inputs[1]));
+      throw InputError("the mask must have the shape of the input, ", input, ", found ", inputs[1]);
     const auto [h, w] = inputs.size() == 2 ? masked_size(input) : repeated_size(input);
     return {Shape{input[0], input[1], h, w}};
   }

@@ -51,8 +51,7 @@ double mutual_information(const Joint& joint) {
 
 ChowLiuTree chow_liu_tree(const FloatMatrix& images) {
   if (images.n < 1 || images.d < 1)
-    throw UsageError(
-        str("Chow-Liu tree: expected images and words, found ", images.n, " x ", images.d));
+    throw UsageError("Chow-Liu tree: expected images and words, found ", images.n, " x ", images.d);
   const std::vector<Bits> bits = bits_of(images);
   const auto words = static_cast<size_t>(images.d);
   ChowLiuTree tree;

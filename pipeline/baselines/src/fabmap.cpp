@@ -49,15 +49,15 @@ void check(const FabMapOptions& o) {
   const auto is_probability = [](double p) { return p >= 0 && p <= 1; };
   if (!is_probability(o.smoothing) || !(o.p_new_place > 0 && o.p_new_place < 1))
     throw UsageError(
-        str("FAB-MAP: expected a smoothing of 0 to 1 and a probability of a new place "
-            "between them, found ",
-            o.smoothing, " and ", o.p_new_place));
+        "FAB-MAP: expected a smoothing of 0 to 1 and a probability of a new place "
+        "between them, found ",
+        o.smoothing, " and ", o.p_new_place);
   if (!is_probability(o.p_seen_if_absent) || !(o.p_seen_if_there < 1) ||
       !(o.p_seen_if_there > o.p_seen_if_absent))
     throw UsageError(
-        str("FAB-MAP: expected a detector that sees a word more often when it is "
-            "there, but not always; found p = ",
-            o.p_seen_if_there, " when there and ", o.p_seen_if_absent, " when not"));
+        "FAB-MAP: expected a detector that sees a word more often when it is "
+        "there, but not always; found p = ",
+        o.p_seen_if_there, " when there and ", o.p_seen_if_absent, " when not");
 }
 
 void check(const ChowLiuTree& tree) {
@@ -87,7 +87,7 @@ FabMap::FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const Floa
                       word.table(word.marginal)});
   }
   if (samples.n > 0 && samples.d != words())
-    throw UsageError(str("FAB-MAP: expected samples of ", words(), " words, found ", samples.d));
+    throw UsageError("FAB-MAP: expected samples of ", words(), " words, found ", samples.d);
 }
 
 double FabMap::term(const Table& table, size_t word, std::span<const float> seen) const {

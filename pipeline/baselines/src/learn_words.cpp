@@ -71,9 +71,9 @@ void write_matrix(const fs::path& file, const std::string& key, const FloatMatri
 void check(const Dataset& images, const TrainingOptions& options) {
   if (images.scans.empty()) throw InputError("FAB-MAP: there are no images to learn from");
   if (options.words < 1 || options.images < 1 || options.descriptors < 1 || options.threads < 1)
-    throw UsageError(str(
-        "FAB-MAP: expected at least one word, image, descriptor and thread; found ", options.words,
-        ", ", options.images, ", ", options.descriptors, " and ", options.threads));
+    throw UsageError("FAB-MAP: expected at least one word, image, descriptor and thread; found ",
+                     options.words, ", ", options.images, ", ", options.descriptors, " and ",
+                     options.threads);
 }
 
 }  // namespace

@@ -70,15 +70,15 @@ ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
 void check(const ScanContextOptions& options) {
   constexpr int kMost = 1000;
   if (options.rings < 1 || options.rings > kMost || options.sectors < 1 || options.sectors > kMost)
-    throw UsageError(str("scan context: expected 1 to ", kMost, " rings and sectors, found ",
-                         options.rings, " and ", options.sectors));
+    throw UsageError("scan context: expected 1 to ", kMost, " rings and sectors, found ",
+                     options.rings, " and ", options.sectors);
   if (!(options.max_range > 0) || !std::isfinite(options.max_range) ||
       !std::isfinite(options.sensor_height))
-    throw UsageError(str("scan context: expected a positive range and a finite height, found ",
-                         options.max_range, " and ", options.sensor_height));
+    throw UsageError("scan context: expected a positive range and a finite height, found ",
+                     options.max_range, " and ", options.sensor_height);
   if (options.ring_key_candidates < 0)
-    throw UsageError(
-        str("scan context: expected at least 0 candidates, found ", options.ring_key_candidates));
+    throw UsageError("scan context: expected at least 0 candidates, found ",
+                     options.ring_key_candidates);
 }
 
 /// Positions of the `count` places whose ring keys are nearest to the query's, equals by

@@ -63,9 +63,9 @@ AlterationStep parse_step(std::string_view text, std::string_view whole) {
   if (row == std::end(kAlterationKinds)) {
     std::vector<std::string> words;
     for (const KindRow& known : kAlterationKinds) words.push_back(known.word);
-    throw UsageError(str("alteration '", whole, "': unknown step '", word, "'",
-                         did_you_mean(word, words), "; known: ", joined(words, ", "),
-                         "; or none alone"));
+    throw UsageError("alteration '", whole, "': unknown step '", word, "'",
+                     did_you_mean(word, words), "; known: ", joined(words, ", "),
+                     "; or none alone");
   }
   AlterationStep step{row->kind, std::nullopt};
   double amount = 0;
@@ -79,8 +79,8 @@ AlterationStep parse_step(std::string_view text, std::string_view whole) {
     step.amount = amount;
   }
   if (!good)
-    throw UsageError(
-        str("alteration '", whole, "': ", word, " takes ", row->expected, ", found '", text, "'"));
+    throw UsageError("alteration '", whole, "': ", word, " takes ", row->expected, ", found '",
+                     text, "'");
   return step;
 }
 

@@ -13,9 +13,9 @@ namespace fs = std::filesystem;
 fs::path kitti_images(const Dataset& dataset) {
   const fs::path scans = dataset.scans.empty() ? "" : dataset.scans[0].file.parent_path();
   if (scans.filename() != "velodyne")
-    throw InputError(str(scans.string(),
-                         ": not a KITTI sequence; say where its camera images are (frame numbers "
-                         "as names, e.g. 000123.png)"));
+    throw InputError(scans.string(),
+                     ": not a KITTI sequence; say where its camera images are (frame numbers "
+                     "as names, e.g. 000123.png)");
   return scans.parent_path() / "image_0";
 }
 
@@ -41,10 +41,9 @@ Dataset camera_images(const Dataset& dataset, const fs::path& folder) {
   for (ScanRef& scan : result.scans) {
     const auto image = by_frame.find(scan.frame);
     if (image == by_frame.end())
-      throw InputError(str(images.string(), ": no image of frame ", scan.frame,
-                           ", which has the scan ", scan.file.string(), "; there are ",
-                           by_frame.size(), " images, frames ", by_frame.begin()->first, " to ",
-                           by_frame.rbegin()->first));
+      throw InputError(images.string(), ": no image of frame ", scan.frame, ", which has the scan ",
+                       scan.file.string(), "; there are ", by_frame.size(), " images, frames ",
+                       by_frame.begin()->first, " to ", by_frame.rbegin()->first);
     scan.file = image->second;
   }
   return result;

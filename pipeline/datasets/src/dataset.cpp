@@ -11,7 +11,7 @@ namespace {
 namespace fs = std::filesystem;
 
 [[noreturn]] void fail_missing(const fs::path& root, const char* what, const std::string& places) {
-  throw InputError(str(root.string(), ": no ", what, ", which this needs: looked for ", places));
+  throw InputError(root.string(), ": no ", what, ", which this needs: looked for ", places);
 }
 
 void add_poses(const KittiSequence& sequence, bool needed, Dataset* dataset) {
@@ -24,9 +24,8 @@ void add_poses(const KittiSequence& sequence, bool needed, Dataset* dataset) {
   }
   const std::vector<Pose> poses = read_kitti_poses(*file);
   if (const ScanRef& last = dataset->scans.back(); static_cast<size_t>(last.frame) >= poses.size())
-    throw InputError(str(file->string(), ": holds ", poses.size(), " poses (frames 0 to ",
-                         poses.size() - 1, "), but ", last.file.string(), " is frame ",
-                         last.frame));
+    throw InputError(file->string(), ": holds ", poses.size(), " poses (frames 0 to ",
+                     poses.size() - 1, "), but ", last.file.string(), " is frame ", last.frame);
   dataset->n_poses = static_cast<int64_t>(poses.size());
   for (ScanRef& scan : dataset->scans) scan.pose = poses[static_cast<size_t>(scan.frame)];
 }
@@ -89,15 +88,15 @@ Dataset open_dataset(const fs::path& root, const std::string& sequence, const Da
   const bool plain = holds_scans(root);
   const PlaceFolders sorted = plain ? PlaceFolders{} : find_places(root, sequence);
   if (!plain && sorted.places.empty())
-    throw InputError(str(root.string(), ": no scans here: looked for ",
-                         (root / "sequences" / "NN" / "velodyne").string(), ", ",
-                         (root / "velodyne").string(),
-                         ", for .bin, .pcd or .ply files in the folder itself and in a folder per "
-                         "place",
-                         compressed_scans(root)));
+    throw InputError(root.string(), ": no scans here: looked for ",
+                     (root / "sequences" / "NN" / "velodyne").string(), ", ",
+                     (root / "velodyne").string(),
+                     ", for .bin, .pcd or .ply files in the folder itself and in a folder per "
+                     "place",
+                     compressed_scans(root));
   if (plain && !sequence.empty())
-    throw InputError(str(root.string(), ": a plain folder of scans has no sequence ", sequence,
-                         ": looked for ", (root / "sequences" / sequence).string()));
+    throw InputError(root.string(), ": a plain folder of scans has no sequence ", sequence,
+                     ": looked for ", (root / "sequences" / sequence).string());
   if (needs.poses)
     fail_missing(root, "poses",
                  str("the KITTI layout (sequences/NN/velodyne with poses/NN.txt, or velodyne/ with "

@@ -52,7 +52,7 @@ void each_entry(const fs::path& folder, const Take& take) {
   fs::directory_iterator entry(folder, error);
   for (; !error && entry != fs::directory_iterator(); entry.increment(error))
     if (take(entry->path())) return;
-  if (error) throw InputError(str(folder.string(), ": cannot list: ", error.message()));
+  if (error) throw InputError(folder.string(), ": cannot list: ", error.message());
 }
 
 /// "000123.bin.gz" and the like.
@@ -67,14 +67,13 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
                                      FrameNumbers numbers, const char* kind, const char* example) {
   const std::vector<std::string> names = list_names(folder, keep);
   if (names.empty())
-    throw InputError(
-        str(folder.string(), ": no ", kind, " in this folder", compressed_scans(folder)));
+    throw InputError(folder.string(), ": no ", kind, " in this folder", compressed_scans(folder));
 
   const auto unnumbered = std::find_if(names.begin(), names.end(),
                                        [](const std::string& name) { return !number_of(name); });
   if (unnumbered != names.end() && numbers == FrameNumbers::kFromNames)
-    throw InputError(str((folder / *unnumbered).string(),
-                         ": expected the frame's number as the file name, e.g. ", example));
+    throw InputError((folder / *unnumbered).string(),
+                     ": expected the frame's number as the file name, e.g. ", example);
 
   std::vector<NumberedFile> files;
   for (const std::string& name : names) {
@@ -87,9 +86,9 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
       files.begin(), files.end(),
       [](const NumberedFile& a, const NumberedFile& b) { return a.frame == b.frame; });
   if (twice != files.end())
-    throw InputError(str(folder.string(), ": frame ", twice->frame,
-                         " appears twice: ", twice->file.filename().string(), " and ",
-                         std::next(twice)->file.filename().string()));
+    throw InputError(folder.string(), ": frame ", twice->frame,
+                     " appears twice: ", twice->file.filename().string(), " and ",
+                     std::next(twice)->file.filename().string());
   return files;
 }
 

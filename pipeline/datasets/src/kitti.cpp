@@ -84,12 +84,12 @@ std::string listed(const std::vector<std::string>& names) {
   for (const std::string& name : folders)
     if (!for_poses && compressed.empty())
       compressed = compressed_scans(root / "sequences" / name / "velodyne");
-  throw InputError(str(
+  throw InputError(
       root.string(), ": no sequence has ", for_poses ? "poses" : "scans", ": looked for ",
       for_poses ? (root / "poses" / "NN.txt").string() + " and " +
                       (root / "sequences" / "NN" / "poses.txt").string()
                 : (root / "sequences" / "NN" / "velodyne" / "*.bin").string() + ", .pcd and .ply",
-      "; folders in sequences/: ", listed(folders), compressed));
+      "; folders in sequences/: ", listed(folders), compressed);
 }
 
 }  // namespace
@@ -104,7 +104,7 @@ std::optional<KittiSequence> find_kitti_sequence(const fs::path& root, const std
                                                  bool for_poses) {
   std::error_code error;
   const fs::file_status status = fs::status(root, error);
-  if (!fs::exists(status)) throw InputError(str(root.string(), ": ", error.message()));
+  if (!fs::exists(status)) throw InputError(root.string(), ": ", error.message());
   if (!fs::is_directory(status)) throw InputError(root.string() + ": not a folder");
 
   if (is_folder(root / "sequences") || (for_poses && is_folder(root / "poses"))) {
@@ -117,36 +117,36 @@ std::optional<KittiSequence> find_kitti_sequence(const fs::path& root, const std
         for_poses ? sequences_with_poses(root) : list_names(root / "sequences", has_scans);
     const char* const what = for_poses ? "poses" : "scans";
     if (!sequence.empty()) {
-      throw InputError(
-          str(root.string(), ": sequence ", sequence, " has no ", what, ": looked for ",
-              for_poses ? wanted.pose_files[0].string() + " and " + wanted.pose_files[1].string()
-                        : (wanted.velodyne() / "*.bin").string(),
-              did_you_mean(sequence, there), "; sequences with ", what, ": ", listed(there),
-              for_poses ? "" : compressed_scans(wanted.velodyne())));
+      throw InputError(root.string(), ": sequence ", sequence, " has no ", what, ": looked for ",
+                       for_poses
+                           ? wanted.pose_files[0].string() + " and " + wanted.pose_files[1].string()
+                           : (wanted.velodyne() / "*.bin").string(),
+                       did_you_mean(sequence, there), "; sequences with ", what, ": ",
+                       listed(there), for_poses ? "" : compressed_scans(wanted.velodyne()));
     }
     if (there.size() == 1) return of_root(root, there[0]);
     if (there.empty()) fail_empty(root, for_poses);
-    throw InputError(
-        str(root.string(), ": say which sequence; sequences with ", what, ": ", listed(there)));
+    throw InputError(root.string(), ": say which sequence; sequences with ", what, ": ",
+                     listed(there));
   }
   if (!is_folder(root / "velodyne") && !(for_poses && is_file(root / "poses.txt"))) return {};
   KittiSequence found = of_sequence_folder(root);
   if (!sequence.empty() && sequence != name_of(root))
-    throw InputError(str(root.string(), ": this is one sequence's folder, so there is no sequence ",
-                         sequence, " in it; give the root above, or no sequence"));
+    throw InputError(root.string(), ": this is one sequence's folder, so there is no sequence ",
+                     sequence, " in it; give the root above, or no sequence");
   return found;
 }
 
 fs::path find_kitti_poses(const fs::path& root, const std::string& sequence) {
   const std::optional<KittiSequence> found = find_kitti_sequence(root, sequence, true);
   if (!found)
-    throw InputError(str(root.string(), ": no KITTI poses here: looked for ",
-                         (root / "poses" / "NN.txt").string(), ", ",
-                         (root / "sequences" / "NN" / "poses.txt").string(), " and ",
-                         (root / "poses.txt").string()));
+    throw InputError(root.string(), ": no KITTI poses here: looked for ",
+                     (root / "poses" / "NN.txt").string(), ", ",
+                     (root / "sequences" / "NN" / "poses.txt").string(), " and ",
+                     (root / "poses.txt").string());
   if (const auto file = found->poses()) return *file;
-  throw InputError(str(root.string(), ": no poses: looked for ", found->pose_files[0].string(),
-                       " and ", found->pose_files[1].string()));
+  throw InputError(root.string(), ": no poses: looked for ", found->pose_files[0].string(), " and ",
+                   found->pose_files[1].string());
 }
 
 }  // namespace revisit::pipeline

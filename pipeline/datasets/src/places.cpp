@@ -35,13 +35,13 @@ PlaceFolders find_places(const fs::path& root, const std::string& sequence) {
     if (sets.empty()) return found;
     const std::string list = joined(sets, ", ");
     if (!sequence.empty() && std::find(sets.begin(), sets.end(), sequence) == sets.end())
-      throw InputError(str(root.string(), ": there is no set of places '", sequence, "'",
-                           did_you_mean(sequence, sets), "; sets with a folder per place: ", list));
+      throw InputError(root.string(), ": there is no set of places '", sequence, "'",
+                       did_you_mean(sequence, sets), "; sets with a folder per place: ", list);
     if (sequence.empty() && sets.size() > 1)
-      throw InputError(str(root.string(),
-                           ": say which set of places (as the sequence); sets with a folder per "
-                           "place: ",
-                           list));
+      throw InputError(root.string(),
+                       ": say which set of places (as the sequence); sets with a folder per "
+                       "place: ",
+                       list);
     found.sequence = sequence.empty() ? sets[0] : sequence;
     folder = root / found.sequence;
     names = list_names(folder, is_place);

@@ -12,12 +12,12 @@ constexpr int kLanes = 8;  // resamples that share one pass over the ballots
 
 void check(const BootstrapOptions& options) {
   if (options.resamples < 1)
-    throw UsageError(str("bootstrap: expected at least 1 resample, found ", options.resamples));
+    throw UsageError("bootstrap: expected at least 1 resample, found ", options.resamples);
   if (options.threads < 1)
-    throw UsageError(str("bootstrap: expected at least 1 thread, found ", options.threads));
+    throw UsageError("bootstrap: expected at least 1 thread, found ", options.threads);
   if (!(options.confidence > 0 && options.confidence < 1))
-    throw UsageError(
-        str("bootstrap: expected a confidence between 0 and 1, found ", options.confidence));
+    throw UsageError("bootstrap: expected a confidence between 0 and 1, found ",
+                     options.confidence);
 }
 
 /// How often resample `number` draws each query. It depends on nothing but the seed and `number`.

@@ -92,8 +92,8 @@ void check_finite(const FloatMatrix& descriptors, int which_case) {
                                     [](float value) { return std::isfinite(value); });
   if (bad == descriptors.values.end()) return;
   const int64_t at = bad - descriptors.values.begin();
-  throw Error(str("the descriptor of scan ", at / descriptors.d, " (alignment case ", which_case,
-                  "), value ", at % descriptors.d, ": ", *bad, " is not finite"));
+  throw Error("the descriptor of scan ", at / descriptors.d, " (alignment case ", which_case,
+              "), value ", at % descriptors.d, ": ", *bad, " is not finite");
 }
 
 /// A PCA model of huge numbers overflows; the raw features of a network can be anything.

@@ -68,7 +68,7 @@ std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::
       if (options.query_case) task.both_cases = options.query_case == QueryCase::kBoth;
       need_distances(trajectory, task.rule.distance, "task " + task.name);
       if (std::ranges::find(tasks, task.name, &Task::name) != tasks.end())
-        throw UsageError(str("task ", task.name, " is chosen twice"));
+        throw UsageError("task ", task.name, " is chosen twice");
       tasks.push_back(std::move(task));
     }
   if (tasks.empty()) throw UsageError("no protocol is chosen: give at least one");

@@ -31,8 +31,8 @@ std::vector<double> progress_along(const Trajectory& trajectory, const Exclusion
     if (!trajectory.positions.empty()) position = trajectory.positions[i];
     along.push_back(driven.at(trajectory.frames[i], time, position));
     if (in_seconds && i > 0 && !(along[i] >= along[i - 1]))
-      throw InputError(str("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
-                           along[i - 1], " s, then ", along[i], " s"));
+      throw InputError("the time stamps run backwards at frame ", trajectory.frames[i], ": ",
+                       along[i - 1], " s, then ", along[i], " s");
   }
   return along;
 }
@@ -42,7 +42,7 @@ std::vector<double> progress_along(const Trajectory& trajectory, const Exclusion
 Distance parse_distance(const std::string& text) {
   const auto* const found = std::ranges::find(kDistances, text);
   if (found == std::end(kDistances))
-    throw UsageError(str("distance: expected xz, 3d, box or place, found '", text, "'"));
+    throw UsageError("distance: expected xz, 3d, box or place, found '", text, "'");
   return static_cast<Distance>(found - kDistances);
 }
 
@@ -58,24 +58,23 @@ Trajectory make_trajectory(const Dataset& dataset) {
   for (const ScanRef& scan : dataset.scans) has_times &= scan.time.has_value();
   for (const ScanRef& scan : dataset.scans) {
     if (!trajectory.frames.empty() && scan.frame <= trajectory.frames.back())
-      throw InputError(str(scan.file.string(), ": frame ", scan.frame, " comes after frame ",
-                           trajectory.frames.back(), "; frames must increase"));
+      throw InputError(scan.file.string(), ": frame ", scan.frame, " comes after frame ",
+                       trajectory.frames.back(), "; frames must increase");
     trajectory.frames.push_back(scan.frame);
     if (has_times) trajectory.times.push_back(*scan.time);
     if (dataset.has_places()) trajectory.places.push_back(scan.place);
     if (!has_poses) continue;
     trajectory.positions.emplace_back(scan.pose->translation());
     if (!trajectory.positions.back().allFinite())
-      throw InputError(
-          str(scan.file.string(), ": the pose of frame ", scan.frame, " is not finite"));
+      throw InputError(scan.file.string(), ": the pose of frame ", scan.frame, " is not finite");
   }
   return trajectory;
 }
 
 Trajectory make_trajectory(const std::vector<Pose>& T_world_cam, const std::vector<double>& times) {
   if (!times.empty() && times.size() < T_world_cam.size())
-    throw InputError(
-        str("fewer time stamps (", times.size(), ") than poses (", T_world_cam.size(), ")"));
+    throw InputError("fewer time stamps (", times.size(), ") than poses (", T_world_cam.size(),
+                     ")");
   Trajectory trajectory;
   trajectory.n_poses = static_cast<int64_t>(T_world_cam.size());
   trajectory.frames.resize(T_world_cam.size());
@@ -83,7 +82,7 @@ Trajectory make_trajectory(const std::vector<Pose>& T_world_cam, const std::vect
   for (size_t i = 0; i < T_world_cam.size(); ++i) {
     trajectory.positions.emplace_back(T_world_cam[i].translation());
     if (!trajectory.positions.back().allFinite())
-      throw InputError(str("the pose of frame ", i, " is not finite"));
+      throw InputError("the pose of frame ", i, " is not finite");
     if (!times.empty()) trajectory.times.push_back(times[i]);
   }
   return trajectory;
@@ -114,10 +113,9 @@ double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Dist
 
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what) {
   if (kind == Distance::kPlace && trajectory.places.empty())
-    throw UsageError(str(what, " needs named places; this data set has none"));
+    throw UsageError(what, " needs named places; this data set has none");
   if (kind == Distance::kPlace || !trajectory.positions.empty()) return;
-  if (trajectory.places.empty())
-    throw UsageError(str(what, " needs poses; this data set has none"));
+  if (trajectory.places.empty()) throw UsageError(what, " needs poses; this data set has none");
   throw UsageError(what, " needs poses; this data set has none, but places: use ",
                    CppName{"Distance::kPlace"});
 }
@@ -150,7 +148,7 @@ LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion) {
   need_distances(trajectory, rule.distance, "ground truth");
   if (!(rule.radius > 0) || !std::isfinite(rule.radius))
-    throw UsageError(str("radius: expected a positive number of metres, found ", rule.radius));
+    throw UsageError("radius: expected a positive number of metres, found ", rule.radius);
   const std::vector<int64_t> ends = earlier_candidates(trajectory, exclusion);
   LoopTruth truth;
   for (int64_t i = 0; i < trajectory.size(); ++i) {

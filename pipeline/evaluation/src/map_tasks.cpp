@@ -27,10 +27,10 @@ void need_official_drive(const std::string& protocol, const std::string& sequenc
                                          [&](const Drive& d) { return sequence == d.sequence; });
   const int64_t expected = drive == std::end(kDrives) ? 0 : drive->poses;
   if (trajectory.n_poses == expected) return;
-  throw UsageError(str("protocol ", protocol, ": its frames are those of KITTI's drive ", sequence,
-                       ", which has ", expected, " poses; this drive ", sequence, " has ",
-                       trajectory.n_poses,
-                       ", so it is another; paper-easy, online and leave-one-out work for any"));
+  throw UsageError("protocol ", protocol, ": its frames are those of KITTI's drive ", sequence,
+                   ", which has ", expected, " poses; this drive ", sequence, " has ",
+                   trajectory.n_poses,
+                   ", so it is another; paper-easy, online and leave-one-out work for any");
 }
 
 using Chosen = std::function<bool(int64_t row)>;
@@ -103,9 +103,9 @@ const StoredScans& need_entry(const std::string& protocol, const std::string& se
     need_official_drive(protocol, sequence, trajectory);
     return *entry;
   }
-  throw UsageError(str("protocol ", protocol, ": the paper has no such task for sequence '",
-                       sequence, "', only for ", bidirectional ? "08" : "00, 05, 06 and 08",
-                       "; paper-easy, online and leave-one-out work for any"));
+  throw UsageError("protocol ", protocol, ": the paper has no such task for sequence '", sequence,
+                   "', only for ", bidirectional ? "08" : "00, 05, 06 and 08",
+                   "; paper-easy, online and leave-one-out work for any");
 }
 
 /// Frames, half open. 00, 02, 05 and 06 as published with BEVPlace, 08 with BEVPlace++; what is
@@ -124,9 +124,9 @@ const Ranges& ranges_of(const std::string& sequence) {
   for (const Ranges& ranges : kRanges)
     if (sequence == ranges.sequence) return ranges;
   throw UsageError(
-      str("protocol bevplace: its ranges are published for 00, 02, 05, 06 and 08, not "
-          "for sequence '",
-          sequence, "'; online and leave-one-out work for any"));
+      "protocol bevplace: its ranges are published for 00, 02, 05, 06 and 08, not "
+      "for sequence '",
+      sequence, "'; online and leave-one-out work for any");
 }
 
 }  // namespace

@@ -122,9 +122,9 @@ Selection select(const Task& task, const PairTruth& truth, const PairOptions& op
     selection.first_pair[q + 1] = selection.first_pair[q] + compared + selection.n_true[q];
   }
   if (selection.first_pair.back() > kMaxPairs)
-    throw UsageError(
-        str("task ", task.name, ": ", selection.first_pair.back(), " pairs to compare, more than ",
-            kMaxPairs, "; use fewer scans, e.g. every 2nd, or a protocol that decides on queries"));
+    throw UsageError("task ", task.name, ": ", selection.first_pair.back(),
+                     " pairs to compare, more than ", kMaxPairs,
+                     "; use fewer scans, e.g. every 2nd, or a protocol that decides on queries");
   return selection;
 }
 
@@ -146,7 +146,7 @@ std::vector<double> similarities_of(int64_t scan, const std::vector<int64_t>& ca
     for (size_t i = 0; i < match.ranks.size(); ++i)
       of_scan[static_cast<size_t>(match.ranks[i])] = match.similarities[i];
   } catch (const NotFinite& error) {
-    throw Error(str("the similarity of scan ", scan, " to scan ", error.place, " is not finite"));
+    throw Error("the similarity of scan ", scan, " to scan ", error.place, " is not finite");
   }
   for (const int64_t candidate : candidates)
     similarities.push_back(of_scan[static_cast<size_t>(candidate)]);
@@ -201,13 +201,13 @@ ScoreHistogram histogram_of(const Ballots<float>& ballots) {
 void check(const Task& task, const Trajectory& trajectory, const Descriptors& descriptors,
            const PairOptions& options) {
   if (task.decision != Decision::kPair)
-    throw Error(str("task ", task.name, " decides on queries, not on pairs"));
+    throw Error("task ", task.name, " decides on queries, not on pairs");
   need_distances(trajectory, task.rule.distance, "task " + task.name);
   if (options.threads < 1)
-    throw UsageError(str("threads: expected at least 1, found ", options.threads));
+    throw UsageError("threads: expected at least 1, found ", options.threads);
   if (descriptors.case1.n != trajectory.size())
-    throw Error(str("task ", task.name, ": descriptors of ", descriptors.case1.n, " scans, of ",
-                    trajectory.size()));
+    throw Error("task ", task.name, ": descriptors of ", descriptors.case1.n, " scans, of ",
+                trajectory.size());
   check_finite(descriptors);
 }
 

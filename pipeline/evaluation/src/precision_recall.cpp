@@ -25,8 +25,8 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
                            const Trajectory& trajectory, const TrueMatchRule& rule) {
   need_distances(trajectory, rule.distance, "judging matches");
   if (matches.size() != task.queries.size())
-    throw Error(str("task ", task.name, " has ", task.queries.size(), " queries but ",
-                    matches.size(), " matches were given"));
+    throw Error("task ", task.name, " has ", task.queries.size(), " queries but ", matches.size(),
+                " matches were given");
   const auto metres = [&](int64_t a, int64_t b) {
     return distance_between(trajectory, a, b, rule.distance);
   };
@@ -34,16 +34,16 @@ std::vector<Verdict> judge(const std::vector<Match>& matches, const Task& task,
   for (size_t i = 0; i < matches.size(); ++i) {
     const TaskQuery& query = task.queries[i];
     if (matches[i].query != query.scan || matches[i].ranks.empty())
-      throw Error(str("match ", i, " does not answer query ", i, " of task ", task.name, " (scan ",
-                      query.scan, ")"));
+      throw Error("match ", i, " does not answer query ", i, " of task ", task.name, " (scan ",
+                  query.scan, ")");
     const auto has_best = [&](const CandidateRange& range) {
       const auto first = task.stored.begin();
       return std::find(first + range.begin, first + range.end, matches[i].ranks[0]) !=
              first + range.end;
     };
     if (std::ranges::none_of(query.candidates, has_best))
-      throw Error(str("match ", i, " of task ", task.name, ": scan ", matches[i].ranks[0],
-                      " is no candidate of the query, scan ", query.scan));
+      throw Error("match ", i, " of task ", task.name, ": scan ", matches[i].ranks[0],
+                  " is no candidate of the query, scan ", query.scan);
     verdicts[i].score = matches[i].score;
     const double to_best = metres(query.scan, matches[i].ranks[0]);
     verdicts[i].correct = rule.is_true(to_best);

@@ -137,10 +137,10 @@ std::vector<std::string> task_names(const std::string& protocol, const std::stri
 
 void need_scans(const Task& task, int64_t n_scans) {
   if (!task.stored.empty() && !task.queries.empty()) return;
-  throw UsageError(str("task ", task.name, " (", task.population, "): of the ", n_scans,
-                       " scans of this data set ", task.stored.size(), " are stored and ",
-                       task.queries.size(),
-                       " can be asked; use another protocol, a smaller exclusion or more scans"));
+  throw UsageError("task ", task.name, " (", task.population, "): of the ", n_scans,
+                   " scans of this data set ", task.stored.size(), " are stored and ",
+                   task.queries.size(),
+                   " can be asked; use another protocol, a smaller exclusion or more scans");
 }
 
 }  // namespace
@@ -190,9 +190,9 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
   for (const std::string& name : task_names(protocol, sequence)) {
     const Entry* entry = find_entry(name);
     if (!entry)
-      throw UsageError(str("unknown protocol '", protocol, "'",
-                           did_you_mean(protocol, protocol_names()),
-                           "; known: ", joined(protocol_names(), ", ")));
+      throw UsageError("unknown protocol '", protocol, "'",
+                       did_you_mean(protocol, protocol_names()),
+                       "; known: ", joined(protocol_names(), ", "));
     Task task = entry->make(sequence, trajectory, exclusion.value_or(entry->exclusion));
     task.name = name;
     task.definition = entry->protocol.definition;

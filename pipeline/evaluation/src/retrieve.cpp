@@ -12,23 +12,23 @@ void check(const Descriptors& descriptors, const Task& task, QueryCase asked) {
   if (asked != QueryCase::kAsStored) {
     if (!descriptors.case2) throw Error("there are no descriptors of alignment case 2");
     if (descriptors.case2->n != case1.n || descriptors.case2->d != case1.d)
-      throw Error(str("descriptors of alignment case 2 are ", descriptors.case2->n, " x ",
-                      descriptors.case2->d, ", of case 1 ", case1.n, " x ", case1.d));
+      throw Error("descriptors of alignment case 2 are ", descriptors.case2->n, " x ",
+                  descriptors.case2->d, ", of case 1 ", case1.n, " x ", case1.d);
   }
   check_finite(descriptors);
   const auto has_row = [&](int64_t row) { return row >= 0 && row < case1.n; };
   for (const int64_t row : task.stored)
-    if (!has_row(row)) throw Error(str("task ", task.name, " stores scan ", row, " of ", case1.n));
+    if (!has_row(row)) throw Error("task ", task.name, " stores scan ", row, " of ", case1.n);
   for (const TaskQuery& query : task.queries) {
     if (!has_row(query.scan))
-      throw Error(str("task ", task.name, " asks scan ", query.scan, " of ", case1.n));
+      throw Error("task ", task.name, " asks scan ", query.scan, " of ", case1.n);
     for (const CandidateRange& range : query.candidates)
       if (range.begin < 0 || range.end < range.begin ||
           range.end > static_cast<int64_t>(task.stored.size()))
-        throw Error(str("task ", task.name, ": scan ", query.scan, " has candidates [", range.begin,
-                        ", ", range.end, ") of ", task.stored.size()));
+        throw Error("task ", task.name, ": scan ", query.scan, " has candidates [", range.begin,
+                    ", ", range.end, ") of ", task.stored.size());
     if (query.n_candidates() == 0)
-      throw Error(str("task ", task.name, ": scan ", query.scan, " has no candidates"));
+      throw Error("task ", task.name, ": scan ", query.scan, " has no candidates");
   }
 }
 
@@ -55,8 +55,8 @@ std::vector<Match> ask(const PlaceIndex& index, const FloatMatrix& asked, int wh
   try {
     matches = index.best_of_many(queries, options);
   } catch (const NotFinite& error) {
-    throw Error(str("the similarity of scan ", task.queries.at(error.query).scan, " to scan ",
-                    task.stored.at(error.place), " is not finite: ", error.similarity));
+    throw Error("the similarity of scan ", task.queries.at(error.query).scan, " to scan ",
+                task.stored.at(error.place), " is not finite: ", error.similarity);
   }
   for (size_t q = 0; q < matches.size(); ++q) {
     add_left_out(matches[q], task.queries[q], options);

@@ -17,14 +17,13 @@ constexpr double kNever = -std::numeric_limits<double>::infinity();
 void check_robustness(const Dataset& drive, const FeatureExtractor& extractor,
                       const RobustnessOptions& options) {
   if (extractor.sees<GrayImage>())
-    throw UsageError(
-        str("the feature ", extractor.name, " sees camera images, which are not altered"));
+    throw UsageError("the feature ", extractor.name, " sees camera images, which are not altered");
   if (drive.scans.empty()) throw UsageError("robustness: the drive has no scans");
   if (options.alterations.empty()) throw UsageError("robustness: there are no alterations");
   if (options.queries < 0)
-    throw UsageError(str("robustness: expected at least 0 queries, found ", options.queries));
+    throw UsageError("robustness: expected at least 0 queries, found ", options.queries);
   if (!(options.rule.radius > 0))
-    throw UsageError(str("robustness: expected a radius above 0, found ", options.rule.radius));
+    throw UsageError("robustness: expected a radius above 0, found ", options.rule.radius);
   if (options.both_cases && options.describe.align != AlignCase::kOne)
     throw UsageError("robustness: queries in both alignment cases take ",
                      CppName{"DescribeOptions::align"}, " case1");

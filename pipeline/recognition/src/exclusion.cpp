@@ -32,9 +32,9 @@ Exclusion parse_exclusion(const std::string& text) {
   if (is_kind && exclusion.kind != Exclusion::Kind::kNone &&
       (exclusion.kind == Exclusion::Kind::kFrames ? is_whole : is_number))
     return exclusion;
-  throw UsageError(str(
+  throw UsageError(
       "exclusion: expected frames=N, seconds=T, metres=L (not negative) or none, found '", text,
-      "'", is_kind ? "" : did_you_mean(kind, {std::begin(kExclusions), std::end(kExclusions)})));
+      "'", is_kind ? "" : did_you_mean(kind, {std::begin(kExclusions), std::end(kExclusions)}));
 }
 
 std::string to_string(const Exclusion& exclusion) {

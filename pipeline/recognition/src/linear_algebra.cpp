@@ -96,9 +96,9 @@ Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k) {
   std::vector<int> iwork(iwork_size);
   solve(work.data(), iwork.data());
   if (info != 0 || found != k)
-    throw Error(str("the eigenvalues of a ", m, " x ", m,
-                    " matrix did not converge (LAPACK dsyevr: ", info, ", ", found, " of ", k,
-                    " found)"));
+    throw Error("the eigenvalues of a ", m, " x ", m,
+                " matrix did not converge (LAPACK dsyevr: ", info, ", ", found, " of ", k,
+                " found)");
 
   Eigenpairs pairs{std::vector<double>(k), std::vector<double>(k * m)};
   for (int64_t i = 0; i < k; ++i) {
@@ -133,10 +133,10 @@ std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<d
   int_work.resize(int_size);
   solve();
   if (info != 0)
-    throw Error(str("the eigenvalues of a Hermitian ", m, " x ", m,
-                    " matrix did not converge, or it was compared with one that is not positive "
-                    "definite (LAPACK zhegvd: ",
-                    info, ")"));
+    throw Error("the eigenvalues of a Hermitian ", m, " x ", m,
+                " matrix did not converge, or it was compared with one that is not positive "
+                "definite (LAPACK zhegvd: ",
+                info, ")");
   std::vector<double> fixed(m);  // cos(k^2), to which nothing natural is orthogonal
   for (int64_t k = 0; k < m; ++k) fixed[k] = std::cos(static_cast<double>(k * k));
   for (int64_t i = 0; i < m; ++i) {

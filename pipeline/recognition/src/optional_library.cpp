@@ -31,8 +31,8 @@ void need(std::string_view what, std::string_view library) {
 
 void built_without(std::string_view what, std::string_view library) {
   const OptionalLibrary& missing = optional_library(library);
-  throw UsageError(str(what, ": this program was built without ", missing.name, "; install ",
-                       missing.package, " and build it with -D", missing.option, "=ON"));
+  throw UsageError(what, ": this program was built without ", missing.name, "; install ",
+                   missing.package, " and build it with -D", missing.option, "=ON");
 }
 
 }  // namespace revisit::pipeline

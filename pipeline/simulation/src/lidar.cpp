@@ -101,10 +101,9 @@ namespace simulation {
 
 void check(const NoiseModel& noise) {
   if (!(noise.range_sigma >= 0 && noise.range_sigma <= 1))
-    throw UsageError(str("range noise of ", noise.range_sigma, " m: expected 0 to 1 m"));
+    throw UsageError("range noise of ", noise.range_sigma, " m: expected 0 to 1 m");
   if (!(noise.dropout >= 0 && noise.dropout < 1))
-    throw UsageError(
-        str("dropout ", noise.dropout, ": expected a share of 0 up to, not including, 1"));
+    throw UsageError("dropout ", noise.dropout, ": expected a share of 0 up to, not including, 1");
 }
 
 Lidar::Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed)

@@ -42,8 +42,8 @@ OutputFolder::Files OutputFolder::open(const Files& wanted, const Files& there,
     if (!there.empty()) strange.push_back(*there.begin());
     for (const fs::path& file : strange)
       if (fs::exists(file))
-        throw UsageError(str(file.string(), " already exists and was not made by a simulation (no ",
-                             settings_file_.string(), "): choose another output or sequence"));
+        throw UsageError(file.string(), " already exists and was not made by a simulation (no ",
+                         settings_file_.string(), "): choose another output or sequence");
   } else if (!known.starts_with(kHeader)) {
     throw UsageError(settings_file_.string() +
                      " exists but is not a settings file of a simulation: choose another output");

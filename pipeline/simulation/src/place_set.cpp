@@ -70,8 +70,7 @@ SimulationSummary simulate_places(const PlaceSimulationConfig& config,
                                   const std::function<void(int64_t, int64_t)>& progress,
                                   const std::function<bool()>& stop) {
   if (config.output.empty()) throw UsageError("no output folder given");
-  if (config.threads < 0)
-    throw UsageError(str(config.threads, " threads: expected 0 (all) or more"));
+  if (config.threads < 0) throw UsageError(config.threads, " threads: expected 0 (all) or more");
   const NoiseModel noise{config.range_noise, config.dropout};
   check(noise);
 

@@ -144,8 +144,8 @@ std::vector<PlanarPose> drive(const Polyline& middle, uint64_t seed) {
 
 std::vector<PlanarPose> generate_route(RouteKind kind, double length, uint64_t seed) {
   if (!(length >= kShortestRoute && length <= kLongestRoute))
-    throw UsageError(str("the length of a generated route is ", kShortestRoute, " to ",
-                         kLongestRoute, " m, not ", length, " m"));
+    throw UsageError("the length of a generated route is ", kShortestRoute, " to ", kLongestRoute,
+                     " m, not ", length, " m");
   Random random(seed, 0x726f757465);
   Polyline route;
   double heading = random.uniform(0, 2 * std::numbers::pi);
@@ -184,9 +184,8 @@ std::vector<PlanarPose> flatten(const std::vector<Pose>& T_world_cam, const Pose
       const double step = (Vec2(pose.x, pose.y) - from).norm();
       if (step <= kLargestGap) length += step;
       if (std::hypot(pose.x, pose.y) > kLongestRoute || length > kLongestRoute)
-        throw InputError(
-            str(where, "the drive is longer than ", kLongestRoute / 1000,
-                " km; a town along it would not fit in memory: simulate a part of it"));
+        throw InputError(where, "the drive is longer than ", kLongestRoute / 1000,
+                         " km; a town along it would not fit in memory: simulate a part of it");
     }
     poses.push_back(pose);
   }

@@ -25,7 +25,7 @@ NoiseModel noise_of(const SimulationConfig& config) {
 }
 
 void check(const SimulationConfig& config) {
-  const auto refuse = [](const auto&... parts) { throw UsageError(str(parts...)); };
+  const auto refuse = [](const auto&... parts) { throw UsageError(parts...); };
   if (config.output.empty()) refuse("no output folder given");
   const std::string& name = config.sequence;
   if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos)
@@ -50,8 +50,8 @@ void check(const SimulationConfig& config) {
 std::set<int> wanted_frames(const SimulationConfig& config, int frames) {
   const int last = config.last_frame.value_or(frames - 1);
   if (config.first_frame < 0 || last < config.first_frame || last >= frames)
-    throw UsageError(str("frames ", config.first_frame, " to ", last,
-                         ": the drive has frames 0 to ", frames - 1));
+    throw UsageError("frames ", config.first_frame, " to ", last, ": the drive has frames 0 to ",
+                     frames - 1);
   std::set<int> wanted;
   for (int64_t frame = config.first_frame; frame <= last; frame += config.every)
     wanted.insert(wanted.end(), static_cast<int>(frame));

@@ -34,8 +34,8 @@ void take_scans(int64_t missing, int threads, const std::filesystem::path& folde
     if (!stopped && stop && summary.scans < total && stop()) stopped = true;
   });
   if (stopped)
-    throw Interrupted(str("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
-                          folder.string(), "; run the same command again to continue"));
+    throw Interrupted("interrupted: ", summary.scans, " of ", total, " scans are complete in ",
+                      folder.string(), "; run the same command again to continue");
   summary.scan_seconds = watch.lap() / 1000;
 }
 

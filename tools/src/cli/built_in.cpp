@@ -15,8 +15,7 @@ std::string how_to_complete() {
 
 void need_built_in(const std::string& option, std::string_view library) {
   if (!pipeline::optional_library(library).built_in)
-    throw UsageError(
-        str(option, ": this program was built without ", library, "; ", how_to_complete()));
+    throw UsageError(option, ": this program was built without ", library, "; ", how_to_complete());
 }
 
 void need_built_in_for_map(const std::string& option, const std::filesystem::path& map) {

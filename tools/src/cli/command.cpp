@@ -63,8 +63,8 @@ int dispatch(const std::string& program, const char* introduction,
     if (arguments[0] == command.name) return command.run({arguments.begin() + 1, arguments.end()});
     if (!command.hidden) names.emplace_back(command.name);
   }
-  throw UsageError(str("unknown command '", program, " ", arguments[0], "'",
-                       did_you_mean(arguments[0], names), "; '", program, " --help' lists them"));
+  throw UsageError("unknown command '", program, " ", arguments[0], "'",
+                   did_you_mean(arguments[0], names), "; '", program, " --help' lists them");
 }
 
 }  // namespace revisit::cli

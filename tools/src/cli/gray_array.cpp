@@ -28,7 +28,7 @@ struct Planes {
 
 std::vector<float> gray_offsets(const proto::NpyArray& array, const std::string& what) {
   if (array.shape.size() != 4 || array.data.empty())
-    throw InputError(str(what, ": --gray needs an array n x c x h x w"));
+    throw InputError(what, ": --gray needs an array n x c x h x w");
   const Planes planes(array);
   double largest = 0;
   for (const float value : array.data) largest = std::max(largest, std::abs(double{value}));
@@ -46,9 +46,9 @@ std::vector<float> gray_offsets(const proto::NpyArray& array, const std::string&
     for (int64_t n = 0; n < planes.n; ++n)
       for (int64_t i = 0; i < planes.pixels; ++i)
         if (!(std::abs(difference(n, i) - offset) <= rounding))
-          throw InputError(str(what, ": --gray: channel ", c, " of image ", n,
-                               " is not channel 0 plus a constant: they differ by ",
-                               difference(n, i), " at pixel ", i, ", by ", offset, " on average"));
+          throw InputError(what, ": --gray: channel ", c, " of image ", n,
+                           " is not channel 0 plus a constant: they differ by ", difference(n, i),
+                           " at pixel ", i, ", by ", offset, " on average");
     offsets.push_back(static_cast<float>(offset));
   }
   return offsets;

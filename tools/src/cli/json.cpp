@@ -90,7 +90,7 @@ void print_report(const std::string& format, const google::protobuf::Message& re
 google::protobuf::Struct read_json(const std::filesystem::path& file) {
   google::protobuf::Value value;
   const auto status = google::protobuf::util::JsonStringToMessage(read_content(file), &value);
-  if (!status.ok()) throw InputError(str(file.string(), ": not valid JSON: ", reason_of(status)));
+  if (!status.ok()) throw InputError(file.string(), ": not valid JSON: ", reason_of(status));
   if (value.has_struct_value()) return value.struct_value();
   google::protobuf::Struct wrapped;
   (*wrapped.mutable_fields())[""] = value;
@@ -107,8 +107,8 @@ void parse_report(const std::string& text, const std::string& name,
   options.ignore_unknown_fields = true;
   const auto status = google::protobuf::util::JsonStringToMessage(text, report, options);
   if (!status.ok())
-    throw InputError(str(name, ": not the ", report->GetDescriptor()->name(),
-                         " that revisit writes: ", reason_of(status)));
+    throw InputError(name, ": not the ", report->GetDescriptor()->name(),
+                     " that revisit writes: ", reason_of(status));
 }
 
 }  // namespace revisit::cli

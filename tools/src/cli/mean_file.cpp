@@ -22,9 +22,7 @@ Mean read_mean(const std::filesystem::path& file) {
     shape = std::move(blob.shape);
     mean.values = std::move(blob.data);
   }
-  const auto bad = [&](const std::string& what) {
-    return InputError(str(file.string(), ": ", what));
-  };
+  const auto bad = [&](const std::string& what) { return InputError(file.string(), ": ", what); };
   const engine::Shape found(shape);
   if (shape.size() == 4 && shape[0] == 1) shape.erase(shape.begin());
   if ((shape.size() != 1 && shape.size() != 3) || mean.values.empty())
@@ -48,14 +46,13 @@ std::vector<double> channel_means(const Mean& mean) {
 
 void subtract(const Mean& mean, const engine::Shape& shape, float* values) {
   if (shape.rank() != 4 || shape[1] != mean.channels)
-    throw UsageError(
-        str("--mean: the mean has ", mean.channels, " channels, the input is ", shape));
+    throw UsageError("--mean: the mean has ", mean.channels, " channels, the input is ", shape);
   const int64_t h = shape[2], w = shape[3];
   const bool is_image = mean.h * mean.w > 1;
   if (is_image && (mean.h < h || mean.w < w))
-    throw UsageError(str(
+    throw UsageError(
         "--mean: the mean image is ", mean.h, " x ", mean.w, ", smaller than the input, ", h, " x ",
-        w, "; give the means of its channels as .npy: ", joined(channel_means(mean), ",")));
+        w, "; give the means of its channels as .npy: ", joined(channel_means(mean), ","));
   const int64_t top = (mean.h - h) / 2, left = (mean.w - w) / 2;
   for (int64_t plane = 0; plane < shape[0] * shape[1]; ++plane) {
     const float* const from = mean.values.data() + plane % mean.channels * mean.h * mean.w;

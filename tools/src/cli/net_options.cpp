@@ -9,7 +9,7 @@ constexpr int64_t kMostMb = int64_t{1} << 40;  // so that bytes do not overflow
 
 void check_limit(const char* option, int64_t value, int64_t most) {
   if (value < 1 || value > most)
-    throw UsageError(str(option, ": expected 1 to ", most, ", found ", value));
+    throw UsageError(option, ": expected 1 to ", most, ", found ", value);
 }
 
 /// The input shapes by blob name; a shape without a name belongs to the only input of the net.
@@ -21,8 +21,8 @@ std::map<std::string, engine::Shape> named_shapes(const NetOptions& options) {
     if (blob.empty()) {
       const std::vector<std::string> inputs = options.input_blobs();
       if (inputs.size() != 1)
-        throw UsageError(str("--input-shape: ", options.prototxt.string(), " has ", inputs.size(),
-                             " inputs; say which one: BLOB=", text));
+        throw UsageError("--input-shape: ", options.prototxt.string(), " has ", inputs.size(),
+                         " inputs; say which one: BLOB=", text);
       blob = inputs[0];
     }
     shapes.insert_or_assign(
@@ -88,7 +88,7 @@ std::vector<std::string> NetOptions::input_blobs() const {
 }
 
 engine::LoadOptions NetOptions::load_options() const {
-  if (threads < 1) throw UsageError(str("--threads: expected at least 1, found ", threads));
+  if (threads < 1) throw UsageError("--threads: expected at least 1, found ", threads);
   return {.truncation = truncation,
           .inputs = named_shapes(*this),
           .allow_missing = allow_missing,

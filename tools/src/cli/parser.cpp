@@ -23,13 +23,13 @@ Number parse_number(const std::string& what, const std::string& text) {
   const char* const end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, value);
   if (error == std::errc::result_out_of_range)
-    throw UsageError(str(what, ": ", text, " is out of range"));
+    throw UsageError(what, ": ", text, " is out of range");
   if (error != std::errc() || stop != end)
-    throw UsageError(str(what, ": expected ",
-                         std::is_integral_v<Number> ? "a whole number" : "a number", ", found '",
-                         text, "'"));
+    throw UsageError(what, ": expected ",
+                     std::is_integral_v<Number> ? "a whole number" : "a number", ", found '", text,
+                     "'");
   if constexpr (std::is_floating_point_v<Number>)
-    if (!std::isfinite(value)) throw UsageError(str(what, ": ", text, " is not a usable number"));
+    if (!std::isfinite(value)) throw UsageError(what, ": ", text, " is not a usable number");
   return value;
 }
 
@@ -110,7 +110,7 @@ uint32_t parse_value(const std::string& what, const std::string& text) {
   const auto value = parse_number<int64_t>(what, text);
   constexpr uint32_t kMost = std::numeric_limits<uint32_t>::max();
   if (value < 0 || value > kMost)
-    throw UsageError(str(what, ": expected 0 to ", kMost, ", found ", value));
+    throw UsageError(what, ": expected 0 to ", kMost, ", found ", value);
   return static_cast<uint32_t>(value);
 }
 template <>
@@ -125,7 +125,7 @@ template <>
 bool parse_value(const std::string& what, const std::string& text) {
   if (text.empty() || text == "true" || text == "1" || text == "on") return true;
   if (text == "false" || text == "0" || text == "off") return false;
-  throw UsageError(str(what, ": expected true or false, found '", text, "'"));
+  throw UsageError(what, ": expected true or false, found '", text, "'");
 }
 
 Parser::Parser(std::string command, std::string usage, std::string summary, std::string examples)
@@ -150,8 +150,8 @@ size_t Parser::index_of_word(const std::string& what, const std::string& text,
   const auto found = std::ranges::find(words, text);
   if (found != words.end()) return static_cast<size_t>(found - words.begin());
   const std::span<const std::string> but_last(words.data(), words.size() - 1);
-  throw UsageError(str(what, ": expected ", joined(but_last, ", "), " or ", words.back(),
-                       ", found '", text, "'", did_you_mean(text, words)));
+  throw UsageError(what, ": expected ", joined(but_last, ", "), " or ", words.back(), ", found '",
+                   text, "'", did_you_mean(text, words));
 }
 
 Parser& Parser::choice(std::string name, const std::vector<std::string>& words, std::string help,
@@ -192,7 +192,7 @@ Parser::Option& Parser::find(const std::string& source, const std::string& name)
     if (option.name == name) return option;
     if (option.now.empty()) known.push_back(option.name);
   }
-  throw UsageError(str(source, ": unknown key '", name, "'", did_you_mean(name, known)));
+  throw UsageError(source, ": unknown key '", name, "'", did_you_mean(name, known));
 }
 
 bool Parser::given(const std::string& option, Source least) const {
@@ -225,16 +225,16 @@ void Parser::apply_positionals(const std::vector<std::string>& arguments) {
   size_t next = 0;
   for (const Positional& positional : positionals_) {
     if (next == arguments.size() && positional.required)
-      throw UsageError(str("missing argument ", positional.name, " (usage: ", command_, " ", usage_,
-                           "; see ", command_, " --help)"));
+      throw UsageError("missing argument ", positional.name, " (usage: ", command_, " ", usage_,
+                       "; see ", command_, " --help)");
     while (next < arguments.size()) {
       positional.apply(positional.name, arguments[next++]);
       if (!positional.repeated) break;
     }
   }
   if (next < arguments.size())
-    throw UsageError(
-        str("unexpected argument '", arguments[next], "' (usage: ", command_, " ", usage_, ")"));
+    throw UsageError("unexpected argument '", arguments[next], "' (usage: ", command_, " ", usage_,
+                     ")");
 }
 
 CommandLine Parser::describe() const {
@@ -294,8 +294,8 @@ void Parser::parse(std::vector<std::string> arguments) {
   for (const auto& [option, text] : collected.options) {
     if (!is_config(*option)) continue;
     if (config_path_)
-      throw UsageError(
-          str("--config: expected at most one, found ", config_path_->string(), " and ", text));
+      throw UsageError("--config: expected at most one, found ", config_path_->string(), " and ",
+                       text);
     option->apply("--" + option->name, text);
   }
   if (config_path_)

@@ -78,9 +78,9 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
        {std::pair("--right-share", o.right_share), std::pair("--sure", o.precision)}) {
     constexpr double kLeast = 1e-6;
     if (!(share >= kLeast && share <= 1 - kLeast))
-      throw UsageError(str(option, ": expected 0.000001 to 0.999999, found ", share));
+      throw UsageError(option, ": expected 0.000001 to 0.999999, found ", share);
   }
-  if (o.altered < 0) throw UsageError(str("--altered: expected at least 0, found ", o.altered));
+  if (o.altered < 0) throw UsageError("--altered: expected at least 0, found ", o.altered);
   return o;
 }
 
@@ -173,8 +173,8 @@ int calibrate_command(const Arguments& arguments) {
   if (matches.empty() ||
       (!o.judge && std::ranges::none_of(scores_of(matches), &JudgedScore::right)))
     throw InputError(
-        str(names, ": no match is ", matches.empty() ? "right or wrong" : "right",
-            "; it takes drives with places that are seen again, and an --exclusion they allow"));
+        names, ": no match is ", matches.empty() ? "right or wrong" : "right",
+        "; it takes drives with places that are seen again, and an --exclusion they allow");
   if (!o.judge) {
     model.calibration = pipeline::isotonic_calibration(scores_of(matches), o.right_share);
     const pipeline::TrueMatchRule rule = rule_of(o.radius);

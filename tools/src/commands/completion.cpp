@@ -165,7 +165,7 @@ int completion_command(const Arguments& arguments) {
   parser.option("output", "FILE", "where it goes (default: standard output)", &output, 'o');
   parser.parse(arguments);
   if (shell != "bash")
-    throw UsageError(str("expected bash, found '", shell, "'; zsh takes that by bashcompinit"));
+    throw UsageError("expected bash, found '", shell, "'; zsh takes that by bashcompinit");
   const std::string script = bash_completion();
   if (output.empty())
     std::cout << script;

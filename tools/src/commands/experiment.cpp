@@ -59,15 +59,14 @@ void check(const ExperimentOptions& options) {
   const std::vector<std::string> known = names();
   for (const std::string& name : options.names)
     if (std::ranges::count(known, name) == 0)
-      throw UsageError(str("unknown experiment '", name, "'", did_you_mean(name, known),
-                           "; 'revisit experiment list' shows them all"));
+      throw UsageError("unknown experiment '", name, "'", did_you_mean(name, known),
+                       "; 'revisit experiment list' shows them all");
   if (feature.data.empty() && options.hkust.empty())
     throw UsageError("give the data set: --kitti DIR, --hkust DIR or both");
   if (options.output.empty()) throw UsageError("give the folder of the results: -o DIR");
-  if (feature.every < 1)
-    throw UsageError(str("--every: expected at least 1, found ", feature.every));
+  if (feature.every < 1) throw UsageError("--every: expected at least 1, found ", feature.every);
   if (options.hkust.empty() && !fs::is_directory(feature.data / "sequences"))
-    throw InputError(str(feature.data.string(), ": no folder sequences/ (--kitti)"));
+    throw InputError(feature.data.string(), ": no folder sequences/ (--kitti)");
   feature.image.geometry();
   feature.thread_count();
 }

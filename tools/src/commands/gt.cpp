@@ -62,7 +62,7 @@ std::vector<double> find_times(const fs::path& poses, const fs::path& data) {
     if (fs::exists(file)) return read_kitti_times(file);
     looked += (looked.empty() ? "" : ", ") + file.string();
   }
-  throw InputError(str("no time stamps for ", poses.string(), ": looked for ", looked));
+  throw InputError("no time stamps for ", poses.string(), ": looked for ", looked);
 }
 
 /// "00" for poses/00.txt and for sequences/00/poses.txt.

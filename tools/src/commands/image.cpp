@@ -53,7 +53,7 @@ ImageOptions parse_image_options(const Arguments& arguments) {
   o.image.declare(parser);
   parser.parse(arguments);
   if (!(o.gamma > 0 && std::isfinite(o.gamma)))
-    throw UsageError(str("--gamma: expected a positive number, found ", o.gamma));
+    throw UsageError("--gamma: expected a positive number, found ", o.gamma);
   return o;
 }
 
@@ -61,7 +61,7 @@ Alignment align_scan(const PointCloud& cloud, const ImageOptions& o) {
   try {
     return principal_alignment(cloud, o.align == "case2" ? AlignCase::kTwo : AlignCase::kOne);
   } catch (const InputError& error) {
-    throw InputError(str(o.scan.string(), ": ", error.what()));
+    throw InputError(o.scan.string(), ": ", error.what());
   }
 }
 

@@ -101,15 +101,15 @@ LearnOptions parse_learn_options(const Arguments& arguments) {
   if (o.data.empty()) throw UsageError("give at least one drive to learn from: DATA");
   if (o.output.empty()) throw UsageError("give the file for the model: -o FILE");
   if (o.learn.column_scans < 1)
-    throw UsageError(str("--column-scans: expected at least 1, found ", o.learn.column_scans));
+    throw UsageError("--column-scans: expected at least 1, found ", o.learn.column_scans);
   if (o.learn.altered < 0)
-    throw UsageError(str("--altered: expected at least 0, found ", o.learn.altered));
+    throw UsageError("--altered: expected at least 0, found ", o.learn.altered);
   if (!(o.columns_share >= 0 && o.columns_share <= 1))
-    throw UsageError(str("--columns-share: expected 0 to 1, found ", o.columns_share));
+    throw UsageError("--columns-share: expected 0 to 1, found ", o.columns_share);
   if (!std::isfinite(o.sensor_height))
-    throw UsageError(str("--sensor-height: expected a number, found ", o.sensor_height));
+    throw UsageError("--sensor-height: expected a number, found ", o.sensor_height);
   if (!(o.learn.radius > 0))
-    throw UsageError(str("--radius: expected a positive number, found ", o.learn.radius));
+    throw UsageError("--radius: expected a positive number, found ", o.learn.radius);
   return o;
 }
 

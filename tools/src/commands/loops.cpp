@@ -93,12 +93,12 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   o.exclusion = pipeline::parse_exclusion(exclusion);
   o.feature.check_given(parser);
   if (!(o.precision > 0 && o.precision < 1))
-    throw UsageError(str("--sure: expected more than 0, less than 1, found ", o.precision));
+    throw UsageError("--sure: expected more than 0, less than 1, found ", o.precision);
   for (const char* option : {"calibrate", "sure"})
     if (o.threshold && parser.given(option))
-      throw UsageError(str("--threshold and --", option, ": one of the two"));
+      throw UsageError("--threshold and --", option, ": one of the two");
   if (o.follow && !(*o.follow > 0))
-    throw UsageError(str("--follow: expected a positive number, found ", *o.follow));
+    throw UsageError("--follow: expected a positive number, found ", *o.follow);
   o.map.check();
   if (o.verify) need_built_in("--verify", "PCL");
   if (o.graph_candidates > 0) need_built_in("--graph-candidates", "FAISS");
@@ -175,10 +175,10 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
 /// Throws UsageError, naming what is calibrated, when it does not promise the precision.
 void need_promise(const pipeline::Calibration& calibration, double precision) {
   if (!calibration.threshold_for(precision))
-    throw UsageError(str("--sure ", precision, ": learnt from ", calibration.learnt_from,
-                         ", the calibration promises at most ",
-                         number(calibration.highest_precision(), 5),
-                         "; ask for less, --calibrate on a longer drive, or give --threshold"));
+    throw UsageError("--sure ", precision, ": learnt from ", calibration.learnt_from,
+                     ", the calibration promises at most ",
+                     number(calibration.highest_precision(), 5),
+                     "; ask for less, --calibrate on a longer drive, or give --threshold");
 }
 
 /// What a scan took, for people.

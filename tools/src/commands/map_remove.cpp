@@ -34,7 +34,7 @@ std::set<int64_t> ids_of(const std::string& text, int64_t most) {
     const auto last =
         dash == std::string::npos ? first : parse_value<int64_t>("--ids", part.substr(dash + 1));
     if (first < 1 || last < first || last > most)
-      throw UsageError(str("--ids: '", part, "' are not ids of this map, which are 1 to ", most));
+      throw UsageError("--ids: '", part, "' are not ids of this map, which are 1 to ", most);
     for (int64_t id = first; id <= last; ++id) ids.insert(id);
   }
   return ids;
@@ -42,7 +42,7 @@ std::set<int64_t> ids_of(const std::string& text, int64_t most) {
 
 Eigen::Vector3d point_of(const std::string& text) {
   const std::vector<std::string> parts = parts_of(text);
-  if (parts.size() != 3) throw UsageError(str("--near: expected X,Y,Z, found '", text, "'"));
+  if (parts.size() != 3) throw UsageError("--near: expected X,Y,Z, found '", text, "'");
   Eigen::Vector3d point;
   for (int axis = 0; axis < 3; ++axis) point[axis] = parse_value<double>("--near", parts[axis]);
   return point;
@@ -112,7 +112,7 @@ int map_remove_command(const Arguments& arguments) {
   parser.parse(arguments);
   if (near.empty() != !radius) throw UsageError("--near and --radius: give both or neither");
   if (radius && !(*radius >= 0))
-    throw UsageError(str("--radius: expected a distance in metres, found ", *radius));
+    throw UsageError("--radius: expected a distance in metres, found ", *radius);
   if (ids_given.empty() && near.empty() && removal.drives.empty())
     throw UsageError("say which places: --ids, --drive or --near with --radius");
   const Eigen::Vector3d centre = near.empty() ? Eigen::Vector3d::Zero() : point_of(near);
@@ -154,8 +154,7 @@ int map_forget_command(const Arguments& arguments) {
   parser.parse(arguments);
   if (days.has_value() == before.has_value())
     throw UsageError("say which places are old: --older DAYS or --before TIME");
-  if (days && !(*days >= 0))
-    throw UsageError(str("--older: expected a number of days, found ", *days));
+  if (days && !(*days >= 0)) throw UsageError("--older: expected a number of days, found ", *days);
 
   const auto map = removal.open();
   std::vector<StoredPlace> places;

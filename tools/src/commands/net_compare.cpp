@@ -56,8 +56,8 @@ void need_same(const fs::path& file, const char* what, const List& before, const
   const auto at = [&](const List& list, int i) { return i < list.size() ? text(list[i]) : "none"; };
   for (int i = 0; i < std::max(before.size(), now.size()); ++i)
     if (at(before, i) != at(now, i))
-      throw InputError(str(file.string(), ": a profile of another net or input: ", what, " ", i + 1,
-                           " is ", at(before, i), " there, ", at(now, i), " here"));
+      throw InputError(file.string(), ": a profile of another net or input: ", what, " ", i + 1,
+                       " is ", at(before, i), " there, ", at(now, i), " here");
 }
 
 }  // namespace
@@ -70,8 +70,8 @@ NetReport read_profile(const fs::path& file) {
     throw InputError(file.string() +
                      ": not what this version of `revisit net profile --format json` writes");
   if (report.passes() < profiling::kLeastForBounds)
-    throw InputError(str(file.string(), ": a profile of ", report.passes(),
-                         " passes: expected at least ", profiling::kLeastForBounds, " (--repeat)"));
+    throw InputError(file.string(), ": a profile of ", report.passes(),
+                     " passes: expected at least ", profiling::kLeastForBounds, " (--repeat)");
   return report;
 }
 

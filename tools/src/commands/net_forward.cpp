@@ -22,13 +22,13 @@ std::pair<std::string, fs::path> split_blob(const std::string& option, const std
   const size_t equals = text.find('=');
   if (equals == std::string::npos) {
     if (blobs.size() != 1)
-      throw UsageError(
-          str(option, ": the net has ", blobs.size(), " inputs; say which one: BLOB=", text));
+      throw UsageError(option, ": the net has ", blobs.size(),
+                       " inputs; say which one: BLOB=", text);
     return {blobs[0], text};
   }
   const std::string blob = text.substr(0, equals);
   if (std::find(blobs.begin(), blobs.end(), blob) == blobs.end())
-    throw UsageError(str(option, ": the net has no input '", blob, "'", did_you_mean(blob, blobs)));
+    throw UsageError(option, ": the net has no input '", blob, "'", did_you_mean(blob, blobs));
   return {blob, text.substr(equals + 1)};
 }
 
@@ -45,7 +45,7 @@ std::map<std::string, proto::NpyArray> read_inputs(const std::vector<std::string
     const auto [blob, file] = split_blob("--mean", text, blobs);
     const auto found = arrays.find(blob);
     if (found == arrays.end())
-      throw UsageError(str("--mean: the input '", blob, "' has no array to subtract it from"));
+      throw UsageError("--mean: the input '", blob, "' has no array to subtract it from");
     subtract(read_mean(file), engine::Shape(found->second.shape), found->second.data.data());
   }
   return arrays;
@@ -55,8 +55,7 @@ std::map<std::string, proto::NpyArray> read_inputs(const std::vector<std::string
 fs::path output_file(const fs::path& directory, std::string name, std::set<fs::path>& taken) {
   std::replace(name.begin(), name.end(), '/', '_');
   const fs::path file = directory / ("out_" + printable(name) + ".npy");
-  if (!taken.insert(file).second)
-    throw Error(str("two outputs would be written to ", file.string()));
+  if (!taken.insert(file).second) throw Error("two outputs would be written to ", file.string());
   return file;
 }
 
@@ -112,8 +111,8 @@ int net_forward_command(const Arguments& arguments) {
   for (const engine::Port& port : run.plan().inputs()) {
     const auto found = arrays.find(port.name);
     if (found == arrays.end())
-      throw UsageError(
-          str("the input '", port.name, "' needs an array: --input ", port.name, "=FILE.npy"));
+      throw UsageError("the input '", port.name, "' needs an array: --input ", port.name,
+                       "=FILE.npy");
     std::copy(found->second.data.begin(), found->second.data.end(), run.input(port.name).data);
   }
   run.forward();

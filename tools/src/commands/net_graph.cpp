@@ -53,8 +53,8 @@ void write_dot(std::ostream& out, const engine::Net& net, const engine::Plan& pl
 void write_graph(const fs::path& file, const engine::Net& net, const engine::Plan& plan) {
   const std::string ending = file.extension();
   if (ending != ".dot" && ending != ".svg")
-    throw UsageError(
-        str("--graph: expected a name that ends with .dot or .svg, found '", file.string(), "'"));
+    throw UsageError("--graph: expected a name that ends with .dot or .svg, found '", file.string(),
+                     "'");
   const fs::path dot = fs::path(file).replace_extension(".dot");
   write_atomically(dot, [&](std::ostream& out) { write_dot(out, net, plan); });
   if (ending == ".dot") return;
@@ -63,8 +63,7 @@ void write_graph(const fs::path& file, const engine::Net& net, const engine::Pla
       absolute.parent_path(),
       {"dot", "-Tsvg", "-o", absolute.filename().replace_extension(".svg"), absolute.filename()},
       "graphviz");
-  if (!problem.empty())
-    throw Error(str("--graph: ", problem, "; ", dot.string(), " holds the graph"));
+  if (!problem.empty()) throw Error("--graph: ", problem, "; ", dot.string(), " holds the graph");
 }
 
 }  // namespace revisit::cli

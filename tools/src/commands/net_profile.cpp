@@ -117,16 +117,14 @@ int net_profile_command(const Arguments& arguments) {
                 &against);
   parser.choice("format", formats(), "form of the output (default table)", &format);
   parser.parse(arguments);
-  if (measure.repeat < 1)
-    throw UsageError(str("--repeat: expected at least 1, found ", measure.repeat));
-  if (measure.warmup < 0)
-    throw UsageError(str("--warmup: expected at least 0, found ", measure.warmup));
+  if (measure.repeat < 1) throw UsageError("--repeat: expected at least 1, found ", measure.repeat);
+  if (measure.warmup < 0) throw UsageError("--warmup: expected at least 0, found ", measure.warmup);
   measure.stop = interrupted;
   std::optional<reports::NetReport> before;
   if (against) {
     if (measure.repeat < profiling::kLeastForBounds)
-      throw UsageError(str("--against: expected --repeat of at least ", profiling::kLeastForBounds,
-                           ", found ", measure.repeat));
+      throw UsageError("--against: expected --repeat of at least ", profiling::kLeastForBounds,
+                       ", found ", measure.repeat);
     before = read_profile(*against);
   }
 

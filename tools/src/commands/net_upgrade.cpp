@@ -38,9 +38,9 @@ proto::NetFile read_hdf5(const fs::path& path, const proto::Limits& limits) {
     layer.set_name(file->layers()[i].name);
     for (const proto::Blob& blob : file->read(i)) {
       if (blob.absent)
-        throw InputError(str(path.string(), ": layer '", layer.name(),
-                             "' shares an array that the file has under another layer; a "
-                             "caffemodel cannot leave it out"));
+        throw InputError(path.string(), ": layer '", layer.name(),
+                         "' shares an array that the file has under another layer; a "
+                         "caffemodel cannot leave it out");
       caffe::BlobProto& out = *layer.add_blobs();
       out.mutable_shape()->mutable_dim()->Add(blob.shape.begin(), blob.shape.end());
       out.mutable_data()->Add(blob.data.begin(), blob.data.end());
@@ -81,11 +81,11 @@ int net_upgrade_command(const Arguments& arguments) {
 
   const Kind kind = kind_of(in);
   if (!out && kind != Kind::kText)
-    throw UsageError(str(in.string(), " holds weights: give the file to write after it"));
+    throw UsageError(in.string(), " holds weights: give the file to write after it");
   if (inference && kind != Kind::kText)
-    throw UsageError(str("--inference is for a prototxt, ", in.string(), " holds weights"));
+    throw UsageError("--inference is for a prototxt, ", in.string(), " holds weights");
   const bool replaces = out && writing_of(*out) == Writing::kReplaces && fs::exists(*out);
-  if (replaces && !force) throw UsageError(str(out->string(), " exists; --force overwrites it"));
+  if (replaces && !force) throw UsageError(out->string(), " exists; --force overwrites it");
 
   const proto::NetFile file = kind == Kind::kText     ? proto::read_net(in, read)
                               : kind == Kind::kBinary ? proto::read_net_binary(in, read.limits)

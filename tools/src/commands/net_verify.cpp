@@ -38,7 +38,7 @@ int net_verify_command(const Arguments& arguments) {
   parser.flag("reference", "use the slow reference kernels", &options.reference_kernels);
   parser.parse(arguments);
   if (options.tolerance && !(*options.tolerance > 0))
-    throw UsageError(str("--tolerance: expected more than 0, found ", *options.tolerance));
+    throw UsageError("--tolerance: expected more than 0, found ", *options.tolerance);
 
   std::vector<GoldenCase> cases;
   for (const fs::path& folder : folders)
@@ -51,7 +51,7 @@ int net_verify_command(const Arguments& arguments) {
   int failed = 0;
   for (size_t i = 0; i < cases.size(); ++i) {
     progress.update(static_cast<int64_t>(i), static_cast<int64_t>(cases.size()));
-    if (interrupted()) throw Interrupted(str("stopped after ", i, " of ", cases.size(), " cases"));
+    if (interrupted()) throw Interrupted("stopped after ", i, " of ", cases.size(), " cases");
     const CaseVerdict verdict = compare_case(cases[i], options);
     failed += !verdict.passed();
     for (const auto& [layer, error] : verdict.errors)

@@ -78,19 +78,19 @@ int report_command(const Arguments& arguments) {
   parser.flag("quiet", "only errors", &quiet, 'q');
   parser.parse(arguments);
   if (options.queries < 0)
-    throw UsageError(str("--queries: expected at least 0, found ", options.queries));
+    throw UsageError("--queries: expected at least 0, found ", options.queries);
   if (!(options.image_mb >= 0 && options.image_mb <= 500))
-    throw UsageError(str("--image-mb: expected 0 to 500, found ", options.image_mb));
+    throw UsageError("--image-mb: expected 0 to 500, found ", options.image_mb);
 
   if (follow && !(*follow > 0))
-    throw UsageError(str("--follow: expected a positive number, found ", *follow));
+    throw UsageError("--follow: expected a positive number, found ", *follow);
 
   const bool streams = writing_of(output) == Writing::kStreams;
   const std::string advice = "choose another file, or replace it with --force";
   if (markdown) {
     writing_of(*markdown);
     if (fs::weakly_canonical(*markdown) == fs::weakly_canonical(output))
-      throw UsageError(str("--markdown: ", markdown->string(), " is the HTML file of --output"));
+      throw UsageError("--markdown: ", markdown->string(), " is the HTML file of --output");
     if (!force) need_report(*markdown, kMarkdownMark, advice);
   }
   if (!force) need_report(output, kHtmlMark, advice);

@@ -48,8 +48,8 @@ void need_others(const std::set<fs::path>& drive, const pipeline::Dataset& other
                  const fs::path& folder) {
   for (const pipeline::ScanRef& scan : others.scans)
     if (drive.contains(fs::weakly_canonical(scan.file)))
-      throw UsageError(str("--among ", folder.string(), ": ", scan.file.string(),
-                           " is a scan of the drive itself; expected scans of other places"));
+      throw UsageError("--among ", folder.string(), ": ", scan.file.string(),
+                       " is a scan of the drive itself; expected scans of other places");
 }
 
 Question open_question(const RobustnessCommand& o) {

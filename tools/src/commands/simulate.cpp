@@ -176,7 +176,7 @@ SimulateOptions parse_simulate_options(const Arguments& arguments) {
                              "traffic", "frames", "every", "sensor", "sensor-height",
                              "sensor-pitch", "sensor-roll", "camera", "image-scale", "light"})
     if (o.preset && given(option))
-      throw UsageError(str("--", option, " is about drives: leave it out with --preset"));
+      throw UsageError("--", option, " is about drives: leave it out with --preset");
   if (given("poses") && (given("route") || given("length")))
     throw UsageError("--poses gives the route: leave out --route and --length");
   if (!camera && (given("image-scale") || given("light")))

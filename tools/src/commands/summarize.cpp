@@ -72,7 +72,7 @@ int summarize_command(const Arguments& arguments) {
   for (const fs::path& folder : o.runs) {
     std::error_code error;
     const fs::path real = fs::canonical(folder, error);
-    if (error) throw InputError(str(folder.string(), ": ", error.message()));
+    if (error) throw InputError(folder.string(), ": ", error.message());
     if (seen.insert(real).second) runs.push_back(read_run(real));
   }
   const reports::Summary summary = summarize_runs(runs, o.over_sequences);

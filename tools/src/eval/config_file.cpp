@@ -10,7 +10,7 @@ namespace {
 
 [[noreturn]] void fail(const std::filesystem::path& file, const YAML::Mark& mark,
                        const std::string& reason) {
-  throw InputError(str(file.string(), ":", mark.line + 1, ":", mark.column + 1, ": ", reason));
+  throw InputError(file.string(), ":", mark.line + 1, ":", mark.column + 1, ": ", reason);
 }
 
 }  // namespace

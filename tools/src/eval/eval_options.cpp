@@ -128,10 +128,10 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   o.feature.check_given(parser);
   if (o.score) pipeline::parse_score(*o.score);
   if (o.radius && !(*o.radius > 0))
-    throw UsageError(str("--radius: expected a positive number, found ", *o.radius));
+    throw UsageError("--radius: expected a positive number, found ", *o.radius);
   if (o.resamples < 0 || o.resamples > kMaxResamples)
-    throw UsageError(
-        str("--bootstrap: expected 0 to ", kMaxResamples, " resamples, found ", o.resamples));
+    throw UsageError("--bootstrap: expected 0 to ", kMaxResamples, " resamples, found ",
+                     o.resamples);
   return o;
 }
 

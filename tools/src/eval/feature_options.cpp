@@ -35,8 +35,7 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
     else if (means.size() == mean.size())
       std::copy(means.begin(), means.end(), mean.begin());
     else
-      throw UsageError(
-          str("--mean-bgr: ", text, " has ", means.size(), " channels, expected 3 or 1"));
+      throw UsageError("--mean-bgr: ", text, " has ", means.size(), " channels, expected 3 or 1");
     return mean;
   }
   if (text.find(',') == std::string::npos) {
@@ -95,9 +94,8 @@ void FeatureOptions::check_given(const Parser& parser, const std::vector<std::st
       return is_word_of(owners, feature);
     };
     if (parser.given(option) && std::ranges::none_of(features, belongs))
-      throw UsageError(str("--", option, " belongs to --feature ",
-                           owners.substr(0, owners.find(' ')), ", not to --feature ",
-                           joined(features, ",")));
+      throw UsageError("--", option, " belongs to --feature ", owners.substr(0, owners.find(' ')),
+                       ", not to --feature ", joined(features, ","));
   }
 }
 
@@ -214,9 +212,9 @@ void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
 }
 
 int FeatureOptions::thread_count() const {
-  if (threads < 0) throw UsageError(str("--threads: expected at least 1, found ", threads));
+  if (threads < 0) throw UsageError("--threads: expected at least 1, found ", threads);
   if (threads_per_scan < 1)
-    throw UsageError(str("--threads-per-scan: expected at least 1, found ", threads_per_scan));
+    throw UsageError("--threads-per-scan: expected at least 1, found ", threads_per_scan);
   return threads ? threads : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
@@ -225,7 +223,7 @@ std::optional<int64_t> FeatureOptions::components() const {
   if (pca == "none") return -1;
   if (pca == "all") return 0;
   const auto number = parse_value<int64_t>("--pca", pca);
-  if (number < 0) throw UsageError(str("--pca: expected at least 0, all or none, found ", number));
+  if (number < 0) throw UsageError("--pca: expected at least 0, all or none, found ", number);
   return number;
 }
 
@@ -263,7 +261,7 @@ namespace {
 
 FeatureSource open_network(const FeatureOptions& options) {
   if (!(options.input_scale > 0))
-    throw UsageError(str("--input-scale: expected a positive number, found ", options.input_scale));
+    throw UsageError("--input-scale: expected a positive number, found ", options.input_scale);
   models::FoundModel model = models::find_model(
       {options.model, options.weights, options.end, options.graft, parse_mean(options.mean_bgr)});
   for (const std::string& warning : model.warnings) warn(warning);
@@ -299,9 +297,9 @@ FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& 
   if (model.weights.empty()) {
     weights = options.weights.empty() ? models::find_model({}).weights : options.weights;
     if (models::file_sha1(weights) != model.weights_sha1)
-      throw InputError(str(weights.string(), ": not the weights that ", options.ring.string(),
-                           " was learnt with (SHA-1 ", model.weights_sha1,
-                           "); give them with --weights"));
+      throw InputError(weights.string(), ": not the weights that ", options.ring.string(),
+                       " was learnt with (SHA-1 ", model.weights_sha1,
+                       "); give them with --weights");
   }
   pipeline::RingOptions ring_options = options.ring_options;
   ring_options.key_candidates = options.ring_key_candidates;
@@ -341,8 +339,8 @@ int64_t components_for(const FeatureOptions& options, const FeatureSource& sourc
   }
   const bool asked = components || options.fit_on != "all";
   if (asked && source.extractor.comparison.similarity)
-    throw UsageError(str("--pca: the feature ", source.extractor.name,
-                         " is compared in its own way, which a PCA would destroy"));
+    throw UsageError("--pca: the feature ", source.extractor.name,
+                     " is compared in its own way, which a PCA would destroy");
   return components.value_or(asked || is_range_image_feature(source) ? kDefault : kNoPca);
 }
 
@@ -350,8 +348,8 @@ pipeline::AlignCase align_for(const FeatureOptions& options, const FeatureSource
   const auto mode = pipeline::parse_align_case(
       options.align.value_or(is_range_image_feature(source) ? "case1" : "none"));
   if (mode != pipeline::AlignCase::kNone && source.extractor.sees<pipeline::GrayImage>())
-    throw UsageError(
-        str("--align: the feature ", source.extractor.name, " sees camera images, not scans"));
+    throw UsageError("--align: the feature ", source.extractor.name,
+                     " sees camera images, not scans");
   return mode;
 }
 
@@ -368,11 +366,11 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
                            const fs::path& folder) {
   const std::vector<std::string> names = feature_names();
   if (std::find(names.begin(), names.end(), options.feature) == names.end())
-    throw UsageError(str(
+    throw UsageError(
         "--feature: unknown feature '", options.feature, "'", did_you_mean(options.feature, names),
         "; known: ",
         std::accumulate(names.begin() + 1, names.end(), names[0],
-                        [](const std::string& a, const std::string& b) { return a + ", " + b; })));
+                        [](const std::string& a, const std::string& b) { return a + ", " + b; }));
   FeatureSource source;
   if (options.feature == "cnn")
     source = open_network(options);
@@ -417,9 +415,8 @@ void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& s
 pipeline::Dataset scans_so_far(const FeatureOptions& options, const pipeline::DatasetNeeds& needs) {
   // Less could not hold a handful of descriptors.
   if (!(options.memory_gb >= 0.001))
-    throw UsageError(str("--memory: expected at least 0.001 GB, found ", options.memory_gb));
-  if (options.every < 1)
-    throw UsageError(str("--every: expected at least 1, found ", options.every));
+    throw UsageError("--memory: expected at least 0.001 GB, found ", options.memory_gb);
+  if (options.every < 1) throw UsageError("--every: expected at least 1, found ", options.every);
   pipeline::Dataset dataset = pipeline::open_dataset(options.data, options.sequence, needs);
   std::erase_if(dataset.scans,
                 [&](const pipeline::ScanRef& scan) { return scan.frame % options.every != 0; });
@@ -431,8 +428,8 @@ pipeline::Dataset open_scans(const FeatureOptions& options, const pipeline::Data
   if (!options.quiet)
     for (const std::string& warning : dataset.warnings) warn(warning);
   if (dataset.scans.empty())
-    throw UsageError(str("--every ", options.every, ": no frame of ", options.data.string(),
-                         " has a number that is a multiple of it"));
+    throw UsageError("--every ", options.every, ": no frame of ", options.data.string(),
+                     " has a number that is a multiple of it");
   return dataset;
 }
 

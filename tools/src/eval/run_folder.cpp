@@ -112,7 +112,7 @@ fs::path make_run_folder(const fs::path& output, const pipeline::Dataset& datase
   fs::path run = parent / time;
   for (int i = 2; !error && !fs::create_directory(run, error) && !error; ++i)
     run = parent / str(time, "_", i);
-  if (error) throw Error(str(run.string(), ": cannot create the folder: ", error.message()));
+  if (error) throw Error(run.string(), ": cannot create the folder: ", error.message());
   return run;
 }
 

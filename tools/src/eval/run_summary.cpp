@@ -72,9 +72,9 @@ void add(Row& row, const FinishedRun& run, const reports::Metrics& task) {
   const auto [earlier, fresh] =
       row.folder_of_drive.try_emplace({run.info.data(), run.info.sequence()}, run.folder.string());
   if (!fresh)
-    throw UsageError(str(run.folder.string(), " and ", earlier->second,
-                         " are runs with the same settings on the same data, ", run.info.data(),
-                         " ", run.info.sequence(), "; give each drive once"));
+    throw UsageError(run.folder.string(), " and ", earlier->second,
+                     " are runs with the same settings on the same data, ", run.info.data(), " ",
+                     run.info.sequence(), "; give each drive once");
   row.sequences.insert(run.info.sequence());
   row.report.add_folders(run.folder.string());
   for (const char* figure : kFigures) {
@@ -90,9 +90,9 @@ FinishedRun read_run(const fs::path& folder) {
   FinishedRun run;
   run.folder = folder;
   if (!fs::exists(folder / "metrics.json"))
-    throw InputError(str(folder.string(),
-                         ": no metrics.json; expected a folder that `revisit eval` "
-                         "wrote, e.g. results/town_00/latest"));
+    throw InputError(folder.string(),
+                     ": no metrics.json; expected a folder that `revisit eval` "
+                     "wrote, e.g. results/town_00/latest");
   read_report(folder / "metrics.json", &run.metrics);
   read_report(folder / "run.json", &run.info);
   for (auto& [name, value] : read_config_file(folder / "config.yaml"))

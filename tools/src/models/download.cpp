@@ -54,7 +54,7 @@ class PartFile {
 
  private:
   [[noreturn]] void fail(const char* doing) const {
-    throw Error(str(path_.string(), ": cannot ", doing, ": ", std::strerror(errno)));
+    throw Error(path_.string(), ": cannot ", doing, ": ", std::strerror(errno));
   }
   fs::path path_;
   int descriptor_ = -1;
@@ -107,7 +107,7 @@ Outcome transfer_once(const std::string& address, PartFile& part, const Download
   char reason[CURL_ERROR_SIZE] = "";
   const auto set = [&curl](CURLoption option, auto value) {
     const CURLcode code = curl_easy_setopt(curl.get(), option, value);
-    if (code != CURLE_OK) throw Error(str("libcurl: ", curl_easy_strerror(code)));
+    if (code != CURLE_OK) throw Error("libcurl: ", curl_easy_strerror(code));
   };
   set(CURLOPT_URL, address.c_str());
   set(CURLOPT_PROTOCOLS_STR, "http,https,file");
@@ -159,12 +159,12 @@ DownloadResult download(const std::string& address, const fs::path& part_path,
     outcome = transfer_once(address, part, options);
   }
   if (outcome.code == CURLE_ABORTED_BY_CALLBACK)
-    throw Interrupted(str("stopped; ", part.size(), " bytes are kept in ", part_path.string()));
+    throw Interrupted("stopped; ", part.size(), " bytes are kept in ", part_path.string());
   if (outcome.write_error)
-    throw Error(str(part_path.string(), ": cannot write: ", std::strerror(outcome.write_error)));
+    throw Error(part_path.string(), ": cannot write: ", std::strerror(outcome.write_error));
   if (outcome.too_much) {
     part.truncate();
-    throw DownloadError(str("the server sends more than ", options.most_bytes, " bytes"));
+    throw DownloadError("the server sends more than ", options.most_bytes, " bytes");
   }
   if (outcome.code != CURLE_OK) throw DownloadError(outcome.reason);
   part.sync();

@@ -32,8 +32,8 @@ void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
   if (error)
-    throw Error(str(folder.string(), ": cannot make the folder: ", error.message(),
-                    "; choose another with --models DIR or REVISIT_MODELS"));
+    throw Error(folder.string(), ": cannot make the folder: ", error.message(),
+                "; choose another with --models DIR or REVISIT_MODELS");
 }
 
 /// One fetch at a time works in a folder; the lock ends with the process at the latest.
@@ -43,7 +43,7 @@ class FolderLock {
       : descriptor_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
     if (descriptor_ >= 0 && ::flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
       ::close(descriptor_);
-      throw Error(str(folder.string(), ": another process is fetching this model; wait for it"));
+      throw Error(folder.string(), ": another process is fetching this model; wait for it");
     }
   }
   ~FolderLock() {
@@ -59,7 +59,7 @@ class FolderLock {
 /// Reads a gzip archive to its end, where its own checksum is.
 void check_gzip(const fs::path& file) {
   const std::unique_ptr<gzFile_s, decltype(&gzclose)> in(gzopen(file.c_str(), "rb"), gzclose);
-  if (!in) throw Error(str(file.string(), ": cannot read: ", std::strerror(errno)));
+  if (!in) throw Error(file.string(), ": cannot read: ", std::strerror(errno));
   std::vector<char> block(size_t{1} << 20);
   int count = 0;
   do count = gzread(in.get(), block.data(), static_cast<unsigned>(block.size()));
@@ -67,7 +67,7 @@ void check_gzip(const fs::path& file) {
   int error = Z_OK;
   const char* const reason = gzerror(in.get(), &error);
   if (gzdirect(in.get())) throw InputError("not a gzip archive");
-  if (count < 0 || error != Z_OK) throw InputError(str("not a whole gzip archive: ", reason));
+  if (count < 0 || error != Z_OK) throw InputError("not a whole gzip archive: ", reason);
 }
 
 /// Without a checksum, at least tells weights from a web page that came in their place.
@@ -79,8 +79,8 @@ void check_plausible(const KnownModel& model, const fs::path& part, const std::s
       throw InputError("holds no layers");
     }
   } catch (const InputError& error) {
-    throw Error(str("what ", model.address, " gave is not the model (sha1 ", sha1,
-                    "): ", error.what(), "; it was removed"));
+    throw Error("what ", model.address, " gave is not the model (sha1 ", sha1, "): ", error.what(),
+                "; it was removed");
   }
 }
 
@@ -90,9 +90,9 @@ std::string check(const KnownModel& model, const fs::path& part) {
   if (model.sha1.empty() || (model.sha1_is_doubtful && model.sha1 != sha1)) {
     check_plausible(model, part, sha1);
   } else if (model.sha1 != sha1) {
-    throw Error(str("the download of ", model.name, " is not the known file and was removed",
-                    "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
-                    ")\n  sha1 found:    ", sha1, "\n  address: ", model.address));
+    throw Error("the download of ", model.name, " is not the known file and was removed",
+                "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
+                ")\n  sha1 found:    ", sha1, "\n  address: ", model.address);
   }
   return sha1;
 }
@@ -136,7 +136,7 @@ std::string fetch_absent(const KnownModel& model, const fs::path& file,
   } catch (const DownloadError& error) {
     std::error_code none;
     if (fs::is_empty(part, none)) fs::remove(part, none);
-    throw Error(str("cannot fetch ", model.name, ": ", error.what(), by_hand(model, file)));
+    throw Error("cannot fetch ", model.name, ": ", error.what(), by_hand(model, file));
   }
 }
 
@@ -166,16 +166,16 @@ Fetched fetch_model(const KnownModel& model, const fs::path& cache,
     case CacheState::kUnverified:
       break;
     case CacheState::kWrong:
-      throw Error(str(entry.file.string(), ": not the known file; remove it and fetch again",
-                      "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
-                      ")\n  sha1 found:    ", entry.sha1));
+      throw Error(entry.file.string(), ": not the known file; remove it and fetch again",
+                  "\n  sha1 expected: ", model.sha1, " (", model.sha1_source,
+                  ")\n  sha1 found:    ", entry.sha1);
     case CacheState::kAbsent:
     case CacheState::kPartial:
       if (model.address.empty())
-        throw Error(str("no public address is known for ", model.name,
-                        "; if you have it, save it as ", file.string()));
+        throw Error("no public address is known for ", model.name, "; if you have it, save it as ",
+                    file.string());
       if (model.needs_browser)
-        throw Error(str(model.name, " can only be had with a browser", by_hand(model, file)));
+        throw Error(model.name, " can only be had with a browser", by_hand(model, file));
       fetched.sha1 = fetch_absent(model, file, options);
       fetched.verified = fetched.sha1 == model.sha1;
       fetched.was_there = false;

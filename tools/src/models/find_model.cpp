@@ -34,10 +34,9 @@ fs::path folder_of(const fs::path& file) {
 
 void need_file(const fs::path& file, const char* option) {
   std::error_code none;
-  if (!fs::exists(file, none))
-    throw InputError(str(file.string(), ": no such file (", option, ")"));
+  if (!fs::exists(file, none)) throw InputError(file.string(), ": no such file (", option, ")");
   if (fs::is_directory(file, none))
-    throw InputError(str(file.string(), ": is a folder, expected a file (", option, ")"));
+    throw InputError(file.string(), ": is a folder, expected a file (", option, ")");
 }
 
 /// The prototxt that belongs to `weights`, or "".
@@ -58,8 +57,8 @@ fs::path choose_weights(const fs::path& folder, const std::string& stem) {
   for (const fs::path& file : all)
     if (without_ending(file, {".h5", ".caffemodel"}) == stem) return file;
   if (all.size() == 1) return all[0];
-  throw UsageError(str(folder.string(), ": holds ", all.empty() ? "no" : "several",
-                       " .caffemodel files; say which weights to use with --weights FILE"));
+  throw UsageError(folder.string(), ": holds ", all.empty() ? "no" : "several",
+                   " .caffemodel files; say which weights to use with --weights FILE");
 }
 
 /// Our own description of a known model, in the cache.
@@ -100,8 +99,8 @@ Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe
   for (const KnownModel& other : known_models())
     for (const Cut& cut : other.cuts)
       if (has_layers(net, cut)) return cut;
-  throw UsageError(str(prototxt.string(), ": not a network we know; say where to take the feature ",
-                       "with --end LAYER ('revisit net inspect' lists the layers)"));
+  throw UsageError(prototxt.string(), ": not a network we know; say where to take the feature ",
+                   "with --end LAYER ('revisit net inspect' lists the layers)");
 }
 
 /// Everything else, once both files are known.
@@ -110,9 +109,9 @@ FoundModel complete(const ModelRequest& request, FoundModel found, const KnownMo
   if (found.prototxt.empty() && known && !known->trunk.empty())
     found.prototxt = trunk_in_cache(*known);
   if (found.prototxt.empty())
-    throw UsageError(str(found.weights.string(), ": found no prototxt that belongs to it",
-                         known ? " (official: " + known->prototxt_address + ")" : "",
-                         "; give it with --model FILE, or put deploy.prototxt beside it"));
+    throw UsageError(found.weights.string(), ": found no prototxt that belongs to it",
+                     known ? " (official: " + known->prototxt_address + ")" : "",
+                     "; give it with --model FILE, or put deploy.prototxt beside it");
   need_file(found.prototxt, "--model");
   const caffe::NetParameter net =
       proto::read_net(found.prototxt, {.allow_unknown_fields = true,
@@ -157,10 +156,10 @@ std::optional<FoundModel> from_cache(const ModelRequest& request, const fs::path
                                  " that is known (", known.sha1_source,
                                  "); it is used all the same"));
   else if (!known.sha1.empty() && found.weights_sha1 != known.sha1)
-    throw InputError(str(weights->string(), ": is not the known ", known.name,
-                         "; name it with --weights to use it all the same, or remove it: ",
-                         how_to_get(known, cache), "\n  sha1 expected: ", known.sha1, " (",
-                         known.sha1_source, ")\n  sha1 found:    ", found.weights_sha1));
+    throw InputError(weights->string(), ": is not the known ", known.name,
+                     "; name it with --weights to use it all the same, or remove it: ",
+                     how_to_get(known, cache), "\n  sha1 expected: ", known.sha1, " (",
+                     known.sha1_source, ")\n  sha1 found:    ", found.weights_sha1);
   return found;
 }
 
@@ -169,10 +168,10 @@ FoundModel from_cache_or_models_folder(const ModelRequest& request) {
   for (const KnownModel& known : known_models())
     if (auto found = from_cache(request, cache, known)) return *found;
   if (!weights_in(cache).empty()) return from_files(request, "", choose_weights(cache, ""));
-  throw UsageError(str("no model: give --model PROTOTXT --weights CAFFEMODEL, fetch one ",
-                       "('revisit models fetch bvlc_alexnet'; looked in ", cache.string(),
-                       "), or make an untrained one to try the machinery ",
-                       "('revisit models make-random -o DIR')"));
+  throw UsageError("no model: give --model PROTOTXT --weights CAFFEMODEL, fetch one ",
+                   "('revisit models fetch bvlc_alexnet'; looked in ", cache.string(),
+                   "), or make an untrained one to try the machinery ",
+                   "('revisit models make-random -o DIR')");
 }
 
 /// --model alone: a folder, a prototxt, or the name of a known model.
@@ -184,12 +183,12 @@ FoundModel from_model_argument(const ModelRequest& request) {
         request, model,
         choose_weights(folder_of(model), without_ending(model, {".prototxt", "_deploy"})));
   if (model.has_parent_path() || is_prototxt_name(model.string()))
-    throw InputError(str(model.string(), ": no such file (--model)"));
+    throw InputError(model.string(), ": no such file (--model)");
   const KnownModel& known = known_model(model.string());
   const fs::path cache = cache_folder();
   if (auto found = from_cache(request, cache, known)) return *found;
-  throw UsageError(
-      str("model '", known.name, "' is not in ", cache.string(), "; ", how_to_get(known, cache)));
+  throw UsageError("model '", known.name, "' is not in ", cache.string(), "; ",
+                   how_to_get(known, cache));
 }
 
 }  // namespace
@@ -197,8 +196,7 @@ FoundModel from_model_argument(const ModelRequest& request) {
 FoundModel find_model(const ModelRequest& request) {
   if (!request.weights.empty()) {
     if (fs::is_directory(request.model))
-      throw UsageError(
-          str("--model ", request.model.string(), ": with --weights, name the prototxt"));
+      throw UsageError("--model ", request.model.string(), ": with --weights, name the prototxt");
     return from_files(request, request.model, request.weights);
   }
   return request.model.empty() ? from_cache_or_models_folder(request)

@@ -156,7 +156,7 @@ void need_report(const fs::path& file, const std::string& mark, const std::strin
   std::error_code none;
   if (!fs::is_regular_file(file, none) || fs::is_empty(file, none)) return;
   if (content_if_any(file).find(mark) == std::string::npos)
-    throw UsageError(str(file.string(), ": exists and is not a report of revisit; ", advice));
+    throw UsageError(file.string(), ": exists and is not a report of revisit; ", advice);
 }
 
 reports::Page write_report(const std::vector<fs::path>& folders, const fs::path& file,

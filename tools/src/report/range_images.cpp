@@ -65,7 +65,7 @@ std::string png_uri(const pipeline::RangeImage& image) {
   std::vector<uint8_t> file(PNG_IMAGE_PNG_SIZE_MAX(png));
   png_alloc_size_t bytes = file.size();
   if (!png_image_write_to_memory(&png, file.data(), &bytes, 0, pixels.data(), 0, nullptr))
-    throw Error(str("cannot make a PNG: ", png.message));
+    throw Error("cannot make a PNG: ", png.message);
   file.resize(bytes);
   return "data:image/png;base64," + base64(file);
 }

@@ -22,7 +22,7 @@ bool is_file(const fs::path& file) {
 /// What the page does with a run needs arrays of one length, and rows of scans that are there.
 void need_consistent(const fs::path& file, const reports::Run& run) {
   const auto need = [&](bool good, const char* what) {
-    if (!good) throw InputError(str(file.string(), ": ", what, ": not a file of revisit"));
+    if (!good) throw InputError(file.string(), ": ", what, ": not a file of revisit");
   };
   const int n = run.frame_size();
   const auto rows = [n](const auto& scans, int least = 0) {

@@ -12,10 +12,10 @@ std::vector<std::string> parse_features(const std::string& list) {
   std::istringstream words(list);
   for (std::string word; std::getline(words, word, ',');) {
     if (std::ranges::find(names, word) == names.end())
-      throw UsageError(str("--feature: unknown feature '", word, "'", did_you_mean(word, names),
-                           "; known: ", joined(names, ", ")));
+      throw UsageError("--feature: unknown feature '", word, "'", did_you_mean(word, names),
+                       "; known: ", joined(names, ", "));
     if (std::ranges::find(features, word) != features.end())
-      throw UsageError(str("--feature: ", word, " is there twice"));
+      throw UsageError("--feature: ", word, " is there twice");
     features.push_back(word);
   }
   if (features.empty()) throw UsageError("--feature: expected a name, found ''");
@@ -28,7 +28,7 @@ std::vector<pipeline::Alteration> parse_alterations(const std::vector<std::strin
     alterations.push_back(pipeline::parse_alteration(text));
     const std::string name = text_of(alterations.back());
     if (std::ranges::count(alterations, name, pipeline::text_of) > 1)
-      throw UsageError(str("--alter: ", name, " is there twice"));
+      throw UsageError("--alter: ", name, " is there twice");
   }
   return alterations.empty() ? pipeline::standard_alterations() : alterations;
 }
@@ -108,11 +108,11 @@ RobustnessCommand parse_robustness(const Arguments& arguments) {
     throw UsageError("--label: there are several features; run one after the other");
   o.asked.alterations = parse_alterations(alterations);
   if (o.asked.queries < 0)
-    throw UsageError(str("--queries: expected at least 0, found ", o.asked.queries));
-  if (!(radius > 0)) throw UsageError(str("--radius: expected a positive number, found ", radius));
+    throw UsageError("--queries: expected at least 0, found ", o.asked.queries);
+  if (!(radius > 0)) throw UsageError("--radius: expected a positive number, found ", radius);
   if (!(other_beyond >= 0) || (parser.given("other-beyond") && other_beyond < radius))
-    throw UsageError(
-        str("--other-beyond: expected at least the radius, ", radius, ", found ", other_beyond));
+    throw UsageError("--other-beyond: expected at least the radius, ", radius, ", found ",
+                     other_beyond);
   o.asked.rule = {pipeline::parse_distance(distance), radius, other_beyond};
   o.asked.exclusion = pipeline::parse_exclusion(exclusion);
   o.asked.both_cases = query_case == "both";

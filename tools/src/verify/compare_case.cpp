@@ -107,7 +107,7 @@ Found find_output(const engine::Run& run, const std::string& name) {
         return {place, run.layer_output(place)};
       }
   }
-  throw InputError(str("the net has no blob '", name, "'"));
+  throw InputError("the net has no blob '", name, "'");
 }
 
 /// The type of the layer whose output `name` is.

@@ -6,9 +6,7 @@ import numpy as np
 def _batch_norm(g, site):
     p, rank = site.message.batch_norm_param, len(site.shapes[0])
     if p.HasField('use_global_stats') and not p.use_global_stats:
-        axes = [axis for axis in range(rank) if axis != 1]
-        centred, variance = _centred(g, site.x[0], axes)
-        return [g.node('Div', centred, g.node('Sqrt', g.affine(variance, shift=p.eps)))]
+        return [_normed(g, site.x[0], rank, p.eps)]
     sums, square_sums, weight = (blob.ravel() for blob in site.blobs[:3])
     factor = np.float32(0 if weight[0] == 0 else 1 / weight[0])  # 0: nothing was summed
     ones, zeros = np.ones_like(sums), np.zeros_like(sums)
@@ -20,14 +18,18 @@ def _bn(g, site):
     p, rank = site.message.bn_param, len(site.shapes[0])
     scale, shift, *statistics = (blob.ravel() for blob in site.blobs)
     if not statistics and p.bn_mode == p.LEARN:
-        centred, variance = _centred(g, site.x[0], [axis for axis in range(rank) if axis != 1])
-        normed = g.node('Div', centred, g.node('Sqrt', g.affine(variance, shift=1e-9)))
         beside = [-1] + [1] * (rank - 2)
-        scaled = g.node('Mul', normed, g.constant(scale.reshape(beside)))
+        scaled = g.node('Mul', _normed(g, site.x[0], rank, 1e-9), g.constant(scale.reshape(beside)))
         return [g.node('Add', scaled, g.constant(shift.reshape(beside)))]
     mean, variance = statistics or (np.zeros_like(scale), np.ones_like(scale))
     return [g.node('BatchNormalization', site.x[0], *map(g.constant, (scale, shift, mean, variance)),
                    epsilon=p.eps if statistics else 0.0)]
+
+
+def _normed(g, x, rank, eps):
+    """Channels normalised by the batch at hand."""
+    centred, variance = _centred(g, x, [axis for axis in range(rank) if axis != 1])
+    return g.node('Div', centred, g.node('Sqrt', g.affine(variance, shift=eps)))
 
 
 def _centred(g, x, axes):

@@ -27,14 +27,11 @@ def _recurrent(g, site, cell, n_states):
     else:
         size = g.node('Concat', g.shape(site.x[0], 1, 2), g.integers(n), axis=0)
         states = [g.node('ConstantOfShape', size)] * n_states
-    body = _body(cell, n_states, [array.reshape(-1, n).T for array in weights[2:3]] + _rest(weights, n), site.layer.name)
+    hidden = [array.reshape(-1, n).T for array in weights[2:4]]
+    body = _body(cell, n_states, hidden + [array.ravel() for array in weights[4:]], site.layer.name)
     results = g.node('Scan', *states, terms, continues, body=body, num_scan_inputs=2, n_outputs=n_states + 1)
     last = [g.node('Unsqueeze', state, g.integers(0)) for state in results[:exposed]]
     return [results[-1], *last]
-
-
-def _rest(weights, n):
-    return [weights[3].reshape(n, n).T, weights[4].ravel()] if len(weights) > 3 else []
 
 
 def _body(cell, n_states, weights, prefix):

@@ -14,9 +14,8 @@ enum class Writing {
   kStreams    // bytes into what is there: a FIFO, a character device, a descriptor of this process
 };
 
-/// What write_atomically() does at `file`; symbolic links are followed. Throws UsageError where it
-/// refuses: a folder, a block device, a socket, a circle of links. For programs that want to know
-/// before long work.
+/// What write_atomically() does at `file`, for programs that ask before long work. Throws
+/// UsageError where it refuses: a folder, a block device, a socket, a circle of links.
 Writing writing_of(const std::filesystem::path& file);
 
 /// Writes a file so that it appears whole or not at all: `write` fills a temporary file beside it
@@ -25,12 +24,10 @@ Writing writing_of(const std::filesystem::path& file);
 /// that was killed left at the same target is removed. Any number of threads and processes may
 /// write at one target; the last one's file stays.
 ///
-/// Only regular files are ever replaced: FIFOs, character devices (/dev/null) and descriptors
-/// of this process (/dev/stdout) are written to as they are; anything else is refused
-/// (UsageError).
+/// Only regular files are ever replaced: FIFOs, character devices (/dev/null) and descriptors of
+/// this process (/dev/stdout) are written to as they are; UsageError refuses anything else.
 ///
-/// Throws Error naming the file and the reason (no space, no permission); the temporary file is
-/// then removed.
+/// Throws Error naming the file and the reason; the temporary file is then removed.
 void write_atomically(const std::filesystem::path& file,
                       const std::function<void(std::ostream&)>& write);
 

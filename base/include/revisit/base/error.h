@@ -35,8 +35,7 @@ class Error : public std::runtime_error {
 
   explicit Error(const std::string& message);
   explicit Error(const char* message);
-  /// The message is all parts, as an output stream prints them. A part that is an Error stands for
-  /// its message.
+  /// The message is all parts, as an output stream prints them; an Error stands for its message.
   template <class... Parts>
   explicit Error(const Parts&... parts) : Error(Pieces(parts...)) {}
 
@@ -67,8 +66,7 @@ class Error : public std::runtime_error {
   Pieces pieces_;
 };
 
-/// The caller asked for something impossible: an unknown layer name, a bad option value.
-/// (Exit code 2.)
+/// The caller asked for something impossible: an unknown layer, a bad option value (exit code 2).
 class UsageError : public Error {
   using Error::Error;
 };
@@ -79,20 +77,17 @@ class InputError : public Error {
   using Error::Error;
 };
 
-/// A well-formed model that needs something we do not have; the message names the layer and its
-/// type. (Exit code 4.)
+/// A valid model needs something we do not have; the message names layer and type (exit code 4).
 class UnsupportedError : public Error {
   using Error::Error;
 };
 
-/// The work was stopped by the user between two units of work; what was done is kept.
-/// (Exit code 130.)
+/// The user stopped the work between two units of it; what was done is kept (exit code 130).
 class Interrupted : public Error {
   using Error::Error;
 };
 
-/// The candidate nearest to `wanted` in edit distance, or "" when none is near enough to be a
-/// likely misspelling. For "did you mean" hints.
+/// The candidate nearest to `wanted` in edit distance; "" where none is a likely misspelling.
 std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates);
 
 /// " (did you mean 'X'?)", or "" when no candidate is near.

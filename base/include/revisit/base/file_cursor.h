@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -11,19 +10,17 @@
 
 namespace revisit {
 
-/// A place in a file where its format is broken. Becomes an InputError once the path and what was
-/// being read are known.
+/// A broken place in a file. Becomes an InputError once the path and what was read are known.
 struct FormatError : Error {
   template <class... Parts>
   explicit FormatError(uint64_t at, const Parts&... reason) : Error(reason...), offset(at) {}
   uint64_t offset;  // [bytes] from the beginning of the file
 };
 
-/// Reads a regular file, or one in memory, at any position and counts what it really read. Small
-/// steps are buffered; the buffer starts small after a jump and doubles while reading goes on, so
-/// that hopping from field to field of a large file reads little of it. Throws InputError, `path:
-/// ...`, when the file cannot be opened, is not a regular file, or becomes shorter while it is
-/// read.
+/// Reads a regular file, or one in memory, at any position and counts what it really read. The
+/// buffer starts small after a jump and doubles while reading goes on: hopping from field to field
+/// of a large file reads little of it. Throws InputError, `path: ...`, when the file cannot be
+/// opened, is not a regular file, or becomes shorter while it is read.
 class FileCursor {
  public:
   explicit FileCursor(const std::filesystem::path& file);

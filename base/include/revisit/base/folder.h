@@ -4,8 +4,7 @@
 
 namespace revisit {
 
-/// Makes the folder and those above it; good when it is there. Throws Error naming it and the
-/// reason.
+/// Makes the folder and those above it, where missing. Throws Error naming it and the reason.
 void make_folder(const std::filesystem::path& folder);
 
 }  // namespace revisit

@@ -9,8 +9,7 @@
 
 namespace revisit {
 
-/// The elements, or what `part` makes of each, as an output stream prints them, with `separator`
-/// between them.
+/// The elements, or `part` of each, as an output stream prints them, `separator` between them.
 template <class Range, class Part = std::identity>
 std::string joined(const Range& range, std::string_view separator, Part part = {}) {
   std::ostringstream out;

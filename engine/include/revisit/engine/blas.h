@@ -36,8 +36,7 @@ class OneBlasThread {
 /// a limit on the address space (ulimit -v) a program would hang instead of fail.
 class BlasRoom {
  public:
-  /// Throws std::bad_alloc when there is no room for `threads` buffers beside those of all others
-  /// that hold room now.
+  /// Throws std::bad_alloc without room for `threads` buffers beside those of all other holders.
   explicit BlasRoom(int threads);
   ~BlasRoom();
   BlasRoom(const BlasRoom&) = delete;

@@ -23,8 +23,7 @@ class MemoryError : public Error {
 
 /// Where to cut a network off. Layers beyond are never looked at and their weights are not read.
 struct Truncation {
-  /// The layer whose output is wanted: that layer's own output, before any in-place layer that
-  /// follows. Empty: the whole net.
+  /// The layer whose output is wanted, before in-place layers that follow. Empty: the whole net.
   std::string end;
   /// A layer without weights (e.g. "pool5") to append to `end` and its ReLU: the paper's
   /// "conv3+pool5". A ReLU not in place is left out, with a warning, when others read `end`, too.
@@ -53,14 +52,12 @@ struct Port {
   Shape shape;  // the largest, where the number of rows depends on the data
 };
 
-/// How much kernels may round beyond a plain sum in float32. docs/ACCURACY.md has the errors of
-/// real nets. It limits Winograd's algorithm for convolutions: the larger the tile, the
-/// faster, and the more it rounds.
+/// How much kernels may round beyond a plain sum in float32: a limit of the tiles of Winograd's
+/// algorithm. The larger, the faster, and the more it rounds. Errors of nets: docs/ACCURACY.md.
 enum class Accuracy {
   /// The fastest kernel; before layers that amplify rounding (BatchNorm, MVN that divides by the
-  /// deviation, a Softmax of maps that nothing averaged) tiles of at most 4x4 outputs. Within 1e-5
-  /// of the original Caffe for nets without such layers (largest error / largest value of any
-  /// layer).
+  /// deviation, a Softmax of maps that nothing averaged) tiles of at most 4x4 outputs. For nets
+  /// without such layers within 1e-5 of Caffe (largest error / largest value of any layer).
   kUsual,
   /// Tiles of at most 4x4 everywhere: about what Caffe's own products round.
   kStrict,
@@ -79,17 +76,15 @@ struct PlanOptions {
   /// a slow, readable kernel, "reference" in LayerCost::kernel. All other types have one kernel on
   /// plain values, a plain loop, which runs here, too.
   bool reference_kernels = false;
-  /// The most that one run may take beside the weights of the file [bytes]: Plan::arena_bytes() and
-  /// Plan::packed_weight_bytes() together. Where the fastest kernels take more, all kernels read
-  /// the weights as they are; a plan that takes more even so is refused, before any of it is
-  /// allocated. What other plans of the net share counts in full: which kernels a plan has depends
-  /// on nothing else.
+  /// Limit of what one run takes beside the weights of the file [bytes]: Plan::arena_bytes() plus
+  /// Plan::packed_weight_bytes(), with what other plans of the net share. Where the fastest kernels
+  /// take more, all kernels read the weights as they are. A plan that takes more even so is refused
+  /// before any of it is allocated.
   int64_t max_run_bytes = int64_t{8} << 30;
   /// Numbers below 1.2e-38 in magnitude (denormals) count as zero while a pass runs. Caffe keeps
   /// them. On x86 each costs some hundred cycles: an LSTM whose gates have closed takes 13 times as
-  /// long, a net faded to nothing 55 times. What differs is smaller than any error of rounding, but
-  /// the logarithm of a probability that small is -infinity. The calling thread's own mode comes
-  /// back after the pass.
+  /// long, a net faded to nothing 55 times. The difference is below any error of rounding, but the
+  /// logarithm of such a probability is -infinity. The calling thread's mode is restored.
   bool flush_denormals = true;
   Accuracy accuracy = Accuracy::kUsual;
   /// Not with reference_kernels, which compute in float32.
@@ -144,18 +139,15 @@ struct LayerCost {
   std::vector<std::string>
       blobs;         // what the file calls the outputs; an in-place layer repeats a name
   int64_t macs = 0;  // multiply-accumulates; 0 where the notion does not apply
-  /// What its kernel multiplies for them: less by Winograd's algorithm and of a gray input. The
-  /// factors are of `products`.
+  /// Multiplications of `products` by its kernel: fewer by Winograd's algorithm, of a gray input.
   int64_t multiplications = 0;
   Precision products = Precision::kFloat32;
-  /// What its kernel reads, weights too, and writes, each number once: what has to be moved. Not
-  /// what it keeps in between.
+  /// What its kernel reads, weights too, and writes, each number once; not what it keeps between.
   int64_t read_bytes = 0, written_bytes = 0;
   int64_t parameters = 0;           // weights and biases
   int64_t packed_weight_bytes = 0;  // its weights once more, in the order its kernel wants
   int64_t activation_bytes = 0;     // memory of its outputs; 0 when they share their input's
-  /// Of the rows and columns of the first output; absent when it sees the whole input, or is no
-  /// image.
+  /// Of the rows and columns of the first output; absent when it sees all, or is no image.
   std::optional<ReceptiveField> field_h, field_w;
   std::vector<size_t> input_layers;  // indices of the layers that its inputs come from
 };
@@ -168,9 +160,8 @@ struct LayerWeights {
 
 class Run;
 
-/// How one network runs on inputs of given shapes: kernels chosen, memory laid out. Immutable,
-/// cheap to copy; keeps what it needs of the net alive. Moving copies, so no plan is left without
-/// content.
+/// How one network runs on inputs of given shapes: kernels chosen, memory laid out. Immutable and
+/// cheap to copy; keeps what it needs of the net alive. Moving copies: no plan is left empty.
 class Plan {
  public:
   Plan(const Plan&) = default;
@@ -207,10 +198,9 @@ class Net {
   Net& operator=(const Net&) = default;
   ~Net() = default;
 
-  /// Reads an original Caffe prototxt and caffemodel; only the layers that are needed.
-  /// Throws InputError (files that do not parse or do not fit each other), UnsupportedError (a
-  /// needed layer type that is not supported), UsageError (an unknown layer in the truncation; the
-  /// nearest is named).
+  /// Reads an original Caffe prototxt and caffemodel; only the layers that are needed. Throws
+  /// InputError (files that do not parse or do not fit each other), UnsupportedError (a layer type
+  /// that is needed and not supported), UsageError (an unknown layer in the truncation).
   static Net load(const std::filesystem::path& prototxt, const std::filesystem::path& weights,
                   const LoadOptions& options = {});
 
@@ -227,11 +217,10 @@ class Net {
   static Net load_without_weights(const std::filesystem::path& prototxt,
                                   const LoadOptions& options = {});
 
-  /// Chooses kernels and lays out memory. `inputs` replaces input shapes by blob name.
-  /// Throws InputError naming the layer that cannot take the shapes, or what takes more than
-  /// PlanOptions::max_run_bytes; UsageError for an unknown input, an unknown layer in
-  /// PlanOptions::keep or a number of threads outside 1 to 1024; MemoryError when the system has no
-  /// memory for the packed weights.
+  /// Chooses kernels and lays out memory. `inputs` replaces input shapes by blob name. Throws
+  /// InputError (a layer that cannot take the shapes, more than PlanOptions::max_run_bytes),
+  /// UsageError (an unknown input, an unknown layer in PlanOptions::keep, a number of threads
+  /// outside 1 to 1024), MemoryError (no memory for the packed weights).
   Plan plan(const std::map<std::string, Shape>& inputs = {}, const PlanOptions& options = {}) const;
 
   const std::string& name() const;
@@ -241,8 +230,7 @@ class Net {
   std::vector<std::string> outputs() const;
   /// Names of all layers of the file that belong to inference, in order.
   const std::vector<std::string>& layer_names() const;
-  /// Whether plans can have PlanOptions::gray_offsets: one input, which only convolutions without
-  /// groups read.
+  /// Whether plans can have gray_offsets: one input, which only convolutions without groups read.
   bool takes_gray_input() const;
   /// Warnings for the user: unused layers of the weights file, upgrades made.
   const std::vector<std::string>& warnings() const;
@@ -261,8 +249,7 @@ class Net {
   std::shared_ptr<const Impl> impl_;
 };
 
-/// Names of the input blobs of a prototxt, in order; weights are not needed. Only the options about
-/// reading the file are used.
+/// Names of the input blobs of a prototxt, in order. Only options about reading it are used.
 std::vector<std::string> input_blobs(const std::filesystem::path& prototxt,
                                      const LoadOptions& options = {});
 
@@ -302,9 +289,8 @@ class Run {
   /// An output of the net. Throws UsageError for an unknown name. Where the number of rows depends
   /// on the data (Filter, DetectionOutput) the shape is that of the last pass; it can have no rows.
   View<const float> output(std::string_view name) const;
-  /// What a layer put out, before any later layer worked on it in place; `name` as port_name() has
-  /// it. Throws UsageError unless planned with keep_all, or with the name in keep, so stale data is
-  /// never seen.
+  /// Output of a layer before later ones work on it in place, by port_name(). Throws UsageError
+  /// unless planned with keep_all, or with the name in keep, so stale data is never seen.
   View<const float> layer_output(std::string_view name) const;
 
   const Plan& plan() const { return plan_; }

@@ -20,8 +20,7 @@ void share_items(int64_t items, int threads,
 /// A thread begins with a range of items of its own, which is the same part of all in every region:
 /// what it wrote in one is in its cache for the next. Then it takes what others have left.
 ///
-/// The exception of the lowest item that throws comes out, as if there were one thread; of those
-/// beyond it some may have been done.
+/// Rethrows the exception of the lowest item that throws; some items beyond it may have been done.
 template <class Work>
 void parallel_for(int64_t items, int threads, const Work& work) {
   const auto call = [](const void* object, int64_t item, int thread) {

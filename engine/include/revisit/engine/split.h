@@ -5,8 +5,7 @@
 
 namespace revisit::engine {
 
-/// `items` things cut into `parts` parts, equal to within one `unit`, of which only the last of all
-/// may not be whole.
+/// `items` cut into `parts` parts, equal to within one `unit`; only the last may not be whole.
 struct Split {
   int64_t items, parts, unit = 1;
 

@@ -34,13 +34,11 @@ class Shape {
   int64_t elements() const { return product(0, rank()); }
   /// Product of the axes [begin, end).
   int64_t product(size_t begin, size_t end) const;
-  /// The axis an index of Caffe's means: negative counts from the end. Throws InputError, naming
-  /// `what`, when out of [-rank, rank).
+  /// The axis that Caffe's index means: negative from the end. Throws InputError naming `what`.
   size_t canonical_axis(int64_t axis, std::string_view what) const;
   /// A copy with one axis replaced.
   Shape with(size_t axis, int64_t size) const;
-  /// The same, where nothing at all is a result: `size` may be 0. For outputs whose number of rows
-  /// depends on the data.
+  /// The same, but `size` may be 0: for outputs whose number of rows depends on the data.
   Shape with_rows(size_t axis, int64_t size) const;
   /// "1x3x107x4000"; "scalar" without axes.
   std::string text() const { return text_of(axes_); }

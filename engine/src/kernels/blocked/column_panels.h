@@ -11,8 +11,7 @@ namespace revisit::engine {
 /// channels, 28 of AVX-512's 32 registers. Targets with fewer registers take a part of it.
 constexpr int64_t kMaxColumns = 14;
 
-/// Sums of a matrix product that are held in registers: of `blocks` blocks of output channels times
-/// `columns` columns.
+/// Sums of a matrix product in registers: `blocks` blocks of output channels times `columns`.
 struct SumTile {
   int blocks, columns;
 };

@@ -18,13 +18,11 @@ struct BlockedConvolutionArguments {
   Epilogue epilogue;
   void* output;    // blocked
   float* scratch;  // scratch_floats() of them, any content
-  /// Of kernels on plain input with one channel: what each tap outside the image adds, packed like
-  /// the weights; or null.
+  /// What each tap outside the image adds, packed like the weights, of gray input; or null.
   const float* outside_taps = nullptr;
 };
 
-/// What a kernel multiplies: float32 whatever the input is, numbers of the problem's `values`, or
-/// tiles of them.
+/// What a kernel multiplies: float32 always, numbers of the problem's `values`, or tiles of them.
 enum class Products { kFloat32, kValues, kTiles };
 
 /// A convolution with blocked output: fast, with bias, addend and activation in one pass. The

@@ -2,7 +2,6 @@
 #define HWY_TARGET_INCLUDE "kernels/blocked/depthwise.cpp"
 #include <hwy/foreach_target.h>  // includes this file again for every target
 
-#include "kernels/blocked/column_panels.h"
 #include "kernels/blocked/convolution.h"
 #include "kernels/blocked/convolution_list.h"
 #include "kernels/blocked/cost_model.h"

@@ -6,13 +6,11 @@
 
 namespace revisit::engine {
 
-/// Whether the CPU has what the blocked kernels are compiled for: of x86 at least AVX2. Elsewhere
-/// all values are plain.
+/// Whether the CPU has the targets of the blocked kernels (x86: AVX2). Else all values are plain.
 bool has_blocked_kernels();
 
 /// Instructions that a kernel needs. AVX-512 multiplies bfloat16 by AVX512-BF16 and AMX only: a CPU
-/// without them runs the whole kernel by AVX2. Its sums have the same bits; roots may differ by a
-/// bit.
+/// without them runs the whole kernel by AVX2. Sums have the same bits; roots may differ by a bit.
 enum class Instructions { kFloat32, kBf16, kTiles };
 
 inline Instructions instructions_for(Precision values) {

@@ -17,8 +17,7 @@ void blocked_activation(const BlockedSize& size, const Epilogue& epilogue, const
 void blocked_scale(const BlockedSize& size, const float* scale, const float* shift,
                    const Epilogue& epilogue, const void* input, void* output);
 
-/// At least two inputs (of `size.values`, whatever their pointers), combined as Caffe's Eltwise
-/// does, then the epilogue.
+/// At least two inputs of `size.values`, combined as Caffe's Eltwise does, then the epilogue.
 struct BlockedEltwise {
   enum class Operation { kSum, kProduct, kMaximum };
   Operation operation = Operation::kSum;

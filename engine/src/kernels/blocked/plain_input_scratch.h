@@ -7,8 +7,7 @@
 
 namespace revisit::engine {
 
-/// The pixels of a row that so many outputs side by side see. Strides, kernels and dilations are
-/// below 2^31.
+/// Pixels of a row under `outputs` outputs. Strides, kernels and dilations are below 2^31.
 inline int64_t plain_input_span(const ConvolutionProblem& p, int64_t outputs) {
   return (outputs - 1) * p.stride_w + (p.kernel_w - 1) * p.dilation_w + 1;
 }
@@ -31,8 +30,7 @@ inline int64_t plain_input_pitch(const ConvolutionProblem& p) {
   return padded_channels(plain_input_span(p, p.out_w));
 }
 
-/// What a thread copies of the input: where a tile of pixels reaches over its border, or, to round
-/// it, all that an output row sees.
+/// Floats a thread copies of the input: under a tile at the border, or, rounded, an output row.
 inline int64_t plain_input_patch_floats(const ConvolutionProblem& p) {
   return p.c_in * p.kernel_h *
          (p.values == Precision::kBf16 ? plain_input_pitch(p) / 2
@@ -44,8 +42,7 @@ inline int64_t plain_input_columns_floats(const ConvolutionProblem& p) {
   return kTilePanel.columns * plain_input_weights(p) / kLanes / 2;
 }
 
-/// False for strides and kernels beyond all use, whose patches would take gigabytes, or more floats
-/// than can be counted.
+/// False for strides and kernels beyond all use, whose patches would take gigabytes.
 inline bool plain_input_patch_fits(const ConvolutionProblem& p) {
   constexpr int64_t kMostFloats = 1 << 24;
   int64_t floats = 0;

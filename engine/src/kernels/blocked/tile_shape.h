@@ -6,8 +6,7 @@
 
 namespace revisit::engine {
 
-/// Of an AMX tile: rows of 64 bytes, and the bfloat16 in one. Two tiles of pixels are multiplied
-/// together.
+/// Rows of an AMX tile, of 64 bytes, and bfloat16 in one. Two tiles of pixels go together.
 constexpr int64_t kTileRows = 16, kTileDepth = 32;
 constexpr Panel kTilePanel = {2 * kTileRows, kTileRows};
 

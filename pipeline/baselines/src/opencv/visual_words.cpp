@@ -47,11 +47,10 @@ FloatMatrix sift_descriptors(const GrayImage& image) {
 }
 
 FloatMatrix cluster_words(const FloatMatrix& descriptors, int words, uint64_t seed) {
-  if (words < 1) throw UsageError(str("vocabulary: expected at least 1 word, found ", words));
+  if (words < 1) throw UsageError("vocabulary: expected at least 1 word, found ", words);
   if (descriptors.n < words)
-    throw InputError(str("the training images show ", descriptors.n,
-                         " SIFT descriptors, too few for ", words,
-                         " words: give more images, or images with more texture"));
+    throw InputError("the training images show ", descriptors.n, " SIFT descriptors, too few for ",
+                     words, " words: give more images, or images with more texture");
   constexpr int kRounds = 30, kAttempts = 1;
   cv::theRNG().state = seed;  // the calling thread's
   cv::Mat labels, centres;

@@ -134,7 +134,7 @@ FeatureExtractor esf_features() {
         [esf = std::make_shared<SeededEsf>()](const PointCloud& cloud, std::span<float> feature) {
           const Points::Ptr points = to_pcl<EsfPoint>(cloud);
           if (points->size() < 3)
-            throw InputError(str("ESF: expected at least 3 points, found ", points->size()));
+            throw InputError("ESF: expected at least 3 points, found ", points->size());
           esf->describe(*points, feature);
         };
   };

@@ -25,9 +25,9 @@ void check_density(const Points& points, double radius) {
   double pairs = 0;
   for (const auto& [key, count] : counts) pairs += count * count;
   if (pairs > kMostPairs)
-    throw InputError(str("the points are packed too densely for a neighbourhood of ", radius,
-                         " m: ", points.size(), " points, ", pairs,
-                         " pairs of neighbours; thin the scan out or take a smaller radius"));
+    throw InputError("the points are packed too densely for a neighbourhood of ", radius,
+                     " m: ", points.size(), " points, ", pairs,
+                     " pairs of neighbours; thin the scan out or take a smaller radius");
 }
 
 }  // namespace
@@ -47,8 +47,8 @@ uint64_t voxel_key(const Voxel& voxel) {
 
 void check_radius(const char* what, double radius) {
   if (!(radius >= kLeastRadius && radius <= kLargestRadius))
-    throw UsageError(str(what, ": expected a radius of ", kLeastRadius, " to ", kLargestRadius,
-                         " m, found ", radius));
+    throw UsageError(what, ": expected a radius of ", kLeastRadius, " to ", kLargestRadius,
+                     " m, found ", radius);
 }
 
 Surface surface_of(const PointCloud& cloud, double radius, double largest_radius) {

@@ -58,11 +58,11 @@ const std::vector<AlignmentRecord>& DatasetFeatures::alignments() {
     if (none.empty()) return *alignments_;
     const std::string first = dataset_.scans[static_cast<size_t>(none[0])].file.string();
     if (static_cast<int64_t>(none.size()) == n())
-      throw InputError(str(first, ": cannot be described, nor any other of the ", n(),
-                           " scans; is this the right data, and complete?"));
+      throw InputError(first, ": cannot be described, nor any other of the ", n(),
+                       " scans; is this the right data, and complete?");
     if (options_.strict)
-      throw InputError(
-          str(first, ": cannot be described, nor ", none.size() - 1, " others of the ", n()));
+      throw InputError(first, ": cannot be described, nor ", none.size() - 1, " others of the ",
+                       n());
   }
   return *alignments_;
 }

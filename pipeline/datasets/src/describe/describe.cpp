@@ -115,7 +115,7 @@ void alter_scan(const ScanRef& scan, const AlteredScans& altered, PointCloud& cl
   const auto frame = static_cast<uint32_t>(scan.frame);
   alter(cloud, altered.alteration, uint64_t{altered.seed} << 32 | frame);
   if (std::ranges::none_of(cloud.points, is_return))
-    throw InputError(str("nothing of the scan is left by '", text_of(altered.alteration), "'"));
+    throw InputError("nothing of the scan is left by '", text_of(altered.alteration), "'");
 }
 
 template <class Input>
@@ -273,8 +273,8 @@ DescribeTimes write_features_of(const FeaturePaths& paths, const Dataset& datase
   const auto check_stop = [&](int64_t done) {
     if (options.progress) options.progress(done, n);
     if (done < n && options.stop && options.stop())
-      throw Interrupted(str("stopped after ", done, " of ", n,
-                            " scans; they are kept: run the same command again to continue"));
+      throw Interrupted("stopped after ", done, " of ", n,
+                        " scans; they are kept: run the same command again to continue");
   };
   Stopwatch wall;
   check_stop(first);
@@ -317,8 +317,8 @@ DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
 std::vector<AlignmentRecord> read_alignments(const fs::path& file) {
   const FeatureFile rows(file);
   if (rows.d() != kAlignmentColumns)
-    throw InputError(
-        str(file.string(), ": expected rows of ", kAlignmentColumns, " numbers, found ", rows.d()));
+    throw InputError(file.string(), ": expected rows of ", kAlignmentColumns, " numbers, found ",
+                     rows.d());
   std::vector<AlignmentRecord> records;
   for (int64_t i = 0; i < rows.n(); ++i) {
     const auto row = rows.row(i);

@@ -136,8 +136,8 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
       options.lesson == RingLesson::kLoops || options.lesson == RingLesson::kOdometry;
   for (const Dataset& drive : drives)
     if (by_poses && !drive.has_poses())
-      throw UsageError(str("learning from loops or odometry needs poses, which ", drive.name,
-                           " lacks: use sequence or scans"));
+      throw UsageError("learning from loops or odometry needs poses, which ", drive.name,
+                       " lacks: use sequence or scans");
   learn_columns_of(model, net, recipe, drives, options.column_scans, options.altered > 0, observer);
   const FeatureExtractor extractor = ring_features(model, net);
   std::vector<FeatureExtractor> altered;
@@ -170,8 +170,8 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
   }
   // Fewer could not tell directions apart.
   if (pairs < 2)
-    throw UsageError(str("learning rings: ", pairs, " pairs of scans are nearer than ",
-                         options.radius, " m; more are needed"));
+    throw UsageError("learning rings: ", pairs, " pairs of scans are nearer than ", options.radius,
+                     " m; more are needed");
   observer.note(str("learnt from ", pairs, " pairs of scans"));
   learn_rings(model, lessons);
 }

@@ -62,8 +62,8 @@ double parse_number(std::string_view word, const std::string& where, bool may_be
   double value = 0;
   const auto [stop, error] = std::from_chars(first, last, value);
   if (error != std::errc() || stop != last || (!may_be_infinite && !std::isfinite(value)))
-    throw InputError(str(where, ": expected a ", may_be_infinite ? "" : "finite ",
-                         "number, found '", word.substr(0, 40), "'"));
+    throw InputError(where, ": expected a ", may_be_infinite ? "" : "finite ", "number, found '",
+                     word.substr(0, 40), "'");
   return value;
 }
 

@@ -23,18 +23,17 @@ GrayImage read_gray_png(const std::filesystem::path& file) {
   const std::string bytes = read_content(file);
   PngImage png;
   if (!png_image_begin_read_from_memory(&png, bytes.data(), bytes.size()))
-    throw InputError(str(file.string(), ": not a PNG image: ", png.message));
+    throw InputError(file.string(), ": not a PNG image: ", png.message);
   const int64_t pixels = int64_t{png.width} * png.height;
   if (pixels > kMaxImagePixels)
-    throw InputError(str(file.string(), ": ", png.width, " x ", png.height,
-                         " pixels; images of up to ", kMaxImagePixels,
-                         " pixels are read: make it smaller"));
+    throw InputError(file.string(), ": ", png.width, " x ", png.height, " pixels; images of up to ",
+                     kMaxImagePixels, " pixels are read: make it smaller");
   png.format = PNG_FORMAT_GRAY;
   // Transparent pixels take what is in the buffer: black.
   GrayImage image{static_cast<int>(png.width), static_cast<int>(png.height),
                   std::vector<uint8_t>(static_cast<size_t>(pixels))};
   if (!png_image_finish_read(&png, nullptr, image.pixels.data(), 0, nullptr))
-    throw InputError(str(file.string(), ": the PNG image is damaged: ", png.message));
+    throw InputError(file.string(), ": the PNG image is damaged: ", png.message);
   return image;
 }
 
@@ -46,8 +45,8 @@ void write_gray_png(const std::filesystem::path& file, const GrayImage& image) {
   std::string bytes(PNG_IMAGE_PNG_SIZE_MAX(png), '\0');
   png_alloc_size_t size = bytes.size();
   if (!png_image_write_to_memory(&png, bytes.data(), &size, 0, image.pixels.data(), 0, nullptr))
-    throw Error(str(file.string(), ": cannot encode ", image.width, " x ", image.height,
-                    " pixels as PNG: ", png.message));
+    throw Error(file.string(), ": cannot encode ", image.width, " x ", image.height,
+                " pixels as PNG: ", png.message);
   write_atomically(file, [&](std::ostream& out) {
     out.write(bytes.data(), static_cast<std::streamsize>(size));
   });

@@ -36,8 +36,8 @@ proto::NumberType number_type(std::string_view type, std::string_view size,
                               : Kind::kOther;
   if (size.size() == 1) number.bytes = static_cast<size_t>(size[0] - '0');
   if (proto::number_reader(number)) return number;
-  throw InputError(str(where, ": unknown type: TYPE ", type.substr(0, 40), " of SIZE ",
-                       size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8"));
+  throw InputError(where, ": unknown type: TYPE ", type.substr(0, 40), " of SIZE ",
+                   size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8");
 }
 
 /// Every line up to and including DATA. `text` is left at the first byte of the points.
@@ -69,19 +69,18 @@ PcdHeader read_pcd_header(TextCursor* text) {
     } else if (key == "DATA") {
       header.data = take_word(&values);
       if (header.data != "ascii" && header.data != "binary" && header.data != "binary_compressed")
-        throw InputError(str(where, ": expected DATA ascii, binary or binary_compressed, found '",
-                             header.data.substr(0, 40), "'"));
+        throw InputError(where, ": expected DATA ascii, binary or binary_compressed, found '",
+                         header.data.substr(0, 40), "'");
     } else {
-      throw InputError(str(where, ": not a line of a PCD header: '", key.substr(0, 40), "'"));
+      throw InputError(where, ": not a line of a PCD header: '", key.substr(0, 40), "'");
     }
   }
 
   const std::string where = text->where();
   if (sizes.size() != names.size() || types.size() != names.size() ||
       (!counts.empty() && counts.size() != names.size()))
-    throw InputError(str(where, ": the header names ", names.size(), " FIELDS, but has ",
-                         sizes.size(), " SIZE, ", types.size(), " TYPE, ", counts.size(),
-                         " COUNT values"));
+    throw InputError(where, ": the header names ", names.size(), " FIELDS, but has ", sizes.size(),
+                     " SIZE, ", types.size(), " TYPE, ", counts.size(), " COUNT values");
   for (size_t i = 0; i < names.size(); ++i)
     header.table.add(names[i], number_type(types[i], sizes[i], where),
                      counts.empty() ? 1 : parse_count(counts[i], where));
@@ -90,17 +89,16 @@ PcdHeader read_pcd_header(TextCursor* text) {
   if (!points && !width) throw InputError(where + ": the header has neither POINTS nor WIDTH");
   header.table.points = points ? *points : *width * height.value_or(1);
   if (width && *width * height.value_or(1) != header.table.points)
-    throw InputError(str(where, ": WIDTH ", *width, " x HEIGHT ", height.value_or(1),
-                         " is not POINTS ", header.table.points));
+    throw InputError(where, ": WIDTH ", *width, " x HEIGHT ", height.value_or(1), " is not POINTS ",
+                     header.table.points);
   return header;
 }
 
 /// Throws unless `body` holds all points; compares without multiplying, which could overflow.
 void check_size(const PointTable& table, std::string_view body, const TextCursor& text) {
   if (table.points > body.size() / table.row_bytes())
-    throw InputError(str(text.where(), ": truncated: ", table.points, " points of ",
-                         table.row_bytes(), " bytes do not fit the ", body.size(),
-                         " bytes that follow"));
+    throw InputError(text.where(), ": truncated: ", table.points, " points of ", table.row_bytes(),
+                     " bytes do not fit the ", body.size(), " bytes that follow");
 }
 
 std::string decompress(const PointTable& table, std::string_view body, const TextCursor& text) {
@@ -111,11 +109,11 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
   body.remove_prefix(sizeof sizes);
   const auto [compressed, uncompressed] = sizes;
   if (compressed > body.size())
-    throw InputError(str(text.where(), ": truncated: expected ", compressed,
-                         " compressed bytes, found ", body.size()));
+    throw InputError(text.where(), ": truncated: expected ", compressed,
+                     " compressed bytes, found ", body.size());
   if (uncompressed % table.row_bytes() != 0 || uncompressed / table.row_bytes() != table.points)
-    throw InputError(str(text.where(), ": ", uncompressed, " uncompressed bytes are not ",
-                         table.points, " points of ", table.row_bytes(), " bytes"));
+    throw InputError(text.where(), ": ", uncompressed, " uncompressed bytes are not ", table.points,
+                     " points of ", table.row_bytes(), " bytes");
   // LZF's longest copy is 264 bytes from 3: a larger ratio is a lie, not worth the memory.
   constexpr uint32_t kLargestRatio = 88;
   std::string bytes;
@@ -125,7 +123,7 @@ std::string decompress(const PointTable& table, std::string_view body, const Tex
     if (lzf_decompress(body.data(), compressed, bytes.data(), uncompressed) == uncompressed)
       return bytes;
   }
-  throw InputError(str(text.where(), ": the compressed data is damaged"));
+  throw InputError(text.where(), ": the compressed data is damaged");
 }
 
 }  // namespace
@@ -145,8 +143,8 @@ PointCloud read_pcd(const fs::path& file) {
   PointCloud cloud = header.table.parse_rows(&text);
   for (std::string_view line; text.next(&line);)
     if (!take_word(&line).empty())
-      throw InputError(str(text.where(), ": more lines than the ", header.table.points,
-                           " points of the header"));
+      throw InputError(text.where(), ": more lines than the ", header.table.points,
+                       " points of the header");
   return cloud;
 }
 

@@ -32,7 +32,7 @@ proto::NumberType number_type(std::string_view name, const std::string& where) {
   if (name == "uint" || name == "uint32") return {Kind::kUnsigned, 4};
   if (name == "float" || name == "float32") return {Kind::kFloat, 4};
   if (name == "double" || name == "float64") return {Kind::kFloat, 8};
-  throw InputError(str(where, ": unknown property type: '", name.substr(0, 40), "'"));
+  throw InputError(where, ": unknown property type: '", name.substr(0, 40), "'");
 }
 
 /// Every line up to and including end_header. `text` is left at the first byte of the elements.
@@ -63,13 +63,13 @@ PlyHeader read_ply_header(TextCursor* text) {
       else
         element.table.add(take_word(&line), number_type(type, where), 1);
     } else {
-      throw InputError(str(where, ": not a line of a PLY header: '", key.substr(0, 40), "'"));
+      throw InputError(where, ": not a line of a PLY header: '", key.substr(0, 40), "'");
     }
   }
   if (header.format != "ascii" && header.format != "binary_little_endian" &&
       header.format != "binary_big_endian")
-    throw InputError(str(text->where(), ": expected format ascii, binary_little_endian or ",
-                         "binary_big_endian, found '", header.format.substr(0, 40), "'"));
+    throw InputError(text->where(), ": expected format ascii, binary_little_endian or ",
+                     "binary_big_endian, found '", header.format.substr(0, 40), "'");
   return header;
 }
 
@@ -91,15 +91,15 @@ PointCloud read_binary(const PlyHeader& header, const Element& vertex, const Tex
   const auto check_size = [&](const Element& element) {
     const size_t row = element.table.row_bytes();
     if (row > 0 && element.table.points > body.size() / row)
-      throw InputError(str(text.where(), ": truncated: ", element.table.points, " of '",
-                           element.name.substr(0, 40), "', ", row, " bytes each, do not fit the ",
-                           body.size(), " bytes that follow"));
+      throw InputError(text.where(), ": truncated: ", element.table.points, " of '",
+                       element.name.substr(0, 40), "', ", row, " bytes each, do not fit the ",
+                       body.size(), " bytes that follow");
   };
   for (const Element* element = header.elements.data(); element != &vertex; ++element) {
     if (element->has_lists)
-      throw InputError(str(text.where(), ": element '", element->name.substr(0, 40),
-                           "' holds lists and precedes the vertices, which is not supported; ",
-                           "write the vertices first"));
+      throw InputError(text.where(), ": element '", element->name.substr(0, 40),
+                       "' holds lists and precedes the vertices, which is not supported; ",
+                       "write the vertices first");
     check_size(*element);
     body.remove_prefix(element->table.points * element->table.row_bytes());
   }

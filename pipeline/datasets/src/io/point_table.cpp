@@ -32,8 +32,8 @@ size_t parse_count(std::string_view word, const std::string& where) {
   uint32_t value = 0;
   const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   if (error != std::errc() || stop != word.data() + word.size())
-    throw InputError(
-        str(where, ": expected a count from 0 to 4294967295, found '", word.substr(0, 40), "'"));
+    throw InputError(where, ": expected a count from 0 to 4294967295, found '", word.substr(0, 40),
+                     "'");
   return value;
 }
 
@@ -55,8 +55,8 @@ void PointTable::check(const std::string& where) const {
   for (const Column& column : columns_) names.append(" ").append(column.name, 0, 40);
   for (const char* const name : {"x", "y", "z"})
     if (!find(name))
-      throw InputError(str(where, ": expected x, y and z, one value each; no such '", name,
-                           "', found", names.empty() ? " nothing" : names));
+      throw InputError(where, ": expected x, y and z, one value each; no such '", name, "', found",
+                       names.empty() ? " nothing" : names);
 }
 
 PointCloud PointTable::decode_rows(const char* rows, bool big_endian) const {
@@ -92,8 +92,8 @@ PointCloud PointTable::parse_rows(TextCursor* text) const {
   std::string_view line;
   while (cloud.points.size() < points) {
     if (!text->next(&line))
-      throw InputError(str(text->name(), ": truncated: expected ", points, " points, found ",
-                           cloud.points.size()));
+      throw InputError(text->name(), ": truncated: expected ", points, " points, found ",
+                       cloud.points.size());
     Point point;
     size_t values = 0;
     for (std::string_view word; !(word = take_word(&line)).empty(); ++values) {
@@ -104,7 +104,7 @@ PointCloud PointTable::parse_rows(TextCursor* text) const {
     }
     if (values == 0) continue;
     if (values != row_values_)
-      throw InputError(str(text->where(), ": expected ", row_values_, " values, found ", values));
+      throw InputError(text->where(), ": expected ", row_values_, " values, found ", values);
     cloud.points.push_back(point);
   }
   return cloud;

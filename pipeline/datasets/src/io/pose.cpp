@@ -21,8 +21,8 @@ using Matrix34 = Eigen::Matrix<double, 3, 4>;
 Matrix34 parse_matrix(std::string_view text, const std::string& where) {
   const std::vector<double> values = parse_numbers(text, where);
   if (values.size() != 12)
-    throw InputError(
-        str(where, ": expected the 12 numbers of a row-major 3x4 matrix, found ", values.size()));
+    throw InputError(where, ": expected the 12 numbers of a row-major 3x4 matrix, found ",
+                     values.size());
   return Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(values.data());
 }
 
@@ -33,9 +33,9 @@ Pose parse_pose(std::string_view text, const std::string& where) {
   constexpr double kTolerance = 1e-2;  // files hold 6 or 7 digits; a wrong layout is off by O(1)
   const double deviation = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(deviation <= kTolerance) || R.determinant() < 0)
-    throw InputError(str(where, ": the first three columns are not a rotation (deviation ",
-                         deviation, " from orthonormal, determinant ", R.determinant(),
-                         "); expected a row-major 3x4 [R | t]"));
+    throw InputError(where, ": the first three columns are not a rotation (deviation ", deviation,
+                     " from orthonormal, determinant ", R.determinant(),
+                     "); expected a row-major 3x4 [R | t]");
   Pose pose = Pose::Identity();
   pose.affine() = matrix;
   return pose;
@@ -58,8 +58,8 @@ Entry find_entry(const fs::path& file, const std::vector<std::string>& keys, con
       return {lines[i].substr(colon + 1), place(file, i)};
     found += str(found.empty() ? "" : ", ", key.substr(0, 40));
   }
-  throw InputError(str(file.string(), ": no line '", keys[0], ":' (", meaning, "); found ",
-                       found.empty() ? "no 'key:' lines" : found));
+  throw InputError(file.string(), ": no line '", keys[0], ":' (", meaning, "); found ",
+                   found.empty() ? "no 'key:' lines" : found);
 }
 
 }  // namespace
@@ -85,8 +85,8 @@ Matrix34 read_kitti_projection(const fs::path& file, const std::string& name) {
   const bool is_camera = P.allFinite() && P(0, 0) > 0 && P(1, 1) > 0 && P(1, 0) == 0 &&
                          P(2, 0) == 0 && P(2, 1) == 0 && P(2, 2) == 1;
   if (!is_camera)
-    throw InputError(str(
-        entry.where, ": expected a projection [fx s cx a; 0 fy cy b; 0 0 1 c] with fx, fy > 0"));
+    throw InputError(entry.where,
+                     ": expected a projection [fx s cx a; 0 fy cy b; 0 0 1 c] with fx, fy > 0");
   return P;
 }
 
@@ -98,8 +98,8 @@ std::vector<double> read_kitti_times(const fs::path& file) {
   for (size_t i = 0; i < lines.size(); ++i) {
     const std::vector<double> values = parse_numbers(lines[i], place(file, i));
     if (values.size() != 1)
-      throw InputError(
-          str(place(file, i), ": expected one time in seconds, found ", values.size(), " numbers"));
+      throw InputError(place(file, i), ": expected one time in seconds, found ", values.size(),
+                       " numbers");
     times.push_back(values[0]);
   }
   return times;

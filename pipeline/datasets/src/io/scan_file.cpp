@@ -40,20 +40,19 @@ void check_plausible(const fs::path& file, const PointCloud& cloud) {
   if (2 * absurd <= returns) return;
   const auto* bytes = reinterpret_cast<const unsigned char*>(cloud.points.data());
   const bool gzip = bytes[0] == 0x1f && bytes[1] == 0x8b;
-  throw InputError(str(file.string(),
-                       ": most of its points are farther than 1 km or nearer than 1 mm: this is "
-                       "not a scan of float32 x y z reflectance in the sensor's frame",
-                       gzip ? "; it starts as gzip files do, unpack it first" : ""));
+  throw InputError(file.string(),
+                   ": most of its points are farther than 1 km or nearer than 1 mm: this is "
+                   "not a scan of float32 x y z reflectance in the sensor's frame",
+                   gzip ? "; it starts as gzip files do, unpack it first" : "");
 }
 
 void read_kitti_bin(const fs::path& file, PointCloud& cloud) {
   FileCursor in(file);
   if (in.size() == 0) throw InputError(file.string() + ": empty file, it holds no points");
   if (const uint64_t remainder = in.size() % sizeof(Point))
-    throw InputError(str(file.string(), ": ", in.size(),
-                         " bytes is not a whole number of points of ", sizeof(Point),
-                         " bytes (float32 x y z reflectance): remainder ", remainder,
-                         "; the file is truncated or is not a KITTI scan"));
+    throw InputError(file.string(), ": ", in.size(), " bytes is not a whole number of points of ",
+                     sizeof(Point), " bytes (float32 x y z reflectance): remainder ", remainder,
+                     "; the file is truncated or is not a KITTI scan");
   cloud.points.resize(in.size() / sizeof(Point));
   in.read(cloud.points.data(), in.size());
   check_plausible(file, cloud);
@@ -76,8 +75,8 @@ void read_by_extension(const fs::path& file, PointCloud& cloud) {
   else if (extension == ".ply")
     cloud = read_ply(file);
   else
-    throw InputError(str(file.string(), ": unknown kind of scan '", extension,
-                         "'; expected .bin (KITTI), .pcd or .ply"));
+    throw InputError(file.string(), ": unknown kind of scan '", extension,
+                     "'; expected .bin (KITTI), .pcd or .ply");
 }
 
 }  // namespace
@@ -90,8 +89,8 @@ bool is_scan_file_name(const fs::path& file) {
 void read_scan_into(const fs::path& file, PointCloud& cloud) {
   read_by_extension(file, cloud);
   if (std::none_of(cloud.points.begin(), cloud.points.end(), is_return))
-    throw InputError(str(file.string(), ": none of its ", cloud.points.size(),
-                         " points is usable: all are NaN or at the sensor's origin"));
+    throw InputError(file.string(), ": none of its ", cloud.points.size(),
+                     " points is usable: all are NaN or at the sensor's origin");
 }
 
 PointCloud read_scan(const fs::path& file) {

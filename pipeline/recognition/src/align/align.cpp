@@ -25,8 +25,8 @@ Eigen::Matrix3d covariance_of(const PointCloud& cloud) {
   const size_t n = cloud.points.size();
   const FirstMoments m = first_moments(as_floats(cloud), n, start);
   if (m.count < 3)
-    throw InputError(str("alignment needs at least 3 usable points, found ", m.count, " among ", n,
-                         " (the others are NaN or at the sensor's origin)"));
+    throw InputError("alignment needs at least 3 usable points, found ", m.count, " among ", n,
+                     " (the others are NaN or at the sensor's origin)");
 
   std::array<double, 3> mean;
   for (size_t i = 0; i < 3; ++i) mean[i] = start[i] + m.sum[i] / m.count;

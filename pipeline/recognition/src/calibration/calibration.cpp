@@ -76,7 +76,7 @@ void check(std::span<const JudgedScore> matches) {
   if (matches.empty()) throw UsageError("a calibration needs judged matches, there are none");
   for (const JudgedScore& match : matches)
     if (!std::isfinite(match.score))
-      throw UsageError(str("a calibration needs scores that are numbers, found ", match.score));
+      throw UsageError("a calibration needs scores that are numbers, found ", match.score);
 }
 
 /// What a wrong match counts for, that the share of right ones is `right_share`.
@@ -84,8 +84,7 @@ double weight_of_wrong(std::span<const JudgedScore> matches, std::optional<doubl
   if (!right_share) return 1;
   constexpr double kLeast = 1e-6;
   if (!(*right_share >= kLeast && *right_share <= 1 - kLeast))
-    throw UsageError(
-        str("share of right matches: expected 0.000001 to 0.999999, found ", *right_share));
+    throw UsageError("share of right matches: expected 0.000001 to 0.999999, found ", *right_share);
   const auto right = static_cast<double>(std::ranges::count(matches, true, &JudgedScore::right)),
              wrong = static_cast<double>(matches.size()) - right;
   return right > 0 && wrong > 0 ? right / wrong * (1 - *right_share) / *right_share : 1;
@@ -133,7 +132,7 @@ double Calibration::probability(double of) const {
 
 std::optional<double> Calibration::threshold_for(double precision) const {
   if (!(precision > 0 && precision < 1))
-    throw UsageError(str("precision: expected more than 0 and less than 1, found ", precision));
+    throw UsageError("precision: expected more than 0 and less than 1, found ", precision);
   std::optional<double> threshold;
   for (const Promise& promise : promises(blocks))
     if (promise.precision >= precision) threshold = promise.score;

@@ -75,7 +75,7 @@ FeatureFunction<PointCloud> from_scan(const FeatureExtractor& extractor, AlignCa
       of_cloud(rotated(cloud, principal_alignment(cloud, align).R_aligned_sensor), feature);
     };
   }
-  throw UsageError(str("the feature ", extractor.name, " is of camera images, not of scans"));
+  throw UsageError("the feature ", extractor.name, " is of camera images, not of scans");
 }
 
 RangeImage scan_to_image(const PointCloud& cloud, AlignCase mode, const ImageGeometry& geometry) {

@@ -66,15 +66,15 @@ bool is_regular(int descriptor, int64_t* size) {
 proto::NpyHeader read_header(const fs::path& file, int descriptor) {
   std::string start(proto::kLongestNpyHeader + 12, '\0');  // 12: what says how long it is
   const int64_t got = read_at(descriptor, start.data(), static_cast<int64_t>(start.size()), 0);
-  if (got < 0) throw InputError(str(file.string(), ": cannot read: ", std::strerror(errno)));
+  if (got < 0) throw InputError(file.string(), ": cannot read: ", std::strerror(errno));
   FileCursor cursor(std::string_view(start).substr(0, static_cast<size_t>(got)), file);
   proto::NpyHeader header = proto::read_npy_header(cursor);
   if (header.dtype == "<f4" && !header.fortran_order && header.shape.size() == 2) return header;
-  throw InputError(str(file.string(),
-                       ": not a feature file: expected '<f4' in C order with two "
-                       "axes, found '",
-                       header.dtype, "' in ", header.fortran_order ? "Fortran" : "C",
-                       " order with ", header.shape.size()));
+  throw InputError(file.string(),
+                   ": not a feature file: expected '<f4' in C order with two "
+                   "axes, found '",
+                   header.dtype, "' in ", header.fortran_order ? "Fortran" : "C", " order with ",
+                   header.shape.size());
 }
 
 }  // namespace
@@ -87,12 +87,12 @@ FeatureWriter::FeatureWriter(fs::path file, std::string key, int64_t n_rows, int
       n_rows_(n_rows),
       dim_(dim) {
   if (n_rows < 0 || dim < 1 || n_rows > std::numeric_limits<int64_t>::max() / 16 / dim)
-    throw Error(str(file_.string(), ": cannot hold ", n_rows, " x ", dim, " floats"));
+    throw Error(file_.string(), ": cannot hold ", n_rows, " x ", dim, " floats");
   header_ = proto::npy_header({n_rows, dim});
   std::error_code ignored;
   fs::create_directories(file_.parent_path(), ignored);  // open() below says what is wrong
   descriptor_ = ::open(part_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666);
-  if (descriptor_ < 0) throw Error(str(part_.string(), ": cannot create: ", std::strerror(errno)));
+  if (descriptor_ < 0) throw Error(part_.string(), ": cannot create: ", std::strerror(errno));
   try {
     continue_or_create();
   } catch (...) {
@@ -122,7 +122,7 @@ int64_t FeatureWriter::written_bytes() const {
 void FeatureWriter::continue_or_create() {
   lock_part(descriptor_, part_);
   int64_t size = 0;
-  if (!is_regular(descriptor_, &size)) throw Error(str(part_.string(), ": is not a regular file"));
+  if (!is_regular(descriptor_, &size)) throw Error(part_.string(), ": is not a regular file");
   checksum_ = checksum_of_shape(n_rows_, dim_);
   if (continues_part(size)) {
     const int64_t row_bytes = dim_ * static_cast<int64_t>(sizeof(float));
@@ -153,17 +153,16 @@ void FeatureWriter::check_space() const {
   std::error_code error;
   const fs::space_info space = fs::space(part_, error);
   if (error || static_cast<uintmax_t>(needed) <= space.available) return;
-  throw Error(str(part_.string(), ": the ", n_rows_ - rows_, " features to come need ", needed,
-                  " bytes, but only ", space.available,
-                  " are free on that disk; make room or write them to another disk"));
+  throw Error(part_.string(), ": the ", n_rows_ - rows_, " features to come need ", needed,
+              " bytes, but only ", space.available,
+              " are free on that disk; make room or write them to another disk");
 }
 
 void FeatureWriter::append(std::span<const float> row) {
   if (static_cast<int64_t>(row.size()) != dim_)
-    throw Error(
-        str(part_.string(), ": a row of ", row.size(), " floats where ", dim_, " were announced"));
-  if (rows_ == n_rows_)
-    throw Error(str(part_.string(), ": more than the announced ", n_rows_, " rows"));
+    throw Error(part_.string(), ": a row of ", row.size(), " floats where ", dim_,
+                " were announced");
+  if (rows_ == n_rows_) throw Error(part_.string(), ": more than the announced ", n_rows_, " rows");
   if (!write_at(descriptor_, row.data(), static_cast<int64_t>(row.size_bytes()), written_bytes()))
     fail("write");
   checksum_ = with_row(checksum_, row);
@@ -172,15 +171,15 @@ void FeatureWriter::append(std::span<const float> row) {
 
 void FeatureWriter::fail(const std::string& doing) const {
   const int reason = errno;
-  throw Error(str(part_.string(), ": cannot ", doing, ": ", std::strerror(reason), "; ", rows_,
-                  " of ", n_rows_, " features are written, the rest needs ",
-                  (n_rows_ - rows_) * dim_ * static_cast<int64_t>(sizeof(float)),
-                  " bytes; run again to continue"));
+  throw Error(part_.string(), ": cannot ", doing, ": ", std::strerror(reason), "; ", rows_, " of ",
+              n_rows_, " features are written, the rest needs ",
+              (n_rows_ - rows_) * dim_ * static_cast<int64_t>(sizeof(float)),
+              " bytes; run again to continue");
 }
 
 void FeatureWriter::finish() {
   if (rows_ != n_rows_)
-    throw Error(str(part_.string(), ": only ", rows_, " of ", n_rows_, " features are written"));
+    throw Error(part_.string(), ": only ", rows_, " of ", n_rows_, " features are written");
   if (::fsync(descriptor_) != 0) fail("flush to disk");
   write_atomically(part_key_, [this](std::ostream& out) { out << finished_key(key_, checksum_); });
   // The old key goes before the new rows come, for the same reason as above.
@@ -213,29 +212,28 @@ bool features_complete(const fs::path& file, const std::string& key) {
 
 FeatureFile::FeatureFile(fs::path file) : file_(std::move(file)) {
   descriptor_ = ::open(file_.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);  // a pipe would block
-  if (descriptor_ < 0)
-    throw InputError(str(file_.string(), ": cannot open: ", std::strerror(errno)));
+  if (descriptor_ < 0) throw InputError(file_.string(), ": cannot open: ", std::strerror(errno));
   try {
     if (!is_regular(descriptor_, &mapped_bytes_))
-      throw InputError(str(file_.string(), ": is not a regular file"));
+      throw InputError(file_.string(), ": is not a regular file");
     const proto::NpyHeader header = read_header(file_, descriptor_);
     n_ = header.shape[0];
     d_ = header.shape[1];
     header_bytes_ = static_cast<int64_t>(header.bytes);
     const bool fits = d_ == 0 || n_ <= std::numeric_limits<int64_t>::max() / 16 / d_;
     if (!fits || mapped_bytes_ != header_bytes_ + n_ * d_ * static_cast<int64_t>(sizeof(float)))
-      throw InputError(str(file_.string(), ": the header says ", n_, " x ", d_, " floats after ",
-                           header_bytes_, " bytes, but the file has ", mapped_bytes_,
-                           " bytes; it was cut off or changed, make it anew"));
+      throw InputError(file_.string(), ": the header says ", n_, " x ", d_, " floats after ",
+                       header_bytes_, " bytes, but the file has ", mapped_bytes_,
+                       " bytes; it was cut off or changed, make it anew");
     if (header_bytes_ % static_cast<int64_t>(alignof(float)) != 0)
-      throw InputError(str(file_.string(), ": the data starts at byte ", header_bytes_,
-                           ", not a multiple of 4"));
+      throw InputError(file_.string(), ": the data starts at byte ", header_bytes_,
+                       ", not a multiple of 4");
     mapping_ =
         ::mmap(nullptr, static_cast<size_t>(mapped_bytes_), PROT_READ, MAP_PRIVATE, descriptor_, 0);
     if (mapping_ == MAP_FAILED) {
       mapping_ = nullptr;
       if (errno == ENOMEM) throw std::bad_alloc();  // the file is as it should be
-      throw InputError(str(file_.string(), ": cannot map into memory: ", std::strerror(errno)));
+      throw InputError(file_.string(), ": cannot map into memory: ", std::strerror(errno));
     }
     data_ = static_cast<const float*>(
         static_cast<const void*>(static_cast<const char*>(mapping_) + header_bytes_));
@@ -277,11 +275,10 @@ void FeatureFile::read(int64_t i, int64_t first, int64_t count, float* out) cons
   const int64_t offset = header_bytes_ + (i * d_ + first) * static_cast<int64_t>(sizeof(float));
   const int64_t got = read_at(descriptor_, out, bytes, offset);
   if (got < 0)
-    throw InputError(
-        str(file_.string(), ": byte ", offset, ": cannot read: ", std::strerror(errno)));
+    throw InputError(file_.string(), ": byte ", offset, ": cannot read: ", std::strerror(errno));
   if (got < bytes)
-    throw InputError(str(file_.string(), ": byte ", offset + got,
-                         ": the file became shorter while it was read"));
+    throw InputError(file_.string(), ": byte ", offset + got,
+                     ": the file became shorter while it was read");
 }
 
 }  // namespace revisit::pipeline

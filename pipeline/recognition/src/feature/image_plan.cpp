@@ -8,13 +8,12 @@ namespace {
 /// The only input of the net, at the size of the image.
 engine::Port image_input(const engine::Net& net, int height, int width) {
   if (net.inputs().size() != 1)
-    throw InputError(str("the net '", net.name(), "' has ", net.inputs().size(),
-                         " inputs; a net for range images has one"));
+    throw InputError("the net '", net.name(), "' has ", net.inputs().size(),
+                     " inputs; a net for range images has one");
   const engine::Port& port = net.inputs()[0];
   if (port.shape.rank() != 4 || (port.shape[1] != 1 && port.shape[1] != 3))
-    throw InputError(str("the input '", port.name, "' of the net '", net.name(), "' is ",
-                         port.shape,
-                         "; a net for range images takes 1 x 3 x h x w (or 1 channel)"));
+    throw InputError("the input '", port.name, "' of the net '", net.name(), "' is ", port.shape,
+                     "; a net for range images takes 1 x 3 x h x w (or 1 channel)");
   return {port.name, engine::Shape{1, port.shape[1], height, width}};
 }
 

@@ -43,8 +43,8 @@ BasisWriter::~BasisWriter() {
 }
 
 void BasisWriter::fail(const char* doing, int reason) const {
-  throw Error(str(file_.string(), ": cannot ", doing, ": ", std::strerror(reason), " (",
-                  rows_ * columns_ * static_cast<int64_t>(sizeof(float)), " bytes needed)"));
+  throw Error(file_.string(), ": cannot ", doing, ": ", std::strerror(reason), " (",
+              rows_ * columns_ * static_cast<int64_t>(sizeof(float)), " bytes needed)");
 }
 
 void BasisWriter::write(int64_t first, int64_t count, const float* values) {

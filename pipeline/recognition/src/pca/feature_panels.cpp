@@ -28,8 +28,8 @@ StackedFeatures::StackedFeatures(const FeatureFiles& files) : files_(files) {
   for (const FeatureFile* file : files) {
     n_ += file->n();
     if (file->d() != d_)
-      throw InputError(str(file->path().string(), ": has features of ", file->d(), " values, ",
-                           files[0]->path().string(), " of ", d_));
+      throw InputError(file->path().string(), ": has features of ", file->d(), " values, ",
+                       files[0]->path().string(), " of ", d_);
   }
 }
 
@@ -39,8 +39,8 @@ void StackedFeatures::read(int64_t i, int64_t first, int64_t count, float* out) 
   files_[f]->read(i, first, count, out);
   if (all_finite(out, count)) return;
   const float* bad = std::find_if_not(out, out + count, [](float v) { return all_finite(&v, 1); });
-  throw InputError(str(files_[f]->path().string(), ": row ", i, ", column ", first + (bad - out),
-                       ": the value is not finite"));
+  throw InputError(files_[f]->path().string(), ": row ", i, ", column ", first + (bad - out),
+                   ": the value is not finite");
 }
 
 void check_stop(const PcaOptions& options) {
@@ -51,9 +51,9 @@ int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, i
   const int64_t columns = (memory - fixed) / bytes_per_column;
   const int64_t fewest = std::min(d, kFewestColumns);
   if (memory < fixed || columns < fewest)
-    throw UsageError(str("PCA: a memory bound of ", memory,
-                         " bytes is too small; this many scans need at least ",
-                         fixed + fewest * bytes_per_column));
+    throw UsageError("PCA: a memory bound of ", memory,
+                     " bytes is too small; this many scans need at least ",
+                     fixed + fewest * bytes_per_column);
   return std::min({columns, d, kPanelColumns});
 }
 

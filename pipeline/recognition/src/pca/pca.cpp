@@ -19,8 +19,8 @@ std::vector<int64_t> fitted_first(int64_t n, const std::vector<int64_t>& fit_row
   std::vector<int64_t> order = fit_rows;
   std::vector<char> fitted(n, fit_rows.empty());
   for (const int64_t row : fit_rows) {
-    if (row < 0 || row >= n) throw UsageError(str("PCA: fit row ", row, " of ", n, " rows"));
-    if (fitted[row]) throw UsageError(str("PCA: fit row ", row, " is given twice"));
+    if (row < 0 || row >= n) throw UsageError("PCA: fit row ", row, " of ", n, " rows");
+    if (fitted[row]) throw UsageError("PCA: fit row ", row, " is given twice");
     fitted[row] = 1;
   }
   if (fit_rows.empty()) {
@@ -92,22 +92,21 @@ FloatMatrix project_rows(const CrossGram& gram, const Eigenpairs& pairs, int64_t
 PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
   const StackedFeatures features(files);
   if (options.components < 1)
-    throw UsageError(str("PCA: expected at least 1 component, found ", options.components));
+    throw UsageError("PCA: expected at least 1 component, found ", options.components);
   if (options.threads < 1)
-    throw UsageError(str("PCA: expected at least 1 thread, found ", options.threads));
+    throw UsageError("PCA: expected at least 1 thread, found ", options.threads);
   const std::vector<int64_t> order = fitted_first(features.n(), options.fit_rows);
   const int64_t m =
       options.fit_rows.empty() ? features.n() : static_cast<int64_t>(options.fit_rows.size());
-  if (m < 2) throw UsageError(str("PCA: needs at least 2 features to learn from, found ", m));
+  if (m < 2) throw UsageError("PCA: needs at least 2 features to learn from, found ", m);
 
   PcaResult result;
   CrossGram gram = cross_gram(features, order, m, options);
   double scatter = 0;
   for (int64_t i = 0; i < m; ++i) scatter += gram.fitted[i * m + i];
   if (!(scatter > 0))
-    throw InputError(
-        str(files[0]->path().string(), ": the ", m,
-            " features to learn from are all the same; there is no direction to keep"));
+    throw InputError(files[0]->path().string(), ": the ", m,
+                     " features to learn from are all the same; there is no direction to keep");
   const Eigenpairs pairs = largest_eigenpairs(gram.fitted, m, std::min(options.components, m));
   release(gram.fitted);
 

@@ -17,14 +17,13 @@ PcaModel::PcaModel(const std::filesystem::path& folder)
     : folder_(folder), basis_(folder / "basis.npy") {
   proto::NpyArray mean = proto::read_npy(folder / "mean.npy");
   if (mean.shape != std::vector<int64_t>{basis_.d()} || basis_.n() < 1)
-    throw InputError(str(folder.string(), ": mean.npy has ", mean.data.size(),
-                         " values, basis.npy is ", basis_.n(), " x ", basis_.d(),
-                         "; they belong to different models"));
+    throw InputError(folder.string(), ": mean.npy has ", mean.data.size(), " values, basis.npy is ",
+                     basis_.n(), " x ", basis_.d(), "; they belong to different models");
   const auto bad = std::find_if_not(mean.data.begin(), mean.data.end(),
                                     [](float value) { return std::isfinite(value); });
   if (bad != mean.data.end())
-    throw InputError(str((folder / "mean.npy").string(), ": value ", bad - mean.data.begin(),
-                         " is not finite; learn the model again"));
+    throw InputError((folder / "mean.npy").string(), ": value ", bad - mean.data.begin(),
+                     " is not finite; learn the model again");
   mean_ = std::move(mean.data);
 }
 
@@ -32,13 +31,13 @@ FloatMatrix PcaModel::project(const FeatureFiles& files, const PcaOptions& optio
   const StackedFeatures features(files);
   const int64_t n = features.n(), d = features.d();
   if (d != dim())
-    throw InputError(str(files[0]->path().string(), ": features of ", d,
-                         " values do not fit the PCA model ", folder_.string(), " for ", dim(),
-                         " values (another network, layer or image size)"));
+    throw InputError(files[0]->path().string(), ": features of ", d,
+                     " values do not fit the PCA model ", folder_.string(), " for ", dim(),
+                     " values (another network, layer or image size)");
   if (options.components < 1)
-    throw UsageError(str("PCA: expected at least 1 component, found ", options.components));
+    throw UsageError("PCA: expected at least 1 component, found ", options.components);
   if (options.threads < 1)
-    throw UsageError(str("PCA: expected at least 1 thread, found ", options.threads));
+    throw UsageError("PCA: expected at least 1 thread, found ", options.threads);
   const int64_t k = std::min(options.components, components());
   const StackedFeatures basis({&basis_});  // for its checks
   constexpr int64_t kRows = 256;           // of one product

@@ -34,7 +34,7 @@ void write_model(const StackedFeatures& features, const std::vector<int64_t>& fi
 
   std::error_code error;
   fs::create_directories(options.model_folder, error);
-  if (error) throw Error(str(options.model_folder.string(), ": cannot create: ", error.message()));
+  if (error) throw Error(options.model_folder.string(), ": cannot create: ", error.message());
   fs::remove(options.model_folder / "basis.npy", error);  // never an old basis beside a new mean
   BasisWriter basis(options.model_folder / "basis.npy", rank, d);
   std::vector<float> mean(d), values;

@@ -62,8 +62,8 @@ void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry) {
   check_geometry(geometry);
   const auto [width, height] = closing_rectangle(geometry);
   if (width > image.width || height > image.height)
-    throw UsageError(str("hole closing: a rectangle of ", width, " x ", height,
-                         " is larger than the image, ", image.width, " x ", image.height));
+    throw UsageError("hole closing: a rectangle of ", width, " x ", height,
+                     " is larger than the image, ", image.width, " x ", image.height);
   // A rectangle's dilation is that of its rows, then that of its columns, in any order.
   std::vector<float> scratch;
   along_rows(image, width, Extreme::kMax, scratch);

@@ -8,7 +8,7 @@ namespace revisit::pipeline {
 namespace {
 
 void check(bool ok, const char* what, const std::string& found) {
-  if (!ok) throw UsageError(str("image geometry: ", what, ", found ", found));
+  if (!ok) throw UsageError("image geometry: ", what, ", found ", found);
 }
 
 /// The odd number nearest to degrees / pixel, the larger of two; at most `most`, or the odd number

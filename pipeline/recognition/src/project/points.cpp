@@ -10,10 +10,10 @@ namespace revisit::pipeline {
 void copy_points(const PointsView& points, PointCloud& cloud) {
   const size_t last = std::max({points.x, points.y, points.z}) + sizeof(float);
   if (points.stride < last)
-    throw UsageError(str("points: expected a stride of at least ", last,
-                         " bytes for the coordinates, found ", points.stride));
+    throw UsageError("points: expected a stride of at least ", last,
+                     " bytes for the coordinates, found ", points.stride);
   if (!points.data && points.count > 0)
-    throw UsageError(str("points: ", points.count, " points without data"));
+    throw UsageError("points: ", points.count, " points without data");
   cloud.points.resize(points.count);
   if (!points.data) return;
   const auto* from = static_cast<const std::byte*>(points.data);

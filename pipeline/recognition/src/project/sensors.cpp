@@ -52,8 +52,8 @@ const std::vector<Sensor>& sensors() {
 ImageGeometry sensor_geometry(const std::string& sensor) {
   for (const Sensor& known : sensors())
     if (known.name == sensor) return known.image;
-  throw UsageError(str("unknown sensor '", sensor, "'", did_you_mean(sensor, sensor_names()),
-                       "; known: ", joined(sensor_names(), " ")));
+  throw UsageError("unknown sensor '", sensor, "'", did_you_mean(sensor, sensor_names()),
+                   "; known: ", joined(sensor_names(), " "));
 }
 
 std::vector<std::string> sensor_names() {

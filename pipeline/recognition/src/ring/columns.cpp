@@ -18,21 +18,21 @@ constexpr double kLargestGap = 3.6;
 const engine::LayerCost& layer_of(const engine::Plan& plan, const std::string& name) {
   const auto found = std::ranges::find(plan.layers(), name, &engine::LayerCost::name);
   if (found == plan.layers().end())
-    throw InputError(str("the net of the ring model has no layer '", name, "'"));
+    throw InputError("the net of the ring model has no layer '", name, "'");
   return *found;
 }
 
 ColumnMap map_of(const engine::LayerCost& layer, int width, int margin, int sectors) {
   const engine::Shape& shape = layer.outputs.at(0);
   if (shape.rank() != 4 || !layer.field_w)
-    throw InputError(str("layer '", layer.name, "' has an output of ", shape,
-                         ", expected a feature map 1 x c x h x w whose columns see a part of the "
-                         "image"));
+    throw InputError("layer '", layer.name, "' has an output of ", shape,
+                     ", expected a feature map 1 x c x h x w whose columns see a part of the "
+                     "image");
   const engine::ReceptiveField& field = *layer.field_w;
   if (width % field.stride != 0 || (width / field.stride) % sectors != 0)
-    throw InputError(str("layer '", layer.name, "' has a column every ", field.stride,
-                         " pixels; an image of ", width, " columns does not give ", sectors,
-                         " sectors"));
+    throw InputError("layer '", layer.name, "' has a column every ", field.stride,
+                     " pixels; an image of ", width, " columns does not give ", sectors,
+                     " sectors");
   ColumnMap map;
   map.rows = shape[1] * shape[2];
   map.width = shape[3];
@@ -42,8 +42,8 @@ ColumnMap map_of(const engine::LayerCost& layer, int width, int margin, int sect
       static_cast<double>(field.stride));
   map.merged = width / field.stride / sectors;
   if (map.first < 0 || map.first + map.merged * sectors > map.width)
-    throw InputError(str("layer '", layer.name, "' sees ", field.size,
-                         " pixels at once, too many for an image of ", width, " columns"));
+    throw InputError("layer '", layer.name, "' sees ", field.size,
+                     " pixels at once, too many for an image of ", width, " columns");
   return map;
 }
 

@@ -13,15 +13,14 @@ namespace revisit::pipeline {
 
 void check_options(const RingOptions& options) {
   if (options.numbers < 2 || options.numbers > 1 << 16)
-    throw UsageError(str("ring descriptors: expected 2 to 65536 numbers, found ", options.numbers));
+    throw UsageError("ring descriptors: expected 2 to 65536 numbers, found ", options.numbers);
   if (!(options.regularisation > 0) || !std::isfinite(options.regularisation))
-    throw UsageError(
-        str("ring descriptors: expected a regularisation above 0, found ", options.regularisation));
+    throw UsageError("ring descriptors: expected a regularisation above 0, found ",
+                     options.regularisation);
   if (options.key_candidates < 0)
-    throw UsageError(
-        str("ring key candidates: expected at least 0, found ", options.key_candidates));
+    throw UsageError("ring key candidates: expected at least 0, found ", options.key_candidates);
   if (!(options.adapt >= 0 && options.adapt <= 1))
-    throw UsageError(str("ring adapt: expected 0 to 1, found ", options.adapt));
+    throw UsageError("ring adapt: expected 0 to 1, found ", options.adapt);
 }
 
 struct RingDescriber::Impl {

@@ -40,9 +40,9 @@ ImageGeometry ring_geometry(const std::string& sensor) {
 
 engine::Net ring_net(const RingModel& model, const std::filesystem::path& weights) {
   if (model.weights.empty() && weights.empty())
-    throw InputError(str("the ring model for ", model.sensor,
-                         " needs the caffemodel it was learnt with (SHA-1 ", model.weights_sha1,
-                         "): give the file"));
+    throw InputError("the ring model for ", model.sensor,
+                     " needs the caffemodel it was learnt with (SHA-1 ", model.weights_sha1,
+                     "): give the file");
   return engine::Net::load_from_memory(
       model.prototxt, weights.empty() ? model.weights : read_content(weights),
       {.truncation = {.end = model.layers.empty() ? "" : model.layers.back().layer}});
@@ -54,9 +54,8 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
                                                        model.columns.sectors, net, forward);
   for (size_t i = 0; i < model.layers.size(); ++i)
     if (model.layers[i].directions.d != plan->maps()[i].rows)
-      throw InputError(str("layer '", model.layers[i].layer, "' has columns of ",
-                           plan->maps()[i].rows, " numbers, the ring model was learnt on ",
-                           model.layers[i].directions.d));
+      throw InputError("layer '", model.layers[i].layer, "' has columns of ", plan->maps()[i].rows,
+                       " numbers, the ring model was learnt on ", model.layers[i].directions.d);
   FeatureExtractor extractor;
   extractor.name = "ring";
   extractor.dim = model.dim();
@@ -126,7 +125,7 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
   extractor.open_basis = [options, dim = extractor.dim](const std::string& content) {
     const RingModel fitted = parse_ring_model(content, "the basis");
     if (fitted.dim() != dim)  // a stranger's map may say so
-      throw InputError(str("the basis is for rings of ", fitted.dim(), " numbers, expected ", dim));
+      throw InputError("the basis is for rings of ", fitted.dim(), " numbers, expected ", dim);
     return basis_of(fitted, options);
   };
   extractor.comparison = ring_comparison({});  // its descriptors': no cosine

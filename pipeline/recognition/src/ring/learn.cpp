@@ -139,8 +139,8 @@ void learn_columns(RingModel& model, const engine::Net& net, const RingRecipe& r
     const auto [name, numbers] = recipe.layers[i];
     const ColumnMap& map = plan.maps()[i];
     if (numbers < 1 || numbers > map.rows)
-      throw UsageError(str("ring layers: '", name, "' has columns of ", map.rows,
-                           " numbers, found ", numbers, " asked for"));
+      throw UsageError("ring layers: '", name, "' has columns of ", map.rows, " numbers, found ",
+                       numbers, " asked for");
     sums.emplace_back(map.rows);
   }
   for (PointCloud cloud; next(cloud);) {
@@ -168,13 +168,12 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
     for (size_t i = 0; i < 1 + drive.altered.size(); ++i) {
       const Rows& rings = i == 0 ? drive.rings : drive.altered[i - 1];
       if (rings.d != model.dim() || rings.n != drive.rings.n)
-        throw InputError(str("learning rings: ", rings.n, " rings of ", rings.d,
-                             " numbers do not match ", drive.rings.n, " of the model's ",
-                             model.dim()));
+        throw InputError("learning rings: ", rings.n, " rings of ", rings.d,
+                         " numbers do not match ", drive.rings.n, " of the model's ", model.dim());
     }
     if (drive.scans.size() < 2)
-      throw UsageError(
-          str("learning rings: expected at least 2 scans of a drive, found ", drive.scans.size()));
+      throw UsageError("learning rings: expected at least 2 scans of a drive, found ",
+                       drive.scans.size());
     scans += static_cast<int64_t>(drive.scans.size());
     pairs += static_cast<int64_t>(drive.pairs.size());
   }
@@ -206,8 +205,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
 
 void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt) {
   constexpr double kFewScans = 128;
-  if (!(adapt >= 0 && adapt <= 1))
-    throw UsageError(str("ring adapt: expected 0 to 1, found ", adapt));
+  if (!(adapt >= 0 && adapt <= 1)) throw UsageError("ring adapt: expected 0 to 1, found ", adapt);
   if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
   const auto places = rings_of(model);
   std::optional<RingModel> map;

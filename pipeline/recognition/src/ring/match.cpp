@@ -74,8 +74,8 @@ RingMatch match_rings(std::span<const float> a, std::span<const float> b,
 
 Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
   if (layout.counts.size() > kRingFrequencies)
-    throw UsageError(str("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
-                         layout.counts.size()));
+    throw UsageError("ring layout: expected at most ", kRingFrequencies, " frequencies, found ",
+                     layout.counts.size());
   RingLayout whole = layout;
   whole.counts.resize(kRingFrequencies);
   Comparison rings;

@@ -5,9 +5,8 @@
 
 namespace revisit::proto {
 
-/// What a file may ask for before it is refused: far beyond any honest model, so that a hostile
-/// or damaged one cannot take the machine's memory. Each message names its limit and the field
-/// here.
+/// What a file may ask for before it is refused: far beyond honest models, so that a hostile or
+/// damaged one cannot take the machine's memory. Each message names its limit and the field here.
 struct Limits {
   /// Of a network description. Text costs up to 100 times its size in memory.
   int64_t text_bytes = int64_t{16} << 20;

@@ -18,26 +18,24 @@ struct NetReadOptions {
   /// Keep what only training needs (layers of other phases, data layers, losses): the file as it
   /// is, merely upgraded. Otherwise the net is the one inference runs.
   bool keep_training = false;
-  /// Layer types with weights (engine::types_with_weights()): what comes out of one was learned, so
-  /// a loss takes it as the prediction, not as a label. Without them a training net may keep its
-  /// labels.
+  /// Layer types with weights (engine::types_with_weights()): a loss takes what comes out of one as
+  /// the prediction, not as a label. Without them a training net may keep its labels.
   std::set<std::string> types_with_weights = {};
   Limits limits;
 };
 
 /// A network description in the current form (V2): only `layer`, every input an Input layer, no
-/// `input*` fields and no V1 `layers`. `warnings` says what the user should know: what the upgrade
-/// did, and what became of the layers that are for training.
+/// `input*` fields and no V1 `layers`.
 struct NetFile {
   caffe::NetParameter net;
-  std::vector<std::string> warnings;
+  std::vector<std::string> warnings;  // what the upgrade did, and what became of training layers
 };
 
-/// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7)
-/// and takes out what the TEST phase runs (inference_net.h). A solver file is followed to the one
-/// net it names, looked for beside the solver, then in the working folder. Throws InputError,
-/// `path:line:column: reason`, for text that does not parse or upgrade, that describes no layers,
-/// or exceeds a limit.
+/// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and
+/// takes out what the TEST phase runs (inference_net.h). A solver file is followed to the one net
+/// it names, looked for beside the solver, then in the working folder. Throws InputError,
+/// `path:line: column: reason`, for text that does not parse or upgrade, has no layers, or exceeds
+/// a limit.
 NetFile read_net(const std::filesystem::path& prototxt, const NetReadOptions& options = {});
 
 /// The same for text in memory, which cannot be a solver; `name` stands for the path in messages.

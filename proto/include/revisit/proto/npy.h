@@ -35,8 +35,7 @@ NpyHeader read_npy_header(FileCursor& cursor);
 /// Throws InputError naming what was found: another dtype, Fortran order, a truncated file.
 NpyArray read_npy(const std::filesystem::path& file);
 
-/// Writes float32, C order, as write_atomically() does. Throws Error, UsageError for a shape that
-/// no file can have.
+/// Writes float32, C order, as write_atomically() does. Throws UsageError for an impossible shape.
 void write_npy(const std::filesystem::path& file, const std::vector<int64_t>& shape,
                const float* data);
 

@@ -37,8 +37,7 @@ class WeightsFile {
 
   /// Opens a .caffemodel (V1 `layers` or V2 `layer`) or an HDF5 file of weights, by content. Reads
   /// names and positions only. Throws InputError with the byte offset for files that are neither,
-  /// truncated, corrupt or beyond a limit; UnsupportedError for HDF5 of a form Caffe does not
-  /// write.
+  /// truncated, corrupt or beyond a limit; UnsupportedError for HDF5 that Caffe does not write.
   static std::unique_ptr<WeightsFile> open(const std::filesystem::path& file,
                                            const Limits& limits = {});
   /// The same of what a cursor reads.
@@ -50,9 +49,8 @@ class WeightsFile {
   /// The layers in file order. Names can repeat.
   const std::vector<Layer>& layers() const { return layers_; }
 
-  /// The blobs of `layers()[index]`; `index` is in range. Throws InputError (offset, layer, blob)
-  /// when they are corrupt: sizes that do not match the shape, negative or overflowing dimensions.
-  /// Not for several threads at once.
+  /// The blobs of `layers()[index]`, for one thread at a time. Throws InputError (offset, layer,
+  /// blob) for sizes that do not match the shape and for negative or overflowing dimensions.
   virtual std::vector<Blob> read(size_t index) = 0;
 
   /// Bytes actually read from the file so far.

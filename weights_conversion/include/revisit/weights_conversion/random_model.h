@@ -12,9 +12,7 @@ namespace revisit::models {
 
 /// `trunk(name)` with random weights, its name marked as untrained: gaussian with mean 0 and
 /// variance 2 / (inputs per output) (He et al. 2015, for layers followed by ReLU), biases uniform
-/// in
-/// [-0.01, 0.01). The same seed gives the same bits on every platform. Throws UsageError for an
-/// unknown name.
+/// in [-0.01, 0.01). A seed gives the same bits everywhere. Throws UsageError for unknown names.
 ///
 /// The generator counts instead of keeping state: number i of blob b of layer l is a function of
 /// (seed, l, b, i) alone, built on the finaliser of SplitMix64 (Steele et al. 2014). A gaussian is
@@ -30,8 +28,7 @@ struct ModelFiles {
 };
 
 /// Writes `random_model(trunk_name, seed)` as `folder/<trunk_name>_random.prototxt` and
-/// `.caffemodel`; makes the folder. Each file appears whole or not at all. Throws Error when they
-/// cannot be written.
+/// `.caffemodel`, each whole or not at all; makes the folder. Throws Error when it cannot.
 ModelFiles write_random_model(const std::filesystem::path& folder, const std::string& trunk_name,
                               uint64_t seed);
 

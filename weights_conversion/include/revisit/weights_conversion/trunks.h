@@ -22,8 +22,7 @@ const std::vector<std::string>& trunk_names();
 /// - "vgg_cnn_s": Chatfield et al. 2014, the slow network
 /// - "places_cnds8": Wang et al. 2015, eight convolutions
 /// - "ring64", "ring16": a convolution and a max pooling, for range images [1][1][64 or 16][1280]
-/// of
-///   as many beams; their output is "pool1"
+///   of as many beams; their output is "pool1"
 ///
 /// Throws UsageError for another name.
 caffe::NetParameter trunk(const std::string& name);

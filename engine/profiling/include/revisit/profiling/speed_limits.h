@@ -26,17 +26,14 @@ struct SpeedLimits {
   /// Of memory, beyond all caches.
   const Bandwidth& memory() const { return bandwidths.back(); }
 
-  /// The least time for the multiplications of a layer, without padding and additions of its
-  /// algorithm [ms].
+  /// The least time for a layer's multiplications, without padding and additions [ms].
   double compute_ms(const engine::LayerCost& cost) const;
-  /// The least time to move what it reads and writes, once, when as much as that lies as near as it
-  /// can [ms].
+  /// The least time to read and write its data once, when all lies as near as it can [ms].
   double traffic_ms(const engine::LayerCost& cost) const;
 };
 
-/// Measures them in about half a second, by many short runs. Takes up to 256 MB meanwhile. What
-/// else runs on the machine makes them too low. Throws UsageError for a number of threads outside 1
-/// to 1024, std::bad_alloc.
+/// Measures them in about half a second, by many short runs, with up to 256 MB. Other programs make
+/// them too low. Throws UsageError for threads outside 1 to 1024, std::bad_alloc.
 SpeedLimits measure_speed_limits(int threads);
 
 }  // namespace revisit::profiling
