@@ -22,8 +22,7 @@ enum class Distance {
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
 
-/// Which scans are too close in time to count as a revisit of the query.
-/// A candidate must be MORE than `amount` away (strictly).
+/// A candidate for a revisit must be MORE than `amount` away (strictly).
 struct Exclusion {
   enum class Kind {
     kNone,     // every other scan may match
@@ -39,7 +38,7 @@ struct Exclusion {
 Exclusion parse_exclusion(const std::string& text);
 std::string to_string(const Exclusion& exclusion);
 
-/// What an exclusion counts in, scan after scan of a drive: frames, seconds or metres driven.
+/// Counts frames, seconds or metres driven, scan after scan.
 class WayDriven {
  public:
   explicit WayDriven(Exclusion::Kind kind) : kind_(kind) {}
@@ -100,7 +99,6 @@ struct TruePair {
   double distance = 0;           // [m], of the rule's kind
 };
 
-/// The loops of a drive.
 struct LoopTruth {
   int64_t n_queries = 0;        // scans with at least one candidate, the only ones that can match
   int64_t n_positives = 0;      // scans with at least one true match among their candidates
@@ -114,8 +112,7 @@ struct LoopTruth {
 ///   auto truth = find_loops(make_trajectory(poses), {Distance::kXz, 5}, apart);
 ///   truth.n_positives;  // 804 with the official poses (05: 503, 06: 270, 08: 345)
 ///
-/// Both comparisons are strict: nearer than the radius, more than 50 frames apart.
-/// Throws UsageError when nothing is known of the distances or the radius is not a positive number.
+/// Both comparisons are strict. Throws UsageError for unknown distances or a radius not above 0.
 LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion);
 
