@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "revisit/datasets/pose.h"
 #include "revisit/simulation/simulation.h"
 #include "road_map.h"
 
