@@ -4,7 +4,7 @@
 
 #include "ray_caster.h"
 #include "revisit/datasets/pose.h"
-#include "revisit/recognition/point_cloud.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/simulation/simulation.h"
 
 namespace revisit::pipeline::simulation {
