@@ -1,7 +1,6 @@
 #include "arrays.h"
 
 #include "revisit/base/error.h"
-#include "revisit/base/joined.h"
 #include "strings.h"
 #include "unlocked.h"
 

@@ -51,8 +51,7 @@ void bind_datasets(nb::module_& module) {
       "read_scan",
       [](const fs::path& file) { return array_of(without_lock([&] { return read_scan(file); })); },
       "file"_a,
-      "A scan (.bin, .pcd or .ply) as float32 [n][4]: x forward, y left, z up [m], and "
-      "intensity.");
+      "A scan (.bin, .pcd or .ply) as float32 [n][4]: x forward, y left, z up [m], and intensity.");
   module.def(
       "write_kitti_scan",
       [](const fs::path& file, PointsArgument points) {

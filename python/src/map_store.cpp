@@ -130,8 +130,7 @@ void bind_open_map(nb::module_& module) {
           },
           nb::call_guard<Unlocked>(), "after"_a = 0,
           "The ids of the places that were removed, in the order of their removal, but for the "
-          "first "
-          "`after`.")
+          "first `after`.")
       .def_prop_ro(
           "warnings", [](const OpenMap& map) { return map.messages.all(); },
           "Of places that could not be read.")

@@ -29,9 +29,8 @@ FloatArray array_of_image(RangeImage image) {
 void bind_images(nb::module_& module) {
   bind_record<ImageGeometry>(
       module, "ImageGeometry",
-      "The panorama a sensor is projected to: pixels, elevations of its edges "
-      "[deg], the range [m] of pixel value 255, the rectangle that holes are "
-      "closed with [deg].",
+      "The panorama a sensor is projected to: pixels, elevations of its edges [deg], the range [m] "
+      "of pixel value 255, the rectangle that holes are closed with [deg].",
       check_geometry, Field{"width", &ImageGeometry::width},
       Field{"height", &ImageGeometry::height},
       Field{"elevation_top", &ImageGeometry::elevation_top},

@@ -113,6 +113,20 @@ TEST_F(ExperimentCommand, ARunIsRepeatedWhenAScanHasChanged) {
   test::write_file(scan, bytes.substr(0, bytes.size() - 16));
   const auto again = run_revisit(command("networks-and-layers"));
   EXPECT_NE(again.err.find("run: revisit eval "), std::string::npos) << again.err;
+  // Folders are named by a hash: where keys share it, the run of the other key is not taken.
+  const auto folder_of_run = [&] {
+    const fs::path run =
+        out() / "networks-and-layers" / read("networks-and-layers").runs(0).folder();
+    return run.parent_path().parent_path();
+  };
+  const fs::path changed = folder_of_run();
+  test::write_file(scan, bytes);
+  ASSERT_EQ(run_revisit(command("networks-and-layers", "--no-report")).exit_code, 0);
+  const fs::path original = folder_of_run();
+  fs::remove_all(original);
+  fs::rename(changed, original);
+  const auto shared = run_revisit(command("networks-and-layers", "--no-report"));
+  EXPECT_NE(shared.err.find("run: revisit eval "), std::string::npos) << shared.err;
 }
 
 TEST_F(ExperimentCommand, ABrokenScanIsLeftOut) {

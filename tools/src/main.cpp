@@ -8,12 +8,12 @@
 #include <optional>
 #include <string>
 
-#include "cli/blas_choice.h"
 #include "cli/command.h"
 #include "cli/interrupt.h"
 #include "cli/messages.h"
 #include "cli/printable.h"
 #include "revisit/base/error.h"
+#include "revisit/engine/blas.h"
 
 namespace {
 
@@ -22,6 +22,16 @@ using namespace revisit;
 int fail(const std::string& message, int code) {
   std::cerr << "revisit: " << message << "\n";
   return code;
+}
+
+/// Starts the program again with OPENBLAS_CORETYPE set when OpenBLAS did not recognise the CPU and
+/// fell back to kernels far below it. Goes on when the user set the variable, or exec fails.
+void restart_with_faster_blas(char** argv) {
+  constexpr const char* kVariable = "OPENBLAS_CORETYPE";  // read when the library is loaded
+  if (std::getenv(kVariable)) return;
+  const std::string core = engine::faster_blas_core();
+  if (core.empty() || setenv(kVariable, core.c_str(), 1) != 0) return;
+  execv("/proc/self/exe", argv);
 }
 
 /// Ends before the exit handlers of libraries: OpenBLAS's waits for its threads, and these for
@@ -34,7 +44,7 @@ int fail(const std::string& message, int code) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  cli::restart_with_faster_blas(argv);
+  restart_with_faster_blas(argv);
 #ifndef __SANITIZE_ADDRESS__  // it looks for leaks at the end
   on_exit(end_at_once, nullptr);
 #endif

@@ -7,7 +7,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Which images show a word, one bit an image.
 using Bits = std::vector<uint64_t>;
 
 std::vector<Bits> bits_of(const FloatMatrix& images) {

@@ -8,7 +8,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// p(x = value) when p(x = 1) = p.
 double probability(double p, size_t value) {
   return value ? p : 1 - p;
 }

@@ -81,8 +81,7 @@ void check(const ScanContextOptions& options) {
                      options.ring_key_candidates);
 }
 
-/// Positions of the `count` places whose ring keys are nearest to the query's, equals by
-/// position.
+/// Equals by position.
 std::vector<size_t> nearest_ring_keys(std::span<const float> query,
                                       std::span<const std::span<const float>> places, int64_t count,
                                       const ScanContextOptions& options) {

@@ -18,7 +18,6 @@ namespace {
 using StepKind = AlterationStep::Kind;
 constexpr double kDegree = std::numbers::pi / 180;
 
-/// What a step is called, and which amounts it may have.
 struct KindRow {
   StepKind kind;
   const char *word, *expected;
@@ -100,11 +99,11 @@ std::string name_of_step(const AlterationStep& step) {
     case StepKind::kSector:
       return "sector of " + amount + " deg hidden";
     case StepKind::kBeams:
-      return "every " + amount +
-             (*step.amount == 2   ? "nd"
-              : *step.amount == 3 ? "rd"
-                                  : "th") +
-             " beam";
+      return str("every ", amount,
+                 *step.amount == 2   ? "nd"
+                 : *step.amount == 3 ? "rd"
+                                     : "th",
+                 " beam");
     case StepKind::kNoise:
       return "noise of " + amount + " m";
     case StepKind::kRange:

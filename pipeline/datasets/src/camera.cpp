@@ -9,7 +9,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// image_0 beside the velodyne folder of a KITTI sequence.
 fs::path kitti_images(const Dataset& dataset) {
   const fs::path scans = dataset.scans.empty() ? "" : dataset.scans[0].file.parent_path();
   if (scans.filename() != "velodyne")

@@ -55,14 +55,13 @@ void each_entry(const fs::path& folder, const Take& take) {
   if (error) throw InputError(folder.string(), ": cannot list: ", error.message());
 }
 
-/// "000123.bin.gz" and the like.
 bool is_compressed_scan(const fs::path& file) {
   constexpr std::string_view kKinds[] = {".gz", ".zip", ".xz", ".zst", ".bz2"};
   return std::ranges::find(kKinds, file.extension().string()) != std::end(kKinds) &&
          is_scan_file_name(file.stem()) && is_visible_file(file);
 }
 
-/// The files that pass `keep` by frame; `kind` and `example` are for people.
+/// `kind` and `example` are for messages.
 std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const fs::path&),
                                      FrameNumbers numbers, const char* kind, const char* example) {
   const std::vector<std::string> names = list_names(folder, keep);

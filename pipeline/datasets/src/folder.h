@@ -29,7 +29,7 @@ bool holds(const std::filesystem::path& folder, bool (*wanted)(const std::filesy
 /// True when the folder holds at least one scan file.
 bool holds_scans(const std::filesystem::path& folder);
 
-/// What to say of a folder without scans that has compressed ones; "" when it has none.
+/// The end of a message about compressed scans; "" when the folder has none.
 std::string compressed_scans(const std::filesystem::path& folder);
 
 /// The names in a folder that pass `keep`, in natural order ("scan2" before "scan10"); none when

@@ -49,7 +49,7 @@ KittiSequence of_root(const fs::path& root, const std::string& sequence) {
           {root / "poses" / (sequence + ".txt"), folder / "poses.txt"}};
 }
 
-/// A folder that holds velodyne/ itself; inside a KITTI root it knows its number.
+/// Inside a KITTI root a folder with velodyne/ knows its number.
 KittiSequence of_sequence_folder(const fs::path& folder) {
   std::error_code ignored;
   const fs::path real = fs::canonical(folder, ignored);
@@ -77,7 +77,6 @@ std::string listed(const std::vector<std::string>& names) {
   return names.empty() ? "none" : joined(names, ", ");
 }
 
-/// No sequence has what is needed.
 [[noreturn]] void fail_empty(const fs::path& root, bool for_poses) {
   const std::vector<std::string> folders = list_names(root / "sequences", is_folder);
   std::string compressed;
@@ -116,14 +115,13 @@ std::optional<KittiSequence> find_kitti_sequence(const fs::path& root, const std
     const std::vector<std::string> there =
         for_poses ? sequences_with_poses(root) : list_names(root / "sequences", has_scans);
     const char* const what = for_poses ? "poses" : "scans";
-    if (!sequence.empty()) {
-      throw InputError(root.string(), ": sequence ", sequence, " has no ", what, ": looked for ",
-                       for_poses
-                           ? wanted.pose_files[0].string() + " and " + wanted.pose_files[1].string()
-                           : (wanted.velodyne() / "*.bin").string(),
-                       did_you_mean(sequence, there), "; sequences with ", what, ": ",
-                       listed(there), for_poses ? "" : compressed_scans(wanted.velodyne()));
-    }
+    if (!sequence.empty())
+      throw InputError(
+          str(root.string(), ": sequence ", sequence, " has no ", what, ": looked for ",
+              for_poses ? wanted.pose_files[0].string() + " and " + wanted.pose_files[1].string()
+                        : (wanted.velodyne() / "*.bin").string(),
+              did_you_mean(sequence, there), "; sequences with ", what, ": ", listed(there),
+              for_poses ? "" : compressed_scans(wanted.velodyne())));
     if (there.size() == 1) return of_root(root, there[0]);
     if (there.empty()) fail_empty(root, for_poses);
     throw InputError(root.string(), ": say which sequence; sequences with ", what, ": ",

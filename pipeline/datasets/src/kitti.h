@@ -7,7 +7,6 @@
 
 namespace revisit::pipeline {
 
-/// Where the parts of one KITTI sequence are, or would be.
 struct KittiSequence {
   std::string name;              // of the data set: its root folder's name
   std::string sequence;          // "00"; "" for a lone folder that is not the NN of a root
@@ -20,9 +19,8 @@ struct KittiSequence {
 };
 
 /// Resolves a root (with `sequences/` or `poses/`) or one sequence's folder; nothing when it is
-/// neither. Throws InputError when `root` is not a folder, and when `sequence` is empty or not
-/// there so that none, or more than one, sequence could be meant; the message lists those that are.
-/// `for_poses`: a sequence is there when its poses are; otherwise when its scans are.
+/// neither. A sequence is there when its poses (`for_poses`) or scans are. Throws InputError when
+/// `root` is not a folder, and, listing the sequences, when not exactly one can be meant.
 std::optional<KittiSequence> find_kitti_sequence(const std::filesystem::path& root,
                                                  const std::string& sequence, bool for_poses);
 

@@ -6,15 +6,13 @@
 
 namespace revisit::pipeline {
 
-/// The folders of a data set that is sorted by places.
 struct PlaceFolders {
   std::string name, sequence;                 // as Dataset's
   std::vector<std::filesystem::path> places;  // each holds the scans of one place; may be none
 };
 
-/// Finds the folders of scans in `root`, or in one of its folders: a set of such folders, named by
-/// `sequence`, or the only one there. Throws InputError when there are several sets and none is
-/// named, or when there are sets but not the one that is named.
+/// Finds the folders of scans in `root`, or in the set of such folders that `sequence` names, or
+/// the only one. Throws InputError when several sets are there and none is named, or another one.
 PlaceFolders find_places(const std::filesystem::path& root, const std::string& sequence);
 
 }  // namespace revisit::pipeline

@@ -15,7 +15,7 @@ namespace revisit::pipeline {
 
 inline constexpr double kNotComputed = std::numeric_limits<double>::quiet_NaN();
 
-/// One decision as precision and recall count it, in few bytes.
+/// One decision, in few bytes.
 template <class Score>
 struct Ballot {
   static constexpr uint32_t kCorrect = 1, kPositive = 2, kIgnored = 4;
@@ -30,7 +30,6 @@ struct Ballot {
   bool ignored() const { return mark & kIgnored; }
 };
 
-/// All decisions of a task.
 template <class Score>
 struct Ballots {
   std::vector<Ballot<Score>> by_score;  // highest first; equal ones in the order of their marks

@@ -60,7 +60,7 @@ std::vector<int64_t> rows_to_learn_from(const ReductionOptions& options, const T
 /// To be raised with every change of this file or of the PCA after which descriptors are others.
 constexpr int kDescriptorVersion = 1;
 
-/// Names everything the descriptors of a task depend on, but the number of components.
+/// Names what descriptors depend on, but the number of components.
 std::string descriptor_key(const ReductionOptions& options, const Task& task,
                            const DatasetFeatures& case1, const DatasetFeatures* case2) {
   std::string key = str("descriptors ", kDescriptorVersion, "\n", case1.key(),

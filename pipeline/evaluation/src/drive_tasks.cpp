@@ -8,8 +8,7 @@ namespace {
 constexpr int kLcdnetFirstFrame = 100;
 constexpr int kSscNegatives = 100;  // a positive
 
-/// Every scan is stored; those from `first_frame` on are asked against the earlier ones beyond the
-/// exclusion.
+/// Every scan is stored; those from `first_frame` on are queries against earlier candidates.
 Task against_earlier(const Trajectory& trajectory, const Exclusion& exclusion,
                      int first_frame = 0) {
   Task task;

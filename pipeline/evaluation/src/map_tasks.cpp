@@ -13,14 +13,12 @@ struct Drive {
   const char* sequence;
   int64_t poses;
 };
-/// The odometry sequences that have poses.
 constexpr Drive kDrives[] = {{"00", 4541}, {"01", 1101}, {"02", 4661}, {"03", 801},
                              {"04", 271},  {"05", 2761}, {"06", 1101}, {"07", 1101},
                              {"08", 4071}, {"09", 1591}, {"10", 1201}};
 
-/// Frames that a publication lists for KITTI's drive `sequence` mean nothing on another drive of
-/// that name. Throws UsageError, naming the protocol, unless `trajectory` belongs to a drive with
-/// as many poses as the official one (also when only some of its scans are there).
+/// Throws UsageError unless the drive has as many poses as KITTI's (scans may be missing):
+/// published frame numbers mean nothing on another drive of that name.
 void need_official_drive(const std::string& protocol, const std::string& sequence,
                          const Trajectory& trajectory) {
   const auto* const drive = std::find_if(std::begin(kDrives), std::end(kDrives),
@@ -35,7 +33,6 @@ void need_official_drive(const std::string& protocol, const std::string& sequenc
 
 using Chosen = std::function<bool(int64_t row)>;
 
-/// Stores some scans and asks others, each against all that are stored.
 Task map_task(const Trajectory& trajectory, const Chosen& is_stored, const Chosen& is_asked) {
   Task task;
   for (int64_t row = 0; row < trajectory.size(); ++row)
@@ -65,7 +62,6 @@ const StoredScans* table_entry(const std::string& sequence) {
   return nullptr;
 }
 
-/// Asks all scans that are not stored.
 Task split(const Trajectory& trajectory, const Chosen& is_stored) {
   Task task = map_task(trajectory, is_stored, std::not_fn(is_stored));
   task.rule = {Distance::kBox, 3};
@@ -95,7 +91,6 @@ Task table_task(const StoredScans& entry, const Trajectory& trajectory) {
   return task;
 }
 
-/// The table's entry, or a UsageError saying which sequences have one.
 const StoredScans& need_entry(const std::string& protocol, const std::string& sequence,
                               const Trajectory& trajectory, bool bidirectional) {
   const StoredScans* entry = table_entry(sequence);

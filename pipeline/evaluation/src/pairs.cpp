@@ -16,7 +16,6 @@ constexpr uint64_t kDrawSeed = 1;
 
 enum class Truth { kTrue, kFalse, kNotCounted };
 
-/// What the ground truth says of the pairs of a task.
 class PairTruth {
  public:
   PairTruth(const Task& task, const Trajectory& trajectory)
@@ -51,8 +50,7 @@ class PairTruth {
   std::vector<int64_t> earlier_, later_;
 };
 
-/// Runs `work(query)` for all queries on several threads, a block after the other: progress and
-/// stop are called between blocks, from this thread. An exception of one is thrown here.
+/// Runs `work(query)` on several threads, block by block; calls progress and stop between blocks.
 template <class Work>
 void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, Work work) {
   for (int64_t first = 0; first < n_queries; first += block) {

@@ -32,7 +32,7 @@ void check(const Descriptors& descriptors, const Task& task, QueryCase asked) {
   }
 }
 
-/// Where keys chose fewer than k, the first of the others follow.
+/// Where keys chose fewer than k, appends the first of the others.
 void add_left_out(Match& match, const TaskQuery& query, const SearchOptions& options) {
   const auto wanted = static_cast<size_t>(std::min<int64_t>(options.k, query.n_candidates()));
   const std::vector<int64_t> chosen = match.ranks;

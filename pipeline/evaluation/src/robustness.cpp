@@ -37,13 +37,11 @@ struct Asked {
   std::vector<bool> other;  // of each place: whether it is another one
 };
 
-/// Everything that is there to be found.
 struct Places {
   Dataset scans;              // of the drive, then of the others
   std::vector<int64_t> rows;  // of those that are stored, ascending
 };
 
-/// The rows of the scans that are asked.
 std::vector<int64_t> evenly(int64_t scans, int64_t wanted) {
   const int64_t n = wanted ? std::min(wanted, scans) : scans;
   std::vector<int64_t> rows;
@@ -80,7 +78,7 @@ std::vector<Asked> asked_scans(const Trajectory& trajectory, const Places& place
 /// Of every scan [scan][place], kNever where a place was not compared.
 using Similarities = std::vector<std::vector<double>>;
 
-/// The larger ones are taken in.
+/// Raises `highest` to the similarities found.
 void compare_all(const PlaceIndex& index, const FloatMatrix& descriptors,
                  const RobustnessOptions& options, const Observer& observer,
                  Similarities& highest) {
@@ -110,15 +108,6 @@ double median(std::vector<double> values) {
   return values.size() % 2 ? values[half] : (values[half - 1] + values[half]) / 2;
 }
 
-/// How alike the scan is to the most similar of some places; none: kNever.
-template <class IsOne>
-double best_of(const std::vector<double>& similarities, const IsOne& is_one) {
-  double best = kNever;
-  for (size_t place = 0; place < similarities.size(); ++place)
-    if (is_one(place)) best = std::max(best, similarities[place]);
-  return best;
-}
-
 RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities& similarities,
                             const std::vector<bool>& described) {
   constexpr double kLeast = 1e-3;  // similarity that is divided by
@@ -132,9 +121,10 @@ RobustnessRow judge_altered(const std::vector<Asked>& asked, const Similarities&
     row.not_described += !described[i];
     if (asked[i].near.empty()) continue;
     ++row.asked_near;
-    double near = kNever;
+    double near = kNever, other = kNever;
     for (const int64_t place : asked[i].near) near = std::max(near, of[static_cast<size_t>(place)]);
-    const double other = best_of(of, [&](size_t place) { return asked[i].other[place]; });
+    for (size_t place = 0; place < of.size(); ++place)
+      if (asked[i].other[place]) other = std::max(other, of[place]);
     row.near += described[i] && near > other;
     if (std::ranges::find(asked[i].other, true) == asked[i].other.end()) continue;
     ratios.push_back(described[i] && near > kNever ? near / std::max(other, kLeast) : 0);

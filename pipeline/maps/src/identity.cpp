@@ -10,7 +10,7 @@ std::string text_of(const MapIdentity& identity) {
   std::string text;
   for (const auto& [name, value] : identity) {
     if (name.find('=') != std::string::npos || (name + value).find('\n') != std::string::npos)
-      throw UsageError(str("identity: '", name, "' has a '=' in its name or a line break"));
+      throw UsageError("identity: '", name, "' has a '=' in its name or a line break");
     text += str(name, "=", value, "\n");
   }
   return text;
@@ -39,8 +39,8 @@ void must_match(const std::string& name, const MapIdentity& map, const MapIdenti
       differences += str("\n  ", key, ": the map has ", entry(map, key), ", this program ",
                          entry(program, key));
   if (!differences.empty())
-    throw InputError(str(name, ": its descriptors differ from those of this program:", differences,
-                         "\nuse what the map was made with, or make another map"));
+    throw InputError(name, ": its descriptors differ from those of this program:", differences,
+                     "\nuse what the map was made with, or make another map");
 }
 
 }  // namespace revisit::pipeline

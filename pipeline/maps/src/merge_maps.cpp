@@ -17,8 +17,8 @@ void take_over_basis(MapStore& map, const fs::path& other, const MapStore::Damag
   const auto theirs = open_map(other, MapAccess::kRead, &map.identity());
   const auto basis = theirs->value(kBasisValue);
   if (!basis)
-    throw InputError(str(shown_name(other), ": its basis is not learnt yet: it has ",
-                         theirs->size(), " places, too few"));
+    throw InputError(shown_name(other), ": its basis is not learnt yet: it has ", theirs->size(),
+                     " places, too few");
   const auto own = map.value(kBasisValue);
   if (own == basis) return;
   const auto refuse = [&](const StoredPlace&) -> std::vector<float> {
@@ -43,11 +43,11 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     sources.push_back(
         open_map(map, MapAccess::kRead, sources.empty() ? nullptr : &sources.front()->identity()));
     if (sources.back()->value(kBasisValue) != sources.front()->value(kBasisValue))
-      throw InputError(str(shown_name(map),
-                           ": its places are described with another basis than those "
-                           "of ",
-                           shown_name(maps[0]),
-                           "; a map can only take over another's basis when it is new"));
+      throw InputError(shown_name(map),
+                       ": its places are described with another basis than those "
+                       "of ",
+                       shown_name(maps[0]),
+                       "; a map can only take over another's basis when it is new");
   }
   const auto merged = open_map(file, MapAccess::kNew, &sources.front()->identity(),
                                sources.front()->number_format());

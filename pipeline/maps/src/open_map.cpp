@@ -37,20 +37,20 @@ void check_beside(const File& file) {
     const fs::file_type type = fs::symlink_status(file.path.string() + ending, none).type();
     if (type == fs::file_type::not_found || type == fs::file_type::none) continue;
     if (type != fs::file_type::regular || ending == "-journal")
-      throw InputError(str(file.name, ending, ": not of a map; move it away"));
+      throw InputError(file.name, ending, ": not of a map; move it away");
   }
 }
 
 File look_at(const fs::path& file) {
   std::error_code error;
   File found{.path = fs::weakly_canonical(fs::absolute(file), error), .name = file.string()};
-  if (error) throw Error(str(found.name, ": cannot be opened: ", error.message()));
+  if (error) throw Error(found.name, ": cannot be opened: ", error.message());
   const fs::file_status status = fs::status(found.path, error);
   found.is_there = fs::exists(status);
   if (!found.is_there && status.type() != fs::file_type::not_found)
-    throw Error(str(found.name, ": cannot be opened: ", error.message()));
+    throw Error(found.name, ": cannot be opened: ", error.message());
   if (found.is_there && !fs::is_regular_file(status))
-    throw InputError(str(found.name, ": not a map: not a file"));
+    throw InputError(found.name, ": not a map: not a file");
   if (found.is_there) found.bytes = fs::file_size(found.path, error);
   check_beside(found);
   return found;
@@ -58,8 +58,8 @@ File look_at(const fs::path& file) {
 
 File look_at_existing(const fs::path& file) {
   File found = look_at(file);
-  if (!found.is_there) throw InputError(str(found.name, ": there is no such map"));
-  if (found.bytes == 0) throw InputError(str(found.name, ": not a map: the file is empty"));
+  if (!found.is_there) throw InputError(found.name, ": there is no such map");
+  if (found.bytes == 0) throw InputError(found.name, ": not a map: the file is empty");
   return found;
 }
 
@@ -81,14 +81,14 @@ void check_is_a_map(const File& file) {
   Connection found(immutable_uri(file.path), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, file.name);
   if (const int64_t application = found.integer("PRAGMA application_id");
       application != kApplicationId)
-    throw InputError(str(file.name, ": a SQLite database, but not a map (application id ",
-                         application, ", a map has ", kApplicationId, ")"));
+    throw InputError(file.name, ": a SQLite database, but not a map (application id ", application,
+                     ", a map has ", kApplicationId, ")");
 }
 
 /// The map appears whole, so that SQLite never makes a journal.
 void make_map_file(const File& file, const MapIdentity& identity, NumberFormat format) {
   if (file.bytes_of_log() > 0)
-    throw InputError(str(file.name, "-wal: the log of a map that is not here; move it away"));
+    throw InputError(file.name, "-wal: the log of a map that is not here; move it away");
   Connection map(":memory:", SQLITE_OPEN_READWRITE, file.name);
   make_map(map, {.identity = identity, .format = format});
   std::string bytes = map.content();
@@ -107,8 +107,8 @@ std::unique_ptr<Connection> open_for_reading(const File& file) {
   if (may_write_beside || (kind != SQLITE_CANTOPEN && kind != SQLITE_READONLY))
     connection->fail(code);
   if (file.bytes_of_log() > 0)
-    throw Error(str(file.name, "-wal: has places that cannot be read in a folder that cannot be ",
-                    "written; copy both files to another folder"));
+    throw Error(file.name, "-wal: has places that cannot be read in a folder that cannot be ",
+                "written; copy both files to another folder");
   return std::make_unique<Connection>(immutable_uri(file.path),
                                       SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, file.name);
 }
@@ -118,8 +118,8 @@ std::unique_ptr<Connection> open_for_writing(const File& file) {
   if (sqlite3_db_readonly(connection->handle(), nullptr) != 0) connection->fail(SQLITE_READONLY);
   check_schema(*connection);
   if (const std::string mode = connection->text("PRAGMA journal_mode = WAL"); mode != "wal")
-    throw Error(str(file.name, ": this file system has no shared memory for SQLite's log (", mode,
-                    " instead of WAL); use a local disk"));
+    throw Error(file.name, ": this file system has no shared memory for SQLite's log (", mode,
+                " instead of WAL); use a local disk");
   connection->execute("PRAGMA synchronous = FULL");  // a step is on the disk when it ends
   return connection;
 }
@@ -137,7 +137,7 @@ std::unique_ptr<SqliteMap> open_writer(const fs::path& file, MapAccess access,
   const auto look = [&] {
     File found = identity == nullptr ? look_at_existing(file) : look_at(file);
     if (access == MapAccess::kNew && found.is_there)
-      throw InputError(str(found.name, ": already exists"));
+      throw InputError(found.name, ": already exists");
     if (found.bytes > 0) check_is_a_map(found);
     return found;
   };

@@ -50,7 +50,7 @@ double parse_threshold(const std::string& text) {
   const char* const end = text.data() + text.size();
   const std::from_chars_result read = std::from_chars(text.data(), end, value);
   if (read.ec != std::errc() || read.ptr != end || !std::isfinite(value))
-    throw InputError(str("the map's threshold: expected a number, found ", text.size(), " bytes"));
+    throw InputError("the map's threshold: expected a number, found ", text.size(), " bytes");
   return value;
 }
 
@@ -162,9 +162,9 @@ struct PlaceRecognizer::Impl {
   /// Another recogniser may have described the scan.
   void check_feature(const Description& scan) const {
     if (std::ssize(scan.feature) != extractor.dim)
-      throw UsageError(str("a scan described by ", scan.feature.size(), " numbers; the feature '",
-                           extractor.name, "' has ", extractor.dim));
-    if (!can_be_used(scan.feature)) throw UsageError(str("a scan described by ", kTooLarge));
+      throw UsageError("a scan described by ", scan.feature.size(), " numbers; the feature '",
+                       extractor.name, "' has ", extractor.dim);
+    if (!can_be_used(scan.feature)) throw UsageError("a scan described by ", kTooLarge);
   }
   /// Why a place of the map, which may be a stranger's, cannot be used; "" when it can.
   std::string misfit_of(const StoredPlace& place) const {
@@ -340,7 +340,7 @@ struct PlaceRecognizer::Impl {
   int64_t position_of(int64_t id) const {
     const auto found = std::ranges::lower_bound(places, id, {}, &StoredPlace::id);
     if (found == places.end() || found->id != id)
-      throw InputError(str("place ", id, " was added to the map, but cannot be read from it"));
+      throw InputError("place ", id, " was added to the map, but cannot be read from it");
     return found - places.begin();
   }
 
@@ -392,7 +392,7 @@ namespace {
 
 void check_threshold(std::optional<double> threshold) {
   if (threshold && !std::isfinite(*threshold))
-    throw UsageError(str("the threshold: expected a number, found ", *threshold));
+    throw UsageError("the threshold: expected a number, found ", *threshold);
 }
 
 /// All of `places` but those at some positions, which ascend.
@@ -416,15 +416,15 @@ PlaceRecognizer::PlaceRecognizer(FeatureExtractor extractor, const RecognizerOpt
   if (options.first_stretch < 2)
     throw UsageError(
         str("first stretch: expected at least 2 places, found ", options.first_stretch));
-  if (options.k < 1) throw UsageError(str("k: expected at least 1, found ", options.k));
+  if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.graph_candidates < 0)
     throw UsageError(
         str("graph candidates: expected at least 0, found ", options.graph_candidates));
   if (options.graph_candidates > 0) {  // now, not when the first stretch ends
     need("candidates of a large map", "FAISS");
     if (extractor.comparison.similarity)
-      throw UsageError(str("graph candidates: a graph is for features compared by cosine, found '",
-                           extractor.name, "'"));
+      throw UsageError("graph candidates: a graph is for features compared by cosine, found '",
+                       extractor.name, "'");
   }
   check_threshold(options.threshold);
   if (!(options.precision > 0 && options.precision < 1))
@@ -468,7 +468,7 @@ Description PlaceRecognizer::describe(const PointsView& points) const {
     if (std::ranges::none_of(worker->cloud.points, is_return))
       throw InputError("the scan has no points");
     worker->describe(worker->cloud, scan.feature);
-    if (!can_be_used(scan.feature)) throw InputError(str("its feature has ", kTooLarge));
+    if (!can_be_used(scan.feature)) throw InputError("its feature has ", kTooLarge);
   } catch (const InputError& error) {
     scan = {{}, error.what()};
   }
@@ -487,7 +487,7 @@ int64_t PlaceRecognizer::add(const Description& scan, StoredPlace about) {
 void PlaceRecognizer::add(std::span<const Description> scans, std::vector<StoredPlace> about,
                           Claim* claim) {
   if (scans.size() != about.size())
-    throw UsageError(str("add(): ", scans.size(), " scans and ", about.size(), " places"));
+    throw UsageError("add(): ", scans.size(), " scans and ", about.size(), " places");
   const std::unique_lock lock(impl_->mutex);
   impl_->add(scans, std::move(about), claim);
 }
@@ -532,8 +532,8 @@ int64_t PlaceRecognizer::remove(std::span<const int64_t> positions) {
   std::vector<int64_t> ids;
   for (const int64_t position : positions) {
     if (position < 0 || position >= static_cast<int64_t>(impl.places.size()))
-      throw UsageError(str("no place is at position ", position, " to be removed: there are ",
-                           impl.places.size(), " places"));
+      throw UsageError("no place is at position ", position, " to be removed: there are ",
+                       impl.places.size(), " places");
     ids.push_back(impl.places[static_cast<size_t>(position)].id);
   }
   if (impl.map) impl.map->remove(ids);
@@ -596,9 +596,9 @@ void PlaceRecognizer::calibrate(const Calibration& calibration) {
   }
   const std::unique_lock lock(impl_->mutex);
   if (!impl_->is_mine(calibration))
-    throw UsageError(str(
-        "the calibration is for k = ", calibration.k, " and the score ", name_of(calibration.score),
-        ", RecognizerOptions has k = ", impl_->options.k, " and ", name_of(impl_->options.score)));
+    throw UsageError("the calibration is for k = ", calibration.k, " and the score ",
+                     name_of(calibration.score), ", RecognizerOptions has k = ", impl_->options.k,
+                     " and ", name_of(impl_->options.score));
   impl_->keep_calibration(content, {});
 }
 

@@ -40,8 +40,7 @@ bool all_finite(const std::vector<float>& numbers) {
 
 std::string float32_bytes(const std::vector<float>& numbers, const std::string& of) {
   for (const float number : numbers)
-    if (!std::isfinite(number))
-      throw UsageError(str(of, " has numbers that are not finite: ", number));
+    if (!std::isfinite(number)) throw UsageError(of, " has numbers that are not finite: ", number);
   return bytes_of_numbers(numbers.data(), numbers.size());
 }
 
@@ -63,22 +62,22 @@ std::string descriptor_bytes(const std::vector<float>& descriptor, NumberFormat 
 
 void check_drive(const std::string& drive, const std::string& of) {
   if (has_zero_byte(drive))
-    throw UsageError(str(of, "a drive whose name begins with '", drive.c_str(),
-                         "' and a zero byte: names of drives cannot have one"));
+    throw UsageError(of, "a drive whose name begins with '", drive.c_str(),
+                     "' and a zero byte: names of drives cannot have one");
 }
 
 void check_places_of(const Claim& claim, std::span<const StoredPlace> places) {
   for (const StoredPlace& place : places)
     if (place.drive != claim.drive || std::ranges::count(claim.frames, place.frame) == 0)
-      throw UsageError(str("frame ", place.frame, " of drive '", place.drive,
-                           "' is not in this claim, of drive '", claim.drive, "'"));
+      throw UsageError("frame ", place.frame, " of drive '", place.drive,
+                       "' is not in this claim, of drive '", claim.drive, "'");
 }
 
 std::set<int64_t> ids_to_remove(std::span<const int64_t> ids, int64_t places) {
   for (const int64_t id : ids)
     if (id < 1 || id > places)
-      throw UsageError(str("place ", id, " cannot be removed: the map has had ", places,
-                           " places, with the ids 1 to ", places));
+      throw UsageError("place ", id, " cannot be removed: the map has had ", places,
+                       " places, with the ids 1 to ", places);
   return {ids.begin(), ids.end()};
 }
 
@@ -86,19 +85,18 @@ PlaceRow place_row(const StoredPlace& place, NumberFormat format, size_t number)
   const std::string of = str("place ", number, " of those to add");
   check_drive(place.drive, of + ": ");
   if (place.time && !std::isfinite(*place.time))
-    throw UsageError(str(of, ": its time is not finite: ", *place.time));
+    throw UsageError(of, ": its time is not finite: ", *place.time);
   PlaceRow row;
   if (place.pose) {
     const PoseNumbers numbers = place.pose->matrix().topRows<3>();
-    if (!numbers.allFinite())
-      throw UsageError(str(of, ": its pose has numbers that are not finite"));
+    if (!numbers.allFinite()) throw UsageError(of, ": its pose has numbers that are not finite");
     row.pose = bytes_of_numbers(numbers.data(), 12);
   }
   row.descriptor = descriptor_bytes(place.descriptor, format, of + ": its descriptor");
   row.feature = float32_bytes(place.feature, of + ": its feature");
   const size_t bytes = row.descriptor.size() + row.feature.size() + place.drive.size();
   if (bytes > sqlite::kMostBytes - 1000)
-    throw UsageError(str(of, " has ", bytes, " bytes, more than the limit of 256 MB"));
+    throw UsageError(of, " has ", bytes, " bytes, more than the limit of 256 MB");
   return row;
 }
 

@@ -60,8 +60,8 @@ void make_table_of_removed(Connection& connection) {
 void check_schema(Connection& connection) {
   const int64_t version = connection.integer("PRAGMA user_version");
   if (version > kMapVersion)
-    throw InputError(str(connection.name(), ": a map of version ", version,
-                         ", this program knows version ", kMapVersion, "; use a later revisit"));
+    throw InputError(connection.name(), ": a map of version ", version,
+                     ", this program knows version ", kMapVersion, "; use a later revisit");
   if (version < kFirstMapVersion) connection.fail_damaged(str("its version is ", version));
   // A writer would take other pages for pages of places.
   if (connection.integer("PRAGMA auto_vacuum") != 0) connection.fail_damaged("it has auto_vacuum");

@@ -16,16 +16,16 @@ void check_map_name(const std::string& map) {
   // The server cuts longer names, and has its own that begin with pg_.
   if (map.empty() || map.size() > 40 || !std::ranges::all_of(map, fits) ||
       !(map[0] >= 'a' && map[0] <= 'z') || map.starts_with("pg_"))
-    throw UsageError(str("map=", map,
-                         ": expected a lower-case letter, then lower-case letters, digits and _, "
-                         "at most 40, not beginning with pg_"));
+    throw UsageError("map=", map,
+                     ": expected a lower-case letter, then lower-case letters, digits and _, "
+                     "at most 40, not beginning with pg_");
 }
 
 std::chrono::milliseconds seconds(const std::string& text) {
   double value = -1;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size() || !(value >= 0 && value <= 1e6))
-    throw UsageError(str("patience=", text, ": expected seconds, 0 to 1000000"));
+    throw UsageError("patience=", text, ": expected seconds, 0 to 1000000");
   return std::chrono::milliseconds(static_cast<int64_t>(value * 1000));
 }
 

@@ -70,17 +70,17 @@ void Connection::fail(int code) const {
   switch (code & 0xFF) {
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
-      throw Error(str(name_, ": another process is writing to this map; wait for it to end"));
+      throw Error(name_, ": another process is writing to this map; wait for it to end");
     case SQLITE_CANTOPEN:
     case SQLITE_PERM:
-      throw Error(str(name_, ": cannot be opened: ", reason));
+      throw Error(name_, ": cannot be opened: ", reason);
     case SQLITE_READONLY:
-      throw Error(str(name_, ": cannot be written: no permission, or a read-only file system"));
+      throw Error(name_, ": cannot be written: no permission, or a read-only file system");
     case SQLITE_FULL:
       throw Error(
           str(name_, ": cannot be written: the disk is full; what was added before is kept"));
     case SQLITE_IOERR:
-      throw Error(str(name_, ": cannot be read or written: ", reason));
+      throw Error(name_, ": cannot be read or written: ", reason);
     case SQLITE_NOTADB:
       throw InputError(
           str(name_, ": not a map, or its first bytes are damaged: not a SQLite ", "database"));

@@ -57,7 +57,7 @@ SqliteMap::~SqliteMap() {
 
 void SqliteMap::must_be_writer() const {
   if (lock_ == nullptr)
-    throw UsageError(str(connection_->name(), ": this map was opened for reading (MapAccess)"));
+    throw UsageError(connection_->name(), ": this map was opened for reading (MapAccess)");
 }
 
 int64_t SqliteMap::size() const {

@@ -28,16 +28,16 @@ WriterLock::WriterLock(const std::filesystem::path& map, const std::string& name
   while (true) {
     descriptor_ = ::open(file_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (descriptor_ < 0)
-      throw Error(str(name, ": cannot be written: ", file_.filename().string(), ": ",
-                      std::strerror(errno)));
+      throw Error(name, ": cannot be written: ", file_.filename().string(), ": ",
+                  std::strerror(errno));
     const bool locked = ::flock(descriptor_, LOCK_EX | LOCK_NB) == 0;
     if (locked && is_there(descriptor_, file_)) return;
     const int reason = errno;
     ::close(descriptor_);
     if (locked) continue;
     if (reason == EWOULDBLOCK)
-      throw Error(str(name, ": another process is writing to this map; wait for it to end"));
-    throw Error(str(name, ": cannot be locked: ", std::strerror(reason)));
+      throw Error(name, ": another process is writing to this map; wait for it to end");
+    throw Error(name, ": cannot be locked: ", std::strerror(reason));
   }
 }
 

@@ -71,7 +71,7 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
                             double turn, const RegistrationOptions& options, const Refine& refine) {
   check(options);
   if (!std::isfinite(turn))
-    throw UsageError(str("register_scans: expected a finite turn, found ", turn));
+    throw UsageError("register_scans: expected a finite turn, found ", turn);
   const PreparedScan::Parts& query = query_scan.parts();
   const PreparedScan::Parts& place = place_scan.parts();
   Registration result;

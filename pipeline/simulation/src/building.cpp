@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 
 #include "objects.h"
 
@@ -50,7 +49,6 @@ void wall(const Placement& placement, double width, double height,
   building->append(mesh, placement);
 }
 
-/// What the openings of one house have in common.
 struct FacadeStyle {
   double bay, window_width, sill, window_height, recess;  // [m]
   double shutters;                                        // share of windows with closed blinds
@@ -95,7 +93,7 @@ std::vector<std::vector<Opening>> windows(Random& random, const BuildingStyle& s
   return rows;
 }
 
-/// What stands out of the front: plinth, steps, bay window, balconies, canopy, downpipes.
+/// Adds plinth, steps, bay window, balconies, canopy and downpipes to the front.
 void add_relief(Random& random, const BuildingStyle& style, double height, Surface wall_surface,
                 Mesh* mesh) {
   const double w = style.width;
@@ -183,22 +181,20 @@ Mesh make_building(Random& random, const BuildingStyle& style) {
   Mesh mesh;
   const double height = style.floors * style.floor_height + random.uniform(0, 0.6);
   const Surface plaster = surface(Material::kSolid, random.uniform(0.25, 0.65), Look::kWall);
-  const Vec low = Vec::Zero();
-  const Vec right(f(style.width), 0, 0), back(f(style.width), f(style.depth), 0);
   constexpr double kQuarter = 1.5707963267948966;
   if (style.detailed) {
     const FacadeStyle facade{random.uniform(2.2, 3.8),  random.uniform(0.9, 1.7),
                              random.uniform(0.6, 1.1),  random.uniform(1.2, 1.6),
                              random.uniform(0.08, 0.3), random.uniform(0, 0.5)};
     // Each wall in a frame of its own whose y points into the house.
-    wall({low, 0}, style.width, height, windows(random, style, facade, style.width, true), plaster,
-         &mesh);
-    wall({right, kQuarter}, style.depth, height, windows(random, style, facade, style.depth, false),
-         plaster, &mesh);
-    wall({back, 2 * kQuarter}, style.width, height,
-         windows(random, style, facade, style.width, false), plaster, &mesh);
-    wall({Vec(0, f(style.depth), 0), 3 * kQuarter}, style.depth, height,
-         windows(random, style, facade, style.depth, false), plaster, &mesh);
+    const std::array<Vec, 4> corners = {Vec::Zero(), Vec(f(style.width), 0, 0),
+                                        Vec(f(style.width), f(style.depth), 0),
+                                        Vec(0, f(style.depth), 0)};
+    for (int side = 0; side < 4; ++side) {
+      const double width = side % 2 ? style.depth : style.width;
+      wall({corners[static_cast<size_t>(side)], side * kQuarter}, width, height,
+           windows(random, style, facade, width, side == 0), plaster, &mesh);
+    }
     add_relief(random, style, height, plaster, &mesh);
   } else {
     mesh.box({0, 0, -1.5f}, {f(style.width), f(style.depth), f(height)}, plaster);

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <span>
 #include <vector>
 
 #include "light.h"
@@ -19,13 +18,12 @@ struct CameraModel {
   Pose T_velo_cam;
 };
 
-/// Takes pictures: one per thread.
+/// One per thread.
 class Camera {
  public:
   Camera(const CameraModel& model, const Textures& textures, uint64_t seed);
 
-  /// The picture from a vehicle at `T_world_velo`. Depends on seed, frame, pose, light and scene
-  /// only.
+  /// The picture depends on seed, frame, pose, light and scene only.
   GrayImage picture(int frame, const Pose& T_world_velo, const Light& light, RayCaster& scene);
 
  private:

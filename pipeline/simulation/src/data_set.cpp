@@ -19,7 +19,6 @@ std::string numbered(int frame, const char* extension) {
   return name;
 }
 
-/// Adds the files in the folder that are named by a frame.
 void add_frames(const fs::path& folder, const char* extension, OutputFolder::Files* files) {
   std::error_code error;
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
@@ -30,7 +29,6 @@ void add_frames(const fs::path& folder, const char* extension, OutputFolder::Fil
   }
 }
 
-/// What decides the bytes of a scan besides its frame number.
 std::string settings_of(const SimulationConfig& config, const Drive& drive) {
   std::string text = str("version: ", kWorldVersion, "\n");
   text += str("sensor: ", name_of(config.sensor), "\n");

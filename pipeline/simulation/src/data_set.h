@@ -16,10 +16,8 @@ class DataSet {
  public:
   DataSet(const SimulationConfig& config, const Drive& drive);
 
-  /// Makes the folder ready for the frames `wanted` (OutputFolder::open). Returns the frames that
-  /// are complete already.
+  /// OutputFolder::open() by frames. Returns those that are complete already.
   std::set<int> open(const std::set<int>& wanted, bool overwrite);
-  /// Writes poses, calibration and times.
   void write_frame(const std::string& poses, const std::string& calibration,
                    const std::string& times);
 

@@ -67,8 +67,8 @@ Projection scaled(const Projection& P, double scale) {
   return S * P;
 }
 
-/// The text of a calib.txt with all projections P0, P1... for pictures of another size, and with
-/// another Tr when `T_cam_velo` is given.
+/// calib.txt with the projections P0, P1... scaled, and with Tr replaced when `T_cam_velo` is
+/// given.
 std::string changed_calibration(const std::filesystem::path& file, double scale,
                                 const Pose* T_cam_velo) {
   std::istringstream lines(read_content(file));

@@ -10,7 +10,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Where the vehicle goes, and the text of the KITTI files that say so.
+/// The path of the vehicle, and the text of its KITTI files.
 struct Drive {
   std::vector<PlanarPose> poses;    // [frame], of the LiDAR
   Eigen::Quaterniond R_level_velo;  // tilt of the LiDAR
@@ -20,13 +20,11 @@ struct Drive {
   CameraModel camera;       // when pictures are asked for
 };
 
-/// The drive that the configuration asks for. Throws UsageError, InputError.
+/// Throws UsageError, InputError.
 Drive make_drive(const SimulationConfig& config);
 
-/// The content of times.txt.
 std::string times_text(size_t frames);
-/// The content of a KITTI poses file with T_world_cam(i) for sensor poses T_town_velo[i]; the world
-/// is the camera's frame at frame 0.
+/// Lines of T_world_cam; the world is the camera's frame at frame 0.
 std::string poses_text(const std::vector<Pose>& T_town_velo, const Pose& T_cam_velo);
 
 }  // namespace revisit::pipeline::simulation

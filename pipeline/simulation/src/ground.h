@@ -9,7 +9,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// The ground: gentle hills, and a kerb and banks beside the road.
+/// Gentle hills, and a kerb and banks beside the road.
 class Ground {
  public:
   Ground(uint64_t seed, const RoadMap& roads, const Scenery& scenery);

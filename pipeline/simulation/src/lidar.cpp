@@ -90,15 +90,6 @@ BeamPattern beam_pattern(LidarModel model) {
   return pattern;
 }
 
-}  // namespace simulation
-
-const char* name_of(LidarModel model) {
-  constexpr const char* kNames[] = {"hdl64", "vlp16", "ouster-os1-64"};
-  return kNames[static_cast<size_t>(model)];
-}
-
-namespace simulation {
-
 void check(const NoiseModel& noise) {
   if (!(noise.range_sigma >= 0 && noise.range_sigma <= 1))
     throw UsageError("range noise of ", noise.range_sigma, " m: expected 0 to 1 m");
@@ -163,4 +154,10 @@ PointCloud Lidar::scan(int frame, const Pose& T_world_velo, RayCaster& scene) {
 }
 
 }  // namespace simulation
+
+const char* name_of(LidarModel model) {
+  constexpr const char* kNames[] = {"hdl64", "vlp16", "ouster-os1-64"};
+  return kNames[static_cast<size_t>(model)];
+}
+
 }  // namespace revisit::pipeline

@@ -3,12 +3,12 @@
 #include <vector>
 
 #include "ray_caster.h"
+#include "revisit/datasets/pose.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/simulation/simulation.h"
 
 namespace revisit::pipeline::simulation {
 
-/// Geometry of a spinning LiDAR.
 struct BeamPattern {
   std::vector<double> elevation;       // [beam], top first [rad]
   std::vector<double> azimuth_offset;  // [beam] [rad]
@@ -25,7 +25,7 @@ struct NoiseModel {
 /// Throws UsageError for an invalid noise.
 void check(const NoiseModel& noise);
 
-/// Takes scans: one per thread.
+/// One per thread.
 class Lidar {
  public:
   Lidar(const BeamPattern& pattern, const NoiseModel& noise, uint64_t seed);

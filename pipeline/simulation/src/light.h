@@ -7,7 +7,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// How the town is lit. Irradiance in units of the sun's through clear air, perpendicular to it.
+/// Irradiance in units of the sun's through clear air, perpendicular to it.
 struct Light {
   Eigen::Vector3f to_sun;                          // unit
   float sun = 1;                                   // irradiance, perpendicular to the sun
@@ -16,9 +16,8 @@ struct Light {
   Eigen::Vector2f wind = Eigen::Vector2f::Zero();  // how far the clouds have come, in sky widths
 };
 
-/// The light at a time of the drive [s]. With `changing`, the sun moves as fast as if an hour took
-/// a minute, clouds pass and the exposure errs: passes of one place differ. Otherwise it is the
-/// light of time 0 always.
+/// The light at a time of the drive [s], without `changing` at time 0. With it the sun moves an
+/// hour a minute, clouds pass and the exposure errs.
 Light light_at(uint64_t seed, double time, bool changing);
 
 /// Radiance of the air between the camera and what is far, and of hills at the horizon.

@@ -8,7 +8,6 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Coordinates of meshes are floats.
 inline float f(double value) {
   return static_cast<float>(value);
 }
@@ -50,7 +49,7 @@ struct Surface {
   Look look = Look::kPlain;
 };
 
-/// Surface of the given reflectance in [0, 1].
+/// `reflectance` is in [0, 1].
 Surface surface(Material material, double reflectance, Look look = Look::kPlain);
 
 /// Where an object stands: its origin, and the direction its x axis points to [rad].
@@ -59,7 +58,7 @@ struct Placement {
   double yaw = 0;
 };
 
-/// Something that was put into a mesh as a whole. No two of one `kind` look alike.
+/// No two objects of one `kind` look alike.
 struct Object {
   Eigen::Vector3f origin = Eigen::Vector3f::Zero();   // [m]
   Eigen::Vector2f x_axis = Eigen::Vector2f::UnitX();  // unit

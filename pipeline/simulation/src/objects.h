@@ -12,7 +12,7 @@ Mesh make_truck(Random& random);
 /// A car centred on the origin, forward = x. `half` is filled with half its length and width.
 Mesh make_car(Random& random, Eigen::Vector2d* half);
 
-/// Someone walking along x.
+/// Walks along x.
 Mesh make_person(Random& random);
 
 /// Trunk at the origin, crown of the given radius.
@@ -41,10 +41,9 @@ Mesh make_post(Random& random);
 /// A board of some metres on two legs that faces x.
 Mesh make_board(Random& random);
 Mesh make_sign(Random& random);
-/// Bins, cabinets, bollards, benches: something small on the pavement, within 0.7 m.
+/// A bin, cabinet, bollard or bench within 0.7 m.
 Mesh make_street_furniture(Random& random);
 
-/// How a house looks.
 struct BuildingStyle {
   double width = 12, depth = 10;  // along x, along y [m]
   int floors = 2;

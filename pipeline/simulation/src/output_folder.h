@@ -12,14 +12,12 @@ class OutputFolder {
  public:
   using Files = std::set<std::filesystem::path>;
 
-  /// `settings` (lines `key: value`) tells this simulation from any other; `settings_file` keeps
-  /// it.
+  /// `settings` (lines `key: value`) identifies the simulation; `settings_file` keeps it.
   OutputFolder(std::filesystem::path settings_file, const std::string& settings);
 
-  /// Makes the folder ready to hold the files `wanted`. `there` are the files of their kind that
-  /// are there now, `others` those that will be written besides. Refuses files that are not ours or
-  /// were made otherwise (UsageError), removes them with `overwrite` when they are ours, and writes
-  /// the settings first. Returns the wanted files that are there already.
+  /// Makes the folder ready for the files `wanted`: `there` are those of their kind now, `others`
+  /// will be written besides. Throws UsageError for files that are not ours or of other settings,
+  /// removes the latter with `overwrite`, and writes the settings. Returns the wanted ones there.
   Files open(const Files& wanted, const Files& there,
              const std::vector<std::filesystem::path>& others, bool overwrite) const;
 

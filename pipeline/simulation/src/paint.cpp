@@ -25,12 +25,11 @@ float blend(float a, float b, float share) {
   return a + (b - a) * share;
 }
 
-/// A random number in [0, 1) of a thing: `which` tells one of its properties from the next.
+/// A random number in [0, 1) for property `which` of a thing.
 float lot(uint64_t thing, uint64_t which) {
   return unit_float(random_bits(thing, which));
 }
 
-/// One point of one object.
 struct Spot {
   const SurfacePoint& point;
   const Textures& textures;

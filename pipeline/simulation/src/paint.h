@@ -7,7 +7,6 @@
 
 namespace revisit::pipeline::simulation {
 
-/// What the camera needs to know of a surface at a point.
 struct Paint {
   float albedo = 0.5f;  // share of light given back in all directions
   float gloss = 0;      // share of the mirror image of the sky, at normal incidence
@@ -21,8 +20,7 @@ struct SurfacePoint {
   float footprint;           // side of the square that a pixel covers there [m]
 };
 
-/// The paint at a point: bricks, slabs, leaves, posters... None of its details is finer than the
-/// footprint. It belongs to the place and the object, so every visit sees the same.
+/// No detail of the paint is finer than the footprint, and every visit sees the same.
 Paint paint_at(const SurfacePoint& point, const Textures& textures);
 
 }  // namespace revisit::pipeline::simulation

@@ -29,7 +29,6 @@ fs::path scan_name(const Shot& shot) {
   return name;
 }
 
-/// The files there that are named like ours.
 OutputFolder::Files scans_there(const fs::path& root) {
   OutputFolder::Files files;
   for (int place = 0; place < kPlaces; ++place) {
@@ -48,7 +47,7 @@ std::string settings_of(const PlaceSimulationConfig& config) {
              "\ndropout: ", exact(config.dropout), "\nseed: ", config.seed, "\n");
 }
 
-/// What is true of each scan, for people and for checks: an evaluation needs the folders only.
+/// For people and checks: an evaluation needs the folders only.
 std::string truth_csv(const std::vector<Shot>& shots, const std::vector<Passers>& passers) {
   std::string text = "file,place,x_m,y_m,z_m,yaw_deg,people,cars\n";
   for (size_t i = 0; i < shots.size(); ++i) {

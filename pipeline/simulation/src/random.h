@@ -32,8 +32,7 @@ inline float normal_float(uint64_t bits) {
   return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi_v<float> * v);
 }
 
-/// A sequence of random numbers for building things, one after the other.
-/// (The standard's distributions may differ between libraries; these are the same everywhere.)
+/// A sequence of random numbers that is the same with every standard library.
 class Random {
  public:
   explicit Random(uint64_t seed, uint64_t purpose = 0) : key_(random_bits(seed, purpose)) {}

@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <memory>
 #include <span>
-#include <vector>
 
 #include "mesh.h"
 
@@ -19,8 +18,8 @@ struct Hit {
   float u = 0, v = 0;          // barycentric coordinates: corner 0 + u (1 - 0) + v (2 - 0)
 };
 
-/// A scene of triangles that rays can be cast into; Embree builds the tree. The tree is built by
-/// one thread: its shape, and so which of two touching triangles is hit, never depends on timing.
+/// A scene of triangles. Embree builds its tree in one thread: its shape, and so which of two
+/// touching triangles is hit, never depends on timing.
 class Scene {
  public:
   /// Throws Error when memory does not suffice.

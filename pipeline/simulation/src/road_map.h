@@ -7,7 +7,7 @@
 
 namespace revisit::pipeline::simulation {
 
-/// Where the vehicle is in the plane at one frame: [m], [rad], x-axis forward.
+/// [m], [rad], x-axis forward.
 struct PlanarPose {
   double x = 0, y = 0, yaw = 0;
 };
@@ -45,15 +45,15 @@ struct Path {
 Path resample(const std::vector<PlanarPose>& poses);
 constexpr double kLargestGap = 40;  // [m]
 
-/// Answers how far the road is. The road is the driven path and the lane for oncoming traffic.
+/// The road is the driven path and the lane for oncoming traffic.
 class RoadMap {
  public:
   /// The oncoming lane is `oncoming` metres to the left of the path.
   RoadMap(const std::vector<PlanarPose>& poses, const std::vector<PathPoint>& path,
           double oncoming);
 
-  /// Distance from a point to the road, as metres from the driven lane's centre; the oncoming
-  /// lane counts 1 m further, because nothing is measured from there. `limit` when further.
+  /// Distance [m] to the driven lane's centre, at most `limit`. The oncoming lane counts 1 m more,
+  /// because nothing is measured from there.
   double distance(const Eigen::Vector2d& point, double limit) const;
   /// True when the road is at least `clearance` away from the whole rectangle.
   bool clear(const Footprint& footprint, double clearance) const;

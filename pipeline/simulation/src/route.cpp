@@ -63,7 +63,6 @@ void extend(Polyline* route, const Polyline& next) {
   route->insert(route->end(), next.begin() + (joined ? 1 : 0), next.end());
 }
 
-/// Cuts the polyline where its length is `length`.
 void trim(Polyline* route, double length) {
   for (size_t i = 1; i < route->size(); ++i) {
     const Vec2 step = (*route)[i] - (*route)[i - 1];
@@ -109,7 +108,6 @@ Polyline rounded(const Polyline& corners) {
   return points;
 }
 
-/// Drives along the middle of the street, in the right lane.
 std::vector<PlanarPose> drive(const Polyline& middle, uint64_t seed) {
   // The lane: the middle line moved sideways by an offset that depends on the distance driven, so
   // that it differs from pass to pass. Directions over 1 m each way.

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "revisit/datasets/pose.h"
 #include "revisit/simulation/simulation.h"
 #include "road_map.h"
 
@@ -10,15 +11,13 @@ namespace revisit::pipeline::simulation {
 /// Seconds between frames: ten turns of the sensor a second.
 constexpr double kFramePeriod = 0.1;
 
-/// A drive through generated streets: about `length` metres at about 8 m/s, ten poses a second.
-/// Revisits keep to their lane with a slowly changing offset, so they are near the first visit
-/// but not on it. Throws UsageError when `length` is too short for the kind of route.
+/// A drive of about `length` metres at about 8 m/s, ten poses a second. The offset in the lane
+/// changes slowly, so revisits are near the first visit. Throws UsageError for another `length`.
 std::vector<PlanarPose> generate_route(RouteKind kind, double length, uint64_t seed);
 
-/// The poses of a KITTI drive seen from above, in a frame with x = camera z (forward of frame 0),
-/// y = -camera x (left), around the first pose. Height, roll and pitch are left out: the
-/// ground truth's height drifts by metres between visits of the same place.
-/// Throws InputError naming `file` when the drive cannot be a road (not finite, too long).
+/// The poses of a KITTI drive seen from above: x = camera z, y = -camera x, from the first pose.
+/// Height, roll and pitch are left out, because the height drifts by metres between visits.
+/// Throws InputError naming `file` when the drive is not finite or too long.
 std::vector<PlanarPose> flatten(const std::vector<Pose>& T_world_cam, const Pose& T_cam_velo,
                                 const std::filesystem::path& file);
 

@@ -1,15 +1,10 @@
 #include "scenery.h"
 
-#include "revisit/base/error.h"
-#include "road_map.h"
-
 namespace revisit::pipeline {
 namespace simulation {
 namespace {
 
 using enum FenceKind;
-
-constexpr double kNever = 9, kAlways = -9;  // fields are within [-0.2, 1.2]
 
 constexpr Fences kOpaque = {kBoards, kWall, kHedge, kHedge, kHedge, kHedge};
 constexpr Fences kGardens = {kSlats, kBoards, kHedge, kHedge, kHedge, kRailing};
@@ -18,66 +13,14 @@ constexpr Fences all(FenceKind kind) {
   return {kind, kind, kind, kind, kind, kind};
 }
 
-constexpr Scenery kTown = {
-    .name = "town",
-    .equal = false,
-    .oncoming = kOncomingOffset,
-    .kerb = {3.5, 5.6},
-    .kerb_height = 0.12,
-    .paving = 1.9,
-    .asphalt = false,
-    .bank_height = 0,
-    .bank = {0, 1},
-    .side_streets = {120, 280},
-    .side_street_width = {5, 8},
-    .front = 1.4,
-    .open_below = kAlways,
-    .green_below = 0.2,
-    .urban_above = 0.6,
-    .smallest_width = 7.5,
-    .smallest_depth = 11,
-    .urban_width = {8, 19},
-    .green_width = {14, 28},
-    .villa_width = {13, 22},
-    .urban_depth = {12, 16},
-    .other_depth = {15, 23},
-    .gapless = 0.8,
-    .urban_floors = {2, 5},
-    .villa_floors = {1, 3},
-    .recessed = 0.3,
-    .shops = 0.3,
-    .setback = {2.2, 5.5},
-    .beside = {2, 7},
-    .fences = kOpaque,
-    .tall_fences = 0.6,
-    .lines = {{{.beyond_kerb = 1.9,
-                .below = 1,
-                .owner = 25,
-                .kinds_an_owner = 997,
-                .kinds = kOpaque,
-                .height = {1.5, 2.5},
-                .joined = false}}},
-    .verge = 0.75,
-    .things = {6, 15},
-    .boards = 0,
-    .posts = 0,
-    .lamps = 0.28,
-    .signs = 0.20,
-    .trees = 0.27,
-    .parked = {0.2, 0.8},
-    .rows = {},
-    .row_cars = {},
-    .wood_above = kNever,
-    .wood = {},
-    .far_houses = {0.25, 0.85},
-    .far_floors = {1, 4},
-    .far_plants = {2, 8},
-    .far_trees = 0.6,
-    .oncoming_spacing = 90,
-    .oncoming_speed = {6, 11},
-    .leader = 0.4,
-    .trucks = 0,
-};
+constexpr Scenery kTown = {.name = "town",
+                           .fences = kOpaque,
+                           .lines = {{{.beyond_kerb = 1.9,
+                                       .below = 1,
+                                       .kinds_an_owner = 997,
+                                       .kinds = kOpaque,
+                                       .height = {1.5, 2.5},
+                                       .joined = false}}}};
 
 /// Houses far back in large gardens, behind low fences and hedges.
 constexpr Scenery village() {
@@ -96,12 +39,8 @@ constexpr Scenery village() {
   s.setback = {8, 17}, s.beside = {9, 20};
   s.fences = kGardens;
   s.tall_fences = 0.2;
-  s.lines = {{{.beyond_kerb = 1.6,
-               .below = 0.5,
-               .owner = 40,
-               .kinds_an_owner = 6,
-               .kinds = kGardens,
-               .height = {0.8, 1.7}}}};
+  s.lines = {
+      {{.beyond_kerb = 1.6, .below = 0.5, .owner = 40, .kinds = kGardens, .height = {0.8, 1.7}}}};
   s.verge = 1.7;
   s.things = {10, 28};
   s.posts = 0.05, s.lamps = 0.25, s.signs = 0.1, s.trees = 0.45;
@@ -131,18 +70,13 @@ constexpr Scenery country() {
   s.setback = {6, 14}, s.beside = {12, 24};
   s.fences = kGardens;
   s.tall_fences = 0.2;
-  s.lines = {{{.beyond_kerb = 3.2,
-               .below = 0.4,
-               .owner = 55,
-               .kinds_an_owner = 6,
-               .kinds = all(kHedge),
-               .height = {0.8, 2.4}},
-              {.beyond_kerb = 5.5,
-               .below = 0.45,
-               .owner = 90,
-               .kinds_an_owner = 6,
-               .kinds = all(kPasture),
-               .height = {1.1, 1.3}}}};
+  s.lines = {
+      {{.beyond_kerb = 3.2, .below = 0.4, .owner = 55, .kinds = all(kHedge), .height = {0.8, 2.4}},
+       {.beyond_kerb = 5.5,
+        .below = 0.45,
+        .owner = 90,
+        .kinds = all(kPasture),
+        .height = {1.1, 1.3}}}};
   s.verge = 2.2;
   s.things = {12, 40};
   s.posts = 0.4, s.lamps = 0, s.signs = 0.08, s.trees = 0.5;
@@ -176,7 +110,6 @@ constexpr Scenery motorway() {
               {.beyond_kerb = -8.9,  // 4.7 m to the left of the lane
                .below = 1,
                .owner = 200,
-               .kinds_an_owner = 6,
                .kinds = {kGuardRail, kConcrete, kGuardRail, kConcrete, kConcrete, kGuardRail},
                .height = {0.8, 0.9},
                .left_only = true},
@@ -217,7 +150,6 @@ constexpr Scenery car_park() {
   s.lines = {{{.beyond_kerb = 36,
                .below = 0.6,
                .owner = 60,
-               .kinds_an_owner = 6,
                .kinds = {kHedge, kRailing, kSlats, kHedge, kWall, kHedge},
                .height = {1, 2.2}}}};
   s.verge = 0.6;
@@ -251,12 +183,7 @@ constexpr Scenery old_town() {
   s.urban_floors = {3, 5};
   s.recessed = 0.1, s.shops = 0.6;
   s.fences = all(kWall);
-  s.lines = {{{.beyond_kerb = 1.2,
-               .below = 1,
-               .owner = 25,
-               .kinds_an_owner = 6,
-               .kinds = all(kWall),
-               .height = {2.5, 5}}}};
+  s.lines = {{{.beyond_kerb = 1.2, .below = 1, .kinds = all(kWall), .height = {2.5, 5}}}};
   s.verge = 0.5;
   s.things = {15, 40};
   s.lamps = 0.2, s.signs = 0.3, s.trees = 0;

@@ -27,7 +27,7 @@ constexpr double kPlaceRadius = 0.5;
 /// How many scans each place gets: 77 or 94 in all, as in the HKUST data.
 std::vector<int> shots_per_place(PlaceScans scans);
 
-/// Where the sensor stands, place by place. The places are along the path, the same for both kinds.
+/// The shots place by place. The places are the same for both kinds.
 std::vector<Shot> plan_shots(PlaceScans scans, uint64_t seed, const std::vector<PathPoint>& path,
                              const Ground& ground);
 

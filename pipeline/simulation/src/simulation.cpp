@@ -72,7 +72,7 @@ Pose stand(const PlanarPose& pose, const Ground& ground, double height) {
   return T;
 }
 
-/// What one thread drives through the town.
+/// Of one thread.
 struct Vehicle {
   std::unique_ptr<RayCaster> surroundings;
   std::unique_ptr<Lidar> lidar;

@@ -1,15 +1,13 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
 
 namespace revisit::pipeline::simulation {
 
-/// A square tile that repeats in both directions, with its mip-map (every level half the size of
-/// the one before), so that a pixel of any size sees the mean of what it covers: no detail finer
-/// than a pixel appears, and a place looks alike from near and far.
+/// A square tile that repeats in both directions, with its mip-map: a pixel of any size sees the
+/// mean of what it covers, so a place looks alike from near and far.
 class Texture {
  public:
   /// `value(column, row)` in [0, 2) for `size` x `size` texels of `texel` metres; a power of 2.

@@ -16,7 +16,6 @@ using Vec2 = Eigen::Vector2d;
 constexpr double kClearance = kRoadHalfWidth + 0.25;  // of everything, from any pose [m]
 constexpr size_t kFrontPiece = 2;                     // of a closed front [path points]
 
-/// Half of all fences are hedges.
 constexpr std::array<FenceKind, 8> kAnyFence = {
     FenceKind::kSlats, FenceKind::kBoards, FenceKind::kWall,  FenceKind::kRailing,
     FenceKind::kHedge, FenceKind::kHedge,  FenceKind::kHedge, FenceKind::kHedge};
@@ -80,7 +79,7 @@ class Builder {
     if (scenery_.equal) random_ = others;
   }
 
-  /// Puts an object with its origin at `origin` if that keeps the road clear.
+  /// Puts an object there if that keeps the road clear.
   bool put(const Mesh& object, const Vec2& origin, const Vec2& x_axis, const Footprint& footprint) {
     if (!roads_.clear(footprint, kClearance)) return false;
     const double z = ground_.surface_height(origin);
@@ -123,7 +122,6 @@ class Builder {
     }
   }
 
-  /// They are closed on both sides, too.
   void close_side_streets() {
     for (const Lot& street : streets_)
       for (const double x : {-street.width / 2, street.width / 2})
@@ -467,7 +465,7 @@ class Builder {
   const Ground& ground_;
   const Scenery& scenery_;
   Occupancy taken_, cars_, furniture_;
-  std::vector<Lot> streets_;  // nobody drives them
+  std::vector<Lot> streets_;
   World world_;
 };
 

@@ -19,8 +19,8 @@ struct World {
 /// Farther than any sensor sees: the ground reaches this far from the path [m].
 constexpr double kWorldReach = 125;
 
-/// Lays out surroundings along the path. It is made in one walk along the path; ground that is
-/// taken stays taken, so a street driven twice gets its houses once.
+/// Lays out surroundings in one walk along the path. Ground that is taken stays taken, so a street
+/// driven twice gets its houses once.
 World build_world(uint64_t seed, const std::vector<PathPoint>& path, const RoadMap& roads,
                   const Ground& ground, const Scenery& scenery);
 

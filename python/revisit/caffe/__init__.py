@@ -40,9 +40,7 @@ def set_mode_gpu():
     global _has_warned_of_gpu
     if not _has_warned_of_gpu:
         _has_warned_of_gpu = True
-        _warnings.warn(
-            'this caffe runs on the CPU: set_mode_gpu() and set_device() do nothing', stacklevel=2
-        )
+        _warnings.warn('this caffe runs on the CPU: set_mode_gpu() and set_device() do nothing', stacklevel=2)
 
 
 def set_device(device):

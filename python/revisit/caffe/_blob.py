@@ -14,9 +14,7 @@ def _axes(given):
     """Sizes as integers. Scripts of Python 2's days divide them; a whole number stays one."""
     axes = tuple(int(axis) for axis in given)
     if axes != tuple(given) or any(axis < 0 for axis in axes):
-        raise ValueError(
-            f'a blob cannot have the shape {list(given)}: axes are whole numbers, 0 or more'
-        )
+        raise ValueError(f'a blob cannot have the shape {list(given)}: axes are whole numbers, 0 or more')
     return axes
 
 

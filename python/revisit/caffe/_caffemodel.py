@@ -54,9 +54,7 @@ def caffemodel(name, layers):
         chunks += _field(_LAYER, parts)
     size = sum(len(chunk) for chunk in chunks)
     if size > _LARGEST:
-        raise ValueError(
-            f'a caffemodel has at most {_LARGEST} bytes, these weights take {size}; use save_hdf5()'
-        )
+        raise ValueError(f'a caffemodel has at most {_LARGEST} bytes, these weights take {size}; use save_hdf5()')
     return chunks
 
 

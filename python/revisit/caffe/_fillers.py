@@ -41,9 +41,7 @@ def _unit_ball(shape):
 
 def _bilinear(shape):
     if len(shape) != 4 or shape[2] != shape[3]:
-        raise InputError(
-            f"the filler 'bilinear' is for square kernels of 4 axes, found {list(shape)}"
-        )
+        raise InputError(f"the filler 'bilinear' is for square kernels of 4 axes, found {list(shape)}")
     half = math.ceil(shape[3] / 2)
     centre = (shape[3] - 1) / (2 * half)
     weights = 1 - np.abs(np.arange(shape[3]) / half - centre)
@@ -69,14 +67,11 @@ def fill(filler, shape):
 # Which message of a layer's parameters has the fillers of its first and second kind of weights, and the constant of
 # the first when the file names none.
 _FILLERS = {
-    'Convolution': ('convolution_param', 'weight_filler', 'bias_filler', 0),
-    'DepthwiseConvolution': ('convolution_param', 'weight_filler', 'bias_filler', 0),
-    'ConvolutionDepthwise': ('convolution_param', 'weight_filler', 'bias_filler', 0),
-    'Deconvolution': ('convolution_param', 'weight_filler', 'bias_filler', 0),
+    **dict.fromkeys(('Convolution', 'DepthwiseConvolution', 'ConvolutionDepthwise', 'Deconvolution'),
+                    ('convolution_param', 'weight_filler', 'bias_filler', 0)),
     'InnerProduct': ('inner_product_param', 'weight_filler', 'bias_filler', 0),
     'Embed': ('embed_param', 'weight_filler', 'bias_filler', 0),
-    'LSTM': ('recurrent_param', 'weight_filler', 'bias_filler', 0),
-    'RNN': ('recurrent_param', 'weight_filler', 'bias_filler', 0),
+    **dict.fromkeys(('LSTM', 'RNN'), ('recurrent_param', 'weight_filler', 'bias_filler', 0)),
     'Scale': ('scale_param', 'filler', 'bias_filler', 1),
     'Bias': ('bias_param', 'filler', 'filler', 0),
     'PReLU': ('prelu_param', 'filler', 'filler', 0.25),

@@ -46,9 +46,7 @@ class Net:
     def __init__(self, network_file, *args, **kwargs):
         if args and _is_path(args[0]):
             if len(args) != 2 or kwargs:
-                raise TypeError(
-                    'expected Net(prototxt, weights, phase), or Net(prototxt, phase, weights=weights)'
-                )
+                raise TypeError('expected Net(prototxt, weights, phase), or Net(prototxt, phase, weights=weights)')
             self._create(network_file, phase=args[1], weights=args[0])
         else:
             self._create(network_file, *args, **kwargs)
@@ -70,11 +68,8 @@ class Net:
         self._batches = None  # where the next batches of _images begin: set_input_arrays()
         self.blobs = OrderedDict()
         self._make_inputs(net.layer)
-        self._detectors = {
-            layer.tops[0]: layer.bottoms[0]
-            for layer in self.layers
-            if layer.type == 'DetectionOutput'
-        }
+        self._detectors = {layer.tops[0]: layer.bottoms[0] for layer in self.layers
+                           if layer.type == 'DetectionOutput'}
         self._set_up_scripts()
         blobs = self.blobs  # not self: a net goes when the script lets go of it, without a cycle
         self._ranges = Ranges(self.layers, lambda name: blobs[name].shape, self._prototxt)
@@ -186,9 +181,7 @@ class Net:
                     for i, blob in enumerate(layer.blobs):
                         group.create_dataset(str(i), data=blob.read())
 
-    def load_hdf5(self, path):
-        """copy_from() by another name: that reads HDF5 files, too."""
-        self.copy_from(path)
+    load_hdf5 = copy_from  # which reads HDF5 files, too
 
     # -- Names.
 
@@ -283,9 +276,7 @@ class Net:
 
     def _index(self, layer):
         if layer not in self._layer_names:
-            raise ValueError(
-                f"the net has no layer '{layer}'; its layers are {', '.join(self._layer_names)}"
-            )
+            raise ValueError(f"the net has no layer '{layer}'; its layers are {', '.join(self._layer_names)}")
         return self._layer_names.index(layer)
 
     def forward(self, blobs=None, start=None, end=None, **inputs):
@@ -309,15 +300,11 @@ class Net:
 
     def _set_inputs(self, inputs):
         if set(inputs) != set(self.inputs):
-            raise ValueError(
-                f'expected arrays for the inputs {sorted(self.inputs)}, found {sorted(inputs)}'
-            )
+            raise ValueError(f'expected arrays for the inputs {sorted(self.inputs)}, found {sorted(inputs)}')
         for name, array in inputs.items():
             blob, found = self.blobs[name], np.shape(array)
             if not found or not blob.shape or found[0] != blob.shape[0]:
-                raise ValueError(
-                    f"input '{name}': expected a batch of shape {blob.shape}, found {list(found)}"
-                )
+                raise ValueError(f"input '{name}': expected a batch of shape {blob.shape}, found {list(found)}")
             blob.data[...] = array
         self._batches = None
 
@@ -339,10 +326,7 @@ class Net:
             for name, values in self.forward(blobs=blobs, **batch).items():
                 collected[name].extend(values.copy())
         n_rows = max(1, n_images + n_padding)  # of no images no batch
-        return {
-            name: np.asarray(rows[: len(rows) * n_images // n_rows])
-            for name, rows in collected.items()
-        }
+        return {name: np.asarray(rows[: len(rows) * n_images // n_rows]) for name, rows in collected.items()}
 
     def _batch(self, inputs):
         """The inputs cut into batches; the last is filled up with zeros."""
@@ -353,11 +337,7 @@ class Net:
             for name, images in inputs.items():
                 rows = np.asarray(images[begin : begin + size])
                 missing = size - len(rows)
-                batch[name] = (
-                    np.concatenate([rows, np.zeros((missing, *rows.shape[1:]))])
-                    if missing
-                    else rows
-                )
+                batch[name] = np.concatenate([rows, np.zeros((missing, *rows.shape[1:]))]) if missing else rows
             yield batch
 
     def set_input_arrays(self, data, labels):

@@ -10,9 +10,7 @@ from ._structure import computing
 
 
 def _same_bits(a, b):
-    return a.shape == b.shape and np.array_equal(
-        a.reshape(-1).view(np.uint32), b.reshape(-1).view(np.uint32)
-    )
+    return a.shape == b.shape and np.array_equal(a.reshape(-1).view(np.uint32), b.reshape(-1).view(np.uint32))
 
 
 class NetWeights:
@@ -58,19 +56,10 @@ class NetWeights:
         """Which blobs a WeightsFile has, by id()."""
         if file is None:
             return set()
-        return {
-            id(blob)
-            for name, layer in self._weighted
-            if name in file.layers
-            for blob in layer.blobs
-        }
+        return {id(blob) for name, layer in self._weighted if name in file.layers for blob in layer.blobs}
 
     def _warn_of_missing(self, file, given):
-        lacking = [
-            layer.name
-            for _, layer in self._weighted
-            if any(id(blob) not in given for blob in layer.blobs)
-        ]
+        lacking = [layer.name for _, layer in self._weighted if any(id(blob) not in given for blob in layer.blobs)]
         if file and lacking:
             warnings.warn(
                 f'{file.path}: no weights for the layers {", ".join(lacking)}: they keep what they '

@@ -24,11 +24,8 @@ class Pass:
 
     def shapes(self):
         """The shape of every blob that is written, by name."""
-        shapes = {
-            _engine.port_name(layer.name, i): shape
-            for layer in self._plan.layers
-            for i, shape in enumerate(layer.outputs)
-        }
+        shapes = {_engine.port_name(layer.name, i): shape
+                  for layer in self._plan.layers for i, shape in enumerate(layer.outputs)}
         return {blob: shapes[port] for blob, port in self._written.items()}
 
     def forward(self, values):
@@ -54,11 +51,7 @@ class Range:
         self.net = caffe_pb2.NetParameter(name='net')
         self.inputs = []  # names of blobs
         self.written = {}  # blob -> name of the engine's value that it holds in the end
-        messages = [
-            layer.message
-            for layer in layers
-            if layer.message is not None and layer.type not in IN_PYTHON
-        ]
+        messages = [layer.message for layer in layers if layer.message is not None and layer.type not in IN_PYTHON]
         self._add_boundary(messages, shape_of)
         names = set()
         for message in messages:
@@ -93,9 +86,7 @@ class Range:
         layer.CopyFrom(message)
         for field in ('include', 'exclude', 'blobs'):
             layer.ClearField(field)
-        while (
-            layer.name in names
-        ):  # legal in Caffe; the engine keeps values by the name of their layer
+        while layer.name in names:  # legal in Caffe; the engine keeps values by the name of their layer
             layer.name += ' (again)'
         names.add(layer.name)
         for i, blob in enumerate(layer.top):
@@ -162,21 +153,13 @@ class Ranges:
         if (start, end) not in self._kept:
             range_ = Range(layers[start:end], *self._context)
             named = zip(range_.names, layers[start:end])
-            range_.load(
-                {
-                    name: [blob.read() for blob in layer.blobs]
-                    for name, layer in named
-                    if layer.blobs
-                }
-            )
+            range_.load({name: [blob.read() for blob in layer.blobs] for name, layer in named if layer.blobs})
             self._kept[start, end] = range_
             self._forget()
         self._kept.move_to_end((start, end))
         return self._kept[start, end]
 
     def _forget(self):
-        while (
-            len(self._kept) > 1
-            and sum(kept.weight_bytes for kept in self._kept.values()) > 2 * self.whole.weight_bytes
-        ):
+        bytes_of = lambda: sum(kept.weight_bytes for kept in self._kept.values())
+        while len(self._kept) > 1 and bytes_of() > 2 * self.whole.weight_bytes:
             self._kept.popitem(last=False)

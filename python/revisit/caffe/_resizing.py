@@ -82,9 +82,7 @@ def resize_image(im, new_dims, interp_order=1):
     im = np.asarray(im)
     size = (int(new_dims[0]), int(new_dims[1]))
     if im.ndim != 3 or 0 in im.shape or min(size) < 1:
-        raise ValueError(
-            f'expected an image of 3 axes and a size of at least 1 x 1, found {im.shape} and {size}'
-        )
+        raise ValueError(f'expected an image of 3 axes and a size of at least 1 x 1, found {im.shape} and {size}')
     if im.shape[2] not in (1, 3):
         return _with_corners(im.astype(float), size, interp_order).astype(np.float32)
     low, high = float(im.min()), float(im.max())

@@ -46,10 +46,7 @@ class DummyData(Layer):
         if dummy.shape:
             self._shapes = [tuple(shape.dim) for shape in self._for_each(dummy.shape, 'shape')]
         else:
-            axes = (
-                self._for_each(getattr(dummy, name), name)
-                for name in ('num', 'channels', 'height', 'width')
-            )
+            axes = (self._for_each(getattr(dummy, name), name) for name in ('num', 'channels', 'height', 'width'))
             self._shapes = list(zip(*axes))
 
     def _for_each(self, given, name):

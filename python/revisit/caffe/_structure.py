@@ -100,11 +100,7 @@ def inputs(layers):
 
 def computing(layers):
     """The layers that the engine runs, in order."""
-    return [
-        layer
-        for layer in layers
-        if layer.message is not None and layer.type not in ('Input', *IN_PYTHON)
-    ]
+    return [layer for layer in layers if layer.message is not None and layer.type not in ('Input', *IN_PYTHON)]
 
 
 def steps(layers, first, last):

@@ -70,9 +70,7 @@ class Transformer:
         self._check(in_)
         n_axes = len(self.inputs[in_]) - 1
         if len(order) != n_axes:
-            raise ValueError(
-                f"expected an order of the {n_axes} axes of an image of '{in_}', found {tuple(order)}"
-            )
+            raise ValueError(f"expected an order of the {n_axes} axes of an image of '{in_}', found {tuple(order)}")
         self.transpose[in_] = order
 
     def set_channel_swap(self, in_, order):
@@ -96,9 +94,7 @@ class Transformer:
         mean = np.asarray(mean)
         if mean.ndim == 1:
             if len(mean) != channels:
-                raise ValueError(
-                    f"expected a mean of the {channels} channels of '{in_}', found {len(mean)}"
-                )
+                raise ValueError(f"expected a mean of the {channels} channels of '{in_}', found {len(mean)}")
             mean = mean[:, np.newaxis, np.newaxis]
         elif mean.ndim not in (2, 3):
             raise ValueError(f'expected a mean of 1 to 3 axes, found the shape {mean.shape}')

@@ -12,14 +12,10 @@ def transformer_for(net, mean, input_scale, raw_scale, channel_swap):
     name = net.inputs[0]
     transformer = io.Transformer({name: net.blobs[name].data.shape})
     transformer.set_transpose(name, (2, 0, 1))
-    if mean is not None:
-        transformer.set_mean(name, mean)
-    if input_scale is not None:
-        transformer.set_input_scale(name, input_scale)
-    if raw_scale is not None:
-        transformer.set_raw_scale(name, raw_scale)
-    if channel_swap is not None:
-        transformer.set_channel_swap(name, channel_swap)
+    for set_value, value in ((transformer.set_mean, mean), (transformer.set_input_scale, input_scale),
+                             (transformer.set_raw_scale, raw_scale), (transformer.set_channel_swap, channel_swap)):
+        if value is not None:
+            set_value(name, value)
     return transformer
 
 
@@ -32,22 +28,12 @@ class Classifier(Net):
         mean, input_scale, raw_scale, channel_swap: as io.Transformer has them.
     """
 
-    def __init__(
-        self,
-        model_file,
-        pretrained_file,
-        image_dims=None,
-        mean=None,
-        input_scale=None,
-        raw_scale=None,
-        channel_swap=None,
-    ):
+    def __init__(self, model_file, pretrained_file, image_dims=None, mean=None, input_scale=None, raw_scale=None,
+                 channel_swap=None):
         super().__init__(model_file, TEST, weights=pretrained_file)
         self.transformer = transformer_for(self, mean, input_scale, raw_scale, channel_swap)
         self.crop_dims = np.array(self.blobs[self.inputs[0]].data.shape[2:])
-        self.image_dims = (
-            self.crop_dims if image_dims is None or not len(image_dims) else image_dims
-        )
+        self.image_dims = self.crop_dims if image_dims is None or not len(image_dims) else image_dims
 
     def predict(self, inputs, oversample=True):
         """The net's output for every image, [n][classes].
@@ -61,9 +47,7 @@ class Classifier(Net):
             images = io.oversample(images, self.crop_dims)
         else:
             middle = np.array(self.image_dims) / 2
-            (top, left), (bottom, right) = (
-                (middle + sign * self.crop_dims / 2).astype(int) for sign in (-1, 1)
-            )
+            (top, left), (bottom, right) = ((middle + sign * self.crop_dims / 2).astype(int) for sign in (-1, 1))
             images = images[:, top:bottom, left:right]
         name = self.inputs[0]
         batch = np.array([self.transformer.preprocess(name, image) for image in images], np.float32)

@@ -17,16 +17,8 @@ class Detector(Net):
         context_pad: how many pixels of the net's input, at each side, show what surrounds the window.
     """
 
-    def __init__(
-        self,
-        model_file,
-        pretrained_file,
-        mean=None,
-        input_scale=None,
-        raw_scale=None,
-        channel_swap=None,
-        context_pad=None,
-    ):
+    def __init__(self, model_file, pretrained_file, mean=None, input_scale=None, raw_scale=None, channel_swap=None,
+                 context_pad=None):
         super().__init__(model_file, TEST, weights=pretrained_file)
         self.transformer = transformer_for(self, mean, input_scale, raw_scale, channel_swap)
         self.configure_crop(context_pad)
@@ -45,9 +37,7 @@ class Detector(Net):
         for filename, windows in images_windows:
             image = io.load_image(filename)
             for window in windows:
-                batch.append(
-                    self.transformer.preprocess(name, self.crop(image, np.asarray(window)))
-                )
+                batch.append(self.transformer.preprocess(name, self.crop(image, np.asarray(window))))
                 found.append({'window': window, 'filename': filename})
         if not found:
             return found

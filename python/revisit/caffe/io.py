@@ -42,9 +42,7 @@ def array_to_datum(arr, label=None):
     """A Datum of an array [c][h][w]: bytes of uint8, else numbers."""
     arr = np.asarray(arr)
     if arr.ndim != 3:
-        raise ValueError(
-            f'expected an array of 3 axes (channels, height, width), found the shape {arr.shape}'
-        )
+        raise ValueError(f'expected an array of 3 axes (channels, height, width), found the shape {arr.shape}')
     datum = caffe_pb2.Datum(channels=arr.shape[0], height=arr.shape[1], width=arr.shape[2])
     if arr.dtype == np.uint8:
         datum.data = arr.tobytes()
@@ -58,9 +56,7 @@ def array_to_datum(arr, label=None):
 def datum_to_array(datum):
     """The array [c][h][w] of a Datum: uint8 of bytes, else float64. The label is datum.label."""
     if datum.encoded:
-        raise ValueError(
-            'this Datum holds an encoded image: decode datum.data with an image library'
-        )
+        raise ValueError('this Datum holds an encoded image: decode datum.data with an image library')
     if datum.data:
         values = np.frombuffer(datum.data, np.uint8).copy()
     else:
@@ -84,9 +80,7 @@ def load_image(filename, color=True):
         return np.repeat(values[:, :, np.newaxis], 3 if color else 1, axis=2)
     if color:
         return values
-    return (values @ np.float32([0.2125, 0.7154, 0.0721]))[
-        :, :, np.newaxis
-    ]  # luminance of ITU-R BT.709
+    return (values @ np.float32([0.2125, 0.7154, 0.0721]))[:, :, np.newaxis]  # luminance of ITU-R BT.709
 
 
 def _pixels(image):

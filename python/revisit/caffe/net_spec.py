@@ -13,16 +13,9 @@ from collections import Counter, OrderedDict
 from .proto import caffe_pb2
 
 
-def _params_by_type():
-    """Which field of LayerParameter has the parameters of a layer type, by the name of the field's message."""
-    return {
-        field.message_type.name.removesuffix('Parameter'): field.name
-        for field in caffe_pb2.LayerParameter.DESCRIPTOR.fields
-        if field.name.endswith('_param')
-    }
-
-
-_PARAMS = _params_by_type()
+# The field of LayerParameter with the parameters of a layer type, by the name of the field's message.
+_PARAMS = {field.message_type.name.removesuffix('Parameter'): field.name
+           for field in caffe_pb2.LayerParameter.DESCRIPTOR.fields if field.name.endswith('_param')}
 
 
 def assign_proto(proto, name, val):
@@ -80,11 +73,7 @@ class Function:
         layer.type = self.type_name
         own = _PARAMS.get(self.type_name)
         for name, value in self.params.items():
-            is_own = (
-                own
-                and not name.endswith('param')
-                and name in getattr(layer, own).DESCRIPTOR.fields_by_name
-            )
+            is_own = own and not name.endswith('param') and name in getattr(layer, own).DESCRIPTOR.fields_by_name
             assign_proto(getattr(layer, own) if is_own else layer, name, value)
 
 

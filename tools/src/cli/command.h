@@ -6,7 +6,6 @@
 
 namespace revisit::cli {
 
-/// What a subcommand returns to the shell; exit_codes() says it to people.
 enum ExitCode {
   kOk = 0,
   kFailed = 1,
@@ -22,12 +21,10 @@ const std::vector<std::pair<ExitCode, const char*>>& exit_codes();
 
 using Arguments = std::vector<std::string>;
 
-/// Whether the arguments have `option` with `value`, like --sensor list, which needs no data; the
-/// parser would ask for it.
+/// For --sensor list and the like, which need no data: the parser would ask for it.
 bool have_option(const Arguments& arguments, const std::string& option, const std::string& value);
 
-/// One subcommand: `run` gets the arguments after the verb and returns an ExitCode. Errors are
-/// thrown; main() turns them into a message and a code.
+/// `run` gets the arguments after the verb and returns an ExitCode, or throws Error.
 struct Command {
   const char* name;
   const char* summary;
@@ -41,10 +38,9 @@ struct Command {
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments);
 
-/// The program: all of its subcommands.
 int revisit_command(const Arguments&);
 
-// The subcommands, one file each (commands/<name>.cpp).
+// The subcommands (commands/<name>.cpp).
 int net_command(const Arguments&);
 int image_command(const Arguments&);
 int describe_command(const Arguments&);
@@ -52,6 +48,8 @@ int learn_command(const Arguments&);
 int calibrate_command(const Arguments&);
 int loops_command(const Arguments&);
 int map_command(const Arguments&);
+int map_remove_command(const Arguments&);
+int map_forget_command(const Arguments&);
 int eval_command(const Arguments&);
 int summarize_command(const Arguments&);
 int experiment_command(const Arguments&);

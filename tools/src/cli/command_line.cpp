@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <sstream>
 #include <stdexcept>
-#include <string_view>
 
 namespace revisit::cli {
 namespace {

@@ -34,24 +34,19 @@ struct CommandLine {
   std::vector<Argument> arguments;
   std::vector<CommandLine> below;  // subcommands; a command with any has no arguments
 
-  /// The last word of `command`.
-  std::string verb() const;
+  std::string verb() const;  // the last word of `command`
 };
 
-/// Describes the command line of `run`, which does nothing else.
 CommandLine describe(int (*run)(const Arguments&));
 
 /// `line` and all that is below it, each before what is below it.
 std::vector<CommandLine> all_of(const CommandLine& line);
 
-/// The words and paths that the name of a value speaks of: "K|all|none" has the words all and none,
-/// and `DIR` stands for a folder. `is_path`: its type says that it is one.
+/// "K|all|none" has the words all and none, `DIR` is a folder, `FILE` or `is_path` a file.
 Values values_named(const std::string& name, bool is_path);
 
-/// Whether a command is asked to describe itself instead of running: nothing that a user can type.
+/// Whether a command is to throw Described instead of running: nothing that a user can type.
 bool asks_for_description(const Arguments& arguments);
-
-/// How a command answers that: the caller catches it.
 struct Described {
   CommandLine line;
 };

@@ -8,12 +8,10 @@
 
 namespace revisit::cli {
 
-/// A report as indented JSON with the field names of reports.proto. Unset optional fields are left
-/// out. The writer is protobuf's own.
+/// Indented JSON with the field names of reports.proto. Unset optional fields are left out.
 std::string to_json(const google::protobuf::Message& report);
 
-/// The same on one line, without fields that have their default. No '<' is in it (but as \u003c),
-/// so that it can stand in a script element of HTML.
+/// One line without fields that have their default, and with \u003c for '<': for HTML scripts.
 std::string to_compact_json(const google::protobuf::Message& report);
 
 /// Writes to_json() to a file, whole or not at all; makes its folder.

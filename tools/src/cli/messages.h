@@ -8,7 +8,6 @@
 
 namespace revisit::cli {
 
-/// Name in the program of an option or function of the libraries.
 struct ProgramName {
   std::string_view cpp;  // "LoadOptions::inputs", a CppName
   const char* here;      // "--input-shape"

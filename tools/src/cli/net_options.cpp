@@ -1,6 +1,7 @@
 #include "net_options.h"
 
 #include "cli/messages.h"
+
 namespace revisit::cli {
 namespace {
 

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -39,14 +38,11 @@ struct NetOptions {
   void declare(Parser& parser);
   engine::LoadOptions load_options() const;
   engine::PlanOptions plan_options() const;
-  /// Names of the net's inputs, in order.
   std::vector<std::string> input_blobs() const;
 };
 
-/// Adds --precision float32|bf16.
 void declare_precision(Parser& parser, engine::Precision* precision);
 
-/// Adds --accuracy usual|strict.
 void declare_accuracy(Parser& parser, engine::Accuracy* accuracy);
 
 /// How to do without a weights file.
@@ -55,7 +51,7 @@ enum class NoWeights { kRefuse, kRandom, kNone };
 /// Loads the net; its warnings go to stderr. Without a weights file: as `otherwise` says.
 engine::Net load_net(const NetOptions& options, NoWeights otherwise);
 
-/// "file", "random" or "none": where the weights come from.
+/// The file, "random" or "none".
 std::string weights_source(const NetOptions& options, NoWeights otherwise);
 
 }  // namespace revisit::cli

@@ -17,23 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-template <class Number>
-Number parse_number(const std::string& what, const std::string& text) {
-  Number value{};
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, value);
-  if (error == std::errc::result_out_of_range)
-    throw UsageError(what, ": ", text, " is out of range");
-  if (error != std::errc() || stop != end)
-    throw UsageError(what, ": expected ",
-                     std::is_integral_v<Number> ? "a whole number" : "a number", ", found '", text,
-                     "'");
-  if constexpr (std::is_floating_point_v<Number>)
-    if (!std::isfinite(value)) throw UsageError(what, ": ", text, " is not a usable number");
-  return value;
-}
-
-/// What argp collected: options in order, then the positional arguments.
 struct Collected {
   std::vector<std::pair<Parser::Option*, std::string>> options;
   std::vector<std::string> positionals;
@@ -41,8 +24,7 @@ struct Collected {
   std::string examples = {};
 };
 
-/// Prints what `flags` of argp say, then the examples as they are: argp would break their lines,
-/// which then are two commands.
+/// Prints the examples after argp's help, because argp would break their lines.
 [[noreturn]] void print_help(argp_state* state, unsigned flags, const std::string& examples) {
   argp_state_help(state, stdout, flags);
   if (!examples.empty()) std::fputs(("\nExamples:\n" + examples).c_str(), stdout);
@@ -73,7 +55,6 @@ error_t collect(int key, char* argument, argp_state* state) {
   return ARGP_ERR_UNKNOWN;
 }
 
-/// The option that names others stands on the command line only.
 bool is_config(const Parser::Option& option) {
   return option.name == "config";
 }
@@ -88,6 +69,25 @@ std::string environment_name(const std::string& option) {
 
 }  // namespace
 
+template <class Number>
+Number parse_value(const std::string& what, const std::string& text) {
+  Number value{};
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value);
+  if (error == std::errc::result_out_of_range)
+    throw UsageError(what, ": ", text, " is out of range");
+  if (error != std::errc() || stop != end)
+    throw UsageError(what, ": expected ",
+                     std::is_integral_v<Number> ? "a whole number" : "a number", ", found '", text,
+                     "'");
+  if constexpr (std::is_floating_point_v<Number>)
+    if (!std::isfinite(value)) throw UsageError(what, ": ", text, " is not a usable number");
+  return value;
+}
+template int parse_value(const std::string&, const std::string&);
+template int64_t parse_value(const std::string&, const std::string&);
+template uint64_t parse_value(const std::string&, const std::string&);
+template double parse_value(const std::string&, const std::string&);
 template <>
 std::string parse_value(const std::string&, const std::string& text) {
   return text;
@@ -98,28 +98,12 @@ fs::path parse_value(const std::string& what, const std::string& text) {
   return text;
 }
 template <>
-int parse_value(const std::string& what, const std::string& text) {
-  return parse_number<int>(what, text);
-}
-template <>
-int64_t parse_value(const std::string& what, const std::string& text) {
-  return parse_number<int64_t>(what, text);
-}
-template <>
 uint32_t parse_value(const std::string& what, const std::string& text) {
-  const auto value = parse_number<int64_t>(what, text);
+  const auto value = parse_value<int64_t>(what, text);
   constexpr uint32_t kMost = std::numeric_limits<uint32_t>::max();
   if (value < 0 || value > kMost)
     throw UsageError(what, ": expected 0 to ", kMost, ", found ", value);
   return static_cast<uint32_t>(value);
-}
-template <>
-uint64_t parse_value(const std::string& what, const std::string& text) {
-  return parse_number<uint64_t>(what, text);
-}
-template <>
-double parse_value(const std::string& what, const std::string& text) {
-  return parse_number<double>(what, text);
 }
 template <>
 bool parse_value(const std::string& what, const std::string& text) {

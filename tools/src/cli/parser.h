@@ -18,8 +18,7 @@ namespace revisit::cli {
 template <class T>
 T parse_value(const std::string& what, const std::string& text);
 
-/// The command line of one subcommand: a typed, declarative front of glibc's argp, which does the
-/// parsing, abbreviations, `--help` and `--usage`.
+/// The command line of one subcommand: a typed front of glibc's argp.
 ///
 /// Values are applied in the order defaults < config file < environment < command line: the
 /// configuration sets them by long name, `REVISIT_<LONG_NAME>` does the same from the environment
@@ -60,7 +59,6 @@ class Parser {
   Parser& choice(std::string name, const std::vector<std::string>& words, std::string help,
                  std::string* target);
 
-  /// A switch: present means true.
   Parser& flag(std::string name, std::string help, bool* target, char letter = 0);
 
   /// The next positional argument, required.
@@ -74,18 +72,15 @@ class Parser {
     return add_positional(std::move(name), false, target);
   }
 
-  /// Words that the option or argument declared last may be, beside what else it may be. They are
-  /// for shell completion; nothing is checked against them.
+  /// Words for shell completion of the option or argument declared last; nothing is checked.
   Parser& suggest(const std::vector<std::string>& words);
 
   /// A former name of the option declared last: accepted with a note, but in no help.
   Parser& formerly(std::string name);
 
-  /// A heading for the options declared after it.
   Parser& group(std::string heading);
 
-  /// Values from a configuration file, by long option name; to be set by whoever reads the file.
-  /// Called once with the path given with `--config`, before the command line is applied.
+  /// Values by long option name. Called with the path of `--config`, before the command line.
   using ConfigReader =
       std::function<std::vector<std::pair<std::string, std::string>>(const std::filesystem::path&)>;
   /// Adds `-c/--config FILE`. The file may also hold values of `others`, options of another
@@ -97,7 +92,7 @@ class Parser {
   /// Throws UsageError for values that do not fit, and Described when asked for a description.
   void parse(std::vector<std::string> arguments);
 
-  /// Where a value comes from; each overrules those before it.
+  /// Each overrules those before it.
   enum class Source { kDefault, kConfigFile, kEnvironment, kCommandLine };
 
   /// Whether the option has a value from `least` or what overrules it; after parse().

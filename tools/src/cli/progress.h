@@ -7,12 +7,8 @@
 
 namespace revisit::cli {
 
-/// Reports (done, total) of long work; thread-safe callers only from one thread at a time.
-using ProgressCallback = std::function<void(int64_t done, int64_t total)>;
-
-/// What draws `line` where `before` characters stand, on a terminal of `columns` (0: not known): as
-/// much of it as one line holds. A dumb terminal, which knows no command to clear the line, gets
-/// blanks over the rest.
+/// Draws as much of `line` as fits over `before` characters, on a terminal of `columns` (0: not
+/// known). A dumb terminal, which has no command to clear a line, gets blanks over the rest.
 std::string redrawn(const std::string& line, size_t before, size_t columns, bool dumb);
 
 /// One line on stderr, only when it is a terminal and progress is wanted:
@@ -26,7 +22,7 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
 
   void update(int64_t done, int64_t total);
-  ProgressCallback callback() {
+  std::function<void(int64_t done, int64_t total)> callback() {
     return [this](int64_t done, int64_t total) { update(done, total); };
   }
 

@@ -6,9 +6,8 @@
 
 namespace revisit::cli {
 
-/// Runs `arguments[0]` (looked for in PATH) in `folder`, without input and output, and waits for
-/// it. Returns "" when it succeeded, else what went wrong: not installed (with the Debian `package`
-/// that has it), not to be started, or failed.
+/// Runs `arguments[0]` from PATH in `folder`, without input and output. Returns "" or what went
+/// wrong; `package` is the Debian package to install.
 std::string run_program(const std::filesystem::path& folder, std::vector<std::string> arguments,
                         const std::string& package);
 

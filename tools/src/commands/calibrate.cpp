@@ -31,10 +31,9 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
   Parser parser(
       "revisit calibrate", "MODEL DRIVE...",
       "Learns how likely a match with some score is right, on drives with poses that the ring "
-      "model "
-      "was not learnt from, and keeps it in the model. `revisit loops` then accepts matches by it. "
-      "Every scan is asked among those before it, once as it is and once altered at random, as "
-      "robots alter scans: tilted, hidden in part, seen less far.",
+      "model was not learnt from, and keeps it in the model. `revisit loops` then accepts matches "
+      "by it. Every scan is asked among those before it, once as it is and once altered at random, "
+      "as robots alter scans: tilted, hidden in part, seen less far.",
       "  revisit calibrate hdl64.ring town1 town2 village\n"
       "  revisit calibrate hdl64.ring town3 --judge     # how well that holds in another town\n");
   parser.positional("MODEL", &o.model)
@@ -84,7 +83,6 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
   return o;
 }
 
-/// The matches of all drives, each recognised by itself.
 std::vector<JudgedMatch> judged(const CalibrateOptions& o, const std::string& sensor,
                                 const pipeline::FeatureExtractor& rings, std::string& names,
                                 int64_t& left_out) {

@@ -82,7 +82,7 @@ _revisit() {
 complete -F _revisit revisit
 )~bash~";
 
-/// "--output" and "-o", or what there is of them.
+/// "--output" and "-o".
 std::vector<std::string> spellings(const CommandLine::Option& option) {
   std::vector<std::string> all{"--" + option.name};
   if (option.letter) all.push_back(std::string("-") + option.letter);

@@ -1,4 +1,3 @@
-#include <cmath>
 #include <iostream>
 #include <numbers>
 
@@ -44,11 +43,10 @@ int describe_command(const Arguments& arguments) {
   fs::path output;
   Parser parser(
       "revisit describe", "DATA -o DIR",
-      "Turn every scan of a KITTI sequence or a folder of .bin, .pcd or .ply files into "
-      "a descriptor: "
-      "DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan), "
-      "DIR/run.json (how it was made and the time of each stage) and DIR/pca (mean.npy, "
-      "basis.npy: for --fit-on elsewhere). Run the same command again to continue a stopped run.",
+      "Turn every scan of a KITTI sequence or a folder of .bin, .pcd or .ply files into a "
+      "descriptor: DIR/descriptors.npy [scans][K], DIR/frames.csv (which row is which scan), "
+      "DIR/run.json (how it was made and the time of each stage) and DIR/pca (mean.npy, basis.npy: "
+      "for --fit-on elsewhere). Run the same command again to continue a stopped run.",
       "  revisit describe KITTI --sequence 00 -o out\n"
       "  revisit describe scans/ --sensor vlp16 --feature data --pca 100 -o out\n"
       "  revisit describe KITTI --sequence 05 --fit-on out/pca -o out05\n");
@@ -91,11 +89,8 @@ int describe_command(const Arguments& arguments) {
   const pipeline::FloatMatrix& matrix = descriptors.case1;
   proto::write_npy(output / "descriptors.npy", {matrix.n, matrix.d}, matrix.values.data());
   write_frames(output / "frames.csv", dataset, features.alignments());
-  write_atomically(output / "run.json", [&](std::ostream& out) {
-    reports::RunInfo info = run_info(options, dataset, source, descriptors.pca_fit, times);
-    add_left_out(info, dataset, features.alignments());
-    out << to_json(info) << "\n";
-  });
+  write_json(output / "run.json",
+             run_info(options, dataset, source, descriptors.pca_fit, times, features.alignments()));
   std::cout << matrix.n << " scans, feature " << source.extractor.name << " ("
             << source.extractor.dim << " numbers), PCA " << descriptors.pca_fit << "\n"
             << "descriptors: " << (output / "descriptors.npy").string() << "\n";

@@ -12,7 +12,6 @@
 namespace revisit::cli {
 namespace {
 
-/// For a handful of queries: what each of them found.
 void print_matches(const pipeline::TaskResult& result, const pipeline::Trajectory& trajectory,
                    const std::string& similarity) {
   constexpr size_t kHandful = 20;
@@ -40,7 +39,7 @@ void print_matches(const pipeline::TaskResult& result, const pipeline::Trajector
   table.print(std::cout);
 }
 
-/// report.html in the folder of the run, as `revisit report` makes it.
+/// As `revisit report` makes it.
 std::filesystem::path write_page(const std::filesystem::path& run) {
   const std::filesystem::path file = run / "report.html";
   PageOptions options;

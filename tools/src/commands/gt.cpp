@@ -17,10 +17,8 @@ using namespace pipeline;
 
 constexpr const char* kGtSummary =
     "Prints the ground truth of a KITTI sequence: how many frames come back to a place seen "
-    "before. A frame "
-    "has a true loop when an earlier frame beyond the exclusion is nearer than the radius. Only "
-    "the poses "
-    "are read; every pose is a frame.";
+    "before. A frame has a true loop when an earlier frame beyond the exclusion is nearer than the "
+    "radius. Only the poses are read; every pose is a frame.";
 constexpr const char* kGtExamples =
     "  revisit gt kitti --sequence 00\n"
     "  revisit gt kitti --sequence 08 --distance box --radius 3 --exclusion metres=50\n"
@@ -43,8 +41,7 @@ GtOptions parse_gt_options(const Arguments& arguments) {
       .option("radius", "M", "true matches are nearer than this (default: 5)", &o.radius)
       .option("exclusion", "KIND=N",
               "candidates are more than this before the query: frames=50 (default), seconds=30, "
-              "metres=50 "
-              "(driven), or none",
+              "metres=50 (driven), or none",
               &o.exclusion)
       .flag("pairs", "list the true pairs", &o.pairs)
       .choice("format", {"table", "json", "csv"}, "form of the output (default: table)", &o.format);
@@ -52,7 +49,7 @@ GtOptions parse_gt_options(const Arguments& arguments) {
   return o;
 }
 
-/// KITTI keeps them in the sequence's folder, wherever the poses are.
+/// KITTI keeps times in the sequence's folder, wherever the poses are.
 std::vector<double> find_times(const fs::path& poses, const fs::path& data) {
   const fs::path folders[] = {poses.parent_path(),
                               poses.parent_path().parent_path() / "sequences" / poses.stem(), data};

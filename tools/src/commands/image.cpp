@@ -87,7 +87,6 @@ RangeImage brightened(RangeImage image, double gamma) {
   return image;
 }
 
-/// Fraction of the pixels that hold a return.
 double filled(const RangeImage& image) {
   const auto empty = std::count(image.pixels.begin(), image.pixels.end(), 0.0F);
   return 1 - static_cast<double>(empty) / static_cast<double>(image.pixels.size());

@@ -3,10 +3,7 @@
 #include <sstream>
 
 #include "cli/command.h"
-#include "cli/interrupt.h"
-#include "cli/messages.h"
 #include "eval/feature_options.h"
-#include "models/checksum.h"
 #include "revisit/base/file_content.h"
 #include "revisit/datasets/learn_ring.h"
 #include "revisit/recognition/ring/features.h"
@@ -89,8 +86,7 @@ LearnOptions parse_learn_options(const Arguments& arguments) {
               "of a descriptor, 0 to 1, that the network's columns have (default 0.3)",
               &o.columns_share)
       .option("column-scans", "N",
-              "number of scans that the columns' directions are learnt from "
-              "(default 200)",
+              "number of scans that the columns' directions are learnt from (default 200)",
               &o.learn.column_scans)
       .group("Running:")
       .option("threads", "N", "threads (default: all cores)", &o.threads)

@@ -6,12 +6,10 @@
 #include "cli/messages.h"
 #include "cli/progress.h"
 #include "cli/table.h"
-#include "commands/map_commands.h"
 #include "loops/build_map.h"
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
 #include "loops/open_recognizer.h"
-#include "revisit/base/text.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/maps/map_store.h"
 
@@ -106,7 +104,6 @@ int merge(const Arguments& arguments) {
   return kOk;
 }
 
-/// Describes a data set into a map, with any number of others.
 int build(const Arguments& arguments) {
   FeatureOptions options;
   options.feature = "ring";
@@ -146,7 +143,6 @@ int build(const Arguments& arguments) {
   return built.left_out > 0 ? kScansLeftOut : kOk;
 }
 
-/// What each of some scans looks like; the map stays as it is.
 int query(const Arguments& arguments) {
   FeatureOptions options;
   options.feature = "ring";

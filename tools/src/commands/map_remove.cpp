@@ -5,7 +5,6 @@
 
 #include "cli/messages.h"
 #include "cli/parser.h"
-#include "commands/map_commands.h"
 #include "revisit/maps/map_store.h"
 
 namespace revisit::cli {
@@ -17,7 +16,6 @@ using pipeline::StoredPlace;
 
 constexpr double kSecondsADay = 86400;
 
-/// The parts of "1,2,3".
 std::vector<std::string> parts_of(const std::string& text) {
   std::vector<std::string> parts;
   std::istringstream in(text);
@@ -48,7 +46,6 @@ Eigen::Vector3d point_of(const std::string& text) {
   return point;
 }
 
-/// What both commands have in common.
 struct Removal {
   fs::path file;
   std::vector<std::string> drives;

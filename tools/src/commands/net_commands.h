@@ -18,16 +18,14 @@ int net_profile_command(const Arguments&);
 int net_verify_command(const Arguments&);
 int net_upgrade_command(const Arguments&);
 
-/// What inspect and profile know of a net.
 struct NetFindings {
   const NetOptions& options;
   std::string weights;
   const engine::Net& net;
   const engine::Plan& plan;
-  bool with_buffers = false;                    // also the memory plan
-  const profiling::Profile* profile = nullptr;  // null: nothing was timed
-  const profiling::SpeedLimits* limits =
-      nullptr;  // of the machine; these two are there with `profile`
+  bool with_buffers = false;                       // also the memory plan
+  const profiling::Profile* profile = nullptr;     // null: nothing was timed
+  const profiling::SpeedLimits* limits = nullptr;  // this and the next: with `profile`
   double peak_resident_bytes = 0;
 };
 reports::NetReport net_report(const NetFindings& findings);
@@ -35,14 +33,17 @@ reports::NetReport net_report(const NetFindings& findings);
 /// Prints the layers and totals as "table", "json" or "csv".
 void print_net_report(const reports::NetReport& report, const std::string& format);
 
-/// A page of HTML with figures: what `revisit net profile --format html` prints. Only in a program
-/// with the pipeline.
+/// `revisit net profile --format html`, in a program with the pipeline.
 std::string profile_page(const reports::NetReport& report, const std::string& command);
+
+/// Draws a node a layer with type, kernel size and output shape to `file`, .dot or (by Graphviz's
+/// `dot`) .svg. Throws UsageError for another ending, Error when it cannot.
+void write_graph(const std::filesystem::path& file, const engine::Net& net,
+                 const engine::Plan& plan);
 
 /// An earlier profile. Throws InputError for what is none, or of too few passes to compare.
 reports::NetReport read_profile(const std::filesystem::path& file);
-/// Throws InputError, naming `file` and what differs, unless both are of the same layers, inputs
-/// and outputs.
+/// Throws InputError, naming `file` and what differs, for other layers or inputs.
 void need_same_net(const std::filesystem::path& file, const reports::NetReport& before,
                    const reports::NetReport& now);
 /// How `now` differs from `before`, layer by layer. `file` is that of `before`.

@@ -69,8 +69,7 @@ int net_forward_command(const Arguments& arguments) {
   Parser parser(
       "revisit net forward", "PROTOTXT [WEIGHTS] --input BLOB=FILE.npy... -o DIR",
       "Run a Caffe net on arrays: the inputs take the shapes of the arrays, each output is written "
-      "to "
-      "DIR/out_NAME.npy (float32, C order; '/' in names becomes '_').",
+      "to DIR/out_NAME.npy (float32, C order; '/' in names becomes '_').",
       "  revisit net forward deploy.prototxt model.caffemodel --input data=in.npy -o out\n"
       "  revisit net forward alexnet.prototxt alexnet.caffemodel --input data=in.npy --end conv3 "
       "--graft "

@@ -1,6 +1,5 @@
-#include "net_graph.h"
-
 #include "cli/run_program.h"
+#include "net_commands.h"
 #include "revisit/base/atomic_file.h"
 
 namespace revisit::cli {

@@ -1,6 +1,4 @@
-
 #include "net_commands.h"
-#include "net_graph.h"
 
 namespace revisit::cli {
 
@@ -11,12 +9,10 @@ int net_inspect_command(const Arguments& arguments) {
   bool memory = false;
   Parser parser("revisit net inspect", "PROTOTXT [WEIGHTS]",
                 "Show the layers of a Caffe net with shapes, parameters, multiply-accumulates, "
-                "memory and what each "
-                "output pixel sees, for the input size of the file or any other. With WEIGHTS, "
-                "also check that they "
-                "fit. Output pixel i sees the input pixels from start + i * stride on, size of "
-                "them: '19x19 /8,8 "
-                "@0,0' is rows x columns.",
+                "memory and what each output pixel sees, for the input size of the file or any "
+                "other. With WEIGHTS, also check that they fit. Output pixel i sees the input "
+                "pixels from start + i * stride on, size of them: '19x19 /8,8 @0,0' is rows x "
+                "columns.",
                 "  revisit net inspect deploy.prototxt\n"
                 "  revisit net inspect alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
                 "--graft pool5\n"

@@ -90,12 +90,11 @@ int net_profile_command(const Arguments& arguments) {
   bool reference = false, gray = false;
   Parser parser("revisit net profile", "PROTOTXT [WEIGHTS]",
                 "Time every layer of a Caffe net and the whole. Instrumented and uninstrumented "
-                "passes alternate after "
-                "a warm-up. Without WEIGHTS the net gets random ones: the time is the same. Then "
-                "the limits of the machine are measured on as many threads: `peak %` is the share "
-                "of a layer's time that its multiplications would take at the most that the CPU "
-                "does, `memory %` the share that its inputs, weights and outputs would take to be "
-                "moved once, and `gain ms` what both leave.",
+                "passes alternate after a warm-up. Without WEIGHTS the net gets random ones: the "
+                "time is the same. Then the limits of the machine are measured on as many threads: "
+                "`peak %` is the share of a layer's time that its multiplications would take at "
+                "the most that the CPU does, `memory %` the share that its inputs, weights and "
+                "outputs would take to be moved once, and `gain ms` what both leave.",
                 "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
                 "--graft pool5\n"
                 "  revisit net profile deploy.prototxt model.caffemodel --threads 2 --repeat 50 "

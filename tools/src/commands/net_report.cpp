@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 #include <iostream>
 #include <limits>
 
@@ -32,9 +31,8 @@ reports::Timing timing(const profiling::Timing& t) {
   return result;
 }
 
-/// A MAC is two floating-point operations.
 double gflops(double macs, double ms) {
-  return ms > 0 ? 2 * macs / ms / 1e6 : 0;
+  return ms > 0 ? 2 * macs / ms / 1e6 : 0;  // a MAC is two operations
 }
 
 reports::ReceptiveField receptive_field(const engine::ReceptiveField& field) {
@@ -136,7 +134,6 @@ void print_limits(const reports::NetReport& report) {
             << "\n";
 }
 
-/// Percent with a sign.
 std::string percent(double share) {
   return (share > 0 ? "+" : "") + number(100 * share, 1);
 }
@@ -201,7 +198,6 @@ void print_summary(const reports::NetReport& report) {
   print_limits(report);
 }
 
-/// The arena in the order of time: what is where, while which layers run.
 void print_buffers(const reports::NetReport& report) {
   Table table({"buffer", "MiB", "at MiB", "from layer", "to layer"});
   const auto layer_name = [&](int index) {
@@ -247,7 +243,6 @@ reports::SpeedLimits message_of(const profiling::SpeedLimits& limits) {
   return message;
 }
 
-/// How near a layer that was timed comes to the limits.
 void set_limits(const profiling::SpeedLimits& limits, const engine::LayerCost& cost,
                 reports::NetLayer* layer) {
   const double median = layer->ms().median();

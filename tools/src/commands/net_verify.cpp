@@ -17,13 +17,11 @@ int net_verify_command(const Arguments& arguments) {
   bool layers = false;
   Parser parser("revisit net verify", "DIR...",
                 "Run networks and compare with outputs of the original, layer by layer where those "
-                "are there: the "
-                "largest error (max|a-b| / max|b|) of each case, and the first layer that "
-                "diverges. Nets that only move "
-                "values must agree exactly. Where a net amplifies rounding, so that single and "
-                "double precision "
-                "kernels differ by d, a layer passes within 2d, at most 1e-4 ('rounding' counts "
-                "these layers). Folders are searched for cases.",
+                "are there: the largest error (max|a-b| / max|b|) of each case, and the first "
+                "layer that diverges. Nets that only move values must agree exactly. Where a net "
+                "amplifies rounding, so that single and double precision kernels differ by d, a "
+                "layer passes within 2d, at most 1e-4 ('rounding' counts these layers). Folders "
+                "are searched for cases.",
                 "  revisit net verify golden/zoo golden/slim\n  revisit net verify --tolerance "
                 "1e-4 my_model/\n  revisit net verify --precision bf16 --layers my_model/\n");
   parser.positional("DIR", &folders);

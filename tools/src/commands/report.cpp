@@ -50,11 +50,10 @@ int report_command(const Arguments& arguments) {
       "revisit report", "RUN_OR_EXPERIMENT_OR_LOOPS...",
       "One HTML file that opens offline, from the folders that `revisit eval`, `revisit "
       "experiment` and `revisit robustness` wrote: interactive precision-recall curves, maps, "
-      "range "
-      "images of the queries worth looking at, times, and the command beside each "
-      "number. Each figure can be saved as a picture. Tables of robustness that were asked "
-      "the same are one, with all features. Of a file that `revisit loops "
-      "--all --format jsonl` writes it shows the map of loops, also while it grows.",
+      "range images of the queries worth looking at, times, and the command beside each number. "
+      "Each figure can be saved as a picture. Tables of robustness that were asked the same are "
+      "one, with all features. Of a file that `revisit loops --all --format jsonl` writes it shows "
+      "the map of loops, also while it grows.",
       "  revisit report results/town_05/latest -o report.html\n"
       "  revisit report results/paper -o report.html   # all experiments below\n"
       "  revisit report loops.jsonl --follow 10 -o loops.html\n");
@@ -65,8 +64,7 @@ int report_command(const Arguments& arguments) {
                 "also the tables of the experiments as Markdown, e.g. docs/RESULTS.md", &markdown);
   parser.option("title", "TEXT", "of the page (default Place recognition)", &options.title);
   parser.option("queries", "N",
-                "shown with range images, of each kind: wrong, missed, right "
-                "(default 3)",
+                "shown with range images, of each kind: wrong, missed, right (default 3)",
                 &options.queries);
   parser.option("follow", "SECONDS",
                 "make the page again whenever a file of loops has grown, until none has for this "

@@ -37,7 +37,6 @@ reports::RobustnessRow row_report(const pipeline::RobustnessRow& row) {
   return out;
 }
 
-/// What all features are asked.
 struct Question {
   pipeline::Dataset drive;
   std::vector<pipeline::Dataset> among;
@@ -111,7 +110,6 @@ reports::Robustness report_of(const RobustnessCommand& o, const Question& questi
   return report;
 }
 
-/// Of scans that an alteration left nothing of.
 void print_not_described(const reports::Robustness& report) {
   for (const reports::RobustnessFeature& feature : report.features())
     for (const reports::RobustnessRow& row : feature.rows())

@@ -16,9 +16,8 @@ namespace {
 constexpr const char* kSimulateSummary =
     "Writes a data set in KITTI odometry layout: a drive through a synthetic town or other "
     "surroundings. The route is generated, or given by a KITTI poses file; then the town is laid "
-    "out along it. Equal settings "
-    "give equal bytes for any number of threads. An interrupted run continues when it is started "
-    "again.";
+    "out along it. Equal settings give equal bytes for any number of threads. An interrupted run "
+    "continues when it is started again.";
 
 constexpr const char* kSimulateExamples =
     "  revisit simulate -o town\n"
@@ -191,11 +190,10 @@ int simulate_places(const SimulateOptions& o) {
   const pipeline::PlaceSimulationConfig config = {drive.output,   *o.preset,  drive.range_noise,
                                                   drive.dropout,  drive.seed, drive.threads,
                                                   drive.overwrite};
-  pipeline::SimulationSummary summary;
-  {
+  const pipeline::SimulationSummary summary = [&] {
     Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
-    summary = pipeline::simulate_places(config, progress.callback(), interrupted);
-  }
+    return pipeline::simulate_places(config, progress.callback(), interrupted);
+  }();
   if (o.quiet) return kOk;
   print_scans(summary);
   std::cout << ", of 7 places\n";
@@ -210,11 +208,10 @@ int simulate_places(const SimulateOptions& o) {
 int simulate_command(const Arguments& arguments) {
   const SimulateOptions o = parse_simulate_options(arguments);
   if (o.preset) return simulate_places(o);
-  pipeline::SimulationSummary summary;
-  {
+  const pipeline::SimulationSummary summary = [&] {
     Progress progress("simulating", "scans", !o.no_progress && !o.quiet);
-    summary = pipeline::simulate(o.drive, progress.callback(), interrupted);
-  }
+    return pipeline::simulate(o.drive, progress.callback(), interrupted);
+  }();
   if (!o.quiet) print(o.drive, summary);
   return kOk;
 }

@@ -1,4 +1,3 @@
-#include <iostream>
 #include <set>
 
 #include "cli/command.h"
@@ -31,14 +30,10 @@ SummarizeOptions parse_summarize_options(const Arguments& arguments) {
                 "  done\n"
                 "  revisit summarize results/town*/latest\n"
                 "  revisit summarize --over-sequences results/kitti_*/latest\n");
-  parser.optional_positional("RUN", &o.runs)
+  parser.positional("RUN", &o.runs)
       .flag("over-sequences", "a row is the mean over several sequences", &o.over_sequences)
       .choice("format", {"table", "json", "csv"}, "form of the output (default: table)", &o.format);
   parser.parse(arguments);
-  if (o.runs.empty())
-    throw UsageError(
-        "missing argument RUN (usage: revisit summarize RUN...; see revisit summarize "
-        "--help)");
   return o;
 }
 

@@ -31,8 +31,7 @@ std::string content_of(const pipeline::Dataset& data) {
              data.scans[0].time ? "times" : "no times");
 }
 
-/// What can be done with a data set. `sequence` as open_dataset() takes it. Throws InputError when
-/// it cannot be opened.
+/// Throws what open_dataset() throws.
 Check check_of(const fs::path& root, const std::string& sequence) {
   const pipeline::Dataset data = pipeline::open_dataset(root, sequence);
   const std::string name = data.sequence.empty() ? "scans"
@@ -75,8 +74,7 @@ void check_data(const fs::path& root, Checks& checks) {
   Checks found;
   bool any = false;  // that can be used
   std::string problem =
-      "no sequence can be used; put scans into sequences/NN/velodyne/000000.bin "
-      "and on";
+      "no sequence can be used; put scans into sequences/NN/velodyne/000000.bin and on";
   if (!kitti) try {
       found.push_back(check_of(root, ""));
       any = true;

@@ -27,7 +27,7 @@ std::string gigabytes(double bytes) {
   return text;
 }
 
-/// The value behind "key :" in a file of such lines; "" when it is not there.
+/// Of a line "key : value"; "" without one.
 std::string value_in(const char* file, const std::string& key) {
   std::ifstream in(file);
   for (std::string line; std::getline(in, line);) {

@@ -1,7 +1,5 @@
 #include "eval_options.h"
 
-#include <algorithm>
-
 #include "cli/shell.h"
 #include "eval/config_file.h"
 #include "revisit/base/text.h"
@@ -79,9 +77,8 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
   EvalOptions o;
   Parser parser("revisit eval", "DATA",
                 "Place recognition with ground truth: describe every scan, retrieve, and measure "
-                "precision and recall. "
-                "DATA is a KITTI odometry folder (or one that `revisit simulate` wrote). Run the "
-                "same command again to continue a stopped run.",
+                "precision and recall. DATA is a KITTI odometry folder (or one that `revisit "
+                "simulate` wrote). Run the same command again to continue a stopped run.",
                 "  revisit eval KITTI --sequence 00 --model bvlc_alexnet --end conv3 "
                 "--graft pool5\n"
                 "  revisit eval KITTI --sequence 00 --protocol paper\n"

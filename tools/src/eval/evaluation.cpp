@@ -9,7 +9,7 @@
 namespace revisit::cli {
 namespace {
 
-/// The options of the library; what describes and reduces is known once the feature is open.
+/// All but what describes and reduces, which is known once the feature is open.
 pipeline::EvaluationOptions library_options(const EvalOptions& o) {
   pipeline::EvaluationOptions options;
   options.protocols.clear();
@@ -38,7 +38,6 @@ bool needs_poses(const pipeline::EvaluationOptions& options) {
                               [](const std::string& name) { return name.starts_with("places-"); });
 }
 
-/// All that an evaluation works on, opened.
 struct Opened {
   EvalOptions given;  // but that the sensor is known
   pipeline::EvaluationOptions options;
@@ -70,13 +69,16 @@ struct Opened {
   }
 };
 
+std::string key_of(const Opened& in) {
+  return str("revisit ", REVISIT_VERSION, "\n", command_of(in.given), "\n", in.evaluation.key());
+}
+
 }  // namespace
 
 EvaluationKey evaluation_key(const EvalOptions& options) {
   const Opened in(options);
   EvaluationKey key;
-  key.text =
-      str("revisit ", REVISIT_VERSION, "\n", command_of(in.given), "\n", in.evaluation.key());
+  key.text = key_of(in);
   const std::vector<std::filesystem::path> files = in.evaluation.feature_files();
   key.feature = files.front();
   key.feature_dim = in.source.extractor.dim;
@@ -106,6 +108,7 @@ FinishedEvaluation evaluate(const EvalOptions& options) {
                            result.alignments,
                            settings_of(in.given),
                            command_of(in.given),
+                           key_of(in),
                            options.resamples};
   write_run(finished.run, context, result.tasks, result.times);
   link_latest(finished.run);

@@ -21,7 +21,6 @@ struct FinishedEvaluation {
   std::vector<std::string> left_out;  // names of the scans that could not be described
 };
 
-/// What an evaluation is made from.
 struct EvaluationKey {
   std::string text;               // names everything that the results depend on
   std::filesystem::path feature;  // the file of its features, which others may share

@@ -4,7 +4,6 @@
 #include <iterator>
 #include <map>
 #include <memory>
-#include <numeric>
 #include <sstream>
 #include <thread>
 
@@ -38,23 +37,16 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
       throw UsageError("--mean-bgr: ", text, " has ", means.size(), " channels, expected 3 or 1");
     return mean;
   }
-  if (text.find(',') == std::string::npos) {
-    mean.fill(parse_value<double>("--mean-bgr", text));
-    return mean;
-  }
+  std::vector<double> numbers;
   std::istringstream fields(text);
-  std::string field;
-  for (double& value : mean) {
-    if (!std::getline(fields, field, ','))
-      throw UsageError(
-          "--mean-bgr: expected three numbers B,G,R or a .npy or .binaryproto file, found '" +
-          text + "'");
-    value = parse_value<double>("--mean-bgr", field);
-  }
-  if (std::getline(fields, field))
+  for (std::string field; std::getline(fields, field, ',');)
+    numbers.push_back(parse_value<double>("--mean-bgr", field));
+  if (numbers.size() == 1 && text.back() != ',') numbers.resize(mean.size(), numbers[0]);
+  if (numbers.size() != mean.size())
     throw UsageError(
-        "--mean-bgr: expected three numbers B,G,R or a .npy or .binaryproto file, found '" + text +
-        "'");
+        str("--mean-bgr: expected three numbers B,G,R or a .npy or .binaryproto file, found '",
+            text, "'"));
+  std::ranges::copy(numbers, mean.begin());
   return mean;
 }
 
@@ -78,10 +70,6 @@ bool is_word_of(const std::string& text, const std::string& word) {
 bool FeatureOptions::uses(const std::string& option) const {
   const auto found = kFeaturesOf.find(option);
   return found == kFeaturesOf.end() || is_word_of(found->second, feature);
-}
-
-void FeatureOptions::check_given(const Parser& parser) const {
-  check_given(parser, {feature});
 }
 
 void FeatureOptions::check_given(const Parser& parser, const std::vector<std::string>& features) {
@@ -327,8 +315,6 @@ bool is_range_image_feature(const FeatureSource& source) {
   return source.extractor.sees<pipeline::RangeImage>();
 }
 
-/// Numbers after reduction, see FeatureSource. A feature with a similarity of its own is compared
-/// as it is.
 int64_t components_for(const FeatureOptions& options, const FeatureSource& source) {
   constexpr int64_t kDefault = 400, kNoPca = -1;
   const std::optional<int64_t> components = options.components();
@@ -366,11 +352,8 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
                            const fs::path& folder) {
   const std::vector<std::string> names = feature_names();
   if (std::find(names.begin(), names.end(), options.feature) == names.end())
-    throw UsageError(
-        "--feature: unknown feature '", options.feature, "'", did_you_mean(options.feature, names),
-        "; known: ",
-        std::accumulate(names.begin() + 1, names.end(), names[0],
-                        [](const std::string& a, const std::string& b) { return a + ", " + b; }));
+    throw UsageError("--feature: unknown feature '", options.feature, "'",
+                     did_you_mean(options.feature, names), "; known: ", joined(names, ", "));
   FeatureSource source;
   if (options.feature == "cnn")
     source = open_network(options);

@@ -18,11 +18,9 @@ namespace revisit::cli {
 
 struct FeatureSource;
 
-/// Whether a command describes drives as a whole, or scan after scan. The latter has no options of
-/// the former: for what is kept of a drive, for its PCA, and for FAB-MAP, which sees its images.
+/// kOneByOne has no options for the cache and PCA of a drive, nor for FAB-MAP.
 enum class Scans { kOfDrives, kOneByOne };
 
-/// What every command that describes scans takes: data, network, geometry.
 struct FeatureOptions {
   std::filesystem::path data;
   std::string sequence;
@@ -52,11 +50,10 @@ struct FeatureOptions {
   /// The same without the data.
   void declare_describing(Parser& parser, Scans scans);
   /// Throws UsageError for a feature whose library is not built in, and for an option on the
-  /// command line that `feature` does not use, like --end with --feature data: one of the two is a
+  /// command line that no feature uses, like --end with --feature data: one of the two is a
   /// mistake. (Files and the environment may hold more.)
-  void check_given(const Parser& parser) const;
-  /// The same where several features are asked for, of which none uses it.
   static void check_given(const Parser& parser, const std::vector<std::string>& features);
+  void check_given(const Parser& parser) const { check_given(parser, {feature}); }
   /// False for the options of other features.
   bool uses(const std::string& option) const;
   int thread_count() const;
@@ -71,10 +68,9 @@ struct FeatureOptions {
   std::filesystem::path cache_folder(const std::filesystem::path& output) const;
 };
 
-/// The names --feature takes: cnn, data, ring and the competitors.
+/// cnn, data, ring and the competitors.
 std::vector<std::string> feature_names();
 
-/// The feature, where it comes from and what becomes of it, for people and for run.json.
 struct FeatureSource {
   pipeline::FeatureExtractor extractor;
   std::optional<models::FoundModel> model;  // absent for all but cnn
@@ -83,12 +79,11 @@ struct FeatureSource {
   int64_t components = -1;  // of the PCA; 0: all; -1: no PCA
 };
 
-/// What the feature's similarity is called: cosine, or similarity when it has one of its own.
+/// "cosine", or "similarity" when the feature has one of its own.
 std::string similarity_name(const FeatureSource& source);
 
-/// Loads the network, or makes the feature that takes none. FAB-MAP learns its words here, into
-/// `folder`. Warnings, and the plain word that a network is untrained, go to stderr. Throws
-/// UsageError for options that do not fit the feature.
+/// Loads the network or makes another feature. FAB-MAP learns its words here, into `folder`. Warns
+/// of an untrained network. Throws UsageError for options that do not fit the feature.
 FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
                            const std::filesystem::path& folder);
 
@@ -99,8 +94,7 @@ std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dat
 /// The sensor that the first scans look like they were taken by; "" when none is known.
 std::string sensor_of(const pipeline::Dataset& dataset);
 
-/// Warns when the scans look like those of another known sensor than `sensor`, which a model was
-/// learnt for. Says nothing when either is unknown.
+/// Warns when the scans look like those of another known sensor than the model's.
 void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& sensor);
 
 /// The scans of the data set that `options.every` takes, so far: of one that grows perhaps none.

@@ -2,13 +2,13 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "cli/json.h"
 #include "cli/local_time.h"
 #include "cli/messages.h"
+#include "cli/printable.h"
 #include "cli/table.h"
 #include "eval/run_data.h"
 #include "eval/run_info.h"
@@ -72,7 +72,6 @@ void write_loops(const fs::path& file, const RunContext& context,
   write_atomically(file, [&](std::ostream& out) { table.print_csv(out); });
 }
 
-/// One line a scan: all that the loops and the report say of it by its frame number.
 void write_scans(const fs::path& file, const RunContext& context,
                  const std::vector<pipeline::TaskResult>& results) {
   std::vector<std::string> stored(context.dataset.scans.size());
@@ -129,11 +128,15 @@ void link_latest(const fs::path& run) {
   if (!error) fs::rename(fresh, link, error);
 }
 
-fs::path finished_run(const fs::path& output) {
+fs::path finished_run(const fs::path& output, const std::string& key) {
   std::error_code none;
-  for (const fs::directory_entry& data : fs::directory_iterator(output, none))
-    if (const fs::path run = data.path() / "latest"; fs::exists(run / "metrics.json"))
-      return fs::canonical(run);
+  for (const fs::directory_entry& data : fs::directory_iterator(output, none)) {
+    const fs::path run = data.path() / "latest";
+    if (!fs::exists(run / "metrics.json")) continue;
+    reports::RunInfo info;
+    read_report(run / "run.json", &info);
+    if (info.key() == utf8(key)) return fs::canonical(run);
+  }
   return "";
 }
 
@@ -157,13 +160,15 @@ void write_run(const fs::path& run, const RunContext& context,
                const std::vector<pipeline::TaskResult>& results,
                const pipeline::EvaluationTimes& times) {
   write_text(run / "config.yaml", config_yaml(context));
-  reports::RunInfo info = run_info(context.options, context.dataset, context.source,
-                                   results.empty() ? "" : results.front().pca_fit, times);
-  add_left_out(info, context.dataset, context.alignments);
+  reports::RunInfo info =
+      run_info(context.options, context.dataset, context.source,
+               results.empty() ? "" : results.front().pca_fit, times, context.alignments);
   info.set_command(context.command);
   if (!results.empty())
     info.set_descriptor_dimension(static_cast<int>(results.front().descriptor_dim));
+  info.set_key(context.key);
   write_json(run / "run.json", info);
+  info.clear_key();  // long, and of no use to the page
   write_scans(run / "scans.csv", context, results);
   for (const pipeline::TaskResult& result : results) {
     pipeline::write_precision_recall_csv(run / ("pr_" + result.task.name + ".csv"), result.curve);

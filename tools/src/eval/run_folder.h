@@ -10,7 +10,6 @@
 
 namespace revisit::cli {
 
-/// What the files of a run are made from.
 struct RunContext {
   const FeatureOptions& options;
   const pipeline::Dataset& dataset;
@@ -20,6 +19,7 @@ struct RunContext {
   std::vector<std::pair<std::string, std::string>>
       settings;         // option names and values, for config.yaml
   std::string command;  // that repeats the run
+  std::string key;      // EvaluationKey::text
   int resamples = 0;    // of the bootstrap; 0: none
 };
 
@@ -31,8 +31,8 @@ std::filesystem::path make_run_folder(const std::filesystem::path& output,
 /// name.
 void link_latest(const std::filesystem::path& run);
 
-/// The latest finished run below `output`, in which runs of one data set are; "" without one.
-std::filesystem::path finished_run(const std::filesystem::path& output);
+/// The latest finished run below `output` if its run.json has this key; else "".
+std::filesystem::path finished_run(const std::filesystem::path& output, const std::string& key);
 
 /// config.yaml, run.json, scans.csv (where each scan was taken, how it was aligned and which tasks
 /// store it), pr_<task>.csv, loops_<task>.csv (not when pairs are decided), report.json (all of it
@@ -41,7 +41,7 @@ void write_run(const std::filesystem::path& run, const RunContext& context,
                const std::vector<pipeline::TaskResult>& results,
                const pipeline::EvaluationTimes& times);
 
-/// What metrics.json holds.
+/// Content of metrics.json.
 reports::MetricsList metrics_list(const std::vector<pipeline::TaskResult>& results, int resamples);
 
 }  // namespace revisit::cli

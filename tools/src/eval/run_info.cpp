@@ -10,7 +10,8 @@ namespace revisit::cli {
 
 reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset& dataset,
                           const FeatureSource& source, const std::string& pca_fit,
-                          const pipeline::EvaluationTimes& times) {
+                          const pipeline::EvaluationTimes& times,
+                          const std::vector<pipeline::AlignmentRecord>& alignments) {
   reports::RunInfo info;
   info.set_version(REVISIT_VERSION);
   info.set_data(std::filesystem::absolute(options.data).string());
@@ -55,15 +56,11 @@ reports::RunInfo run_info(const FeatureOptions& options, const pipeline::Dataset
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   info.set_peak_resident_bytes(static_cast<double>(usage.ru_maxrss) * 1024);
-  return info;
-}
-
-void add_left_out(reports::RunInfo& info, const pipeline::Dataset& dataset,
-                  const std::vector<pipeline::AlignmentRecord>& alignments) {
   for (size_t i = 0; i < alignments.size(); ++i)
     if (alignments[i].described == 0)
       info.add_left_out(std::filesystem::absolute(dataset.scans[i].file).string());
   info.set_scans_left_out(info.left_out_size());
+  return info;
 }
 
 }  // namespace revisit::cli

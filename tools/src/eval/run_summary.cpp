@@ -45,7 +45,7 @@ std::string row_key(const FinishedRun& run, const reports::Metrics& task, bool o
   return key;
 }
 
-/// The figures that are averaged, as reports::Metrics and reports::SummaryRow call them.
+/// Fields of reports::Metrics and reports::SummaryRow.
 constexpr const char* kFigures[] = {"average_precision", "f1_max", "max_recall_at_precision_1",
                                     "recall_at_1", "extended_precision"};
 

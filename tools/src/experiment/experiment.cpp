@@ -129,7 +129,7 @@ void carry_out(const ExperimentOptions& options, const Runs& runs) {
       eval.output = options.output / "runs" / short_name_of(key.text);
       if (!large.contains(key.feature)) remove_files(&large);
       large.insert(key.large_files.begin(), key.large_files.end());
-      fs::path folder = finished_run(eval.output);
+      fs::path folder = finished_run(eval.output, key.text);
       if (folder.empty()) {
         if (!eval.feature.quiet) std::cerr << "run: " << command_of(eval) << "\n";
         result->set_state("failed");

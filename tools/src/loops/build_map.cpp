@@ -28,9 +28,9 @@ using ByFrame = std::map<int64_t, const ScanRef*>;
 const ScanRef& scan_of(int64_t frame, const ByFrame& by_frame, const BuildMap& options) {
   const auto found = by_frame.find(frame);
   if (found == by_frame.end())
-    throw InputError(str("the map expects frame ", frame, " of drive '", options.drive,
-                         "', which is not among these scans: give the data that the others have, "
-                         "or another name for this drive"));
+    throw InputError("the map expects frame ", frame, " of drive '", options.drive,
+                     "', which is not among these scans: give the data that the others have, "
+                     "or another name for this drive");
   return *found->second;
 }
 

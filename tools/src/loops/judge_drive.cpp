@@ -10,7 +10,7 @@ namespace revisit::cli {
 std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
                                      pipeline::PlaceRecognizer& recognizer,
                                      const JudgeDrive& options) {
-  if (!drive.has_poses()) throw UsageError(str(drive.name, ": judging matches needs poses"));
+  if (!drive.has_poses()) throw UsageError(drive.name, ": judging matches needs poses");
   pipeline::RecentPlaces recent(options.exclusion);
   std::vector<JudgedMatch> matches;
   pipeline::PointCloud cloud, altered;
@@ -48,7 +48,7 @@ std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
 }
 
 pipeline::TrueMatchRule rule_of(double radius) {
-  if (!(radius > 0)) throw UsageError(str("--radius: expected a positive number, found ", radius));
+  if (!(radius > 0)) throw UsageError("--radius: expected a positive number, found ", radius);
   return {.radius = radius, .false_beyond = 2 * radius};
 }
 

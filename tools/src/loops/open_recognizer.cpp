@@ -15,8 +15,8 @@ pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor
                                      const fs::path& folder, int64_t components) {
   const auto model = std::make_shared<const pipeline::PcaModel>(folder);
   if (model->dim() != extractor.dim)
-    throw InputError(str(folder.string(), ": a PCA for ", model->dim(), " numbers, the feature ",
-                         extractor.name, " has ", extractor.dim));
+    throw InputError(folder.string(), ": a PCA for ", model->dim(), " numbers, the feature ",
+                     extractor.name, " has ", extractor.dim);
   pipeline::FeatureExtractor result;
   result.name = extractor.name;
   result.key = str(extractor.key, ", PCA ", models::file_sha1(folder / "mean.npy"), " ",
@@ -48,9 +48,9 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
   result.options.geometry = options.image.geometry();
   if (source.components < 0) return result;
   if (options.fit_on == "all" || options.fit_on == "map")
-    throw UsageError(str("--feature ", options.feature,
-                         ": the PCA must be learnt before: give its folder with --fit-on, as "
-                         "`revisit describe` writes it, or --pca none"));
+    throw UsageError("--feature ", options.feature,
+                     ": the PCA must be learnt before: give its folder with --fit-on, as "
+                     "`revisit describe` writes it, or --pca none");
   result.extractor = projected(result.extractor, result.options, options.fit_on, source.components);
   result.options.align = pipeline::AlignCase::kNone;  // done in the feature
   return result;

@@ -21,7 +21,7 @@ void PoseFile::write(const std::string& words, const std::vector<double>& number
   }
   if (!numbers.empty()) out_ << "\n";
   out_.flush();
-  if (!out_) throw Error(str(file_.string(), ": cannot be written: ", std::strerror(errno)));
+  if (!out_) throw Error(file_.string(), ": cannot be written: ", std::strerror(errno));
 }
 
 PoseGraphWriter::PoseGraphWriter(const std::filesystem::path& file) : file_(file) {}

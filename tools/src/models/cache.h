@@ -42,7 +42,6 @@ enum class CacheState {
   kWrong,       // the checksum is not the published one: do not use
 };
 
-/// "absent", "partial", "unverified", "verified", "wrong checksum".
 const char* to_string(CacheState state);
 
 struct CacheEntry {
@@ -52,8 +51,8 @@ struct CacheEntry {
   std::string sha1;            // as found; "" when absent or partial
 };
 
-/// Looks at one model in the cache, and for it among `loose` weights; reads the whole file to
-/// compute its checksum. Throws InputError when a file is there but cannot be read.
+/// Looks in the cache and among `loose` weights; computes the checksum. Throws InputError for a
+/// file that cannot be read.
 CacheEntry inspect(const std::filesystem::path& cache, const KnownModel& model,
                    const std::map<std::string, std::filesystem::path>& loose = {});
 

@@ -39,7 +39,6 @@ void need_file(const fs::path& file, const char* option) {
     throw InputError(file.string(), ": is a folder, expected a file (", option, ")");
 }
 
-/// The prototxt that belongs to `weights`, or "".
 fs::path prototxt_beside(const fs::path& weights) {
   const fs::path folder = folder_of(weights);
   const std::string stem = without_ending(weights, {".h5", ".caffemodel"});
@@ -50,8 +49,7 @@ fs::path prototxt_beside(const fs::path& weights) {
   return all.size() == 1 ? all[0] : fs::path();
 }
 
-/// The weights in `folder`: those called like `stem`, or the only ones. Throws when it is not
-/// clear.
+/// Those called like `stem`, or the only ones. Throws UsageError when it is not clear.
 fs::path choose_weights(const fs::path& folder, const std::string& stem) {
   const auto all = weights_in(folder);
   for (const fs::path& file : all)
@@ -61,7 +59,6 @@ fs::path choose_weights(const fs::path& folder, const std::string& stem) {
                    " .caffemodel files; say which weights to use with --weights FILE");
 }
 
-/// Our own description of a known model, in the cache.
 fs::path trunk_in_cache(const KnownModel& known) {
   const fs::path file = cache_folder() / known.name / "deploy.prototxt";
   if (fs::exists(file)) return file;
@@ -72,8 +69,7 @@ fs::path trunk_in_cache(const KnownModel& known) {
 
 bool has_layers(const caffe::NetParameter& net, const Cut& cut) {
   const auto has = [&net](const std::string& name) {
-    return name.empty() || std::any_of(net.layer().begin(), net.layer().end(),
-                                       [&](const auto& layer) { return layer.name() == name; });
+    return name.empty() || std::ranges::count(net.layer(), name, &caffe::LayerParameter::name);
   };
   return has(cut.end) && has(cut.graft);
 }
@@ -103,7 +99,6 @@ Cut choose_cut(const ModelRequest& request, const KnownModel* known, const caffe
                    "with --end LAYER ('revisit net inspect' lists the layers)");
 }
 
-/// Everything else, once both files are known.
 FoundModel complete(const ModelRequest& request, FoundModel found, const KnownModel* known) {
   if (!known) known = known_model_by_sha1(found.weights_sha1);
   if (found.prototxt.empty() && known && !known->trunk.empty())

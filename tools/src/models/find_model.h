@@ -10,7 +10,7 @@
 
 namespace revisit::models {
 
-/// What the user said about the network; empty means not said.
+/// Empty: not given.
 struct ModelRequest {
   std::filesystem::path model;    // --model: a prototxt, a folder with one, or a known model's name
   std::filesystem::path weights;  // --weights: a caffemodel
@@ -18,15 +18,13 @@ struct ModelRequest {
   std::optional<std::array<double, 3>> mean_bgr;
 };
 
-/// A network that is there, with everything needed to use it.
 struct FoundModel {
   std::string name;  // the known model's, or the one in the prototxt
   std::filesystem::path prototxt, weights;
   std::string weights_sha1;
-  std::array<double, 3> mean_bgr{};  // to be subtracted, in 0..255
-  Cut cut;                           // where the feature is taken: as asked, or as suggested
-  bool trained =
-      true;  // false: `revisit models make-random` made it; proves nothing about accuracy
+  std::array<double, 3> mean_bgr{};   // to be subtracted, in 0..255
+  Cut cut;                            // where the feature is taken: as asked, or as suggested
+  bool trained = true;                // false: `revisit models make-random` made it
   std::vector<std::string> warnings;  // for the user, e.g. that the mean is a guess
 };
 
@@ -35,8 +33,7 @@ struct FoundModel {
 /// holds, when that is the folder of one model.
 ///
 /// The missing one of prototxt and weights is looked for beside the other: the same name, then
-/// `deploy.prototxt`, then the only one in the folder; for a known model whose description nobody
-/// put there, our own (trunks.h) is written into the cache.
+/// `deploy.prototxt`, then the only one. A known model gets our own prototxt (trunks.h).
 ///
 /// Throws UsageError when there is no model, or more than one candidate, saying what to do;
 /// InputError for a file that does not exist or a cached one with a wrong checksum.

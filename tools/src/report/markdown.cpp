@@ -6,11 +6,11 @@
 #include <sstream>
 
 #include "cli/table.h"
+#include "revisit/base/joined.h"
 
 namespace revisit::cli {
 namespace {
 
-/// Text as a table cell.
 std::string cell(const std::string& text) {
   std::string safe;
   for (const char c : text) safe += c == '|' ? "\\|" : c == '\n' ? " " : std::string(1, c);
@@ -28,19 +28,23 @@ std::string metric(bool there, double value, const google::protobuf::RepeatedFie
   return text;
 }
 
+/// The columns that both tables have.
+std::vector<std::string> cells_of(const reports::ExperimentRun& run) {
+  const reports::Metrics& m = run.metrics();
+  return {run.panel(),
+          run.label(),
+          metric(m.has_average_precision(), m.average_precision(), m.average_precision_ci()),
+          metric(m.has_f1_max(), m.f1_max(), m.f1_max_ci()),
+          metric(m.has_max_recall_at_precision_1(), m.max_recall_at_precision_1()),
+          metric(m.has_recall_at_1(), m.recall_at_1(), m.recall_at_1_ci())};
+}
+
 void write_runs(const reports::Experiment& experiment, std::ostream& out) {
   out << "| sequence | curve | AP | F1 max | recall at 100 % precision | recall@1 | command |\n"
       << "|---|---|---|---|---|---|---|\n";
-  for (const reports::ExperimentRun& run : experiment.runs()) {
-    if (run.state() != "done") continue;
-    const reports::Metrics& m = run.metrics();
-    out << "| " << cell(run.panel()) << " | " << cell(run.label()) << " | "
-        << metric(m.has_average_precision(), m.average_precision(), m.average_precision_ci())
-        << " | " << metric(m.has_f1_max(), m.f1_max(), m.f1_max_ci()) << " | "
-        << metric(m.has_max_recall_at_precision_1(), m.max_recall_at_precision_1()) << " | "
-        << metric(m.has_recall_at_1(), m.recall_at_1(), m.recall_at_1_ci()) << " | `"
-        << cell(run.command()) << "` |\n";
-  }
+  for (const reports::ExperimentRun& run : experiment.runs())
+    if (run.state() == "done")
+      out << "| " << joined(cells_of(run), " | ", cell) << " | `" << cell(run.command()) << "` |\n";
   out << "\n";
 }
 
@@ -78,9 +82,7 @@ void write_skipped(const reports::Experiment& experiment, std::ostream& out) {
   for (const reports::ExperimentRun& run : experiment.runs())
     if (run.state() != "done") by_reason[run.reason()].push_back(run.panel() + " " + run.label());
   for (const auto& [reason, labels] : by_reason) {
-    out << "Not run (" << reason << "): ";
-    for (size_t i = 0; i < labels.size(); ++i) out << (i ? "; " : "") << labels[i];
-    out << ".\n\n";
+    out << "Not run (" << reason << "): " << joined(labels, "; ") << ".\n\n";
   }
 }
 
@@ -93,12 +95,7 @@ void print_experiment(const reports::Experiment& experiment, std::ostream& out) 
   bool any = false;
   for (const reports::ExperimentRun& run : experiment.runs()) {
     if (run.state() != "done") continue;
-    const reports::Metrics& m = run.metrics();
-    table.row({run.panel(), run.label(),
-               metric(m.has_average_precision(), m.average_precision(), m.average_precision_ci()),
-               metric(m.has_f1_max(), m.f1_max(), m.f1_max_ci()),
-               metric(m.has_max_recall_at_precision_1(), m.max_recall_at_precision_1()),
-               metric(m.has_recall_at_1(), m.recall_at_1(), m.recall_at_1_ci())});
+    table.row(cells_of(run));
     any = true;
   }
   if (any) table.print(out);

@@ -6,6 +6,7 @@
 #include "cli/json.h"
 #include "cli/local_time.h"
 #include "cli/messages.h"
+#include "commands/net_commands.h"
 #include "report/range_images.h"
 #include "report/read_runs.h"
 #include "report_assets.h"
@@ -38,8 +39,8 @@ std::string name_of_run(const reports::Run& run) {
   return title;
 }
 
-/// The queries worth looking at: accepted wrong ones with the highest scores, missed ones with the
-/// lowest, and right ones from all over the drive.
+/// Accepted wrong queries with the highest scores, missed ones with the lowest, and correct ones
+/// from all over the drive.
 void choose_queries(int most, reports::RunTask* task) {
   std::vector<int> wrong, missed, right;
   for (int q = 0; q < task->scan_size(); ++q) {
@@ -77,7 +78,7 @@ void show_queries(int most, const reports::Run& run, RangeImages& images, report
   }
 }
 
-/// Where no query is shown, the map needs the best match of each, and nothing their similarities.
+/// Where no query is shown, the map needs only the best match of each.
 void keep_best_matches(reports::RunTask* task) {
   task->clear_similarity();
   if (task->scan_size() == 0) return;
@@ -166,6 +167,18 @@ reports::Page write_report(const std::vector<fs::path>& folders, const fs::path&
   write_atomically(file, [&](std::ostream& out) { out << html_page(page); });
   for (const std::string& warning : page.warnings()) warn(warning);
   return page;
+}
+
+std::string profile_page(const reports::NetReport& report, const std::string& command) {
+  PageOptions options;
+  options.title =
+      "Profile of " +
+      (report.net().empty() ? fs::path(report.prototxt()).filename().string() : report.net());
+  options.command = command;
+  reports::Page page;
+  *page.add_profiles() = report;
+  complete_page(options, &page);
+  return html_page(page);
 }
 
 }  // namespace revisit::cli

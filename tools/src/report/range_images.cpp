@@ -1,13 +1,12 @@
 #include "report/range_images.h"
 
 #include <openssl/evp.h>
-#include <png.h>
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include "revisit/base/error.h"
+#include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
 
 namespace revisit::cli {
@@ -47,27 +46,13 @@ pipeline::ImageGeometry geometry_of(const reports::RunInfo& info) {
   return g;
 }
 
-std::string base64(const std::vector<uint8_t>& bytes) {
-  std::string text((bytes.size() + 2) / 3 * 4 + 1, '\0');  // with the 0 that OpenSSL writes behind
-  text.resize(static_cast<size_t>(EVP_EncodeBlock(reinterpret_cast<uint8_t*>(text.data()),
-                                                  bytes.data(), static_cast<int>(bytes.size()))));
-  return text;
-}
-
 std::string png_uri(const pipeline::RangeImage& image) {
-  png_image png{};
-  png.version = PNG_IMAGE_VERSION;
-  png.width = static_cast<png_uint_32>(image.width);
-  png.height = static_cast<png_uint_32>(image.height);
-  png.format = PNG_FORMAT_GRAY;
-  std::vector<uint8_t> pixels;
-  for (const float value : image.pixels) pixels.push_back(static_cast<uint8_t>(std::lround(value)));
-  std::vector<uint8_t> file(PNG_IMAGE_PNG_SIZE_MAX(png));
-  png_alloc_size_t bytes = file.size();
-  if (!png_image_write_to_memory(&png, file.data(), &bytes, 0, pixels.data(), 0, nullptr))
-    throw Error("cannot make a PNG: ", png.message);
-  file.resize(bytes);
-  return "data:image/png;base64," + base64(file);
+  const std::string png = pipeline::png_of(pipeline::gray_of(image), "range image");
+  std::string text((png.size() + 2) / 3 * 4 + 1, '\0');  // with the 0 that OpenSSL writes behind
+  text.resize(static_cast<size_t>(EVP_EncodeBlock(reinterpret_cast<uint8_t*>(text.data()),
+                                                  reinterpret_cast<const uint8_t*>(png.data()),
+                                                  static_cast<int>(png.size()))));
+  return "data:image/png;base64," + text;
 }
 
 }  // namespace

@@ -44,7 +44,6 @@ void need_consistent(const fs::path& file, const reports::Run& run) {
   }
 }
 
-/// Adds runs to a page by their folders, each once.
 class RunReader {
  public:
   explicit RunReader(reports::Page* page) : page_(page) {}
@@ -66,7 +65,7 @@ class RunReader {
   std::map<fs::path, int> index_;
 };
 
-/// The folders that hold `file`, `folder` itself or what is below it.
+/// `folder` itself, or those below it.
 std::vector<fs::path> folders_with(const fs::path& folder, const char* file) {
   if (is_file(folder / file)) return {folder};
   std::vector<fs::path> found;

@@ -10,7 +10,6 @@
 
 namespace revisit::cli {
 
-/// Everything that `revisit robustness` is told.
 struct RobustnessCommand {
   FeatureOptions feature;             // its name is the list as given
   std::vector<std::string> features;  // of the list
@@ -22,7 +21,6 @@ struct RobustnessCommand {
   bool no_report = false;
 };
 
-/// Reads the command line. Throws UsageError.
 RobustnessCommand parse_robustness(const Arguments& arguments);
 
 }  // namespace revisit::cli

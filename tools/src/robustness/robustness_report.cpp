@@ -14,7 +14,7 @@ std::string ratio(bool there, double value) {
   return number(there ? value : std::numeric_limits<double>::quiet_NaN(), 2);
 }
 
-/// What was asked, and nothing of what was found.
+/// The report without its results.
 reports::Robustness question_of(const reports::Robustness& report) {
   reports::Robustness question = report;
   question.clear_version();

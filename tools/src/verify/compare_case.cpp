@@ -12,7 +12,6 @@ namespace {
 constexpr double kProbability = 1e-6;  // absolute: small probabilities have few exact digits
 constexpr double kMostRounding = 1e-4;
 
-/// How far one layer is from the original.
 struct LayerError {
   std::string layer;
   double error;
@@ -88,8 +87,8 @@ struct Found {
   engine::View<const float> value;
 };
 
-/// The kept value that `name` (with '/' written as '_') means: an output of the net, or a blob as
-/// it is after the whole run, which is what the last layer that writes it made of it.
+/// The value that `name` (with '/' written as '_') means: an output of the net, or a blob as the
+/// last layer wrote it.
 Found find_output(const engine::Run& run, const std::string& name) {
   const engine::Plan& plan = run.plan();
   const auto means = [&](std::string candidate) {
@@ -110,13 +109,10 @@ Found find_output(const engine::Run& run, const std::string& name) {
   throw InputError("the net has no blob '", name, "'");
 }
 
-/// The type of the layer whose output `name` is.
 std::string writer_type(const engine::Plan& plan, const std::string& name) {
   for (size_t i = plan.layers().size(); i-- > 0;) {
     const engine::LayerCost& layer = plan.layers()[i];
-    if (layer.name == name ||
-        std::find(layer.blobs.begin(), layer.blobs.end(), name) != layer.blobs.end())
-      return layer.type;
+    if (layer.name == name || std::ranges::count(layer.blobs, name)) return layer.type;
   }
   return "";
 }
@@ -133,7 +129,6 @@ double largest_error(const engine::Run& a, const engine::Run& b) {
   return worst;
 }
 
-/// A case whose files are read, ready to run with different kernels.
 class Comparison {
  public:
   Comparison(const GoldenCase& golden, const CompareOptions& options)

@@ -34,13 +34,12 @@ struct CompareOptions {
 /// layer is max|a - b| / max|b|; of a Softmax, max|a - b|, with tolerance 1e-6 (in bf16 that of the
 /// others); nets that only move values must agree exactly.
 ///
-/// Some nets amplify rounding (batch normalisation of channels with little variance; the softmax of
-/// large scores that nearly cancel): there two ways of summing in our own kernels, in single and in
-/// double precision, are further apart than the tolerance. A layer beyond the tolerance is then
-/// judged by that distance d, the largest of any layer of the net: it passes below 2d, since we and
-/// the original may be off by as much in opposite directions, and never above 1e-4.
+/// Some nets amplify rounding: batch normalisation of channels with little variance, the softmax of
+/// large scores that nearly cancel. A layer beyond the tolerance then passes below 2d, at most
+/// 1e-4; d is the largest difference between our fast and reference kernels in any layer. We and
+/// the original may be off by as much in opposite directions.
 ///
-/// Never throws: what goes wrong is the verdict's `failure`.
+/// Never throws: errors are the verdict's `failure`.
 CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options);
 
 }  // namespace revisit::cli

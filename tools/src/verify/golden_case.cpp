@@ -100,7 +100,7 @@ void add_variants(const fs::path& folder, const Struct& manifest, const fs::path
     for (const fs::path& file : entries(folder)) {
       const auto size = npy_name(file, "out_" + variant + "_");
       if (!size) continue;
-      GoldenCase golden{prototxt.filename().string() + " " + *size, prototxt, weights, {}, {}, {}};
+      GoldenCase golden{prototxt.filename().string() + " " + *size, prototxt, weights};
       golden.inputs[""] = layer_input.parent_path() / ("in_1x3x" + *size + ".npy");
       golden.outputs[""] = file;
       if (!is_v1 && variant == "pool5" && golden.inputs[""].filename() == layer_input.filename())
@@ -118,8 +118,8 @@ void add_manifest_cases(const fs::path& folder, std::vector<GoldenCase>* cases) 
     add_variants(folder, manifest, weights_file, cases);
     return;
   }
-  GoldenCase golden{"", folder / "deploy.prototxt", weights_file, {},
-                    {}, layers_of(folder, manifest)};
+  GoldenCase golden{"", folder / "deploy.prototxt", weights_file};
+  golden.layers = layers_of(folder, manifest);
   add_arrays(folder, &golden);
   golden.inputs[""] = folder / text(manifest, "input");
   for (const fs::path& file :
@@ -142,11 +142,7 @@ void add_index_cases(const fs::path& folder, std::vector<GoldenCase>* cases) {
     const Struct& pair = value.struct_value();
     if (text(pair, "prototxt").empty() || text(pair, "weights").empty()) continue;
     GoldenCase golden{text(pair, "prototxt") + " " + text(pair, "weights"),
-                      folder / text(pair, "prototxt"),
-                      folder / text(pair, "weights"),
-                      {},
-                      {},
-                      {}};
+                      folder / text(pair, "prototxt"), folder / text(pair, "weights")};
     add_arrays(folder, &golden);
     cases->push_back(std::move(golden));
   }
@@ -155,12 +151,12 @@ void add_index_cases(const fs::path& folder, std::vector<GoldenCase>* cases) {
 void add_plain_cases(const fs::path& folder, const fs::path& prototxt,
                      std::vector<GoldenCase>* cases) {
   const auto weights = first_that_exists(folder, {"weights.caffemodel", "weights.caffemodel.h5"});
-  GoldenCase golden{"", prototxt, weights, {}, {}, {}};
+  GoldenCase golden{"", prototxt, weights};
   add_arrays(folder, &golden);
   if (!golden.outputs.empty()) cases->push_back(std::move(golden));
   for (const fs::path& sub : entries(folder)) {
     if (!fs::is_directory(sub) || !fs::exists(sub / "in.npy")) continue;
-    GoldenCase size{sub.filename().string(), prototxt, weights, {}, {}, {}};
+    GoldenCase size{sub.filename().string(), prototxt, weights};
     add_arrays(sub, &size);
     cases->push_back(std::move(size));
   }

@@ -23,21 +23,18 @@ struct GoldenCase {
   std::string name;
   std::filesystem::path prototxt;
   std::optional<std::filesystem::path> weights;
-  std::map<std::string, std::filesystem::path> inputs;   // by blob; "" is the only input of the net
-  std::map<std::string, std::filesystem::path> outputs;  // by name, '/' written as '_'
-  std::vector<GoldenLayer> layers;                       // in the order they run
+  /// By blob ("": the only input of the net), and by name with '/' written as '_'.
+  std::map<std::string, std::filesystem::path> inputs = {}, outputs = {};
+  std::vector<GoldenLayer> layers = {};  // in the order they run
 };
 
 /// All cases below `folder`. A folder is a case when it has one of:
-/// - `manifest.json` (layers with files or statistics; `VARIANT.prototxt` with
-/// `out_VARIANT_SIZE.npy`, or
-///   `deploy.prototxt`),
+/// - `manifest.json`: layers with files or statistics; `VARIANT.prototxt` with
+///   `out_VARIANT_SIZE.npy`, or `deploy.prototxt`,
 /// - `index.json` with pairs of prototxt and weights that give the same outputs,
 /// - `net.prototxt` or `deploy.prototxt` with `in_BLOB.npy` (or `in.npy`) and `out_NAME.npy`;
-/// sub-folders with
-///   their own `in.npy` are other sizes of the same net.
-/// Other folders are searched. Throws InputError when there is no case at all or a JSON file is
-/// malformed.
+///   sub-folders with their own `in.npy` are other sizes of the same net.
+/// Other folders are searched. Throws InputError for no case at all and for malformed JSON.
 std::vector<GoldenCase> find_golden_cases(const std::filesystem::path& folder);
 
 }  // namespace revisit::cli

@@ -22,7 +22,6 @@ using Grsd = pcl::GRSDEstimation<pcl::PointXYZ, pcl::Normal, pcl::GRSDSignature2
 
 constexpr int kClasses = 5;  // of surfaces; one more for an empty voxel
 
-/// The occupied voxels of a cloud.
 struct Voxels {
   Points::Ptr centroids{new Points};
   std::vector<Voxel> places;                  // of the centroids

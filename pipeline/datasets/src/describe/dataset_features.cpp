@@ -101,7 +101,6 @@ DescribeTimes DatasetFeatures::read_times() const {
   return times;
 }
 
-/// Their similarity to anything means nothing.
 void DatasetFeatures::warn_of_zeros(const FeatureFile& features) {
   int64_t zeros = 0;
   for (int64_t i = 0; i < features.n(); ++i) {

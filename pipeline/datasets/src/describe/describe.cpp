@@ -1,15 +1,15 @@
 #include "revisit/datasets/describe.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <ctime>
 #include <limits>
 #include <optional>
-#include <utility>
 
 #include "describe/in_order.h"
 #include "io/file_content.h"
 #include "revisit/base/text.h"
-#include "revisit/datasets/describe.h"
 #include "revisit/datasets/gray_png.h"
 #include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/stopwatch.h"
@@ -101,7 +101,7 @@ const RangeImage& input_of(Memory& memory, const Alignment& alignment,
   return memory.image;
 }
 
-/// Does what may refuse the content of a scan, and does not know its file.
+/// Adds the file to the InputErrors of `doing`.
 template <class Doing>
 void naming_the_file(const ScanRef& scan, const Doing& doing) {
   try {
@@ -199,7 +199,6 @@ std::span<const float> as_row(const AlignmentRecord& record) {
   return {&record.yaw, kAlignmentColumns};
 }
 
-/// One of the two files to be written, unless it is complete.
 class Output {
  public:
   Output(const fs::path& file, const std::string& key, int64_t n, int64_t dim,
@@ -232,6 +231,18 @@ void DescribeTimes::append(const DescribeTimes& more) {
         &DescribeTimes::feature, &DescribeTimes::write, &DescribeTimes::processor})
     (this->*stage).insert((this->*stage).end(), (more.*stage).begin(), (more.*stage).end());
   wall_ms += more.wall_ms;
+}
+
+std::string dataset_key(const Dataset& dataset) {
+  std::string files;
+  for (const ScanRef& scan : dataset.scans) {
+    struct stat s {};  // all zero for a file that is not there: its reader reports it
+    if (::stat(scan.file.c_str(), &s) != 0) s = {};
+    files +=
+        str(fs::absolute(scan.file).string(), " ", s.st_size, " ", s.st_mtim.tv_sec, ".",
+            s.st_mtim.tv_nsec, " ", s.st_ino, " ", s.st_ctim.tv_sec, ".", s.st_ctim.tv_nsec, "\n");
+  }
+  return str("scans ", dataset.scans.size(), " ", short_name_of(files));
 }
 
 FeaturePaths feature_paths(const fs::path& folder, const Dataset& dataset,

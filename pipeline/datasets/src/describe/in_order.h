@@ -9,9 +9,8 @@
 
 namespace revisit::pipeline {
 
-/// Work on items first..n-1 in several threads, taken in order by the calling thread. A worker goes
-/// on with the next item as soon as one of the `slots`, which hold the results on their way, is
-/// free: nobody waits for the slowest of a batch.
+/// Makes items first..n-1 in several threads; the calling thread takes them in order. A worker
+/// begins the next item as soon as a slot is free: nobody waits for the slowest of a batch.
 ///
 ///   in_order(0, n, threads, slots, [&](int64_t i, int thread, Slot& slot) { slot = work(i); },
 ///            [&](int64_t i, Slot& slot) { write(slot); });

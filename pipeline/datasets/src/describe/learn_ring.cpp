@@ -22,7 +22,6 @@ double heading_of(const Pose& T_world_cam) {
   return std::atan2(-forward.x(), forward.z());
 }
 
-/// A scan's own number, which its alteration depends on.
 uint64_t number_of(const PointCloud& cloud) {
   uint64_t hash = kFnv1aStart;
   for (const Point& point : cloud.points)
@@ -36,7 +35,6 @@ void alter_at_random(PointCloud& cloud, uint32_t which) {
   alter(cloud, random_alteration(seed), seed);
 }
 
-/// The features of scans that are altered before, each in a way of its own.
 FeatureExtractor of_altered_scans(const FeatureExtractor& extractor, int which) {
   FeatureExtractor altered = extractor;
   altered.key = str(extractor.key, " altered ", kAlterationVersion, " ", which);

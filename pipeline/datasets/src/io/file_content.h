@@ -9,8 +9,7 @@
 
 namespace revisit::pipeline {
 
-/// Asks the system to have the file in memory soon, without waiting for it. What cannot be read is
-/// left to the reader to report.
+/// Asks the system to have the file in memory soon. Errors are left to the reader.
 void read_ahead(const std::filesystem::path& file);
 
 /// A file in memory, read as text line by line (the header, or all of it), with the line's number.
@@ -41,8 +40,7 @@ std::string_view take_word(std::string_view* text);
 /// `may_be_infinite`, for nan and inf.
 double parse_number(std::string_view word, const std::string& where, bool may_be_infinite);
 
-/// The finite numbers in `text`, separated by blanks. Throws InputError, starting with `where`, for
-/// anything that is not a finite number.
+/// Blank-separated finite numbers. Throws InputError, starting with `where`.
 std::vector<double> parse_numbers(std::string_view text, const std::string& where);
 
 }  // namespace revisit::pipeline

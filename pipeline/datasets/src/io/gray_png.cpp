@@ -2,9 +2,12 @@
 
 #include <png.h>
 
-#include "io/file_content.h"
+#include <algorithm>
+#include <cmath>
+
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
+#include "revisit/base/file_content.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -37,7 +40,15 @@ GrayImage read_gray_png(const std::filesystem::path& file) {
   return image;
 }
 
-void write_gray_png(const std::filesystem::path& file, const GrayImage& image) {
+GrayImage gray_of(const RangeImage& image) {
+  GrayImage gray{image.width, image.height, std::vector<uint8_t>(image.pixels.size())};
+  std::transform(image.pixels.begin(), image.pixels.end(), gray.pixels.begin(), [](float pixel) {
+    return static_cast<uint8_t>(std::lround(std::clamp(pixel, 0.0F, 255.0F)));
+  });
+  return gray;
+}
+
+std::string png_of(const GrayImage& image, const std::string& what) {
   PngImage png;
   png.width = static_cast<png_uint_32>(image.width);
   png.height = static_cast<png_uint_32>(image.height);
@@ -45,11 +56,19 @@ void write_gray_png(const std::filesystem::path& file, const GrayImage& image) {
   std::string bytes(PNG_IMAGE_PNG_SIZE_MAX(png), '\0');
   png_alloc_size_t size = bytes.size();
   if (!png_image_write_to_memory(&png, bytes.data(), &size, 0, image.pixels.data(), 0, nullptr))
-    throw Error(file.string(), ": cannot encode ", image.width, " x ", image.height,
+    throw Error(what, ": cannot encode ", image.width, " x ", image.height,
                 " pixels as PNG: ", png.message);
-  write_atomically(file, [&](std::ostream& out) {
-    out.write(bytes.data(), static_cast<std::streamsize>(size));
-  });
+  bytes.resize(size);
+  return bytes;
+}
+
+void write_gray_png(const std::filesystem::path& file, const GrayImage& image) {
+  const std::string bytes = png_of(image, file.string());
+  write_atomically(file, [&](std::ostream& out) { out << bytes; });
+}
+
+void write_png(const std::string& file, const RangeImage& image) {
+  write_gray_png(file, gray_of(image));
 }
 
 }  // namespace revisit::pipeline

@@ -1,5 +1,3 @@
-#include "io/pcd.h"
-
 #include <liblzf/lzf.h>
 
 #include <cstdint>
@@ -7,6 +5,7 @@
 #include <optional>
 
 #include "io/file_content.h"
+#include "io/point_files.h"
 #include "io/point_table.h"
 #include "revisit/base/error.h"
 
@@ -40,7 +39,7 @@ proto::NumberType number_type(std::string_view type, std::string_view size,
                    size.substr(0, 40), "; expected I or U of 1, 2, 4, 8 or F of 4, 8");
 }
 
-/// Every line up to and including DATA. `text` is left at the first byte of the points.
+/// Leaves `text` at the first byte of the points.
 PcdHeader read_pcd_header(TextCursor* text) {
   std::vector<std::string_view> names, sizes, types, counts;
   std::optional<size_t> width, height, points;

@@ -1,8 +1,7 @@
-#include "io/ply.h"
-
 #include <algorithm>
 
 #include "io/file_content.h"
+#include "io/point_files.h"
 #include "io/point_table.h"
 #include "revisit/base/error.h"
 

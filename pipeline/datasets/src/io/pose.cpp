@@ -41,7 +41,6 @@ Pose parse_pose(std::string_view text, const std::string& where) {
   return pose;
 }
 
-/// One `key: values` line of a calib.txt.
 struct Entry {
   std::string values, where;
 };

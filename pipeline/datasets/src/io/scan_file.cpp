@@ -5,8 +5,7 @@
 #include <cctype>
 #include <cmath>
 
-#include "io/pcd.h"
-#include "io/ply.h"
+#include "io/point_files.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
 #include "revisit/base/file_cursor.h"

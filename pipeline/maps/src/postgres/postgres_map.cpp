@@ -180,7 +180,7 @@ class PostgresMap : public MapStore {
  private:
   void must_be_writer() const {
     if (access_ == MapAccess::kRead)
-      throw UsageError(str(server_->name(), ": this map was opened for reading (MapAccess)"));
+      throw UsageError(server_->name(), ": this map was opened for reading (MapAccess)");
   }
 
   static void put_value(pqxx::transaction_base& step, const std::string& name,
@@ -219,13 +219,12 @@ std::unique_ptr<MapStore> open_postgres_map(const std::string& where, MapAccess 
         made = true;
       }
     }
-    if (access == MapAccess::kNew && !made)
-      throw InputError(str(server->name(), ": already exists"));
+    if (access == MapAccess::kNew && !made) throw InputError(server->name(), ": already exists");
     // Without this right the server would say that there are no tables.
     if (!step.exec_params("SELECT has_schema_privilege($1, 'USAGE')", server->map())[0][0]
              .as<bool>())
-      throw Error(str(server->name(), ": the server does not allow it: no right to use the schema ",
-                      server->map(), "; give this user the right, or use another"));
+      throw Error(server->name(), ": the server does not allow it: no right to use the schema ",
+                  server->map(), "; give this user the right, or use another");
     MapHead found = read_head(step, server->name());
     step.commit();
     return found;

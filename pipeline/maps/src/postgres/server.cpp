@@ -58,7 +58,7 @@ Server::Server(Address address, bool listens)
     connect();
   } catch (const pqxx::pqxx_exception& error) {
     std::string message = without_password(error.base().what());
-    throw Error(str(name(), ": no connection: ", message, "; ", remedy_of(message)));
+    throw Error(name(), ": no connection: ", message, "; ", remedy_of(message));
   }
 }
 
@@ -104,15 +104,15 @@ void Server::throw_unless_lost(const pqxx::pqxx_exception& error) {
   const std::string message = without_password(error.base().what());
   if (!means_lost(error)) {
     if (is<pqxx::insufficient_resources>(error))
-      throw Error(str(name(), ": the server has no space left: ", message));
+      throw Error(name(), ": the server has no space left: ", message);
     if (is<pqxx::insufficient_privilege>(error))
-      throw Error(str(name(), ": the server does not allow it: ", message,
-                      "; give this user the right, or use another"));
+      throw Error(name(), ": the server does not allow it: ", message,
+                  "; give this user the right, or use another");
     if (is<pqxx::data_exception>(error))
-      throw UsageError(str(name(), ": the server cannot store this: ", message));
+      throw UsageError(name(), ": the server cannot store this: ", message);
     if (is<pqxx::undefined_column>(error) || is<pqxx::undefined_table>(error))
-      throw InputError(str(name(), ": not a map, or another program's tables: ", message));
-    throw Error(str(name(), ": the server says: ", message));
+      throw InputError(name(), ": not a map, or another program's tables: ", message);
+    throw Error(name(), ": the server says: ", message);
   }
   listener_.reset();
   connection_.reset();
@@ -123,10 +123,10 @@ void Server::wait_after(const pqxx::pqxx_exception& lost,
   const Clock::time_point now = Clock::now();
   if (!lost_at) lost_at = now;
   if (now - *lost_at >= address_.patience)
-    throw Error(str(name(), ": the connection was lost, and no other could be made for ",
-                    static_cast<double>(address_.patience.count()) / 1000,
-                    " s: ", without_password(lost.base().what()),
-                    "; start the server again: what was acknowledged is kept"));
+    throw Error(name(), ": the connection was lost, and no other could be made for ",
+                static_cast<double>(address_.patience.count()) / 1000,
+                " s: ", without_password(lost.base().what()),
+                "; start the server again: what was acknowledged is kept");
   std::this_thread::sleep_for(std::min(kBetweenTries, address_.patience));
 }
 

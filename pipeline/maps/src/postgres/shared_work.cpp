@@ -83,7 +83,7 @@ class ServerWork : public SharedWork {
 
   std::unique_ptr<Claim> claim(const std::string& drive, int64_t most) override {
     check_drive(drive);
-    if (most < 1) throw UsageError(str("a claim of ", most, " scans: expected at least 1"));
+    if (most < 1) throw UsageError("a claim of ", most, " scans: expected at least 1");
     return server_.run([&](pqxx::connection& connection) -> std::unique_ptr<Claim> {
       auto claim = std::make_unique<ServerClaim>(server_);
       claim->drive = drive;

@@ -39,16 +39,16 @@ MapHead read_head(pqxx::transaction_base& step, const std::string& name) {
   const pqxx::result rows = step.exec(
       "SELECT version, identity, bytes_per_number, revision, "
       "checksum FROM map WHERE id = 1");
-  if (rows.empty()) throw InputError(str(name, ": the head of this map is damaged: not found"));
+  if (rows.empty()) throw InputError(name, ": the head of this map is damaged: not found");
   const pqxx::row row = rows[0];
   if (row[0].as<int>() > kMapVersion)
-    throw InputError(str(name, ": a map of version ", row[0].as<int>(),
-                         ", this program knows version ", kMapVersion, "; use a later revisit"));
+    throw InputError(name, ": a map of version ", row[0].as<int>(), ", this program knows version ",
+                     kMapVersion, "; use a later revisit");
   const auto identity = row[1].as<std::string>();
   const auto bytes_per_number = row[2].as<int64_t>(), revision = row[3].as<int64_t>();
   if (head_checksum(identity, bytes_per_number, revision) != row[4].as<int64_t>() ||
       (bytes_per_number != 2 && bytes_per_number != 4))
-    throw InputError(str(name, ": the head of this map is damaged: its checksum is wrong"));
+    throw InputError(name, ": the head of this map is damaged: its checksum is wrong");
   return {.identity = identity_from(identity),
           .format = bytes_per_number == 2 ? NumberFormat::kFloat16 : NumberFormat::kFloat32,
           .revision = revision};
@@ -84,8 +84,8 @@ int64_t read_places(pqxx::transaction_base& step, const std::string& name, const
   const auto places = rows.empty() ? -1 : rows[0][0].as<int64_t>();
   if (places < 0 || places > kMostPlaces ||
       checksum_of(Counts{.places = places}) != rows[0][1].as<int64_t>())
-    throw InputError(str(name, ": this map is damaged: the number of its places is ",
-                         rows.empty() ? "not found" : "wrong", "; go back to a copy of it"));
+    throw InputError(name, ": this map is damaged: the number of its places is ",
+                     rows.empty() ? "not found" : "wrong", "; go back to a copy of it");
   return places;
 }
 
@@ -108,8 +108,8 @@ std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::strin
            "SELECT id, place, checksum FROM removed WHERE id > $1 ORDER BY id", after)) {
     places.push_back(row[1].as<int64_t>());
     if (removed_checksum(row[0].as<int64_t>(), places.back()) != row[2].as<int64_t>())
-      throw InputError(str(name, ": this map is damaged: a checksum in the list of removed places ",
-                           "is wrong; go back to a copy of it"));
+      throw InputError(name, ": this map is damaged: a checksum in the list of removed places ",
+                       "is wrong; go back to a copy of it");
   }
   return places;
 }

@@ -7,7 +7,7 @@ namespace revisit::pipeline {
 Score parse_score(const std::string& text) {
   if (text == "margin") return Score::kMargin;
   if (text == "similarity" || text == "cosine") return Score::kSimilarity;
-  throw UsageError(str("score: expected margin or similarity, found '", text, "'"));
+  throw UsageError("score: expected margin or similarity, found '", text, "'");
 }
 
 const char* name_of(Score score) {

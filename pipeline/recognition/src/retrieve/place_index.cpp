@@ -19,7 +19,7 @@ void PlaceIndex::check(std::span<const float> descriptor, const char* what) cons
     throw UsageError(
         str("PlaceIndex: expected a ", what, " of ", dim_, " numbers, found ", descriptor.size()));
   if (!std::ranges::all_of(descriptor, [](float v) { return std::isfinite(v); }))
-    throw UsageError(str("PlaceIndex: a ", what, " holds a number that is not finite"));
+    throw UsageError("PlaceIndex: a ", what, " holds a number that is not finite");
 }
 
 PlaceIndex::Block& PlaceIndex::block_to_add_to() {
@@ -59,7 +59,7 @@ void PlaceIndex::choose_by(std::unique_ptr<CandidateSource> source, int64_t coun
   if (source->size() != size_)
     throw UsageError(
         str("PlaceIndex: expected a source of ", size_, " places, found ", source->size()));
-  if (count < 1) throw UsageError(str("PlaceIndex: expected at least 1 candidate, found ", count));
+  if (count < 1) throw UsageError("PlaceIndex: expected at least 1 candidate, found ", count);
   source_ = std::move(source);
   from_source_ = count;
 }
@@ -90,8 +90,8 @@ std::vector<Match> PlaceIndex::best_of_many(std::span<const Query> queries,
 }
 
 NotFinite::NotFinite(int64_t of_query, int64_t to_place, double found)
-    : Error(str("the similarity of query ", of_query, " to place ", to_place,
-                " is not finite: ", found)),
+    : Error("the similarity of query ", of_query, " to place ", to_place,
+            " is not finite: ", found),
       query(of_query),
       place(to_place),
       similarity(found) {}

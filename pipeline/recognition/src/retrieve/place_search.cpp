@@ -98,9 +98,9 @@ PlaceSearch::PlaceSearch(const PlaceIndex& index, const SearchOptions& options)
       memory_(memory_of_this_thread()),
       keep_(std::numeric_limits<int64_t>::max()),
       slack_(0) {
-  if (options.k < 1) throw UsageError(str("k: expected at least 1, found ", options.k));
+  if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.threads < 1)
-    throw UsageError(str("threads: expected at least 1, found ", options.threads));
+    throw UsageError("threads: expected at least 1, found ", options.threads);
   if (index.by_cosine()) {
     keep_ = options.k;
     slack_ = rounding_of_cosines(index.dim_);

@@ -8,13 +8,12 @@
 
 namespace revisit::pipeline {
 
-/// FAB-MAP's model of places (M. Cummins, P. Newman: FAB-MAP: Probabilistic Localization and
-/// Mapping in the Space of Appearance, IJRR 27(6), 2008), on images that are described by the
-/// visual words they show: rows of 0 and 1, `[images][words]`. visual_words.h makes such rows from
-/// images.
+// FAB-MAP (M. Cummins, P. Newman: FAB-MAP: Probabilistic Localization and Mapping in the Space of
+// Appearance, IJRR 27(6), 2008) on rows of 0 and 1, `[images][words]`, as visual_words.h makes
+// them.
 
-/// How words occur together: of all distributions in which each word depends on one other, the one
-/// nearest to the training images (Chow and Liu 1968).
+/// Of all distributions in which each word depends on one other, the one nearest to the training
+/// images (Chow and Liu 1968).
 struct ChowLiuTree {
   std::vector<int> parent;                          // [words], -1 at the root
   std::vector<double> marginal;                     // [words], p(z = 1)
@@ -33,7 +32,6 @@ struct FabMapOptions {
   double smoothing = 0.99;        // sigma; 1: none
 };
 
-/// The probability that an image was taken at a place of the map, or at a new one.
 class FabMap {
  public:
   /// With `samples` (images of other places) the likelihood of a new place is their mean; without,

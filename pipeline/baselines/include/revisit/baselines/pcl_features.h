@@ -4,14 +4,10 @@
 
 namespace revisit::pipeline {
 
-/// The hand-crafted descriptors of the paper's comparison (Table II), by the Point Cloud Library
-/// and with the paper's radii. All see the points and are compared by cosine. Points beyond 1 km
-/// are left out.
-///
-/// A build without PCL has none of them: every function here then throws UsageError saying so.
-/// A descriptor that needs surface normals leaves out the points that have none (fewer than 3
-/// points within the radius); a scan in which none are left gets the zero vector, which is like
-/// nothing.
+// The hand-crafted descriptors of the paper's Table II by the Point Cloud Library, with the paper's
+// radii, compared by cosine. Points beyond 1 km are left out, and those without a normal (fewer
+// than 3 points within the radius). A scan without points gets the zero vector. In a build without
+// PCL every function throws UsageError.
 
 struct VfhOptions {
   double normal_radius = 0.03;  // [m]

@@ -38,8 +38,7 @@ struct ContextDistance {
 ContextDistance context_distance(std::span<const float> a, std::span<const float> b,
                                  const ScanContextOptions& options);
 
-/// Scan Context as a feature, compared by 1 - distance; candidates that the ring keys leave out get
-/// the least similarity, -1. Throws UsageError for invalid options.
+/// Compared by 1 - distance; candidates that the ring keys leave out get -1. Throws UsageError.
 FeatureExtractor scan_context_features(const ScanContextOptions& options = {});
 
 }  // namespace revisit::pipeline

@@ -10,7 +10,7 @@
 
 namespace revisit::pipeline {
 
-/// A build without OpenCV has no visual words: what needs them throws UsageError saying so.
+// In a build without OpenCV the functions throw UsageError.
 
 /// SIFT descriptors of an image (Lowe 2004; OpenCV's, default parameters), [keypoints][128]: the
 /// kMostKeypoints strongest.
@@ -21,8 +21,7 @@ inline constexpr int kMostKeypoints = 3000;  // bounds memory; a KITTI image has
 /// Throws InputError for fewer descriptors than words.
 FloatMatrix cluster_words(const FloatMatrix& descriptors, int words, uint64_t seed = 1);
 
-/// Which words an image shows: `seen[w]` is 1 when w is the nearest word of some descriptor, else
-/// 0.
+/// `seen[w]` is 1 when w is the nearest word of some descriptor, else 0.
 void find_words(const FloatMatrix& descriptors, const FloatMatrix& vocabulary,
                 std::span<float> seen);
 
@@ -43,10 +42,9 @@ struct WordModel {
   std::string key;         // names everything it was learnt from
 };
 
-/// Learns from the images of a data set (camera_images()), or takes what an earlier call with the
-/// same images and options left in `folder`. The result does not depend on the number of threads.
-/// Throws InputError for images that cannot be read or show too little, Interrupted, and Error when
-/// the folder cannot be written.
+/// Learns from camera_images(), or takes what an earlier equal call left in `folder`. The result
+/// does not depend on the number of threads. Throws InputError for images that cannot be read or
+/// show too little, Interrupted, and Error when the folder cannot be written.
 WordModel learn_words(const Dataset& images, const TrainingOptions& options,
                       const std::filesystem::path& folder);
 

@@ -10,7 +10,6 @@
 
 namespace revisit::pipeline {
 
-/// One thing that may differ when a place is seen again.
 struct AlterationStep {
   enum class Kind {
     kTurn,    // yaw [deg], left positive; without amount a random one
@@ -39,20 +38,16 @@ struct Alteration {
 /// what was expected.
 Alteration parse_alteration(std::string_view text);
 
-/// The text that parse_alteration() takes.
 std::string text_of(const Alteration& alteration);
 
 /// For tables: "pitch 5 deg + nearer than 30 m".
 std::string name_of(const Alteration& alteration);
 
-/// What a robot's scans may go through, each by itself, and a mixture: the rows of the table of
-/// robustness.
+/// The rows of the table of robustness.
 std::vector<Alteration> standard_alterations();
 
-/// A mixture for learning and calibration: about a quarter are none; the others have a tilt of up
-/// to 8 deg, up to 1 m of height, up to three sectors, a range from 15 m on, missing beams and
-/// points, noise, rain and a truck, some of these each. Never turned by yaw: the headings of a
-/// drive stay true. alter() may be given the same seed.
+/// A mixture for learning and calibration; about a quarter are none. Never turned by yaw: the
+/// headings of a drive stay true. alter() may be given the same seed.
 Alteration random_alteration(uint64_t seed);
 
 /// To be raised with every change after which a seed alters some scan otherwise, as features of

@@ -36,7 +36,6 @@ struct Dataset {
   bool has_places() const { return !scans.empty() && !scans[0].place.empty(); }
 };
 
-/// What a data set must have for the work at hand.
 struct DatasetNeeds {
   bool poses = false;
 };
@@ -56,10 +55,9 @@ struct DatasetNeeds {
 Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,
                      const DatasetNeeds& needs = {});
 
-/// The camera images of a data set's scans: the same frames, poses and times, each with the image
-/// of the same frame number, e.g. 000123.png, as its file. `folder` may be empty for a KITTI
-/// sequence: its image_0 (left, gray) is taken. Throws InputError for a missing folder, names that
-/// are not numbers, and scans without an image, naming the first of them.
+/// The data set with the image of each frame, e.g. 000123.png, as its file. `folder` may be empty
+/// for a KITTI sequence: its image_0 (left, gray) is taken. Throws InputError for a missing folder,
+/// names that are not numbers, and scans without an image, naming the first of them.
 Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folder = {});
 
 /// A folder of .png images by the frame numbers that are their names, without poses. Throws

@@ -10,10 +10,9 @@
 
 namespace revisit::pipeline {
 
-/// The features of all scans of a data set: made when they are first asked for, or taken from a
-/// folder where an earlier call left them. Scans that cannot be described are named in warnings,
-/// and those without any description (all zero) counted; with `DescribeOptions::strict` the first
-/// that cannot be described is an InputError. So it is when none can be described.
+/// Features of all scans, made when first asked for or taken from the folder. Warns of scans that
+/// cannot be described, and of those whose feature is all zero. Throws InputError for the first of
+/// the former with `DescribeOptions::strict`, or when no scan can be described.
 class DatasetFeatures {
  public:
   /// `dataset` (for a feature that sees camera images, one of camera_images()), `extractor` and

@@ -13,8 +13,7 @@
 
 namespace revisit::pipeline {
 
-/// Scans that are altered before they are described. A scan is altered in one way for one seed,
-/// whatever other scans there are.
+/// A scan is altered in one way for one seed, whatever other scans there are.
 struct AlteredScans {
   Alteration alteration;
   uint32_t seed = 0;
@@ -47,10 +46,8 @@ struct DescribeTimes {
   void append(const DescribeTimes& more);
 };
 
-/// What one scan's alignment was and how much of it the range image holds, as write_features()
-/// stores it: a row of 6 floats. Those of the alignment are NaN when there was no scan but only a
-/// camera image, when a scan that is taken as it is has no principal direction, and when the scan
-/// was left out.
+/// A row of 6 floats. Those of the alignment are NaN for camera images, for scans left out, and
+/// when a scan that is taken as it is has no principal direction.
 struct AlignmentRecord {
   float yaw = 0;               // [rad], Alignment::yaw
   float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio
@@ -60,11 +57,9 @@ struct AlignmentRecord {
   float described = 1;         // 0: the scan could not be described, its feature is all zero
 };
 
-/// The version of the code that turns scans into features: alignment, projection, closing, the
-/// network's kernels, the descriptors of `baselines/`. To be raised with every change after which
-/// the features of some scan are others (beyond the last digits of a float), so that features kept
-/// by an earlier program are not taken for this one's. The tests FeatureVersion.* hold a checksum
-/// of a fixed scan's features and fail when that was forgotten.
+/// To be raised with every change of alignment, projection, closing, kernels or `baselines/` after
+/// which features differ beyond the last digits of a float: features kept by an earlier program are
+/// then made again. The tests FeatureVersion.* hold checksums of a fixed scan's features.
 constexpr int kFeatureVersion = 1;
 
 /// Identifies the files of a data set by path, size, number and times of change of the content and
@@ -72,9 +67,7 @@ constexpr int kFeatureVersion = 1;
 /// describing them.
 std::string dataset_key(const Dataset& dataset);
 
-/// Where the features of a data set are: `folder/NAME-HASH.npy`, the hash being of everything they
-/// depend on: the version of our code, scans (path, size, number and times of change of the file),
-/// extractor, geometry and alignment.
+/// `folder/NAME-HASH.npy`; the hash is of `key`, which names all that the features depend on.
 struct FeaturePaths {
   std::filesystem::path features;    // [n][dim]
   std::filesystem::path alignments;  // [n][6], AlignmentRecord
@@ -83,15 +76,14 @@ struct FeaturePaths {
 FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& dataset,
                            const FeatureExtractor& extractor, const DescribeOptions& options);
 
-/// Describes every scan into `paths` (for a feature that sees camera images, `dataset` is one of
-/// camera_images()), continuing what an earlier call left. Does nothing when the
-/// files are complete; one that is damaged is made anew. Throws Interrupted (what was done is
+/// Describes every scan into `paths` (of camera_images() for a feature that sees images), from
+/// where an earlier call ended. A damaged file is made again. Throws Interrupted (what was done is
 /// kept), InputError naming a scan whose file cannot be read (with `strict`, one that cannot be
 /// described), Error when the disk is full.
 DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
                              const FeatureExtractor& extractor, const DescribeOptions& options);
 
-/// The alignment rows that write_features() stored. Throws InputError.
+/// Throws InputError.
 std::vector<AlignmentRecord> read_alignments(const std::filesystem::path& file);
 
 }  // namespace revisit::pipeline

@@ -12,13 +12,17 @@ namespace revisit::pipeline {
 /// Cameras of places have fewer; what is computed from an image takes some 200 bytes a pixel.
 inline constexpr int64_t kMaxImagePixels = int64_t{4} << 20;
 
-/// Reads a PNG of any kind; colours become gray (the luminance of sRGB). Throws InputError, naming
-/// the file, when it cannot be read, is not a PNG, is damaged, or has more than kMaxImagePixels.
+/// Reads a PNG of any kind; colours become gray (the luminance of sRGB). Throws InputError also for
+/// more than kMaxImagePixels.
 GrayImage read_gray_png(const std::filesystem::path& file);
 
-/// Writes an 8-bit gray PNG. The file appears whole or not at all. Throws Error when it cannot.
+GrayImage gray_of(const RangeImage& image);  // rounded
+
+/// The bytes of an 8-bit gray PNG. Throws Error, naming `what`.
+std::string png_of(const GrayImage& image, const std::string& what);
+
+/// Both write an 8-bit gray PNG, atomically. Throw Error when they cannot.
 void write_gray_png(const std::filesystem::path& file, const GrayImage& image);
-/// Writes an 8-bit grey PNG (values rounded). Throws Error when it cannot.
 void write_png(const std::string& file, const RangeImage& image);
 
 }  // namespace revisit::pipeline

@@ -6,11 +6,10 @@
 
 namespace revisit::pipeline {
 
-/// Reads one scan by its extension: `.bin` (KITTI, float32 x y z reflectance), `.pcd` or `.ply`
-/// (any fields with x, y, z; intensity when there).
-/// Throws InputError, naming the file, when it is missing, truncated (a .bin whose size is not a
-/// multiple of 16), malformed, or holds no finite point away from the origin. PCD and PLY
-/// headers are checked against the file's size before anything is allocated.
+/// Reads `.bin` (KITTI, float32 x y z reflectance), `.pcd` or `.ply` (any fields with x, y, z;
+/// intensity when there). Throws InputError, naming the file, when it is missing, truncated,
+/// malformed, or holds no finite point away from the origin. Headers are checked against the file's
+/// size before anything is allocated.
 PointCloud read_scan(const std::filesystem::path& file);
 
 /// The same, into a cloud whose memory is used again.
@@ -19,7 +18,7 @@ void read_scan_into(const std::filesystem::path& file, PointCloud& cloud);
 /// True for the extensions read_scan() knows, in any case.
 bool is_scan_file_name(const std::filesystem::path& file);
 
-/// Writes KITTI's .bin. The file appears whole or not at all. Throws Error when it cannot.
+/// Writes KITTI's .bin, atomically. Throws Error when it cannot.
 void write_kitti_scan(const std::filesystem::path& file, const PointCloud& cloud);
 
 }  // namespace revisit::pipeline

@@ -21,15 +21,13 @@ struct Interval {
   double low = 0, high = 0;  // NaN: not computed
 };
 
-/// Confidence intervals of what PrSummary has.
 struct PrIntervals {
   Interval f1_max, average_precision, recall_at_1, max_recall_at_precision_1, extended_precision;
 };
 
-/// Intervals over the queries. Resamples without a positive are left out, as nothing can be
-/// computed of them. Queries of a drive follow each other within metres and are not independent:
-/// the intervals say how much the choice of queries matters on this drive, and are too narrow for
-/// another drive.
+/// Intervals over the queries. Resamples without a positive are left out. Queries of a drive follow
+/// each other within metres and are not independent, so the intervals are too narrow for another
+/// drive.
 ///
 ///   auto ci = bootstrap(verdicts, task.missed, {.resamples = 1000});
 ///   ci.average_precision.low;

@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -14,7 +13,6 @@
 
 namespace revisit::pipeline {
 
-/// How features become descriptors.
 struct ReductionOptions {
   int64_t components = -1;  // of the PCA; 0: as many as the data gives; -1: no PCA
   /// Scans that a PCA or a ring mean is estimated from: all, the stored ones ("map"), or a folder
@@ -38,17 +36,16 @@ struct Descriptors {
 /// Throws Error naming the scan (the row) and the alignment case of a number that is not finite.
 void check_finite(const Descriptors& descriptors);
 
-/// The descriptors for a task; without PCA they are the features. `case2` may be null.
-/// `model_folder`, when not empty, gets the PCA model. Throws what fit_pca() and PcaModel throw,
-/// UsageError when the memory cannot hold them, Error for a descriptor that is not finite.
+/// Without PCA, the descriptors are the features. `case2` may be null; `model_folder`, when not
+/// empty, gets the PCA model. Throws what fit_pca() and PcaModel throw, UsageError when the memory
+/// cannot hold them, Error for a descriptor that is not finite.
 Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFeatures& case1,
                    DatasetFeatures* case2, const Observer& observer,
                    const std::filesystem::path& model_folder = {});
 
-/// The same for one task after another. Those of the last task serve the next when they are learnt
-/// from the same scans. With a `cache` folder they are kept there and, when they are there, the
-/// features are not needed: descriptors of all components serve any smaller number, as the first
-/// components do not depend on how many are asked for.
+/// Descriptors for one task after another; those learnt from the same scans are used again. With a
+/// `cache` folder they are kept there, and the features are not needed then: descriptors of all
+/// components serve any smaller number.
 class TaskDescriptors {
  public:
   /// `case2` may be null, `cache` empty. The features and the observer are referred to.

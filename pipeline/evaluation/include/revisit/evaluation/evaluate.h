@@ -15,7 +15,6 @@
 
 namespace revisit::pipeline {
 
-/// What is stored, asked and called true, how it is described, and how matches are judged.
 struct EvaluationOptions {
   std::vector<std::string> protocols = {"online"};
   // These replace what the protocols say.
@@ -34,7 +33,6 @@ struct EvaluationOptions {
   bool keep_descriptors = false;  // in the cache, too
 };
 
-/// Everything one task gave.
 struct TaskResult {
   Task task;
   Score score = Score::kMargin;
@@ -67,8 +65,8 @@ struct EvaluationResult {
   EvaluationTimes times;
 };
 
-/// The tasks of the protocols, with what `options` replace. Throws what make_tasks() throws, and
-/// UsageError for a task that is there twice or cannot be judged with what is known of the scans.
+/// The tasks of the protocols. Throws what make_tasks() throws, and UsageError for a task that is
+/// there twice or whose distances are not known.
 std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::string& sequence,
                                    const Trajectory& trajectory);
 

@@ -70,7 +70,6 @@ struct TruePair {
   double distance = 0;           // [m], of the rule's kind
 };
 
-/// The loops of a drive.
 struct LoopTruth {
   int64_t n_queries = 0;        // scans with at least one candidate, the only ones that can match
   int64_t n_positives = 0;      // scans with at least one true match among their candidates
@@ -84,8 +83,7 @@ struct LoopTruth {
 ///   auto truth = find_loops(make_trajectory(poses), {Distance::kXz, 5}, apart);
 ///   truth.n_positives;  // 804 with the official poses (05: 503, 06: 270, 08: 345)
 ///
-/// Both comparisons are strict: nearer than the radius, more than 50 frames apart.
-/// Throws UsageError when nothing is known of the distances or the radius is not a positive number.
+/// Both comparisons are strict. Throws UsageError for unknown distances or a radius not above 0.
 LoopTruth find_loops(const Trajectory& trajectory, const TrueMatchRule& rule,
                      const Exclusion& exclusion);
 

@@ -37,11 +37,10 @@ struct PairResult {
 /// Evaluates a task that decides on pairs: a pair of a query and one of its candidates is accepted
 /// when its similarity is at least the threshold.
 ///
-/// A pair nearer than the rule's radius is true when it is beyond the task's exclusion, and not
-/// counted otherwise; a pair that the rule calls false is false. With `negatives_per_positive` so
-/// many false ones are drawn at random, the same in every run. Similarities are compared as
-/// floats, so that a pair takes 8 bytes: 82 MB for all pairs of 4541 scans. Candidates that keys
-/// leave out have the similarity -1. Only the descriptors of alignment case 1 are compared.
+/// A pair nearer than the rule's radius is true beyond the task's exclusion, else not counted.
+/// `negatives_per_positive` false ones are drawn at random, the same in every run. Similarities are
+/// compared as floats: 82 MB for all pairs of 4541 scans. Candidates that keys leave out have the
+/// similarity -1. Only the descriptors of alignment case 1 are compared.
 ///
 ///   auto task = make_tasks("ssc", "00", trajectory).at(0);
 ///   auto result = evaluate_pairs(task, trajectory, descriptors);

@@ -9,7 +9,7 @@
 
 namespace revisit::pipeline {
 
-/// One query, judged: all that precision and recall need to know of it.
+/// One query, judged.
 struct Verdict {
   double score = 0;
   bool correct = false;   // the best retrieved scan is a true match
@@ -58,8 +58,7 @@ struct PrSummary {
 };
 PrSummary summarize(const std::vector<Verdict>& verdicts, Missed missed = Missed::kNotFound);
 
-/// Writes `threshold,tp,fp,fn,tn,precision,recall,f1`; what was not computed is blank. The file
-/// appears whole or not at all. Throws Error when it cannot.
+/// Writes `threshold,tp,fp,fn,tn,precision,recall,f1`, atomically; what was not computed is blank.
 void write_precision_recall_csv(const std::filesystem::path& file,
                                 const std::vector<PrPoint>& curve);
 

@@ -47,7 +47,6 @@ struct Task {
   int negatives_per_positive = 0;  // pairs: so many random negatives a positive; 0: all of them
 };
 
-/// A named evaluation.
 struct Protocol {
   std::string name;
   std::string definition;  // one line
@@ -79,8 +78,7 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
                              const Trajectory& trajectory,
                              const std::optional<Exclusion>& exclusion = {});
 
-/// Takes scans out of a task: they are neither stored nor asked. `rows` are of the data set. Throws
-/// UsageError when nothing is stored or asked any more.
+/// Removes scans (rows) from a task. Throws UsageError when nothing is stored or asked any more.
 void leave_out(Task& task, const std::vector<int64_t>& rows);
 
 }  // namespace revisit::pipeline

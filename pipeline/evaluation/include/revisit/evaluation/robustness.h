@@ -10,7 +10,6 @@
 
 namespace revisit::pipeline {
 
-/// Which scans are altered, how, and what they are to find.
 struct RobustnessOptions {
   std::vector<Alteration> alterations = standard_alterations();
   uint32_t seed = 0;    // of what is random in them
@@ -19,16 +18,14 @@ struct RobustnessOptions {
   /// Scans this near in time are left out when a neighbour is looked for, as the scan's own
   /// original always is.
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
-  bool both_cases =
-      false;        // scans are asked in alignment cases 1 and 2; the higher similarity counts
-  int threads = 1;  // of the search; the figures do not depend on it
+  bool both_cases = false;  // asks in alignment cases 1 and 2; the higher similarity counts
+  int threads = 1;          // of the search; the figures do not depend on it
   DescribeOptions describe;
   ReductionOptions reduction;
   std::filesystem::path cache;  // folder of the features, and of the PCA
 };
 
-/// How scans fare that were altered in one way. Scans of which nothing can be described find
-/// nothing, and are as alike as 0 to their place.
+/// Result of one alteration. Scans that cannot be described find nothing, with similarity 0.
 struct RobustnessRow {
   Alteration alteration;
   int64_t asked = 0, own = 0;        // scans, and those that find their own original
@@ -46,9 +43,8 @@ struct RobustnessResult {
   int64_t numbers = 0;              // of a descriptor
 };
 
-/// Alters scans of a drive in many ways and asks each which unaltered one it is: among those of the
-/// drive itself and of `among`, other places of the same sensor. Features are kept in the cache: a
-/// call that was interrupted goes on where it was.
+/// Alters scans of a drive and searches each among the unaltered ones of the drive and of `among`,
+/// other places of the same sensor. Features are kept in the cache: interrupted calls resume.
 ///
 /// Throws UsageError for a drive without poses (named places, for Distance::kPlace), a feature of
 /// camera images or invalid options, Interrupted, and what describing and reducing throw.

@@ -6,8 +6,6 @@
 #include <optional>
 #include <string>
 
-#include "revisit/datasets/pose.h"
-
 namespace revisit::pipeline {
 
 /// Spinning LiDARs that can be simulated.

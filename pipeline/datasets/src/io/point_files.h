@@ -1,0 +1,17 @@
+#pragma once
+
+#include <filesystem>
+
+#include "revisit/recognition/point_cloud.h"
+
+// The readers are ours, but for LZF: PCL 1.13's take "abc" and half a line for points, and size
+// their buffers by the header before they look at the file.
+namespace revisit::pipeline {
+
+/// Reads PCL's Point Cloud Data 0.6 and 0.7: ascii, binary, binary_compressed. Throws InputError.
+PointCloud read_pcd(const std::filesystem::path& file);
+
+/// Reads the vertices of a Stanford PLY 1.0: ascii, binary of either byte order. Throws InputError.
+PointCloud read_ply(const std::filesystem::path& file);
+
+}  // namespace revisit::pipeline
