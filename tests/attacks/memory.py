@@ -47,21 +47,11 @@ def of_run(folder):
     return both([run.input('data'), run.output('prob'), run.layer_output('conv'), *run.outputs().values()])
 
 
-def of_weights(folder):
-    return both(array for arrays in net_of(CONVOLVE).weights.values() for array in arrays)
-
-
 def of_file(folder):
     from revisit import proto
     file = proto.parse_net(CONVOLVE)
     file.set_weights({'fc': [np.arange(12, dtype=np.float32).reshape(3, 4)]})
     return both(proto.WeightsFile.from_bytes(file.to_bytes()).read(0))
-
-
-def of_net_blobs(folder):
-    net = caffe_net(folder, CONVOLVE)
-    net.forward(data=IMAGE)
-    return both([*(blob.data for blob in net.blobs.values()), *(blob.data for blobs in net.params.values() for blob in blobs)])
 
 
 def of_description(folder):
@@ -232,7 +222,7 @@ def at_end(what, threads):
 
 def lifetimes():
     cases = [Case(f'{make.__name__}', stays(make)) for make in (
-        of_run, of_weights, of_file, of_net_blobs, of_description, of_places, of_points, of_prepared, of_curve)]
+        of_run, of_file, of_description, of_places, of_points, of_prepared, of_curve)]
     cases += [Case(work.__name__, work) for work in (given_goes, changes_meanwhile, gone_during_pass, map_after_fork)]
     cases += [Case(f'after a fork, {threads} threads', after_fork(threads)) for threads in (1, 2, 4)]
     cases += [Case(f'the end: {name}, {threads} threads', at_end(what, threads)) for threads in (1, 2) for name, what in ENDS.items()]
@@ -297,22 +287,6 @@ def one_run_mixed(rng, folder):
     together(often(lambda _: run.forward({'data': IMAGE})), often(lambda _: run.set_input('data', IMAGE)), often(lambda _: run.outputs()),
              often(lambda _: run.layer_output('conv').copy()), often(lambda _: engine.profile(run, warmup=0, repeat=1)),
              often(lambda _: run.plan.layers), often(lambda _: gc.collect()), often(lambda _: run.input('data').fill(1)))
-
-
-def own_runs(rng, folder):
-    net = net_of(CONVOLVE)
-    plan = net.plan(threads=2)
-    first = plan.run()
-    first.forward({'data': IMAGE})
-    expected = first.output('prob').copy()
-
-    def work():
-        for _ in range(30):
-            run = plan.run()
-            run.forward({'data': IMAGE})
-            if not np.array_equal(run.output('prob'), expected):
-                raise Fault('another answer')
-    together(*[work] * 8)
 
 
 def plans(rng, folder):
@@ -468,7 +442,7 @@ def simulations(rng, folder):
 
 
 def threads():
-    works = [one_run, one_run_mixed, own_runs, plans, one_map, gone_elsewhere, scan_features, weights_file, net_file,
+    works = [one_run, one_run_mixed, plans, one_map, gone_elsewhere, scan_features, weights_file, net_file,
              nets_of_caffe, simulations]
     cases = [Case(f'{work.__name__} {i}', work, 900) for work in works for i in range(3)]
     return cases + [Case(f'one recogniser {"with" if store else "without"} a map {i}', recogniser(store), 900)

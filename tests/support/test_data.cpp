@@ -9,6 +9,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "revisit/engine/blas.h"
+
 namespace revisit::test {
 
 namespace fs = std::filesystem;
@@ -60,7 +62,10 @@ std::string read_file(const fs::path& file) {
 
 ProgramResult run_revisit(const std::string& arguments, const std::string& environment) {
   const TempDir dir;
-  const std::string command = environment + " '" + REVISIT_PROGRAM + "' " + arguments + " >'" +
+  // The program would start itself again with it, which takes as long as all else of a start.
+  const std::string core = std::getenv("OPENBLAS_CORETYPE") ? "" : engine::faster_blas_core();
+  const std::string command = (core.empty() ? "" : "export OPENBLAS_CORETYPE=" + core + "; ") +
+                              environment + " '" + REVISIT_PROGRAM + "' " + arguments + " >'" +
                               (dir / "out").string() + "' 2>'" + (dir / "err").string() +
                               "' </dev/null";
   const int status = std::system(command.c_str());

@@ -31,7 +31,7 @@ class Loops : public test::ProgramTest<Loops> {
   static void fill() {
     for (const char* seed : {"1", "2"})
       run("simulate -o " + path(std::string("town") + seed) + " --seed " + seed +
-          " --sensor vlp16 --route opposite --length 400 --every 6 -q");
+          " --sensor vlp16 --route opposite --length 400 --every 12 -q");
   }
 
  protected:
