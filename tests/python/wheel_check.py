@@ -10,7 +10,7 @@ import numpy as np
 
 import revisit
 import revisit.caffe
-from revisit import datasets, evaluation, maps, program, proto, recognition, report, simulation
+from revisit import datasets, evaluation, maps, program, proto, recognition, registration, report, simulation
 from revisit.engine import Net
 
 NET = """
@@ -86,7 +86,7 @@ def registers():
         place = datasets.read_scan(datasets.open_dataset(folder).scans[0].file)
     query = place.copy()
     query[:, 0] -= 1
-    found = register_scans(query, place, 0)
+    found = registration.register_scans(query, place, 0)
     assert found.accepted and np.allclose(found.T_place_query[:3, 3], [1, 0, 0], atol=0.05), found.T_place_query
 
 
