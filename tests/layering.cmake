@@ -25,7 +25,7 @@ set(owned_libraries
   "png.h|pipeline/datasets/src/io/gray_png|tools/src/report/range_images"
   "liblzf/|pipeline/datasets/src/io/pcd"
   "nanoflann|pipeline/registration/src/neighbours"
-  "pcl/|pipeline/baselines/src/pcl/|pipeline/registration/src/pcl/"
+  "pcl/|pipeline/baselines/src/pcl/"
   "embree3/|pipeline/simulation/src/ray_caster"
   "hwy/|engine/src/kernels/|engine/profiling/src/|pipeline/recognition/src/project/|pipeline/recognition/src/align/|pipeline/recognition/src/retrieve/|pipeline/recognition/src/ring/"
   "sqlite3.h|pipeline/maps/src/"

@@ -1,16 +1,24 @@
 #include "revisit/registration/registration.h"
 
 #include <nanobind/eigen/dense.h>
-#include <nanobind/stl/optional.h>
-
-#include <algorithm>
 
 #include "listener.h"
 #include "module.h"
 #include "points.h"
 #include "poses.h"
 #include "record.h"
-#include "revisit/recognition/optional_library.h"
+
+namespace revisit::python {
+/// A PreparedScan, or points as GivenPoints takes them.
+struct AnyScan;
+}  // namespace revisit::python
+
+/// The name of the type in signatures of functions; there are no such objects.
+template <>
+struct nanobind::detail::type_caster<revisit::python::AnyScan> {
+  static constexpr auto Name =
+      const_name("PreparedScan | ") + type_caster<revisit::python::AnyPoints>::Name;
+};
 
 namespace revisit::python {
 
@@ -19,8 +27,13 @@ using namespace pipeline;
 
 namespace {
 
-bool has_pcl() {
-  return std::ranges::find(optional_libraries(), "PCL", &OptionalLibrary::name)->built_in;
+using ScanArgument = nb::typed<nb::handle, AnyScan>;
+
+PreparedScan prepared(nb::handle scan, const RegistrationOptions& options) {
+  PreparedScan* given = nullptr;
+  if (nb::try_cast(scan, given) && given) return *given;
+  const PointCloud cloud = GivenPoints(scan).cloud();
+  return without_lock([&] { return PreparedScan(cloud, options); });
 }
 
 /// A view of what `self` holds, [n][3].
@@ -31,10 +44,13 @@ ReadOnlyFloats rows_of(const std::vector<Eigen::Vector3f>& (PreparedScan::*rows)
                  self);
 }
 
-/// Warns of an attribute's former name, which is kept for one release.
-void warn_renamed(const char* former, const char* name) {
-  if (PyErr_WarnFormat(PyExc_DeprecationWarning, 1, "%s is now %s", former, name) != 0)
-    throw nb::python_error();
+/// Reads an attribute by its former name, which is kept for one release.
+auto former(const char* before, const char* name, double Registration::*value) {
+  return [=](const Registration& registration) {
+    if (PyErr_WarnFormat(PyExc_DeprecationWarning, 1, "%s is now %s", before, name) != 0)
+      throw nb::python_error();
+    return registration.*value;
+  };
 }
 
 }  // namespace
@@ -79,37 +95,26 @@ void bind_registration(nb::module_& module) {
               "Of the inliers [m^2].")
       .def_ro("inlier_ratio", &Registration::inlier_ratio,
               "Share of the query's upright points, 0 to 1.")
-      .def_prop_ro(
-          "fitness",
-          [](const Registration& r) {
-            warn_renamed("fitness", "mean_squared_distance");
-            return r.mean_squared_distance;
-          },
-          "Former name of mean_squared_distance.")
-      .def_prop_ro(
-          "inliers",
-          [](const Registration& r) {
-            warn_renamed("inliers", "inlier_ratio");
-            return r.inlier_ratio;
-          },
-          "Former name of inlier_ratio.")
+      .def_prop_ro("fitness",
+                   former("fitness", "mean_squared_distance", &Registration::mean_squared_distance),
+                   "Former name of mean_squared_distance.")
+      .def_prop_ro("inliers", former("inliers", "inlier_ratio", &Registration::inlier_ratio),
+                   "Former name of inlier_ratio.")
       .def_ro("constraint", &Registration::constraint, "0 (along a corridor) to 1/3.")
       .def_ro("accepted", &Registration::accepted);
-  module.attr("HAS_PCL") = has_pcl();
   module.def(
       "register_scans",
-      [](const PreparedScan& query, const PreparedScan& place, double turn,
-         const RegistrationOptions& options, const std::optional<nb::callable>& refine) {
-        Unlocked unlocked;
-        if (!refine) return register_scans(query, place, turn, options);
-        return register_scans(query, place, turn, options, [&](const Eigen::Isometry3d& start) {
-          const Locked lock(unlocked);
-          return *pose_from(call(*refine, nb::cast(Matrix4d(start.matrix()))));
-        });
+      [](ScanArgument query, ScanArgument place, double turn, const RegistrationOptions& options) {
+        const PreparedScan a = prepared(query, options), b = prepared(place, options);
+        return without_lock([&] { return register_scans(a, b, turn, options); });
       },
-      "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(), "refine"_a = nb::none(),
-      "revisit.registration.register_scans(), by PCL, or by a function that takes T_place_query of "
-      "the start, float64 [4][4], and returns where the scans fit best.");
+      "query"_a, "place"_a, "turn"_a, "options"_a = RegistrationOptions(),
+      "Registers a query with a place: each a PreparedScan, or points as it takes them.\n\n"
+      "turn: heading of the query less that of the place, counter-clockwise [rad], as Loop.turn.\n"
+      "First the shift within `options.reach`, and the turn within 3 degrees, under which upright\n"
+      "points meet best, seen from above; from there generalized ICP. Raises UsageError for "
+      "invalid\n"
+      "options or a turn that is not finite.");
 }
 
 }  // namespace revisit::python

@@ -4,7 +4,7 @@
 Each case is a child process with a time-out and a memory limit. A fault: death by a signal, no end, memory far beyond the
 input, an error of no type of revisit.errors (nor a plain TypeError or ValueError), a wrong answer, a traceback of a command.
 Needs numpy, the package (PYTHONPATH) and the program (REVISIT_PROGRAM); what else is missing is skipped: rosbags,
-velodyne-decoder, small_gicp; for `converters` what tests/weights_conversion/requirements.txt names.
+velodyne-decoder; for `converters` what tests/weights_conversion/requirements.txt names.
 """
 
 import arrays

@@ -72,14 +72,12 @@ void recognise(const FeatureExtractor& feature, const PointsView& points) {
   }
 }
 
-/// Another look at the scan, turned a little, as for a loop that was found. (The pose that the
-/// start of the search gives: PCL's Eigen allocates otherwise than ours.)
+/// Another look at the scan, turned a little, as for a loop that was found.
 void register_them(const PointsView& points) {
   PointCloud cloud;
   copy_points(points, cloud);
   const PreparedScan scan(cloud);
-  const Registration found =
-      register_scans(scan, scan, 0.1, {}, [](const Eigen::Isometry3d& start) { return start; });
+  const Registration found = register_scans(scan, scan, 0.1);
   require(found.T_place_query.matrix().allFinite() && found.information.allFinite(),
           "a registration is finite");
   require(found.inlier_ratio >= 0 && found.inlier_ratio <= 1, "inliers are a share");

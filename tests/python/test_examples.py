@@ -15,13 +15,11 @@ import numpy as np
 from folders import FolderTest
 from nets import CONVOLVE
 from revisit import datasets, proto, simulation
-from revisit._core import registration as core
 from scans import room
 
 EXAMPLES = Path(__file__).resolve().parents[2] / 'examples'
 PICTURES = importlib.util.find_spec('matplotlib') is not None
-SLAM = all(importlib.util.find_spec(name) for name in ('kiss_icp', 'gtsam', 'evo', 'matplotlib')) and (
-    core.HAS_PCL or importlib.util.find_spec('small_gicp') is not None)
+SLAM = all(importlib.util.find_spec(name) for name in ('kiss_icp', 'gtsam', 'evo', 'matplotlib'))
 
 
 def run(name, *arguments):
@@ -80,7 +78,7 @@ class Examples(FolderTest):
         self.assertTrue((self.folder / 'town.map').is_file())
         self.check_picture()
 
-    @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo, matplotlib and small_gicp (or PCL): pip install kiss-icp gtsam evo small_gicp')
+    @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo and matplotlib: pip install kiss-icp gtsam evo matplotlib')
     def test_slam(self):
         """A drive round a block and back ends nearer to the truth than odometry does."""
         simulation.simulate(self.folder / 'town', length=300, every=2, route='both', sensor='vlp16')
@@ -108,7 +106,7 @@ class Examples(FolderTest):
         self.assertEqual(code, 1)
         self.assertRegex(said, r"^slam: No module named '\w+'; .*pip install '\.\[slam\]'\n$")
 
-    @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo, matplotlib and small_gicp (or PCL): pip install kiss-icp gtsam evo small_gicp')
+    @unittest.skipUnless(SLAM, 'needs kiss-icp, gtsam, evo and matplotlib: pip install kiss-icp gtsam evo matplotlib')
     def test_slam_keeps_what_was_done(self):
         """A folder without poses, whose third scan is cut off; one without scans; an output that cannot be written."""
         scans = self.folder / 'scans'

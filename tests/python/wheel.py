@@ -39,13 +39,12 @@ def make(folder, built):
 
 
 def clean_environment(folder, wheel):
-    """Its interpreter. numpy is PyPI's, which has an OpenBLAS of its own; without a network this interpreter's. protobuf, too.
-    Where small_gicp is to be had, the wheel registers with it."""
+    """Its interpreter. numpy is PyPI's, which has an OpenBLAS of its own; without a network this interpreter's. protobuf, too."""
     venv.create(folder)
     python = folder / 'bin' / 'python'
     install = [sys.executable, '-m', 'pip', '-q', '--disable-pip-version-check', '--python', python, 'install']
     try:
-        run(*install, '--retries', 0, '--timeout', 10, 'numpy', 'protobuf>=3.20', 'small_gicp>=1.0')
+        run(*install, '--retries', 0, '--timeout', 10, 'numpy', 'protobuf>=3.20')
     except subprocess.CalledProcessError:
         import google.protobuf
         import numpy

@@ -28,8 +28,6 @@ struct Need {
 const std::vector<Need>& needs() {
   static const std::vector<Need> list = [] {
     std::vector<Need> needs = {
-        {"loops DATA --verify -o OUT/loops.csv --g2o OUT/loops.g2o", "PCL", "--verify"},
-        {"loops DATA --verify --map OUT/places.map", "PCL", "--verify"},
         {"describe DATA --feature fabmap -o OUT/described", "OpenCV", "--feature fabmap"},
         {"loops DATA --feature m2dp --graph-candidates 10 -o OUT/loops.csv", "FAISS",
          "--graph-candidates"},

@@ -49,7 +49,8 @@ Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
   const int most = static_cast<int>(reach / kCell);
   int64_t best = -1;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  std::vector<int> turned;  // [point] its cell
+  std::vector<int> turned;                  // [point] its cell
+  std::vector<std::pair<int, int>> counts;  // cells, and how many points are in them
   // From the middle outwards, so that of equals the nearest to what was given wins.
   for (const int k : {0, 1, -1, 2, -2}) {
     const Eigen::AngleAxisd rotation(turn + k * kStep, Eigen::Vector3d::UnitZ());
@@ -59,11 +60,17 @@ Eigen::Isometry3d coarse_pose(const std::vector<Eigen::Vector3f>& query,
       const Eigen::Vector3d p = matrix * point.cast<double>();
       turned.push_back(cells.index(p.x(), p.y()));
     }
+    std::ranges::sort(turned);
+    counts.clear();
+    for (const int cell : turned) {
+      if (counts.empty() || counts.back().first != cell) counts.emplace_back(cell, 0);
+      ++counts.back().second;
+    }
     for (int dy = -most; dy <= most; ++dy)
       for (int dx = -most; dx <= most; ++dx) {
         const int step = cells.step(dx, dy);
         int64_t sum = 0;
-        for (const int cell : turned) sum += cells.value(cell + step);
+        for (const auto& [cell, count] : counts) sum += count * cells.value(cell + step);
         if (sum <= best) continue;
         best = sum;
         pose.linear() = matrix;

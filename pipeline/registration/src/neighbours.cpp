@@ -22,6 +22,31 @@ struct Source {
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, Source>,
                                                    Source, 3, uint32_t>;
 
+/// Where nanoflann puts what it finds.
+class Results {
+ public:
+  using DistanceType = float;
+
+  Results(std::span<Neighbour> found, float limit) : found_(found), worst_(limit) {}
+
+  bool addPoint(float squared, uint32_t point) {
+    if (count_ < found_.size()) ++count_;
+    size_t at = count_ - 1;
+    for (; at > 0 && found_[at - 1].squared > squared; --at) found_[at] = found_[at - 1];
+    found_[at] = {squared, point};
+    if (full()) worst_ = found_.back().squared;
+    return true;
+  }
+  float worstDist() const { return worst_; }
+  bool full() const { return count_ == found_.size(); }
+  size_t size() const { return count_; }
+
+ private:
+  std::span<Neighbour> found_;
+  float worst_;
+  size_t count_ = 0;
+};
+
 }  // namespace
 
 struct Neighbours::Tree {
@@ -37,14 +62,11 @@ Neighbours::Neighbours(const std::vector<Eigen::Vector3f>& points)
 
 Neighbours::~Neighbours() = default;
 
-void Neighbours::nearest(const Eigen::Vector3f& place, size_t count, std::vector<uint32_t>* indices,
-                         std::vector<float>* squares) const {
-  indices->resize(count);
-  squares->resize(count);
-  const size_t found =
-      tree_->index.knnSearch(place.data(), count, indices->data(), squares->data());
-  indices->resize(found);
-  squares->resize(found);
+size_t Neighbours::nearest(const Eigen::Vector3f& place, float limit,
+                           std::span<Neighbour> found) const {
+  Results results(found, limit);
+  tree_->index.findNeighbors(results, place.data(), {});
+  return results.size();
 }
 
 }  // namespace revisit::pipeline

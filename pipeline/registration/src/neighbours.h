@@ -3,9 +3,15 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 namespace revisit::pipeline {
+
+struct Neighbour {
+  float squared = 0;  // distance [m^2]
+  uint32_t point = 0;
+};
 
 /// The points nearest to a place. May be asked by several threads at once.
 class Neighbours {
@@ -14,9 +20,9 @@ class Neighbours {
   explicit Neighbours(const std::vector<Eigen::Vector3f>& points);
   ~Neighbours();
 
-  /// At most `count` points, nearest first: their indices and squared distances [m^2].
-  void nearest(const Eigen::Vector3f& place, size_t count, std::vector<uint32_t>* indices,
-               std::vector<float>* squares) const;
+  /// Writes the nearest points, nearest first, into `found`: those whose squared distance is below
+  /// `limit`, as many as there is space for. Returns their number.
+  size_t nearest(const Eigen::Vector3f& place, float limit, std::span<Neighbour> found) const;
 
  private:
   struct Tree;

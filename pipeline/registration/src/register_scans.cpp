@@ -1,6 +1,9 @@
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "coarse_pose.h"
@@ -12,19 +15,88 @@ namespace revisit::pipeline {
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// `start` when there is no pose; the rotation of what was computed in float is not quite one.
-Eigen::Isometry3d proper(const Eigen::Isometry3d& pose, const Eigen::Isometry3d& start) {
-  if (!pose.matrix().allFinite()) return start;
-  Eigen::Isometry3d result = pose;
-  result.linear() =
-      Eigen::Quaterniond(Eigen::Matrix3d(pose.linear())).normalized().toRotationMatrix();
-  return result;
+/// A point of the query with the nearest one of the place.
+struct Pair {
+  uint32_t place = 0;
+  float squared = std::numeric_limits<float>::infinity();  // distance [m^2]; of none infinite
+  Eigen::Vector3f at = Eigen::Vector3f::Zero();  // where the query's point was when it was found
+  float slack = -1;  // another point can be the nearest only farther than this from `at` [m]
+};
+
+/// Pairs each `stride`th point of the query, moved by T, with the nearest of the place that is
+/// nearer than `limit` [m]. Pairs of a former T that must still hold are not searched again.
+void pair_points(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
+                 const Eigen::Isometry3d& T, float limit, size_t stride, std::vector<Pair>* pairs) {
+  std::array<Neighbour, 2> found;
+  for (size_t i = 0; i < pairs->size(); i += stride) {
+    Pair& pair = (*pairs)[i];
+    const Eigen::Vector3f moved = (T * query.points[i].cast<double>()).cast<float>();
+    if ((moved - pair.at).norm() < pair.slack) {
+      pair.squared = (moved - place.points[pair.place]).squaredNorm();
+      continue;
+    }
+    pair = {};
+    const size_t count = place.tree->nearest(moved, limit * limit, found);
+    if (count == 0) continue;
+    const float second = count == 2 ? std::sqrt(found[1].squared) : limit;
+    pair = {found[0].point, found[0].squared, moved, (second - std::sqrt(found[0].squared)) / 2};
+  }
+}
+
+/// The step (t, w) of Gauss and Newton from T to T * (t, exp(w)) in the sum of generalized ICP.
+Vector6d step_of(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
+                 const Eigen::Isometry3d& T, size_t stride, const std::vector<Pair>& pairs) {
+  constexpr double kFlatness = 1e-3;  // variance along normals by that along surfaces; the paper's
+  const Eigen::Isometry3d T_query_place = T.inverse();
+  Matrix6d hessian = Matrix6d::Zero();
+  Vector6d gradient = Vector6d::Zero();
+  Eigen::Matrix<double, 3, 6> jacobian;
+  jacobian.leftCols<3>().setIdentity();
+  for (size_t i = 0; i < pairs.size(); i += stride) {
+    if (std::isinf(pairs[i].squared)) continue;
+    const uint32_t at = pairs[i].place;
+    const Eigen::Vector3d q = query.points[i].cast<double>();
+    const Eigen::Vector3d n = query.normals[i].cast<double>();
+    const Eigen::Vector3d m = T_query_place.linear() * place.normals[at].cast<double>();
+    const Eigen::Matrix3d covariance =
+        2 * Eigen::Matrix3d::Identity() - (1 - kFlatness) * (n * n.transpose() + m * m.transpose());
+    jacobian.rightCols<3>() << 0, q.z(), -q.y(), -q.z(), 0, q.x(), q.y(), -q.x(), 0;
+    const Eigen::Matrix<double, 6, 3> weighted = jacobian.transpose() * covariance.inverse();
+    hessian += weighted * jacobian;
+    gradient += weighted * (q - T_query_place * place.points[at].cast<double>());
+  }
+  hessian.diagonal().array() += 1e-9 * (1 + hessian.trace());  // where nothing holds: no step
+  return -hessian.ldlt().solve(gradient);
+}
+
+/// Generalized ICP: first of some 1500 points, until steps are small, then of all.
+Eigen::Isometry3d fitted(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
+                         const Eigen::Isometry3d& start, float max_distance,
+                         std::vector<Pair>* pairs) {
+  constexpr int kMostSteps = 30;
+  constexpr double kTranslation = 1e-3;  // ends when a step is smaller [m]
+  constexpr double kRotation = 1e-4;     // and turns less [rad]
+  Eigen::Isometry3d T = start;
+  for (const bool all : {false, true}) {
+    const size_t stride = all ? 1 : std::max<size_t>(1, pairs->size() / 1500);
+    const double loose = all ? 1 : 10;
+    for (int i = 0; i < kMostSteps; ++i) {
+      pair_points(query, place, T, max_distance, stride, pairs);
+      const Vector6d step = step_of(query, place, T, stride, *pairs);
+      const double angle = step.tail<3>().norm();
+      T.translate(step.head<3>());
+      T.rotate(Eigen::AngleAxisd(angle, step.tail<3>().normalized()));
+      if (step.head<3>().norm() < loose * kTranslation && angle < loose * kRotation) break;
+    }
+  }
+  return T;
 }
 
 /// Fills in all but the pose and whether it is accepted.
 void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
-           double inlier_distance, Registration* result) {
+           double inlier_distance, const std::vector<Pair>& pairs, Registration* result) {
   constexpr double kLikeNormals = 0.9;  // cosine
   const Eigen::Isometry3d& T = result->T_place_query;
   const Eigen::Matrix3d R_query_place = T.linear().transpose();
@@ -32,19 +104,16 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
   int64_t inliers = 0, upright_inliers = 0;
   std::vector<Residual> residuals;
   Matrix6d hessian = Matrix6d::Zero();
-  std::vector<uint32_t> nearest;
-  std::vector<float> squared_distance;
   for (size_t i = 0; i < query.points.size(); ++i) {
     const Eigen::Vector3d q = query.points[i].cast<double>();
     const Eigen::Vector3d moved = T * q;
-    place.tree->nearest(moved.cast<float>(), 1, &nearest, &squared_distance);
-    const double squared = static_cast<double>(squared_distance[0]);
+    const double squared = static_cast<double>(pairs[i].squared);
     if (!(squared <= inlier_distance * inlier_distance)) continue;
     ++inliers;
     squares += squared;
     upright_inliers += is_upright(query.normals[i]) ? 1 : 0;
 
-    const uint32_t at = nearest[0];
+    const uint32_t at = pairs[i].place;
     const Eigen::Vector3d normal = place.normals[at].cast<double>();
     const Eigen::Vector3d turned = R_query_place * normal;
     if (std::abs(turned.dot(query.normals[i].cast<double>())) < kLikeNormals) continue;
@@ -68,7 +137,7 @@ void judge(const PreparedScan::Parts& query, const PreparedScan::Parts& place,
 }  // namespace
 
 Registration register_scans(const PreparedScan& query_scan, const PreparedScan& place_scan,
-                            double turn, const RegistrationOptions& options, const Refine& refine) {
+                            double turn, const RegistrationOptions& options) {
   check(options);
   if (!std::isfinite(turn))
     throw UsageError("register_scans: expected a finite turn, found ", turn);
@@ -81,8 +150,13 @@ Registration register_scans(const PreparedScan& query_scan, const PreparedScan& 
 
   const Eigen::Isometry3d start = coarse_pose(query.upright, place.upright, turn, options.reach,
                                               std::max(query.range, place.range));
-  result.T_place_query = proper(refine(start), start);
-  judge(query, place, options.inlier_distance, &result);
+  const auto max_distance = static_cast<float>(options.max_distance);
+  const auto inlier_distance = static_cast<float>(options.inlier_distance);
+  std::vector<Pair> pairs(query.points.size());
+  result.T_place_query = fitted(query, place, start, max_distance, &pairs);
+  pair_points(query, place, result.T_place_query, std::max(max_distance, inlier_distance), 1,
+              &pairs);
+  judge(query, place, options.inlier_distance, pairs, &result);
   result.accepted =
       result.inlier_ratio >= options.least_inliers && result.constraint >= options.least_constraint;
   return result;

@@ -4,7 +4,7 @@ import argparse
 import os
 
 from revisit import maps, poses, recognition
-from revisit.errors import Error, UsageError
+from revisit.errors import UsageError
 from revisit.recordings import READERS
 
 EXAMPLES = """\
@@ -66,7 +66,7 @@ def make_parser():
     loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of the drive that are not compared: '
                        'frames=50 (default), seconds=30, metres=50 or none')
     loops.add_argument('--verify', action='store_true', help='register accepted loops by GICP: where the scan was; loops that do '
-                       'not fit are not accepted (needs small_gicp, or a build with PCL)')
+                       'not fit are not accepted')
     loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
                        '(default %(default)s)')
     loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
@@ -96,9 +96,4 @@ def parse(arguments):
         raise UsageError('--threshold and --sure: one of the two')
     if not (o.max_gap >= 0):
         raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
-    if o.verify:
-        try:
-            import revisit.registration  # noqa: F401
-        except ImportError as error:
-            raise Error(f'--verify: {error}') from None
     return o

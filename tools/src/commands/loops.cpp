@@ -100,7 +100,6 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   if (o.follow && !(*o.follow > 0))
     throw UsageError("--follow: expected a positive number, found ", *o.follow);
   o.map.check();
-  if (o.verify) need_built_in("--verify", "PCL");
   if (o.graph_candidates > 0) need_built_in("--graph-candidates", "FAISS");
   if (!o.g2o.empty() && !o.verify) throw UsageError("--g2o: add --verify, which gives its edges");
   if (!o.tum.empty() && !o.verify) throw UsageError("--tum: add --verify, which gives its poses");

@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <vector>
 
@@ -72,17 +71,10 @@ struct Registration {
 
 /// Registers a query with a place seen under another heading. First the shift within `reach`, and
 /// the turn within 3 degrees, under which upright points meet best, seen from above; from there
-/// generalized ICP (Segal, Haehnel and Thrun, RSS 2009; PCL's). Equal input gives equal output, on
-/// one thread. `turn`: heading of the query less that of the place, counter-clockwise [rad].
-/// Throws UsageError for invalid options or an invalid turn, and in a build without PCL.
+/// generalized ICP (Segal, Haehnel and Thrun, RSS 2009). Equal input gives equal output, on one
+/// thread. `turn`: heading of the query less that of the place, counter-clockwise [rad]. Throws
+/// UsageError for invalid options or an invalid turn.
 Registration register_scans(const PreparedScan& query, const PreparedScan& place, double turn,
                             const RegistrationOptions& options = {});
-
-/// Finds the T_place_query near `start` under which two scans fit best.
-using Refine = std::function<Eigen::Isometry3d(const Eigen::Isometry3d& start)>;
-
-/// The same with another's GICP, in any build. `refine` is not called for a scan of few points.
-Registration register_scans(const PreparedScan& query, const PreparedScan& place, double turn,
-                            const RegistrationOptions& options, const Refine& refine);
 
 }  // namespace revisit::pipeline
