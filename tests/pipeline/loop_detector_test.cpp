@@ -122,6 +122,31 @@ TEST(LoopDetector, AcceptedLoopsAreRegistered) {
   EXPECT_FALSE(rejected.loop->accepted);
 }
 
+/// The same drive after a kill, and another of the same name.
+TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
+  PlaceRecognizer recognizer(first_point(), {});
+  const auto drive = [&](int first, int last, double start) {
+    LoopDetector detector(recognizer,
+                          {.drive = "monday", .exclusion = parse_exclusion("frames=1")});
+    std::vector<int64_t> matches;
+    for (int frame = first; frame < last; ++frame)
+      matches.push_back(match_of(detector, start + 0.2 * frame, {.frame = frame}));
+    return std::pair(detector.drive(), matches);
+  };
+  const auto killed = drive(0, 6, 0);
+  EXPECT_EQ(killed, std::pair(std::string("monday"), (std::vector<int64_t>{-1, -1, 0, 1, 2, 3})));
+  EXPECT_EQ(recognizer.size(), 6);
+  const auto again = drive(0, 8, 0);  // as if it had not been killed
+  EXPECT_EQ(again,
+            std::pair(std::string("monday"), (std::vector<int64_t>{-1, -1, 0, 1, 2, 3, 4, 5})));
+  EXPECT_EQ(recognizer.size(), 8);
+  // Places 0 to 7 are of another recording: its first scan may match any of them.
+  EXPECT_EQ(drive(0, 2, 1).first, "monday-2");
+  EXPECT_EQ(recognizer.size(), 10);
+  EXPECT_EQ(drive(0, 2, 1), std::pair(std::string("monday-2"), (std::vector<int64_t>{5, 6})));
+  EXPECT_EQ(recognizer.size(), 10);
+}
+
 TEST(LoopDetector, VerificationNeedsAHeading) {
   FeatureExtractor blind = first_point();
   blind.comparison.turn = nullptr;

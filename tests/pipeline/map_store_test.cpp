@@ -665,8 +665,8 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
   for (const char* name : {"a", "b", "c"}) {
     files.push_back(dir / name);
     const auto map = writer_of(files.back());
-    map->add(made_places(1, 2));
-    map->set_value(kBasisValue, std::string(name) == "c" ? "another" : "one");
+    map->add(*name == 'b' ? made_places(3, 4) : made_places(1, 2));
+    map->set_value(kBasisValue, *name == 'c' ? "another" : "one");
   }
   const auto nothing = [](const std::string&) {};
   expect_error<InputError>([&] { merge_maps(files, dir / "merged", nothing); },
@@ -675,6 +675,41 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
   files.pop_back();
   EXPECT_EQ(merge_maps(files, dir / "merged", nothing), 4);
   EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "one");
+}
+
+TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
+  const TempDir dir;
+  const std::vector<fs::path> files = {dir / "a.map", dir / "b.map"};
+  const auto place = [](const std::string& drive, int64_t frame, float number) {
+    return StoredPlace{.drive = drive, .frame = frame, .descriptor = {number}};
+  };
+  for (int map = 0; map < 2; ++map) {
+    const auto number = static_cast<float>(map);
+    const auto store = writer_of(files[map]);
+    store->add(std::vector{place("base", 7, 5), place("00", 7, number), place("", 7, number)});
+    store->set_value(kThresholdValue, "0.5");
+    store->set_value(kCalibrationValue, map == 0 ? "one" : "another");
+  }
+  std::vector<std::string> said;
+  const auto tell = [&](const std::string& message) { said.push_back(message); };
+  EXPECT_EQ(merge_maps(files, dir / "merged", tell), 5);
+  const auto merged = open_map(dir / "merged", MapAccess::kRead);
+  std::vector<std::string> drives;
+  for (const StoredPlace& stored : read_all(*merged).places) drives.push_back(stored.drive);
+  EXPECT_EQ(drives, (std::vector<std::string>{"base", "a/00", "a", "b/00", "b"}));
+  EXPECT_EQ(merged->value(kThresholdValue), "0.5");
+  EXPECT_EQ(merged->value(kCalibrationValue), std::nullopt);
+  ASSERT_EQ(said.size(), 4);
+  EXPECT_NE(said[1].find("drive '00' is another recording"), std::string::npos) << said[1];
+  EXPECT_NE(said[2].find("differ in their calibration"), std::string::npos) << said[2];
+  EXPECT_NE(said[3].find("b.map: 1 of its places"), std::string::npos) << said[3];
+  fs::create_symlink(files[0], dir / "again");
+  expect_error<UsageError>(
+      [&] {
+        merge_maps(std::vector<fs::path>{files[0], dir / "again"}, dir / "none", tell);
+      },
+      {"again is given twice"});
+  EXPECT_FALSE(fs::exists(dir / "none"));
 }
 
 TEST(MapStore, WhatAStrangersRowCannotBeIsDamage) {

@@ -178,7 +178,7 @@ TEST(PlaceRecognizer, OpenedAgainItGivesTheSameAnswers) {
 std::optional<std::string> build(const std::filesystem::path& file, int64_t first_stretch,
                                  int64_t at_once, int64_t most = 40) {
   PlaceRecognizer recognizer(coordinates(), {.first_stretch = first_stretch}, map_in(file));
-  const std::set<int64_t> there = recognizer.frames_of("x");
+  const std::map<int64_t, int64_t> there = recognizer.places_of("x");
   std::vector<Description> scans;
   std::vector<StoredPlace> places;
   for (int64_t frame = 0; frame < most; ++frame) {
@@ -189,7 +189,7 @@ std::optional<std::string> build(const std::filesystem::path& file, int64_t firs
     recognizer.add(std::exchange(scans, {}), std::exchange(places, {}));
   }
   recognizer.add(scans, places);
-  EXPECT_EQ(std::ssize(recognizer.frames_of("x")), most);
+  EXPECT_EQ(std::ssize(recognizer.places_of("x")), most);
   EXPECT_EQ(recognizer.size(), most);
   return open_map(file, MapAccess::kRead)->value(kBasisValue);
 }
@@ -442,8 +442,8 @@ TEST(PlaceRecognizer, APlaceThatWasRemovedIsNeverReturned) {
     ASSERT_EQ(reader.query(scan)->position, 7);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7, 30, 7}), 2);
     EXPECT_EQ(writer->remove(std::vector<int64_t>{7}), 0);
-    EXPECT_FALSE(writer->frames_of("").contains(70));
-    EXPECT_TRUE(writer->frames_of("").contains(80));
+    EXPECT_FALSE(writer->places_of("").contains(70));
+    EXPECT_TRUE(writer->places_of("").contains(80));
     expect_error<UsageError>([&] { writer->remove(std::vector<int64_t>{60}); }, {"position 60"});
     EXPECT_NE(writer->query(scan)->position, 7);
     reader.refresh();

@@ -176,7 +176,9 @@ class Maps(FolderTest):
     def test_are_merged(self):
         filled(revisit.open_map(self.file, first_stretch=4))
         both = self.file.with_name('both.map')
-        self.assertEqual(maps.merge_maps([self.file, self.file], both), (2 * len(PLACES), []))
+        with self.assertRaisesRegex(revisit.UsageError, 'given twice'):
+            maps.merge_maps([self.file, self.file], both)
+        self.assertEqual(maps.merge_maps([self.file], both), (len(PLACES), []))
 
 
 class Simulating(unittest.TestCase):

@@ -2,8 +2,10 @@
 
 #include <cmath>
 #include <unordered_map>
+#include <utility>
 
 #include "revisit/base/error.h"
+#include "revisit/loops/drive_name.h"
 
 namespace revisit::pipeline {
 
@@ -48,7 +50,7 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
 LoopDetector::~LoopDetector() = default;
 
 Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
-  const std::span<const int64_t> excluded = recent_.at(scan);
+  const std::span<const int64_t> recent = recent_.at(scan);
   Detection found;
   const Description description = recognizer_.describe(points);
   if (!description.described()) {
@@ -56,11 +58,25 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     return found;
   }
   recognizer_.refresh_on_news();
+  if (!std::exchange(identified_, true)) {
+    options_.drive = drive_in_map(recognizer_, options_.drive, description, scan.frame);
+    ahead_ = recognizer_.places_of(options_.drive);
+  }
+  std::vector<int64_t> excluded(recent.begin(), recent.end());
+  for (const auto& [frame, position] : ahead_) excluded.push_back(position);
   found.loop = recognizer_.query(description, excluded);
-  found.position = recognizer_.add(
-      description,
-      {.drive = options_.drive, .frame = scan.frame, .time = scan.time, .pose = scan.pose});
-  recent_.add(*found.position);
+  while (!ahead_.empty() && ahead_.begin()->first <= scan.frame) {
+    const auto [frame, position] = *ahead_.begin();
+    recent_.add(position);
+    if (frame == scan.frame) found.position = position;
+    ahead_.erase(ahead_.begin());
+  }
+  if (!found.position) {
+    found.position = recognizer_.add(
+        description,
+        {.drive = options_.drive, .frame = scan.frame, .time = scan.time, .pose = scan.pose});
+    recent_.add(*found.position);
+  }
   if (!clouds_) return found;
   PointCloud cloud;
   copy_points(points, cloud);

@@ -1,5 +1,9 @@
+#include <algorithm>
+#include <map>
+#include <set>
 #include <utility>
 
+#include "checksum.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/maps/map_store.h"
@@ -13,12 +17,17 @@ constexpr size_t kAtOnce = 1000;  // places a step
 
 }  // namespace
 
-void take_over_basis(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
-  const auto theirs = open_map(other, MapAccess::kRead, &map.identity());
-  const auto basis = theirs->value(kBasisValue);
+std::string basis_of(const fs::path& map, const MapIdentity& identity) {
+  const auto store = open_map(map, MapAccess::kRead, &identity);
+  auto basis = store->value(kBasisValue);
   if (!basis)
-    throw InputError(shown_name(other), ": its basis is not learnt yet: it has ", theirs->size(),
+    throw InputError(shown_name(map), ": its basis is not learnt yet: it has ", store->size(),
                      " places, too few");
+  return *std::move(basis);
+}
+
+void take_over_basis(MapStore& map, const fs::path& other, const MapStore::Damaged& damaged) {
+  const std::optional<std::string> basis = basis_of(other, map.identity());
   const auto own = map.value(kBasisValue);
   if (own == basis) return;
   const auto refuse = [&](const StoredPlace&) -> std::vector<float> {
@@ -35,32 +44,103 @@ void take_over_basis(MapStore& map, const fs::path& other, const MapStore::Damag
     refuse({});
 }
 
-int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
-                   const MapStore::Damaged& damaged) {
+namespace {
+
+struct Source {
+  fs::path file;
+  std::unique_ptr<MapStore> map;
+};
+
+/// One scan in two maps has the same frame and numbers.
+int64_t content_of(const StoredPlace& place) {
+  Checksum sum;
+  sum.bytes(place.drive).number(place.frame);
+  for (const std::vector<float>* numbers : {&place.descriptor, &place.feature})
+    sum.bytes({reinterpret_cast<const char*>(numbers->data()), numbers->size() * sizeof(float)});
+  return sum.value();
+}
+
+std::vector<Source> open_sources(std::span<const fs::path> maps) {
   if (maps.empty()) throw UsageError("merging maps: expected at least one, found none");
-  std::vector<std::unique_ptr<MapStore>> sources;
+  std::vector<Source> sources;
   for (const fs::path& map : maps) {
-    sources.push_back(
-        open_map(map, MapAccess::kRead, sources.empty() ? nullptr : &sources.front()->identity()));
-    if (sources.back()->value(kBasisValue) != sources.front()->value(kBasisValue))
-      throw InputError(shown_name(map),
-                       ": its places are described with another basis than those "
-                       "of ",
-                       shown_name(maps[0]),
-                       "; a map can only take over another's basis when it is new");
+    for (const Source& source : sources)
+      if (source.file == map ||
+          (!is_on_a_server(map.string()) && !is_on_a_server(source.file.string()) &&
+           fs::equivalent(source.file, map)))
+        throw UsageError("merging maps: ", shown_name(map), " is given twice");
+    sources.push_back({map, open_map(map, MapAccess::kRead,
+                                     sources.empty() ? nullptr : &sources[0].map->identity())});
+    if (sources.back().map->value(kBasisValue) != sources[0].map->value(kBasisValue))
+      throw InputError(
+          shown_name(map), ": its places are described with another basis than those of ",
+          shown_name(maps[0]), "; a map can only take over another's basis when it is new");
   }
-  const auto merged = open_map(file, MapAccess::kNew, &sources.front()->identity(),
-                               sources.front()->number_format());
-  if (const auto basis = sources.front()->value(kBasisValue))
-    merged->set_value(kBasisValue, *basis);
-  for (const auto& source : sources) {
+  return sources;
+}
+
+/// Names of drives that several maps have for different recordings become MAP/DRIVE.
+class DriveNames {
+ public:
+  void add(const Source& source, const std::string& drive) {
+    const auto [found, is_new] = owners_.emplace(drive, &source);
+    if (!is_new && found->second != &source) shared_.insert(drive);
+  }
+  std::string name_of(const Source& source, const std::string& drive) const {
+    if (!shared_.contains(drive)) return drive;
+    const std::string map = source.file.stem().string();
+    return drive.empty() ? map : map + "/" + drive;
+  }
+  const std::set<std::string>& shared() const { return shared_; }
+
+ private:
+  std::map<std::string, const Source*> owners_;
+  std::set<std::string> shared_;
+};
+
+}  // namespace
+
+int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
+                   const MapStore::Damaged& report) {
+  const std::vector<Source> sources = open_sources(maps);
+  DriveNames names;
+  std::set<int64_t> seen;
+  for (const Source& source : sources)
+    source.map->read(
+        0,
+        [&](StoredPlace&& place) {
+          if (seen.insert(content_of(place)).second) names.add(source, place.drive);
+        },
+        report);
+  for (const std::string& drive : names.shared())
+    report(str("drive '", drive, "' is another recording in each map: the maps' names precede it"));
+
+  const MapStore& first = *sources[0].map;
+  const auto merged = open_map(file, MapAccess::kNew, &first.identity(), first.number_format());
+  for (const char* name : {kBasisValue, kCalibrationValue, kThresholdValue}) {
+    const auto value = first.value(name);
+    const bool is_common = std::ranges::all_of(
+        sources, [&](const Source& source) { return source.map->value(name) == value; });
+    if (!is_common)
+      report(str("the maps differ in their ", name, ": the merged map has none of its own"));
+    else if (value)
+      merged->set_value(name, *value);
+  }
+  for (const Source& source : sources) {
     std::vector<StoredPlace> places;
-    const auto add = [&](StoredPlace&& place) {
-      places.push_back(std::move(place));
-      if (places.size() == kAtOnce) merged->add(std::exchange(places, {}));
-    };
-    source->read(0, add, damaged);
+    int64_t known = 0;
+    source.map->read(
+        0,
+        [&](StoredPlace&& place) {
+          if (seen.erase(content_of(place)) == 0) return void(++known);
+          place.drive = names.name_of(source, place.drive);
+          places.push_back(std::move(place));
+          if (places.size() == kAtOnce) merged->add(std::exchange(places, {}));
+        },
+        [](const std::string&) {});  // reported before
     merged->add(places);
+    if (known > 0)
+      report(str(shown_name(source.file), ": ", known, " of its places are in the maps before it"));
   }
   return merged->size();
 }

@@ -159,6 +159,12 @@ struct PlaceRecognizer::Impl {
     features = {};
   }
 
+  void check_position(int64_t position) const {
+    if (position < 0 || position >= std::ssize(places))
+      throw UsageError("no place is at position ", position, ": there are ", places.size(),
+                       " places");
+  }
+
   /// Another recogniser may have described the scan.
   void check_feature(const Description& scan) const {
     if (std::ssize(scan.feature) != extractor.dim)
@@ -531,9 +537,7 @@ int64_t PlaceRecognizer::remove(std::span<const int64_t> positions) {
   Impl& impl = *impl_;
   std::vector<int64_t> ids;
   for (const int64_t position : positions) {
-    if (position < 0 || position >= static_cast<int64_t>(impl.places.size()))
-      throw UsageError("no place is at position ", position, " to be removed: there are ",
-                       impl.places.size(), " places");
+    impl.check_position(position);
     ids.push_back(impl.places[static_cast<size_t>(position)].id);
   }
   if (impl.map) impl.map->remove(ids);
@@ -546,19 +550,28 @@ int64_t PlaceRecognizer::size() const {
   return static_cast<int64_t>(impl_->places.size());
 }
 
-std::set<int64_t> PlaceRecognizer::frames_of(const std::string& drive) const {
+std::map<int64_t, int64_t> PlaceRecognizer::places_of(const std::string& drive) const {
   const std::shared_lock lock(impl_->mutex);
-  std::set<int64_t> frames;
+  std::map<int64_t, int64_t> frames;
   for (int64_t position = 0; position < std::ssize(impl_->places); ++position) {
     const StoredPlace& place = impl_->places[static_cast<size_t>(position)];
     if (place.drive == drive && !std::ranges::binary_search(impl_->removed, position))
-      frames.insert(place.frame);
+      frames[place.frame] = position;
   }
   return frames;
 }
 
 bool PlaceRecognizer::finds_heading() const {
   return static_cast<bool>(impl_->extractor.comparison.turn);
+}
+
+double PlaceRecognizer::similarity(const Description& scan, int64_t position) const {
+  const std::shared_lock lock(impl_->mutex);
+  impl_->check_feature(scan);
+  impl_->check_position(position);
+  const CandidateRange one{position, position + 1};
+  return impl_->index->best(impl_->descriptor_of(scan.feature), {&one, 1}, {.k = 1})
+      .similarities.front();
 }
 
 std::optional<double> PlaceRecognizer::threshold() const {

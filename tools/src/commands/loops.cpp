@@ -278,9 +278,12 @@ int loops_command(const Arguments& arguments) {
     const bool is_loop = found.loop && found.loop->accepted;
     accepted += is_loop ? 1 : 0;
     unregistered += is_loop && o.verify && !found.registered ? 1 : 0;
-    if (is_loop || all) writer.write(line_of(visit, drive));
+    if (is_loop || all) writer.write(line_of(visit, detector.drive()));
   });
   if (!o.feature.quiet) {
+    if (detector.drive() != drive)
+      note(
+          str("the map has another recording '", drive, "'; this one is '", detector.drive(), "'"));
     std::cerr << scans << " scans, " << accepted << " loops accepted"
               << (unregistered > 0
                       ? str(" (", unregistered, " not registered: the places are of other drives)")

@@ -129,13 +129,17 @@ int build(const Arguments& arguments) {
   cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
   const auto shared = pipeline::open_shared_work(map.file);
   BuildMap how;
-  how.drive = map.drive_of(dataset);
+  const std::vector<pipeline::ScanRef> scans = with_sensor_poses(dataset);
+  how.drive = drive_of_recording(scans, recognizer, map.drive_of(dataset));
+  if (how.drive != map.drive_of(dataset) && !options.quiet)
+    note(str("the map has another recording '", map.drive_of(dataset), "'; this one is '",
+             how.drive, "'"));
   how.shared = shared.get();
   how.threads = options.thread_count();
   how.stop = interrupted;
   how.done = [&](int64_t done, int64_t all) { progress.update(done, all); };
   how.left_out = warn_left_out;
-  const Built built = build_map(with_sensor_poses(dataset), recognizer, how);
+  const Built built = build_map(scans, recognizer, how);
   if (!options.quiet)
     std::cout << pipeline::shown_name(map.file) << ": " << recognizer.size() << " places, "
               << built.added << " added here"

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <map>
-#include <set>
 #include <thread>
 
 #include "loops/describe_scan.h"
 #include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
+#include "revisit/loops/drive_name.h"
 
 namespace revisit::cli {
 namespace {
@@ -71,6 +71,18 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
 
 }  // namespace
 
+std::string drive_of_recording(const std::vector<ScanRef>& scans,
+                               const pipeline::PlaceRecognizer& recognizer,
+                               const std::string& name) {
+  pipeline::PointCloud cloud;
+  for (const ScanRef& scan : scans) {
+    const DescribedScan first = describe_scan(scan, name, recognizer, cloud);
+    if (first.description.described())
+      return drive_in_map(recognizer, name, first.description, scan.frame);
+  }
+  return name;
+}
+
 Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,
                 const BuildMap& options) {
   ByFrame by_frame;
@@ -82,7 +94,7 @@ Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& re
   const int64_t at_once = kScansAtOnce * options.threads;
   Built built;
   if (options.shared == nullptr) {
-    const std::set<int64_t> there = recognizer.frames_of(options.drive);
+    const std::map<int64_t, int64_t> there = recognizer.places_of(options.drive);
     std::erase_if(frames, [&](int64_t frame) { return there.contains(frame); });
     const auto all = std::ssize(frames);
     for (int64_t done = 0; done < all; done += at_once) {

@@ -23,6 +23,11 @@ struct Built {
   int64_t added = 0, left_out = 0;  // by this process
 };
 
+/// drive_in_map() of a recording, by the first of its scans that can be described.
+std::string drive_of_recording(const std::vector<pipeline::ScanRef>& scans,
+                               const pipeline::PlaceRecognizer& recognizer,
+                               const std::string& name);
+
 /// Adds the scans that the recogniser's map lacks, together with all others that share the
 /// work, and returns when none is missing. A scan that cannot be read or described gets no place.
 /// Throws what PlaceRecognizer does, Interrupted.

@@ -18,7 +18,9 @@ void MapOptions::declare(Parser& parser) {
               "a new map takes over what that one learnt from its first stretch, so that both can "
               "be merged",
               &basis)
-      .option("drive", "NAME", "what this drive is called in the map (default: its sequence)",
+      .option("drive", "NAME",
+              "name of this recording in the map (default: its sequence or folder); another "
+              "recording of that name gets a number",
               &drive)
       .option("first-stretch", "N", "ring: its mean is learnt from so many places (default 200)",
               &first_stretch)
@@ -37,6 +39,7 @@ std::unique_ptr<pipeline::MapStore> MapOptions::open(const RecognizerSource& sou
   if (file.empty()) return nullptr;
   const pipeline::MapIdentity identity =
       pipeline::PlaceRecognizer::identity_of(source.extractor, source.options);
+  if (!basis.empty()) pipeline::basis_of(basis, identity);  // before a map is made
   auto map = pipeline::open_map(file, pipeline::MapAccess::kWrite, &identity, numbers);
   if (!basis.empty()) pipeline::take_over_basis(*map, basis, warn);
   return map;

@@ -23,7 +23,7 @@ struct MapOptions {
   std::unique_ptr<pipeline::MapStore> open(const RecognizerSource& source) const;
   /// What the drive is called in the map.
   std::string drive_of(const pipeline::Dataset& dataset) const {
-    return !drive.empty() ? drive : dataset.sequence;
+    return !drive.empty() ? drive : !dataset.sequence.empty() ? dataset.sequence : dataset.name;
   }
 };
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,7 +11,7 @@
 namespace revisit::pipeline {
 
 struct LoopDetectorOptions {
-  std::string drive;    // name of this drive in the map
+  std::string drive;    // name of the recording in the map; drive_in_map() adds a number
   Exclusion exclusion;  // of the drive's own scans
   bool verify = false;  // registers accepted loops; those that do not fit are not accepted
   RegistrationOptions registration;
@@ -26,6 +27,8 @@ struct Detection {
 
 /// The front end of loop closure: takes the scans of one drive in order, and says where each was
 /// before. Every scan is described, compared with the places that are not excluded, and added.
+/// A recording of which the map has scans, by name and content, is resumed: these are compared, but
+/// not added again, and none of its later scans is a match.
 ///
 ///   LoopDetector detector(recognizer, {.drive = "monday", .verify = true});
 ///   const Detection found = detector.take({points.data(), n, sizeof(MyPoint)}, {.frame = 17});
@@ -40,12 +43,16 @@ class LoopDetector {
   /// Throws what PlaceRecognizer::add() does, and UsageError when the exclusion needs a time or a
   /// pose that `scan` lacks.
   Detection take(const PointsView& points, const ScanStamp& scan);
+  /// The name of the recording in the map; final after the first scan that was described.
+  const std::string& drive() const { return options_.drive; }
 
  private:
   class PlaceClouds;
   PlaceRecognizer& recognizer_;
   LoopDetectorOptions options_;
   RecentPlaces recent_;
+  bool identified_ = false;              // the recording
+  std::map<int64_t, int64_t> ahead_;     // frame -> position of its scans that the map has already
   std::unique_ptr<PlaceClouds> clouds_;  // null without verification
 };
 

@@ -162,6 +162,10 @@ std::unique_ptr<MapStore> open_map(const std::filesystem::path& file, MapAccess 
 /// open_map().
 std::unique_ptr<SharedWork> open_shared_work(const std::filesystem::path& map);
 
+/// What a map learnt from its first stretch. Throws InputError when it has learnt nothing yet or is
+/// of another identity.
+std::string basis_of(const std::filesystem::path& map, const MapIdentity& identity);
+
 /// Gives a map without places what another of the same identity learnt from its first stretch: its
 /// basis. `damaged` is told what of the map was lost, as by read(). Throws InputError when the
 /// other has no basis yet or is of another identity, or when the map has places that were described
@@ -170,10 +174,13 @@ void take_over_basis(MapStore& map, const std::filesystem::path& other,
                      const MapStore::Damaged& damaged);
 
 /// Puts the places of all `maps` into a new map, `file`, one map after the other, and returns how
-/// many there are. All must be of one identity and basis. Damaged places are left out and named.
-/// Throws UsageError without maps, InputError for what does not fit and a map that is there.
+/// many there are. All must be of one identity and basis. A scan that several maps have comes once;
+/// recordings of one name become MAP/DRIVE; a calibration and a threshold are kept when all maps
+/// have the same. `report` is told each of these, and each damaged place, which is left out. Throws
+/// UsageError without maps and for a map given twice, InputError for what does not fit and a map
+/// that is there.
 int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::filesystem::path& file,
-                   const MapStore::Damaged& damaged);
+                   const MapStore::Damaged& report);
 
 /// What is wrong with a map, a message each: none when it is sound. Reads all of it. Throws
 /// InputError for a file that is missing and Error when it cannot be opened.

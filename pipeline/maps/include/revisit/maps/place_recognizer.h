@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
-#include <set>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -101,8 +101,11 @@ class PlaceRecognizer {
 
   /// Places known, with those removed since this object knows them: the next one's position.
   int64_t size() const;
-  /// The frames of a drive that have a place.
-  std::set<int64_t> frames_of(const std::string& drive) const;
+  /// The places of a drive that were not removed: frame -> position.
+  std::map<int64_t, int64_t> places_of(const std::string& drive) const;
+  /// Of a scan to the place at `position`. Throws UsageError for a position without a place and for
+  /// a scan that was not described by this feature.
+  double similarity(const Description& scan, int64_t position) const;
   /// Whether queries say how the scan is turned against the place (Loop::turn).
   bool finds_heading() const;
   /// The score from which places are accepted; absent when neither the options, nor the map, nor a

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "revisit/recognition/point_cloud.h"
+
+namespace revisit::pipeline {
+
+struct RingModelChoice {
+  std::string sensor;  // of shipped_ring_models()
+  std::string reason;  // for people
+};
+
+/// The shipped ring model for scans of one sensor: its own, when beams or field of view show a
+/// sensor that has one; else the nearest. That must see what stands on the ground: among the models
+/// whose image holds at least 94 % of what the widest one holds of it, the one whose upper edge and
+/// number of beams (where they can be told apart) differ least. Tilt and mounting height do not
+/// matter: scans are levelled.
+RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,67 @@
+#include "revisit/recognition/ring/choose_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "revisit/base/text.h"
+#include "revisit/recognition/ground.h"
+#include "revisit/recognition/ring/model.h"
+#include "revisit/recognition/sensor.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// How the levelled scans lie in the image of a model.
+struct Fit {
+  std::string sensor;
+  double held = 0;        // share of the points above the ground that the image holds
+  double difference = 0;  // from the model's upper edge and beams
+};
+
+Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size_t beams) {
+  constexpr float kAboveGround = 0.5F;  // [m]
+  constexpr double kEdge = 10;          // degrees that differ as much as twice the beams
+  const RingModel model = shipped_ring_model(sensor);
+  std::vector<double> elevations;  // [deg]
+  for (const PointCloud& scan : scans)
+    for (const Point& p : level(scan, model.sensor_height).points)
+      if (p.z > kAboveGround - model.sensor_height)
+        elevations.push_back(std::atan2(p.z, std::hypot(p.x, p.y)) * 180 / std::numbers::pi);
+  Fit fit{.sensor = sensor};
+  if (elevations.empty()) return fit;
+  const auto held = std::ranges::count_if(elevations, [&](double elevation) {
+    return elevation < model.image.elevation_top && elevation > model.image.elevation_bottom;
+  });
+  fit.held = static_cast<double>(held) / static_cast<double>(elevations.size());
+  const auto top = elevations.begin() + std::ssize(elevations) * 99 / 100;
+  std::ranges::nth_element(elevations, top);
+  fit.difference = std::abs(*top - model.image.elevation_top) / kEdge;
+  if (beams > 0)
+    fit.difference += std::abs(std::log2(static_cast<double>(beams) / model.image.height));
+  return fit;
+}
+
+}  // namespace
+
+RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans) {
+  constexpr double kEnough = 0.94;
+  const SensorFound found = find_sensor(scans);
+  const size_t beams = found.beams.elevations.size();
+  const std::string seen =
+      str(beams > 0 ? str(beams, " beams") : "no separate beams", ", ", number(found.beams.bottom, 1),
+          " to ", number(found.beams.top, 1), " degrees");
+  const std::vector<std::string> models = shipped_ring_models();
+  if (std::ranges::count(models, found.name) > 0) return {found.name, seen};
+  std::vector<Fit> fits;
+  for (const std::string& sensor : models) fits.push_back(fit_of(sensor, scans, beams));
+  const double most = std::ranges::max(fits, {}, &Fit::held).held;
+  std::erase_if(fits, [&](const Fit& fit) { return fit.held < kEnough * most; });
+  const Fit best = std::ranges::min(fits, {}, &Fit::difference);
+  return {best.sensor,
+          str(seen, found.name.empty() ? "" : str(", like ", found.name),
+              "; no model of its own, the nearest holds ", number(100 * best.held, 0),
+              " % of the points above the ground")};
+}
+
+}  // namespace revisit::pipeline
