@@ -14,15 +14,6 @@ import revisit
 from revisit import datasets, recognition, simulation
 
 
-def sensor_of(drive):
-    """The sensor whose scans these look like. UsageError for one that no model is shipped for."""
-    files = [scan.file for scan in drive.scans[:: max(1, len(drive.scans) // 5)]]
-    found = recognition.find_sensor([datasets.read_scan(file) for file in files]).name
-    if found not in recognition.shipped_ring_models():
-        raise revisit.UsageError(f'no model for the sensor {found or "of these scans"}: give --sensor')
-    return found
-
-
 def draw(file, drive, loops):
     import matplotlib
     matplotlib.use('Agg')
@@ -59,7 +50,9 @@ def main():
         simulation.simulate(o.folder, length=o.simulate, every=20, progress=lambda done, total: print(
             f'\rsimulating {done}/{total}', end='' if done < total else '\n', file=sys.stderr))
     drive = datasets.open_dataset(o.folder, o.sequence)
-    recognizer = revisit.open_map(o.map, o.sensor or sensor_of(drive), threshold=o.threshold)
+    some = [datasets.read_scan(scan.file) for scan in drive.scans[:: max(1, len(drive.scans) // 3)]]
+    sensor = o.sensor or recognition.choose_ring_model(some)[0]
+    recognizer = revisit.open_map(o.map, sensor, threshold=o.threshold)
 
     detector = revisit.LoopDetector(recognizer, exclusion=o.exclusion)
     loops, known = [], {}  # known: the scan at a position, for those of this drive

@@ -108,8 +108,7 @@ def main():
     if o.simulate is not None:
         simulation.simulate(o.data, length=o.simulate, every=2, route='both')
     recording = recordings.open_recording(o.data, topic=o.topic, sequence=o.sequence)
-    found = recognition.find_sensor([next(recording.scans()).points()[:, :3].copy()])
-    sensor = o.sensor or found.name or parser.error('no known sensor; name one like it: --sensor hdl64, vlp16, ouster-os1-64')
+    sensor = o.sensor or recognition.choose_ring_model([next(recording.scans()).points()[:, :3].copy()])[0]
     odometry, loops, node_of, ended, start = Odometry(o.max_range), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
     try:

@@ -4,11 +4,11 @@ import os
 
 from revisit import recognition
 from revisit._core.maps import (
-    Description, Detection, Loop, LoopDetector, MapStore, PlaceRecognizer, StoredPlace, check_exclusion, check_map,
+    Description, Detection, Loop, LoopDetector, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion, check_map,
     merge_maps)
 
 __all__ = [
-    'Description', 'Detection', 'Loop', 'LoopDetector', 'MapStore', 'PlaceRecognizer', 'StoredPlace',
+    'Description', 'Detection', 'Loop', 'LoopDetector', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter', 'StoredPlace',
     'check_exclusion', 'check_map', 'merge_maps', 'open_map']
 
 KEY_CANDIDATES = 1000
@@ -17,7 +17,7 @@ KEY_CANDIDATES = 1000
 
 def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
              model: recognition.RingModel | None = None, threshold: float | None = None,
-             precision: float = 0.99, first_stretch: int = 200, threads: int = 1) -> PlaceRecognizer:
+             precision: float = 0.99, first_stretch: int = 200, threads: int = 1, mount: str = '') -> PlaceRecognizer:
     """A recogniser by rings whose places are in `file`, made when it is missing; None: nowhere.
 
     sensor: whose model comes with the library (recognition.shipped_ring_models()).
@@ -26,6 +26,7 @@ def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
     precision: the share of accepted loops that are to be right, as far as the calibration of the map or the model holds.
     first_stretch: how many places rings learn their mean from.
     threads: of describing one scan.
+    mount: 'roll,pitch,yaw,x,y,z' [deg, m], recognition.parse_mount(); '': the points' z is up.
     `revisit loops --map` reads and writes the same maps.
     """
     extractor = recognition.ring_recogniser(
@@ -34,4 +35,5 @@ def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
     store = None
     if file is not None:
         store = MapStore.open(file, PlaceRecognizer.identity_of(extractor))
-    return PlaceRecognizer(extractor, store, threshold=threshold, precision=precision, first_stretch=first_stretch)
+    return PlaceRecognizer(extractor, store, threshold=threshold, precision=precision, first_stretch=first_stretch,
+                           mount=recognition.parse_mount(mount) if mount else None)

@@ -2,15 +2,15 @@
 
 from revisit._core.recognition import (
     Alignment, FeatureExtractor, ImageGeometry, PcaResult, RingModel, ScanContextOptions, ScanFeature, Sensor,
-    SensorFound, context_distance, cosine, find_sensor, from_scan, m2dp_features, network_features,
-    principal_alignment, project, range_vector_features, read_ring_model, ring_net, ring_recogniser,
+    SensorFound, choose_ring_model, context_distance, cosine, find_sensor, from_scan, m2dp_features, misfit_of_view, network_features,
+    parse_mount, principal_alignment, project, range_vector_features, read_ring_model, ring_net, ring_recogniser,
     scan_context, scan_context_features, scan_to_image, sensor_geometry, sensors, shipped_ring_model,
     shipped_ring_models)
 from revisit._pca import PcaModel, fit_pca
 
 __all__ = [
     'Alignment', 'FeatureExtractor', 'ImageGeometry', 'PcaModel', 'PcaResult', 'RingModel', 'ScanContextOptions',
-    'ScanFeature', 'Sensor', 'SensorFound', 'context_distance', 'cosine', 'find_sensor', 'fit_pca', 'from_scan',
-    'm2dp_features', 'network_features', 'principal_alignment', 'project', 'range_vector_features',
+    'ScanFeature', 'Sensor', 'SensorFound', 'choose_ring_model', 'context_distance', 'cosine', 'find_sensor', 'fit_pca', 'from_scan',
+    'm2dp_features', 'misfit_of_view', 'network_features', 'parse_mount', 'principal_alignment', 'project', 'range_vector_features',
     'read_ring_model', 'ring_net', 'ring_recogniser', 'scan_context', 'scan_context_features',
     'scan_to_image', 'sensor_geometry', 'sensors', 'shipped_ring_model', 'shipped_ring_models']

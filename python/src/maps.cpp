@@ -14,6 +14,7 @@
 #include "points.h"
 #include "poses.h"
 #include "revisit/loops/loop_detector.h"
+#include "revisit/loops/pose_files.h"
 #include "revisit/maps/place_recognizer.h"
 #include "strings.h"
 
@@ -93,14 +94,17 @@ void bind_recognizer(nb::module_& module) {
           "__init__",
           [](Recognizer* self, const FeatureExtractor& extractor, OpenMap* map,
              const std::string& align, const ImageGeometry& geometry, int64_t first_stretch,
-             std::optional<double> threshold, double precision, int k, const std::string& score) {
-            const RecognizerOptions options{.align = parse_align_case(align),
-                                            .geometry = geometry,
-                                            .first_stretch = first_stretch,
-                                            .threshold = threshold,
-                                            .precision = precision,
-                                            .k = k,
-                                            .score = parse_score(score)};
+             std::optional<double> threshold, double precision, int k, const std::string& score,
+             PoseArgument mount) {
+            const RecognizerOptions options{
+                .mount = pose_from(mount).value_or(Eigen::Isometry3d::Identity()),
+                .align = parse_align_case(align),
+                .geometry = geometry,
+                .first_stretch = first_stretch,
+                .threshold = threshold,
+                .precision = precision,
+                .k = k,
+                .score = parse_score(score)};
             const auto make = [&](std::unique_ptr<MapStore>&& store) {
               new (self) Recognizer(extractor, options, std::move(store));
             };
@@ -109,7 +113,7 @@ void bind_recognizer(nb::module_& module) {
           "extractor"_a, "map"_a.none() = nb::none(), nb::kw_only(), "align"_a = "none",
           "geometry"_a = ImageGeometry(), "first_stretch"_a = RecognizerOptions().first_stretch,
           "threshold"_a = nb::none(), "precision"_a = RecognizerOptions().precision,
-          "k"_a = RecognizerOptions().k, "score"_a = "margin",
+          "k"_a = RecognizerOptions().k, "score"_a = "margin", "mount"_a = nb::none(),
           "map: its places are known at once, and it belongs to the recogniser; None: nothing is "
           "kept.\n"
           "first_stretch: a feature that learns from the map's scans does so from this many.\n"
@@ -118,6 +122,7 @@ void bind_recognizer(nb::module_& module) {
           "precision: the share of accepted loops that are to be right, as far as the calibration "
           "of the map or the feature holds.\n"
           "score: 'margin' (2 c1 - ck) or 'similarity' (c1).\n"
+          "mount: takes points to x forward, y left, z up, float64 [4][4] (parse_mount()).\n"
           "Raises InputError when the map was made with another feature.")
       .def(
           "describe",
@@ -185,7 +190,9 @@ void bind_loop_detector(nb::module_& module) {
       .def_ro("why_not", &Detection::why_not, "The scan was not described: the reason.")
       .def_ro("loop", &Detection::loop, "The most similar place, or None.")
       .def_ro("registered", &Detection::registered,
-              "With verify=True, of an accepted loop whose place has its points at hand.");
+              "With verify=True, of a loop that the score accepts.")
+      .def_ro("has_no_points", &Detection::has_no_points,
+              "With verify=True: the place was stored without points; the loop is not accepted.");
   module.def(
       "check_exclusion", [](const std::string& text) { parse_exclusion(text); }, "exclusion"_a,
       "Raises UsageError for a text that LoopDetector does not take.");
@@ -196,17 +203,19 @@ void bind_loop_detector(nb::module_& module) {
       .def(
           "__init__",
           [](LoopDetector* self, Recognizer& recognizer, const std::string& drive,
-             const std::string& exclusion, bool verify) {
-            new (self) LoopDetector(
-                recognizer,
-                {.drive = drive, .exclusion = parse_exclusion(exclusion), .verify = verify});
+             const std::string& exclusion, bool verify, bool keep_clouds) {
+            new (self) LoopDetector(recognizer, {.drive = drive,
+                                                 .exclusion = parse_exclusion(exclusion),
+                                                 .verify = verify,
+                                                 .keep_clouds = keep_clouds});
           },
           nb::keep_alive<1, 2>(), "recognizer"_a, nb::kw_only(), "drive"_a = "",
-          "exclusion"_a = to_string(Exclusion()), "verify"_a = false,
+          "exclusion"_a = to_string(Exclusion()), "verify"_a = false, "keep_clouds"_a = true,
           "drive: its name in the map.\n"
           "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'metres=L' or "
           "'none'.\n"
-          "verify: registers accepted loops; those that do not fit are not accepted.")
+          "verify: registers accepted loops; those that do not fit are not accepted.\n"
+          "keep_clouds: stores some 20 kB of points with each place, for registration.")
       .def(
           "take",
           [](LoopDetector& self, PointsArgument points, int64_t frame, std::optional<double> time,
@@ -217,7 +226,28 @@ void bind_loop_detector(nb::module_& module) {
           },
           "points"_a, nb::kw_only(), "frame"_a, "time"_a = nb::none(), "pose"_a = nb::none(),
           "points: in the sensor's frame [m]. time: [s]. pose: T_world_sensor, float64 [4][4].\n"
-          "Raises UsageError when the exclusion needs a time or a pose that is not given.");
+          "Raises UsageError when the exclusion needs a time or a pose that is not given.")
+      .def_prop_ro("drive", &LoopDetector::drive,
+                   "The name of the recording in the map, after the first scan.");
+}
+
+void bind_pose_files(nb::module_& module) {
+  nb::class_<PoseGraphWriter>(module, "PoseGraphWriter",
+                              "A pose graph in g2o's text format, written as it grows.")
+      .def(nb::init<const fs::path&>(), "file"_a)
+      .def(
+          "vertex",
+          [](PoseGraphWriter& self, int64_t id, PoseArgument pose) {
+            self.vertex(id, pose_from(pose));
+          },
+          "id"_a, "pose"_a = nb::none(),
+          "T_world_sensor, float64 [4][4]; an edge to the vertex before it when both have one.")
+      .def(
+          "edge",
+          [](PoseGraphWriter& self, int64_t place, int64_t query, const Registration& registered) {
+            self.edge(place, query, registered.T_place_query, registered.information);
+          },
+          "place"_a, "query"_a, "registered"_a);
 }
 
 }  // namespace
@@ -227,6 +257,7 @@ void bind_maps(nb::module_& module) {
   bind_records(module);
   bind_recognizer(module);
   bind_loop_detector(module);
+  bind_pose_files(module);
 }
 
 }  // namespace revisit::python

@@ -1,17 +1,21 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
 #include "arrays.h"
 #include "listener.h"
 #include "module.h"
 #include "points.h"
+#include "poses.h"
 #include "record.h"
 #include "revisit/recognition/align.h"
 #include "revisit/recognition/cosine.h"
 #include "revisit/recognition/feature.h"
+#include "revisit/recognition/mount.h"
 #include "revisit/recognition/range_image.h"
+#include "revisit/recognition/ring/choose_model.h"
 #include "revisit/recognition/sensor.h"
 #include "strings.h"
 
@@ -59,6 +63,12 @@ void bind_images(nb::module_& module) {
       "closed.");
 }
 
+std::vector<PointCloud> clouds_of(const nb::typed<nb::list, PointsArgument>& scans) {
+  std::vector<PointCloud> clouds;
+  for (const nb::handle scan : scans) clouds.push_back(GivenPoints(scan).cloud());
+  return clouds;
+}
+
 void bind_sensors(nb::module_& module) {
   nb::class_<Sensor>(module, "Sensor", "A sensor on the market and the image for its scans.")
       .def_ro("name", &Sensor::name)
@@ -80,14 +90,35 @@ void bind_sensors(nb::module_& module) {
   module.def("sensors", &sensors, "All known sensors.");
   module.def("sensor_geometry", &sensor_geometry, "sensor"_a,
              "The image of a sensor. UsageError naming the nearest for an unknown one.");
+  using Scans = nb::typed<nb::list, PointsArgument>;
   module.def(
       "find_sensor",
-      [](const nb::typed<nb::list, PointsArgument>& scans) {
-        std::vector<PointCloud> clouds;
-        for (const nb::handle scan : scans) clouds.push_back(GivenPoints(scan).cloud());
+      [](const Scans& scans) {
+        const std::vector<PointCloud> clouds = clouds_of(scans);
         return without_lock([&] { return find_sensor(clouds); });
       },
       "scans"_a, "Tells the sensor from some scans of it.");
+  module.def(
+      "choose_ring_model",
+      [](const Scans& scans) {
+        const std::vector<PointCloud> clouds = clouds_of(scans);
+        const RingModelChoice choice = without_lock([&] { return choose_ring_model(clouds); });
+        return std::pair(choice.sensor, choice.reason);
+      },
+      "scans"_a,
+      "The sensor of shipped_ring_models() whose model is the nearest for these scans, and why.");
+  module.def(
+      "misfit_of_view",
+      [](const Scans& scans) {
+        const std::vector<PointCloud> clouds = clouds_of(scans);
+        return without_lock([&] { return misfit_of_view(clouds); });
+      },
+      "scans"_a,
+      "Why the scans cannot be the view of a LiDAR that stands upright; '' when they can.");
+  module.def(
+      "parse_mount", [](const std::string& mount) { return Matrix4d(parse_mount(mount).matrix()); },
+      "mount"_a,
+      "'roll,pitch,yaw,x,y,z' [deg, m], turns about x, y, z, then the shift: float64 [4][4].");
 }
 
 void bind_alignment(nb::module_& module) {

@@ -6,6 +6,8 @@
 #include <numbers>
 
 #include "expect_error.h"
+#include "revisit/recognition/mount.h"
+#include "test_data.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -111,7 +113,7 @@ TEST(LoopDetector, AcceptedLoopsAreRegistered) {
   EXPECT_EQ(found.loop->drive, "monday");
   EXPECT_TRUE(found.registered->accepted);
   EXPECT_TRUE(found.loop->accepted);
-  // Points are kept in steps of 1/128 m.
+  // Points are kept in steps of 1/64 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
   PointCloud other = room(2);  // looks alike, but its walls are elsewhere
@@ -145,6 +147,49 @@ TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   EXPECT_EQ(recognizer.size(), 10);
   EXPECT_EQ(drive(0, 2, 1), std::pair(std::string("monday-2"), (std::vector<int64_t>{5, 6})));
   EXPECT_EQ(recognizer.size(), 10);
+}
+
+TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
+  const test::TempDir dir;
+  const auto session = [&](const std::string& drive, bool keep_clouds) {
+    const MapIdentity identity = PlaceRecognizer::identity_of(first_point(), {});
+    PlaceRecognizer recognizer(first_point(), {.threshold = 0.9},
+                               open_map(dir / "map", MapAccess::kWrite, &identity));
+    LoopDetector detector(recognizer, {.drive = drive,
+                                       .exclusion = parse_exclusion("frames=10"),
+                                       .verify = true,
+                                       .keep_clouds = keep_clouds});
+    const PointCloud cloud = room(drive == "wednesday" ? 0.7 : 2);
+    return detector.take(view_of(cloud), {});
+  };
+  EXPECT_FALSE(session("monday", true).loop);
+  const Detection tuesday = session("tuesday", false);
+  ASSERT_TRUE(tuesday.registered);
+  EXPECT_TRUE(tuesday.loop->accepted);
+  EXPECT_TRUE(tuesday.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
+  session("wednesday", false);
+  const Detection without = session("wednesday", false);  // the same scan: resumed
+  EXPECT_EQ(without.position, 2);
+}
+
+TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
+  const Eigen::Isometry3d mount = parse_mount("180,0,20,0.2,0,0.5");
+  PlaceRecognizer recognizer(first_point(), {.mount = mount, .threshold = -2});
+  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .verify = true});
+  // The same room, seen by a sensor upside down, then again 0.5 m further on.
+  const Eigen::Isometry3d moved(Eigen::Translation3d(0.5, 0.2, 0));
+  PointCloud place = room(2), query = place;
+  transform(mount.inverse(), place);
+  transform(mount.inverse() * moved.inverse(), query);
+  detector.take(view_of(place), {});
+  const Detection found = detector.take(view_of(query), {});
+  ASSERT_TRUE(found.registered);
+  EXPECT_TRUE(found.registered->accepted) << found.registered->inlier_ratio;
+  const Eigen::Isometry3d expected = mount.inverse() * moved * mount;
+  EXPECT_TRUE(found.registered->T_place_query.isApprox(expected, 0.02));
+  // Both sensors, upside down or not, are as sure of the translation as a whole.
+  const Eigen::Matrix3d of_translation = found.registered->information.topLeftCorner<3, 3>();
+  EXPECT_TRUE(of_translation.isApprox(of_translation.transpose(), 1e-9));
 }
 
 TEST(LoopDetector, VerificationNeedsAHeading) {

@@ -350,7 +350,7 @@ TEST(MapStore, WhatIsNoMapIsRefused) {
   EXPECT_EQ(check_map(dir / "other").size(), 1);
 
   writer_of(dir / "later");
-  execute_sql(dir / "later", "PRAGMA user_version = 3");
+  execute_sql(dir / "later", "PRAGMA user_version = 4");
   refused(dir / "later", {"later: a map of version 3, this program knows version 2"});
   writer_of(dir / "odd");
   execute_sql(dir / "odd", "CREATE VIEW v AS SELECT * FROM place");
@@ -675,6 +675,35 @@ TEST(MapStore, MergedMapsAreOfOneBasis) {
   files.pop_back();
   EXPECT_EQ(merge_maps(files, dir / "merged", nothing), 4);
   EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->value(kBasisValue), "one");
+}
+
+TEST(MapStore, PlacesMayHaveClouds) {
+  const TempDir dir;
+  const auto with_cloud = [](int64_t id, const std::string& cloud) {
+    StoredPlace place = made(id);
+    place.cloud = cloud;
+    return place;
+  };
+  const std::string large(300'000, 'x');
+  {
+    const auto map = writer_of(dir / "map");
+    map->add(made_places(1, 2));
+    EXPECT_EQ(map->cloud(1), "");
+    map->add(std::vector{with_cloud(3, "three"), made(4), with_cloud(5, large)});
+    EXPECT_EQ(map->cloud(2), "");
+    EXPECT_EQ(map->cloud(3), "three");
+    EXPECT_EQ(map->cloud(5), large);
+    expect_places(*map, 5);
+    map->remove(std::vector<int64_t>{3});
+    EXPECT_EQ(map->cloud(3), "");
+  }
+  EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
+  merge_maps(std::vector<fs::path>{dir / "map"}, dir / "merged", [](auto&&) {});
+  EXPECT_EQ(open_map(dir / "merged", MapAccess::kRead)->cloud(4), large);
+  execute_sql(dir / "map", "UPDATE cloud SET bytes = 'other' WHERE id = 5");
+  expect_error<InputError>([&] { open_map(dir / "map", MapAccess::kRead)->cloud(5); },
+                           {"the points of place 5"});
+  EXPECT_EQ(check_map(dir / "map").size(), 1);
 }
 
 TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {

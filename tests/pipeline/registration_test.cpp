@@ -17,6 +17,7 @@
 #include "revisit/base/error.h"
 #include "revisit/datasets/pose.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/registration/compact_cloud.h"
 #include "test_data.h"
 #include "town.h"
 
@@ -44,6 +45,29 @@ TEST(CoarsePose, FindsShiftAndTurn) {
   const Eigen::Isometry3d found = coarse_pose(query, place, 90 * kDegree, 6, 60);
   EXPECT_LT((found.translation() - truth.translation()).norm(), 0.51);
   EXPECT_NEAR(yaw_of(found) / kDegree, 91.5, 1e-6);
+}
+
+TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
+  PointCloud cloud;
+  for (int i = 0; i < 200; ++i)
+    for (int k = 0; k < 3; ++k)
+      cloud.points.push_back({0.1F + 0.7F * static_cast<float>(i % 50) - 17.5F,
+                              0.3F + 0.1F * static_cast<float>(k),
+                              0.7F * static_cast<float>(i / 50) + 0.3F, 0});
+  cloud.points.push_back({std::nanf(""), 0, 0, 0});
+  cloud.points.push_back({61, 0, 0, 0});
+  const std::string bytes = compact_cloud(cloud);
+  EXPECT_LT(bytes.size(), 600);
+  const PointCloud back = expand_cloud(bytes);
+  ASSERT_EQ(back.points.size(), 200);
+  for (const Point& p : back.points) EXPECT_NEAR(p.y, 0.4, 0.5 / 64 + 1e-4);
+  EXPECT_NEAR(back.points[0].x, 0.1 - 17.5, 0.5 / 64 + 1e-4);
+  EXPECT_EQ(expand_cloud(compact_cloud({})).points.size(), 0);
+  std::string wrong = bytes;
+  for (const std::string& damaged :
+       {std::string(), bytes.substr(0, 3), bytes.substr(0, bytes.size() - 1),
+        wrong.replace(0, 1, "X"), std::string(100, '\xff')})
+    expect_error<InputError>([&] { expand_cloud(damaged); }, {"points are damaged"});
 }
 
 TEST(Registration, RefusesOptionsThatCannotBe) {

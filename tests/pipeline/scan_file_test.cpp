@@ -75,7 +75,52 @@ std::string replaced(std::string text, const std::string& from, const std::strin
   return text.replace(at, from.size(), to);
 }
 
-// --- KITTI .bin
+// --- .bin
+
+/// Points of a street, each with so many numbers behind x, y, z: intensity, ring, time.
+std::vector<double> street(size_t numbers, size_t points) {
+  std::mt19937 random(3);
+  std::normal_distribution<double> gaussian;
+  std::vector<double> values;
+  for (size_t i = 0; i < points; ++i) {
+    const double row[] = {20 * gaussian(random),
+                          6 * gaussian(random),
+                          -1.7 + 0.3 * gaussian(random),
+                          static_cast<double>(random() % 100) / 100,
+                          static_cast<double>(random() % 32),
+                          static_cast<double>(i) * 1e-6};
+    values.insert(values.end(), row, row + numbers);
+  }
+  return values;
+}
+
+template <class Number>
+std::string as_bytes_of(const std::vector<double>& values) {
+  std::string bytes;
+  for (const double value : values) bytes += bytes_of(static_cast<Number>(value));
+  return bytes;
+}
+
+TEST(ScanFile, BinFilesOfOtherLayoutsAreTold) {
+  const TempDir dir;
+  for (const size_t numbers : {3, 4, 5, 6})
+    for (const bool doubles : {false, true})
+      for (const size_t points : {240, 4801}) {
+        const std::vector<double> values = street(numbers, points);
+        const fs::path file = dir / "a.bin";
+        test::write_file(file, doubles ? as_bytes_of<double>(values) : as_bytes_of<float>(values));
+        const PointCloud cloud = read_scan(file);
+        ASSERT_EQ(cloud.points.size(), points) << numbers << doubles;
+        for (size_t i = 0; i < points; ++i) {
+          const auto at = [&](size_t c) { return static_cast<float>(values[i * numbers + c]); };
+          const Point& p = cloud.points[i];
+          ASSERT_EQ(p.x, at(0));
+          ASSERT_EQ(p.y, at(1));
+          ASSERT_EQ(p.z, at(2));
+          ASSERT_EQ(p.intensity, numbers > 3 ? at(3) : 0);
+        }
+      }
+}
 
 TEST(KittiScan, RoundTripKeepsEveryBit) {
   const TempDir dir;

@@ -1,42 +1,31 @@
 #include "revisit/loops/loop_detector.h"
 
-#include <cmath>
-#include <unordered_map>
 #include <utility>
 
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
+#include "revisit/recognition/mount.h"
+#include "revisit/registration/compact_cloud.h"
 
 namespace revisit::pipeline {
 
-/// The thinned points of this drive's places.
-class LoopDetector::PlaceClouds {
- public:
-  explicit PlaceClouds(const RegistrationOptions& options) : options_(options) {}
+namespace {
 
-  void keep(int64_t position, const PreparedScan& scan) {
-    std::vector<Eigen::Matrix<int16_t, 3, 1>>& kept = clouds_[position];
-    kept.reserve(scan.points().size());
-    for (const Eigen::Vector3f& point : scan.points())
-      kept.emplace_back((point * kStepsPerMetre).array().round().matrix().cast<int16_t>());
-  }
-  /// Nothing for a place of another drive.
-  std::optional<PreparedScan> at(int64_t position) const {
-    const auto found = clouds_.find(position);
-    if (found == clouds_.end()) return std::nullopt;
-    PointCloud cloud;
-    for (const Eigen::Matrix<int16_t, 3, 1>& steps : found->second) {
-      const Eigen::Vector3f point = steps.cast<float>() / kStepsPerMetre;
-      cloud.points.push_back({point.x(), point.y(), point.z()});
-    }
-    return PreparedScan(cloud, options_);
-  }
+/// Registration of the mounted points -> of the points as they are.
+void unmount(const Eigen::Isometry3d& mount, Registration& registered) {
+  registered.T_place_query = mount.inverse() * registered.T_place_query * mount;
+  // A small motion of the points is Ad(mount) times as large in the mounted frame.
+  const Eigen::Matrix3d R = mount.rotation();
+  Eigen::Matrix3d cross;
+  const Eigen::Vector3d& t = mount.translation();
+  cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+  Eigen::Matrix<double, 6, 6> adjoint = Eigen::Matrix<double, 6, 6>::Zero();
+  adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = R;
+  adjoint.topRightCorner<3, 3>() = cross * R;
+  registered.information = adjoint.transpose() * registered.information * adjoint;
+}
 
- private:
-  static constexpr float kStepsPerMetre = 128;  // 16 bits reach 256 m, scans 200 m
-  RegistrationOptions options_;
-  std::unordered_map<int64_t, std::vector<Eigen::Matrix<int16_t, 3, 1>>> clouds_;
-};
+}  // namespace
 
 LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
     : recognizer_(recognizer), options_(options), recent_(options.exclusion) {
@@ -44,10 +33,7 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
   if (!recognizer.finds_heading())
     throw UsageError(CppName{"LoopDetectorOptions::verify"},
                      ": this feature gives no heading to start from; use rings");
-  clouds_ = std::make_unique<PlaceClouds>(options.registration);
 }
-
-LoopDetector::~LoopDetector() = default;
 
 Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
   const std::span<const int64_t> recent = recent_.at(scan);
@@ -71,23 +57,37 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     if (frame == scan.frame) found.position = position;
     ahead_.erase(ahead_.begin());
   }
+  PointCloud cloud;
+  if (options_.keep_clouds || options_.verify) {
+    copy_points(points, cloud);
+    transform(recognizer_.mount(), cloud);
+  }
   if (!found.position) {
-    found.position = recognizer_.add(
-        description,
-        {.drive = options_.drive, .frame = scan.frame, .time = scan.time, .pose = scan.pose});
+    found.position =
+        recognizer_.add(description, {.drive = options_.drive,
+                                      .frame = scan.frame,
+                                      .time = scan.time,
+                                      .pose = scan.pose,
+                                      .cloud = options_.keep_clouds ? compact_cloud(cloud) : ""});
     recent_.add(*found.position);
   }
-  if (!clouds_) return found;
-  PointCloud cloud;
-  copy_points(points, cloud);
-  const PreparedScan prepared(cloud, options_.registration);
-  clouds_->keep(*found.position, prepared);
-  if (!found.loop || !found.loop->accepted) return found;
-  if (const auto place = clouds_->at(found.loop->position)) {
-    found.registered = register_scans(prepared, *place, *found.loop->turn, options_.registration);
-    found.loop->accepted = found.registered->accepted;
-  }
+  if (options_.verify && found.loop && found.loop->accepted) verify(cloud, found);
   return found;
+}
+
+void LoopDetector::verify(const PointCloud& query, Detection& found) const {
+  Loop& loop = *found.loop;
+  const std::string points = recognizer_.cloud(loop.position);
+  loop.accepted = false;
+  if (points.empty()) {
+    found.has_no_points = true;
+    return;
+  }
+  const PreparedScan place(expand_cloud(points), options_.registration);
+  found.registered = register_scans(PreparedScan(query, options_.registration), place, *loop.turn,
+                                    options_.registration);
+  loop.accepted = found.registered->accepted;
+  unmount(recognizer_.mount(), *found.registered);
 }
 
 }  // namespace revisit::pipeline

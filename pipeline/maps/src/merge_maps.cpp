@@ -128,12 +128,14 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
   }
   for (const Source& source : sources) {
     std::vector<StoredPlace> places;
+    const auto clouds = open_map(source.file, MapAccess::kRead);  // asked while the other reads
     int64_t known = 0;
     source.map->read(
         0,
         [&](StoredPlace&& place) {
           if (seen.erase(content_of(place)) == 0) return void(++known);
           place.drive = names.name_of(source, place.drive);
+          place.cloud = clouds->cloud(place.id);
           places.push_back(std::move(place));
           if (places.size() == kAtOnce) merged->add(std::exchange(places, {}));
         },

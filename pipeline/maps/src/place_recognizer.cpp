@@ -16,6 +16,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 #include "revisit/maps/large_maps.h"
+#include "revisit/recognition/mount.h"
 #include "revisit/recognition/optional_library.h"
 #include "revisit/recognition/place_index.h"
 
@@ -218,6 +219,7 @@ struct PlaceRecognizer::Impl {
   void know(StoredPlace place) {
     std::vector<float>().swap(place.descriptor);
     std::vector<float>().swap(place.feature);
+    if (map) std::string().swap(place.cloud);
     places.push_back(std::move(place));
   }
 
@@ -469,6 +471,7 @@ Description PlaceRecognizer::describe(const PointsView& points) const {
   std::unique_ptr<Worker> worker = impl_->workers.take();
   Description scan;
   copy_points(points, worker->cloud);
+  transform(impl_->options.mount, worker->cloud);
   scan.feature.resize(static_cast<size_t>(impl_->extractor.dim));
   try {
     if (std::ranges::none_of(worker->cloud.points, is_return))
@@ -561,8 +564,19 @@ std::map<int64_t, int64_t> PlaceRecognizer::places_of(const std::string& drive) 
   return frames;
 }
 
+const Eigen::Isometry3d& PlaceRecognizer::mount() const {
+  return impl_->options.mount;
+}
+
 bool PlaceRecognizer::finds_heading() const {
   return static_cast<bool>(impl_->extractor.comparison.turn);
+}
+
+std::string PlaceRecognizer::cloud(int64_t position) const {
+  const std::unique_lock lock(impl_->mutex);  // of the map, which one thread asks
+  impl_->check_position(position);
+  const StoredPlace& place = impl_->places[static_cast<size_t>(position)];
+  return impl_->map ? impl_->map->cloud(place.id) : place.cloud;
 }
 
 double PlaceRecognizer::similarity(const Description& scan, int64_t position) const {

@@ -24,8 +24,10 @@ constexpr std::array kMapTables{
     "CREATE TABLE place (id INTEGER PRIMARY KEY, drive TEXT, frame INTEGER, time REAL, pose BLOB, "
     "descriptor BLOB, feature BLOB, revision INTEGER, checksum INTEGER)",
 };
-constexpr const char* kRemovedTable =  // the last, from the first removal on
+constexpr const char* kRemovedTable =  // behind these, from the first removal on
     "CREATE TABLE removed (id INTEGER PRIMARY KEY, place INTEGER, checksum INTEGER)";
+constexpr const char* kCloudTable =  // behind that, from the first cloud on
+    "CREATE TABLE cloud (id INTEGER PRIMARY KEY, bytes BLOB, checksum INTEGER)";
 
 }  // namespace
 
@@ -54,7 +56,22 @@ bool may_have_removed(Connection& connection) {
 void make_table_of_removed(Connection& connection) {
   if (may_have_removed(connection)) return;
   connection.execute(kRemovedTable);
+  connection.execute(str("PRAGMA user_version = ", kRemovedMapVersion));
+}
+
+bool may_have_clouds(Connection& connection) {
+  return connection.integer("PRAGMA user_version") >= kMapVersion;
+}
+
+void make_table_of_clouds(Connection& connection) {
+  if (may_have_clouds(connection)) return;
+  make_table_of_removed(connection);
+  connection.execute(kCloudTable);
   connection.execute(str("PRAGMA user_version = ", kMapVersion));
+}
+
+int64_t cloud_checksum(int64_t id, std::string_view bytes) {
+  return Checksum().number(id).bytes(bytes).value();
 }
 
 void check_schema(Connection& connection) {
@@ -66,7 +83,8 @@ void check_schema(Connection& connection) {
   // A writer would take other pages for pages of places.
   if (connection.integer("PRAGMA auto_vacuum") != 0) connection.fail_damaged("it has auto_vacuum");
   std::vector<std::string> expected(kMapTables.begin(), kMapTables.end()), found;
-  if (version > kFirstMapVersion) expected.emplace_back(kRemovedTable);
+  if (version >= kRemovedMapVersion) expected.emplace_back(kRemovedTable);
+  if (version >= kMapVersion) expected.emplace_back(kCloudTable);
   Statement select(connection, "SELECT sql FROM sqlite_schema ORDER BY rowid");
   while (found.size() <= expected.size() && select.step()) found.emplace_back(select.bytes(0));
   if (found != expected) connection.fail_damaged("its tables are not those of a map");

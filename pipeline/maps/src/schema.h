@@ -9,10 +9,11 @@
 namespace revisit::pipeline {
 
 constexpr int kApplicationId = 0x52565354;  // "RVST"
-constexpr int kMapVersion = 2;
-/// Of a map that no place was removed from. The first removal makes it kMapVersion: a program that
-/// knows no removal would call these places lost, and refuses that instead.
-constexpr int kFirstMapVersion = 1;
+constexpr int kMapVersion = 3;
+/// Of a map from which no place was removed, and which has no clouds. The first removal makes it
+/// the next: a program that knows no removal would call these places lost, and refuses that
+/// instead.
+constexpr int kFirstMapVersion = 1, kRemovedMapVersion = 2;
 /// The smallest unit of disks and file systems, so that a step writes few bytes.
 constexpr int kPageSize = 4096;
 
@@ -42,6 +43,11 @@ void check_schema(sqlite::Connection& connection);
 /// Whether the file has the table `removed`. It gets it with the first removal, within a step.
 bool may_have_removed(sqlite::Connection& connection);
 void make_table_of_removed(sqlite::Connection& connection);
+
+/// The same for the table `cloud`, which comes with the first cloud and kMapVersion.
+bool may_have_clouds(sqlite::Connection& connection);
+void make_table_of_clouds(sqlite::Connection& connection);
+int64_t cloud_checksum(int64_t id, std::string_view bytes);
 
 /// These two throw InputError for what is damaged.
 MapHead read_head(sqlite::Connection& connection);

@@ -19,6 +19,24 @@ int64_t value_checksum(int64_t id, std::string_view name, std::string_view bytes
   return Checksum().number(id).bytes(name).bytes(bytes).value();
 }
 
+void write_cloud(sqlite::Connection& connection, int64_t id, const std::string& bytes) {
+  make_table_of_clouds(connection);
+  Statement(connection, "INSERT INTO cloud (id, bytes, checksum) VALUES (?, ?, ?)")
+      .bind(1, id)
+      .bind_blob(2, bytes)
+      .bind(3, cloud_checksum(id, bytes))
+      .step();
+}
+
+std::string read_cloud(sqlite::Connection& connection, int64_t id) {
+  Statement select(connection, "SELECT bytes, checksum FROM cloud WHERE id = ?");
+  if (!select.bind(1, id).step()) return "";
+  std::string bytes(select.bytes(0));
+  if (cloud_checksum(id, bytes) != select.integer(1))
+    connection.fail_damaged(str("the checksum of the points of place ", id, " is wrong"));
+  return bytes;
+}
+
 /// Hands over the sound places among those with ids above `after` up to `last`, and tells the ids
 /// of the others and what is wrong with them. Returns how many there were. `take` may change its
 /// place.
@@ -130,6 +148,7 @@ std::vector<int64_t> SqliteMap::add(std::span<const StoredPlace> places,
       const PlaceRow row = place_row(place, head_.format, ids.size() + 1);
       ids.push_back(++counts.places);
       insert_place(insert, ids.back(), place, row, revision);
+      if (!place.cloud.empty()) write_cloud(*connection_, ids.back(), place.cloud);
     }
   }
   write_counts(*connection_, counts);
@@ -180,6 +199,11 @@ bool SqliteMap::replace_descriptors(
   return true;
 }
 
+std::string SqliteMap::cloud(int64_t id) const {
+  const Transaction moment(*connection_, Locking::kReads);
+  return may_have_clouds(*connection_) ? read_cloud(*connection_, id) : "";
+}
+
 int64_t SqliteMap::remove(std::span<const int64_t> ids) {
   must_be_writer();
   Transaction step(*connection_, Locking::kWrites);
@@ -188,6 +212,10 @@ int64_t SqliteMap::remove(std::span<const int64_t> ids) {
   if (to_remove.empty()) return 0;
   {
     Statement remove(*connection_, "DELETE FROM place WHERE id = ?");
+    for (const int64_t id : to_remove) remove.reset().bind(1, id).step();
+  }
+  if (may_have_clouds(*connection_)) {
+    Statement remove(*connection_, "DELETE FROM cloud WHERE id = ?");
     for (const int64_t id : to_remove) remove.reset().bind(1, id).step();
   }
   write_removed(*connection_, std::vector<int64_t>(to_remove.begin(), to_remove.end()));
@@ -206,6 +234,10 @@ void SqliteMap::check(const Damaged& wrong) const {
   const Transaction moment(*connection_, Locking::kReads);
   read_values();
   read_removed(*connection_, 0);
+  if (may_have_clouds(*connection_)) {
+    Statement select(*connection_, "SELECT id FROM cloud");
+    while (select.step()) read_cloud(*connection_, select.integer(0));
+  }
   // What is not our content: free pages, the trees' inner pages.
   Statement integrity(*connection_, "PRAGMA integrity_check(20)");
   while (integrity.step())

@@ -29,6 +29,7 @@ class SqliteMap : public MapStore {
   bool replace_descriptors(
       const std::function<std::vector<float>(const StoredPlace&)>& descriptor_of,
       const std::map<std::string, std::string>& values, int64_t revision) override;
+  std::string cloud(int64_t id) const override;
   int64_t remove(std::span<const int64_t> ids) override;
   std::vector<int64_t> removed(int64_t after = 0) const override;
   void check(const Damaged& wrong) const override;

@@ -9,7 +9,7 @@ import tempfile
 import numpy as np
 
 import revisit
-from revisit import poses, program, recognition
+from revisit import maps, poses, program, recognition
 from revisit.errors import Error, InputError, UsageError
 from revisit.loops import lines, live, show
 from revisit.loops.options import parse
@@ -49,18 +49,29 @@ def with_poses(o, recording):
 
 def sensor_of(o, first):
     """The sensor whose model is taken, from the first scans that can be read."""
-    if o.ring or o.sensor != 'auto':
-        return o.sensor
     clouds = []
     for scan in first:
         with contextlib.suppress(InputError):
-            clouds.append(np.ascontiguousarray(scan.points()[:, :3]))
-    found = recognition.find_sensor(clouds).name if clouds else ''
-    if found not in recognition.shipped_ring_models():
-        raise UsageError(f'no ring model for {f"the sensor {found}" if found else "the sensor of these scans"}: give --sensor '
-                         f'({", ".join(recognition.shipped_ring_models())}), or --ring with one that `revisit learn` wrote')
-    say(o, f'sensor: {found}, from the first {len(clouds)} scans')
-    return found
+            clouds.append(mounted(o, scan.points()))
+    if misfit := recognition.misfit_of_view(clouds):
+        if not o.mount:
+            raise InputError(f'{o.data}: {misfit}, or --mount 0,0,0,0,0,0 when they are right')
+        say(o, f'warning: {misfit}')
+    if o.ring or o.sensor != 'auto':
+        return o.sensor
+    if not clouds:
+        raise InputError(f'{o.data}: none of the first {len(first)} scans can be read to choose a model; give --sensor')
+    sensor, why = recognition.choose_ring_model(clouds)
+    say(o, f'sensor: {sensor} ({why})')
+    return sensor
+
+
+def mounted(o, points):
+    points = np.ascontiguousarray(points[:, :3])
+    if not o.mount:
+        return points
+    T = recognition.parse_mount(o.mount)
+    return (points @ T[:3, :3].T + T[:3, 3]).astype(np.float32)
 
 
 def open_output(name, stack):
@@ -98,13 +109,14 @@ def work(o):
         raise InputError(f'{o.data}: there are no scans')
     recognizer = revisit.open_map(
         o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
-        precision=0.99 if o.sure is None else o.sure, first_stretch=o.first_stretch, threads=o.threads)
+        precision=0.99 if o.sure is None else o.sure, first_stretch=o.first_stretch, threads=o.threads, mount=o.mount)
     every_line = o.all or recognizer.threshold is None
     if every_line and not o.all:
         say(o, 'no threshold: every scan is printed; give --threshold or a lower --sure, or a map that '
                '`revisit loops --calibrate` has calibrated')
     drive = recording.name if o.drive is None else o.drive
-    detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, verify=o.verify)
+    detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, verify=o.verify,
+                                    keep_clouds=o.verify or bool(o.map) and not o.no_clouds)
     if o.poses_out and first[0].pose is None:
         raise UsageError('--poses-out: the scans have no poses; give --poses')
     count = recording.count and -(-recording.count // o.every)
@@ -112,6 +124,8 @@ def work(o):
     with contextlib.ExitStack() as stack:
         write = lines.writer(open_output(o.output, stack), o.format)
         trajectory = open_output(o.poses_out, stack) if o.poses_out else None
+        registered = open_output(o.tum, stack) if o.tum else None
+        graph = maps.PoseGraphWriter(o.g2o) if o.g2o else None
         jsonl = stack.enter_context(tempfile.NamedTemporaryFile('w', suffix='.jsonl')) if o.report else None
         write_all = lines.writer(jsonl, 'jsonl') if jsonl else None
         try:
@@ -124,7 +138,15 @@ def work(o):
                     left_out += 1
                     say(o, f'{visit.why_not}; this scan is left out')
                     continue
-                line = lines.line_of(visit, drive)
+                line = lines.line_of(visit, detector.drive)
+                fits = visit.registered is not None and visit.accepted
+                time = visit.scan.frame if visit.scan.time is None else visit.scan.time
+                if graph:
+                    graph.vertex(visit.position, visit.scan.pose)
+                    if fits:
+                        graph.edge(visit.loop.position, visit.position, visit.registered)
+                if registered and fits and visit.loop.pose is not None:
+                    print(poses.tum_line(time, visit.loop.pose @ visit.registered.T_place_query), file=registered, flush=True)
                 accepted += visit.accepted
                 if visit.accepted or every_line:
                     write(line)
@@ -133,7 +155,6 @@ def work(o):
                 if o.plot:
                     seen.append(line)
                 if trajectory and visit.accepted and visit.scan.pose is not None:
-                    time = visit.scan.frame if visit.scan.time is None else visit.scan.time
                     pose = poses.in_frame(visit.scan.pose, o.pose_frame or 'lidar')
                     print(poses.tum_line(time, pose), file=trajectory, flush=True)
         finally:

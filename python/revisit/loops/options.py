@@ -48,6 +48,8 @@ def make_parser():
     data.add_argument('--every', type=positive, default=1, metavar='N', help='only frames whose number is a multiple of N')
     data.add_argument('--sensor', default='auto', help='whose ring model is taken: '
                       f'{", ".join(recognition.shipped_ring_models())} (default auto: from the first scans)')
+    data.add_argument('--mount', default='', metavar='R,P,Y,X,Y,Z', help='roll, pitch, yaw [deg] and shift [m] that take points to '
+                      'x forward, y left, z up, e.g. 180,0,0,0,0,0 for a sensor upside down')
     data.add_argument('--ring', metavar='FILE', help='a ring model that `revisit learn` wrote, instead')
     where = parser.add_argument_group('poses')
     where.add_argument('--poses', metavar='FILE', help='of the scans (default: those of the data set)')
@@ -70,12 +72,16 @@ def make_parser():
     loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
                        '(default %(default)s)')
     loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
+    loops.add_argument('--no-clouds', action='store_true', help='store no points of places (some 20 kB each): later drives cannot '
+                       'be registered with them')
     loops.add_argument('--drive', metavar='NAME', help='name of this drive in the map (default: the name of the data)')
     loops.add_argument('--threads', type=positive, default=len(os.sched_getaffinity(0)), metavar='N', help='of one scan')
     out = parser.add_argument_group('output')
     out.add_argument('--format', choices=['csv', 'jsonl'], default='csv', help='one line per loop (default csv)')
     out.add_argument('--all', action='store_true', help='a line for every scan, not only for accepted loops')
     out.add_argument('-o', '--output', metavar='FILE', help='for the loops (default: standard output)')
+    out.add_argument('--g2o', metavar='FILE', help='a pose graph: poses, and registered loops (with --verify)')
+    out.add_argument('--tum', metavar='FILE', help='a trajectory: where registered loops say that the sensor was (with --verify)')
     out.add_argument('--report', metavar='FILE.html', help='the page of `revisit report`, which must be on PATH')
     out.add_argument('--plot', metavar='FILE.png', help='a picture (needs matplotlib)')
     out.add_argument('--rerun', nargs='?', const='', metavar='FILE.rrd', help='a live view, or a file for one (needs rerun-sdk)')
@@ -86,6 +92,8 @@ def make_parser():
 def parse(arguments):
     o = make_parser().parse_args(arguments)
     maps.check_exclusion(o.exclusion)
+    if o.mount:
+        recognition.parse_mount(o.mount)
     if o.poses and not o.pose_frame:
         raise UsageError('--poses: say whose axes they have with --pose-frame: lidar (z up; KISS-ICP, LIO, GNSS) or camera '
                          "(z forward, y down; KITTI's poses)")
@@ -94,6 +102,9 @@ def parse(arguments):
             raise UsageError(f'--{name.replace("_", "-")} is about --poses, which is not given')
     if o.threshold is not None and o.sure is not None:
         raise UsageError('--threshold and --sure: one of the two')
+    for name in ('g2o', 'tum'):
+        if getattr(o, name) and not o.verify:
+            raise UsageError(f'--{name}: add --verify, which registers loops')
     if not (o.max_gap >= 0):
         raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
     return o

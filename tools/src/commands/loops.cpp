@@ -11,8 +11,8 @@
 #include "loops/judge_drive.h"
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
-#include "loops/pose_files.h"
 #include "loops/recognise.h"
+#include "revisit/loops/pose_files.h"
 
 namespace revisit::cli {
 namespace {
@@ -180,6 +180,36 @@ void need_promise(const pipeline::Calibration& calibration, double precision) {
                      "; ask for less, --calibrate on a longer drive, or give --threshold");
 }
 
+/// What became of the scans, for people: also why there is no loop.
+struct Summary {
+  std::optional<double> threshold;
+  pipeline::Exclusion exclusion;
+  int64_t scans = 0, left_out = 0, queried = 0, accepted = 0, without_points = 0, poses = 0;
+  double best = 0;  // score of all that were queried
+
+  void add(const pipeline::Detection& found) {
+    ++scans;
+    left_out += found.position ? 0 : 1;
+    without_points += found.has_no_points ? 1 : 0;
+    if (!found.loop) return;
+    best = queried++ == 0 ? found.loop->score : std::max(best, found.loop->score);
+    accepted += found.loop->accepted ? 1 : 0;
+  }
+  std::string text() const {
+    std::string text = str(scans, " scans, ", accepted, " loops accepted");
+    if (accepted == 0 && queried == 0)
+      text +=
+          str(": no scan had a place to be compared with (--exclusion ", to_string(exclusion), ")");
+    else if (accepted == 0 && threshold)
+      text += str(": of ", queried, " scans that had places to be compared with the best score is ",
+                  number(best, 3), ", accepted from ", number(*threshold, 3), " on; ",
+                  scans - left_out - queried, " were excluded (", to_string(exclusion), ")");
+    if (without_points > 0)
+      text += str(" (", without_points, " more look alike, but their places have no points)");
+    return left_out > 0 ? str(text, ", ", left_out, " scans left out") : text;
+  }
+};
+
 /// What a scan took, for people.
 void print_latencies(std::vector<double> milliseconds, int64_t places) {
   if (milliseconds.empty()) return;
@@ -245,26 +275,30 @@ int loops_command(const Arguments& arguments) {
     if (!file) throw Error(o.output.string() + ": cannot be written");
   }
   LoopWriter writer(o.output.empty() ? std::cout : file, o.format);
-  std::optional<PoseGraphWriter> graph;
+  std::optional<pipeline::PoseGraphWriter> graph;
   if (!o.g2o.empty()) graph.emplace(o.g2o);
-  std::optional<TrajectoryWriter> trajectory;
+  std::optional<pipeline::TrajectoryWriter> trajectory;
   if (!o.tum.empty()) trajectory.emplace(o.tum);
   const std::string drive = o.map.drive_of(source.some);
-  pipeline::LoopDetector detector(recognizer,
-                                  {.drive = drive, .exclusion = o.exclusion, .verify = o.verify});
+  const bool keep_clouds = o.verify || (!o.map.file.empty() && !o.map.no_clouds);
+  pipeline::LoopDetector detector(
+      recognizer,
+      {.drive = drive, .exclusion = o.exclusion, .verify = o.verify, .keep_clouds = keep_clouds});
   std::vector<double> milliseconds;
-  int64_t scans = 0, left_out = 0, accepted = 0, unregistered = 0;
+  Summary summary{.threshold = recognizer.threshold(), .exclusion = o.exclusion};
+  int64_t trajectory_poses = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
   recognise(source.stream, detector, interrupted, [&](const Visit& visit) {
     const pipeline::Detection& found = visit.found;
-    progress.update(++scans, std::max(scans, total));
+    summary.add(found);
+    progress.update(summary.scans, std::max(summary.scans, total));
     if (!found.position) {
-      ++left_out;
       warn_left_out(found.why_not);
       return;
     }
     milliseconds.push_back(visit.milliseconds);
+    summary.poses += visit.scan.pose ? 1 : 0;
     const bool registered = found.registered && found.registered->accepted;
     if (graph) {
       graph->vertex(*found.position, visit.scan.pose);
@@ -272,27 +306,27 @@ int loops_command(const Arguments& arguments) {
         graph->edge(found.loop->position, *found.position, found.registered->T_place_query,
                     found.registered->information);
     }
-    if (trajectory && registered && found.loop->pose)
+    if (trajectory && registered && found.loop->pose) {
       trajectory->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),
                       *found.loop->pose * found.registered->T_place_query);
-    const bool is_loop = found.loop && found.loop->accepted;
-    accepted += is_loop ? 1 : 0;
-    unregistered += is_loop && o.verify && !found.registered ? 1 : 0;
-    if (is_loop || all) writer.write(line_of(visit, detector.drive()));
+      ++trajectory_poses;
+    }
+    if ((found.loop && found.loop->accepted) || all) writer.write(line_of(visit, detector.drive()));
   });
   if (!o.feature.quiet) {
     if (detector.drive() != drive)
       note(
           str("the map has another recording '", drive, "'; this one is '", detector.drive(), "'"));
-    std::cerr << scans << " scans, " << accepted << " loops accepted"
-              << (unregistered > 0
-                      ? str(" (", unregistered, " not registered: the places are of other drives)")
-                      : "")
-              << (left_out > 0 ? str(", ", left_out, " scans left out") : "") << ", "
-              << recognizer.size() << " places known\n";
+    std::cerr << summary.text() << ", " << recognizer.size() << " places known\n";
+    if (trajectory && trajectory_poses == 0)
+      warn(o.tum.string() + ": empty: no loop was registered to a place with a pose");
+    if (graph && summary.poses == 0)
+      warn(o.g2o.string() +
+           ": the scans have no poses, so it has no edges from scan to scan, and all vertices are "
+           "at the origin");
     print_latencies(std::move(milliseconds), recognizer.size());
   }
-  return left_out > 0 ? kScansLeftOut : kOk;
+  return summary.left_out > 0 ? kScansLeftOut : kOk;
 }
 
 }  // namespace revisit::cli

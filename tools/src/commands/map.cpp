@@ -135,6 +135,7 @@ int build(const Arguments& arguments) {
     note(str("the map has another recording '", map.drive_of(dataset), "'; this one is '",
              how.drive, "'"));
   how.shared = shared.get();
+  how.keep_clouds = !map.no_clouds;
   how.threads = options.thread_count();
   how.stop = interrupted;
   how.done = [&](int64_t done, int64_t all) { progress.update(done, all); };

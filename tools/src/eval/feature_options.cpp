@@ -16,6 +16,8 @@
 #include "eval/competitors.h"
 #include "models/checksum.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/recognition/mount.h"
+#include "revisit/recognition/ring/choose_model.h"
 #include "revisit/recognition/ring/features.h"
 #include "revisit/recognition/sensor.h"
 
@@ -102,6 +104,12 @@ void FeatureOptions::declare_describing(Parser& parser, Scans scans) {
   std::vector<std::string> names = feature_names();
   if (!of_drives) std::erase(names, "fabmap");
   image.declare(parser);
+  if (!of_drives)
+    parser.option(
+        "mount", "R,P,Y,X,Y,Z",
+        "roll, pitch, yaw [deg] and shift [m] that take points to x forward, y left, z up, "
+        "e.g. 180,0,0,0,0,0 for a sensor upside down",
+        &mount);
   parser.group("Feature:");
   parser
       .option("feature", "NAME",
@@ -271,10 +279,9 @@ FeatureSource open_network(const FeatureOptions& options) {
 
 FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& dataset) {
   if (options.ring.empty() && options.image.is_auto())
-    throw UsageError(
-        "--feature ring: no model comes with the program for the sensor of these scans (" +
-        joined(pipeline::shipped_ring_models(), ", ") +
-        "): learn one with `revisit learn`, and give it with --ring");
+    throw InputError(
+        "--feature ring: none of the first scans can be read to choose a model; give "
+        "--sensor");
   const pipeline::RingModel model =
       options.ring.empty() ? pipeline::shipped_ring_model(
                                  options.image.sensor,
@@ -298,13 +305,18 @@ FeatureSource open_ring(const FeatureOptions& options, const pipeline::Dataset& 
   return source;
 }
 
-/// Enough scans that can be read to show the sensor.
-std::vector<pipeline::PointCloud> first_scans(const pipeline::Dataset& dataset) {
+/// Enough scans that can be read to show the sensor, from all parts of the drive.
+std::vector<pipeline::PointCloud> some_scans(const pipeline::Dataset& dataset) {
   constexpr size_t kEnough = 3, kTried = 20;
   std::vector<pipeline::PointCloud> scans;
-  for (size_t i = 0; i < std::min(dataset.scans.size(), kTried) && scans.size() < kEnough; ++i) {
+  const size_t n = std::min(dataset.scans.size(), kTried);
+  for (size_t i = 0; i < n && scans.size() < kEnough; ++i) {
+    // Halves, then quarters: 0, 1/2, 1/4, 3/4, ... of the drive.
+    size_t at = 0;
+    for (size_t bit = i, part = dataset.scans.size() / 2; bit > 0; bit /= 2, part /= 2)
+      at += bit % 2 * part;
     try {
-      scans.push_back(pipeline::read_scan(dataset.scans[i].file));
+      scans.push_back(pipeline::read_scan(dataset.scans[at].file));
     } catch (const InputError&) {  // said when it is described
     }
   }
@@ -375,16 +387,37 @@ std::string similarity_name(const FeatureSource& source) {
   return source.extractor.comparison.similarity ? "similarity" : "cosine";
 }
 
+/// some_scans() with --mount.
+std::vector<pipeline::PointCloud> mounted_scans(const FeatureOptions& options,
+                                                const pipeline::Dataset& dataset) {
+  std::vector<pipeline::PointCloud> scans = some_scans(dataset);
+  if (!options.mount.empty())
+    for (pipeline::PointCloud& scan : scans) transform(pipeline::parse_mount(options.mount), scan);
+  return scans;
+}
+
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset) {
   const bool sees_image = options.feature == "cnn" || options.feature == "data" ||
                           (options.feature == "ring" && options.ring.empty());
   if (!sees_image || !options.image.is_auto()) return "";
-  const std::vector<pipeline::PointCloud> scans = first_scans(dataset);
-  return scans.empty() ? "" : options.image.resolve(scans);
+  const std::vector<pipeline::PointCloud> scans = mounted_scans(options, dataset);
+  if (scans.empty()) return "";
+  if (options.feature != "ring") return options.image.resolve(scans);
+  const pipeline::RingModelChoice choice = pipeline::choose_ring_model(scans);
+  options.image.sensor = choice.sensor;
+  return str(choice.sensor, " (", choice.reason, ")");
+}
+
+void check_view(const FeatureOptions& options, const pipeline::Dataset& dataset) {
+  const std::string misfit = pipeline::misfit_of_view(mounted_scans(options, dataset));
+  if (misfit.empty()) return;
+  if (options.mount.empty())
+    throw InputError(dataset.name, ": ", misfit, ", or --mount 0,0,0,0,0,0 when they are right");
+  if (!options.quiet) warn(str(dataset.name, ": ", misfit));
 }
 
 std::string sensor_of(const pipeline::Dataset& dataset) {
-  return pipeline::find_sensor(first_scans(dataset)).name;
+  return pipeline::find_sensor(some_scans(dataset)).name;
 }
 
 void warn_of_other_sensor(const pipeline::Dataset& dataset, const std::string& sensor) {

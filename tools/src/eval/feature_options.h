@@ -43,6 +43,7 @@ struct FeatureOptions {
   std::string fit_on = "all";
   double memory_gb = 2;
   std::string cache;    // folder of the features; "" means below the output folder
+  std::string mount;    // of Scans::kOneByOne: parse_mount(); "": as the points are
   bool strict = false;  // a scan that cannot be described ends the work; false: it is left out
   bool no_progress = false, quiet = false;
 
@@ -87,9 +88,14 @@ std::string similarity_name(const FeatureSource& source);
 FeatureSource open_feature(const FeatureOptions& options, const pipeline::Dataset& dataset,
                            const std::filesystem::path& folder);
 
-/// Resolves `--sensor auto` by the first scans that can be read, where the feature sees range
-/// images. Returns what was found, for people; "" when there was nothing to find.
+/// Resolves `--sensor auto` by some scans, where the feature sees range images: for rings to the
+/// sensor of the nearest model. Returns what was found, for people; "" when there was nothing to
+/// find.
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset);
+
+/// Throws InputError when the scans cannot be a sensor's view (misfit_of_view()); with --mount it
+/// only warns.
+void check_view(const FeatureOptions& options, const pipeline::Dataset& dataset);
 
 /// The sensor that the first scans look like they were taken by; "" when none is known.
 std::string sensor_of(const pipeline::Dataset& dataset);

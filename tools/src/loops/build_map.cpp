@@ -9,6 +9,8 @@
 #include "revisit/base/error.h"
 #include "revisit/engine/parallel_for.h"
 #include "revisit/loops/drive_name.h"
+#include "revisit/recognition/mount.h"
+#include "revisit/registration/compact_cloud.h"
 
 namespace revisit::cli {
 namespace {
@@ -50,6 +52,9 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
     pipeline::PointCloud cloud;
     described[static_cast<size_t>(i)] =
         describe_scan(*scans[static_cast<size_t>(i)], options.drive, recognizer, cloud);
+    if (!options.keep_clouds || !described[static_cast<size_t>(i)].description.described()) return;
+    transform(recognizer.mount(), cloud);
+    described[static_cast<size_t>(i)].place.cloud = pipeline::compact_cloud(cloud);
   });
   std::vector<Description> good;
   std::vector<pipeline::StoredPlace> places;

@@ -12,6 +12,7 @@ namespace revisit::cli {
 struct BuildMap {
   std::string drive;                       // its name in the map
   pipeline::SharedWork* shared = nullptr;  // of a map that other processes fill, too
+  bool keep_clouds = true;
   int threads = 1;
   std::function<bool()> stop;
   std::function<void(int64_t done, int64_t of)>

@@ -24,6 +24,10 @@ void MapOptions::declare(Parser& parser) {
               &drive)
       .option("first-stretch", "N", "ring: its mean is learnt from so many places (default 200)",
               &first_stretch)
+      .flag("no-clouds",
+            "store no points of places (some 20 kB each): later drives cannot be registered with "
+            "them",
+            &no_clouds)
       .choice<NumberFormat>(
           "numbers", {{"float32", NumberFormat::kFloat32}, {"float16", NumberFormat::kFloat16}},
           "of a new map (default float32)", &numbers);

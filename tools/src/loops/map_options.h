@@ -15,6 +15,7 @@ struct MapOptions {
   std::string drive;
   int64_t first_stretch = pipeline::RecognizerOptions().first_stretch;
   pipeline::NumberFormat numbers = pipeline::NumberFormat::kFloat32;
+  bool no_clouds = false;
 
   void declare(Parser& parser);
   /// Throws UsageError.

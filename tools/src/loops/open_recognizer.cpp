@@ -2,6 +2,7 @@
 
 #include "cli/messages.h"
 #include "models/checksum.h"
+#include "revisit/recognition/mount.h"
 #include "revisit/recognition/pca.h"
 
 namespace revisit::cli {
@@ -39,6 +40,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
                                    ScansAtOnce at_once) {
   if (options.feature == "fabmap")
     throw UsageError("--feature fabmap: it sees camera images, and all of them at once");
+  check_view(options, some);
   if (const std::string found = resolve_sensor(options, some); !found.empty() && !options.quiet)
     note("sensor: " + found);
   options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;
@@ -46,6 +48,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
   RecognizerSource result{std::move(source.extractor), {}};
   result.options.align = source.align;
   result.options.geometry = options.image.geometry();
+  if (!options.mount.empty()) result.options.mount = pipeline::parse_mount(options.mount);
   if (source.components < 0) return result;
   if (options.fit_on == "all" || options.fit_on == "map")
     throw UsageError("--feature ", options.feature,

@@ -1,10 +1,15 @@
 #include "revisit/datasets/scan_file.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cctype>
 #include <cmath>
+#include <cstddef>
+#include <span>
+#include <vector>
 
+#include "io/bin_layout.h"
 #include "io/point_files.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/error.h"
@@ -45,15 +50,32 @@ void check_plausible(const fs::path& file, const PointCloud& cloud) {
                    gzip ? "; it starts as gzip files do, unpack it first" : "");
 }
 
-void read_kitti_bin(const fs::path& file, PointCloud& cloud) {
+/// Points of another layout than KITTI's.
+void take_points(const std::vector<std::byte>& content, const BinLayout& layout,
+                 PointCloud& cloud) {
+  cloud.points.clear();
+  for (size_t at = 0; at < content.size(); at += layout.bytes()) {
+    std::array<float, 4> values{};
+    for (size_t i = 0; i < std::min(layout.numbers, values.size()); ++i)
+      values[i] = static_cast<float>(number_at(content, layout, at / layout.bytes(), i));
+    cloud.points.push_back({values[0], values[1], values[2], values[3]});
+  }
+}
+
+void read_bin(const fs::path& file, PointCloud& cloud) {
   FileCursor in(file);
-  if (in.size() == 0) throw InputError(file.string() + ": empty file, it holds no points");
-  if (const uint64_t remainder = in.size() % sizeof(Point))
-    throw InputError(file.string(), ": ", in.size(), " bytes is not a whole number of points of ",
-                     sizeof(Point), " bytes (float32 x y z reflectance): remainder ", remainder,
+  const uint64_t size = in.size();
+  if (size == 0) throw InputError(file.string() + ": empty file, it holds no points");
+  cloud.points.resize((size + sizeof(Point) - 1) / sizeof(Point));
+  in.read(cloud.points.data(), size);
+  const auto content = std::as_bytes(std::span(cloud.points)).first(size);
+  const BinLayout layout = find_bin_layout(content);
+  if (const uint64_t remainder = size % layout.bytes())
+    throw InputError(file.string(), ": ", size, " bytes is not a whole number of points of ",
+                     layout.bytes(), " bytes (float32 x y z reflectance): remainder ", remainder,
                      "; the file is truncated or is not a KITTI scan");
-  cloud.points.resize(in.size() / sizeof(Point));
-  in.read(cloud.points.data(), in.size());
+  if (layout.doubles || layout.numbers != 4)
+    take_points({content.begin(), content.end()}, layout, cloud);
   check_plausible(file, cloud);
 }
 
@@ -68,7 +90,7 @@ std::string extension_of(const fs::path& file) {
 void read_by_extension(const fs::path& file, PointCloud& cloud) {
   const std::string extension = extension_of(file);
   if (extension == ".bin")
-    read_kitti_bin(file, cloud);
+    read_bin(file, cloud);
   else if (extension == ".pcd")
     cloud = read_pcd(file);
   else if (extension == ".ply")

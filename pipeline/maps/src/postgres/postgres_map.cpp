@@ -141,6 +141,21 @@ class PostgresMap : public MapStore {
     });
   }
 
+  std::string cloud(int64_t id) const override {
+    return server_->run([&](pqxx::connection& connection) -> std::string {
+      Moment moment(connection);
+      if (!has_table(moment, server_->map(), "cloud")) return "";
+      const pqxx::result rows =
+          moment.exec_params("SELECT bytes, checksum FROM cloud WHERE id = $1", id);
+      if (rows.empty()) return "";
+      std::string bytes = bytes_in(rows[0][0]);
+      if (cloud_checksum(id, bytes) != rows[0][1].as<int64_t>())
+        throw InputError(server_->name(), ": the points of place ", id,
+                         " are damaged: their checksum is wrong");
+      return bytes;
+    });
+  }
+
   int64_t remove(std::span<const int64_t> ids) override {
     must_be_writer();
     std::set<int64_t> to_remove;  // at the first try

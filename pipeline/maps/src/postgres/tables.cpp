@@ -1,5 +1,6 @@
 #include "tables.h"
 
+#include <algorithm>
 #include <random>
 
 #include "checksum.h"
@@ -117,7 +118,8 @@ std::vector<int64_t> read_removed(pqxx::transaction_base& step, const std::strin
 void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places) {
   step.exec(kTableOfRemoved);
   step.exec(kTableOfExpected);
-  step.exec(str("UPDATE map SET version = ", kMapVersion, " WHERE id = 1"));
+  step.exec(kTableOfClouds);
+  step.exec(str("UPDATE map SET version = ", kRemovedMapVersion, " WHERE id = 1"));
   const auto n = static_cast<int64_t>(places.size());
   // The server adds: behind the largest number it refuses.
   const auto last = step.exec(str("SELECT coalesce(max(id), 0) + ", n, " FROM removed"))[0][0];
@@ -125,6 +127,7 @@ void remove_places(pqxx::transaction_base& step, const std::set<int64_t>& places
   for (const int64_t place : places) {
     ++id;
     step.exec_params("DELETE FROM place WHERE id = $1", place);
+    step.exec_params("DELETE FROM cloud WHERE id = $1", place);
     step.exec_params("DELETE FROM expected WHERE place = $1", place);  // may be described again
     step.exec_params("INSERT INTO removed VALUES ($1, $2, $3)", id, place,
                      removed_checksum(id, place));
@@ -142,6 +145,15 @@ int64_t insert_places(pqxx::transaction_base& step, const NewPlaces& all, int64_
   for (size_t i = 0; i < all.rows.size(); ++i)
     write_place(step, kInsertPlaceAt, there + 1 + static_cast<int64_t>(i), all.places[i],
                 all.rows[i], head.revision, all.call);
+  if (std::ranges::any_of(all.places, [](const StoredPlace& p) { return !p.cloud.empty(); }))
+    step.exec(kTableOfClouds);
+  for (size_t i = 0; i < all.places.size(); ++i) {
+    const std::string& cloud = all.places[i].cloud;
+    const int64_t id = there + 1 + static_cast<int64_t>(i);
+    if (!cloud.empty())
+      step.exec_params("INSERT INTO cloud VALUES ($1, $2, $3)", id, bytes_of(cloud),
+                       cloud_checksum(id, cloud));
+  }
   write_places(step, there + static_cast<int64_t>(all.rows.size()));
   return there + 1;
 }

@@ -39,6 +39,11 @@ inline constexpr const char* kTableOfRemoved =
     "CREATE TABLE IF NOT EXISTS removed (id BIGINT PRIMARY KEY, place BIGINT NOT NULL UNIQUE, "
     "checksum BIGINT NOT NULL)";
 
+/// The points of places, from the first that has some on.
+inline constexpr const char* kTableOfClouds =
+    "CREATE TABLE IF NOT EXISTS cloud (id BIGINT PRIMARY KEY, bytes BYTEA NOT NULL, checksum "
+    "BIGINT NOT NULL)";
+
 inline constexpr int kPlacesAtOnce = 256;  // in memory
 
 pqxx::binarystring bytes_of(std::string_view text);

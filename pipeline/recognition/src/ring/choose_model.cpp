@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "revisit/base/text.h"
+#include "revisit/base/joined.h"
 #include "revisit/recognition/ground.h"
 #include "revisit/recognition/ring/model.h"
 #include "revisit/recognition/sensor.h"
@@ -49,8 +49,8 @@ RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans) {
   const SensorFound found = find_sensor(scans);
   const size_t beams = found.beams.elevations.size();
   const std::string seen =
-      str(beams > 0 ? str(beams, " beams") : "no separate beams", ", ", number(found.beams.bottom, 1),
-          " to ", number(found.beams.top, 1), " degrees");
+      str(beams > 0 ? str(beams, " beams") : "no separate beams", ", ",
+          std::lround(found.beams.bottom), " to ", std::lround(found.beams.top), " degrees");
   const std::vector<std::string> models = shipped_ring_models();
   if (std::ranges::count(models, found.name) > 0) return {found.name, seen};
   std::vector<Fit> fits;
@@ -58,10 +58,9 @@ RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans) {
   const double most = std::ranges::max(fits, {}, &Fit::held).held;
   std::erase_if(fits, [&](const Fit& fit) { return fit.held < kEnough * most; });
   const Fit best = std::ranges::min(fits, {}, &Fit::difference);
-  return {best.sensor,
-          str(seen, found.name.empty() ? "" : str(", like ", found.name),
-              "; no model of its own, the nearest holds ", number(100 * best.held, 0),
-              " % of the points above the ground")};
+  return {best.sensor, str(seen, found.name.empty() ? "" : str(", like ", found.name),
+                           "; no model of its own, the nearest holds ",
+                           std::lround(100 * best.held), " % of the points above the ground")};
 }
 
 }  // namespace revisit::pipeline

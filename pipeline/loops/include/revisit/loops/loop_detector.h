@@ -1,7 +1,6 @@
 #pragma once
 
 #include <map>
-#include <memory>
 #include <optional>
 #include <string>
 
@@ -11,9 +10,10 @@
 namespace revisit::pipeline {
 
 struct LoopDetectorOptions {
-  std::string drive;    // name of the recording in the map; drive_in_map() adds a number
-  Exclusion exclusion;  // of the drive's own scans
-  bool verify = false;  // registers accepted loops; those that do not fit are not accepted
+  std::string drive;        // name of the recording in the map; drive_in_map() adds a number
+  Exclusion exclusion;      // of the drive's own scans
+  bool verify = false;      // registers accepted loops; those that do not fit are not accepted
+  bool keep_clouds = true;  // of places, to register later scans
   RegistrationOptions registration;
 };
 
@@ -22,7 +22,8 @@ struct Detection {
   std::optional<int64_t> position;  // of its place in the recogniser; absent: not described ...
   std::string why_not;              // ... for this reason
   std::optional<Loop> loop;         // the most similar place
-  std::optional<Registration> registered;  // absent, too, when the place's points are not at hand
+  std::optional<Registration> registered;  // of a loop that the score accepts
+  bool has_no_points = false;              // the place, with verification: the loop is not accepted
 };
 
 /// The front end of loop closure: takes the scans of one drive in order, and says where each was
@@ -39,7 +40,6 @@ class LoopDetector {
   /// `recognizer` must outlive this object. Throws UsageError when `verify` is set and the feature
   /// gives no heading to start from.
   LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options);
-  ~LoopDetector();
   /// Throws what PlaceRecognizer::add() does, and UsageError when the exclusion needs a time or a
   /// pose that `scan` lacks.
   Detection take(const PointsView& points, const ScanStamp& scan);
@@ -47,13 +47,13 @@ class LoopDetector {
   const std::string& drive() const { return options_.drive; }
 
  private:
-  class PlaceClouds;
+  void verify(const PointCloud& query, Detection& found) const;
+
   PlaceRecognizer& recognizer_;
   LoopDetectorOptions options_;
   RecentPlaces recent_;
-  bool identified_ = false;              // the recording
-  std::map<int64_t, int64_t> ahead_;     // frame -> position of its scans that the map has already
-  std::unique_ptr<PlaceClouds> clouds_;  // null without verification
+  bool identified_ = false;           // the recording
+  std::map<int64_t, int64_t> ahead_;  // frame -> position of its scans that the map has already
 };
 
 }  // namespace revisit::pipeline

@@ -24,6 +24,7 @@ struct StoredPlace {
   std::optional<Eigen::Isometry3d> pose;  // T_world_sensor
   std::vector<float> descriptor;
   std::vector<float> feature;  // what the descriptor is made from; empty once the basis is fixed
+  std::string cloud;           // its points (compact_cloud()); "": none. MapStore::cloud() reads it
 };
 
 /// What defines a descriptor, name -> value: {"feature", "ring"}, {"weights", "sha256 ..."}, ...
@@ -84,10 +85,14 @@ class MapStore {
   virtual std::vector<int64_t> add(std::span<const StoredPlace> places,
                                    std::optional<int64_t> revision = std::nullopt) = 0;
 
-  /// Hands over the places with ids above `after`, ascending, as they are at one moment. Damaged
+  /// Hands over the places with ids above `after`, ascending, as they are at one moment, without
+  /// their clouds. Damaged
   /// ones are left out; `damaged` gets a message that names each, and one when places are lost. The
   /// callbacks must not call this object.
   virtual MapPosition read(int64_t after, const Take& take, const Damaged& damaged) const = 0;
+
+  /// The points of a place; "" when the map has none. Throws InputError when they are damaged.
+  virtual std::string cloud(int64_t id) const = 0;
 
   /// Removes places for good, in one step. Their ids are not given again. Damaged places can be
   /// removed, too. Returns how many there were to remove: those removed before do not count. Throws

@@ -16,6 +16,8 @@
 namespace revisit::pipeline {
 
 struct RecognizerOptions {
+  /// Takes points of a scan to a frame with x forward, y left and z up (parse_mount()).
+  Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();
   AlignCase align = AlignCase::kNone;
   ImageGeometry geometry;  // of a feature that sees the range image
   /// A feature that learns from the map's scans (rings their mean) does so from the first places,
@@ -103,9 +105,13 @@ class PlaceRecognizer {
   int64_t size() const;
   /// The places of a drive that were not removed: frame -> position.
   std::map<int64_t, int64_t> places_of(const std::string& drive) const;
+  /// The points of the place at `position` (StoredPlace::cloud); "": none. Throws UsageError for a
+  /// position without a place, and what MapStore::cloud() throws.
+  std::string cloud(int64_t position) const;
   /// Of a scan to the place at `position`. Throws UsageError for a position without a place and for
   /// a scan that was not described by this feature.
   double similarity(const Description& scan, int64_t position) const;
+  const Eigen::Isometry3d& mount() const;
   /// Whether queries say how the scan is turned against the place (Loop::turn).
   bool finds_heading() const;
   /// The score from which places are accepted; absent when neither the options, nor the map, nor a

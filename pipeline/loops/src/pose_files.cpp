@@ -1,11 +1,11 @@
-#include "pose_files.h"
+#include "revisit/loops/pose_files.h"
 
 #include <cerrno>
 #include <cstring>
 
 #include "revisit/base/error.h"
 
-namespace revisit::cli {
+namespace revisit::pipeline {
 
 PoseFile::PoseFile(const std::filesystem::path& file) : file_(file), out_(file) {
   out_.precision(15);
@@ -62,4 +62,4 @@ void TrajectoryWriter::add(double time, const Eigen::Isometry3d& T_world_sensor)
   file_.write("", {time, t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
 }
 
-}  // namespace revisit::cli
+}  // namespace revisit::pipeline

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace revisit::cli {
+namespace revisit::pipeline {
 
 /// Lines of numbers, each on its way to the disk when it is written.
 class PoseFile {
@@ -51,4 +51,4 @@ class TrajectoryWriter {
   PoseFile file_;
 };
 
-}  // namespace revisit::cli
+}  // namespace revisit::pipeline

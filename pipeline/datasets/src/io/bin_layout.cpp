@@ -1,0 +1,86 @@
+#include "io/bin_layout.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr size_t kFewestPoints = 100, kLookedAt = 2000;
+
+struct Moments {
+  double n = 0, sum = 0, squares = 0;
+  void add(double x) {
+    ++n;
+    sum += x;
+    squares += x * x;
+  }
+  double variance() const { return squares / n - sum / n * (sum / n); }
+};
+
+/// Mean variance of the magnitudes within columns over that of all; infinite when most points are
+/// not some metres away.
+double variance_left(std::span<const std::byte> content, const BinLayout& layout) {
+  constexpr double kNearest = 1e-3, kFarthest = 1000;  // [m]
+  const size_t points = content.size() / layout.bytes();
+  const size_t step = std::max<size_t>(1, points / kLookedAt);
+  std::array<Moments, 6> columns;
+  Moments all;
+  double looked_at = 0, plausible = 0;
+  for (size_t i = 0; i < points; i += step, ++looked_at) {
+    double largest = 0;
+    for (size_t c = 0; c < layout.numbers; ++c) {
+      const double magnitude = std::abs(number_at(content, layout, i, c));
+      if (c < 3) largest = std::max(largest, magnitude);
+      if (!(magnitude < 1e30)) continue;
+      columns.at(c).add(std::log2(std::max(magnitude, kNearest)));
+      all.add(std::log2(std::max(magnitude, kNearest)));
+    }
+    plausible += largest == 0 || (largest > kNearest && largest < kFarthest) ? 1 : 0;
+  }
+  if (2 * plausible < looked_at || !(all.variance() > 0))
+    return std::numeric_limits<double>::infinity();
+  double within = 0;
+  for (size_t c = 0; c < layout.numbers; ++c)
+    within += columns.at(c).variance() / static_cast<double>(layout.numbers);
+  return within / all.variance();
+}
+
+}  // namespace
+
+double number_at(std::span<const std::byte> content, const BinLayout& layout, size_t point,
+                 size_t column) {
+  const std::byte* const at = &content[point * layout.bytes()];
+  if (layout.doubles) {
+    double value = 0;
+    std::memcpy(&value, at + 8 * column, 8);
+    return value;
+  }
+  float value = 0;
+  std::memcpy(&value, at + 4 * column, 4);
+  return value;
+}
+
+BinLayout find_bin_layout(std::span<const std::byte> content) {
+  constexpr double kTells = 0.85;   // right layouts of real scans leave at most 0.7
+  constexpr double kClearly = 0.8;  // less than a layout of half as many numbers, which fits, too
+  BinLayout best;
+  double least = kTells;
+  for (const bool doubles : {false, true})
+    for (const size_t numbers : {4, 3, 5, 6}) {
+      const BinLayout layout{numbers, doubles};
+      if (content.size() % layout.bytes() != 0 || content.size() / layout.bytes() < kFewestPoints)
+        continue;
+      const double left = variance_left(content, layout);
+      if (left < (numbers == 6 && best.numbers == 3 ? kClearly * least : least)) {
+        best = layout;
+        least = left;
+      }
+    }
+  return best;
+}
+
+}  // namespace revisit::pipeline

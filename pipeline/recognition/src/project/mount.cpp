@@ -1,0 +1,147 @@
+#include "revisit/recognition/mount.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <sstream>
+
+#include "revisit/base/error.h"
+
+namespace revisit::pipeline {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+double median(std::vector<double>& values) {
+  const auto middle = values.begin() + std::ssize(values) / 2;
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+/// How much the points look like ground below the origin, `down` being downwards: the share of
+/// those within 30 m that lie within 0.2 m of one height, less those below it.
+double ground_share(const PointCloud& cloud, const Eigen::Vector3f& down) {
+  constexpr float kReach = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F;  // [m]
+  std::array<int64_t, static_cast<size_t>((kMost - kLeast) / kBin) + 2> bins{};
+  int64_t near = 0, below = 0;
+  for (const Point& point : cloud.points) {
+    const Eigen::Vector3f p(point.x, point.y, point.z);
+    if (!is_return(point) || p.norm() > kReach) continue;
+    ++near;
+    const float depth = p.dot(down);
+    if (depth >= kMost)
+      ++below;
+    else if (depth >= kLeast)
+      ++bins[static_cast<size_t>((depth - kLeast) / kBin)];
+  }
+  if (near == 0) return 0;
+  const auto* const peak = std::ranges::max_element(bins);
+  for (const auto* bin = peak + std::min<std::ptrdiff_t>(3, bins.end() - peak); bin < bins.end();
+       ++bin)
+    below += *bin;
+  const int64_t on_it =
+      *peak + (peak + 1 < bins.end() ? *(peak + 1) : 0) + (peak > bins.begin() ? *(peak - 1) : 0);
+  return static_cast<double>(on_it - 2 * below) / static_cast<double>(near);
+}
+
+struct Axes {
+  Eigen::Vector3f down;
+  const char* misfit;
+};
+const std::array kAxes{
+    Axes{-Eigen::Vector3f::UnitZ(), ""},
+    Axes{Eigen::Vector3f::UnitZ(),
+         "the ground is above: the sensor is upside down; give --mount 180,0,0,0,0,0"},
+    Axes{Eigen::Vector3f::UnitY(),
+         "the ground is at +y, as with a camera's axes (x right, y down, z forward); give "
+         "--mount -90,0,-90,0,0,0"},
+    Axes{-Eigen::Vector3f::UnitY(),
+         "the ground is at -y, as with axes whose y points upwards; "
+         "give --mount 90,0,0,0,0,0"},
+};
+
+std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
+  constexpr double kClear = 0.25, kNone = 0.1;
+  std::array<double, kAxes.size()> shares{};
+  for (const PointCloud& scan : scans)
+    for (size_t i = 0; i < kAxes.size(); ++i)
+      shares[i] += ground_share(scan, kAxes[i].down) / static_cast<double>(scans.size());
+  const auto* const best = std::ranges::max_element(shares);
+  return shares[0]<kNone&& * best> kClear ? kAxes[static_cast<size_t>(best - shares.begin())].misfit
+                                          : "";
+}
+
+/// Around a sensor there are points on all sides, or close by.
+bool is_seen_from_afar(const PointCloud& scan) {
+  constexpr double kFar = 15, kSector = 20 * kDegree;
+  std::vector<double> ranges;
+  std::array<int64_t, 18> sectors{};
+  for (const Point& p : scan.points) {
+    if (!is_return(p)) continue;
+    ranges.push_back(std::hypot(p.x, p.y));
+    const double azimuth = std::atan2(double{p.y}, double{p.x}) + std::numbers::pi;
+    ++sectors[std::min<size_t>(static_cast<size_t>(azimuth / kSector), sectors.size() - 1)];
+  }
+  if (ranges.empty()) return false;
+  const auto nearest = ranges.begin() + std::ssize(ranges) / 50;
+  std::ranges::nth_element(ranges, nearest);
+  const auto fewest = std::ssize(ranges) / 200;
+  const auto seen = std::ranges::count_if(sectors, [&](int64_t n) { return n > fewest; });
+  return *nearest > kFar && seen < 10;
+}
+
+}  // namespace
+
+Eigen::Isometry3d parse_mount(const std::string& text) {
+  std::array<double, 6> numbers{};
+  std::istringstream fields(text);
+  size_t n = 0;
+  bool valid = true;
+  for (std::string field; std::getline(fields, field, ','); ++n) {
+    char* end = nullptr;
+    const double value = std::strtod(field.c_str(), &end);
+    valid &= n < numbers.size() && !field.empty() && *end == '\0' && std::isfinite(value);
+    if (valid) numbers[n] = value;
+  }
+  if (!valid || n != numbers.size())
+    throw UsageError("mount: expected roll,pitch,yaw,x,y,z in degrees and metres, found '", text,
+                     "'");
+  const auto turn = [&](size_t i, const Eigen::Vector3d& axis) {
+    return Eigen::AngleAxisd(numbers[i] * kDegree, axis);
+  };
+  return Eigen::Translation3d(numbers[3], numbers[4], numbers[5]) *
+         turn(2, Eigen::Vector3d::UnitZ()) * turn(1, Eigen::Vector3d::UnitY()) *
+         turn(0, Eigen::Vector3d::UnitX());
+}
+
+void transform(const Eigen::Isometry3d& T, PointCloud& cloud) {
+  if (T.matrix().isIdentity(0)) return;
+  const Eigen::Isometry3f t = T.cast<float>();
+  for (Point& point : cloud.points) {
+    if (!is_return(point)) continue;
+    const Eigen::Vector3f p = t * Eigen::Vector3f(point.x, point.y, point.z);
+    point.x = p.x();
+    point.y = p.y();
+    point.z = p.z();
+  }
+}
+
+std::string misfit_of_view(const std::vector<PointCloud>& scans) {
+  constexpr double kFarthest = 500;  // [m]
+  std::vector<double> ranges;
+  for (const PointCloud& scan : scans)
+    for (const Point& p : scan.points)
+      if (is_return(p)) ranges.push_back(std::hypot(p.x, p.y, p.z));
+  if (ranges.empty()) return "";
+  if (std::ranges::any_of(scans, is_seen_from_afar))
+    return "all points of a scan are far from the origin, on one side: they are in the frame of a "
+           "map, not of the sensor";
+  if (const double middle = median(ranges); middle > kFarthest)
+    return str("half of the points are farther than ", std::lround(middle),
+               " m: these are not metres; millimetres?");
+  return misfit_of_axes(scans);
+}
+
+}  // namespace revisit::pipeline
