@@ -24,7 +24,7 @@ import time
 from pathlib import Path
 
 import server
-from harness import Fault, digest, fresh, in_child, message_of, parser_for, run, seeded, start, work_through
+from harness import Fault, damaged, digest, fresh, in_child, message_of, parser_for, run, seeded, start, work_through
 
 ROOT = Path(__file__).resolve().parents[2]
 STRETCH = '16'  # places that the basis is learnt from
@@ -192,19 +192,6 @@ def examine(world, file, may_lack_the_end=False):
     return in_child(work)
 
 
-def damaged_copy(world, bytes_of, random, cut):
-    """Some bytes, one or a few changed or the end cut away."""
-    data = bytearray(bytes_of)
-    if cut:
-        return data[:random.randrange(len(data))]
-    for _ in range(random.choice((1, 1, 1, 2, 8))):
-        at = random.randrange(len(data))
-        if random.random() < 0.5:  # where the trees are
-            at = min(len(data) - 1, at // 4096 * 4096 + random.randrange(120))
-        data[at] ^= 1 << random.randrange(8) if random.random() < 0.5 else random.randrange(1, 256)
-    return data
-
-
 def killed_copy(world, folder):
     """A map with its log and shared memory, as a writer leaves them that is killed: FILE -> bytes."""
     file = fresh(folder) / 'm.map'
@@ -231,12 +218,11 @@ def attack_wal(world, section, times):
     for i, random in world.cases(section, times or 1000):
         file = fresh(world.folder / section.name) / 'm.map'
         victim = random.choice(('-wal', '-wal', '-shm'))
-        how = random.choice(('flip', 'flip', 'cut', 'remove', 'noise'))
+        how = random.choice(('damage', 'damage', 'damage', 'remove', 'noise'))
         for end, what in files.items():
             data = what
             if end == victim:
-                data = {'flip': lambda: damaged_copy(world, what, random, False),
-                        'cut': lambda: damaged_copy(world, what, random, True),
+                data = {'damage': lambda: damaged(random, what),
                         'remove': lambda: None,
                         'noise': lambda: random.randbytes(len(what))}[how]()
             if data is not None:
