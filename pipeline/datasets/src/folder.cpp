@@ -43,8 +43,7 @@ bool is_image(const fs::path& file) {
   return (file.extension() == ".png" || file.extension() == ".PNG") && is_visible_file(file);
 }
 
-/// Calls `take(path)` for what is in the folder until it returns true; nothing when there is no
-/// such folder.
+/// Calls `take(path)` for the entries of the folder, if it exists, until it returns true.
 template <class Take>
 void each_entry(const fs::path& folder, const Take& take) {
   std::error_code error;

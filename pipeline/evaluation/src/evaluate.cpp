@@ -11,8 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// To be raised with every change after which the same features give other figures: protocols,
-/// retrieval, precision and recall. (What changes the features is in their own key.)
+/// To be raised when the same features give other figures: protocols, retrieval, precision, recall.
 constexpr int kEvaluationVersion = 1;
 
 DescribeOptions in_case(DescribeOptions options, AlignCase align) {

@@ -76,8 +76,7 @@ std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   return drawn;
 }
 
-/// Which pairs are compared: all true ones, and the false ones with these numbers, counted over the
-/// queries in order.
+/// The pairs to compare: all true ones, and the false ones with these numbers over the queries.
 struct Selection {
   std::vector<int64_t> first_false;  // [queries + 1] numbers of the false pairs of each query
   std::vector<int64_t> first_pair;   // [queries + 1] places of the compared pairs of each query

@@ -8,8 +8,7 @@
 
 namespace revisit::cli {
 
-/// What is subtracted from images before a net sees them: the mean image of a training set, or one
-/// value a channel (then h = w = 1).
+/// Mean that a net's images are taken less: an image, or one value a channel (then h = w = 1).
 struct Mean {
   int64_t channels = 0, h = 1, w = 1;
   std::vector<float> values;  // [channels][h][w]

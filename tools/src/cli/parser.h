@@ -83,8 +83,7 @@ class Parser {
   /// Values by long option name. Called with the path of `--config`, before the command line.
   using ConfigReader =
       std::function<std::vector<std::pair<std::string, std::string>>(const std::filesystem::path&)>;
-  /// Adds `-c/--config FILE`. The file may also hold values of `others`, options of another
-  /// command, which are passed over.
+  /// Adds `-c/--config FILE`, which may also hold values of `others`, another command's options.
   Parser& config(ConfigReader reader, std::vector<std::string> others = {});
 
   /// Parses `arguments` (without the program and subcommand names) and fills the targets.

@@ -14,8 +14,7 @@ using reports::NetChange;
 using reports::NetReport;
 using reports::Timing;
 
-/// So much a median differs between processes of one program, as memory lies elsewhere
-/// (docs/PROFILING.md). The passes of one process do not show it.
+/// Difference of a median between processes, by other memory addresses (docs/PROFILING.md).
 double between_processes(double ms) {
   return 0.05 * ms + 0.01;
 }

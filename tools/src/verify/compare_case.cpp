@@ -18,8 +18,7 @@ struct LayerError {
   bool is_probability;
 };
 
-/// How far apart two arrays are: max|a - b| / max|b|, or max|a - b| alone for probabilities. Where
-/// one is NaN or infinite the other must be the same: else infinity.
+/// max|a - b| / max|b|, or max|a - b| if `absolute`; infinity if NaNs or infinities differ.
 double error_of(std::span<const float> found, std::span<const float> wanted, bool absolute) {
   if (found.size() != wanted.size()) return INFINITY;
   double worst = 0, largest = 0;
@@ -87,8 +86,7 @@ struct Found {
   engine::View<const float> value;
 };
 
-/// The value that `name` (with '/' written as '_') means: an output of the net, or a blob as the
-/// last layer wrote it.
+/// The value of `name` ('/' written as '_'): an output, or a blob as its last layer wrote it.
 Found find_output(const engine::Run& run, const std::string& name) {
   const engine::Plan& plan = run.plan();
   const auto means = [&](std::string candidate) {

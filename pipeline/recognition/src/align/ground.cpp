@@ -10,8 +10,7 @@
 namespace revisit::pipeline {
 namespace {
 
-// Farther away stand embankments, ditches and fields, which are no part of what the sensor's
-// vehicle stands on.
+// Embankments, ditches and fields farther away are no part of the vehicle's ground.
 constexpr float kReach = 10, kOwnVehicle = 2, kCell = 2;  // [m]
 constexpr int kCellsAcross = 10;
 static_assert(kCellsAcross * kCell == 2 * kReach);
@@ -96,8 +95,7 @@ Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
 }
 
 PointCloud level(const PointCloud& cloud, double sensor_height) {
-  // What the plane changes from scan to scan on an even road. To follow it costs more than it
-  // mends: range images in which beams change their rows.
+  // Changes within these are scan-to-scan noise: to follow them makes beams change image rows.
   constexpr double kLevelHeight = 0.25;  // [m]
   static const double kLevelUp = std::cos(1.5 * std::numbers::pi / 180);
   const std::optional<Ground> ground = find_ground(cloud);

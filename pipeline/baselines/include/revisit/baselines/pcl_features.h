@@ -4,10 +4,9 @@
 
 namespace revisit::pipeline {
 
-// The hand-crafted descriptors of the paper's Table II by the Point Cloud Library, with the paper's
-// radii, compared by cosine. Points beyond 1 km are left out, and those without a normal (fewer
-// than 3 points within the radius). A scan without points gets the zero vector. In a build without
-// PCL every function throws UsageError.
+// The hand-crafted descriptors of the paper's Table II by PCL, with the paper's radii, compared by
+// cosine. Points beyond 1 km or without a normal (fewer than 3 neighbours) are left out. A scan
+// without points gets the zero vector. Without PCL every function throws UsageError.
 
 struct VfhOptions {
   double normal_radius = 0.03;  // [m]
@@ -27,9 +26,8 @@ struct GrsdOptions {
 FeatureExtractor grsd_features(const GrsdOptions& options = {});
 
 /// Ensemble of Shape Functions, 640 numbers (Wohlkinger, Vincze: Ensemble of shape functions for 3D
-/// object classification, ROBIO 2011). Its random draws are seeded by the points themselves: a scan
-/// has one descriptor, whatever was described before it. Making one throws InputError for points
-/// that span no triangle.
+/// object classification, ROBIO 2011). The points seed its random draws: a scan has one descriptor.
+/// Making one throws InputError for points that span no triangle.
 FeatureExtractor esf_features();
 
 }  // namespace revisit::pipeline

@@ -12,8 +12,7 @@ namespace revisit::pipeline {
 
 // In a build without OpenCV the functions throw UsageError.
 
-/// SIFT descriptors of an image (Lowe 2004; OpenCV's, default parameters), [keypoints][128]: the
-/// kMostKeypoints strongest.
+/// The kMostKeypoints strongest SIFT descriptors (Lowe 2004; OpenCV's defaults), [keypoints][128].
 FloatMatrix sift_descriptors(const GrayImage& image);
 inline constexpr int kMostKeypoints = 3000;  // bounds memory; a KITTI image has 1000 to 2000
 

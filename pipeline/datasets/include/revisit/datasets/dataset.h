@@ -43,13 +43,11 @@ struct DatasetNeeds {
 /// Opens a KITTI odometry sequence, a folder per place, or a plain folder of .bin/.pcd/.ply files.
 ///
 /// `root` may be
-/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; needs `sequence`) or one sequence
-///   folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`). With `sequence` empty, a root that
-///   holds exactly one sequence with scans is taken;
-/// - a set of places, as the HKUST data can be sorted: a folder of scan files per place, whatever
-///   they are named (`place_1/*.bin`, `library/*.pcd`...), without poses. Frames are counted from 0
-///   through all places, in natural order of the names. Of several such sets beside each other
-///   (`rotation/place_1/*.bin`, `objects/place_1/*.bin`) `sequence` names one;
+/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; needs `sequence` unless exactly one
+///   sequence has scans) or one sequence folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`);
+/// - a set of places, as the HKUST data can be sorted: a folder of scan files per place
+///   (`place_1/*.bin`, `library/*.pcd`...), without poses. Frames are counted from 0 through all
+///   places, in natural order of the names. `sequence` names one of several such sets;
 /// - a folder of scan files (no poses).
 /// Throws InputError saying what was looked for and where, and which sequences are there.
 Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,

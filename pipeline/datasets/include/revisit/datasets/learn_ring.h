@@ -22,8 +22,7 @@ struct LearnRingOptions {
   double radius = 5;       // [m]: nearer scans are of one place
   int frames_apart = 50;   // kOdometry: scans farther apart in frames are not compared
   int column_scans = 200;  // the columns' directions are learnt from at most this many
-  /// So often every scan is learnt from again, altered at random (random_alteration()): what tilt,
-  /// hidden sectors, a short range or missing beams change then tells nothing of a place.
+  /// Altered copies of every scan to learn from: what random_alteration() changes tells no place.
   int altered = 2;
   int threads = 1;
   std::filesystem::path cache;  // folder of the rings

@@ -13,10 +13,9 @@ struct Ground {
   double sensor_height = 0;                       // of the sensor above the plane [m]
 };
 
-/// The plane through the lowest points within 10 m, when they agree on one: a cell of 2 x 2 m
-/// gives its height that 5 % of its points lie below, and reweighted least squares leave out cells
-/// that hold something else. Nothing when fewer than 12 cells, or fewer than a third of them, lie
-/// within 0.2 m of it, and for a plane that is tilted by more than 20 degrees.
+/// The plane through the lowest points within 10 m: cells of 2 x 2 m give the height that 5 % of
+/// their points lie below; reweighted least squares leave out other cells. Nothing if under 12
+/// cells or a third of them lie within 0.2 m of it, or if it is tilted by more than 20 degrees.
 std::optional<Ground> find_ground(const PointCloud& cloud);
 
 /// What takes points of the sensor frame to where the ground is horizontal and `sensor_height` [m]
