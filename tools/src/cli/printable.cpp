@@ -34,7 +34,8 @@ size_t whole(std::string_view text) {
   return none ? 0 : length;
 }
 
-/// The same, of a shown character, not a control: below the blank, DEL, U+0080 to U+009F.
+/// The same, of a character that a terminal shows. Control characters are those below the blank,
+/// DEL and U+0080 to U+009F.
 size_t shown(std::string_view text) {
   const auto first = static_cast<unsigned char>(text[0]);
   if (first < ' ' || first == 0x7f) return 0;
