@@ -26,7 +26,6 @@ std::vector<NumberedFile> list_images(const std::filesystem::path& folder);
 
 /// True when something in the folder passes `wanted`; nothing is looked at after the first.
 bool holds(const std::filesystem::path& folder, bool (*wanted)(const std::filesystem::path&));
-/// True when the folder holds at least one scan file.
 bool holds_scans(const std::filesystem::path& folder);
 
 /// The end of a message about compressed scans; "" when the folder has none.

@@ -106,7 +106,6 @@ const std::vector<Entry>& table() {
   return entries;
 }
 
-/// The wording of the definitions.
 std::string words_for(const Exclusion& exclusion) {
   const char* const units[] = {"", " frames", " s", " m of the way"};
   if (exclusion.kind == Exclusion::Kind::kNone) return "any time";

@@ -29,9 +29,6 @@ struct GeometryOptions {
   std::vector<std::pair<std::string, std::string>> settings() const;
 };
 
-/// The known sensors, for Parser::suggest().
-std::vector<std::string> sensor_names();
-
 /// Whether the arguments say `--sensor list`; the sensors are then printed.
 bool lists_sensors(const Arguments& arguments);
 

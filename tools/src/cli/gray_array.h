@@ -10,7 +10,6 @@ namespace revisit::cli {
 /// Constants by which channels of `[n][c][h][w]` differ from the first; else InputError on `what`.
 std::vector<float> gray_offsets(const proto::NpyArray& array, const std::string& what);
 
-/// The first channel of each image.
 std::vector<float> first_channels(const proto::NpyArray& array);
 
 }  // namespace revisit::cli

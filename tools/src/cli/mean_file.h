@@ -18,7 +18,6 @@ struct Mean {
 /// content. Throws InputError.
 Mean read_mean(const std::filesystem::path& file);
 
-/// The mean of each channel.
 std::vector<double> channel_means(const Mean& mean);
 
 /// Subtracts from `[n][c][h][w]` values. A larger mean image is cut to its centre, as Caffe's data

@@ -61,7 +61,6 @@ class Parser {
 
   Parser& flag(std::string name, std::string help, bool* target, char letter = 0);
 
-  /// The next positional argument, required.
   template <class T>
   Parser& positional(std::string name, T* target) {
     return add_positional(std::move(name), true, target);

@@ -11,7 +11,6 @@
 
 namespace revisit::cli {
 
-/// Everything that `revisit eval` is told.
 struct EvalOptions {
   FeatureOptions feature;
   std::filesystem::path output = "results";

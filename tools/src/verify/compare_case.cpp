@@ -70,11 +70,6 @@ LayerError compare_layer(const engine::Run& run, const GoldenLayer& golden) {
              : compare_array(golden.layer, found, golden.file, golden.type == "Softmax");
 }
 
-/// Nets that only choose or move values must agree to the last bit.
-bool is_exact(const engine::Plan& plan) {
-  return std::ranges::all_of(plan.layers(), &engine::LayerCost::exact);
-}
-
 double default_tolerance(const engine::Plan& plan, engine::Precision precision) {
   if (precision == engine::Precision::kBf16) return 5e-2;
   const bool winograd = std::ranges::any_of(plan.layers(), &engine::LayerCost::winograd);
@@ -182,10 +177,10 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
   try {
     const Comparison comparison(golden, options);
     const engine::Run run = comparison.run(options.threads, options.reference_kernels);
+    const bool moves_values = std::ranges::all_of(run.plan().layers(), &engine::LayerCost::exact);
     const double tolerance =
-        is_exact(run.plan())
-            ? 0
-            : options.tolerance.value_or(default_tolerance(run.plan(), options.precision));
+        moves_values ? 0
+                     : options.tolerance.value_or(default_tolerance(run.plan(), options.precision));
     const auto limit = [&](const LayerError& e) {
       const bool strict = e.is_probability && options.precision == engine::Precision::kFloat32;
       return strict ? std::min(kProbability, tolerance) : tolerance;

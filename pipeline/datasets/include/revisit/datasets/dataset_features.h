@@ -22,10 +22,8 @@ class DatasetFeatures {
   DatasetFeatures(const DatasetFeatures&) = delete;
   DatasetFeatures& operator=(const DatasetFeatures&) = delete;
 
-  /// Names everything the features depend on.
   const std::string& key() const { return paths_.key; }
   const FeatureExtractor& extractor() const { return extractor_; }
-  /// Where they are or will be.
   const std::filesystem::path& path() const { return paths_.features; }
   int64_t n() const { return static_cast<int64_t>(dataset_.scans.size()); }
   /// The features [n][dim]. Throws what write_features() throws; Interrupted keeps what was done.

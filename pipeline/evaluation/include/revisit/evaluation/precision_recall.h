@@ -9,7 +9,6 @@
 
 namespace revisit::pipeline {
 
-/// One query, judged.
 struct Verdict {
   double score = 0;
   bool correct = false;   // the best retrieved scan is a true match

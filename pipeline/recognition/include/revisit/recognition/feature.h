@@ -55,7 +55,6 @@ struct FeatureExtractor {
   }
 };
 
-/// How a network runs for a feature.
 struct Forward {
   int threads = 1;  // of one pass
   engine::Precision precision = engine::Precision::kFloat32;

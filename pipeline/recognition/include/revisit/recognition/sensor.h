@@ -22,7 +22,6 @@ const std::vector<Sensor>& sensors();
 
 /// The image of a sensor. Throws UsageError naming the nearest sensor.
 ImageGeometry sensor_geometry(const std::string& sensor);
-/// The names sensor_geometry() takes.
 std::vector<std::string> sensor_names();
 
 /// What the elevations of scans' points say of the sensor.

@@ -14,7 +14,6 @@
 
 namespace revisit::pipeline {
 
-/// What is chosen, before anything is learnt.
 struct RingRecipe {
   std::vector<std::pair<std::string, int>> layers;  // of the net, and the numbers kept of each
   int sectors = 128;                                // of the network's ring
@@ -35,7 +34,6 @@ struct RingPair {
   double turn = 0;  // heading of b less heading of a, counter-clockwise [rad]
 };
 
-/// What one drive has to teach.
 struct RingDrive {
   Rows rings;                   // [n][RingModel::dim()], features of ring_features()
   std::vector<int64_t> scans;   // rows to learn from, ascending
