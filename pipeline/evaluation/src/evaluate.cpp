@@ -49,8 +49,7 @@ std::vector<bool> TaskResult::accepted() const {
 
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments) {
   if (match.turn) return *match.turn * 180.0 / std::numbers::pi;
-  // The place's direction is seen at yaw_q from the query and at yaw_m from the match: the heading
-  // differs by yaw_m - yaw_q. Case 2 looks along the opposite direction.
+  // One direction is seen at both yaws: the heading differs by match - query; case 2 looks back.
   const double query = alignments[static_cast<size_t>(match.query)].yaw;
   const double stored = alignments[static_cast<size_t>(match.ranks.at(0))].yaw;
   const double turned = match.which_case == 2 ? 180.0 : 0.0;

@@ -61,8 +61,7 @@ void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, W
   }
 }
 
-/// `wanted` of the numbers 0 .. n - 1, each as likely as any other, ascending (Knuth, The Art of
-/// Computer Programming, volume 2, algorithm S).
+/// `wanted` of 0 .. n - 1, ascending (Knuth, The Art of Computer Programming 2, algorithm S).
 std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   std::mt19937_64 random(kDrawSeed);
   std::vector<int64_t> drawn;

@@ -14,8 +14,7 @@ struct Mean {
   std::vector<float> values;  // [channels][h][w]
 };
 
-/// Reads a mean from .npy (`[c]`, `[c][h][w]` or `[1][c][h][w]`) or .binaryproto, told apart by
-/// content. Throws InputError.
+/// Reads .npy (`[c]`, `[c][h][w]`, `[1][c][h][w]`) or .binaryproto by content; or InputError.
 Mean read_mean(const std::filesystem::path& file);
 
 std::vector<double> channel_means(const Mean& mean);

@@ -13,8 +13,7 @@
 
 namespace revisit::cli {
 
-/// Converts the text of one option or argument; throws UsageError when it does not fit the type.
-/// `what` names the option in the message, e.g. "--threads".
+/// Converts the text of `what`, e.g. "--threads"; throws UsageError when it does not fit T.
 template <class T>
 T parse_value(const std::string& what, const std::string& text);
 

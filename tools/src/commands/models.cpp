@@ -22,7 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr double kMegabyte = 1e6;
 
-/// --models, or the usual place.
 struct ModelsFolder {
   std::optional<fs::path> given;
 

@@ -11,8 +11,7 @@
 
 namespace revisit::models {
 
-/// The folder of fetched models: $REVISIT_MODELS, or $XDG_CACHE_HOME/revisit/models, or
-/// ~/.cache/revisit/models. Throws UsageError when none of the variables (nor HOME) is set.
+/// $REVISIT_MODELS, $XDG_CACHE_HOME/revisit/models or ~/.cache/revisit/models; else UsageError.
 std::filesystem::path cache_folder();
 
 /// `<cache>/<name>/<file>`: where a model's download belongs, fetched or put there by hand.

@@ -102,8 +102,7 @@ class SeededEsf : private pcl::ESFEstimation<EsfPoint> {
   }
 
  private:
-  /// Centroid to the origin, farthest point just inside the sphere that fits the voxel grid:
-  /// exactly on it, as PCL's own scaling has it, rounding may put the point outside of the grid.
+  /// Centroid to the origin, farthest point just inside the voxel grid's sphere: rounding is safe.
   static void scale_into_grid(Points& points) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const EsfPoint& point : points) sum += point.getVector3fMap().cast<double>();

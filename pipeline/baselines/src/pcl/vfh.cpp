@@ -8,8 +8,7 @@
 #include "revisit/base/error.h"
 #include "revisit/baselines/pcl_features.h"
 
-// The normals are PCL's; the histograms are made here, because pcl::VFHEstimation needs
-// libpcl_features (see CMakeLists.txt). The tests hold them against PCL's.
+// Own histograms: pcl::VFHEstimation needs libpcl_features (CMakeLists.txt). Tests compare both.
 
 namespace revisit::pipeline {
 namespace {

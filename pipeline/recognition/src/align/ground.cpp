@@ -39,8 +39,7 @@ std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
   return low;
 }
 
-/// z = plane.x x + plane.y y + plane.z. Starts wide, so that no cell decides alone, and ends at the
-/// roughness of a road.
+/// z = plane.x x + plane.y y + plane.z; the scale narrows from wide to the roughness of a road.
 Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
   constexpr int kRounds = 30;
   constexpr double kWide = 1, kRoad = 0.08, kNarrower = 0.8;

@@ -28,8 +28,7 @@ void check_stop(const PcaOptions& options);
 /// Columns of a panel: summed in float (precision), and kept in the cache for some thousand rows.
 inline constexpr int64_t kPanelColumns = 8192;
 
-/// How wide panels are that take `bytes_per_column` beside `fixed` bytes: at most kPanelColumns and
-/// `d`. Throws UsageError when `memory` cannot hold even a few columns.
+/// Width of panels within `memory`, at most kPanelColumns and `d`. Throws UsageError if too small.
 int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, int64_t d);
 
 /// Columns [first, first + width) of the rows asked for, each column minus its mean.

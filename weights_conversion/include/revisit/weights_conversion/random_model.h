@@ -26,8 +26,7 @@ struct ModelFiles {
   std::filesystem::path prototxt, weights;
 };
 
-/// Writes `random_model(trunk_name, seed)` as `folder/<trunk_name>_random.prototxt` and
-/// `.caffemodel`, each whole or not at all; makes the folder. Throws Error when it cannot.
+/// Writes `folder/<trunk_name>_random.prototxt` and `.caffemodel` atomically, or throws Error.
 ModelFiles write_random_model(const std::filesystem::path& folder, const std::string& trunk_name,
                               uint64_t seed);
 

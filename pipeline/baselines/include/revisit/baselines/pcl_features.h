@@ -5,15 +5,14 @@
 namespace revisit::pipeline {
 
 // The hand-crafted descriptors of the paper's Table II by PCL, with the paper's radii, compared by
-// cosine. Points beyond 1 km or without a normal (fewer than 3 neighbours) are left out. A scan
-// without points gets the zero vector. Without PCL every function throws UsageError.
+// cosine. Points beyond 1 km or without a normal (fewer than 3 neighbours) are left out; a scan
+// without points gets the zero vector. Radii outside 1 mm .. 10 m, or no PCL, throw UsageError.
 
 struct VfhOptions {
   double normal_radius = 0.03;  // [m]
 };
 /// Viewpoint Feature Histogram, 308 numbers (Rusu, Bradski, Thibaux, Hsu: Fast 3D Recognition and
-/// Pose Using the Viewpoint Feature Histogram, IROS 2010). Throws UsageError for a radius outside
-/// 1 mm .. 10 m.
+/// Pose Using the Viewpoint Feature Histogram, IROS 2010).
 FeatureExtractor vfh_features(const VfhOptions& options = {});
 
 struct GrsdOptions {
@@ -21,8 +20,7 @@ struct GrsdOptions {
   double radius = 0.1;          // [m], of the surface radii and edge of the voxels
 };
 /// Global Radius-based Surface Descriptor, 21 numbers (Marton, Pangercic, Blodow, Beetz: Combined
-/// 2D-3D categorization and classification for multimodal perception systems, IJRR 2011). Throws
-/// UsageError for a radius outside 1 mm .. 10 m.
+/// 2D-3D categorization and classification for multimodal perception systems, IJRR 2011).
 FeatureExtractor grsd_features(const GrsdOptions& options = {});
 
 /// Ensemble of Shape Functions, 640 numbers (Wohlkinger, Vincze: Ensemble of shape functions for 3D

@@ -58,12 +58,10 @@ Dataset open_dataset(const std::filesystem::path& root, const std::string& seque
 /// names that are not numbers, and scans without an image, naming the first of them.
 Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folder = {});
 
-/// A folder of .png images by the frame numbers that are their names, without poses. Throws
-/// InputError as camera_images() does.
+/// A folder of .png images named by frame numbers, without poses. Throws as camera_images().
 Dataset image_folder(const std::filesystem::path& folder);
 
-/// Where the poses of a KITTI sequence are: `poses/NN.txt` under the root, or `poses.txt` in the
-/// sequence folder. Throws InputError listing the places looked at.
+/// `poses/NN.txt` under the root or `poses.txt` in the sequence; else InputError with both places.
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
                                        const std::string& sequence);
 

@@ -37,15 +37,13 @@ struct DescribeOptions {
 struct DescribeTimes {
   std::vector<double> read, align, project, close, feature, write;
   double wall_ms = 0;  // of all of them, all threads together
-  /// Processor time of the describing thread from points (or camera image) in memory to the
-  /// feature: unlike the others it does not grow when the machine has other work to do.
+  /// Processor time from points or image in memory to the feature; other work adds nothing to it.
   std::vector<double> processor;
 
   void append(const DescribeTimes& more);
 };
 
-/// A row of 6 floats. Those of the alignment are NaN for camera images, for scans left out, and
-/// when a scan that is taken as it is has no principal direction.
+/// 6 floats; NaN where unknown: for camera images, scans left out, clouds without a direction.
 struct AlignmentRecord {
   float yaw = 0;               // [rad], Alignment::yaw
   float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio

@@ -35,9 +35,8 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
                       const std::vector<Dataset>& drives, const LearnRingOptions& options,
                       const Observer& observer);
 
-/// The pairs of `scans` (rows, ascending) nearer than `radius` [m] on the ground, at most
-/// `frames_apart` frames apart, and how they are turned. Headings are those of KITTI's camera axes:
-/// T_world_cam looks along z.
+/// Pairs of `scans` (rows, ascending) nearer than `radius` [m] on the ground, `frames_apart` frames
+/// apart at most, and how they are turned; headings are along z of KITTI's T_world_cam.
 std::vector<RingPair> pairs_nearby(const Dataset& dataset, const std::vector<int64_t>& scans,
                                    double radius, int frames_apart);
 

@@ -69,8 +69,7 @@ struct EvaluationResult {
 std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::string& sequence,
                                    const Trajectory& trajectory);
 
-/// Describes every scan of a data set, retrieves, and judges. What an earlier run left in the cache
-/// is not computed again.
+/// Describes every scan, retrieves, and judges; what is in the cache is not computed again.
 ///
 ///   auto trajectory = make_trajectory(dataset);
 ///   Evaluation evaluation(dataset, extractor, trajectory,

@@ -43,8 +43,7 @@ struct Trajectory {
 
 /// Throws InputError when the frames are not strictly increasing or a position is not finite.
 Trajectory make_trajectory(const Dataset& dataset);
-/// Frame i is pose i. `times` may be empty; otherwise it must have one entry a pose (or more: KITTI
-/// ships times of frames without poses). Throws InputError.
+/// Frame i is pose i. `times`: none, or at least one a pose; else throws InputError.
 Trajectory make_trajectory(const std::vector<Pose>& T_world_cam,
                            const std::vector<double>& times = {});
 

@@ -18,8 +18,7 @@ struct Ground {
 /// cells or a third of them lie within 0.2 m of it, or if it is tilted by more than 20 degrees.
 std::optional<Ground> find_ground(const PointCloud& cloud);
 
-/// What takes points of the sensor frame to where the ground is horizontal and `sensor_height` [m]
-/// below the origin: the shortest turn, then a shift along z. Yaw stays.
+/// Makes the ground horizontal, `sensor_height` [m] below: the shortest turn and a shift along z.
 Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height);
 
 /// The returns of a scan, levelled by the ground that it shows; as they are when it shows none, or

@@ -60,8 +60,7 @@ inline constexpr double kRankTolerance = 1e-6;
 /// A PCA learnt earlier: a folder with `mean.npy` [d] and `basis.npy` [k][d] (orthonormal rows).
 class PcaModel {
  public:
-  /// Throws InputError when the files are missing or do not fit together, and for a mean that is
-  /// not finite; a basis that is not is found when it is read, by project().
+  /// Throws InputError for missing or misfit files, or NaN in the mean; project() checks the basis.
   explicit PcaModel(const std::filesystem::path& folder);
   int64_t components() const { return basis_.n(); }
   int64_t dim() const { return basis_.d(); }
