@@ -1,6 +1,6 @@
 // PCL's ESF draws triangles by rand(), seeded with the time: descriptors would not be repeatable.
-// Its template is instantiated here with another generator in the place of rand(), for a point type
-// of ours, so that PCL's own instantiation stays apart.
+// Its template is instantiated here for a point type of ours, apart from PCL's instantiation, with
+// another generator instead of rand().
 #define PCL_NO_PRECOMPILE
 #include <pcl/common/distances.h>
 #include <pcl/common/transforms.h>

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <unordered_map>
 
 #include "revisit/recognition/point_cloud.h"
 

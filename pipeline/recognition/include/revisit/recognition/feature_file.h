@@ -23,8 +23,8 @@ namespace revisit::pipeline {
 ///   FeatureFile features(file);
 class FeatureWriter {
  public:
-  /// Opens or continues the part. Throws Error when the folder cannot be written, the disk has too
-  /// little space (naming bytes needed and free), or another process writes the same file.
+  /// Opens or continues the part. Throws Error when the folder cannot be written, the disk is too
+  /// full (naming bytes needed and free), or another process writes the same file.
   FeatureWriter(std::filesystem::path file, std::string key, int64_t n_rows, int64_t dim);
   ~FeatureWriter();  // without finish() the part stays, to be continued
   FeatureWriter(const FeatureWriter&) = delete;

@@ -14,8 +14,8 @@ struct Ground {
 };
 
 /// The plane through the lowest points within 10 m: cells of 2 x 2 m give the height that 5 % of
-/// their points lie below; reweighted least squares leave out other cells. Nothing if under 12
-/// cells or a third of them lie within 0.2 m of it, or if it is tilted by more than 20 degrees.
+/// their points lie below; reweighted least squares leave out other cells. Nothing if fewer than 12
+/// cells, or a third of all, lie within 0.2 m of it, or if it tilts by more than 20 degrees.
 std::optional<Ground> find_ground(const PointCloud& cloud);
 
 /// Makes the ground horizontal, `sensor_height` [m] below: the shortest turn and a shift along z.

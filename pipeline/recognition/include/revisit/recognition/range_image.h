@@ -32,17 +32,17 @@ struct RangeImage {
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
 };
 
-/// Throws UsageError for sizes below 1 or beyond reason, edges in the wrong order or beyond +-90
-/// deg, a range that is not positive, a closing rectangle whose sides are not 0 to 360 deg.
+/// Throws UsageError for sizes below 1 or beyond reason, or edges in the wrong order or beyond +-90
+/// deg. The range must be positive, the sides of the closing rectangle 0 to 360 deg.
 void check_geometry(const ImageGeometry& geometry);
 
 /// Spherical projection (paper, section III-A):
 ///   column = floor((pi - azimuth) / (2 pi) * width)
 ///   row    = floor((top - elevation) / (top - bottom) * height), dropped when outside the image
 ///   pixel  = 255 * min(range, max_range) / max_range, the nearest return wins, 0 without one
-/// in double arithmetic: the image has the same bits on every CPU. With an even width a cloud
-/// turned by exactly 180 degrees (x and y negated, align case 2) gives exactly the image shifted by
-/// width / 2. Throws UsageError as check_geometry() does.
+/// in double arithmetic: the image has the same bits on every CPU. If a cloud turns by exactly 180
+/// degrees (x and y negated, align case 2), an image of even width shifts by exactly width / 2.
+/// Throws UsageError as check_geometry() does.
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
 
 /// How much of a cloud an image took.

@@ -20,9 +20,9 @@ struct RingOptions {
 /// Throws UsageError for invalid options.
 void check_options(const RingOptions& options);
 
-/// Turns rings into descriptors: less the ring mean where something was seen, by frequency, onto
-/// the directions in which scans of one place agree and others differ (LDA of each frequency,
-/// docs/METHODS.md), each ring scaled by RingModel::columns_share. Copies share what was computed.
+/// Turns rings into descriptors. The ring mean is subtracted where something was seen. Each
+/// frequency is projected onto directions in which only scans of one place agree (LDA,
+/// docs/METHODS.md). RingModel::columns_share scales the rings. Copies share what was computed.
 class RingDescriber {
  public:
   /// `model`: of the map, by fit_to_map(). Throws UsageError for invalid options.
