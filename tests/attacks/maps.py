@@ -254,19 +254,10 @@ def attack_beside(world, section, times):
     """Pipes, folders, links and devices where SQLite and the lock have their files."""
     precious = world.folder / 'precious'
 
-    def journal(of):
-        # A rollback journal that names a "super-journal": SQLite deletes that.
-        name = os.fsencode(of)
-        header = bytes.fromhex('d9d505f920a163d7') + (0).to_bytes(4, 'big') * 3 + (512).to_bytes(4, 'big') + \
-            (4096).to_bytes(4, 'big')
-        return header.ljust(512, b'\0') + (0xFFFFFFFF).to_bytes(4, 'big') + name + len(name).to_bytes(4, 'big') + \
-            (sum(name) & 0xFFFFFFFF).to_bytes(4, 'big') + bytes.fromhex('d9d505f920a163d7')
-
     kinds = {'pipe': os.mkfifo, 'folder': os.mkdir, 'link': lambda path: os.symlink(precious, path),
              'zeros': lambda path: os.symlink('/dev/zero', path), 'full': lambda path: os.symlink('/dev/full', path),
              'dangling': lambda path: os.symlink(world.folder / 'nowhere', path),
-             'itself': lambda path: os.symlink(path, path),
-             'journal': lambda path: Path(path).write_bytes(journal(precious))}
+             'itself': lambda path: os.symlink(path, path)}
     for end in ('-wal', '-shm', '-journal', '-writer', ''):
         for kind, make in kinds.items():
             for command in (['info'], ['check'], ['remove', '--ids', '3'], ['build']):
