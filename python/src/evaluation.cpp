@@ -23,7 +23,6 @@ Missed parse_missed(const std::string& text) {
 
 using Columns = nb::typed<nb::dict, nb::str, nb::ndarray<nb::numpy>>;
 
-/// The points of a curve as columns.
 Columns columns_of(const std::vector<PrPoint>& curve) {
   nb::dict columns;
   const auto column = [&](const char* name, auto PrPoint::*field) {

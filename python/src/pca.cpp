@@ -20,7 +20,6 @@ namespace fs = std::filesystem;
 using namespace nb::literals;
 using namespace pipeline;
 
-/// Features that stand in files.
 struct Files {
   std::vector<FeatureFile> files;
   FeatureFiles all;

@@ -90,7 +90,6 @@ void set_blobs(caffe::LayerParameter& layer, nb::handle arrays) {
   }
 }
 
-/// Gives layers their arrays, by name.
 void set_weights(NetFile& file,
                  const nb::typed<nb::dict, nb::str, nb::typed<nb::sequence, FloatArray>>& weights) {
   for (const auto& [key, arrays] : weights) {

@@ -1,11 +1,10 @@
 """Arrays of every type, order, stride and size into every function that takes some."""
 
-import functools
 import re
 
 import numpy as np
 
-from harness import Case, Fault
+from harness import Case, Fault, accepted
 from nets import CONVOLVE, SCALE
 from scans import room
 
@@ -132,12 +131,6 @@ def caffe_net(folder, text):
     return caffe.Net(str(file), caffe.TEST)
 
 
-@functools.cache
-def ring():
-    from revisit import recognition
-    return recognition.ring_recogniser(recognition.shipped_ring_model('hdl64'))
-
-
 def targets():
     """name -> (an array that is right, function(array, folder) -> numbers to compare or None)."""
     import revisit
@@ -259,12 +252,7 @@ def cases():
     found = targets()
     list_of = []
     for name, (array, work) in found.items():
-        def right_case(rng, folder, array=array, work=work):
-            try:
-                work(array, folder)
-            except Exception as error:
-                raise Fault(f'what is right is refused: {error}') from error
-        list_of.append(Case(f'{name}: right', right_case))
+        list_of.append(Case(f'{name}: right', accepted(lambda rng, folder, array=array, work=work: work(array, folder))))
         for how, make in SAME.items():
             def same_case(rng, folder, array=array, work=work, make=make):
                 given = make(array)

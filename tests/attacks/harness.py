@@ -1,27 +1,45 @@
-"""What the attacks share: cases in child processes, and what counts as a fault."""
+"""What the attacks share: options, programs and work in children, what counts as a fault, damage, the table."""
 
 import argparse
 import contextlib
+import hashlib
 import io
+import json
 import os
+import random
+import re
 import resource
+import select
+import shutil
+import signal
 import subprocess
 import sys
-import tempfile
+import time
 import traceback
-from collections import Counter
 from pathlib import Path
 from typing import Callable, NamedTuple
-
-from attack import Fault, in_child, seeded
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / folder) for folder in ('python', 'weights_conversion')] + [str(HERE.parents[1] / 'weights_conversion')]
 MEGA = 1 << 20
-TRACEBACK = 'Traceback (most recent call last)'
+TIMEOUT = 60  # [s]
+CODES = (0, 1, 2, 3, 4, 5, 6)
+# What only a program that did not expect its input says.
+INTERNAL = re.compile(
+    r'std::|bad_alloc|basic_string|_M_|Assertion|terminate called|vector::|map::at|stoi|stod|SIGSEGV|'
+    r'Sanitizer|runtime error|pqxx::|not an error|Traceback|Exception ignored', re.I)
+
+
+class Fault(Exception):
+    """What was attacked did what it must not do."""
+
+
+class Skipped(Exception):
+    """What a case or a section needs is missing."""
 
 
 class Case(NamedTuple):
+    """Of python.py; the sections of maps.py make theirs as they go."""
     name: str
     work: Callable
     """work(rng, folder) in a child: returns when answered, raises what the project raises, Fault for a wrong answer."""
@@ -29,70 +47,160 @@ class Case(NamedTuple):
     """[MB] by which the child may grow: far above what these small inputs need."""
 
 
-class Result(NamedTuple):
-    verdict: str
-    """refused, answered, skipped or fault"""
-    said: str
-    grown: int = 0
-    """[MB], of the child without its own children"""
+class Section:
+    """Counts what one section has tried."""
+
+    def __init__(self, name, arguments):
+        self.name, self.arguments, self.faults, self.skipped = name, arguments, [], ''
+        self.tried = self.refused = self.answered = 0
+
+    @contextlib.contextmanager
+    def case(self, what):
+        """`what` names the case so that it can be repeated. The body returns by setting .refused."""
+        outcome = Outcome()
+        try:
+            yield outcome
+            verdict = 'refused' if outcome.refused else 'answered'
+        except Skipped as reason:
+            self.skipped, verdict = str(reason), 'skipped'
+        except Fault as fault:
+            self.faults.append(f'{what}: {fault}')
+            print(f'FAULT {self.name}: {what}: {fault}', flush=True)
+            verdict = ''
+        self.tried += verdict != 'skipped'
+        self.refused += verdict == 'refused'
+        self.answered += verdict == 'answered'
+        if verdict and self.arguments.verbose:
+            print(f'{self.name}: {what}: {verdict} {outcome.said[:300]}', flush=True)
 
 
-def is_typed(error) -> bool:
-    from revisit.errors import Error
-    if isinstance(error, (Error, MemoryError)):  # numpy's MemoryError names the array
-        return True
-    return isinstance(error, (TypeError, ValueError)) and len(str(error)) > 8
+class Outcome:
+    refused = False
+    said = ''
 
 
-def judged(work, rng, folder) -> Result:
-    """What became of a case, as its child sees it."""
+class Result:
+    """Of a program that has ended by itself."""
+
+    def __init__(self, code, out, err):
+        self.code, self.out, self.err = code, out, err
+        self.text = out + err
+
+
+def judge(code, out, err, codes=CODES, silent=False):
+    """`silent`: it may fail without a message."""
+    text = ((out or b'') + (err or b'')).decode(errors='backslashreplace')
+    if code < 0 and code not in codes:
+        raise Fault(f'death by signal {-code}: {text[-300:]}')
+    if INTERNAL.search(text):
+        raise Fault(f'internal message, code {code}: {text[-700:]}')
+    if code not in codes:
+        raise Fault(f'exit code {code}, expected one of {codes}: {text[-400:]}')
+    if code in (1, 2, 3, 4) and not silent and not err.strip():
+        raise Fault(f'exit code {code} without a message')
+    return Result(code, *((part or b'').decode(errors='backslashreplace') for part in (out, err)))
+
+
+def start(program, arguments, limits=(), user=None, **options):
+    """`options`: those of Popen; `limits`: pairs for setrlimit."""
+    def prepare():
+        for what, value in limits:
+            resource.setrlimit(what, (value, value))
+
+    streams = {'stdin': subprocess.DEVNULL, 'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, 'preexec_fn': prepare}
+    return subprocess.Popen([os.fsencode(word) for word in (program, *arguments)], user=user, extra_groups=[] if user else None,
+                            **streams | options)
+
+
+def end_of(process, timeout=TIMEOUT):
+    """What it still says, (stdout, stderr), once it has ended by itself."""
     try:
-        work(rng, folder)
-        return Result('answered', '')
-    except Fault as error:
-        return Result('fault', f'wrong: {error}')
-    except ImportError as error:
-        return Result('skipped', str(error))
-    except BaseException as error:  # all that can come out
-        if is_typed(error):
-            return Result('refused', f'{type(error).__name__}: {error}')
-        return Result('fault', f'{type(error).__name__}: {error}\n{traceback.format_exc(limit=-3)}')
+        return process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        raise Fault(f'no end within {timeout} s: {process.communicate()}'[-400:]) from None
 
 
-def of_child(case, seed, memory) -> Result:
-    with tempfile.TemporaryDirectory(prefix='attack-') as folder:
-        size = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        resource.setrlimit(resource.RLIMIT_AS, (size + memory * MEGA,) * 2)
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        result = judged(case.work, seeded(seed, case.name), Path(folder))
-    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) // 1024
-    return Result(result.verdict, result.said[:2000], grown)
+def run(program, arguments, timeout=TIMEOUT, codes=CODES, silent=False, **options):
+    """Runs the program to its end and judges it."""
+    process = start(program, arguments, **options)
+    out, err = end_of(process, timeout)
+    return judge(process.returncode, out, err, codes, silent)
 
 
-def run_case(case, seed, timeout, memory) -> Result:
-    try:
-        result = Result(*in_child(lambda: of_child(case, seed, memory), timeout))
-    except Fault as fault:
-        return Result('fault', str(fault))
-    if result.verdict != 'fault' and result.grown > case.grown:
-        return Result('fault', f'took {result.grown} MB ({result.verdict}: {result.said})')
-    return result
+def in_child(work, timeout=TIMEOUT):
+    """What work() returns (JSON), computed in a process of its own."""
+    out, into = os.pipe()
+    errors = os.memfd_create('errors')
+    child = os.fork()
+    if child == 0:
+        os.close(out)
+        os.dup2(errors, 2)
+        try:
+            answer = json.dumps({'answer': work()})
+        except Fault as fault:
+            answer = json.dumps({'fault': str(fault)})
+        except BaseException:
+            answer = json.dumps({'fault': traceback.format_exc(limit=4)[-500:]})
+        with os.fdopen(into, 'w') as pipe:
+            pipe.write(answer)
+        os._exit(0)
+    os.close(into)
+    text, end = b'', time.monotonic() + timeout
+    while True:
+        if not select.select([out], [], [], max(0, end - time.monotonic()))[0]:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            os.close(out)
+            os.close(errors)
+            raise Fault(f'no end within {timeout} s')
+        part = os.read(out, 1 << 20)
+        if not part:
+            break
+        text += part
+    os.close(out)
+    status = os.waitpid(child, 0)[1]
+    said = os.pread(errors, 2000, 0).decode(errors='backslashreplace')
+    os.close(errors)
+    if os.WIFSIGNALED(status):
+        raise Fault(f'death by signal {os.WTERMSIG(status)}: {said}')
+    if INTERNAL.search(said):
+        raise Fault(f'internal message: {said}')
+    answer = json.loads(text)
+    if 'fault' in answer:
+        raise Fault(answer['fault'])
+    return answer['answer']
 
 
-def command(words, codes=(0, 1, 2, 3, 4, 5, 6), must_say=True, **options):
-    """Runs a console command, which must end by itself with one of `codes`, without a traceback. Returns it."""
-    options = {'stdout': subprocess.PIPE, 'stderr': subprocess.PIPE, 'stdin': subprocess.DEVNULL, 'timeout': 100} | options
-    done = subprocess.run([os.fsencode(word) for word in words], **options)
-    said = (done.stderr or b'') + (done.stdout or b'')
-    if TRACEBACK.encode() in said or b'Exception ignored' in said:
-        raise Fault(f'a traceback: {said[-700:].decode(errors="replace")}')
-    if done.returncode not in codes:
-        raise Fault(f'exit code {done.returncode}, expected one of {codes}: {said[-400:].decode(errors="replace")}')
-    if must_say and done.returncode and options['stderr'] == subprocess.PIPE and not said.strip():
-        raise Fault(f'exit code {done.returncode} without a word')
-    return done
+def digest(place):
+    """All there is of a place but its id."""
+    text = hashlib.sha256(repr((place.drive, place.frame, place.time)).encode())
+    for part in (place.pose, place.descriptor, place.feature):
+        text.update(b'-' if part is None else part.tobytes())
+    return text.hexdigest()[:24]
+
+
+def message_of(error):
+    """Of an error that revisit raises on purpose."""
+    import revisit
+    text = str(error)
+    if not isinstance(error, (revisit.Error, MemoryError)):
+        raise Fault(f'{type(error).__name__}: {text}')
+    if INTERNAL.search(text) or not text:
+        raise Fault(f'internal message: {text}')
+    return text
+
+
+def accepted(work):
+    """A case of input that is right."""
+    def checked(rng, folder):
+        try:
+            work(rng, folder)
+        except (Fault, ImportError):
+            raise
+        except Exception as error:
+            raise Fault(f'what is right is refused: {error}') from error
+    return checked
 
 
 def damaged(rng, content) -> bytes:
@@ -150,40 +258,50 @@ def capture(main, words):
     return code, out.getvalue()
 
 
-def run(sections, description, examples):
-    """The whole program: options, cases, the table."""
+def seeded(seed, *parts):
+    return random.Random(':'.join(map(str, (seed, *parts))))
+
+
+def fresh(folder):
+    """An empty folder at this path."""
+    shutil.rmtree(folder, ignore_errors=True)
+    Path(folder).mkdir(parents=True)
+    return Path(folder)
+
+
+def print_table(sections):
+    print(f'\n{"section":<14}{"tried":>7}{"refused":>9}{"answered":>10}{"faults":>8}')
+    for section in sections:
+        print(f'{section.name:<14}{section.tried:>7}{section.refused:>9}{section.answered:>10}{len(section.faults):>8}'
+              + (f'  skipped: {section.skipped}' if section.skipped else ''))
+    for section in sections:
+        for fault in section.faults[:20]:
+            print(f'{section.name}: {fault}')
+    sys.stdout.flush()
+
+
+def parser_for(sections, description, examples):
     parser = argparse.ArgumentParser(description=description, epilog=examples, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('section', nargs='*', help=f'of {", ".join(sections)} (default: all)')
-    parser.add_argument('--seed', type=int, default=1, help='of the first round (default %(default)s)')
-    parser.add_argument('--rounds', type=int, default=1, help='with the seeds that follow: only cases that use one differ')
-    parser.add_argument('--case', default='', metavar='TEXT', help='only cases whose names hold this')
-    parser.add_argument('--timeout', type=float, default=60, metavar='S', help='of a case (default %(default)g)')
-    parser.add_argument('--memory', type=int, default=6000, metavar='MB', help='that a case may ask for (default %(default)s)')
+    parser.add_argument('sections', nargs='*', metavar='SECTION', help=f'of {", ".join(sections)} (default: all)')
+    parser.add_argument('--seed', type=int, default=1, help='(default %(default)s)')
     parser.add_argument('-v', '--verbose', action='store_true', help='a line for each case')
-    o = parser.parse_args()
-    if unknown := set(o.section) - set(sections):
+    return parser
+
+
+def work_through(sections, parser, arguments, attack):
+    """attack(what a section has, Section) for each section that was asked for, then the table. Returns the exit code."""
+    if unknown := set(arguments.sections) - set(sections):
         parser.error(f'no section {", ".join(sorted(unknown))}; there are {", ".join(sections)}')
-    rows, faults = [], []
-    for section in o.section or sections:
-        counts = Counter()
-        for seed in range(o.seed, o.seed + o.rounds):
-            try:
-                cases = [case for case in sections[section]() if o.case in case.name]
-            except ImportError as error:
-                print(f'{section}: skipped: {error}')
-                break
-            for case in cases:
-                result = run_case(case, seed, o.timeout, o.memory)
-                counts[result.verdict] += 1
-                if result.verdict == 'fault':
-                    faults.append((section, case.name))
-                    print(f'FAULT {section} --case {case.name!r} --seed {seed}: {result.said}', flush=True)
-                elif o.verbose:
-                    print(f'{section} {case.name!r} --seed {seed}: {result.verdict} {result.said[:300]}', flush=True)
-        rows.append((section, counts))
-    print(f'{"section":14}{"cases":>8}{"refused":>9}{"answered":>10}{"skipped":>9}{"faults":>8}')
-    for section, counts in rows:
-        print(f'{section:14}{sum(counts.values()):8}{counts["refused"]:9}{counts["answered"]:10}{counts["skipped"]:9}{counts["fault"]:8}')
-    if not any(counts['refused'] + counts['answered'] + counts['fault'] for _, counts in rows):
+    done = []
+    for name in arguments.sections or sections:
+        section, begin = Section(name, arguments), time.monotonic()
+        done.append(section)
+        try:
+            attack(sections[name], section)
+        except Skipped as reason:
+            section.skipped = str(reason)
+        print(f'{name}: {section.tried} in {time.monotonic() - begin:.0f} s, {len(section.faults)} faults', flush=True)
+    print_table(done)
+    if not any(section.tried for section in done):
         sys.exit('no case ran')
-    sys.exit(1 if faults else 0)
+    return 1 if any(section.faults for section in done) else 0

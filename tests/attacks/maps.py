@@ -1,17 +1,16 @@
 #!/usr/bin/env python3
-"""Attacks maps: files, the server, ring models. Prints every fault with its seed; exit code 1 on one.
+"""Attacks maps: files and the server. Prints every fault with its seed; exit code 1 on one.
 
   tests/attacks/maps.py                                all sections
-  tests/attacks/maps.py flip wal --times 2000          two of them, each with so many cases
-  tests/attacks/maps.py kill --times 300               kill -9 at random moments of a build
-  tests/attacks/maps.py flip --seed 7 --only 1234      one case again
+  tests/attacks/maps.py wal disk --times 2000          two of them, each with so many cases
+  tests/attacks/maps.py server_kill --times 300        kill -9 of a server at random moments of a build
+  tests/attacks/maps.py wal --seed 7 --only 1234       one case again
   tests/attacks/maps.py --build build/asan             another build's program and Python package
 
 A fault is: death by a signal, no end in time, an internal message (std::, an assertion), an exception of
 another type than revisit raises on purpose, places that are wrong, lost without a word, or there twice.
 """
 
-import argparse
 import contextlib
 import os
 import resource
@@ -25,7 +24,7 @@ import time
 from pathlib import Path
 
 import server
-from attack import Fault, Section, digest, end_of, fresh, in_child, judge, message_of, print_table, run, seeded, start
+from harness import Fault, damaged, digest, fresh, in_child, message_of, parser_for, run, seeded, start, work_through
 
 ROOT = Path(__file__).resolve().parents[2]
 STRETCH = '16'  # places that the basis is learnt from
@@ -99,9 +98,6 @@ class World:
 
     def build_to_the_end(self, file):
         run(self.program, self.build_arguments(file), codes=(0,))
-        self.must_be_as_built(file)
-
-    def must_be_as_built(self, file):
         found = self.places_of(file)
         if found != self.built:
             lost = sorted(set(self.built) - set(found))
@@ -109,7 +105,7 @@ class World:
             raise Fault(f'not the places of a build in one go: lost {lost[:9]}, other {other[:9]}')
 
 
-def examine(world, file, write=True, may_lack_the_end=False):
+def examine(world, file, may_lack_the_end=False):
     """Opens, reads, checks, asks, adds and removes, in a child. Returns whether the file was refused."""
     revisit = world.revisit
     maps = revisit.maps
@@ -159,8 +155,6 @@ def examine(world, file, write=True, may_lack_the_end=False):
             raise
         except Exception as error:
             message_of(error)
-        if not write:
-            return refused
         added = []
         try:
             recognizer = revisit.open_map(file, 'vlp16')
@@ -198,33 +192,6 @@ def examine(world, file, write=True, may_lack_the_end=False):
     return in_child(work)
 
 
-def damaged_copy(world, bytes_of, random, cut):
-    """Some bytes, one or a few changed or the end cut away."""
-    data = bytearray(bytes_of)
-    if cut:
-        return data[:random.randrange(len(data))]
-    for _ in range(random.choice((1, 1, 1, 2, 8))):
-        at = random.randrange(len(data))
-        if random.random() < 0.5:  # where the trees are
-            at = min(len(data) - 1, at // 4096 * 4096 + random.randrange(120))
-        data[at] ^= 1 << random.randrange(8) if random.random() < 0.5 else random.randrange(1, 256)
-    return data
-
-
-def attack_flip(world, section, times, cut=False):
-    """Bytes of the map changed."""
-    for i, random in world.cases(section, times or 2000):
-        file = fresh(world.folder / section.name) / 'm.map'
-        file.write_bytes(damaged_copy(world, world.bytes, random, cut))
-        with section.case(f'case {i}') as case:
-            case.refused = examine(world, file)
-
-
-def attack_cut(world, section, times):
-    """The map's end cut away."""
-    attack_flip(world, section, times or 400, cut=True)
-
-
 def killed_copy(world, folder):
     """A map with its log and shared memory, as a writer leaves them that is killed: FILE -> bytes."""
     file = fresh(folder) / 'm.map'
@@ -251,12 +218,11 @@ def attack_wal(world, section, times):
     for i, random in world.cases(section, times or 1000):
         file = fresh(world.folder / section.name) / 'm.map'
         victim = random.choice(('-wal', '-wal', '-shm'))
-        how = random.choice(('flip', 'flip', 'cut', 'remove', 'noise'))
+        how = random.choice(('damage', 'damage', 'damage', 'remove', 'noise'))
         for end, what in files.items():
             data = what
             if end == victim:
-                data = {'flip': lambda: damaged_copy(world, what, random, False),
-                        'cut': lambda: damaged_copy(world, what, random, True),
+                data = {'damage': lambda: damaged(random, what),
                         'remove': lambda: None,
                         'noise': lambda: random.randbytes(len(what))}[how]()
             if data is not None:
@@ -288,19 +254,10 @@ def attack_beside(world, section, times):
     """Pipes, folders, links and devices where SQLite and the lock have their files."""
     precious = world.folder / 'precious'
 
-    def journal(of):
-        # A rollback journal that names a "super-journal": SQLite deletes that.
-        name = os.fsencode(of)
-        header = bytes.fromhex('d9d505f920a163d7') + (0).to_bytes(4, 'big') * 3 + (512).to_bytes(4, 'big') + \
-            (4096).to_bytes(4, 'big')
-        return header.ljust(512, b'\0') + (0xFFFFFFFF).to_bytes(4, 'big') + name + len(name).to_bytes(4, 'big') + \
-            (sum(name) & 0xFFFFFFFF).to_bytes(4, 'big') + bytes.fromhex('d9d505f920a163d7')
-
     kinds = {'pipe': os.mkfifo, 'folder': os.mkdir, 'link': lambda path: os.symlink(precious, path),
              'zeros': lambda path: os.symlink('/dev/zero', path), 'full': lambda path: os.symlink('/dev/full', path),
              'dangling': lambda path: os.symlink(world.folder / 'nowhere', path),
-             'itself': lambda path: os.symlink(path, path),
-             'journal': lambda path: Path(path).write_bytes(journal(precious))}
+             'itself': lambda path: os.symlink(path, path)}
     for end in ('-wal', '-shm', '-journal', '-writer', ''):
         for kind, make in kinds.items():
             for command in (['info'], ['check'], ['remove', '--ids', '3'], ['build']):
@@ -352,22 +309,6 @@ def hostile_schemas():
     yield 'a version below', 'PRAGMA user_version=-3'
     yield 'a version above', 'PRAGMA user_version=99'
     yield 'a schema format above', 'PRAGMA writable_schema=1; PRAGMA schema_version=9999999'
-    for column in ('drive', 'frame', 'time', 'pose', 'descriptor', 'feature', 'revision', 'checksum', 'id'):
-        for value in ('NULL', "'text'", '9e999', '-9223372036854775808', '9223372036854775807', "x'ff00ff'", 'zeroblob(0)',
-                      'zeroblob(100000000)', "CAST(x'ff80c0' AS TEXT)", "''"):
-            yield f'place.{column}={value}', f'UPDATE OR REPLACE place SET {column}={value} WHERE id=7'
-    for table, columns in (('map', ('identity', 'bytes_per_number', 'revision', 'checksum', 'id')),
-                           ('counts', ('places', '"values"', 'checksum', 'id')),
-                           ('value', ('name', 'bytes', 'checksum', 'id')),
-                           ('removed', ('place', 'checksum', 'id'))):
-        for column in columns:
-            for value in ('NULL', "'text'", '-1', '-9223372036854775808', '9223372036854775807', 'zeroblob(10000000)',
-                          "CAST(x'ff80c0' AS TEXT)"):
-                yield f'{table}.{column}={value}', f'UPDATE OR REPLACE {table} SET {column}={value}'
-                if table == 'map':
-                    yield f'both heads {column}={value}', (f'UPDATE OR REPLACE map SET {column}={value}; '
-                                                           f'UPDATE OR REPLACE map_copy SET {column}={value}')
-        yield f'{table} empty', f'DELETE FROM {table}'
     yield 'all empty', 'DELETE FROM map; DELETE FROM map_copy; DELETE FROM counts; DELETE FROM value; DELETE FROM place'
 
 
@@ -389,11 +330,8 @@ def attack_schema(world, section, times):
             print(f'{section.name}: {name}: not made: {error}')
             continue
         with section.case(f'case {i}, {name}') as case:
-            if 'removed.' in name or name == 'removed empty':
-                case.refused = drive_all(world, file)
-            else:
-                case.refused = examine(world, file)
-                case.refused = drive_all(world, file) and case.refused
+            case.refused = examine(world, file)
+            case.refused = drive_all(world, file) and case.refused
 
 
 def drive_all(world, file):
@@ -407,95 +345,6 @@ def drive_all(world, file):
         codes.append(run(world.program, ['map', *arguments], timeout=30).code)
     codes.append(run(world.program, world.build_arguments(file), timeout=60).code)
     return all(codes)
-
-
-def attack_kill(world, section, times):
-    """kill -9 at a random moment of a build, which is then started again, until it is through."""
-    file, last, round_, faults = None, {}, 0, 0
-    for i, random in world.cases(section, times or 300):
-        if file is None or len(section.faults) > faults:
-            faults = len(section.faults)
-            round_ += 1
-            file, last = fresh(world.folder / f'kill{round_ % 2}') / 'm.map', {}
-        with section.case(f'case {i}') as case:
-            process = start(world.program, world.build_arguments(file))
-            # Once it has come as far as the map, mostly.
-            end = time.monotonic() + 30
-            if random.random() < 0.8:
-                while not Path(f'{file}-writer').exists() and process.poll() is None and time.monotonic() < end:
-                    time.sleep(0.0005)
-            time.sleep(random.random() ** 2 * (0.25 if random.random() < 0.8 else world.build_time))
-            process.kill()
-            out, err = process.communicate()
-            ended = process.returncode == 0
-            if not ended and process.returncode != -signal.SIGKILL:
-                judge(process.returncode, out, err, codes=(0,))
-            if not file.exists() or file.stat().st_size == 0:
-                if last or ended:
-                    raise Fault('the map is gone')
-                continue
-            if random.random() < 0.5:  # else the next writer is the first who sees it
-                world.must_be_sound(file)
-                found = world.places_of(file)
-                if lost := set(last) - set(found):
-                    raise Fault(f'lost: {sorted(lost)}')
-                last = found
-                case.refused = False
-            if ended or len(last) == len(world.built):
-                world.build_to_the_end(file)
-                file = None
-    if file is not None:
-        with section.case('the last build ends') as case:
-            world.build_to_the_end(file)
-    print(f'{section.name}: {round_} maps')
-
-
-def attack_interrupt(world, section, times):
-    """Ctrl-C and SIGTERM at a random moment."""
-    file = fresh(world.folder / section.name) / 'm.map'
-    for i, random in world.cases(section, times or 30):
-        with section.case(f'case {i}') as case:
-            process = start(world.program, world.build_arguments(file))
-            time.sleep(random.random() * world.build_time)
-            number = random.choice((signal.SIGINT, signal.SIGTERM))
-            process.send_signal(number)
-            out, err = end_of(process, 20)
-            if process.returncode != -number:  # before the program has its handler
-                case.refused = judge(process.returncode, out, err, codes=(0, 130)).code != 0
-            if file.exists():
-                world.places_of(file)
-            if process.returncode == 0:
-                world.must_be_as_built(file)
-                fresh(file.parent)
-    world.build_to_the_end(file)
-
-
-def attack_writers(world, section, times):
-    """Two and more processes write and read one file."""
-    for i, random in world.cases(section, times or 25):
-        file = fresh(world.folder / section.name) / 'm.map'
-        with section.case(f'case {i}') as case:
-            processes = []
-            for _ in range(3):
-                processes.append(start(world.program, world.build_arguments(file)))
-                time.sleep(random.random() * 0.2)
-            codes = []
-            while any(p.poll() is None for p in processes):
-                if file.exists() and file.stat().st_size:
-                    result = run(world.program, ['map', random.choice(('info', 'places')), file])
-                    if result.code not in (0, 3):
-                        raise Fault(f'a reader: {result.text}')
-                time.sleep(0.02)
-            for process in processes:
-                out, err = process.communicate()
-                codes.append(judge(process.returncode, out, err, codes=(0, 1)).code)
-                if codes[-1] and b'another process is writing' not in err:
-                    raise Fault(err.decode())
-            if 0 not in codes:
-                raise Fault('none of them could write')
-            case.refused = 1 in codes
-            world.must_be_as_built(file)
-            world.must_be_sound(file)
 
 
 def attack_disk(world, section, times):
@@ -551,38 +400,6 @@ def attack_memory(world, section, times):
                 world.build_to_the_end(new)
 
 
-def attack_readonly(world, section, times):
-    """Folders and files without the right to read or write; as nobody."""
-    if os.geteuid() != 0:
-        section.skipped = 'needs root'
-        return
-    os.chmod(world.folder, 0o755)
-    files = killed_copy(world, world.folder / 'killed')
-    for folder_mode in (0o555, 0o755, 0o111, 0o000, 0o777):
-        for file_mode in (0o444, 0o644, 0o666, 0o000, 0o222):
-            for killed in (False, True):
-                for command in (['info'], ['check'], ['places'], ['remove', '--ids', '3'], ['build']):
-                    folder = fresh(world.folder / section.name)
-                    file = folder / 'm.map'
-                    file.write_bytes(files[''] if killed else world.bytes)
-                    if killed:
-                        Path(f'{file}-wal').write_bytes(files['-wal'])
-                    os.chmod(file, file_mode)
-                    os.chmod(folder, folder_mode)
-                    line = ['map', command[0], file, *command[1:]] if command != ['build'] else world.build_arguments(file)
-                    with section.case(f'folder {folder_mode:o}, file {file_mode:o}, killed {killed}, {command[0]}') as case:
-                        result = run(world.program, line, user=65534)
-                        case.refused = result.code != 0
-                        if result.code not in (0, 5) and 'm.map' not in result.err:
-                            raise Fault(f'the error names no file: {result.err}')
-                        if result.code == 0 and killed and command == ['places'] and result.out.count('\n') != 89:
-                            raise Fault(f'{result.out.count(chr(10))} lines')
-                        os.chmod(folder, 0o755)
-                        os.chmod(file, 0o644)
-                        if not killed and command[0] in ('info', 'check', 'places') and file.read_bytes() != world.bytes:
-                            raise Fault('a reader changed the file')
-
-
 def attack_names(world, section, times):
     """Names of maps and drives that are not UTF-8, command terminals, are too long, or look like something else."""
     folder = fresh(world.folder / section.name)
@@ -621,58 +438,20 @@ def attack_names(world, section, times):
                     raise Fault('damaged')
 
 
-def attack_ring(world, section, times):
-    """Ring models: bytes changed and cut. (With a checksum that is right: tests/fuzz/ring_model.cpp.)"""
-    models = [p for p in (ROOT, world.program.parents[1]) for p in p.rglob('*.ring*') if p.is_file()]
-    models = [p for p in models if 0 < p.stat().st_size < 20e6][:3]
-    if not models:
-        section.skipped = 'no ring model was found'
-        return
-    for i, random in world.cases(section, times or 1000):
-        whole = models[i % len(models)].read_bytes()
-        file = fresh(world.folder / section.name) / 'm.ring'
-        file.write_bytes(damaged_copy(world, whole, random, random.random() < 0.2))
-        with section.case(f'case {i}') as case:
-            def work():
-                try:
-                    model = world.revisit.recognition.read_ring_model(file)
-                    recognizer = world.revisit.open_map(None, model=model)
-                    recognizer.describe(world.revisit.datasets.read_scan(world.first_scan))
-                    return False
-                except Exception as error:
-                    message_of(error)
-                    return True
-            case.refused = in_child(work)
-
-
 SECTIONS = {name.removeprefix('attack_'): work for name, work in [*globals().items(), *vars(server).items()]
             if name.startswith('attack_')}
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter,
-                                     epilog='sections:\n' + '\n'.join(
-                                         f'  {name:<12} {work.__doc__}' for name, work in SECTIONS.items()))
-    parser.add_argument('sections', nargs='*', metavar='SECTION', help='default: all')
+    parser = parser_for(SECTIONS, __doc__, 'sections:\n' + '\n'.join(f'  {name:<12} {work.__doc__}' for name, work in SECTIONS.items()))
     parser.add_argument('--times', type=int, help='cases of each section (default: its own)')
-    parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--only', type=int, metavar='CASE', help='this case of the sections only')
     parser.add_argument('--build', type=Path, default=ROOT / 'build/dev', help='default: build/dev')
     parser.add_argument('--folder', type=Path, help='keep what is made in this folder')
     arguments = parser.parse_args()
-    if unknown := set(arguments.sections) - set(SECTIONS):
-        parser.error(f'unknown sections: {", ".join(sorted(unknown))}; there are {", ".join(SECTIONS)}')
-    done = []
     with tempfile.TemporaryDirectory() as temporary:
         world = World(arguments, fresh(arguments.folder or temporary))
-        for name in arguments.sections or SECTIONS:
-            section = Section(name)
-            done.append(section)
-            begin = time.monotonic()
-            SECTIONS[name](world, section, arguments.times)
-            print(f'{name}: {section.tried} in {time.monotonic() - begin:.0f} s, {len(section.faults)} faults', flush=True)
-    print_table(done)
-    return 1 if any(section.faults for section in done) else 0
+        return work_through(SECTIONS, parser, arguments, lambda work, section: work(world, section, arguments.times))
 
 
 if __name__ == '__main__':

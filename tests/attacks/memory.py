@@ -6,12 +6,11 @@ import os
 import sys
 import threading
 import time
-import warnings
 
 import numpy as np
 
 from arrays import caffe_net, net_of
-from harness import Case, Fault, command
+from harness import Case, Fault, run
 from nets import CONVOLVE, SCALE
 from scans import room
 
@@ -138,27 +137,6 @@ def gone_during_pass(rng, folder):
     thread.join()
 
 
-def after_fork(threads):
-    def work(rng, folder):
-        warnings.simplefilter('ignore', DeprecationWarning)
-        net = net_of(CONVOLVE)
-        run = net.plan(threads=threads).run()
-        run.forward({'data': IMAGE})
-        expected = run.output('prob').copy()
-        child = os.fork()
-        if child == 0:
-            run.forward({'data': IMAGE})
-            other = net.plan(threads=threads).run()
-            other.forward({'data': IMAGE})
-            os._exit(0 if np.array_equal(run.output('prob'), expected) and np.array_equal(other.output('prob'), expected) else 9)
-        if os.waitpid(child, 0)[1]:
-            raise Fault('the child of a fork fails')
-        run.forward({'data': IMAGE})
-        if not np.array_equal(run.output('prob'), expected):
-            raise Fault('another answer after a fork')
-    return work
-
-
 def map_after_fork(rng, folder):
     """A child has no business with the parent's map, and must not break it."""
     import revisit
@@ -216,7 +194,7 @@ def at_end(what, threads):
     def work(rng, folder):
         script = folder / 'end.py'
         script.write_text(BEGIN.format(path=[p for p in sys.path if p], threads=threads) + what + '\n')
-        command([sys.executable, '-W', 'ignore', script], codes=(0,), cwd=folder, timeout=40)
+        run(sys.executable, ['-W', 'ignore', script], codes=(0,), cwd=folder, timeout=40)
     return work
 
 
@@ -224,7 +202,6 @@ def lifetimes():
     cases = [Case(f'{make.__name__}', stays(make)) for make in (
         of_run, of_file, of_description, of_places, of_points, of_prepared, of_curve)]
     cases += [Case(work.__name__, work) for work in (given_goes, changes_meanwhile, gone_during_pass, map_after_fork)]
-    cases += [Case(f'after a fork, {threads} threads', after_fork(threads)) for threads in (1, 2, 4)]
     cases += [Case(f'the end: {name}, {threads} threads', at_end(what, threads)) for threads in (1, 2) for name, what in ENDS.items()]
     return cases
 
@@ -261,44 +238,12 @@ def often(call, times=40):
     return work
 
 
-def one_run(rng, folder):
-    """Each pass gives the right answer, or says that another thread is there."""
-    from revisit.errors import UsageError
-    net = net_of(CONVOLVE)
-    run, alone = net.plan(threads=2).run(), net.plan().run()
-    alone.forward({'data': IMAGE})
-    expected = alone.output('prob').copy()
-
-    def work():
-        for _ in range(60):
-            try:
-                run.forward({'data': IMAGE})
-                found = run.output('prob').copy()
-            except UsageError:
-                continue
-            if not np.array_equal(found, expected):
-                raise Fault('another answer')
-    together(*[work] * 8)
-
-
 def one_run_mixed(rng, folder):
     from revisit import engine
     run = net_of(CONVOLVE).plan(threads=2, keep_all=True).run()
     together(often(lambda _: run.forward({'data': IMAGE})), often(lambda _: run.set_input('data', IMAGE)), often(lambda _: run.outputs()),
              often(lambda _: run.layer_output('conv').copy()), often(lambda _: engine.profile(run, warmup=0, repeat=1)),
              often(lambda _: run.plan.layers), often(lambda _: gc.collect()), often(lambda _: run.input('data').fill(1)))
-
-
-def plans(rng, folder):
-    net = net_of(CONVOLVE)
-
-    def work():
-        for n in range(1, 25):
-            plan = net.plan({'data': [n, 3, 8, 10]}, threads=1 + n % 2, keep_all=n % 3 == 0)
-            if plan.outputs['prob'][0] != n:
-                raise Fault('another shape')
-            plan.run().forward({'data': np.repeat(IMAGE, n, 0)})
-    together(*[work] * 6)
 
 
 def recogniser(store):
@@ -371,18 +316,6 @@ def gone_elsewhere(rng, folder):
     together(make(0), make(1), make(2), collect, collect)
 
 
-def scan_features(rng, folder):
-    from revisit import recognition
-    describe, scan = recognition.from_scan(recognition.m2dp_features()), room(1)[::20]
-    expected = describe(scan)
-
-    def work():
-        for _ in range(20):
-            if not np.array_equal(describe(scan), expected):
-                raise Fault('another feature')
-    together(*[work] * 6)
-
-
 def weights_file(rng, folder):
     from revisit import proto
     file = proto.parse_net(CONVOLVE)
@@ -422,28 +355,8 @@ def nets_of_caffe(rng, folder):
     together(*[work] * 6)
 
 
-def simulations(rng, folder):
-    """Progress that raises, in two at once."""
-    from revisit import simulation
-
-    def work(k):
-        def progress(done, total):
-            if done == 2:
-                raise KeyError('enough')
-
-        def simulate():
-            try:
-                simulation.simulate(folder / str(k), last_frame=8, sensor='vlp16', progress=progress)
-            except KeyError:
-                return
-            raise Fault('what progress raised is lost')
-        return simulate
-    together(work(0), work(1))
-
-
 def threads():
-    works = [one_run, one_run_mixed, plans, one_map, gone_elsewhere, scan_features, weights_file, net_file,
-             nets_of_caffe, simulations]
+    works = [one_run_mixed, one_map, gone_elsewhere, weights_file, net_file, nets_of_caffe]
     cases = [Case(f'{work.__name__} {i}', work, 900) for work in works for i in range(3)]
     return cases + [Case(f'one recogniser {"with" if store else "without"} a map {i}', recogniser(store), 900)
                     for store in (True, False) for i in range(2)]

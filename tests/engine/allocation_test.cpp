@@ -1,31 +1,9 @@
 // Run::forward() never allocates: every operator new of this program is counted.
 #include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
+#include "counting_new.h"
 #include "revisit/engine/net.h"
 #include "test_data.h"
-
-namespace {
-std::atomic<int64_t> allocations{0};
-}  // namespace
-
-#ifndef __SANITIZE_ADDRESS__  // there operator new is the sanitizer's own and stays so
-// Not inlined: else g++ sees free() meet memory of new.
-[[gnu::noinline]] void* operator new(size_t bytes) {
-  ++allocations;
-  if (void* memory = std::malloc(bytes > 0 ? bytes : 1)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-[[gnu::noinline]] void operator delete(void* memory, size_t) noexcept {
-  std::free(memory);
-}
-#endif
 
 namespace revisit::engine {
 namespace {
@@ -84,10 +62,10 @@ TEST_P(Allocation, NoneInAForwardPass) {
       input.data[i] = static_cast<float>(i * 7919 % 13) / 13 * 2 - 1;
   }
   run.forward();  // libraries may set themselves up
-  const int64_t before = allocations;
+  const int64_t before = test::allocations;
   ASSERT_GT(before, 0);
   run.forward();
-  EXPECT_EQ(allocations - before, 0);
+  EXPECT_EQ(test::allocations - before, 0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Nets, Allocation, testing::ValuesIn(kNets),

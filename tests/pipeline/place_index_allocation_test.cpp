@@ -1,32 +1,11 @@
 // PlaceIndex::best() allocates its result only: every operator new of a thread is counted.
 #include <gtest/gtest.h>
 
-#include <cstdlib>
-#include <new>
 #include <random>
 
+#include "counting_new.h"
 #include "revisit/recognition/place_index.h"
 #include "revisit/recognition/ring/match.h"
-
-namespace {
-thread_local int64_t allocations = 0;
-}  // namespace
-
-#if !defined(__SANITIZE_ADDRESS__) && \
-    !defined(__SANITIZE_THREAD__)  // there operator new is the sanitizer's own and stays so
-// Not inlined: else g++ sees free() meet memory of new.
-[[gnu::noinline]] void* operator new(size_t bytes) {
-  ++allocations;
-  if (void* memory = std::malloc(bytes > 0 ? bytes : 1)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-[[gnu::noinline]] void operator delete(void* memory, size_t) noexcept {
-  std::free(memory);
-}
-#endif
 
 namespace revisit::pipeline {
 namespace {
@@ -42,9 +21,9 @@ void expect_only_the_result(int64_t dim, const Comparison& comparison) {
   }
   const std::vector<CandidateRange> candidates = {{0, 1500}, {1600, 2990}};
   for (int64_t q = 0; q < 20; ++q) index.best(index.descriptor(q), candidates);
-  const int64_t before = allocations;
+  const int64_t before = test::allocations;
   const Match match = index.best(index.descriptor(9), candidates);
-  EXPECT_LE(allocations - before, 2);  // its ranks and similarities
+  EXPECT_LE(test::allocations - before, 2);  // its ranks and similarities
   EXPECT_EQ(match.ranks.size(), 4);
 }
 

@@ -165,7 +165,7 @@ class Twin {
   Twin(const PreparedScan& query, const PreparedScan& place) : query_(query), place_(place) {}
 
   Eigen::Isometry3d fitted(Eigen::Isometry3d T) {
-    for (int step = 0; step < 40; ++step) {
+    for (int step = 0; step < 20; ++step) {
       pair_points(T);
       Eigen::Matrix<double, 6, 6> hessian = Eigen::Matrix<double, 6, 6>::Zero();
       Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();

@@ -508,10 +508,15 @@ class Layouts(Folders):
             self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': name}]))
             with self.assertRaisesRegex(revisit.InputError, 'expected the name of a file of the data set'):
                 open_recording(self.folder / 'set')
-        self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': 'x/LIDAR_TOP/\0'}]))
-        [scan] = open_recording(self.folder / 'set').scans()
-        with self.assertRaisesRegex(revisit.InputError, 'no such file'):
-            scan.points()
+        for name, says in (('\0', 'no such file'), ('\ud800', 'no such file'), ('y' * 5000, 'too long')):
+            self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': f'x/LIDAR_TOP/{name}'}]))
+            [scan] = open_recording(self.folder / 'set').scans()
+            with self.assertRaisesRegex(revisit.InputError, says):
+                scan.points()
+        for wrong in ({'filename': 7}, {'timestamp': 'x'}, {'sample_token': ['a']}):
+            self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': 'x/LIDAR_TOP/y'} | wrong]))
+            with self.assertRaisesRegex(revisit.InputError, 'no tables of nuScenes'):
+                open_recording(self.folder / 'set')
         self.put('set/v1.0-mini/sample_data.json', json.dumps([row | {'filename': 'x/LIDAR_TOP/y', 'timestamp': 10**400}]))
         with self.assertRaisesRegex(revisit.InputError, 'v1.0-mini: no tables of nuScenes: OverflowError'):
             open_recording(self.folder / 'set')

@@ -2,6 +2,7 @@
 
 import io
 import os
+import struct
 import subprocess
 import sys
 import unittest
@@ -122,6 +123,10 @@ class Weights(ConversionTest):
             file.write_bytes(whole.replace(old, new))
             self.refused(3, 'not a readable npz file', 'weights', file, out)
             self.refused(3, 'not a readable npz file', 'torch', 'alexnet', file, self.path('o.prototxt'), out)
+        for shape in ('(10000000000000,)', '(4294967296, 4294967296)', '(-1,)', '(' * 3000, "__import__('os').abort()"):
+            text = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}\n".encode()
+            archive(('a/0.npy', b'\x93NUMPY\1\0' + struct.pack('<H', len(text)) + text + bytes(8)))
+            self.refused(3, 'not a readable npz file', 'weights', file, out)
         with mock.patch.object(npy, 'FREE_BYTES', 1 << 20):
             archive(('a/0.npy', bytes(2 << 20)))
             self.refused(3, 'a bomb', 'weights', file, out)

@@ -135,8 +135,7 @@ def _conv(net, layer, x):
         refuse(layer, 'a dilated convolution with a pad that differs between two sides')
     if layer.dilate[0] != layer.dilate[1]:
         refuse(layer, 'a dilation that differs between rows and columns')
-    # Caffe pads both sides alike. Zeros in the kernel take back what is too much: at its end when the pad before is the
-    # larger one, at its beginning when the pad after is. Windows stay where they were, for every input size.
+    # Caffe pads alike: zeros at the kernel's end, or beginning, undo a surplus pad after, or before. Windows stay.
     grow = ((max(bottom - top, 0), max(top - bottom, 0)), (max(right - left, 0), max(left - right, 0)))
     if np.any(grow):
         filters = np.pad(filters, ((0, 0), (0, 0), *grow))

@@ -30,8 +30,7 @@ class Stream {
 
   uint64_t word(uint64_t i) const { return mix(key_ + (i + 1) * kGolden); }
 
-  /// Number i of a gaussian of variance 1: 12 uniform integers in [0, 2^32), their mean
-  /// 12 * (2^32 - 1) / 2 subtracted, in units of 2^32. Exact in double.
+  /// Gaussian number i of variance 1 (mean 12 * (2^32 - 1) / 2, units of 2^32); exact in double.
   double gaussian(uint64_t i) const {
     int64_t sum = 0;
     for (uint64_t j = 0; j < 6; ++j) {

@@ -119,8 +119,7 @@ double FabMap::log_likelihood_of_new_place(std::span<const float> seen) const {
 
 void FabMap::posterior(std::span<const float> seen, std::span<const std::span<const float>> places,
                        std::span<double> probabilities) const {
-  // What the query shows is the same for all places: only "was this word seen there" is left, so
-  // that ln p(Z | L) = base + the sum of `gain` over the words of the place.
+  // For a given query ln p(Z | L) = base + the sum of `gain` over the words of the place.
   double base = 0;
   std::vector<double> gain;
   for (size_t word = 0; word < terms_.size(); ++word) {

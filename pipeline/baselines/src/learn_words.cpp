@@ -22,7 +22,6 @@ std::vector<int64_t> spread(int64_t total, int64_t count) {
   return chosen;
 }
 
-/// The descriptors of each training image.
 std::vector<FloatMatrix> describe_images(const Dataset& images, const std::vector<int64_t>& chosen,
                                          const TrainingOptions& options) {
   const auto n = static_cast<int64_t>(chosen.size());

@@ -20,9 +20,8 @@ struct AlignedPoints {
   float radius = 0;            // of the point farthest from the centroid [m]
 };
 
-/// Right-handed axes in the rows: x' the direction of largest variance, then y'. An eigenvector has
-/// no sign of its own: x' and y' point to the side of the longer tail (positive third moment),
-/// which turns with the cloud.
+/// Right-handed axes in the rows: x' the direction of largest variance, then y'. Both point to the
+/// side of the longer tail (positive third moment), which turns with the cloud.
 Eigen::Matrix3d principal_axes(const std::vector<Eigen::Vector3d>& centred) {
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
   for (const Eigen::Vector3d& p : centred) scatter += p * p.transpose();
@@ -87,8 +86,7 @@ PlaneAxes plane_axes(double azimuth, double elevation) {
   return {u.cast<float>(), v.cast<float>()};
 }
 
-/// The sector of a direction, counted from -pi in steps of 22.5 degrees, without an arcus tangent:
-/// within its quadrant by comparing slopes. A point at the origin is in the sector of angle 0.
+/// The sector of a direction, 22.5 degrees each from -pi; found by slopes, without an arc tangent.
 int sector_of(float px, float py) {
   constexpr float kSlope = 0.414213562F;  // tan(22.5 deg)
   const float ax = std::abs(px), ay = std::abs(py);
@@ -106,8 +104,7 @@ void count_points(const AlignedPoints& points, const PlaneAxes& axes,
   for (int k = 1; k < kM2dpCircles; ++k)
     squared_ends[static_cast<size_t>(k - 1)] = static_cast<float>(
         std::pow(points.radius * std::pow(static_cast<double>(k) / kM2dpCircles, 2), 2));
-  // Bins first, by a loop without memory of its own, which the compiler vectorises; then the
-  // counts.
+  // Bins first, in a loop that the compiler vectorises; then the counts.
   constexpr size_t kBlock = 1024;
   std::array<int, kBlock> bins{};
   for (size_t first = 0; first < points.x.size(); first += kBlock) {

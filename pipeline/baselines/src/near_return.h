@@ -10,7 +10,6 @@ namespace revisit::pipeline {
 /// No LiDAR sees farther. Bounds what is computed from coordinates: voxel indices, moments.
 inline constexpr float kFarthest = 1000;  // [m]
 
-/// A return that can be one.
 inline bool is_near_return(const Point& point) {
   return is_return(point) &&
          std::max({std::abs(point.x), std::abs(point.y), std::abs(point.z)}) <= kFarthest;

@@ -38,9 +38,8 @@ struct UnitColumns {
   std::vector<float> occupied;  // [width], 0 or 1
 };
 
-/// For all shifts at once, so that the innermost loop runs over neighbours in memory:
-/// cosines[shift] = sum over columns j of a's column j + shift times b's column j. `a` is repeated
-/// twice side by side so that no column wraps.
+/// cosines[shift] = sum over columns j of a's column j + shift times b's column j. The innermost
+/// loop runs over shifts, neighbours in memory; `a` stands there twice so that no column wraps.
 ContextDistance best_shift(const UnitColumns& a, const UnitColumns& b,
                            const ScanContextOptions& options) {
   const int sectors = options.sectors;

@@ -130,8 +130,7 @@ class Draws {
   double uniform() { return static_cast<double>(random_() >> 11) * 0x1p-53; }
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   bool chance(double probability) { return uniform() < probability; }
-  /// Standard normal but for the tails beyond 6: the sum of twelve uniform numbers, which takes no
-  /// logarithm and so has the same bits everywhere.
+  /// Nearly standard normal: the sum of twelve uniform numbers has the same bits everywhere.
   double normal() {
     constexpr double kHalves = 12 * 0.5 * 0xffff;
     uint64_t sum = 0;

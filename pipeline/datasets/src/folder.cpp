@@ -43,8 +43,7 @@ bool is_image(const fs::path& file) {
   return (file.extension() == ".png" || file.extension() == ".PNG") && is_visible_file(file);
 }
 
-/// Calls `take(path)` for what is in the folder until it returns true; nothing when there is no
-/// such folder.
+/// Calls `take(path)` for the entries of the folder, if it exists, until it returns true.
 template <class Take>
 void each_entry(const fs::path& folder, const Take& take) {
   std::error_code error;
@@ -68,8 +67,8 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
   if (names.empty())
     throw InputError(folder.string(), ": no ", kind, " in this folder", compressed_scans(folder));
 
-  const auto unnumbered = std::find_if(names.begin(), names.end(),
-                                       [](const std::string& name) { return !number_of(name); });
+  const auto unnumbered =
+      std::ranges::find_if(names, [](const std::string& name) { return !number_of(name); });
   if (unnumbered != names.end() && numbers == FrameNumbers::kFromNames)
     throw InputError((folder / *unnumbered).string(),
                      ": expected the frame's number as the file name, e.g. ", example);
@@ -79,11 +78,8 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
     const int frame = unnumbered == names.end() ? *number_of(name) : static_cast<int>(files.size());
     files.push_back({frame, folder / name});
   }
-  std::stable_sort(files.begin(), files.end(),
-                   [](const NumberedFile& a, const NumberedFile& b) { return a.frame < b.frame; });
-  const auto twice = std::adjacent_find(
-      files.begin(), files.end(),
-      [](const NumberedFile& a, const NumberedFile& b) { return a.frame == b.frame; });
+  std::ranges::stable_sort(files, {}, &NumberedFile::frame);
+  const auto twice = std::ranges::adjacent_find(files, {}, &NumberedFile::frame);
   if (twice != files.end())
     throw InputError(folder.string(), ": frame ", twice->frame,
                      " appears twice: ", twice->file.filename().string(), " and ",

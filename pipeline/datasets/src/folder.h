@@ -17,8 +17,7 @@ enum class FrameNumbers {
   kFromNamesOrOrder,  // otherwise 0, 1, 2... in natural order of the names
 };
 
-/// The scan files of a folder by frame. Hidden files and other kinds are passed over. Throws
-/// InputError for a folder that cannot be read, holds no scan, or names a frame twice.
+/// Visible scan files by frame. Throws InputError for no folder, no scan, or a frame named twice.
 std::vector<NumberedFile> list_scans(const std::filesystem::path& folder, FrameNumbers numbers);
 
 /// The same for .png images, whose names must be numbers.
@@ -26,14 +25,12 @@ std::vector<NumberedFile> list_images(const std::filesystem::path& folder);
 
 /// True when something in the folder passes `wanted`; nothing is looked at after the first.
 bool holds(const std::filesystem::path& folder, bool (*wanted)(const std::filesystem::path&));
-/// True when the folder holds at least one scan file.
 bool holds_scans(const std::filesystem::path& folder);
 
 /// The end of a message about compressed scans; "" when the folder has none.
 std::string compressed_scans(const std::filesystem::path& folder);
 
-/// The names in a folder that pass `keep`, in natural order ("scan2" before "scan10"); none when
-/// there is no such folder.
+/// Names that pass `keep`, in natural order ("scan2" before "scan10"); none without the folder.
 std::vector<std::string> list_names(const std::filesystem::path& folder,
                                     bool (*keep)(const std::filesystem::path&));
 

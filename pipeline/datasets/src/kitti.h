@@ -18,9 +18,8 @@ struct KittiSequence {
   std::optional<std::filesystem::path> poses() const;
 };
 
-/// Resolves a root (with `sequences/` or `poses/`) or one sequence's folder; nothing when it is
-/// neither. A sequence is there when its poses (`for_poses`) or scans are. Throws InputError when
-/// `root` is not a folder, and, listing the sequences, when not exactly one can be meant.
+/// Resolves a root (with `sequences/` or `poses/`) or a sequence's folder with poses (`for_poses`)
+/// or scans, else nothing. Throws InputError for no folder or, with a list, not one sequence.
 std::optional<KittiSequence> find_kitti_sequence(const std::filesystem::path& root,
                                                  const std::string& sequence, bool for_poses);
 

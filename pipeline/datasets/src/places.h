@@ -11,8 +11,7 @@ struct PlaceFolders {
   std::vector<std::filesystem::path> places;  // each holds the scans of one place; may be none
 };
 
-/// Finds the folders of scans in `root`, or in the set of such folders that `sequence` names, or
-/// the only one. Throws InputError when several sets are there and none is named, or another one.
+/// Folders of scans in `root`, or in its set `sequence`, or its only set; InputError if unclear.
 PlaceFolders find_places(const std::filesystem::path& root, const std::string& sequence);
 
 }  // namespace revisit::pipeline

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -57,8 +56,7 @@ struct Metrics {
   int64_t f1_max_at = -1;  // index of the last ballot accepted at f1_max
 };
 
-/// Lets the threshold fall over the ballots once and gives the metrics of kLanes resamples: query
-/// q counts weights[q][lane] times. Counts stay below 2^32: evaluate_pairs() bounds the ballots.
+/// Metrics of kLanes resamples in one pass; query q counts weights[q][lane] times, < 2^32 in all.
 template <int kLanes, class Score>
 std::array<Metrics, kLanes> measure(const Ballots<Score>& ballots, const Weights<kLanes>& weights) {
   using Counts = std::array<uint32_t, kLanes>;

@@ -1,5 +1,6 @@
 #include "revisit/evaluation/bootstrap.h"
 
+#include <cmath>
 #include <random>
 
 #include "ballots.h"

@@ -11,8 +11,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// To be raised with every change after which the same features give other figures: protocols,
-/// retrieval, precision and recall. (What changes the features is in their own key.)
+/// To be raised when the same features give other figures: protocols, retrieval, precision, recall.
 constexpr int kEvaluationVersion = 1;
 
 DescribeOptions in_case(DescribeOptions options, AlignCase align) {
@@ -50,8 +49,7 @@ std::vector<bool> TaskResult::accepted() const {
 
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments) {
   if (match.turn) return *match.turn * 180.0 / std::numbers::pi;
-  // The place's direction is seen at yaw_q from the query and at yaw_m from the match: the heading
-  // differs by yaw_m - yaw_q. Case 2 looks along the opposite direction.
+  // One direction is seen at both yaws: the heading differs by match - query; case 2 looks back.
   const double query = alignments[static_cast<size_t>(match.query)].yaw;
   const double stored = alignments[static_cast<size_t>(match.ranks.at(0))].yaw;
   const double turned = match.which_case == 2 ? 180.0 : 0.0;

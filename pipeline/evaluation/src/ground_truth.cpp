@@ -6,7 +6,6 @@
 #include <numeric>
 
 #include "revisit/base/error.h"
-#include "revisit/base/text.h"
 
 namespace revisit::pipeline {
 namespace {

@@ -17,8 +17,7 @@ constexpr Drive kDrives[] = {{"00", 4541}, {"01", 1101}, {"02", 4661}, {"03", 80
                              {"04", 271},  {"05", 2761}, {"06", 1101}, {"07", 1101},
                              {"08", 4071}, {"09", 1591}, {"10", 1201}};
 
-/// Throws UsageError unless the drive has as many poses as KITTI's (scans may be missing):
-/// published frame numbers mean nothing on another drive of that name.
+/// Throws UsageError unless the drive has as many poses as KITTI's, whose frames were published.
 void need_official_drive(const std::string& protocol, const std::string& sequence,
                          const Trajectory& trajectory) {
   const auto* const drive = std::find_if(std::begin(kDrives), std::end(kDrives),
@@ -103,8 +102,7 @@ const StoredScans& need_entry(const std::string& protocol, const std::string& se
                    "; paper-easy, online and leave-one-out work for any");
 }
 
-/// Frames, half open. 00, 02, 05 and 06 as published with BEVPlace, 08 with BEVPlace++; what is
-/// between database and queries is left out there.
+/// Half-open frame ranges of BEVPlace (00, 02, 05, 06) and BEVPlace++ (08), with a gap between.
 struct Ranges {
   const char* sequence;
   int database_end, query_begin, query_end;

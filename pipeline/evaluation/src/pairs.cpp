@@ -61,8 +61,7 @@ void in_parallel(int64_t n_queries, int64_t block, const PairOptions& options, W
   }
 }
 
-/// `wanted` of the numbers 0 .. n - 1, each as likely as any other, ascending (Knuth, The Art of
-/// Computer Programming, volume 2, algorithm S).
+/// `wanted` of 0 .. n - 1, ascending (Knuth, The Art of Computer Programming 2, algorithm S).
 std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   std::mt19937_64 random(kDrawSeed);
   std::vector<int64_t> drawn;
@@ -76,8 +75,7 @@ std::vector<int64_t> draw(int64_t wanted, int64_t n) {
   return drawn;
 }
 
-/// Which pairs are compared: all true ones, and the false ones with these numbers, counted over the
-/// queries in order.
+/// The pairs to compare: all true ones, and the false ones with these numbers over the queries.
 struct Selection {
   std::vector<int64_t> first_false;  // [queries + 1] numbers of the false pairs of each query
   std::vector<int64_t> first_pair;   // [queries + 1] places of the compared pairs of each query

@@ -106,18 +106,10 @@ const std::vector<Entry>& table() {
   return entries;
 }
 
-/// The wording of the definitions.
 std::string words_for(const Exclusion& exclusion) {
   const char* const units[] = {"", " frames", " s", " m of the way"};
   if (exclusion.kind == Exclusion::Kind::kNone) return "any time";
   return str("more than ", exclusion.amount, units[static_cast<size_t>(exclusion.kind)]);
-}
-
-/// Puts the exclusion that was asked for in the place of the protocol's own.
-void say_exclusion(std::string& definition, const Entry& entry, const Exclusion& exclusion) {
-  const std::string own = words_for(entry.exclusion);
-  if (const size_t at = definition.find(own); at != std::string::npos)
-    definition.replace(at, own.size(), words_for(exclusion));
 }
 
 const Entry* find_entry(const std::string& name) {
@@ -196,7 +188,10 @@ std::vector<Task> make_tasks(const std::string& protocol, const std::string& seq
     Task task = entry->make(sequence, trajectory, exclusion.value_or(entry->exclusion));
     task.name = name;
     task.definition = entry->protocol.definition;
-    if (task.exclusion != entry->exclusion) say_exclusion(task.definition, *entry, task.exclusion);
+    const std::string own = words_for(entry->exclusion);
+    if (const size_t at = task.definition.find(own);
+        at != std::string::npos && task.exclusion != entry->exclusion)
+      task.definition.replace(at, own.size(), words_for(task.exclusion));
     need_scans(task, trajectory.size());
     tasks.push_back(std::move(task));
   }

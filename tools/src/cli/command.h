@@ -32,9 +32,8 @@ struct Command {
   bool hidden = false;  // works, but is in no list
 };
 
-/// Runs the command of `table` that `arguments[0]` names, or prints the list (with `program` as the
-/// prefix) for none or --help. Throws UsageError for an unknown name, with the nearest one, and
-/// Described (command_line.h) when asked for a description.
+/// Runs the command that `arguments[0]` names, or lists all (after `program`) for none or --help.
+/// Throws UsageError for an unknown name, with the nearest, and Described for a description.
 int dispatch(const std::string& program, const char* introduction,
              const std::vector<Command>& table, const Arguments& arguments);
 

@@ -65,17 +65,11 @@ void GeometryOptions::declare(Parser& parser) {
               "sets all of these; 'list' prints the known sensors (default auto: from the "
               "beams of the first scans)",
               &sensor)
-      .suggest(sensor_names())
+      .suggest(pipeline::sensor_names())
       .option("width", "PIXELS", "columns of the panorama (default 4000)", &width)
       .option("height", "PIXELS", "rows of the panorama (default 112)", &height);
   for (const Field& field : kFields)
     parser.option(field.name, field.unit, field.help, &(this->*field.given));
-}
-
-std::vector<std::string> sensor_names() {
-  std::vector<std::string> names;
-  for (const pipeline::Sensor& sensor : pipeline::sensors()) names.push_back(sensor.name);
-  return names;
 }
 
 bool GeometryOptions::is_auto() const {

@@ -20,19 +20,14 @@ struct GeometryOptions {
   void declare(Parser& parser);
   /// Whether the scans are to say which sensor it is.
   bool is_auto() const;
-  /// Puts what the scans say in the place of `auto`: the sensor's name, or an upper and lower edge
-  /// and a closing rectangle where they are not given. Returns what was found, for people; "" when
-  /// a sensor was given.
+  /// Replaces `auto` by the sensor that the scans show, or edges and a closing rectangle where not
+  /// given. Returns what was found, for people; "" when a sensor was given.
   std::string resolve(const std::vector<pipeline::PointCloud>& scans);
-  /// The sensor's, but for what is given; where `auto` is not resolved, the default. Throws
-  /// UsageError for an invalid geometry.
+  /// The sensor's (`auto`: the default), but for what is given. Throws UsageError if invalid.
   pipeline::ImageGeometry geometry() const;
   /// Every option with the value it has, "" where it has none.
   std::vector<std::pair<std::string, std::string>> settings() const;
 };
-
-/// The known sensors, for Parser::suggest().
-std::vector<std::string> sensor_names();
 
 /// Whether the arguments say `--sensor list`; the sensors are then printed.
 bool lists_sensors(const Arguments& arguments);

@@ -26,8 +26,7 @@ void print_report(const std::string& format, const google::protobuf::Message& re
 /// Reads a JSON file. A list at the top is found under the key "". Throws InputError.
 google::protobuf::Struct read_json(const std::filesystem::path& file);
 
-/// Reads what to_json() wrote; fields that this version does not know are passed over. Throws
-/// InputError.
+/// Reads what to_json() wrote, without unknown fields. Throws InputError.
 void read_report(const std::filesystem::path& file, google::protobuf::Message* report);
 /// The same of the text itself; `name` begins the error.
 void parse_report(const std::string& text, const std::string& name,

@@ -8,18 +8,15 @@
 
 namespace revisit::cli {
 
-/// What is subtracted from images before a net sees them: the mean image of a training set, or one
-/// value a channel (then h = w = 1).
+/// Mean that a net's images are taken less: an image, or one value a channel (then h = w = 1).
 struct Mean {
   int64_t channels = 0, h = 1, w = 1;
   std::vector<float> values;  // [channels][h][w]
 };
 
-/// Reads a mean from .npy (`[c]`, `[c][h][w]` or `[1][c][h][w]`) or .binaryproto, told apart by
-/// content. Throws InputError.
+/// Reads .npy (`[c]`, `[c][h][w]`, `[1][c][h][w]`) or .binaryproto by content; or InputError.
 Mean read_mean(const std::filesystem::path& file);
 
-/// The mean of each channel.
 std::vector<double> channel_means(const Mean& mean);
 
 /// Subtracts from `[n][c][h][w]` values. A larger mean image is cut to its centre, as Caffe's data

@@ -13,8 +13,7 @@
 
 namespace revisit::cli {
 
-/// Converts the text of one option or argument; throws UsageError when it does not fit the type.
-/// `what` names the option in the message, e.g. "--threads".
+/// Converts the text of `what`, e.g. "--threads"; throws UsageError when it does not fit T.
 template <class T>
 T parse_value(const std::string& what, const std::string& text);
 
@@ -61,7 +60,6 @@ class Parser {
 
   Parser& flag(std::string name, std::string help, bool* target, char letter = 0);
 
-  /// The next positional argument, required.
   template <class T>
   Parser& positional(std::string name, T* target) {
     return add_positional(std::move(name), true, target);
@@ -83,8 +81,7 @@ class Parser {
   /// Values by long option name. Called with the path of `--config`, before the command line.
   using ConfigReader =
       std::function<std::vector<std::pair<std::string, std::string>>(const std::filesystem::path&)>;
-  /// Adds `-c/--config FILE`. The file may also hold values of `others`, options of another
-  /// command, which are passed over.
+  /// Adds `-c/--config FILE`, which may also hold values of `others`, another command's options.
   Parser& config(ConfigReader reader, std::vector<std::string> others = {});
 
   /// Parses `arguments` (without the program and subcommand names) and fills the targets.

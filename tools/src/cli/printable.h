@@ -7,8 +7,7 @@
 
 namespace revisit::cli {
 
-/// Text of a file (a layer's name, a path) as a terminal can show it without obeying it: control
-/// characters, and bytes that are not UTF-8, become \x1b and the like.
+/// Text of a file for a terminal: control characters and bytes outside UTF-8 become \x1b and alike.
 std::string printable(std::string_view text);
 
 /// UTF-8: bytes that are not become U+FFFD.

@@ -6,8 +6,7 @@
 
 namespace revisit::cli {
 
-/// Runs `arguments[0]` from PATH in `folder`, without input and output. Returns "" or what went
-/// wrong; `package` is the Debian package to install.
+/// Runs `arguments[0]` from PATH in `folder`. Returns "" or an error naming the Debian `package`.
 std::string run_program(const std::filesystem::path& folder, std::vector<std::string> arguments,
                         const std::string& package);
 

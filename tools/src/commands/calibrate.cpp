@@ -18,12 +18,12 @@ using pipeline::JudgedScore;
 struct CalibrateOptions {
   fs::path model, weights, output;
   std::vector<fs::path> drives;
-  std::string sequence, exclusion = "frames=50";
-  int every = 1, altered = 1;
+  std::string exclusion = "frames=50";
+  int altered = 1;
   uint32_t seed = 1;
   double radius = 5, right_share = 0.1, precision = pipeline::RecognizerOptions().precision;
   bool judge = false;
-  FeatureOptions running;  // of these only how it runs
+  FeatureOptions running;  // of these only how it runs, and which scans of a drive
 };
 
 CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
@@ -43,9 +43,9 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
             &o.judge)
       .group("Data:")
       .option("sequence", "NN", "sequence of KITTI roots (not needed when there is one)",
-              &o.sequence)
+              &o.running.sequence)
       .option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
-              &o.every)
+              &o.running.every)
       .group("Matches:")
       .option("exclusion", "KIND=N",
               "recent scans that are not compared: frames=50 (default), seconds=30, metres=50 or "
@@ -101,8 +101,6 @@ std::vector<JudgedMatch> judged(const CalibrateOptions& o, const std::string& se
   for (const fs::path& data : o.drives) {
     FeatureOptions options = o.running;
     options.data = data;
-    options.sequence = o.sequence;
-    options.every = o.every;
     const pipeline::Dataset drive = open_scans(options, {.poses = true});
     if (!o.running.quiet) warn_of_other_sensor(drive, sensor);
     pipeline::PlaceRecognizer recognizer(rings, {});

@@ -8,9 +8,8 @@
 namespace revisit::cli {
 namespace {
 
-/// The walk over the words before the cursor. bash takes --map=x apart into three words; what it
-/// puts in the place of the last one is only what comes after the sign. zsh, which runs the script
-/// by bashcompinit, does neither, and has parameters `commands` and `options` of its own.
+/// The walk over the words before the cursor. bash splits --map=x into three words, and replaces
+/// only the last. zsh, by bashcompinit, does neither, and has own parameters `commands`, `options`.
 constexpr const char* kWalk = R"~bash~(
 _revisit() {
   local -a line=()

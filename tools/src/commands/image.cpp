@@ -69,8 +69,7 @@ void report_alignment(const Alignment& alignment, reports::RangeImageSummary* su
   summary->set_yaw_deg(double{alignment.yaw} * 180 / std::numbers::pi);
   summary->set_eigenvalue_ratio(alignment.eigenvalue_ratio);
   summary->set_abs_t11(alignment.abs_t11);
-  // Scans a few metres apart turn the principal direction by some degrees: within that of a
-  // change of the sign, or of the direction altogether, the next scan may come out turned.
+  // Scans metres apart turn the principal direction by some degrees: near these, signs may change.
   constexpr float kRoundCloud = 1.1F, kNearSignChange = 0.1F;
   if (alignment.eigenvalue_ratio < kRoundCloud)
     summary->add_warnings("eigenvalue ratio near 1: the principal direction is not determined");

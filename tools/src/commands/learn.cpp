@@ -7,6 +7,7 @@
 #include "revisit/base/file_content.h"
 #include "revisit/datasets/learn_ring.h"
 #include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/sensor.h"
 
 namespace revisit::cli {
 namespace {
@@ -16,23 +17,13 @@ using pipeline::RingLesson;
 
 struct LearnOptions {
   std::vector<fs::path> data;
-  std::string sequence, sensor = "hdl64";
-  int every = 1;
+  std::string sensor = "hdl64";
   fs::path model, weights, output, cache;
   std::string layers = "pool1=64";
   double sensor_height = pipeline::RingModel().sensor_height,
          columns_share = pipeline::RingModel().columns_share;
   pipeline::LearnRingOptions learn;
-  int threads = 0;
-  bool no_progress = false, quiet = false;
-
-  FeatureOptions running() const {
-    FeatureOptions options;
-    options.threads = threads;
-    options.no_progress = no_progress;
-    options.quiet = quiet;
-    return options;
-  }
+  FeatureOptions running;  // of these only how it runs, and which scans of a drive
 };
 
 LearnOptions parse_learn_options(const Arguments& arguments) {
@@ -49,11 +40,11 @@ LearnOptions parse_learn_options(const Arguments& arguments) {
       .option("output", "FILE", "where the model goes", &o.output, 'o')
       .group("Data:")
       .option("sequence", "NN", "sequence of a KITTI root (not needed when there is one)",
-              &o.sequence)
+              &o.running.sequence)
       .option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
-              &o.every)
+              &o.running.every)
       .option("sensor", "NAME", "which sensor took the scans (default hdl64)", &o.sensor)
-      .suggest(sensor_names())
+      .suggest(pipeline::sensor_names())
       .group("Network:")
       .option("model", "P", "prototxt, or the name of a known model", &o.model)
       .suggest(models::known_model_names())
@@ -89,10 +80,10 @@ LearnOptions parse_learn_options(const Arguments& arguments) {
               "number of scans that the columns' directions are learnt from (default 200)",
               &o.learn.column_scans)
       .group("Running:")
-      .option("threads", "N", "threads (default: all cores)", &o.threads)
+      .option("threads", "N", "threads (default: all cores)", &o.running.threads)
       .option("cache", "DIR", "where the rings are kept (default: FILE.rings)", &o.cache)
-      .flag("no-progress", "no progress line", &o.no_progress)
-      .flag("quiet", "only errors", &o.quiet, 'q');
+      .flag("no-progress", "no progress line", &o.running.no_progress)
+      .flag("quiet", "only errors", &o.running.quiet, 'q');
   parser.parse(arguments);
   if (o.data.empty()) throw UsageError("give at least one drive to learn from: DATA");
   if (o.output.empty()) throw UsageError("give the file for the model: -o FILE");
@@ -131,16 +122,13 @@ constexpr size_t kCarriedWeights = 256 << 10;  // [bytes]
 
 int learn_command(const Arguments& arguments) {
   LearnOptions o = parse_learn_options(arguments);
-  const FeatureOptions running = o.running();
-  const pipeline::Observer observer = running.observer();
+  const pipeline::Observer observer = o.running.observer();
   std::vector<pipeline::Dataset> drives;
   for (const fs::path& data : o.data) {
-    FeatureOptions options = running;
+    FeatureOptions options = o.running;
     options.data = data;
-    options.sequence = o.sequence;
-    options.every = o.every;
     drives.push_back(open_scans(options));
-    if (!o.quiet) warn_of_other_sensor(drives.back(), o.sensor);
+    if (!o.running.quiet) warn_of_other_sensor(drives.back(), o.sensor);
   }
   const pipeline::RingRecipe recipe{parse_layers(o.layers)};
   const models::FoundModel found =
@@ -156,7 +144,7 @@ int learn_command(const Arguments& arguments) {
   if (fs::file_size(found.weights) <= kCarriedWeights) model.weights = read_content(found.weights);
   const engine::Net net = engine::Net::load(found.prototxt, found.weights,
                                             {{recipe.layers.back().first, ""}, {}, false, false});
-  o.learn.threads = running.thread_count();
+  o.learn.threads = o.running.thread_count();
   o.learn.cache = o.cache.empty() ? fs::path(o.output.string() + ".rings") : o.cache;
   for (const pipeline::Dataset& drive : drives)
     model.learnt_from +=

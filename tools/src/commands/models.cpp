@@ -22,7 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr double kMegabyte = 1e6;
 
-/// --models, or the usual place.
 struct ModelsFolder {
   std::optional<fs::path> given;
 
@@ -35,10 +34,6 @@ struct ModelsFolder {
 
 std::string cuts_text(const models::KnownModel& model) {
   return joined(model.cuts, " ", [](const models::Cut& cut) { return models::to_string(cut); });
-}
-
-std::string mean_text(const models::KnownModel& model) {
-  return model.mean_bgr ? joined(*model.mean_bgr, " ") : "";
 }
 
 std::string size_text(const models::CacheEntry& entry) {
@@ -97,8 +92,9 @@ int list_command(const Arguments& arguments) {
     const std::string state = models::to_string(entry.state), input = str(model.input_size);
     if (csv)
       table.row({model.name, state, entry.size ? str(entry.size) : "", entry.sha1, model.sha1,
-                 model.address, entry.file.string(), model.licence, mean_text(model), input,
-                 cuts_text(model), model.prototxt_address, model.notes});
+                 model.address, entry.file.string(), model.licence,
+                 model.mean_bgr ? joined(*model.mean_bgr, " ") : "", input, cuts_text(model),
+                 model.prototxt_address, model.notes});
     else
       table.row({model.name, state, size_text(entry), model.licence, input, cuts_text(model)});
   }

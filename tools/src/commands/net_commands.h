@@ -36,8 +36,7 @@ void print_net_report(const reports::NetReport& report, const std::string& forma
 /// `revisit net profile --format html`, in a program with the pipeline.
 std::string profile_page(const reports::NetReport& report, const std::string& command);
 
-/// Draws a node a layer with type, kernel size and output shape to `file`, .dot or (by Graphviz's
-/// `dot`) .svg. Throws UsageError for another ending, Error when it cannot.
+/// Draws a node a layer to `file`, .dot or (by Graphviz) .svg; UsageError for others, or Error.
 void write_graph(const std::filesystem::path& file, const engine::Net& net,
                  const engine::Plan& plan);
 

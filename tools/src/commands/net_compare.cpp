@@ -14,12 +14,6 @@ using reports::NetChange;
 using reports::NetReport;
 using reports::Timing;
 
-/// So much a median differs between processes of one program, as memory lies elsewhere
-/// (docs/PROFILING.md). The passes of one process do not show it.
-double between_processes(double ms) {
-  return 0.05 * ms + 0.01;
-}
-
 /// The difference of two medians, each with an interval of its own (Zou and Donner: Construction of
 /// confidence limits about effect measures, 2008), and what is between processes.
 NetChange change_of(const Timing& before, const Timing& now) {
@@ -28,7 +22,8 @@ NetChange change_of(const Timing& before, const Timing& now) {
   change.set_now_ms(now.median());
   if (before.median() == 0 && now.median() == 0) return change;
   const double difference = now.median() - before.median();
-  const double between = between_processes(before.median());
+  // Between processes a median differs by other memory addresses, too (docs/PROFILING.md).
+  const double between = 0.05 * before.median() + 0.01;
   const double low =
       difference - std::hypot(now.median() - now.low(), before.high() - before.median(), between);
   const double high =

@@ -72,8 +72,7 @@ int net_forward_command(const Arguments& arguments) {
       "to DIR/out_NAME.npy (float32, C order; '/' in names becomes '_').",
       "  revisit net forward deploy.prototxt model.caffemodel --input data=in.npy -o out\n"
       "  revisit net forward alexnet.prototxt alexnet.caffemodel --input data=in.npy --end conv3 "
-      "--graft "
-      "pool5 -o out\n");
+      "--graft pool5 -o out\n");
   options.declare(parser);
   parser.group("Arrays:");
   parser.option("input", "BLOB=FILE.npy",

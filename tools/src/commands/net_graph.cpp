@@ -26,9 +26,7 @@ const char* colour_of(const std::string& type) {
 }
 
 void write_dot(std::ostream& out, const engine::Net& net, const engine::Plan& plan) {
-  out << "digraph "
-      << "\"" << escaped(net.name()) << "\""
-      << " {\n"
+  out << "digraph \"" << escaped(net.name()) << "\" {\n"
       << "  node [shape=box, style=\"rounded,filled\", fontname=\"Helvetica\", fontsize=11];\n"
       << "  edge [fontname=\"Helvetica\", fontsize=9];\n";
   const std::vector<engine::LayerCost>& layers = plan.layers();

@@ -14,8 +14,7 @@
 namespace revisit::cli {
 namespace {
 
-/// A deterministic input of the size of pixel values about their mean: zeros would flatter kernels
-/// that skip them, denormals would punish others.
+/// A deterministic input of pixel values about their mean, as zeros or denormals would mislead.
 void fill_input(const engine::View<float>& input) {
   int64_t i = 0;
   for (float& value : input.values())

@@ -104,7 +104,6 @@ Table layer_table(const reports::NetReport& report) {
   return table;
 }
 
-/// The limits of the machine, and which layers are farthest from them.
 void print_limits(const reports::NetReport& report) {
   const reports::SpeedLimits& limits = report.limits();
   const reports::Bandwidth& memory = limits.bandwidths(limits.bandwidths_size() - 1);
@@ -134,16 +133,14 @@ void print_limits(const reports::NetReport& report) {
             << "\n";
 }
 
-std::string percent(double share) {
-  return (share > 0 ? "+" : "") + number(100 * share, 1);
-}
-
 void print_comparison(const reports::NetReport& report) {
   const reports::NetComparison& against = report.against();
   Table table({"layer", "before ms", "now ms", "change %", "from %", "to %", "verdict"});
   const auto row = [&](const std::string& name, const reports::NetChange& change) {
     if (change.verdict().empty()) return;
-    const auto share = [&](double value) { return change.has_change() ? percent(value) : ""; };
+    const auto share = [&](double value) {
+      return change.has_change() ? (value > 0 ? "+" : "") + number(100 * value, 1) : "";
+    };
     table.row({name, number(change.before_ms(), 3), number(change.now_ms(), 3),
                share(change.change()), share(change.low()), share(change.high()),
                change.verdict()});

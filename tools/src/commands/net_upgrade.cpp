@@ -15,8 +15,7 @@ namespace fs = std::filesystem;
 
 enum class Kind { kText, kBinary, kHdf5 };
 
-/// What a file is by its beginning. A binary caffemodel has control characters in the tags of its
-/// fields. Throws InputError for anything but a network.
+/// Tells files by their beginning; binary tags have control characters. Throws InputError.
 Kind kind_of(const fs::path& file) {
   const std::string head = read_head(file, 4096);
   if (head.starts_with("\x89HDF")) return Kind::kHdf5;

@@ -15,8 +15,7 @@ namespace revisit::cli {
 namespace fs = std::filesystem;
 namespace {
 
-/// Calls `make` at once and whenever one of the files has another size, until none had for
-/// `patience` seconds or Ctrl-C.
+/// Calls `make` now and when a file changes size, until `patience` seconds without one, or Ctrl-C.
 void while_they_grow(const std::vector<fs::path>& files, double patience,
                      const std::function<void()>& make) {
   using Clock = std::chrono::steady_clock;

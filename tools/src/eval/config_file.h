@@ -7,8 +7,7 @@
 
 namespace revisit::cli {
 
-/// Reads a YAML file of option names and values (a list repeats the option), for Parser::config().
-/// Throws InputError with file:line:column for what is not a flat map of scalars.
+/// Reads a flat YAML map for Parser::config(); else throws InputError with file:line:column.
 std::vector<std::pair<std::string, std::string>> read_config_file(
     const std::filesystem::path& file);
 

@@ -7,8 +7,7 @@
 
 namespace revisit::cli {
 
-/// The points of a curve that are seen when it is drawn: at most a few hundred, the first and the
-/// last among them. Nothing for a curve without positives.
+/// At most a few hundred points to draw, with the first and last; nothing without positives.
 reports::Curve drawn_curve(const std::vector<pipeline::PrPoint>& curve);
 
 /// A number with the digits that are seen when it is drawn: a multiple of `step`.

@@ -13,8 +13,7 @@ namespace fs = std::filesystem;
 
 constexpr int kMaxResamples = 1'000'000;
 
-/// Where a file or folder is, whatever the working folder. Anything else (the name of a model, the
-/// word of another option value) stays as it is.
+/// An absolute path for a file or folder that exists; other words stay.
 std::string placed(const fs::path& given) {
   std::error_code none;
   return fs::exists(given, none) ? fs::absolute(given).string() : given.string();

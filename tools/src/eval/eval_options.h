@@ -11,7 +11,6 @@
 
 namespace revisit::cli {
 
-/// Everything that `revisit eval` is told.
 struct EvalOptions {
   FeatureOptions feature;
   std::filesystem::path output = "results";
@@ -27,8 +26,7 @@ struct EvalOptions {
 /// Reads the command line of `revisit eval`. Throws UsageError.
 EvalOptions parse_eval_options(const Arguments& arguments);
 
-/// Every option with the value it has, "" where it has none or the feature does not use it: for
-/// config.yaml. Paths are absolute.
+/// Every option with its value, "" if none or unused, and absolute paths, for config.yaml.
 std::vector<std::pair<std::string, std::string>> settings_of(const EvalOptions& options);
 
 /// The command that repeats an evaluation; options that have their default are left out.

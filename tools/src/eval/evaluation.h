@@ -29,8 +29,7 @@ struct EvaluationKey {
   std::vector<std::filesystem::path> large_files;
 };
 
-/// Opens the data set and the feature, but describes nothing (FAB-MAP learns its words). Throws
-/// what evaluate() would.
+/// Opens data and feature without describing (FAB-MAP learns its words). Throws as evaluate().
 EvaluationKey evaluation_key(const EvalOptions& options);
 
 /// Evaluates, and writes the folder of the run. Throws what pipeline::Evaluation throws.

@@ -8,13 +8,11 @@ namespace revisit::cli {
 /// How many matches of a query can be shown with their range images.
 inline constexpr int kShownMatches = 4;
 
-/// What report.json holds: all that the page of a run shows, but range images. `info` and `metrics`
-/// are those of run.json and metrics.json.
+/// Content of report.json, without range images; `info` is run.json, `metrics` is metrics.json.
 reports::Run run_data(const RunContext& context, const std::vector<pipeline::TaskResult>& results,
                       const reports::RunInfo& info, const reports::MetricsList& metrics);
 
-/// The entry of metrics.json for one task. `pose_source` names where the ground truth comes from,
-/// e.g. the poses file. What `summary` has as NaN (not computed) is left out.
+/// One task of metrics.json without NaN; `pose_source` names the ground truth, e.g. a poses file.
 reports::Metrics metrics_report(const pipeline::PrSummary& summary, const pipeline::Task& task,
                                 const std::string& pose_source);
 

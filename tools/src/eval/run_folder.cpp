@@ -34,9 +34,8 @@ std::string config_yaml(const RunContext& context) {
   return std::string(out.c_str()) + "\n";
 }
 
-/// One line a retrieved scan; score, margin and yaw belong to the best. `accepted` is blank when no
-/// threshold has a best F1, `true` for a match that is not counted. Scores have all their digits:
-/// one of them is the threshold of the best F1, and rounding would put it on either side.
+/// One line a retrieved scan; score, margin and yaw belong to the best. `accepted` is blank without
+/// a best F1, `true` without a verdict. Scores have all digits, because one is the threshold.
 void write_loops(const fs::path& file, const RunContext& context,
                  const pipeline::TaskResult& result) {
   Table table({"query_index", "match_index", "rank", "query_time", "match_time", "similarity",

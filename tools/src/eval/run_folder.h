@@ -27,16 +27,14 @@ struct RunContext {
 std::filesystem::path make_run_folder(const std::filesystem::path& output,
                                       const pipeline::Dataset& dataset);
 
-/// Points the `latest` link beside the run folder to it. Warns where a file or folder has that
-/// name.
+/// Points the `latest` link beside the run folder to it. Warns if a file or folder has that name.
 void link_latest(const std::filesystem::path& run);
 
 /// The latest finished run below `output` if its run.json has this key; else "".
 std::filesystem::path finished_run(const std::filesystem::path& output, const std::string& key);
 
-/// config.yaml, run.json, scans.csv (where each scan was taken, how it was aligned and which tasks
-/// store it), pr_<task>.csv, loops_<task>.csv (not when pairs are decided), report.json (all of it
-/// again, for the page) and metrics.json, which comes last: with it the run is complete.
+/// config.yaml, run.json, scans.csv (place, alignment, storing tasks of scans), pr_<task>.csv,
+/// loops_<task>.csv (unless pairs), report.json, and at last metrics.json: the run is complete.
 void write_run(const std::filesystem::path& run, const RunContext& context,
                const std::vector<pipeline::TaskResult>& results,
                const pipeline::EvaluationTimes& times);

@@ -20,10 +20,9 @@ struct FinishedRun {
 /// Throws InputError when `folder` is not a run.
 FinishedRun read_run(const std::filesystem::path& folder);
 
-/// Mean and deviation of every task over the runs that differ in nothing but the data: one row for
-/// each task, combination of settings and sequence, or over the sequences, too. Throws UsageError
-/// when two runs of a row are of the same data: a drive counted twice would make the deviation too
-/// small.
+/// Mean and deviation of every task over runs that differ only in the data: a row for each task,
+/// settings and sequence, or over the sequences, too. Throws UsageError when two runs of a row are
+/// of the same data, which would make the deviation too small.
 reports::Summary summarize_runs(const std::vector<FinishedRun>& runs, bool over_sequences = false);
 
 }  // namespace revisit::cli

@@ -16,16 +16,13 @@ struct StageTimes {
 /// The stages that took place, in their order.
 std::vector<StageTimes> stages_of(const pipeline::EvaluationTimes& times);
 
-/// Scans a second of one thread's processor time, from points (or a camera image) in memory to the
-/// feature, as the paper gives speeds; nothing when no scan was described.
+/// Scans a second of one thread's processor time, from memory to feature, as the paper's speeds.
 std::optional<double> frames_per_second(const pipeline::DescribeTimes& times);
 
-/// Scans a second of all threads together, from files to features; nothing when no scan was
-/// described.
+/// Scans a second of all threads together, from files to features; nothing without scans.
 std::optional<double> scans_per_second(const pipeline::DescribeTimes& times);
 
-/// Median, 95th percentile and sum of each stage, and the speed; nothing for a run that had
-/// nothing to do.
+/// Median, 95th percentile and sum of each stage, and the speed; nothing for an idle run.
 void print_times(const pipeline::EvaluationTimes& times, std::ostream& out);
 
 }  // namespace revisit::cli

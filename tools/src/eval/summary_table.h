@@ -8,8 +8,7 @@
 
 namespace revisit::cli {
 
-/// The figures of all tasks as a table, with a line of confidence intervals (of `resamples`
-/// resamples) below each that has them.
+/// The figures of all tasks, with confidence intervals (of `resamples` resamples) if any.
 void print_summary(std::ostream& out, const std::vector<pipeline::TaskResult>& results,
                    int resamples);
 

@@ -22,8 +22,7 @@ struct ExperimentOptions {
   bool no_report = false;
 };
 
-/// Runs of `revisit eval` by their arguments. In this order those of one feature follow each other,
-/// first --pca 0, whose PCA serves the others.
+/// Runs of `revisit eval` by arguments: of each feature first --pca 0, whose PCA serves the others.
 using Runs = std::multimap<Arguments, reports::ExperimentRun*>;
 
 /// Fills in the report of an experiment but for its results, and adds its runs to `runs`.
@@ -31,13 +30,11 @@ void plan_experiment(const reports::PlannedExperiment& experiment, const Experim
                      const std::vector<models::FoundModel>& networks, reports::Experiment* report,
                      Runs* runs);
 
-/// Carries out the runs below `options.output`: `runs/` has their folders, `cache/` what they
-/// share. A finished run is not repeated when nothing it depends on has changed. What cannot run is
-/// skipped, for a reason. Throws Interrupted; finished runs are kept.
+/// Carries out the runs in `options.output`: folders in `runs/`, shared files in `cache/`. Skips
+/// unchanged finished runs, and, for a reason, what cannot run. Throws Interrupted; keeps runs.
 void carry_out(const ExperimentOptions& options, const Runs& runs);
 
-/// Adds to a report with finished runs whether each claim holds on each sequence that has both of
-/// its curves, of trained networks.
+/// Adds whether each claim holds on each sequence with both of its curves, of trained networks.
 void check_claims(reports::Experiment* report);
 
 }  // namespace revisit::cli

@@ -49,19 +49,9 @@ fs::path cached_file(const fs::path& cache, const KnownModel& model) {
 }
 
 const char* to_string(CacheState state) {
-  switch (state) {
-    case CacheState::kAbsent:
-      return "absent";
-    case CacheState::kPartial:
-      return "partial";
-    case CacheState::kUnverified:
-      return "unverified";
-    case CacheState::kVerified:
-      return "verified";
-    case CacheState::kWrong:
-      return "wrong checksum";
-  }
-  return "";
+  constexpr const char* kNames[] = {"absent", "partial", "unverified", "verified",
+                                    "wrong checksum"};  // in the order of the enumeration
+  return kNames[static_cast<size_t>(state)];
 }
 
 std::vector<fs::path> files_in(const fs::path& folder, bool (*is_wanted)(const std::string&)) {

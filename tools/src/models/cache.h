@@ -11,8 +11,7 @@
 
 namespace revisit::models {
 
-/// The folder of fetched models: $REVISIT_MODELS, or $XDG_CACHE_HOME/revisit/models, or
-/// ~/.cache/revisit/models. Throws UsageError when none of the variables (nor HOME) is set.
+/// $REVISIT_MODELS, $XDG_CACHE_HOME/revisit/models or ~/.cache/revisit/models; else UsageError.
 std::filesystem::path cache_folder();
 
 /// `<cache>/<name>/<file>`: where a model's download belongs, fetched or put there by hand.
@@ -26,8 +25,7 @@ std::vector<std::filesystem::path> weights_in(const std::filesystem::path& folde
 /// The same, in folders below it, too.
 std::vector<std::filesystem::path> weights_below(const std::filesystem::path& folder);
 
-/// The weights of `model` in its folder of the cache: the file of its own name, else the only
-/// caffemodel there (put there by hand, or unpacked from an archive).
+/// The weights of `model` in its cache folder: the file of its own name, else the only caffemodel.
 std::optional<std::filesystem::path> cached_weights(const std::filesystem::path& cache,
                                                     const KnownModel& model);
 
@@ -51,8 +49,7 @@ struct CacheEntry {
   std::string sha1;            // as found; "" when absent or partial
 };
 
-/// Looks in the cache and among `loose` weights; computes the checksum. Throws InputError for a
-/// file that cannot be read.
+/// Looks in the cache and among `loose` weights. Throws InputError for an unreadable file.
 CacheEntry inspect(const std::filesystem::path& cache, const KnownModel& model,
                    const std::map<std::string, std::filesystem::path>& loose = {});
 

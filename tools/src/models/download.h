@@ -26,17 +26,14 @@ struct DownloadResult {
   bool resumed = false;  // part of the file is from an earlier call
 };
 
-/// Fetches `address` (http, https or file) into `part`, following redirects. What `part` already
-/// holds is kept and only the rest is asked for; a server that cannot do that sends everything
-/// again. On return `part` is complete and on disk; it stays as it is when the work fails.
-///
-/// Throws DownloadError with the reason, Interrupted when `stop` said so, Error when the file
-/// cannot be written or is a symbolic link. The caller sees to it that nobody else writes `part`.
+/// Fetches `address` (http, https or file) into `part`, following redirects, and resumes if the
+/// server can. On return `part` is complete and on disk; it stays if the work fails. The caller
+/// excludes other writers. Throws DownloadError with the reason, Interrupted by `stop`, Error when
+/// the file cannot be written or is a symbolic link.
 DownloadResult download(const std::string& address, const std::filesystem::path& part,
                         const DownloadOptions& options = {});
 
-/// Where a server may point us on from `address`: not to local files, and from https not to what
-/// anyone on the way can change. Names of protocols with commas between.
+/// Protocols of a redirect from `address`, with commas: never local files, from https only https.
 const char* redirect_protocols(const std::string& address);
 
 }  // namespace revisit::models

@@ -97,8 +97,7 @@ std::string check(const KnownModel& model, const fs::path& part) {
   return sha1;
 }
 
-/// Downloads to `part` and checks it; returns the checksum. A resumed file that fails the check is
-/// fetched once more from the start: the server's file may have changed in between.
+/// Downloads to `part`; returns the checksum. A resumed file that fails it is fetched once more.
 std::string download_checked(const KnownModel& model, const fs::path& part,
                              DownloadOptions options) {
   options.resume &= !model.sha1.empty();

@@ -29,14 +29,11 @@ struct FoundModel {
 };
 
 /// Finds the network to use: what the request names, else the first known model in the cache
-/// (cache.h: $REVISIT_MODELS and so on) in the order of the table, else what $REVISIT_MODELS itself
-/// holds, when that is the folder of one model.
+/// (cache.h), else what $REVISIT_MODELS itself holds, when that is the folder of one model.
 ///
-/// The missing one of prototxt and weights is looked for beside the other: the same name, then
-/// `deploy.prototxt`, then the only one. A known model gets our own prototxt (trunks.h).
-///
-/// Throws UsageError when there is no model, or more than one candidate, saying what to do;
-/// InputError for a file that does not exist or a cached one with a wrong checksum.
+/// Beside the prototxt or weights the other is looked for: the same name, `deploy.prototxt`, the
+/// only one. A known model gets our prototxt (trunks.h). Throws UsageError for no model or several,
+/// saying what to do; InputError for a missing file or a cached one with a wrong checksum.
 FoundModel find_model(const ModelRequest& request);
 
 }  // namespace revisit::models

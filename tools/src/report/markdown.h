@@ -7,8 +7,7 @@
 
 namespace revisit::cli {
 
-/// The tables of the page's experiments, with the command beside each number. Begins with
-/// kMarkdownMark.
+/// Tables of the page's experiments, with the command of each number, after kMarkdownMark.
 std::string results_markdown(const reports::Page& page);
 inline constexpr const char* kMarkdownMark =
     "# Results\n\nThe experiments of the paper (Sun, Liu, Ye, Yeung: Point-cloud-based place "

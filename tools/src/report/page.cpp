@@ -39,8 +39,7 @@ std::string name_of_run(const reports::Run& run) {
   return title;
 }
 
-/// Accepted wrong queries with the highest scores, missed ones with the lowest, and correct ones
-/// from all over the drive.
+/// Wrong ones of the highest scores, missed ones of the lowest, right ones from the whole drive.
 void choose_queries(int most, reports::RunTask* task) {
   std::vector<int> wrong, missed, right;
   for (int q = 0; q < task->scan_size(); ++q) {
@@ -104,8 +103,7 @@ void share_scans(reports::Page* page) {
     }
 }
 
-/// Runs whose queries are shown with their range images: those that were asked for by themselves,
-/// else the first one of each drive, the comparison's before others.
+/// Runs to show with range images: requested ones, else a drive's first, the comparison's before.
 std::set<int> runs_to_detail(const reports::Page& page) {
   std::set<int> detailed, in_experiments;
   for (const reports::PageExperiment& entry : page.experiments())

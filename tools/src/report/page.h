@@ -27,8 +27,7 @@ inline constexpr const char* kHtmlMark = "<main id=\"report\"></main>";
 void need_report(const std::filesystem::path& file, const std::string& mark,
                  const std::string& advice);
 
-/// Writes the page of `folders` to `file`, atomically; warns of what could not be shown. Throws
-/// what read_runs() does, and Error.
+/// Writes the page of `folders` atomically; warns of gaps. Throws Error and as read_runs().
 reports::Page write_report(const std::vector<std::filesystem::path>& folders,
                            const std::filesystem::path& file, const PageOptions& options);
 

@@ -8,14 +8,12 @@
 
 namespace revisit::cli {
 
-/// Small pictures of scans as the features see them, as data URIs. Their number of bytes is
-/// bounded; a scan whose file is gone has none.
+/// Bounded small pictures of scans, as features see them, as data URIs; none without a file.
 class RangeImages {
  public:
   explicit RangeImages(size_t most_bytes) : most_bytes_(most_bytes) {}
 
-  /// The key of a scan's picture in images(), or "" when there is none. `turned`: in alignment case
-  /// 2.
+  /// The key of a scan's picture in images() or ""; `turned`: alignment case 2.
   std::string add(const std::string& scan_file, const reports::RunInfo& info, bool turned);
 
   const std::map<std::string, std::string>& images() const { return images_; }

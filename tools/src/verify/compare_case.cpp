@@ -18,8 +18,7 @@ struct LayerError {
   bool is_probability;
 };
 
-/// How far apart two arrays are: max|a - b| / max|b|, or max|a - b| alone for probabilities. Where
-/// one is NaN or infinite the other must be the same: else infinity.
+/// max|a - b| / max|b|, or max|a - b| if `absolute`; infinity if NaNs or infinities differ.
 double error_of(std::span<const float> found, std::span<const float> wanted, bool absolute) {
   if (found.size() != wanted.size()) return INFINITY;
   double worst = 0, largest = 0;
@@ -71,11 +70,6 @@ LayerError compare_layer(const engine::Run& run, const GoldenLayer& golden) {
              : compare_array(golden.layer, found, golden.file, golden.type == "Softmax");
 }
 
-/// Nets that only choose or move values must agree to the last bit.
-bool is_exact(const engine::Plan& plan) {
-  return std::ranges::all_of(plan.layers(), &engine::LayerCost::exact);
-}
-
 double default_tolerance(const engine::Plan& plan, engine::Precision precision) {
   if (precision == engine::Precision::kBf16) return 5e-2;
   const bool winograd = std::ranges::any_of(plan.layers(), &engine::LayerCost::winograd);
@@ -87,8 +81,7 @@ struct Found {
   engine::View<const float> value;
 };
 
-/// The value that `name` (with '/' written as '_') means: an output of the net, or a blob as the
-/// last layer wrote it.
+/// The value of `name` ('/' written as '_'): an output, or a blob as its last layer wrote it.
 Found find_output(const engine::Run& run, const std::string& name) {
   const engine::Plan& plan = run.plan();
   const auto means = [&](std::string candidate) {
@@ -184,10 +177,10 @@ CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options
   try {
     const Comparison comparison(golden, options);
     const engine::Run run = comparison.run(options.threads, options.reference_kernels);
+    const bool moves_values = std::ranges::all_of(run.plan().layers(), &engine::LayerCost::exact);
     const double tolerance =
-        is_exact(run.plan())
-            ? 0
-            : options.tolerance.value_or(default_tolerance(run.plan(), options.precision));
+        moves_values ? 0
+                     : options.tolerance.value_or(default_tolerance(run.plan(), options.precision));
     const auto limit = [&](const LayerError& e) {
       const bool strict = e.is_probability && options.precision == engine::Precision::kFloat32;
       return strict ? std::min(kProbability, tolerance) : tolerance;

@@ -21,8 +21,7 @@ struct CaseVerdict {
 };
 
 struct CompareOptions {
-  /// By default 1e-5, and 1e-4 for a plan with Winograd kernels, which round more
-  /// (tests/golden/README.md); in bf16 5e-2.
+  /// By default 1e-5; 1e-4 with Winograd kernels (tests/golden/README.md); 5e-2 in bf16.
   std::optional<double> tolerance;
   int threads = 1;
   bool reference_kernels = false;
@@ -30,16 +29,14 @@ struct CompareOptions {
   engine::Precision precision = engine::Precision::kFloat32;
 };
 
-/// Runs a case and compares every layer that the original's outputs are there for. The error of a
-/// layer is max|a - b| / max|b|; of a Softmax, max|a - b|, with tolerance 1e-6 (in bf16 that of the
-/// others); nets that only move values must agree exactly.
+/// Compares every layer with the original's output. The error of a layer is max|a - b| / max|b|; of
+/// a Softmax, max|a - b|, with tolerance 1e-6 (not in bf16). Nets that only move values must agree
+/// exactly. Errors go to the verdict's `failure`.
 ///
 /// Some nets amplify rounding: batch normalisation of channels with little variance, the softmax of
 /// large scores that nearly cancel. A layer beyond the tolerance then passes below 2d, at most
 /// 1e-4; d is the largest difference between our fast and reference kernels in any layer. We and
 /// the original may be off by as much in opposite directions.
-///
-/// Never throws: errors are the verdict's `failure`.
 CaseVerdict compare_case(const GoldenCase& golden, const CompareOptions& options);
 
 }  // namespace revisit::cli

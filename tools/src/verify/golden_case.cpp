@@ -164,8 +164,7 @@ void add_plain_cases(const fs::path& folder, const fs::path& prototxt,
 
 /// Whether the arrays are in this folder: an index.json may also list sub-folders.
 bool has_inputs(const fs::path& folder) {
-  const auto files = entries(folder);
-  return std::any_of(files.begin(), files.end(), [](const fs::path& file) {
+  return std::ranges::any_of(entries(folder), [](const fs::path& file) {
     return file.filename() == "in.npy" || npy_name(file, "in_");
   });
 }

@@ -7,7 +7,6 @@
 
 namespace revisit::pipeline {
 
-/// The returns of a scan as PCL takes them.
 template <class PclPoint>
 typename pcl::PointCloud<PclPoint>::Ptr to_pcl(const PointCloud& cloud) {
   typename pcl::PointCloud<PclPoint>::Ptr points(new pcl::PointCloud<PclPoint>);

@@ -1,7 +1,6 @@
-// PCL's ESF draws its triangles by rand(), seeded with the time: the descriptor would change from
-// second to second and with what other threads draw. Its template is instantiated here, for a point
-// type of ours so that PCL's own instantiation stays apart, with a generator in the place of
-// rand().
+// PCL's ESF draws triangles by rand(), seeded with the time: descriptors would not be repeatable.
+// Its template is instantiated here for a point type of ours, apart from PCL's instantiation, with
+// another generator instead of rand().
 #define PCL_NO_PRECOMPILE
 #include <pcl/common/distances.h>
 #include <pcl/common/transforms.h>
@@ -21,8 +20,7 @@
 namespace revisit::pipeline {
 namespace {
 
-/// Draws for one scan. PCL draws again while three points are (nearly) in a line: points that all
-/// are would never end, so the draws do.
+/// Draws for one scan; they end, because PCL draws again for ever while all points are in a line.
 class Draws {
  public:
   explicit Draws(uint64_t seed) : generator_(seed) {}
@@ -43,8 +41,7 @@ int seeded_rand() {
   return draws_of_this_scan->next();
 }
 
-/// Rounding may take the cosine of two sides beyond 1, and so their angle to NaN, which PCL casts
-/// to int: undefined. What is negative it draws again.
+/// Keeps the cosine of two sides within 1: PCL casts the NaN of its angle to int, undefined.
 float rounded(float value) {
   return std::isnan(value) ? -1.0F : pcl_round(value);
 }
@@ -105,8 +102,7 @@ class SeededEsf : private pcl::ESFEstimation<EsfPoint> {
   }
 
  private:
-  /// Centroid to the origin, farthest point just inside the sphere that fits the voxel grid:
-  /// exactly on it, as PCL's own scaling has it, rounding may put the point outside of the grid.
+  /// Centroid to the origin, farthest point just inside the voxel grid's sphere: rounding is safe.
   static void scale_into_grid(Points& points) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const EsfPoint& point : points) sum += point.getVector3fMap().cast<double>();

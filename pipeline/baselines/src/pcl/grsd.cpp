@@ -10,9 +10,8 @@
 #include "revisit/base/error.h"
 #include "revisit/baselines/pcl_features.h"
 
-// pcl::GRSDEstimation keeps its voxels in an array over the whole extent of the scan: 3 GB for 160
-// m at the paper's 0.1 m, and beyond 2^31 voxels it reads out of bounds. The same steps here with
-// the occupied voxels only; radii and classes are PCL's.
+// pcl::GRSDEstimation keeps voxels of the whole extent, 3 GB for 160 m at 0.1 m, and reads out of
+// bounds beyond 2^31. These are its steps, radii and classes with the occupied voxels only.
 
 namespace revisit::pipeline {
 namespace {

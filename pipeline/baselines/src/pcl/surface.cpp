@@ -15,8 +15,7 @@ namespace {
 
 using Points = pcl::PointCloud<pcl::PointXYZ>;
 
-/// Bounds the work of visiting every point's neighbours within `radius`, by the pairs of points
-/// that share a voxel of that edge.
+/// Bounds the work of visiting neighbours within `radius` by pairs of points that share a voxel.
 void check_density(const Points& points, double radius) {
   constexpr double kMostPairs = 1e9;  // a scan of an HDL-64 has a few million
   std::unordered_map<uint64_t, double> counts;

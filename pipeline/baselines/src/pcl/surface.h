@@ -27,9 +27,8 @@ struct Surface {
   pcl::PointCloud<pcl::PointXYZ>::Ptr points;
   pcl::PointCloud<pcl::Normal>::Ptr normals;
 };
-/// The points of a scan that have a normal: at least 3 points within `radius` of them, themselves
-/// counted. Throws InputError for a scan so dense that its neighbourhoods (up to `largest_radius`,
-/// the largest that the caller uses) would take hours.
+/// The points with at least 3 points within `radius`, themselves counted. Throws InputError for a
+/// scan so dense that its neighbourhoods, up to the caller's `largest_radius`, would take hours.
 Surface surface_of(const PointCloud& cloud, double radius, double largest_radius);
 
 }  // namespace revisit::pipeline

@@ -8,8 +8,7 @@
 #include "revisit/base/error.h"
 #include "revisit/baselines/pcl_features.h"
 
-// The normals are PCL's; the histograms are made here, because pcl::VFHEstimation needs
-// libpcl_features (see CMakeLists.txt). The tests hold them against PCL's.
+// Own histograms: pcl::VFHEstimation needs libpcl_features (CMakeLists.txt). Tests compare both.
 
 namespace revisit::pipeline {
 namespace {
@@ -60,8 +59,7 @@ void viewpoint_feature_histogram(const Surface& surface, std::span<float> featur
   }
   const Vector3f centroid = (point_sum / static_cast<double>(n)).cast<float>();
   const Vector3f mean_normal = (normal_sum / static_cast<double>(n)).cast<float>();
-  // PCL's vector has its homogeneous coordinate, 1, counted into its length; the paper's figures
-  // are PCL's.
+  // PCL counts its homogeneous coordinate, 1, into the length; the paper's figures are PCL's.
   const Vector3f to_sensor = -centroid / std::sqrt(centroid.squaredNorm() + 1);
 
   const float pair_share = kTotal / static_cast<float>(n - 1);

@@ -22,7 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr int64_t kAlignmentColumns = 6;  // of an AlignmentRecord
 
-/// Processor time of this thread.
 double processor_ms() {
   timespec now{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -70,11 +69,6 @@ Alignment alignment_to_use(const PointCloud& cloud, AlignCase mode) {
   }
 }
 
-/// What the mode does to the points.
-Eigen::Matrix3f turn_for(const Alignment& alignment, AlignCase mode) {
-  return mode == AlignCase::kNone ? Eigen::Matrix3f::Identity() : alignment.R_aligned_sensor;
-}
-
 /// What a feature is computed from, of the points in `memory`.
 template <class Input>
 const Input& input_of(Memory& memory, const Alignment& alignment, const DescribeOptions& options,
@@ -92,8 +86,9 @@ const PointCloud& input_of(Memory& memory, const Alignment& alignment,
 template <>
 const RangeImage& input_of(Memory& memory, const Alignment& alignment,
                            const DescribeOptions& options, Stopwatch& watch, Work& work) {
-  const Projected projected = project_turned(memory.cloud, turn_for(alignment, options.align),
-                                             options.geometry, memory.image);
+  const Eigen::Matrix3f R =
+      options.align == AlignCase::kNone ? Eigen::Matrix3f::Identity() : alignment.R_aligned_sensor;
+  const Projected projected = project_turned(memory.cloud, R, options.geometry, memory.image);
   work.alignment.outside = static_cast<float>(projected.outside_share());
   work.ms.project = watch.lap();
   close_holes_in_place(memory.image, options.geometry);

@@ -36,8 +36,7 @@ std::vector<std::string> read_lines(const std::filesystem::path& file);
 /// Takes the first blank-separated word off `text`; "" when there is none.
 std::string_view take_word(std::string_view* text);
 
-/// A word as a number. Throws InputError, starting with `where`, for anything else and, unless
-/// `may_be_infinite`, for nan and inf.
+/// A finite number, or any if `may_be_infinite`; else throws InputError, starting with `where`.
 double parse_number(std::string_view word, const std::string& where, bool may_be_infinite);
 
 /// Blank-separated finite numbers. Throws InputError, starting with `where`.

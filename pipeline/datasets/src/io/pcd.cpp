@@ -93,13 +93,6 @@ PcdHeader read_pcd_header(TextCursor* text) {
   return header;
 }
 
-/// Throws unless `body` holds all points; compares without multiplying, which could overflow.
-void check_size(const PointTable& table, std::string_view body, const TextCursor& text) {
-  if (table.points > body.size() / table.row_bytes())
-    throw InputError(text.where(), ": truncated: ", table.points, " points of ", table.row_bytes(),
-                     " bytes do not fit the ", body.size(), " bytes that follow");
-}
-
 std::string decompress(const PointTable& table, std::string_view body, const TextCursor& text) {
   uint32_t sizes[2];  // compressed, uncompressed [bytes]
   if (body.size() < sizeof sizes)
@@ -133,7 +126,11 @@ PointCloud read_pcd(const fs::path& file) {
   const PcdHeader header = read_pcd_header(&text);
   const std::string_view body = text.rest();
   if (header.data == "binary") {
-    check_size(header.table, body, text);
+    // Compares without multiplying, which could overflow.
+    const size_t n = header.table.points, row = header.table.row_bytes();
+    if (n > body.size() / row)
+      throw InputError(text.where(), ": truncated: ", n, " points of ", row,
+                       " bytes do not fit the ", body.size(), " bytes that follow");
     return header.table.decode_rows(body.data(), false);
   }
   if (header.data == "binary_compressed")

@@ -72,15 +72,11 @@ PlyHeader read_ply_header(TextCursor* text) {
   return header;
 }
 
-void skip_lines(size_t count, TextCursor* text) {
-  std::string_view line;
-  for (size_t i = 0; i < count; ++i)
-    if (!text->next(&line)) throw InputError(text->name() + ": truncated before its vertices");
-}
-
 PointCloud read_ascii(const PlyHeader& header, const Element& vertex, TextCursor* text) {
+  std::string_view line;
   for (const Element* element = header.elements.data(); element != &vertex; ++element)
-    skip_lines(element->table.points, text);
+    for (size_t i = 0; i < element->table.points; ++i)
+      if (!text->next(&line)) throw InputError(text->name() + ": truncated before its vertices");
   return vertex.table.parse_rows(text);
 }
 

@@ -4,8 +4,7 @@
 
 #include "revisit/recognition/point_cloud.h"
 
-// The readers are ours, but for LZF: PCL 1.13's take "abc" and half a line for points, and size
-// their buffers by the header before they look at the file.
+// Own readers but for LZF: PCL 1.13's accept garbage and size their buffers by unchecked headers.
 namespace revisit::pipeline {
 
 /// Reads PCL's Point Cloud Data 0.6 and 0.7: ascii, binary, binary_compressed. Throws InputError.

@@ -10,7 +10,6 @@
 namespace revisit::pipeline {
 namespace {
 
-/// The columns of a file that make a Point.
 struct Member {
   const char* column;
   float Point::*value;

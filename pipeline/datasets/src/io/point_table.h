@@ -24,7 +24,6 @@ class PointTable {
 
   size_t points = 0;
   size_t row_bytes() const { return row_bytes_; }
-  size_t row_values() const { return row_values_; }
 
   /// Binary, point after point: `points * row_bytes()` bytes at `rows`.
   PointCloud decode_rows(const char* rows, bool big_endian) const;

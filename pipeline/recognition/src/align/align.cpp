@@ -38,8 +38,7 @@ Eigen::Matrix3d covariance_of(const PointCloud& cloud) {
   return covariance / m.count;
 }
 
-/// The direction or its opposite, so that the first non-zero of the components, asked in the order
-/// given, is positive. The second and third only decide when the ones before are exactly zero.
+/// The direction or its opposite, so that the first non-zero of the given components is positive.
 Eigen::Vector3d signed_by(const Eigen::Vector3d& v, int first, int second, int third) {
   for (const int component : {first, second, third})
     if (v[component] != 0) return v[component] > 0 ? v : Eigen::Vector3d(-v);

@@ -10,8 +10,7 @@
 namespace revisit::pipeline {
 namespace {
 
-// Farther away stand embankments, ditches and fields, which are no part of what the sensor's
-// vehicle stands on.
+// Embankments, ditches and fields farther away are no part of the vehicle's ground.
 constexpr float kReach = 10, kOwnVehicle = 2, kCell = 2;  // [m]
 constexpr int kCellsAcross = 10;
 static_assert(kCellsAcross * kCell == 2 * kReach);
@@ -40,8 +39,7 @@ std::vector<Eigen::Vector3d> low_points(const PointCloud& cloud) {
   return low;
 }
 
-/// z = plane.x x + plane.y y + plane.z. Starts wide, so that no cell decides alone, and ends at the
-/// roughness of a road.
+/// z = plane.x x + plane.y y + plane.z; the scale narrows from wide to the roughness of a road.
 Eigen::Vector3d fit(const std::vector<Eigen::Vector3d>& points, double start) {
   constexpr int kRounds = 30;
   constexpr double kWide = 1, kRoad = 0.08, kNarrower = 0.8;
@@ -96,8 +94,7 @@ Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height) {
 }
 
 PointCloud level(const PointCloud& cloud, double sensor_height) {
-  // What the plane changes from scan to scan on an even road. To follow it costs more than it
-  // mends: range images in which beams change their rows.
+  // Changes within these are scan-to-scan noise: to follow them makes beams change image rows.
   constexpr double kLevelHeight = 0.25;  // [m]
   static const double kLevelUp = std::cos(1.5 * std::numbers::pi / 180);
   const std::optional<Ground> ground = find_ground(cloud);

@@ -14,8 +14,7 @@ namespace revisit::pipeline::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
-// Sums are kept in eight lanes, whatever the CPU's vectors have: so the order of the additions is
-// the same everywhere.
+// Eight lanes for any CPU's vectors keep the order of additions, and so the sums, the same.
 constexpr size_t kSumLanes = 8;
 using D = hn::CappedTag<double, kSumLanes>;
 using Narrow = hn::Rebind<float, D>;

@@ -5,8 +5,7 @@
 
 namespace revisit::pipeline {
 
-/// Sums over the returns (is_return) among `points` [n][4]: x, y, z [m], and a number that is not
-/// looked at. In double, in the same order and so with the same bits on every CPU.
+/// Sums over the returns among `points` [n][4] (x, y, z [m], unused) in double, in the same order.
 struct FirstMoments {
   double count = 0;
   std::array<double, 3> sum{};  // of x, y, z, each minus that of `about`

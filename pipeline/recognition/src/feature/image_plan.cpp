@@ -23,8 +23,7 @@ std::vector<double> means_of(const std::array<double, 3>& bgr, int64_t channels)
   return {0.114 * bgr[0] + 0.587 * bgr[1] + 0.299 * bgr[2]};
 }
 
-/// All channels are the range image, less the mean of each: they differ from the first by
-/// constants.
+/// Channels are the range image less their means: they differ from the first by constants.
 std::vector<float> offsets_to_first(const std::vector<double>& means, double scale) {
   std::vector<float> offsets;
   for (const double mean : means) offsets.push_back(static_cast<float>((means[0] - mean) * scale));

@@ -19,8 +19,7 @@ struct ImagePlan {
   void fill(engine::Run& run, std::span<const float> pixels) const;
 };
 
-/// Throws InputError when the net does not have exactly one input of 1 or 3 channels, or cannot
-/// take the size.
+/// Throws InputError unless the net has exactly one input, of 1 or 3 channels, and takes the size.
 ImagePlan plan_for_images(const engine::Net& net, int height, int width,
                           const std::array<double, 3>& mean_bgr, double scale,
                           engine::PlanOptions options);

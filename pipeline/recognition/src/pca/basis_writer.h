@@ -5,8 +5,7 @@
 
 namespace revisit::pipeline {
 
-/// Writes a float32 .npy `[rows][columns]` in blocks of columns. The file appears whole or not at
-/// all.
+/// Writes a float32 .npy `[rows][columns]` in blocks of columns, atomically.
 class BasisWriter {
  public:
   /// Reserves the space. Throws Error when the disk has too little.

@@ -14,8 +14,7 @@ class StackedFeatures {
   explicit StackedFeatures(const FeatureFiles& files);
   int64_t n() const { return n_; }
   int64_t d() const { return d_; }
-  /// Columns [first, first + count) of row i. Throws InputError, with the file and the place, when
-  /// a value is not finite.
+  /// Columns [first, first + count) of row i. Throws InputError at a value that is not finite.
   void read(int64_t i, int64_t first, int64_t count, float* out) const;
 
  private:
@@ -26,12 +25,10 @@ class StackedFeatures {
 /// Throws Interrupted when the caller wants to stop.
 void check_stop(const PcaOptions& options);
 
-/// Columns of a panel: as many as a product in float may sum before the sums go on in double, and
-/// few enough that a panel of some thousand rows is used again from the cache.
+/// Columns of a panel: summed in float (precision), and kept in the cache for some thousand rows.
 inline constexpr int64_t kPanelColumns = 8192;
 
-/// How wide panels are that take `bytes_per_column` beside `fixed` bytes: at most kPanelColumns and
-/// `d`. Throws UsageError when `memory` cannot hold even a few columns.
+/// Width of panels within `memory`, at most kPanelColumns and `d`. Throws UsageError if too small.
 int64_t panel_columns(int64_t memory, int64_t fixed, int64_t bytes_per_column, int64_t d);
 
 /// Columns [first, first + width) of the rows asked for, each column minus its mean.

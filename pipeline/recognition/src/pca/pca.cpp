@@ -52,11 +52,6 @@ CrossGram cross_gram(const StackedFeatures& features, const std::vector<int64_t>
   return gram;
 }
 
-/// Gives the memory back (assigning {} would keep it).
-void release(std::vector<double>& values) {
-  std::vector<double>().swap(values);
-}
-
 int64_t numerical_rank(const Eigenpairs& pairs, int64_t m) {
   int64_t rank = 0;
   const int64_t most =
@@ -108,7 +103,7 @@ PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
     throw InputError(files[0]->path().string(), ": the ", m,
                      " features to learn from are all the same; there is no direction to keep");
   const Eigenpairs pairs = largest_eigenpairs(gram.fitted, m, std::min(options.components, m));
-  release(gram.fitted);
+  std::vector<double>().swap(gram.fitted);  // frees the memory, which {} would keep
 
   const double degrees = static_cast<double>(m - 1);
   result.rank = numerical_rank(pairs, m);
@@ -119,7 +114,7 @@ PcaResult fit_pca(const FeatureFiles& files, const PcaOptions& options) {
     result.note =
         str("PCA keeps ", result.rank, " of the ", options.components, " components asked for: ", m,
             " features of ", features.d(), " values have no more directions");
-  release(gram.others);
+  std::vector<double>().swap(gram.others);
   if (!options.model_folder.empty())
     write_model(features, {order.begin(), order.begin() + m}, pairs, result.rank, options);
   return result;

@@ -8,8 +8,7 @@
 
 namespace revisit::pipeline {
 
-/// Writes the PCA that `pairs` of the Gram matrix of rows `fitted` make to `options.model_folder`,
-/// its first `rank` components.
+/// Writes the first `rank` components of the PCA of rows `fitted` to `options.model_folder`.
 void write_model(const StackedFeatures& features, const std::vector<int64_t>& fitted,
                  const Eigenpairs& pairs, int64_t rank, const PcaOptions& options);
 

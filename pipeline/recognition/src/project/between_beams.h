@@ -4,9 +4,8 @@
 
 namespace revisit::pipeline {
 
-/// Fills gaps of at most `rows` pixels between two returns of a column, as where a sensor has fewer
-/// beams than the image rows. Along a plane 1/range is nearly straight in the elevation, so that is
-/// interpolated.
+/// Fills gaps of at most `rows` pixels between two returns of a column, where beams are fewer than
+/// rows. Interpolates 1/range, which along a plane is nearly straight in the elevation.
 void fill_between_beams(RangeImage& image, int rows);
 
 }  // namespace revisit::pipeline

@@ -23,8 +23,7 @@ void along_rows(RangeImage& image, int window, Extreme extreme, std::vector<floa
   }
 }
 
-/// Dilation, then erosion of every column by `window` rows, a strip of columns at a time so that
-/// the strip stays in the nearest cache. Rows beyond the image are neutral to both.
+/// Closes columns by `window` rows, in strips for the nearest cache; beyond the image is neutral.
 void close_columns(RangeImage& image, int window, std::vector<float>& scratch) {
   if (window == 1) return;
   constexpr float kInfinity = std::numeric_limits<float>::infinity();

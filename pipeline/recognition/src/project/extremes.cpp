@@ -39,8 +39,7 @@ HWY_INLINE void pair_up(const float* in, int64_t ahead, int64_t n, Extreme extre
     hn::StoreU(extreme(hn::LoadU(one, in + i), hn::LoadU(one, in + i + ahead)), one, out + i);
 }
 
-/// A window of any size is two windows of the largest power of two in it, which are made by
-/// doubling.
+/// A window is two windows of the largest power of two in it, which are made by doubling.
 template <class Extreme>
 void slide(float* in, int64_t n, int64_t step, int64_t window, Extreme extreme, float* out) {
   int64_t covered = 1;

@@ -44,8 +44,7 @@ std::vector<double> gaps_of(const std::vector<double>& descending) {
 }
 
 /// Beams as peaks of the histogram of elevations, each four times as high as the valleys beside it;
-/// top first. Empty when most points are in no peak: the sensor was tilted or moved, or has no
-/// beams.
+/// top first. Empty when most points are in no peak, as after tilt or motion.
 std::vector<double> beams_by_elevation(const std::vector<double>& elevations) {
   constexpr double kBin = 0.02;  // [deg]
   constexpr double kDeep = 4, kFewest = 4, kWeakest = 0.05, kMost = 0.9;
@@ -144,8 +143,7 @@ double mean_gap(double top, double bottom, size_t beams) {
   return (top - bottom) / static_cast<double>(beams - 1);
 }
 
-/// How far [deg] what was found is from a sensor; infinite when it cannot be that sensor. The
-/// highest beams may be missing: they often see nothing but sky.
+/// Distance [deg] of beams to a sensor's, of which the highest may be missing (sky); or infinite.
 double distance(const Beams& found, const Sensor& sensor) {
   constexpr double kNo = std::numeric_limits<double>::infinity();
   const size_t n = found.elevations.size();
@@ -167,8 +165,7 @@ double distance(const Beams& found, const Sensor& sensor) {
   return fits ? std::abs(top) + std::abs(bottom) : kNo;
 }
 
-/// An image for beams of an unknown sensor: half a beam higher and lower than they are, in
-/// half degrees, with 99 % of the returns.
+/// An image half a beam larger than the beams, in half degrees, with 99 % of the returns.
 ImageGeometry own_image(const Beams& found) {
   const std::vector<double>& beams = found.elevations;
   ImageGeometry image;

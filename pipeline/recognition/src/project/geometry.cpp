@@ -11,8 +11,7 @@ void check(bool ok, const char* what, const std::string& found) {
   if (!ok) throw UsageError("image geometry: ", what, ", found ", found);
 }
 
-/// The odd number nearest to degrees / pixel, the larger of two; at most `most`, or the odd number
-/// below it.
+/// The odd number nearest to degrees / pixel, the larger of two, of those up to `most`.
 int odd_pixels(double degrees, double pixel, int most) {
   constexpr double kRounding = 1e-9;  // of a quotient that would be a whole number
   const int largest = most - (most % 2 ? 0 : 1);

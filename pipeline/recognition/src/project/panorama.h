@@ -18,16 +18,13 @@ struct Panorama {
   double value_per_metre;     // of pixels
 };
 
-/// The pixel (row * width + column) that the direction of a point other than the origin falls into,
-/// by double arithmetic; -1 when it is above or below the image.
+/// The pixel (row * width + column) of a point off the origin, in double; -1 above or below.
 int64_t pixel_of(const Panorama& panorama, float x, float y, float z);
 
-/// Gives every pixel that points fall into the value of the nearest of them, where that is less
-/// than what the pixel holds or the pixel holds 0. `points` [n][4] are x, y, z [m] and a number
-/// that is not looked at; they are turned by `R` [3][3] first. No returns (is_return) are skipped.
-///
-/// The pixel is that of pixel_of() and the value that of double arithmetic, rounded to float: the
-/// image has the same bits on every CPU.
+/// Gives every pixel that returns fall into the value of the nearest, where that is less than the
+/// pixel's or the pixel is 0. `points` [n][4] are x, y, z [m] and an unused number, turned first by
+/// `R` [3][3]. Pixels are those of pixel_of(), values are rounded to float from double: the image
+/// has the same bits on every CPU.
 Projected project_points(const float* points, size_t n, const float* R, const Panorama& panorama,
                          float* pixels);
 

@@ -24,16 +24,14 @@ constexpr Wide kWide;
 constexpr D kD;
 constexpr size_t kMaxLanes = hn::MaxLanes(kD);
 
-/// [half turns] Bound of the error of a row or column in float: that of angle_of(), 2e-7, and of
-/// the addition after it.
+/// [half turns] Error bound of a float row or column: 2e-7 of angle_of(), and the addition's.
 constexpr double kAngleError = 3e-7;
 
 HWY_INLINE F all(double value) {
   return hn::Set(kD, static_cast<float>(value));
 }
 
-/// Arc tangent of 0..1: x P(x^2), the minimax polynomial for absolute error, 3.8e-8 in exact
-/// arithmetic and below 1.5e-7 in float.
+/// Arc tangent of 0..1: x P(x^2), minimax, absolute error 3.8e-8 exact and below 1.5e-7 in float.
 HWY_INLINE F arc_tangent(F x) {
   constexpr double kCoefficients[] = {-0.004054575625, 0.02186298771, -0.05591236872, 0.096422003,
                                       -0.1390863066,   0.1994656586,  -0.333298608,   0.9999993356};
@@ -44,8 +42,7 @@ HWY_INLINE F arc_tangent(F x) {
   return hn::Mul(sum, x);
 }
 
-/// The angle of (x, y), y >= 0, counter-clockwise from x, in units of which half a turn has
-/// `half_turn`. NaN for (0, 0).
+/// Angle of (x, y), y >= 0, counter-clockwise from x, in `half_turn` per half turn; NaN for (0, 0).
 HWY_INLINE F angle_of(F y, F x, double half_turn) {
   const F across = hn::Abs(x);
   const F octant = hn::Mul(arc_tangent(hn::Div(hn::Min(y, across), hn::Max(y, across))),

@@ -17,9 +17,8 @@
 #define REVISIT_RING_WAVES
 namespace revisit::pipeline {
 
-/// Half a turn's cosines and sines of all frequencies. A correlation is sum(real cos) -
-/// sum(imaginary sin); at the opposite turn the sines have the other sign, so that half of the
-/// turns give all of them. What fills up the last vector repeats the last turn.
+/// Half a turn's cosines and sines. A correlation is sum(real cos) - sum(imaginary sin); at the
+/// opposite turn the sines change sign. The last vector is filled up with the last turn.
 struct Waves {
   static constexpr size_t kTurns = kRingTurns / 2 + 1, kPadded = (kTurns + 15) / 16 * 16;
   alignas(64) std::array<std::array<float, kPadded>, kRingFrequencies> cosines, sines;

@@ -1,6 +1,5 @@
 #include "revisit/recognition/ring/describe.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>

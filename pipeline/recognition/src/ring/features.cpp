@@ -15,16 +15,6 @@
 #include "ring/spectrum.h"
 
 namespace revisit::pipeline {
-namespace {
-
-std::vector<std::string> layer_names(const RingModel& model) {
-  std::vector<std::string> names;
-  for (const LayerColumns& layer : model.layers) names.push_back(layer.layer);
-  return names;
-}
-
-}  // namespace
-
 ImageGeometry ring_geometry(const std::string& sensor) {
   constexpr int kWidth = 1024, kMostRows = 64;
   ImageGeometry image = sensor_geometry(sensor);
@@ -50,8 +40,10 @@ engine::Net ring_net(const RingModel& model, const std::filesystem::path& weight
 
 FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
                                const Forward& forward) {
-  const auto plan = std::make_shared<const ColumnPlan>(model, layer_names(model),
-                                                       model.columns.sectors, net, forward);
+  std::vector<std::string> layers;
+  for (const LayerColumns& layer : model.layers) layers.push_back(layer.layer);
+  const auto plan =
+      std::make_shared<const ColumnPlan>(model, layers, model.columns.sectors, net, forward);
   for (size_t i = 0; i < model.layers.size(); ++i)
     if (model.layers[i].directions.d != plan->maps()[i].rows)
       throw InputError("layer '", model.layers[i].layer, "' has columns of ", plan->maps()[i].rows,
@@ -90,13 +82,6 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
 
 namespace {
 
-/// Descriptors made with these options have the scores that a model was calibrated to.
-bool calibrated_with(const RingOptions& options) {
-  const RingOptions usual;
-  return options.numbers == usual.numbers && options.regularisation == usual.regularisation &&
-         options.adapt == usual.adapt;
-}
-
 Basis basis_of(const RingModel& fitted, const RingOptions& options) {
   const RingDescriber describer(fitted, options);
   const RingLayout& layout = describer.layout();
@@ -129,7 +114,10 @@ FeatureExtractor ring_recogniser(const RingModel& model, const engine::Net& net,
     return basis_of(fitted, options);
   };
   extractor.comparison = ring_comparison({});  // its descriptors': no cosine
-  if (calibrated_with(options)) extractor.calibration = model.calibration;
+  const RingOptions usual;                     // those that a model is calibrated with
+  if (options.numbers == usual.numbers && options.regularisation == usual.regularisation &&
+      options.adapt == usual.adapt)
+    extractor.calibration = model.calibration;
   return extractor;
 }
 

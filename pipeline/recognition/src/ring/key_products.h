@@ -13,8 +13,7 @@ namespace revisit::pipeline {
 inline constexpr int64_t kKeysTogether = 32;
 /// Keys are compared at so many turns.
 inline constexpr int kKeyTurns = 32;
-/// The real and the imaginary part of a number of a key are -kLargestPart .. kLargestPart, so that
-/// both fit in a byte: the real part in its lower half.
+/// Real and imaginary parts of a key are -kLargestPart .. kLargestPart: a byte, real part below.
 inline constexpr int kLargestPart = 7;
 
 /// What keys are compared with.

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "retrieve/runs.h"
 #include "retrieve/shortlist.h"

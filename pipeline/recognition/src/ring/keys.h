@@ -11,9 +11,8 @@
 
 namespace revisit::pipeline {
 
-/// Proposes places by keys. The key of a ring is a rough copy: of every frequency some numbers,
-/// evenly from those worth most to those worth least, a byte each. All keys are compared, at
-/// kKeyTurns turns.
+/// Proposes places by keys, rough copies of rings: of every frequency some numbers, evenly from
+/// those worth most to least, a byte each. All keys are compared, at kKeyTurns turns.
 class RingKeys : public CandidateSource {
  public:
   explicit RingKeys(const RingLayout& layout);

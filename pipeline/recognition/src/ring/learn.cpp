@@ -1,8 +1,6 @@
 #include "revisit/recognition/ring/learn.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <optional>
 
 #include "revisit/recognition/linear_algebra.h"
@@ -52,8 +50,7 @@ struct ColumnSums {
   std::vector<double> sums, squares;  // [rows], [rows][rows], upper triangle
 };
 
-/// X_f of a drive's scans: [f] [numbers][row], zero for rows that are not learnt from; 17 x 120 x 8
-/// bytes a scan.
+/// X_f of scans: [f] [numbers][row], zero for rows not learnt from; 17 x 120 x 8 bytes a scan.
 std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int64_t> scans,
                                          const RingPlace& place, const std::vector<float>& mean) {
   const Spectrum spectrum(place.sectors);
@@ -67,9 +64,8 @@ std::vector<Eigen::MatrixXcf> spectra_of(const Rows& rings, std::span<const int6
   return spectra;
 }
 
-/// Adds to `total` the mean over the alterations of the sum over scans of X_f X_f^H, and to
-/// `shared` the mean over their pairs of the sum over pairs of the Hermitian part of
-/// X_f(a) X_f(b)^H, which is that of the means of both.
+/// Adds to `total` the mean over alterations of the sum of X_f X_f^H over scans; to `shared` that
+/// of the Hermitian part of X_f(a) X_f(b)^H over pairs, which is that of the means of both.
 void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& place,
                 const std::vector<float>& mean) {
   using Eigen::MatrixXcd;
@@ -102,8 +98,7 @@ void add_spread(RingStatistics& ring, const RingDrive& drive, const RingPlace& p
   }
 }
 
-/// The mean of a ring over scans [numbers][sectors], each sector by its weights; 0 where none saw
-/// anything.
+/// The weighted mean of a ring over scans [numbers][sectors]; 0 where none saw anything.
 std::vector<float> mean_of(const Rows& rings, std::span<const int64_t> scans,
                            const RingPlace& place) {
   std::vector<double> sums(static_cast<size_t>(place.size())), weights(sums.size());

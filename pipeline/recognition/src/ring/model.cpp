@@ -24,8 +24,6 @@ uint64_t checksum_of(std::string_view bytes) {
   return hash;
 }
 
-// --- writing
-
 using Floats = google::protobuf::RepeatedField<float>;
 
 Floats floats_of(const std::vector<float>& values) {
@@ -78,8 +76,6 @@ void fill_extraction(const RingModel& from, ring::Model& to) {
   for (const double band : from.grid.bands) grid.add_bands(band);
   to.set_sensor_height(from.sensor_height);
 }
-
-// --- reading
 
 /// Says what is wrong with a file.
 struct Reader {

@@ -6,8 +6,7 @@
 
 namespace revisit::pipeline {
 
-/// The bytes of all that a scan's rings depend on: image, net and directions, not what was learnt
-/// about rings.
+/// The bytes that a scan's rings depend on: image, net and directions.
 std::string extraction_content(const RingModel& model);
 
 }  // namespace revisit::pipeline

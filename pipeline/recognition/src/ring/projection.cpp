@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <numeric>
 
 #include "revisit/recognition/linear_algebra.h"
 #include "ring/spectrum.h"
@@ -59,8 +57,7 @@ RingProjection project_rings(const RingStatistics& ring, double regularisation, 
   std::vector<Direction> directions;
   for (size_t f = 0; f < ring.total.size(); ++f) {
     MatrixXcd total = ring.total[f];
-    // A scan from another heading than the map's has the mean elsewhere: what looks like the mean
-    // tells nothing of the place. Frequency 0 has no heading.
+    // At another heading the mean lies elsewhere, and tells no place; frequency 0 has no heading.
     if (f > 0) {
       const Eigen::VectorXcd m = mean.row(static_cast<Eigen::Index>(f)).transpose();
       total += m * m.adjoint();

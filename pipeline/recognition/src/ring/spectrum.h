@@ -24,10 +24,9 @@ struct RingPlace {
 std::array<RingPlace, 2> rings_of(const RingModel& model);
 
 /// Fourier coefficients of a feature's ring less `mean` [numbers][sectors], times its weights w, so
-/// that what was not seen counts as neither more nor less than the mean:
+/// that an unseen sector counts as the mean:
 ///   X_f = 1/sqrt(N) sum over k of w[k] (x[k] - mean[k]) exp(-2 pi i f k / N),
-/// a row a frequency: [kRingFrequencies][numbers]. Frequencies beyond N/2 are those of a ring that
-/// is sampled too coarsely.
+/// [kRingFrequencies][numbers]. Frequencies beyond N/2 are aliases.
 class Spectrum {
  public:
   explicit Spectrum(int sectors);

@@ -7,8 +7,7 @@
 
 namespace revisit::models {
 
-/// Where to take the feature from a network: the output of `end` (after its in-place ReLU, when a
-/// graft follows), then, unless empty, a copy of layer `graft`'s parameters.
+/// The feature is the output of `end` (after an in-place ReLU, if grafted), then a copy of `graft`.
 struct Cut {
   std::string end, graft;
 };

@@ -11,13 +11,12 @@ class NetParameter;
 namespace revisit::models {
 
 /// `trunk(name)` with random weights, its name marked as untrained: gaussian with mean 0 and
-/// variance 2 / (inputs per output) (He et al. 2015, for layers followed by ReLU), biases uniform
-/// in [-0.01, 0.01). A seed gives the same bits everywhere. Throws UsageError for unknown names.
+/// variance 2 / (inputs per output) (He et al. 2015), biases uniform in [-0.01, 0.01). Throws
+/// UsageError for unknown names.
 ///
-/// The generator counts instead of keeping state: number i of blob b of layer l is a function of
-/// (seed, l, b, i) alone, built on the finaliser of SplitMix64 (Steele et al. 2014). A gaussian is
-/// the sum of 12 uniform 32-bit integers (Irwin-Hall: variance exactly 1, support +-6), so that
-/// only integer sums and one multiplication are rounded; no libm function is called.
+/// Number i of blob b of layer l is a function of (seed, l, b, i) alone, by the finaliser of
+/// SplitMix64 (Steele et al. 2014). A gaussian is the sum of 12 uniform 32-bit integers
+/// (Irwin-Hall: variance exactly 1, support +-6), without libm: the bits are the same everywhere.
 caffe::NetParameter random_model(const std::string& trunk_name, uint64_t seed);
 
 /// True for a net that `random_model` made, by its name. Such a net proves nothing about accuracy.
@@ -27,8 +26,7 @@ struct ModelFiles {
   std::filesystem::path prototxt, weights;
 };
 
-/// Writes `random_model(trunk_name, seed)` as `folder/<trunk_name>_random.prototxt` and
-/// `.caffemodel`, each whole or not at all; makes the folder. Throws Error when it cannot.
+/// Writes `folder/<trunk_name>_random.prototxt` and `.caffemodel` atomically, or throws Error.
 ModelFiles write_random_model(const std::filesystem::path& folder, const std::string& trunk_name,
                               uint64_t seed);
 

@@ -9,20 +9,17 @@
 namespace revisit::pipeline {
 
 // FAB-MAP (M. Cummins, P. Newman: FAB-MAP: Probabilistic Localization and Mapping in the Space of
-// Appearance, IJRR 27(6), 2008) on rows of 0 and 1, `[images][words]`, as visual_words.h makes
-// them.
+// Appearance, IJRR 27(6), 2008) on rows of 0 and 1, `[images][words]` (visual_words.h).
 
-/// Of all distributions in which each word depends on one other, the one nearest to the training
-/// images (Chow and Liu 1968).
+/// The tree of word dependencies nearest to the training images (Chow and Liu 1968).
 struct ChowLiuTree {
   std::vector<int> parent;                          // [words], -1 at the root
   std::vector<double> marginal;                     // [words], p(z = 1)
   std::vector<std::array<double, 2>> given_parent;  // [words], p(z = 1 | parent's z = 0, 1)
 };
 
-/// The maximum spanning tree by mutual information. Probabilities are counts with one imagined
-/// image added, a quarter of which shows each combination of two words: none is 0 or 1, and
-/// marginals and conditionals fit together. Throws UsageError without images or words.
+/// The maximum spanning tree by mutual information. Counts include one imagined image, a quarter of
+/// which shows each pair of values: no probability is 0 or 1. Throws UsageError without input.
 ChowLiuTree chow_liu_tree(const FloatMatrix& images);
 
 struct FabMapOptions {
@@ -35,9 +32,8 @@ struct FabMapOptions {
 class FabMap {
  public:
   /// With `samples` (images of other places) the likelihood of a new place is their mean; without,
-  /// that of the average place (mean field). Throws UsageError for options that are not
-  /// probabilities, a detector that sees absent words as often as present ones, an invalid tree,
-  /// and samples of another number of words.
+  /// that of the average place. Throws UsageError for an invalid tree, options that are not
+  /// probabilities, a detector that cannot tell words, and samples of another number of words.
   FabMap(const ChowLiuTree& tree, const FabMapOptions& options, const FloatMatrix& samples = {});
 
   int words() const { return static_cast<int>(terms_.size()); }

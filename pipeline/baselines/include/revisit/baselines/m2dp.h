@@ -22,12 +22,10 @@ inline constexpr int kM2dpDim = kM2dpPlanes + kM2dpBins;  // 192
 /// left out. Throws InputError when none is left.
 std::vector<double> m2dp_signatures(const PointCloud& cloud);
 
-/// The descriptor [192]: the first left and the first right singular vector of A, both with
-/// non-negative entries.
+/// The descriptor [192]: the first left and right singular vectors of A, both non-negative.
 void m2dp(const PointCloud& cloud, std::span<float> descriptor);
 
-/// M2DP as a feature. Compared by cosine, which orders as the paper's Euclidean distance does: all
-/// descriptors have length sqrt(2).
+/// M2DP compared by cosine, which orders as the Euclidean distance: all lengths are sqrt(2).
 FeatureExtractor m2dp_features();
 
 }  // namespace revisit::pipeline

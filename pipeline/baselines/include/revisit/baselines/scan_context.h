@@ -20,9 +20,8 @@ struct ScanContextOptions {
 };
 
 /// Heights of the highest points of each bin, `[rings][sectors]` [m], 0 where there is none. Ring 0
-/// is nearest; sector 0 begins at azimuth 0 (x) and azimuth grows with the sector
-/// (counter-clockwise): a yaw of the cloud by +360/sectors deg moves every column one to the right,
-/// around the edge.
+/// is nearest. Sector 0 begins at azimuth 0 (x); azimuth grows counter-clockwise with the sector: a
+/// yaw of the cloud by +360/sectors deg moves every column one to the right, around the edge.
 void scan_context(const PointCloud& cloud, const ScanContextOptions& options,
                   std::span<float> context);
 

@@ -12,13 +12,11 @@ namespace revisit::pipeline {
 
 // In a build without OpenCV the functions throw UsageError.
 
-/// SIFT descriptors of an image (Lowe 2004; OpenCV's, default parameters), [keypoints][128]: the
-/// kMostKeypoints strongest.
+/// The kMostKeypoints strongest SIFT descriptors (Lowe 2004; OpenCV's defaults), [keypoints][128].
 FloatMatrix sift_descriptors(const GrayImage& image);
 inline constexpr int kMostKeypoints = 3000;  // bounds memory; a KITTI image has 1000 to 2000
 
-/// The centres of `words` clusters of descriptors, by k-means (k-means++ seeds, at most 30 rounds).
-/// Throws InputError for fewer descriptors than words.
+/// Centres of k-means++ clusters, at most 30 rounds. Throws InputError for too few descriptors.
 FloatMatrix cluster_words(const FloatMatrix& descriptors, int words, uint64_t seed = 1);
 
 /// `seen[w]` is 1 when w is the nearest word of some descriptor, else 0.
@@ -48,9 +46,8 @@ struct WordModel {
 WordModel learn_words(const Dataset& images, const TrainingOptions& options,
                       const std::filesystem::path& folder);
 
-/// FAB-MAP as a feature of camera images: the words an image shows, compared by the probability
-/// that it was taken at the place of the other. `sampled` takes the likelihood of a new place from
-/// the training images, which then must be of other places.
+/// FAB-MAP: the words of a camera image, compared by the probability of one place. `sampled` takes
+/// the likelihood of a new place from the training images, which must be of other places.
 FeatureExtractor fabmap_features(const WordModel& model, const FabMapOptions& options = {},
                                  bool sampled = false);
 

@@ -34,8 +34,7 @@ struct Alteration {
 };
 
 /// Reads steps joined by '+', each `kind=amount`, e.g. `pitch=5+range=30`, `sector=60+sector=60`,
-/// `turn`, `truck`; `none` is the scan as it is. Throws UsageError naming the text, the step and
-/// what was expected.
+/// `turn`, `truck`, or `none`. Throws UsageError with the text, the step and what was expected.
 Alteration parse_alteration(std::string_view text);
 
 std::string text_of(const Alteration& alteration);
@@ -50,19 +49,16 @@ std::vector<Alteration> standard_alterations();
 /// headings of a drive stay true. alter() may be given the same seed.
 Alteration random_alteration(uint64_t seed);
 
-/// To be raised with every change after which a seed alters some scan otherwise, as features of
-/// altered scans are kept.
+/// To be raised when a seed alters some scan otherwise: features of altered scans are kept.
 constexpr int kAlterationVersion = 2;
 
-/// Alters a scan; points without a return are left out (but of a scan that stays as it is). The
-/// same for the same seed, in every process and on every machine whose sines are the same.
+/// Alters a scan; points without a return are left out, unless the scan stays as it is. The result
+/// is the same for a seed in every process and on every machine whose sines are the same.
 ///
-/// - Beams are dropped first, wherever the step stands: they belong to the sensor, and are found by
-///   find_beams(), counted from the lowest. Where there are none, a beam is 1/64 of the
-///   elevations that 99 % of the points have.
+/// - Beams, found by find_beams() and counted from the lowest, are dropped first, wherever the step
+///   stands. Where there are none, a beam is 1/64 of the elevations that 99 % of the points have.
 /// - The truck is a box 2.5 m wide, 8 m long and 3.5 m high on the ground, parallel to the sensor's
-///   x axis, 2 to 4 m to its left or right. Rays that gave no return give none of the truck,
-///   either: a scan does not tell where they went.
+///   x axis, 2 to 4 m to its left or right. Rays without a return give none of the truck, either.
 void alter(PointCloud& cloud, const Alteration& alteration, uint64_t seed);
 
 }  // namespace revisit::pipeline

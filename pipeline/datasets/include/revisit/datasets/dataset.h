@@ -43,13 +43,11 @@ struct DatasetNeeds {
 /// Opens a KITTI odometry sequence, a folder per place, or a plain folder of .bin/.pcd/.ply files.
 ///
 /// `root` may be
-/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; needs `sequence`) or one sequence
-///   folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`). With `sequence` empty, a root that
-///   holds exactly one sequence with scans is taken;
-/// - a set of places, as the HKUST data can be sorted: a folder of scan files per place, whatever
-///   they are named (`place_1/*.bin`, `library/*.pcd`...), without poses. Frames are counted from 0
-///   through all places, in natural order of the names. Of several such sets beside each other
-///   (`rotation/place_1/*.bin`, `objects/place_1/*.bin`) `sequence` names one;
+/// - the KITTI root (`sequences/NN/velodyne`, `poses/NN.txt`; needs `sequence` unless exactly one
+///   sequence has scans) or one sequence folder (`velodyne/`, `poses.txt` or `../../poses/NN.txt`);
+/// - a set of places, as the HKUST data can be sorted: a folder of scan files per place
+///   (`place_1/*.bin`, `library/*.pcd`...), without poses. Frames are counted from 0 through all
+///   places, in natural order of the names. `sequence` names one of several such sets;
 /// - a folder of scan files (no poses).
 /// Throws InputError saying what was looked for and where, and which sequences are there.
 Dataset open_dataset(const std::filesystem::path& root, const std::string& sequence,
@@ -60,12 +58,10 @@ Dataset open_dataset(const std::filesystem::path& root, const std::string& seque
 /// names that are not numbers, and scans without an image, naming the first of them.
 Dataset camera_images(const Dataset& dataset, const std::filesystem::path& folder = {});
 
-/// A folder of .png images by the frame numbers that are their names, without poses. Throws
-/// InputError as camera_images() does.
+/// A folder of .png images named by frame numbers, without poses. Throws as camera_images().
 Dataset image_folder(const std::filesystem::path& folder);
 
-/// Where the poses of a KITTI sequence are: `poses/NN.txt` under the root, or `poses.txt` in the
-/// sequence folder. Throws InputError listing the places looked at.
+/// `poses/NN.txt` under the root or `poses.txt` in the sequence; else InputError with both places.
 std::filesystem::path find_kitti_poses(const std::filesystem::path& root,
                                        const std::string& sequence);
 

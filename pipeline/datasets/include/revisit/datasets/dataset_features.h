@@ -11,8 +11,7 @@
 namespace revisit::pipeline {
 
 /// Features of all scans, made when first asked for or taken from the folder. Warns of scans that
-/// cannot be described, and of those whose feature is all zero. Throws InputError for the first of
-/// the former with `DescribeOptions::strict`, or when no scan can be described.
+/// cannot be described (InputError if `strict`, or if none can) and of features that are all zero.
 class DatasetFeatures {
  public:
   /// `dataset` (for a feature that sees camera images, one of camera_images()), `extractor` and
@@ -23,10 +22,8 @@ class DatasetFeatures {
   DatasetFeatures(const DatasetFeatures&) = delete;
   DatasetFeatures& operator=(const DatasetFeatures&) = delete;
 
-  /// Names everything the features depend on.
   const std::string& key() const { return paths_.key; }
   const FeatureExtractor& extractor() const { return extractor_; }
-  /// Where they are or will be.
   const std::filesystem::path& path() const { return paths_.features; }
   int64_t n() const { return static_cast<int64_t>(dataset_.scans.size()); }
   /// The features [n][dim]. Throws what write_features() throws; Interrupted keeps what was done.
@@ -35,8 +32,7 @@ class DatasetFeatures {
   const std::vector<AlignmentRecord>& alignments();
   /// Rows of the scans that could not be described, ascending.
   std::vector<int64_t> left_out();
-  /// What each scan took when it was described, in this process or an earlier one; the wall time
-  /// is known to the process that did it.
+  /// Times of every scan, in this process or an earlier one; wall time only of this process.
   const DescribeTimes& times();
 
  private:

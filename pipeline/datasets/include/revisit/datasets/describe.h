@@ -25,8 +25,7 @@ struct DescribeOptions {
   std::optional<AlteredScans> altered;
   /// Scans in flight, one thread each. The values do not depend on it.
   int threads = 1;
-  /// A scan that cannot be described (its file is cut off, it holds too few points ...) ends the
-  /// work. Otherwise it is left out: its feature is all zero, AlignmentRecord::described says so.
+  /// Ends the work at a scan that cannot be described, instead of giving it a zero feature.
   bool strict = false;
   std::function<void(const ScanRef& scan, const std::string& why)> left_out;  // of each, in order
   std::function<void(const std::string& file)> damaged;       // a finished file that is made anew
@@ -34,20 +33,17 @@ struct DescribeOptions {
   std::function<bool()> stop;                                 // true: throw Interrupted
 };
 
-/// Milliseconds of one thread for each scan described in this process, by stage; empty for a stage
-/// that the feature does not have. (Scans kept from an earlier run are not in it.)
+/// Milliseconds of one thread, by stage, for each scan described in this process; else empty.
 struct DescribeTimes {
   std::vector<double> read, align, project, close, feature, write;
   double wall_ms = 0;  // of all of them, all threads together
-  /// Processor time of the describing thread from points (or camera image) in memory to the
-  /// feature: unlike the others it does not grow when the machine has other work to do.
+  /// Processor time from points or image in memory to the feature; other work adds nothing to it.
   std::vector<double> processor;
 
   void append(const DescribeTimes& more);
 };
 
-/// A row of 6 floats. Those of the alignment are NaN for camera images, for scans left out, and
-/// when a scan that is taken as it is has no principal direction.
+/// 6 floats; NaN where unknown: for camera images, scans left out, clouds without a direction.
 struct AlignmentRecord {
   float yaw = 0;               // [rad], Alignment::yaw
   float eigenvalue_ratio = 0;  // Alignment::eigenvalue_ratio
@@ -57,14 +53,12 @@ struct AlignmentRecord {
   float described = 1;         // 0: the scan could not be described, its feature is all zero
 };
 
-/// To be raised with every change of alignment, projection, closing, kernels or `baselines/` after
-/// which features differ beyond the last digits of a float: features kept by an earlier program are
-/// then made again. The tests FeatureVersion.* hold checksums of a fixed scan's features.
+/// To be raised with every change after which features differ beyond the last digits of a float:
+/// kept features are then made again. The tests FeatureVersion.* hold a fixed scan's checksums.
 constexpr int kFeatureVersion = 1;
 
 /// Identifies the files of a data set by path, size, number and times of change of the content and
-/// of the entry (which a copied time stamp does not hide): reading them all would take as long as
-/// describing them.
+/// of the entry (which a copied time stamp does not hide), without reading them.
 std::string dataset_key(const Dataset& dataset);
 
 /// `folder/NAME-HASH.npy`; the hash is of `key`, which names all that the features depend on.
@@ -77,9 +71,8 @@ FeaturePaths feature_paths(const std::filesystem::path& folder, const Dataset& d
                            const FeatureExtractor& extractor, const DescribeOptions& options);
 
 /// Describes every scan into `paths` (of camera_images() for a feature that sees images), from
-/// where an earlier call ended. A damaged file is made again. Throws Interrupted (what was done is
-/// kept), InputError naming a scan whose file cannot be read (with `strict`, one that cannot be
-/// described), Error when the disk is full.
+/// where an earlier call ended. A damaged file is made again. Throws Interrupted, InputError for a
+/// scan that cannot be read (with `strict`, described), Error when the disk is full.
 DescribeTimes write_features(const FeaturePaths& paths, const Dataset& dataset,
                              const FeatureExtractor& extractor, const DescribeOptions& options);
 

@@ -12,8 +12,7 @@ namespace revisit::pipeline {
 /// Cameras of places have fewer; what is computed from an image takes some 200 bytes a pixel.
 inline constexpr int64_t kMaxImagePixels = int64_t{4} << 20;
 
-/// Reads a PNG of any kind; colours become gray (the luminance of sRGB). Throws InputError also for
-/// more than kMaxImagePixels.
+/// Reads any PNG as gray (luminance of sRGB). Throws InputError, also beyond kMaxImagePixels.
 GrayImage read_gray_png(const std::filesystem::path& file);
 
 GrayImage gray_of(const RangeImage& image);  // rounded

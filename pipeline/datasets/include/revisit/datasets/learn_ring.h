@@ -22,8 +22,7 @@ struct LearnRingOptions {
   double radius = 5;       // [m]: nearer scans are of one place
   int frames_apart = 50;   // kOdometry: scans farther apart in frames are not compared
   int column_scans = 200;  // the columns' directions are learnt from at most this many
-  /// So often every scan is learnt from again, altered at random (random_alteration()): what tilt,
-  /// hidden sectors, a short range or missing beams change then tells nothing of a place.
+  /// Altered copies of every scan to learn from: what random_alteration() changes tells no place.
   int altered = 2;
   int threads = 1;
   std::filesystem::path cache;  // folder of the rings
@@ -36,9 +35,8 @@ void learn_ring_model(RingModel& model, const engine::Net& net, const RingRecipe
                       const std::vector<Dataset>& drives, const LearnRingOptions& options,
                       const Observer& observer);
 
-/// The pairs of `scans` (rows, ascending) nearer than `radius` [m] on the ground, at most
-/// `frames_apart` frames apart, and how they are turned. Headings are those of KITTI's camera axes:
-/// T_world_cam looks along z.
+/// Pairs of `scans` (rows, ascending) nearer than `radius` [m] on the ground, `frames_apart` frames
+/// apart at most, and how they are turned; headings are along z of KITTI's T_world_cam.
 std::vector<RingPair> pairs_nearby(const Dataset& dataset, const std::vector<int64_t>& scans,
                                    double radius, int frames_apart);
 

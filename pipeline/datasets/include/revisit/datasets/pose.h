@@ -7,8 +7,7 @@
 
 namespace revisit::pipeline {
 
-/// Rigid transform from a frame of the vehicle to the world [m]. Which frame is said where it is
-/// declared: `T_world_cam` or `T_world_velo`.
+/// Rigid transform from a vehicle frame to the world [m]: `T_world_cam` or `T_world_velo`.
 using Pose = Eigen::Isometry3d;
 
 /// Reads a KITTI poses file: line i holds the row-major 3x4 `T_world_cam` of frame i (camera: x
@@ -18,9 +17,8 @@ std::vector<Pose> read_kitti_poses(const std::filesystem::path& file);
 /// Reads `Tr` (`T_cam_velo`: velodyne to camera 0) from a KITTI calib.txt. Throws InputError.
 Pose read_kitti_calibration(const std::filesystem::path& file);
 
-/// Reads the projection matrix of a camera from a KITTI calib.txt: `name` is "P0" for the left gray
-/// one. Pixel = P * (point in camera 0, 1). Throws InputError when it is not there or no camera
-/// that looks forward without distortion has it.
+/// Reads the projection matrix of a camera from a KITTI calib.txt; `name` is "P0" for the left gray
+/// one. Pixel = P * (point in camera 0, 1). Throws InputError for a missing or implausible one.
 Eigen::Matrix<double, 3, 4> read_kitti_projection(const std::filesystem::path& file,
                                                   const std::string& name);
 

@@ -9,8 +9,7 @@ namespace revisit::pipeline {
 /// Reads `.bin` (KITTI, float32 x y z reflectance; other files of 3 to 6 float32 or float64 a point
 /// that begin with x y z are told by their content), `.pcd` or `.ply` (any fields with x, y, z;
 /// intensity when there). Throws InputError, naming the file, when it is missing, truncated,
-/// malformed, or holds no finite point away from the origin. Headers are checked against the file's
-/// size before anything is allocated.
+/// malformed, or has no finite point but the origin. The file's size bounds what is allocated.
 PointCloud read_scan(const std::filesystem::path& file);
 
 /// The same, into a cloud whose memory is used again.

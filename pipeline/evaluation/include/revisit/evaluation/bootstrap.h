@@ -25,9 +25,8 @@ struct PrIntervals {
   Interval f1_max, average_precision, recall_at_1, max_recall_at_precision_1, extended_precision;
 };
 
-/// Intervals over the queries. Resamples without a positive are left out. Queries of a drive follow
-/// each other within metres and are not independent, so the intervals are too narrow for another
-/// drive.
+/// Intervals over the queries; resamples without a positive are left out. Queries of a drive are
+/// not independent, so the intervals are too narrow for another drive.
 ///
 ///   auto ci = bootstrap(verdicts, task.missed, {.resamples = 1000});
 ///   ci.average_precision.low;

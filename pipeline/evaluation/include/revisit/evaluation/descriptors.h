@@ -15,8 +15,7 @@ namespace revisit::pipeline {
 
 struct ReductionOptions {
   int64_t components = -1;  // of the PCA; 0: as many as the data gives; -1: no PCA
-  /// Scans that a PCA or a ring mean is estimated from: all, the stored ones ("map"), or a folder
-  /// with a PCA.
+  /// Scans of a PCA or a ring mean: all, the stored ones ("map"), or a folder with a PCA.
   std::string fit_on = "all";
   double memory_gb = 2;  // of the PCA; without one, bounds the descriptors
   int threads = 1;       // the values do not depend on it
@@ -29,8 +28,7 @@ struct Descriptors {
   Comparison comparison;
   std::string pca_fit;  // what the PCA learnt from, for people
   std::string note;     // when fewer components were kept than asked
-  /// Descriptors of more features, [n][d], by what was learnt for these. Empty when a PCA was
-  /// learnt and not written to a folder.
+  /// Descriptors [n][d] of more features by the same basis; empty for a PCA that was not written.
   std::function<FloatMatrix(const FeatureFile& features)> of_more;
 };
 /// Throws Error naming the scan (the row) and the alignment case of a number that is not finite.
@@ -43,9 +41,8 @@ Descriptors reduce(const ReductionOptions& options, const Task& task, DatasetFea
                    DatasetFeatures* case2, const Observer& observer,
                    const std::filesystem::path& model_folder = {});
 
-/// Descriptors for one task after another; those learnt from the same scans are used again. With a
-/// `cache` folder they are kept there, and the features are not needed then: descriptors of all
-/// components serve any smaller number.
+/// Descriptors for one task after another; those of equal scans are reused. A `cache` folder keeps
+/// them without features: descriptors of all components serve any smaller number.
 class TaskDescriptors {
  public:
   /// `case2` may be null, `cache` empty. The features and the observer are referred to.

@@ -65,13 +65,11 @@ struct EvaluationResult {
   EvaluationTimes times;
 };
 
-/// The tasks of the protocols. Throws what make_tasks() throws, and UsageError for a task that is
-/// there twice or whose distances are not known.
+/// Throws what make_tasks() throws, and UsageError for a task twice or without known distances.
 std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::string& sequence,
                                    const Trajectory& trajectory);
 
-/// Describes every scan of a data set, retrieves, and judges. What an earlier run left in the cache
-/// is not computed again.
+/// Describes every scan, retrieves, and judges; what is in the cache is not computed again.
 ///
 ///   auto trajectory = make_trajectory(dataset);
 ///   Evaluation evaluation(dataset, extractor, trajectory,
@@ -79,9 +77,8 @@ std::vector<Task> evaluation_tasks(const EvaluationOptions& options, const std::
 ///   evaluation.run().tasks.at(0).summary.average_precision;
 class Evaluation {
  public:
-  /// `dataset` (for a feature that sees camera images, one of camera_images()), `extractor` and
-  /// `trajectory` are referred to. Describes nothing yet. Throws UsageError when the options ask
-  /// queries in a case that the alignment or a task does not have.
+  /// Refers to `dataset` (of camera_images() for a feature that sees images), `extractor` and
+  /// `trajectory`. Throws UsageError for a query case that the alignment or a task does not have.
   Evaluation(const Dataset& dataset, const FeatureExtractor& extractor,
              const Trajectory& trajectory, std::vector<Task> tasks, EvaluationOptions options,
              Observer observer = {});
@@ -110,9 +107,8 @@ class Evaluation {
   std::set<std::string> said_;
 };
 
-/// Heading of the query minus heading of its match, counter-clockwise [deg] in (-180, 180]: as the
-/// descriptors tell it (Match::turn), else as the alignments do, by which both clouds were turned
-/// to the principal directions of one place.
+/// Heading of the query minus heading of its match, counter-clockwise [deg] in (-180, 180], by the
+/// descriptors (Match::turn), else by the alignments of both clouds.
 double relative_yaw_deg(const Match& match, const std::vector<AlignmentRecord>& alignments);
 
 }  // namespace revisit::pipeline

@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,8 +22,7 @@ enum class Distance {
 Distance parse_distance(const std::string& text);
 const char* name_of(Distance distance);
 
-/// What makes a retrieved place right: nearer than `radius` (strictly). It is wrong when it is not
-/// nearer than `radius` and farther than `false_beyond`; between the two it is neither.
+/// A match is right nearer than `radius` (strictly), wrong beyond `false_beyond`, else neither.
 struct TrueMatchRule {
   Distance distance = Distance::kXz;
   double radius = 5;        // [m]
@@ -45,21 +43,18 @@ struct Trajectory {
 
 /// Throws InputError when the frames are not strictly increasing or a position is not finite.
 Trajectory make_trajectory(const Dataset& dataset);
-/// Frame i is pose i. `times` may be empty; otherwise it must have one entry a pose (or more: KITTI
-/// ships times of frames without poses). Throws InputError.
+/// Frame i is pose i. `times`: none, or at least one a pose; else throws InputError.
 Trajectory make_trajectory(const std::vector<Pose>& T_world_cam,
                            const std::vector<double>& times = {});
 
 double distance_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Distance kind);
 /// Of two scans, by row.
 double distance_between(const Trajectory& trajectory, int64_t a, int64_t b, Distance kind);
-/// Throws UsageError, naming `what` needs it, when the trajectory has no positions (places, for
-/// kPlace).
+/// Throws UsageError, naming `what` needs it, without positions (places, for kPlace).
 void need_distances(const Trajectory& trajectory, Distance kind, const std::string& what);
 
-/// For each scan i, how many of the scans before it are candidates: scans [0, result[i]).
-/// Throws UsageError when the exclusion needs times or poses that are not there, InputError when
-/// the times run backwards.
+/// For each scan i, the candidates are scans [0, result[i]). Throws UsageError when the exclusion
+/// lacks its times or poses, InputError when the times run backwards.
 std::vector<int64_t> earlier_candidates(const Trajectory& trajectory, const Exclusion& exclusion);
 /// The mirror image: scans [result[i], size) after scan i are candidates.
 std::vector<int64_t> later_candidates(const Trajectory& trajectory, const Exclusion& exclusion);

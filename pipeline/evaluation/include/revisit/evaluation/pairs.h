@@ -34,8 +34,7 @@ struct PairResult {
   ScoreHistogram histogram;
 };
 
-/// Evaluates a task that decides on pairs: a pair of a query and one of its candidates is accepted
-/// when its similarity is at least the threshold.
+/// Evaluates a task that accepts a pair of a query and a candidate from a similarity threshold on.
 ///
 /// A pair nearer than the rule's radius is true beyond the task's exclusion, else not counted.
 /// `negatives_per_positive` false ones are drawn at random, the same in every run. Similarities are

@@ -9,7 +9,6 @@
 
 namespace revisit::pipeline {
 
-/// One query, judged.
 struct Verdict {
   double score = 0;
   bool correct = false;   // the best retrieved scan is a true match
@@ -37,8 +36,7 @@ struct PrPoint {
   double f1 = 0;         // 2 tp / (2 tp + fp + fn), 0 for tp = 0; NaN without positives
 };
 
-/// One point per distinct score, highest threshold first: recall never falls along the curve.
-/// Throws Error when a score is NaN or a verdict contradicts itself.
+/// A point per distinct score, highest first. Throws Error for NaN or contradictory verdicts.
 std::vector<PrPoint> precision_recall(const std::vector<Verdict>& verdicts,
                                       Missed missed = Missed::kNotFound);
 

@@ -30,8 +30,7 @@ struct TaskQuery {
   int64_t n_candidates() const { return candidates[0].size() + candidates[1].size(); }
 };
 
-/// A place-recognition task: which scans of a data set are stored, which are asked, what is true.
-/// Scans are rows of the data set, so a subsampled drive (gaps in the frame numbers) works alike.
+/// Which scans are stored, which are asked, what is true. Scans are rows: frames may have gaps.
 struct Task {
   std::string name;                // for messages: "paper-easy", "online", "ssc", ...
   std::vector<int64_t> stored;     // rows, ascending

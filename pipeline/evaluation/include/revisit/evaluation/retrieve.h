@@ -11,9 +11,8 @@ namespace revisit::pipeline {
 /// The alignment cases queries are described in; stored scans always use case 1.
 enum class QueryCase { kAsStored, kTwo, kBoth };
 
-/// The k most similar stored scans of every query of `task`, found by a PlaceIndex of the stored
-/// scans. In both cases the higher score wins, case 1 on a tie. Candidates that keys leave out
-/// have the similarity -1.
+/// The k most similar stored scans of every query of `task`. In both cases the higher score wins,
+/// case 1 on a tie. Candidates that keys leave out have the similarity -1.
 ///
 ///   auto matches = retrieve(descriptors, task, {.k = 4});
 ///

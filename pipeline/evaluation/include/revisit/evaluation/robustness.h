@@ -15,8 +15,7 @@ struct RobustnessOptions {
   uint32_t seed = 0;    // of what is random in them
   int64_t queries = 0;  // so many scans, evenly through the drive, are altered; 0: all
   TrueMatchRule rule;   // which scans show the same place, and which another one
-  /// Scans this near in time are left out when a neighbour is looked for, as the scan's own
-  /// original always is.
+  /// Scans this near in time are no neighbours, as the scan's own original never is.
   Exclusion exclusion{Exclusion::Kind::kNone, 0};
   bool both_cases = false;  // asks in alignment cases 1 and 2; the higher similarity counts
   int threads = 1;          // of the search; the figures do not depend on it
@@ -30,8 +29,7 @@ struct RobustnessRow {
   Alteration alteration;
   int64_t asked = 0, own = 0;        // scans, and those that find their own original
   int64_t asked_near = 0, near = 0;  // that have a neighbour, and those that find one of theirs
-  /// Similarity of the best neighbour to that of the best scan of another place, over the scans
-  /// that have a neighbour; NaN without any.
+  /// Similarity of the best neighbour / the best scan of another place; NaN without neighbours.
   double ratio_median = 0, ratio_least = 0;
   int64_t not_described = 0;
 };

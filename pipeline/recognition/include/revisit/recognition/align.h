@@ -7,8 +7,7 @@
 
 namespace revisit::pipeline {
 
-/// Which of the two right-handed sign choices of the principal directions (paper, section III-A;
-/// docs/METHODS.md): case 2 is case 1 turned by 180 degrees about z'.
+/// Sign choices of the principal directions (paper, III-A): case 2 is case 1 turned by 180 degrees.
 enum class AlignCase { kNone, kOne, kTwo };  // kNone: the points as they are
 
 /// "none", "case1", "case2"; throws UsageError for anything else.

@@ -12,8 +12,7 @@ struct CandidateRange {
   int64_t size() const { return end - begin; }
 };
 
-/// Proposes places by less than their whole descriptors, so that it may miss some. What it proposes
-/// is compared exactly afterwards.
+/// Proposes places by a part of their descriptors, may miss some; an exact comparison follows.
 class CandidateSource {
  public:
   virtual ~CandidateSource() = default;
@@ -21,10 +20,9 @@ class CandidateSource {
   virtual int64_t size() const = 0;
   /// `descriptor` is that of place size().
   virtual void add(std::span<const float> descriptor) = 0;
-  /// Puts different places into `places`, in any order: as far as it finds them the `count` of
-  /// `among` (ascending, none empty, within size()) most similar to `query`. What is not in `among`
-  /// does not count. Called from several threads at once; `threads` are for this call, and the
-  /// result is the same for any number.
+  /// Puts different places, in any order, into `places`: the `count` of `among` (ascending, none
+  /// empty, within size()) most similar to `query`, as far as it finds them. Called from several
+  /// threads at once; `threads` are for this call, and do not change the result.
   virtual void find(std::span<const float> query, std::span<const CandidateRange> among,
                     int64_t count, int threads, std::vector<int64_t>& places) const = 0;
 };

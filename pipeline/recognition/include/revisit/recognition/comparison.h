@@ -9,8 +9,7 @@
 
 namespace revisit::pipeline {
 
-/// How two descriptors are compared, and how candidates are chosen where comparing all takes too
-/// long. An empty one compares by cosine.
+/// How two descriptors are compared and candidates chosen; an empty one compares all by cosine.
 struct Comparison {
   /// How alike `query` is to each of `places`, all descriptors: larger is more alike, the i-th
   /// goes to `similarities[i]`. All candidates of a query come in one call, because a probability
@@ -21,8 +20,7 @@ struct Comparison {
   /// Heading of b less heading of a, counter-clockwise [rad]. Empty: descriptors do not tell it.
   std::function<double(std::span<const float> a, std::span<const float> b)> turn;
 
-  /// Makes a source without places that chooses whom to compare by keys: rough copies of
-  /// descriptors, all of which are compared, in a fraction of the time. Empty: there are none.
+  /// Makes an empty source that compares keys, rough copies of descriptors. Empty: no keys.
   std::function<std::unique_ptr<CandidateSource>()> keys;
   int64_t key_candidates = 0;  // so many of them, the most similar, are compared; 0: all places
 };

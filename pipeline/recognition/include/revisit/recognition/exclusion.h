@@ -7,8 +7,7 @@
 
 namespace revisit::pipeline {
 
-/// Which scans of a drive are too close in time to be a revisit of the query.
-/// A candidate must be MORE than `amount` away (strictly).
+/// Scans too close in time to be a revisit: a candidate must be MORE than `amount` away.
 struct Exclusion {
   enum class Kind {
     kNone,     // every other scan may match

@@ -40,14 +40,12 @@ struct FeatureExtractor {
   std::string name;  // for people and plots: "conv3+pool5", "data"
   std::string key;   // names everything the values depend on besides the input
   int64_t dim = 0;
-  /// What the feature sees of a scan: the range image of its aligned points, the aligned points
-  /// themselves, or the camera image of the same moment.
+  /// Input of the feature: range image of the aligned points, the aligned points, or camera image.
   std::variant<FeatureMaker<RangeImage>, FeatureMaker<PointCloud>, FeatureMaker<GrayImage>> make;
   Comparison comparison;  // of two of them, or of what `reduce` makes of them
   Reduction reduce;       // into descriptors; empty: by PCA, or not at all
   std::function<Basis(const std::string& content)> open_basis;  // one that `reduce` made
-  /// The similarity of the best alone says how sure a match is, as a probability does; by default
-  /// it also has to stand out (Score::kMargin).
+  /// A match is scored by the best similarity alone, a probability, instead of Score::kMargin.
   bool best_is_sure = false;
   std::optional<Calibration> calibration;  // of its matches, where one is known
 
@@ -57,18 +55,16 @@ struct FeatureExtractor {
   }
 };
 
-/// How a network runs for a feature.
 struct Forward {
   int threads = 1;  // of one pass
   engine::Precision precision = engine::Precision::kFloat32;
 };
 
-/// The output of a network, flattened. The gray image is given to every input channel, minus that
-/// channel's mean (`mean_bgr`, in pixel values; paper section III-C; a net of one channel gets the
-/// mean of the gray image, 0.114 B + 0.587 G + 0.299 R), times `input_scale`; where a convolution
-/// sees it first, it is given once and stands for all channels. `net_key` identifies the weights.
-/// Throws InputError when the net has not one input of 1
-/// or 3 channels, or cannot take the image size, and UsageError when it has not exactly one output.
+/// The output of a network, flattened. Every input channel gets the gray image minus that channel's
+/// mean (`mean_bgr`, in pixel values; paper section III-C; a net of one channel gets that of the
+/// gray image, 0.114 B + 0.587 G + 0.299 R), times `input_scale`. A first convolution gets it once,
+/// for all channels. `net_key` identifies the weights. Throws InputError when the net has not one
+/// input of 1 or 3 channels, or cannot take the size; UsageError when it has not just one output.
 FeatureExtractor network_features(const engine::Net& net, const std::string& net_key,
                                   const std::array<double, 3>& mean_bgr,
                                   const ImageGeometry& geometry, const Forward& forward = {},
@@ -77,9 +73,8 @@ FeatureExtractor network_features(const engine::Net& net, const std::string& net
 /// The range image itself as a vector: the paper's `data`, for comparison.
 FeatureExtractor range_vector_features(const ImageGeometry& geometry);
 
-/// The whole way from a scan to its feature, for features of one moment: aligned, for one that sees
-/// the range image projected and holes closed. Throws InputError for a scan that cannot be aligned,
-/// UsageError for a feature of camera images.
+/// From a scan to its feature: aligned and, if the feature sees the range image, projected, holes
+/// closed. Throws InputError for a scan that cannot be aligned, UsageError for camera images.
 FeatureFunction<PointCloud> from_scan(const FeatureExtractor& extractor, AlignCase align,
                                       const ImageGeometry& geometry);
 

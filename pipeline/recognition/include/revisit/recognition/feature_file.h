@@ -9,12 +9,11 @@
 
 namespace revisit::pipeline {
 
-/// Streams features to a float32 .npy of `[n][d]`, and goes on where an earlier run was stopped.
+/// Streams features to a float32 .npy of `[n][d]`, and resumes where an earlier run was stopped.
 ///
-/// Until finish() the rows are in `FILE.part`, with `FILE.part.key` beside it: a text that names
-/// all that the features depend on (model hash, layer, image geometry, the scans ...). A part with
-/// the same key and shape is continued, any other is discarded. What stands there and is no regular
-/// file (a link, a pipe) is an Error. The key of a finished file ends with its checksum.
+/// Until finish() the rows are in `FILE.part`, beside `FILE.part.key`, a text that names all that
+/// the features depend on. A part with the same key and shape is continued, any other is discarded.
+/// A link or pipe in its place is an Error. The key of a finished file ends with its checksum.
 ///
 ///   if (!features_complete(file, key)) {
 ///     FeatureWriter writer(file, key, n, d);
@@ -24,9 +23,8 @@ namespace revisit::pipeline {
 ///   FeatureFile features(file);
 class FeatureWriter {
  public:
-  /// Opens or continues the part. Throws Error when the folder cannot be written, when the disk has
-  /// too little space for the rows to come (naming the bytes needed and free), and when another
-  /// process is writing the same file.
+  /// Opens or continues the part. Throws Error when the folder cannot be written, the disk is too
+  /// full (naming bytes needed and free), or another process writes the same file.
   FeatureWriter(std::filesystem::path file, std::string key, int64_t n_rows, int64_t dim);
   ~FeatureWriter();  // without finish() the part stays, to be continued
   FeatureWriter(const FeatureWriter&) = delete;
@@ -34,11 +32,9 @@ class FeatureWriter {
 
   /// Complete rows in the part: the index of the next row to append.
   int64_t rows_written() const { return rows_; }
-  /// Appends one row of `dim` floats. Throws Error when the disk is full (the part stays) and for a
-  /// row of another size.
+  /// Appends `dim` floats. Throws Error when the disk is full (the part stays) or sizes differ.
   void append(std::span<const float> row);
-  /// Flushes to disk and gives the file its name (and `FILE.key` its key). Throws Error when rows
-  /// are missing.
+  /// Flushes to disk and names the file and `FILE.key`. Throws Error when rows are missing.
   void finish();
 
  private:
@@ -55,15 +51,13 @@ class FeatureWriter {
   int descriptor_ = -1;
 };
 
-/// True when `file` is finished, was made with this key, and is what was written then: all of it is
-/// read and compared with its checksum.
+/// True when `file` is finished, has this key, and all of it, which is read, has its checksum.
 bool features_complete(const std::filesystem::path& file, const std::string& key);
 
 /// A finished feature file, read-only. Movable, not copyable.
 class FeatureFile {
  public:
-  /// Throws InputError when the file is missing, is not a float32 C-order .npy with two axes, or
-  /// has another size than its header says.
+  /// Throws InputError for anything but a whole float32 C-order .npy with two axes.
   explicit FeatureFile(std::filesystem::path file);
   ~FeatureFile();
   FeatureFile(FeatureFile&& other) noexcept;

@@ -13,14 +13,12 @@ struct Ground {
   double sensor_height = 0;                       // of the sensor above the plane [m]
 };
 
-/// The plane through the lowest points within 10 m, when they agree on one: a cell of 2 x 2 m
-/// gives its height that 5 % of its points lie below, and reweighted least squares leave out cells
-/// that hold something else. Nothing when fewer than 12 cells, or fewer than a third of them, lie
-/// within 0.2 m of it, and for a plane that is tilted by more than 20 degrees.
+/// The plane through the lowest points within 10 m: cells of 2 x 2 m give the height that 5 % of
+/// their points lie below; reweighted least squares leave out other cells. Nothing if fewer than 12
+/// cells, or a third of all, lie within 0.2 m of it, or if it tilts by more than 20 degrees.
 std::optional<Ground> find_ground(const PointCloud& cloud);
 
-/// What takes points of the sensor frame to where the ground is horizontal and `sensor_height` [m]
-/// below the origin: the shortest turn, then a shift along z. Yaw stays.
+/// Makes the ground horizontal, `sensor_height` [m] below: the shortest turn and a shift along z.
 Eigen::Isometry3f T_level_sensor(const Ground& ground, double sensor_height);
 
 /// The returns of a scan, levelled by the ground that it shows; as they are when it shows none, or

@@ -33,16 +33,14 @@ struct Eigenpairs {
   std::vector<double> values;   // [k]
   std::vector<double> vectors;  // [k][m], one eigenvector a row
 };
-/// `a` [m][m] row-major, of which only the upper triangle is read; it is destroyed. k <= m.
-/// Throws Error when LAPACK does not converge.
+/// `a` [m][m] row-major, upper triangle, destroyed; k <= m. Throws Error without convergence.
 Eigenpairs largest_eigenpairs(std::vector<double>& a, int64_t m, int64_t k);
 
 /// All eigenvalues l of A v = l B v, smallest first, [m]; A [m][m] Hermitian, B positive definite,
-/// both column-major, of which only the lower triangles are read. `a` becomes the eigenvectors v, a
-/// column each: v_i^H B v_j is 1 for i = j, else 0. B is destroyed. An eigenvector's phase, which
-/// the equation leaves open, is that of a positive inner product with a fixed real vector:
-/// machines agree on it, whose LAPACKs round differently, and real matrices give real vectors.
-/// Throws Error when LAPACK does not converge or B is not positive definite.
+/// both column-major, lower triangles. `a` becomes the eigenvectors v, a column each, with
+/// v_i^H B v_j = 1 for i = j, else 0; B is destroyed. An eigenvector has a positive inner product
+/// with a fixed real vector, so that machines agree on its phase. Throws Error when LAPACK does not
+/// converge or B is not positive definite.
 std::vector<double> hermitian_eigenpairs(std::complex<double>* a, std::complex<double>* b,
                                          int64_t m);
 

@@ -20,8 +20,7 @@ std::span<const OptionalLibrary> optional_libraries();
 /// The row of this name. Throws std::logic_error for one that is not in the table.
 const OptionalLibrary& optional_library(std::string_view name);
 
-/// Throws UsageError that says which package and option `what` needs, unless the library of this
-/// name is built in.
+/// Throws UsageError with the package and option that `what` needs, unless `library` is built in.
 void need(std::string_view what, std::string_view library);
 
 /// The same where the code that needs it was left out of the build.

@@ -12,16 +12,14 @@
 
 namespace revisit::pipeline {
 
-/// Features in one or more files of the same dimension, rows counted through all of them. The usual
-/// second file holds the same scans in alignment case 2.
+/// Features of one dimension, rows counted through all files: a second one may be alignment case 2.
 using FeatureFiles = std::vector<const FeatureFile*>;
 
 struct PcaOptions {
   int64_t components = 400;
   /// Rows the mean and the directions are learnt from (e.g. the map's scans); empty: all rows.
   std::vector<int64_t> fit_rows;
-  /// Upper bound for the working memory [bytes], without the result; more than the Gram matrix and
-  /// some hundred megabytes is not used.
+  /// Upper bound for the working memory [bytes], without the result.
   int64_t memory = int64_t{2} << 30;
   int threads = 1;  // the result does not depend on it, bit for bit
   /// When set: also write the model to this folder (a second pass over the files).
@@ -45,10 +43,8 @@ struct PcaResult {
 /// the nonzero eigenvalues of the scatter matrix F^T F: G U = U L. The directions are V = F^T U
 /// L^(-1/2) and so the descriptors X V = (X F^T) U L^(-1/2): only X F^T [n][m] is needed, summed
 /// over panels of columns. Sums within a panel (8192 columns) are in float, across them in double.
-///
-/// Components whose eigenvalue is below kRankTolerance of the largest are dropped (float sums
-/// cannot tell them from zero). Signs: the entry of largest magnitude in each column of U is
-/// positive.
+/// Components below kRankTolerance of the largest eigenvalue are dropped: float sums cannot tell
+/// them from zero. The entry of largest magnitude in each column of U is positive.
 ///
 ///   FeatureFile case1("features.npy");
 ///   PcaResult pca = fit_pca({&case1}, {.components = 400, .fit_rows = task.stored});
@@ -64,8 +60,7 @@ inline constexpr double kRankTolerance = 1e-6;
 /// A PCA learnt earlier: a folder with `mean.npy` [d] and `basis.npy` [k][d] (orthonormal rows).
 class PcaModel {
  public:
-  /// Throws InputError when the files are missing or do not fit together, and for a mean that is
-  /// not finite; a basis that is not is found when it is read, by project().
+  /// Throws InputError for missing or misfit files, or NaN in the mean; project() checks the basis.
   explicit PcaModel(const std::filesystem::path& folder);
   int64_t components() const { return basis_.n(); }
   int64_t dim() const { return basis_.d(); }

@@ -11,15 +11,13 @@ struct Point {
   float intensity = 0;        // as the file gives it, unused by the method
 };
 
-/// False for what drivers write when a beam gave no return: NaN (or infinity), or the sensor's
-/// origin itself. Every stage skips those points.
+/// False for a beam without return: NaN, infinity or the origin. Every stage skips those points.
 inline bool is_return(const Point& point) {
   return std::isfinite(point.x) && std::isfinite(point.y) && std::isfinite(point.z) &&
          (point.x != 0 || point.y != 0 || point.z != 0);
 }
 
-/// One revolution of the sensor. May hold NaN and zero points ("no return"): every stage skips
-/// them (`is_return`), so that files pass through unchanged.
+/// One revolution of the sensor. Points without a return stay, so that files pass unchanged.
 struct PointCloud {
   std::vector<Point> points;
 };

@@ -23,8 +23,7 @@ inline PointsView view_of(const PointCloud& cloud) {
   return {cloud.points.data(), cloud.points.size()};
 }
 
-/// The same points in `cloud`, whose memory is used again. Throws UsageError for a stride in which
-/// the coordinates do not lie.
+/// Copies to `cloud`, reusing its memory. Throws UsageError for coordinates beyond the stride.
 void copy_points(const PointsView& points, PointCloud& cloud);
 
 }  // namespace revisit::pipeline

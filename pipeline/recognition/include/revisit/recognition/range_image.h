@@ -32,19 +32,17 @@ struct RangeImage {
   float at(int row, int column) const { return pixels[static_cast<size_t>(row) * width + column]; }
 };
 
-/// Throws UsageError for an invalid geometry: sizes below 1 or beyond reason, edges in the
-/// wrong order or beyond +-90 deg, a range that is not positive, a closing rectangle whose sides
-/// are not 0 to 360 deg.
+/// Throws UsageError for sizes below 1 or beyond reason, or edges in the wrong order or beyond +-90
+/// deg. The range must be positive, the sides of the closing rectangle 0 to 360 deg.
 void check_geometry(const ImageGeometry& geometry);
 
 /// Spherical projection (paper, section III-A):
 ///   column = floor((pi - azimuth) / (2 pi) * width)
 ///   row    = floor((top - elevation) / (top - bottom) * height), dropped when outside the image
 ///   pixel  = 255 * min(range, max_range) / max_range, the nearest return wins, 0 without one
-/// in double arithmetic: the image has the same bits on every CPU. NaN points and points at the
-/// origin are skipped. With an even width a cloud turned by exactly 180 degrees (x and y negated)
-/// gives exactly the image shifted by width / 2, which is align case 2. Throws UsageError as
-/// check_geometry() does.
+/// in double arithmetic: the image has the same bits on every CPU. If a cloud turns by exactly 180
+/// degrees (x and y negated, align case 2), an image of even width shifts by exactly width / 2.
+/// Throws UsageError as check_geometry() does.
 RangeImage project(const PointCloud& cloud, const ImageGeometry& geometry);
 
 /// How much of a cloud an image took.
@@ -56,14 +54,12 @@ struct Projected {
   }
 };
 
-/// The same of the cloud turned about the sensor, project(rotated(cloud, R_image_sensor)), without
-/// making the turned cloud; into an image whose memory is used again when it is large enough.
+/// project(rotated(cloud, R_image_sensor)) without the turned cloud, into an image that is reused.
 Projected project_turned(const PointCloud& cloud, const Eigen::Matrix3f& R_image_sensor,
                          const ImageGeometry& geometry, RangeImage& image);
 
-/// Morphological closing (dilation, then erosion) with the geometry's rectangle, wrap-around in
-/// azimuth. Above and below the image counts as absent (neutral for both operations). Throws
-/// UsageError as check_geometry() does, and for a rectangle larger than the image given.
+/// Morphological closing (dilation, then erosion), wrap-around in azimuth, neutral above and below.
+/// Throws UsageError as check_geometry() does, and for a rectangle larger than the image given.
 RangeImage close_holes(const RangeImage& image, const ImageGeometry& geometry);
 void close_holes_in_place(RangeImage& image, const ImageGeometry& geometry);
 

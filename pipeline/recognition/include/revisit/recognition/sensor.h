@@ -16,13 +16,11 @@ struct Sensor {
   double top = 0, bottom = 0;  // elevations of the outermost beams, or of the field of view [deg]
   ImageGeometry image;
 };
-/// All known sensors. A beam never lies on an image's edge, and a closing rectangle is higher than
-/// the rows between most neighbouring beams.
+/// All known sensors: no beam lies on an image's edge; closing bridges most neighbouring beams.
 const std::vector<Sensor>& sensors();
 
 /// The image of a sensor. Throws UsageError naming the nearest sensor.
 ImageGeometry sensor_geometry(const std::string& sensor);
-/// The names sensor_geometry() takes.
 std::vector<std::string> sensor_names();
 
 /// What the elevations of scans' points say of the sensor.
@@ -39,8 +37,7 @@ struct SensorFound {
   double inside = 0;  // share of the returns that the image holds
 };
 
-/// Tells beams apart by elevation, where neither tilt nor motion smear them, else by the order of
-/// the points (KITTI's files hold one beam after the other). The scans are of one sensor.
+/// Tells beams of one sensor apart by elevation or, if smeared, by the order of points as in KITTI.
 Beams find_beams(const std::vector<PointCloud>& scans);
 
 /// The sensor of the beams that find_beams() tells apart, or an image made for them.

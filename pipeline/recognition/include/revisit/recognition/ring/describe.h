@@ -2,7 +2,6 @@
 
 #include <memory>
 #include <span>
-#include <vector>
 
 #include "revisit/recognition/ring/match.h"
 #include "revisit/recognition/ring/model.h"
@@ -21,18 +20,16 @@ struct RingOptions {
 /// Throws UsageError for invalid options.
 void check_options(const RingOptions& options);
 
-/// Turns rings into descriptors: less the ring mean where something was seen, along frequencies,
-/// onto the directions in which scans of one place agree and scans of different places differ
-/// (linear discriminant analysis of each frequency, docs/METHODS.md), each ring to the length that
-/// RingModel::columns_share says. Copies share what was computed.
+/// Turns rings into descriptors. The ring mean is subtracted where something was seen. Each
+/// frequency is projected onto directions in which only scans of one place agree (LDA,
+/// docs/METHODS.md). RingModel::columns_share scales the rings. Copies share what was computed.
 class RingDescriber {
  public:
   /// `model`: of the map, by fit_to_map(). Throws UsageError for invalid options.
   explicit RingDescriber(const RingModel& model, const RingOptions& options = {});
 
   const RingLayout& layout() const;
-  /// `rings` [model.dim()] -> `descriptor` [layout().numbers()], of length 1; a ring that is the
-  /// mean, or was not seen at all, adds nothing.
+  /// `rings` [model.dim()] -> `descriptor` [layout().numbers()], of length 1; unseen rings add 0.
   void describe(std::span<const float> rings, std::span<float> descriptor) const;
 
  private:

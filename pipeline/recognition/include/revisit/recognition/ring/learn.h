@@ -14,7 +14,6 @@
 
 namespace revisit::pipeline {
 
-/// What is chosen, before anything is learnt.
 struct RingRecipe {
   std::vector<std::pair<std::string, int>> layers;  // of the net, and the numbers kept of each
   int sectors = 128;                                // of the network's ring
@@ -35,13 +34,11 @@ struct RingPair {
   double turn = 0;  // heading of b less heading of a, counter-clockwise [rad]
 };
 
-/// What one drive has to teach.
 struct RingDrive {
   Rows rings;                   // [n][RingModel::dim()], features of ring_features()
   std::vector<int64_t> scans;   // rows to learn from, ascending
   std::vector<RingPair> pairs;  // of them
-  /// The same scans, row for row, altered as scans may be when a place is seen again: what differs
-  /// then is left out of a place's share.
+  /// The same scans, row for row, altered: what differs then is left out of a place's share.
   std::vector<Rows> altered = {};
 };
 
@@ -51,11 +48,10 @@ struct RingDrive {
 /// another size.
 void learn_rings(RingModel& model, std::span<const RingDrive> drives);
 
-/// Makes `model` one for the map that these scans (rows of `rings`) are of: their mean becomes the
-/// model's, as that of another sensor or of simulated scans hides what real places share; and their
-/// spread takes the place of the share `adapt` of the model's total spread. Of n scans more than a
-/// ring has numbers it takes n / (n + 128) of that: fewer do not know their spread. Throws
-/// UsageError without scans and for a share outside of 0 to 1.
+/// Fits `model` to the map of these scans (rows of `rings`). Their mean becomes the model's, as
+/// another sensor's mean would hide what places share. Their spread takes the share `adapt` of the
+/// model's total; n scans, more than a ring has numbers, n / (n + 128) of that. Throws UsageError
+/// without scans and for a share outside of 0 to 1.
 void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt);
 
 }  // namespace revisit::pipeline

@@ -29,8 +29,7 @@ struct LayerColumns {
   FloatMatrix directions;   // [d][D], orthonormal rows, largest variance first
 };
 
-/// The polar ring's grid. Its numbers are, of each bin, the height of the highest point [m], then
-/// bin by bin for each band whether it holds a point.
+/// The polar ring's grid. Numbers: each bin's highest point [m], then its bands that hold points.
 struct RingGrid {
   int sectors = 120;
   /// Borders of the bins along the ground [m], ascending. What lies beyond the last is left out.
@@ -46,21 +45,18 @@ struct RingGrid {
 /// 0 <= f < frequencies; X_f is the ring's Fourier coefficient, a vector of `numbers` complex.
 struct RingStatistics {
   int sectors = 0, numbers = 0, weights = 1;
-  /// Left and right count alike: what one place and its mirror image teach, so that the matrices
-  /// are real.
+  /// Left and right count alike: places teach with their mirror images; the matrices are real.
   bool mirrored = false;
   std::vector<float> mean;  // [numbers][sectors], over the scans learnt from, each by its weights
   /// [f] E[X_f X_f^H] over scans, less the mean and times their weights
   std::vector<Eigen::MatrixXcd> total;
-  /// [f] E[X_f(a) X_f(b)^H] over pairs of scans of one place, b turned to a's heading; empty when
-  /// it was learnt from scans alone.
+  /// [f] E[X_f(a) X_f(b)^H] over pairs of one place, b at a's heading; empty without pairs.
   std::vector<Eigen::MatrixXcd> shared;
   int64_t size() const { return int64_t{sectors} * numbers; }
   int64_t weights_size() const { return int64_t{sectors} * weights; }
 };
 
-/// All it takes to turn scans of one sensor into rings and these into descriptors, but for the
-/// network's weights when they are large.
+/// All that turns one sensor's scans into descriptors, but for the weights of large networks.
 struct RingModel {
   std::string sensor;                // for people: what it was learnt for
   double sensor_height = 1.73;       // [m]: scans are levelled, their ground so far below
@@ -83,9 +79,8 @@ struct RingModel {
   }
 };
 
-/// Writes and reads a model (docs/FORMATS.md). Throw InputError naming the file and what is wrong:
-/// not a model, a damaged one (it carries a checksum), one of a later version, numbers that do not
-/// fit together or are not finite; Error when it cannot be written.
+/// Writes and reads a model (docs/FORMATS.md). Throw InputError naming the file and what is wrong
+/// (kind, checksum, version, numbers that do not fit or are not finite); Error on a failed write.
 void write_ring_model(const std::filesystem::path& file, const RingModel& model);
 RingModel read_ring_model(const std::filesystem::path& file);
 /// The same of a file's content; `name` is for messages.
