@@ -31,7 +31,8 @@ thread_local int64_t allocations = 0;
 namespace revisit::pipeline {
 namespace {
 
-void expect_only_the_result(int64_t dim, const Comparison& comparison) {
+void expect_only_the_result(int64_t dim, const Comparison& comparison,
+                            Score score = Score::kMargin) {
   PlaceIndex index(dim, comparison);
   std::mt19937 random(5);
   std::normal_distribution<float> gaussian;
@@ -41,9 +42,10 @@ void expect_only_the_result(int64_t dim, const Comparison& comparison) {
     index.add(x);
   }
   const std::vector<CandidateRange> candidates = {{0, 1500}, {1600, 2990}};
-  for (int64_t q = 0; q < 20; ++q) index.best(index.descriptor(q), candidates);
+  const SearchOptions options{.score = score};
+  for (int64_t q = 0; q < 20; ++q) index.best(index.descriptor(q), candidates, options);
   const int64_t before = allocations;
-  const Match match = index.best(index.descriptor(9), candidates);
+  const Match match = index.best(index.descriptor(9), candidates, options);
   EXPECT_LE(allocations - before, 2);  // its ranks and similarities
   EXPECT_EQ(match.ranks.size(), 4);
 }
@@ -55,6 +57,8 @@ TEST(PlaceIndexMemory, AQueryAllocatesItsResultOnly) {
     Comparison rings = ring_comparison(layout, key_candidates);
     rings.turn = nullptr;
     expect_only_the_result(layout.numbers(), rings);
+    rings.same_place = 1e9;  // of these, whose length is not 1, all are distinct
+    expect_only_the_result(layout.numbers(), rings, Score::kDistinctMargin);
   }
 }
 

@@ -152,9 +152,9 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   how.left_out = warn_left_out;
   how.stop = interrupted;
   how.done = progress.callback();
-  std::vector<pipeline::JudgedScore> matches;
-  for (const JudgedMatch& match : judge_drive(dataset, recognizer, how))
-    matches.push_back(match.judged);
+  const SpacedRecognizer one{&recognizer};
+  const std::vector<pipeline::JudgedScore> matches =
+      scores_by_place(judge_drive(dataset, {&one, 1}, how), how.rule);
   if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
     throw InputError(o.calibrate.string() +
                      ": no match on it is right; it needs places that are seen again");
@@ -162,7 +162,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   pipeline::Calibration calibration =
       before ? refined(*before, matches) : pipeline::isotonic_calibration(matches);
   calibration.k = source.options.k;
-  calibration.score = source.options.score;
+  calibration.score = recognizer.score();
   calibration.radius = how.rule.radius;
   calibration.wrong_beyond = how.rule.false_beyond;
   calibration.learnt_from = (before ? before->learnt_from + ", and " : "") + dataset.name;

@@ -52,7 +52,8 @@ struct RingDrive {
 void learn_rings(RingModel& model, std::span<const RingDrive> drives);
 
 /// Makes `model` one for the map that these scans (rows of `rings`) are of: their mean becomes the
-/// model's, as that of another sensor or of simulated scans hides what real places share; and their
+/// model's, as that of another sensor or of simulated scans hides what real places share (of n < 9
+/// scans in part, (n - 1) / 8: the mean of one scan is that scan); and their
 /// spread takes the place of the share `adapt` of the model's total spread. Of n scans more than a
 /// ring has numbers it takes n / (n + 128) of that: fewer do not know their spread. Throws
 /// UsageError without scans and for a share outside of 0 to 1.
