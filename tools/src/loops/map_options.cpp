@@ -20,8 +20,8 @@ void MapOptions::declare(Parser& parser) {
               &basis)
       .option("drive", "NAME", "what this drive is called in the map (default: its sequence)",
               &drive)
-      .option("first-stretch", "N", "ring: its mean is learnt from so many places (default 200)",
-              &first_stretch)
+      .option("first-stretch", "N",
+              "ring: its mean is learnt from so many distinct places (default 200)", &first_stretch)
       .choice<NumberFormat>(
           "numbers", {{"float32", NumberFormat::kFloat32}, {"float16", NumberFormat::kFloat16}},
           "of a new map (default float32)", &numbers);
