@@ -153,8 +153,9 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   how.stop = interrupted;
   how.done = progress.callback();
   const SpacedRecognizer one{&recognizer};
-  const std::vector<pipeline::JudgedScore> matches =
-      scores_by_place(judge_drive(dataset, {&one, 1}, how), how.rule);
+  std::vector<pipeline::JudgedScore> matches;
+  for (const JudgedMatch& match : judge_drive(dataset, {&one, 1}, how))
+    matches.push_back(match.judged);
   if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
     throw InputError(o.calibrate.string() +
                      ": no match on it is right; it needs places that are seen again");
