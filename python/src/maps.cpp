@@ -94,8 +94,8 @@ void bind_recognizer(nb::module_& module) {
           "__init__",
           [](Recognizer* self, const FeatureExtractor& extractor, OpenMap* map,
              const std::string& align, const ImageGeometry& geometry, int64_t first_stretch,
-             std::optional<double> threshold, double precision, int k, const std::string& score,
-             PoseArgument mount) {
+             std::optional<double> threshold, double precision, int k,
+             const std::optional<std::string>& score, PoseArgument mount) {
             const RecognizerOptions options{
                 .mount = pose_from(mount).value_or(Eigen::Isometry3d::Identity()),
                 .align = parse_align_case(align),
@@ -104,7 +104,7 @@ void bind_recognizer(nb::module_& module) {
                 .threshold = threshold,
                 .precision = precision,
                 .k = k,
-                .score = parse_score(score)};
+                .score = score ? std::optional(parse_score(*score)) : std::nullopt};
             const auto make = [&](std::unique_ptr<MapStore>&& store) {
               new (self) Recognizer(extractor, options, std::move(store));
             };
@@ -113,7 +113,7 @@ void bind_recognizer(nb::module_& module) {
           "extractor"_a, "map"_a.none() = nb::none(), nb::kw_only(), "align"_a = "none",
           "geometry"_a = ImageGeometry(), "first_stretch"_a = RecognizerOptions().first_stretch,
           "threshold"_a = nb::none(), "precision"_a = RecognizerOptions().precision,
-          "k"_a = RecognizerOptions().k, "score"_a = "margin", "mount"_a = nb::none(),
+          "k"_a = RecognizerOptions().k, "score"_a = nb::none(), "mount"_a = nb::none(),
           "map: its places are known at once, and it belongs to the recogniser; None: nothing is "
           "kept.\n"
           "first_stretch: a feature that learns from the map's scans does so from this many.\n"
@@ -121,7 +121,9 @@ void bind_recognizer(nb::module_& module) {
           "is reached.\n"
           "precision: the share of accepted loops that are to be right, as far as the calibration "
           "of the map or the feature holds.\n"
-          "score: 'margin' (2 c1 - ck) or 'similarity' (c1).\n"
+          "score: 'margin' (2 c1 - ck), 'distinct-margin' (the same with the k-th distinct place) "
+          "or 'similarity' (c1); None: what the feature was calibrated for, for rings "
+          "'distinct-margin'.\n"
           "mount: takes points to x forward, y left, z up, float64 [4][4] (parse_mount()).\n"
           "Raises InputError when the map was made with another feature.")
       .def(

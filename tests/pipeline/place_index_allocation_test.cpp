@@ -10,7 +10,8 @@
 namespace revisit::pipeline {
 namespace {
 
-void expect_only_the_result(int64_t dim, const Comparison& comparison) {
+void expect_only_the_result(int64_t dim, const Comparison& comparison,
+                            Score score = Score::kMargin) {
   PlaceIndex index(dim, comparison);
   std::mt19937 random(5);
   std::normal_distribution<float> gaussian;
@@ -20,9 +21,10 @@ void expect_only_the_result(int64_t dim, const Comparison& comparison) {
     index.add(x);
   }
   const std::vector<CandidateRange> candidates = {{0, 1500}, {1600, 2990}};
-  for (int64_t q = 0; q < 20; ++q) index.best(index.descriptor(q), candidates);
+  const SearchOptions options{.score = score};
+  for (int64_t q = 0; q < 20; ++q) index.best(index.descriptor(q), candidates, options);
   const int64_t before = test::allocations;
-  const Match match = index.best(index.descriptor(9), candidates);
+  const Match match = index.best(index.descriptor(9), candidates, options);
   EXPECT_LE(test::allocations - before, 2);  // its ranks and similarities
   EXPECT_EQ(match.ranks.size(), 4);
 }
@@ -34,6 +36,8 @@ TEST(PlaceIndexMemory, AQueryAllocatesItsResultOnly) {
     Comparison rings = ring_comparison(layout, key_candidates);
     rings.turn = nullptr;
     expect_only_the_result(layout.numbers(), rings);
+    rings.same_place = 1e9;  // of these, whose length is not 1, all are distinct
+    expect_only_the_result(layout.numbers(), rings, Score::kDistinctMargin);
   }
 }
 

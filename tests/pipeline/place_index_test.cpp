@@ -49,6 +49,31 @@ std::vector<int64_t> chosen_by_keys(const FloatMatrix& all, int64_t query, int64
   return places;
 }
 
+double similarity_of(const FloatMatrix& all, int64_t a, int64_t b, const Comparison& comparison) {
+  if (!comparison.similarity)
+    return cosine(all.row(a), length_of(all.row(a)), all.row(b), length_of(all.row(b)));
+  double similarity = 0;
+  const std::span<const float> place = all.row(b);
+  comparison.similarity(all.row(a), {&place, 1}, {&similarity, 1});
+  return similarity;
+}
+
+/// Of ranked places those that score kDistinctMargin is made of.
+void keep_distinct(std::vector<std::pair<double, int64_t>>& ranked, const FloatMatrix& all,
+                   const Comparison& comparison, int k) {
+  ranked.resize(std::min<size_t>(ranked.size(), kMostLookedAt));
+  std::vector<std::pair<double, int64_t>> distinct;
+  for (const auto& place : ranked)
+    if (std::ranges::none_of(distinct, [&](const auto& other) {
+          return similarity_of(all, place.second, other.second, comparison) >=
+                 *comparison.same_place;
+        }))
+      distinct.push_back(place);
+  if (std::ssize(distinct) < k && distinct.back() != ranked.back())
+    distinct.push_back(ranked.back());
+  ranked = distinct;
+}
+
 /// All of the first `n` places compared (or those that keys choose) and sorted: what best() must
 /// find.
 Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparison& comparison,
@@ -66,6 +91,7 @@ Match slow_twin(const FloatMatrix& all, int64_t query, int64_t n, const Comparis
   std::vector<std::pair<double, int64_t>> ranked;
   for (size_t i = 0; i < places.size(); ++i) ranked.emplace_back(-similarities[i], places[i]);
   std::ranges::sort(ranked);
+  if (options.score == Score::kDistinctMargin) keep_distinct(ranked, all, comparison, options.k);
   ranked.resize(std::min(ranked.size(), static_cast<size_t>(options.k)));
   Match match;
   for (const auto& [similarity, place] : ranked) {
@@ -149,6 +175,51 @@ TEST(PlaceIndex, FindsWhatTheSlowTwinFindsByRings) {
   const FloatMatrix all = random_descriptors(1300, layout.numbers());
   for (const int64_t key_candidates : {0, 1300, 60})
     expect_what_the_slow_twin_finds(all, ring_comparison(layout, key_candidates), {.k = 4});
+}
+
+TEST(PlaceIndex, FindsWhatTheSlowTwinFindsAmongDistinctPlaces) {
+  const RingLayout layout{{3, 2, 5, 1}};
+  const FloatMatrix all = random_descriptors(1300, layout.numbers());
+  for (Comparison comparison : {Comparison(), ring_comparison(layout), ring_comparison(layout, 60)})
+    for (const double same_place : {0.05, 0.3, 4.0}) {
+      SCOPED_TRACE(same_place);
+      comparison.same_place = same_place * (comparison.similarity ? 20 : 1);  // no unit lengths
+      expect_what_the_slow_twin_finds(all, comparison, {.k = 4, .score = Score::kDistinctMargin});
+    }
+  PlaceIndex index = index_of(all);
+  const CandidateRange some{0, 100};
+  expect_error<UsageError>(
+      [&] {
+        index.best(all.row(200), {&some, 1}, {.score = Score::kDistinctMargin});
+      },
+      {"distinct-margin"});
+}
+
+/// Every place once, and ten times with a little noise.
+TEST(PlaceIndex, TheDistinctMarginDoesNotDependOnHowDenselyPlacesAreStored) {
+  const RingLayout layout{{20, 15, 15, 15}};
+  std::mt19937 random(7);
+  std::normal_distribution<float> gaussian;
+  const auto noisy = [&](std::vector<float> x, float share) {
+    const auto deviation = share / std::sqrt(static_cast<float>(x.size()));
+    for (float& value : x) value += deviation * gaussian(random);
+    const auto length = static_cast<float>(length_of(x));
+    for (float& value : x) value /= length;
+    return x;
+  };
+  const std::vector<float> nothing(static_cast<size_t>(layout.numbers()));
+  PlaceIndex sparse(layout.numbers(), ring_comparison(layout)),
+      dense(layout.numbers(), ring_comparison(layout));
+  std::vector<std::vector<float>> places;
+  for (int i = 0; i < 50; ++i) sparse.add(places.emplace_back(noisy(nothing, 1)));
+  for (int i = 0; i < 500; ++i) dense.add(noisy(places[static_cast<size_t>(i) / 10], 0.2F));
+  const std::vector<float> query = noisy(places[7], 0.6F);
+  const auto score = [&](const PlaceIndex& index, Score by) {
+    const CandidateRange all{0, index.size()};
+    return index.best(query, {&all, 1}, {.score = by}).score;
+  };
+  EXPECT_NEAR(score(dense, Score::kDistinctMargin), score(sparse, Score::kDistinctMargin), 0.1);
+  EXPECT_LT(score(dense, Score::kMargin), score(sparse, Score::kMargin) - 0.3);
 }
 
 TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {

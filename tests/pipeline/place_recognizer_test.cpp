@@ -208,6 +208,98 @@ TEST(PlaceRecognizer, TheBasisIsOfTheFirstStretchHoweverPlacesCome) {
   }
 }
 
+/// coordinates(), of which those as similar as neighbouring scans are one place.
+FeatureExtractor coordinates_of_places(double same_place) {
+  FeatureExtractor extractor = coordinates();
+  extractor.comparison.same_place = same_place;
+  const auto telling = [same_place](Basis basis) {
+    basis.comparison.same_place = same_place;
+    return basis;
+  };
+  extractor.reduce = [telling, inner = extractor.reduce](const Rows& features,
+                                                         std::span<const int64_t> rows) {
+    return telling(inner(features, rows));
+  };
+  extractor.open_basis = [telling, inner = extractor.open_basis](const std::string& content) {
+    return telling(inner(content));
+  };
+  return extractor;
+}
+
+/// The basis of scans `numbers`, added so many at once with a map closed between; none while the
+/// stretch is not over.
+std::optional<std::string> basis_of(const std::vector<int>& numbers, int64_t at_once,
+                                    double same_place = 0.999) {
+  const test::TempDir folder;
+  const RecognizerOptions options{.first_stretch = 10};
+  for (size_t done = 0; done < numbers.size();) {
+    PlaceRecognizer recognizer(coordinates_of_places(same_place), options,
+                               map_in(folder / "a.map", options));
+    for (int step = 0; step < 2 && done < numbers.size(); ++step) {
+      std::vector<Description> scans;
+      std::vector<StoredPlace> places;
+      for (; done < numbers.size() && std::ssize(scans) < at_once; ++done) {
+        scans.push_back(recognizer.describe(view_of(scan_of(numbers[done]))));
+        places.push_back({.frame = static_cast<int64_t>(done)});
+      }
+      recognizer.add(scans, places);
+      EXPECT_EQ(recognizer.size(), static_cast<int64_t>(done));
+      EXPECT_TRUE(recognizer.query(recognizer.describe(view_of(scan_of(numbers[0])))));
+    }
+  }
+  return open_map(folder / "a.map", MapAccess::kRead)->value(kBasisValue);
+}
+
+TEST(PlaceRecognizer, TheFirstStretchCountsDistinctPlaces) {
+  std::vector<int> once, halts;
+  for (int i = 0; i < 10; ++i) {
+    once.push_back(i);
+    for (int again = 0; again < 1 + i % 3; ++again) halts.push_back(i);
+  }
+  const auto expected = basis_of(once, 1);
+  ASSERT_TRUE(expected);
+  for (const int64_t at_once : {1, 2, 7, 40}) EXPECT_EQ(basis_of(halts, at_once), expected);
+  halts.pop_back();
+  EXPECT_EQ(basis_of(halts, 3), std::nullopt) << "the tenth came once only";
+}
+
+/// The memory of what waits has a bound.
+TEST(PlaceRecognizer, AFirstStretchOfFewDistinctPlacesEnds) {
+  std::vector<int> standing(49, 3);
+  standing[0] = 0;  // that scan is its own mean
+  EXPECT_EQ(basis_of(standing, 7), std::nullopt);
+  standing.push_back(3);
+  const auto basis = basis_of(standing, 7);
+  ASSERT_TRUE(basis);
+  standing.insert(standing.end(), {4, 5, 6});
+  EXPECT_EQ(basis_of(standing, 1), basis);
+  EXPECT_EQ(basis_of(standing, 60), basis);
+}
+
+TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
+  EXPECT_EQ(PlaceRecognizer(coordinates(), {}).score(), Score::kMargin);
+  EXPECT_EQ(PlaceRecognizer(coordinates(), {.score = Score::kSimilarity}).score(),
+            Score::kSimilarity);
+  EXPECT_EQ(PlaceRecognizer(coordinates_of_places(0.9), {}).score(), Score::kDistinctMargin);
+  const PlaceRecognizer paper(coordinates_of_places(0.9), {.score = Score::kMargin});
+  EXPECT_EQ(paper.score(), Score::kMargin);
+  // Five times the same place: the fourth looks like the first, but is no other place. What is
+  // left out or was removed is none either.
+  PlaceRecognizer recognizer(coordinates_of_places(0.99), {.first_stretch = 10});
+  drive(recognizer, 0, 60);
+  for (int i = 0; i < 5; ++i)
+    recognizer.add(recognizer.describe(view_of(scan_of(107))), {.frame = i});
+  const Description scan = recognizer.describe(view_of(scan_of(207)));
+  const auto loop = recognizer.query(scan);
+  EXPECT_LT(loop->runner_up, 0.98);
+  EXPECT_EQ(loop->score, 2 * loop->similarity - loop->runner_up);
+  PlaceRecognizer once(coordinates_of_places(0.99), {.first_stretch = 10});
+  drive(once, 0, 60);
+  EXPECT_EQ(once.query(scan)->runner_up, loop->runner_up);
+  EXPECT_EQ(once.query(scan, std::vector<int64_t>{7})->position,
+            recognizer.query(scan, std::vector<int64_t>{7, 60, 61, 62, 63, 64})->position);
+}
+
 TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {
   const test::TempDir folder;
   PlaceRecognizer writer(coordinates(), {.first_stretch = 10}, map_in(folder / "a.map"));
@@ -557,6 +649,39 @@ TEST(PlaceRecognizer, AMapsCalibrationComesBeforeItsFeatures) {
   EXPECT_EQ(opened({.precision = 0.9}).threshold(), 0.2);
   open_map(folder / "a.map", MapAccess::kWrite)->set_value(kCalibrationValue, "nonsense");
   expect_error<InputError>([&] { opened(); }, {"the map's calibration"});
+}
+
+TEST(PlaceRecognizer, WhatAMapWasCalibratedToForAnotherScoreIsLeftAside) {
+  const test::TempDir folder;
+  FeatureExtractor extractor = coordinates_of_places(0.9);
+  extractor.calibration = some_calibration();
+  extractor.calibration->score = Score::kDistinctMargin;
+  std::vector<std::string> said;
+  const auto opened = [&](std::optional<Score> score) {
+    said.clear();
+    return PlaceRecognizer(extractor, {.score = score}, map_in(folder / "a.map"),
+                           [&](const std::string& message) { said.push_back(message); });
+  };
+  Calibration old = some_calibration();
+  old.blocks[2].lowest = 1.2;
+  opened(Score::kMargin).calibrate(old);
+  EXPECT_EQ(opened(Score::kMargin).threshold(), 1.2);
+  EXPECT_TRUE(said.empty());
+  {
+    PlaceRecognizer recognizer = opened(std::nullopt);
+    EXPECT_EQ(recognizer.threshold(), 1.1) << "its feature's";
+    recognizer.refresh();
+    ASSERT_EQ(said.size(), 1U);
+    EXPECT_NE(said[0].find("distinct-margin"), std::string::npos) << said[0];
+    recognizer.calibrate(0.4);
+  }
+  EXPECT_EQ(opened(std::nullopt).threshold(), 0.4);
+  EXPECT_TRUE(said.empty());
+  EXPECT_FALSE(opened(Score::kMargin).threshold());
+  EXPECT_EQ(said.size(), 1U);
+  opened(Score::kMargin).calibrate(0.5);
+  EXPECT_EQ(opened(Score::kMargin).threshold(), 0.5);
+  EXPECT_EQ(opened(std::nullopt).threshold(), 1.1);
 }
 
 TEST(PlaceRecognizer, ACalibrationIsTheSameWhenTheMapIsReadAgain) {

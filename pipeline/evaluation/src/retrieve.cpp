@@ -59,7 +59,8 @@ std::vector<Match> ask(const PlaceIndex& index, const FloatMatrix& asked, int wh
                 task.stored.at(error.place), " is not finite: ", error.similarity);
   }
   for (size_t q = 0; q < matches.size(); ++q) {
-    add_left_out(matches[q], task.queries[q], options);
+    if (options.score != Score::kDistinctMargin)  // which may find fewer
+      add_left_out(matches[q], task.queries[q], options);
     matches[q].query = task.queries[q].scan;
     matches[q].which_case = which_case;
     for (int64_t& rank : matches[q].ranks) rank = task.stored[rank];

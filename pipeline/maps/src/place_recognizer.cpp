@@ -1,17 +1,16 @@
 #include "revisit/maps/place_recognizer.h"
 
 #include <algorithm>
-#include <bit>
 #include <charconv>
 #include <cmath>
 #include <iterator>
 #include <map>
 #include <mutex>
-#include <numeric>
 #include <shared_mutex>
 #include <thread>
 #include <utility>
 
+#include "first_stretch.h"
 #include "identity.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
@@ -45,13 +44,21 @@ Basis as_it_is(const FeatureExtractor& extractor) {
   return basis;
 }
 
-/// Of a map, which may be a stranger's.
-double parse_threshold(const std::string& text) {
+/// A threshold as a map keeps it: a number, and behind it the score when that is not one of those
+/// that older programs had.
+std::string threshold_text(double value, Score score) {
+  return score == Score::kDistinctMargin ? str(exact(value), " ", name_of(score)) : exact(value);
+}
+/// Of a map, which may be a stranger's; nothing when it is for another score.
+std::optional<double> parse_threshold(const std::string& text, Score score) {
   double value = 0;
   const char* const end = text.data() + text.size();
   const std::from_chars_result read = std::from_chars(text.data(), end, value);
-  if (read.ec != std::errc() || read.ptr != end || !std::isfinite(value))
+  const std::string of_score(read.ptr, end), distinct = str(" ", name_of(Score::kDistinctMargin));
+  if (read.ec != std::errc() || !std::isfinite(value) ||
+      (!of_score.empty() && of_score != distinct))
     throw InputError("the map's threshold: expected a number, found ", text.size(), " bytes");
+  if (of_score.empty() == (score == Score::kDistinctMargin)) return std::nullopt;
   return value;
 }
 
@@ -88,6 +95,7 @@ class Workers {
 struct PlaceRecognizer::Impl {
   FeatureExtractor extractor;
   RecognizerOptions options;
+  Score score;
   std::unique_ptr<MapStore> map;
   MapStore::Damaged damaged;
   Workers workers;
@@ -100,22 +108,31 @@ struct PlaceRecognizer::Impl {
   std::optional<PlaceIndex> index;
   bool has_graph = false;                     // the index
   std::vector<int64_t> removed;               // positions, ascending; no query answers with them
-  FloatMatrix features;                       // of the places, while the basis is not settled
-  int64_t learnt_from = 0;                    // while it is not: so many of the first places
+  std::optional<FirstStretch> stretch;        // the places, while the basis is not settled
+  int64_t learnt_from = 0;                    // while it is not: the basis (FirstStretch)
   MapPosition read_to;                        // of `map`
   int64_t removals_known = 0;                 // of read_to.removed
   bool is_behind = false;                     // an error has ended the reading of what is new
   std::map<std::string, std::string> values;  // what a map would keep, where there is none
   std::optional<Calibration> calibration;
   std::optional<double> threshold;
+  bool other_score_said = false;
 
   Impl(FeatureExtractor feature, const RecognizerOptions& chosen, MapStore::Damaged say)
       : extractor(std::move(feature)),
         options(chosen),
+        score(score_of(extractor, chosen)),
         damaged(say ? std::move(say) : [](const std::string&) {}),
         workers([this] { return from_scan(extractor, options.align, options.geometry); }) {
     workers.give_back(workers.take());  // what cannot be described at all is said at once
-    features.d = extractor.dim;
+    stretch.emplace(extractor, options.first_stretch);
+  }
+
+  /// A feature that was calibrated keeps the score that it was calibrated for.
+  static Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& options) {
+    if (options.score) return *options.score;
+    if (extractor.calibration) return extractor.calibration->score;
+    return extractor.comparison.same_place ? Score::kDistinctMargin : Score::kMargin;
   }
 
   /// To be called once, when `map` is there.
@@ -126,21 +143,31 @@ struct PlaceRecognizer::Impl {
     use_graph();
   }
 
-  bool is_mine(const Calibration& one) const {
-    return one.k == options.k && one.score == options.score;
-  }
+  bool is_mine(const Calibration& one) const { return one.k == options.k && one.score == score; }
 
-  /// What the map was calibrated to comes before what the feature was.
+  /// What the map was calibrated to comes before what the feature was. What another score was
+  /// calibrated to says nothing of this one.
   void take_over_calibration() {
     const auto kept = [&](const char* name) {
       return map ? map->value(name).value_or("") : values[name];
     };
     calibration = extractor.calibration;
-    const std::string text = kept(kThresholdValue), content = kept(kCalibrationValue);
-    if (!content.empty()) calibration = parse_calibration(content, "the map's calibration");
     if (calibration && !is_mine(*calibration)) calibration.reset();
+    const std::string text = kept(kThresholdValue), content = kept(kCalibrationValue);
+    bool left_out = false;
+    if (!content.empty()) {
+      Calibration theirs = parse_calibration(content, "the map's calibration");
+      left_out = !is_mine(theirs);
+      if (!left_out) calibration = std::move(theirs);
+    }
     threshold = options.threshold;
-    if (!threshold && !text.empty()) threshold = parse_threshold(text);
+    if (!threshold && !text.empty()) {
+      threshold = parse_threshold(text, score);
+      left_out = left_out || !threshold;
+    }
+    if (left_out && !std::exchange(other_score_said, true))
+      damaged(str("the map was calibrated for another k or score than ", options.k, " and ",
+                  name_of(score), ": that is left aside, calibrate it again"));
     if (!threshold && calibration) threshold = calibration->threshold_for(options.precision);
   }
 
@@ -157,7 +184,7 @@ struct PlaceRecognizer::Impl {
     settled = true;
     index.emplace(basis->dim, basis->comparison);
     has_graph = false;
-    features = {};
+    stretch.reset();
   }
 
   void check_position(int64_t position) const {
@@ -194,26 +221,19 @@ struct PlaceRecognizer::Impl {
     return descriptor;
   }
 
-  /// The basis of the first `n` features, and the descriptors of all.
-  void learn_from(int64_t n) {
-    if (n != learnt_from) {
-      std::vector<int64_t> rows(static_cast<size_t>(n));
-      std::iota(rows.begin(), rows.end(), 0);
-      basis = extractor.reduce(features.rows(), rows);
-      learnt_from = n;
-      index.emplace(basis->dim, basis->comparison);
-    }
-    for (int64_t i = index->size(); i < features.n; ++i) index->add(descriptor_of(features.row(i)));
-  }
-
   /// After places came, one or many, while the basis is not settled: it is learnt again whenever
-  /// they have doubled, and when they end the stretch.
+  /// the distinct ones have doubled, and when they end the stretch.
   void learn_in_time() {
-    if (settled || features.n == 0) return;
-    const auto doubled = static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(features.n)));
-    learn_from(ends_the_stretch() ? options.first_stretch : doubled);
+    if (settled || stretch->features().n == 0) return;
+    const Basis& learnt = stretch->basis();
+    if (learnt_from != stretch->learnt_from()) {
+      basis = learnt;
+      index.emplace(basis->dim, basis->comparison);
+      learnt_from = stretch->learnt_from();
+    }
+    for (int64_t i = index->size(); i < stretch->features().n; ++i)
+      index->add(descriptor_of(stretch->features().row(i)));
   }
-  bool ends_the_stretch() const { return features.n >= options.first_stretch; }
 
   /// Without its numbers, which the index has: clear() would keep their memory.
   void know(StoredPlace place) {
@@ -228,17 +248,17 @@ struct PlaceRecognizer::Impl {
     const auto content = map->value(kBasisValue);
     if (!content) return;
     Basis theirs = extractor.open_basis(*content);
-    const FloatMatrix known = std::move(features);
+    const FirstStretch known = std::move(*stretch);
     settle(std::move(theirs));
-    for (int64_t i = 0; i < known.n; ++i) index->add(descriptor_of(known.row(i)));
+    for (int64_t i = 0; i < known.features().n; ++i)
+      index->add(descriptor_of(known.features().row(i)));
   }
 
   /// learn_in_time() is to follow.
   void take_in(StoredPlace place) {
     if (const std::string misfit = misfit_of(place); !misfit.empty()) return damaged(misfit);
     if (!settled) {
-      features.values.insert(features.values.end(), place.feature.begin(), place.feature.end());
-      ++features.n;
+      stretch->add(place.feature);
     } else if (place.feature.empty()) {
       index->add(place.descriptor);
     } else {  // it was read before there was a basis
@@ -357,7 +377,7 @@ struct PlaceRecognizer::Impl {
   /// its basis. It is learnt from the stretch alone: how many places were added at once, or after a
   /// kill here, changes nothing.
   void end_the_stretch() {
-    learn_from(options.first_stretch);
+    learn_in_time();
     if (map) {
       const bool first = map->replace_descriptors(
           [&](const StoredPlace& place) {
@@ -368,14 +388,14 @@ struct PlaceRecognizer::Impl {
       ++read_to.revision;
     }
     settled = true;
-    features = {};
+    stretch.reset();
   }
 
   /// The place that ends the stretch is in the map already, and known: an error must not say that
   /// it is not. The next place ends the stretch then.
   void end_the_stretch_in_time() {
     try {
-      if (!settled && ends_the_stretch()) end_the_stretch();
+      if (!settled && stretch->is_over()) end_the_stretch();
     } catch (const Error& error) {
       damaged(str("the first places are not described with their own basis yet: ", error.what()));
     }
@@ -515,7 +535,7 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   const std::vector<CandidateRange> candidates = ranges_without(left_out, impl.index->size());
   const std::vector<float> descriptor = impl.descriptor_of(scan.feature);
   const Match match =
-      impl.index->best(descriptor, candidates, {.k = impl.options.k, .score = impl.options.score});
+      impl.index->best(descriptor, candidates, {.k = impl.options.k, .score = impl.score});
   if (match.ranks.empty()) return std::nullopt;
   const int64_t position = match.ranks.front();
   const StoredPlace& place = impl.places[static_cast<size_t>(position)];
@@ -593,6 +613,10 @@ std::optional<double> PlaceRecognizer::threshold() const {
   return impl_->threshold;
 }
 
+Score PlaceRecognizer::score() const {
+  return impl_->score;
+}
+
 std::optional<Calibration> PlaceRecognizer::calibration() const {
   const std::shared_lock lock(impl_->mutex);
   return impl_->calibration;
@@ -611,7 +635,7 @@ void PlaceRecognizer::refresh_on_news() {
 void PlaceRecognizer::calibrate(double threshold) {
   check_threshold(threshold);
   const std::unique_lock lock(impl_->mutex);
-  impl_->keep_calibration({}, exact(threshold));
+  impl_->keep_calibration({}, threshold_text(threshold, impl_->score));
 }
 
 void PlaceRecognizer::calibrate(const Calibration& calibration) {
@@ -625,7 +649,7 @@ void PlaceRecognizer::calibrate(const Calibration& calibration) {
   if (!impl_->is_mine(calibration))
     throw UsageError("the calibration is for k = ", calibration.k, " and the score ",
                      name_of(calibration.score), ", RecognizerOptions has k = ", impl_->options.k,
-                     " and ", name_of(impl_->options.score));
+                     " and ", name_of(impl_->score));
   impl_->keep_calibration(content, {});
 }
 

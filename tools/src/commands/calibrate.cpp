@@ -1,4 +1,7 @@
+#include <algorithm>
+#include <deque>
 #include <iostream>
+#include <sstream>
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
@@ -18,7 +21,8 @@ using pipeline::JudgedScore;
 struct CalibrateOptions {
   fs::path model, weights, output;
   std::vector<fs::path> drives;
-  std::string exclusion = "frames=50";
+  std::string sequence, exclusion = "frames=50";
+  std::string every = "1";
   int altered = 1;
   uint32_t seed = 1;
   double radius = 5, right_share = 0.1, precision = pipeline::RecognizerOptions().precision;
@@ -31,9 +35,11 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
   Parser parser(
       "revisit calibrate", "MODEL DRIVE...",
       "Learns how likely a match with some score is right, on drives with poses that the ring "
-      "model was not learnt from, and keeps it in the model. `revisit loops` then accepts matches "
-      "by it. Every scan is asked among those before it, once as it is and once altered at random, "
-      "as robots alter scans: tilted, hidden in part, seen less far.",
+      "model "
+      "was not learnt from, and keeps it in the model. `revisit loops` then accepts matches by it. "
+      "Every scan is asked among those before it, once as it is and once altered at random, as "
+      "robots alter scans: tilted, hidden in part, seen less far. A place counts once, however "
+      "often it is asked, and what holds without each of the drives is promised.",
       "  revisit calibrate hdl64.ring town1 town2 village\n"
       "  revisit calibrate hdl64.ring town3 --judge     # how well that holds in another town\n");
   parser.positional("MODEL", &o.model)
@@ -43,9 +49,12 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
             &o.judge)
       .group("Data:")
       .option("sequence", "NN", "sequence of KITTI roots (not needed when there is one)",
-              &o.running.sequence)
-      .option("every", "N", "only frames whose number is a multiple of N (default 1: all)",
-              &o.running.every)
+              &o.sequence)
+      .option(
+          "every", "N[,...]",
+          "only frames whose number is a multiple of N (default 1: all); of several N all drives "
+          "are judged at each of these spacings",
+          &o.every)
       .group("Matches:")
       .option("exclusion", "KIND=N",
               "recent scans that are not compared: frames=50 (default), seconds=30, metres=50 or "
@@ -83,9 +92,22 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
   return o;
 }
 
-std::vector<JudgedMatch> judged(const CalibrateOptions& o, const std::string& sensor,
-                                const pipeline::FeatureExtractor& rings, std::string& names,
-                                int64_t& left_out) {
+std::vector<int> spacings_of(const CalibrateOptions& o) {
+  std::vector<int> spacings;
+  std::istringstream list(o.every);
+  for (std::string one; std::getline(list, one, ',');)
+    spacings.push_back(parse_value<int>("--every", one));
+  if (spacings.empty() || std::ranges::min(spacings) < 1)
+    throw UsageError("--every: expected numbers of at least 1, found '", o.every, "'");
+  return spacings;
+}
+
+/// The matches of each drive, which is recognised by itself.
+std::vector<std::vector<JudgedMatch>> judged(const CalibrateOptions& o, const std::string& sensor,
+                                             const pipeline::FeatureExtractor& rings,
+                                             pipeline::Score score, std::string& names,
+                                             int64_t& left_out) {
+  const std::vector<int> spacings = spacings_of(o);
   JudgeDrive how;
   how.exclusion = pipeline::parse_exclusion(o.exclusion);
   how.rule = rule_of(o.radius);
@@ -96,21 +118,26 @@ std::vector<JudgedMatch> judged(const CalibrateOptions& o, const std::string& se
     warn_left_out(why);
   };
   how.stop = interrupted;
-  std::vector<JudgedMatch> all;
+  std::vector<std::vector<JudgedMatch>> all;
   const pipeline::Observer observer = o.running.observer();
   for (const fs::path& data : o.drives) {
     FeatureOptions options = o.running;
     options.data = data;
+    options.sequence = o.sequence;
     const pipeline::Dataset drive = open_scans(options, {.poses = true});
     if (!o.running.quiet) warn_of_other_sensor(drive, sensor);
-    pipeline::PlaceRecognizer recognizer(rings, {});
+    std::deque<pipeline::PlaceRecognizer> recognizers;
+    std::vector<SpacedRecognizer> spaced;
+    for (const int every : spacings)
+      spaced.push_back(
+          {&recognizers.emplace_back(rings, pipeline::RecognizerOptions{.score = score}), every});
     how.done = observer.stage("judging", "scans");
-    const std::vector<JudgedMatch> of_drive = judge_drive(drive, recognizer, how);
-    all.insert(all.end(), of_drive.begin(), of_drive.end());
+    all.push_back(judge_drive(drive, spaced, how));
     how.seed += uint64_t{1} << 24;  // more than a drive has scans
     names += str(names.empty() ? "" : ", ", drive.scans.size(), " scans of ", drive.name,
                  drive.sequence.empty() ? "" : "/" + drive.sequence);
   }
+  if (o.every != "1") names += ", every " + o.every;
   return all;
 }
 
@@ -165,15 +192,24 @@ int calibrate_command(const Arguments& arguments) {
       model, pipeline::ring_net(model, o.weights), {}, {.threads = o.running.thread_count()});
   std::string names;
   int64_t left_out = 0;
-  const std::vector<JudgedMatch> matches = judged(o, model.sensor, rings, names, left_out);
+  const pipeline::Score score =
+      o.judge ? model.calibration->score : pipeline::Score::kDistinctMargin;
+  const auto of_drives = judged(o, model.sensor, rings, score, names, left_out);
+  std::vector<JudgedMatch> matches;
+  for (const std::vector<JudgedMatch>& drive : of_drives)
+    matches.insert(matches.end(), drive.begin(), drive.end());
   if (matches.empty() ||
       (!o.judge && std::ranges::none_of(scores_of(matches), &JudgedScore::right)))
     throw InputError(
         names, ": no match is ", matches.empty() ? "right or wrong" : "right",
         "; it takes drives with places that are seen again, and an --exclusion they allow");
   if (!o.judge) {
-    model.calibration = pipeline::isotonic_calibration(scores_of(matches), o.right_share);
     const pipeline::TrueMatchRule rule = rule_of(o.radius);
+    std::vector<std::vector<JudgedScore>> scores;
+    for (const std::vector<JudgedMatch>& drive : of_drives)
+      scores.push_back(scores_by_place(drive, rule));
+    model.calibration = pipeline::calibration_of_drives(scores, o.right_share);
+    model.calibration->score = score;
     model.calibration->radius = rule.radius;
     model.calibration->wrong_beyond = rule.false_beyond;
     model.calibration->learnt_from = names;

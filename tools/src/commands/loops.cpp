@@ -154,8 +154,9 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   how.left_out = warn_left_out;
   how.stop = interrupted;
   how.done = progress.callback();
+  const SpacedRecognizer one{&recognizer};
   std::vector<pipeline::JudgedScore> matches;
-  for (const JudgedMatch& match : judge_drive(dataset, recognizer, how))
+  for (const JudgedMatch& match : judge_drive(dataset, {&one, 1}, how))
     matches.push_back(match.judged);
   if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
     throw InputError(o.calibrate.string() +
@@ -164,7 +165,7 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   pipeline::Calibration calibration =
       before ? refined(*before, matches) : pipeline::isotonic_calibration(matches);
   calibration.k = source.options.k;
-  calibration.score = source.options.score;
+  calibration.score = recognizer.score();
   calibration.radius = how.rule.radius;
   calibration.wrong_beyond = how.rule.false_beyond;
   calibration.learnt_from = (before ? before->learnt_from + ", and " : "") + dataset.name;

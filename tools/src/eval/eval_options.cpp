@@ -97,7 +97,7 @@ EvalOptions parse_eval_options(const Arguments& arguments) {
                 "the alignment cases queries are described in; stored scans always use case 1 "
                 "(default protocol: both in paper-difficult, else 1)",
                 &o.query_case);
-  parser.option("score", "margin|similarity",
+  parser.option("score", "margin|distinct-margin|similarity",
                 "s = 2 c1 - ck, or c1 alone, the similarity of the best (default: the protocol's; "
                 "similarity for fabmap, whose similarity is a probability)",
                 &o.score);

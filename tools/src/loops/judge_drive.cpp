@@ -1,50 +1,118 @@
 #include "judge_drive.h"
 
+#include <algorithm>
+#include <array>
+
 #include "loops/describe_scan.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/alteration.h"
 #include "revisit/loops/recent_places.h"
 
 namespace revisit::cli {
+namespace {
+
+/// Of the distance between a scan and its match: nothing when it is neither right nor wrong.
+std::optional<bool> is_right(const pipeline::Pose& here, const pipeline::Pose& there,
+                             const pipeline::TrueMatchRule& rule) {
+  const double metres = distance_between(here.translation(), there.translation(), rule.distance);
+  if (rule.is_true(metres)) return true;
+  if (rule.is_false(metres)) return false;
+  return std::nullopt;
+}
+
+/// A recogniser and what it knows.
+struct Judge {
+  pipeline::PlaceRecognizer& recognizer;
+  int every;
+  pipeline::RecentPlaces recent;
+  std::vector<pipeline::Pose> poses;  // of the places
+  std::span<const int64_t> without;   // places of the scan's moment
+  bool asked = false;                 // the scan is one of its frames
+};
+
+}  // namespace
 
 std::vector<JudgedMatch> judge_drive(const pipeline::Dataset& drive,
-                                     pipeline::PlaceRecognizer& recognizer,
+                                     std::span<const SpacedRecognizer> recognizers,
                                      const JudgeDrive& options) {
   if (!drive.has_poses()) throw UsageError(drive.name, ": judging matches needs poses");
-  pipeline::RecentPlaces recent(options.exclusion);
+  std::vector<Judge> judges;
+  for (const SpacedRecognizer& one : recognizers)
+    judges.push_back(
+        {*one.recognizer, one.every, pipeline::RecentPlaces(options.exclusion), {}, {}});
   std::vector<JudgedMatch> matches;
   pipeline::PointCloud cloud, altered;
   int64_t done = 0;
-  uint64_t asked = 0;  // altered copies
+  uint64_t copies = 0;
   for (const pipeline::ScanRef& scan : drive.scans) {
     if (options.stop()) throw Interrupted("stopped while matches were judged");
     options.done(++done, static_cast<int64_t>(drive.scans.size()));
-    const std::span<const int64_t> without = recent.at({scan.frame, scan.time, scan.pose});
-    DescribedScan described = describe_scan(scan, drive.sequence, recognizer, cloud);
+    bool wanted = false, known = false;
+    for (Judge& judge : judges) {
+      judge.asked = scan.frame % judge.every == 0;
+      if (judge.asked) judge.without = judge.recent.at({scan.frame, scan.time, scan.pose});
+      wanted = wanted || judge.asked;
+      known = known || (judge.asked && !judge.poses.empty());
+    }
+    if (!wanted) continue;
+    DescribedScan described =
+        describe_scan(scan, drive.sequence, *recognizers[0].recognizer, cloud);
     if (!described.description.described()) {
       options.left_out(described.description.why_not);
       continue;
     }
     const auto ask = [&](const pipeline::Description& description, bool is_altered) {
-      const auto loop = recognizer.query(description, without);
-      if (!loop) return;
-      const double metres = distance_between(scan.pose->translation(), loop->pose->translation(),
-                                             options.rule.distance);
-      if (options.rule.is_true(metres) || options.rule.is_false(metres))
-        matches.push_back({{loop->score, options.rule.is_true(metres)}, is_altered});
+      for (const Judge& judge : judges) {
+        if (!judge.asked) continue;
+        const auto loop = judge.recognizer.query(description, judge.without);
+        if (!loop) continue;
+        const auto right =
+            is_right(*scan.pose, judge.poses[static_cast<size_t>(loop->position)], options.rule);
+        if (right) matches.push_back({{loop->score, *right}, is_altered, *scan.pose});
+      }
     };
     ask(described.description, false);
-    for (int copy = 0; copy < options.altered && recognizer.size() > 0; ++copy) {
-      const uint64_t seed = options.seed + asked++;
+    for (int copy = 0; copy < options.altered && known; ++copy) {
+      const uint64_t seed = options.seed + copies++;
       const pipeline::Alteration alteration = pipeline::random_alteration(seed);
       if (alteration.steps.empty()) continue;  // asked already
       altered = cloud;
       alter(altered, alteration, seed);
-      ask(recognizer.describe(view_of(altered)), true);
+      ask(recognizers[0].recognizer->describe(view_of(altered)), true);
     }
-    recent.add(recognizer.add(described.description, std::move(described.place)));
+    for (Judge& judge : judges) {
+      if (!judge.asked) continue;
+      judge.recent.add(judge.recognizer.add(described.description, described.place));
+      judge.poses.push_back(*scan.pose);
+    }
   }
   return matches;
+}
+
+std::vector<pipeline::JudgedScore> scores_by_place(std::span<const JudgedMatch> matches,
+                                                   const pipeline::TrueMatchRule& rule) {
+  std::array<std::vector<Eigen::Vector3d>, 2> places;  // of wrong ones, of right ones
+  std::array<std::vector<double>, 2> counts;
+  std::vector<size_t> place_of;
+  for (const JudgedMatch& match : matches) {
+    const size_t right = match.judged.right ? 1 : 0;
+    const Eigen::Vector3d here = match.pose.translation();
+    const auto place = std::ranges::find_if(places[right], [&](const Eigen::Vector3d& p) {
+      return rule.is_true(distance_between(p, here, rule.distance));
+    });
+    place_of.push_back(static_cast<size_t>(place - places[right].begin()));
+    if (place == places[right].end()) {
+      places[right].push_back(here);
+      counts[right].push_back(0);
+    }
+    ++counts[right][place_of.back()];
+  }
+  std::vector<pipeline::JudgedScore> scores;
+  for (size_t i = 0; i < matches.size(); ++i) {
+    scores.push_back(matches[i].judged);
+    scores.back().weight = 1 / counts[matches[i].judged.right ? 1 : 0][place_of[i]];
+  }
+  return scores;
 }
 
 pipeline::TrueMatchRule rule_of(double radius) {

@@ -22,8 +22,8 @@ void MapOptions::declare(Parser& parser) {
               "name of this recording in the map (default: its sequence or folder); another "
               "recording of that name gets a number",
               &drive)
-      .option("first-stretch", "N", "ring: its mean is learnt from so many places (default 200)",
-              &first_stretch)
+      .option("first-stretch", "N",
+              "ring: its mean is learnt from so many distinct places (default 200)", &first_stretch)
       .flag("no-clouds",
             "store no points of places (some 20 kB each): later drives cannot be registered with "
             "them",

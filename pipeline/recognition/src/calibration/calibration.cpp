@@ -84,10 +84,26 @@ double weight_of_wrong(std::span<const JudgedScore> matches, std::optional<doubl
   if (!right_share) return 1;
   constexpr double kLeast = 1e-6;
   if (!(*right_share >= kLeast && *right_share <= 1 - kLeast))
-    throw UsageError("share of right matches: expected 0.000001 to 0.999999, found ", *right_share);
-  const auto right = static_cast<double>(std::ranges::count(matches, true, &JudgedScore::right)),
-             wrong = static_cast<double>(matches.size()) - right;
+    throw UsageError(
+        str("share of right matches: expected 0.000001 to 0.999999, found ", *right_share));
+  double right = 0, wrong = 0;
+  for (const JudgedScore& match : matches) (match.right ? right : wrong) += match.weight;
   return right > 0 && wrong > 0 ? right / wrong * (1 - *right_share) / *right_share : 1;
+}
+
+/// A block for every score there is, ascending.
+std::vector<CalibrationBlock> blocks_of_scores(std::vector<JudgedScore> matches,
+                                               std::optional<double> right_share) {
+  check(matches);
+  const double wrong_weight = weight_of_wrong(matches, right_share);
+  std::ranges::sort(matches, {}, &JudgedScore::score);
+  std::vector<CalibrationBlock> blocks;
+  for (const JudgedScore& match : matches) {
+    if (blocks.empty() || blocks.back().lowest < match.score) blocks.push_back({match.score});
+    blocks.back().matches += match.weight * (match.right ? 1 : wrong_weight);
+    blocks.back().right += match.right ? match.weight : 0;
+  }
+  return blocks;
 }
 
 /// The a and b of refined(): the maximum of a concave function of two variables, by Newton's steps.
@@ -103,7 +119,8 @@ std::array<double, 2> shift_and_slope(const Calibration& before,
     double haa = kShiftWeight, hab = 0, hbb = kSlopeWeight;
     for (size_t i = 0; i < matches.size(); ++i) {
       const double x = logits[i], p = sigmoid(a + b * x);
-      const double error = (matches[i].right ? 1 : 0) - p, weight = p * (1 - p);
+      const double error = matches[i].weight * ((matches[i].right ? 1 : 0) - p),
+                   weight = matches[i].weight * p * (1 - p);
       ga += error, gb += error * x;
       haa += weight, hab += weight * x, hbb += weight * x * x;
     }
@@ -147,17 +164,39 @@ double Calibration::highest_precision() const {
 
 Calibration isotonic_calibration(std::vector<JudgedScore> matches,
                                  std::optional<double> right_share) {
-  check(matches);
-  const double wrong_weight = weight_of_wrong(matches, right_share);
-  std::ranges::sort(matches, {}, &JudgedScore::score);
-  std::vector<CalibrationBlock> equal;  // matches of one score
-  for (const JudgedScore& match : matches) {
-    if (equal.empty() || equal.back().lowest < match.score) equal.push_back({match.score});
-    equal.back().matches += match.right ? 1 : wrong_weight;
-    equal.back().right += match.right ? 1 : 0;
-  }
   Calibration result;
-  result.blocks = pooled(with_extremes(std::move(equal)));
+  result.blocks = pooled(with_extremes(blocks_of_scores(std::move(matches), right_share)));
+  return result;
+}
+
+Calibration calibration_of_drives(std::span<const std::vector<JudgedScore>> drives,
+                                  std::optional<double> right_share) {
+  const auto all_but = [&](size_t left_out) {
+    std::vector<JudgedScore> matches;
+    for (size_t i = 0; i < drives.size(); ++i)
+      if (i != left_out) matches.insert(matches.end(), drives[i].begin(), drives[i].end());
+    return matches;
+  };
+  std::vector<Calibration> without;
+  for (size_t i = 0; i < drives.size() && drives.size() > 1; ++i)
+    without.push_back(isotonic_calibration(all_but(i), right_share));
+  if (without.empty()) return isotonic_calibration(all_but(drives.size()), right_share);
+  std::vector<CalibrationBlock> blocks;
+  double before = -1;
+  for (const CalibrationBlock& block :
+       with_extremes(blocks_of_scores(all_but(drives.size()), right_share))) {
+    double least = 1;
+    for (const Calibration& one : without) least = std::min(least, one.probability(block.lowest));
+    if (least > before) blocks.push_back({block.lowest});
+    blocks.back().matches += block.matches;
+    before = least;
+    blocks.back().right = least * blocks.back().matches;
+  }
+  // What with_extremes() added stays.
+  blocks.front().right = std::max(blocks.front().right, 1.0);
+  blocks.back().right = std::min(blocks.back().right, blocks.back().matches - 1);
+  Calibration result;
+  result.blocks = pooled(blocks);
   return result;
 }
 

@@ -6,12 +6,22 @@ namespace revisit::pipeline {
 
 Score parse_score(const std::string& text) {
   if (text == "margin") return Score::kMargin;
+  if (text == "distinct-margin") return Score::kDistinctMargin;
   if (text == "similarity" || text == "cosine") return Score::kSimilarity;
-  throw UsageError("score: expected margin or similarity, found '", text, "'");
+  throw UsageError(
+      str("score: expected margin, distinct-margin or similarity, found '", text, "'"));
 }
 
 const char* name_of(Score score) {
-  return score == Score::kMargin ? "margin" : "cosine";
+  switch (score) {
+    case Score::kMargin:
+      return "margin";
+    case Score::kDistinctMargin:
+      return "distinct-margin";
+    case Score::kSimilarity:
+      break;
+  }
+  return "cosine";
 }
 
 }  // namespace revisit::pipeline

@@ -25,17 +25,21 @@ int64_t row_of(int64_t place) {
 /// (-similarity, place): sorts with the most similar first and equals by place.
 using RankedPlace = std::pair<double, int64_t>;
 
-/// Ranks, similarities and score of the best of `places`, which are reordered.
-void rank(std::vector<RankedPlace>& places, const SearchOptions& options, Match& match) {
-  const size_t kept = std::min(static_cast<size_t>(options.k), places.size());
-  const auto end = places.begin() + static_cast<int64_t>(kept);
+/// The `most` best of `places`, sorted.
+void keep_best(std::vector<RankedPlace>& places, int64_t most) {
+  const auto end = places.begin() + std::min(most, std::ssize(places));
   std::nth_element(places.begin(), end, places.end());
-  std::sort(places.begin(), end);
-  match.ranks.reserve(kept);
-  match.similarities.reserve(kept);
-  for (size_t i = 0; i < kept; ++i) {
-    match.ranks.push_back(places[i].second);
-    match.similarities.push_back(-places[i].first);
+  places.erase(end, places.end());
+  std::ranges::sort(places);
+}
+
+/// Ranks, similarities and score of `places`, which are sorted.
+void rank(std::span<const RankedPlace> places, const SearchOptions& options, Match& match) {
+  match.ranks.reserve(places.size());
+  match.similarities.reserve(places.size());
+  for (const auto& [dissimilarity, place] : places) {
+    match.ranks.push_back(place);
+    match.similarities.push_back(-dissimilarity);
   }
   const double best = match.similarities.front(), kth = match.similarities.back();
   match.score = options.score == Score::kSimilarity ? best : 2 * best - kth;
@@ -101,10 +105,18 @@ PlaceSearch::PlaceSearch(const PlaceIndex& index, const SearchOptions& options)
   if (options.k < 1) throw UsageError("k: expected at least 1, found ", options.k);
   if (options.threads < 1)
     throw UsageError("threads: expected at least 1, found ", options.threads);
+  if (options.score == Score::kDistinctMargin && !index.comparison_.same_place)
+    throw UsageError("score ", name_of(options.score),
+                     ": the similarities of this feature do not tell which places are one");
   if (index.by_cosine()) {
-    keep_ = options.k;
+    keep_ = looked_at();
     slack_ = rounding_of_cosines(index.dim_);
   }
+}
+
+int64_t PlaceSearch::looked_at() const {
+  return options_.score == Score::kDistinctMargin ? std::max<int64_t>(options_.k, kMostLookedAt)
+                                                  : options_.k;
 }
 
 size_t PlaceSearch::most_together() const {
@@ -289,29 +301,56 @@ void PlaceSearch::list_chosen(size_t q, std::vector<int64_t>& chosen) const {
       for (int64_t place = range.begin; place < range.end; ++place) chosen.push_back(place);
 }
 
+/// Fills memory.similarities. `length`: of the descriptor, for cosines.
+void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double length,
+                                      Comparing& memory) const {
+  memory.places.clear();
+  for (const int64_t place : memory.chosen) memory.places.push_back(index_.descriptor(place));
+  memory.similarities.resize(memory.chosen.size());
+  if (!index_.by_cosine())
+    return index_.comparison_.similarity(descriptor, memory.places, memory.similarities);
+  for (size_t i = 0; i < memory.chosen.size(); ++i)
+    memory.similarities[i] =
+        cosine(descriptor, length, memory.places[i], length_at(memory.chosen[i]));
+}
+
+/// Of memory.ranked, which is sorted, the first options.k that are not the same place as one before
+/// them. With fewer the last looked at takes the part of the k-th: the score is then a lower bound.
+void PlaceSearch::keep_distinct(Comparing& memory) const {
+  const double same = *index_.comparison_.same_place;
+  const RankedPlace last = memory.ranked.back();
+  memory.chosen.clear();
+  size_t kept = 0;
+  for (size_t i = 0; i < memory.ranked.size() && std::ssize(memory.chosen) < options_.k; ++i) {
+    const int64_t place = memory.ranked[i].second;
+    compare_with_chosen(index_.descriptor(place), index_.by_cosine() ? length_at(place) : 0,
+                        memory);
+    if (std::ranges::any_of(memory.similarities, [same](double s) { return s >= same; })) continue;
+    memory.chosen.push_back(place);
+    memory.ranked[kept++] = memory.ranked[i];
+  }
+  memory.ranked.resize(kept);
+  if (std::ssize(memory.ranked) < options_.k && memory.ranked.back() != last)
+    memory.ranked.push_back(last);
+}
+
 Match PlaceSearch::compare(size_t q, int64_t number) const {
-  thread_local Comparing memory;
+  thread_local Comparing memory_of_this_thread;
+  Comparing& memory = memory_of_this_thread;
   const Asked& asked = memory_.asked[q];
   Match match;
   match.query = number;
   if (asked.n_candidates == 0) return match;
   list_chosen(q, memory.chosen);
-  memory.places.clear();
-  for (const int64_t place : memory.chosen) memory.places.push_back(index_.descriptor(place));
-  memory.similarities.resize(memory.chosen.size());
-  if (index_.by_cosine())
-    for (size_t i = 0; i < memory.chosen.size(); ++i)
-      memory.similarities[i] =
-          cosine(asked.descriptor, asked.length, memory.places[i], length_at(memory.chosen[i]));
-  else
-    index_.comparison_.similarity(asked.descriptor, memory.places, memory.similarities);
-
+  compare_with_chosen(asked.descriptor, asked.length, memory);
   memory.ranked.clear();
   for (size_t i = 0; i < memory.chosen.size(); ++i) {
     if (!std::isfinite(memory.similarities[i]))
       throw NotFinite(number, memory.chosen[i], memory.similarities[i]);
     memory.ranked.emplace_back(-memory.similarities[i], memory.chosen[i]);
   }
+  keep_best(memory.ranked, looked_at());
+  if (options_.score == Score::kDistinctMargin) keep_distinct(memory);
   rank(memory.ranked, options_, match);
   if (index_.comparison_.turn)
     match.turn = index_.comparison_.turn(index_.descriptor(match.ranks.front()), asked.descriptor);

@@ -42,6 +42,10 @@ class PlaceSearch {
 
   double length_at(int64_t place) const;
   void list_chosen(size_t q, std::vector<int64_t>& chosen) const;
+  int64_t looked_at() const;
+  void compare_with_chosen(std::span<const float> descriptor, double length,
+                           Comparing& memory) const;
+  void keep_distinct(Comparing& memory) const;
   Match compare(size_t q, int64_t number) const;
 
   const PlaceIndex& index_;

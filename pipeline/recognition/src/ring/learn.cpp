@@ -199,7 +199,7 @@ void learn_rings(RingModel& model, std::span<const RingDrive> drives) {
 }
 
 void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt) {
-  constexpr double kFewScans = 128;
+  constexpr double kFewScans = 128, kFewForMean = 8;
   if (!(adapt >= 0 && adapt <= 1)) throw UsageError("ring adapt: expected 0 to 1, found ", adapt);
   if (scans.empty()) throw UsageError("ring mean: expected at least 1 scan, found none");
   const auto places = rings_of(model);
@@ -211,7 +211,11 @@ void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> sc
   }
   for (RingStatistics RingModel::*ring : {&RingModel::columns, &RingModel::polar}) {
     RingStatistics& own = model.*ring;
-    own.mean = mean_of(rings, scans, places[ring == &RingModel::columns ? 0 : 1]);
+    const std::vector<float> seen =
+        mean_of(rings, scans, places[ring == &RingModel::columns ? 0 : 1]);
+    const auto part = static_cast<float>(std::min(1.0, (n - 1) / kFewForMean));
+    for (size_t i = 0; i < seen.size(); ++i)
+      own.mean[i] = part < 1 ? (1 - part) * own.mean[i] + part * seen[i] : seen[i];
     if (!map) continue;
     const std::vector<Eigen::MatrixXcd>& theirs = ((*map).*ring).total;
     const double more = std::max(0.0, n - own.numbers);

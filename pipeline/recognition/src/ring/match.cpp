@@ -13,6 +13,10 @@
 namespace revisit::pipeline {
 namespace {
 
+/// Neighbouring scans of a drive are more similar; of 85 pairs of real places that look alike none
+/// is (0.24 to 0.54).
+constexpr double kSamePlace = 0.65;
+
 /// The correlation of two descriptors as a function of the turn: sum over f of
 /// Re(g[f] exp(i f angle)).
 struct Correlation {
@@ -87,6 +91,7 @@ Comparison ring_comparison(const RingLayout& layout, int64_t key_candidates) {
     for (const std::span<const float> place : places) rows.push_back(place.data());
     largest_correlations(query.data(), rows, whole, similarities);
   };
+  rings.same_place = kSamePlace;
   rings.turn = [layout](std::span<const float> a, std::span<const float> b) {
     return match_rings(a, b, layout).turn;
   };

@@ -1,9 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
-#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -20,8 +20,9 @@ struct RecognizerOptions {
   Eigen::Isometry3d mount = Eigen::Isometry3d::Identity();
   AlignCase align = AlignCase::kNone;
   ImageGeometry geometry;  // of a feature that sees the range image
-  /// A feature that learns from the map's scans (rings their mean) does so from the first places,
-  /// so many, and describes them again; what comes later is described as these are.
+  /// A feature that learns from the map's scans (rings their mean) does so from the first places
+  /// until so many of them are distinct, at most from five times as many, and describes them
+  /// again; what comes later is described as these are.
   int64_t first_stretch = 200;
   /// Of the score: at least so much is accepted. Absent: what the map was calibrated to; in a map
   /// that was not, what the feature was.
@@ -30,7 +31,9 @@ struct RecognizerOptions {
   /// feature holds (Calibration::threshold_for()).
   double precision = 0.99;
   int k = 4;
-  Score score = Score::kMargin;
+  /// Absent: what the feature was calibrated for; for one that was not Score::kDistinctMargin where
+  /// its similarities tell which places are one, else Score::kMargin.
+  std::optional<Score> score;
   /// Of large maps of a feature compared by cosine: this many places, proposed by a graph, are
   /// compared (large_maps.h). The graph is made when a map is opened, grows with it and is not
   /// kept. 0: no graph.
@@ -53,8 +56,8 @@ struct Loop {
   std::optional<double> time;
   std::optional<Eigen::Isometry3d> pose;
   double similarity = 0;  // of the descriptors
-  double runner_up = 0;   // the similarity of the k-th best
-  double score = 0;       // as RecognizerOptions::score says
+  double runner_up = 0;   // the similarity of the k-th best, or k-th distinct one
+  double score = 0;       // PlaceRecognizer::score()
   /// That the place is right; absent without a calibration for this score.
   std::optional<double> probability;
   std::optional<double> turn;  // heading of the scan less heading of the place, ccw [rad]
@@ -73,7 +76,8 @@ class PlaceRecognizer {
   /// The places of `map` are known at once; null: nothing is kept. Throws UsageError for a feature
   /// of camera images or invalid options, InputError when the map was made with another
   /// feature (identity_of()); `map` then stays with the caller. `damaged` gets a message for each
-  /// place that cannot be read, and when the first stretch cannot be ended.
+  /// place that cannot be read, and when the first stretch cannot be ended, and one when the map
+  /// was calibrated for another score.
   PlaceRecognizer(FeatureExtractor extractor, const RecognizerOptions& options,
                   std::unique_ptr<MapStore>&& map = nullptr, const MapStore::Damaged& damaged = {});
   ~PlaceRecognizer();
@@ -117,6 +121,8 @@ class PlaceRecognizer {
   /// The score from which places are accepted; absent when neither the options, nor the map, nor a
   /// calibration that promises RecognizerOptions::precision give one.
   std::optional<double> threshold() const;
+  /// How sure matches are: RecognizerOptions::score, or what stands for it.
+  Score score() const;
   /// The map's, or else the feature's; absent when none is for the k and score of the options.
   std::optional<Calibration> calibration() const;
   /// Takes in what others have added to the map, and out what they have removed.

@@ -14,6 +14,7 @@ namespace revisit::pipeline {
 struct JudgedScore {
   double score = 0;
   bool right = false;
+  double weight = 1;  // less for one of several of a place, which are not independent
 };
 
 /// Matches whose scores lie from `lowest` up to the next block's.
@@ -56,6 +57,12 @@ struct Calibration {
 /// right_share is 1e-6 to 1 - 1e-6; matches that are all right, or all wrong, keep their weight.
 Calibration isotonic_calibration(std::vector<JudgedScore> matches,
                                  std::optional<double> right_share = std::nullopt);
+
+/// The same for matches of several drives: of every score the least probability that they give when
+/// one of them is left out, so that no promise rests on one drive. Throws UsageError without
+/// drives, and as isotonic_calibration() of what is left does.
+Calibration calibration_of_drives(std::span<const std::vector<JudgedScore>> drives,
+                                  std::optional<double> right_share = std::nullopt);
 
 /// What `matches` of another place or robot add to `before`: logit p' = a + b logit p, with the
 /// most likely a and b when a is about 0 and b about 1, by a normal distribution of deviation 1 and

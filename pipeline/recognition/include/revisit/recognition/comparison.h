@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "revisit/recognition/candidate_source.h"
@@ -17,6 +18,9 @@ struct Comparison {
   std::function<void(std::span<const float> query, std::span<const std::span<const float>> places,
                      std::span<double> similarities)>
       similarity;
+  /// Two places at least so similar count as one: seen from the next frame, in another pass or
+  /// while standing. Absent: similarities do not tell.
+  std::optional<double> same_place;
   /// Heading of b less heading of a, counter-clockwise [rad]. Empty: descriptors do not tell it.
   std::function<double(std::span<const float> a, std::span<const float> b)> turn;
 

@@ -7,21 +7,30 @@
 
 namespace revisit::pipeline {
 
-/// How sure a match is (paper, section III-D).
+/// How sure a match is.
 enum class Score {
-  kMargin,      // s = 2 c1 - ck: high when the best is similar AND stands out from the k-th
+  /// s = 2 c1 - ck: high when the best is similar AND stands out from the k-th (paper, section
+  /// III-D).
+  kMargin,
+  /// The same with the k-th of distinct places (Comparison::same_place), so that neighbours and
+  /// other passes of the best are not what it has to stand out from: it does not depend on how
+  /// densely places are stored.
+  kDistinctMargin,
   kSimilarity,  // c1, the similarity of the best alone
 };
-/// "margin" or "similarity", which files call "cosine"; throws UsageError for anything else.
+/// "margin", "distinct-margin" or "similarity", which files call "cosine"; throws UsageError for
+/// anything else.
 Score parse_score(const std::string& text);
-/// "margin" or "cosine", as in files.
+/// "margin", "distinct-margin" or "cosine", as in files.
 const char* name_of(Score score);
 
 /// The answer to one query. Of a PlaceIndex, queries and places are counted from 0; of a task of
 /// the evaluation, both are rows of the data set.
 struct Match {
   int64_t query = 0;
-  std::vector<int64_t> ranks;        // places, best first; min(k, candidates) of them
+  /// Places, best first; min(k, candidates) of them. Of Score::kDistinctMargin the distinct ones;
+  /// with fewer than k of these the last place looked at stands behind them.
+  std::vector<int64_t> ranks;
   std::vector<double> similarities;  // of the same places, not increasing; cosines by default
   double score = 0;
   int which_case = 1;  // the alignment case (1 or 2) of the query's descriptor that won

@@ -21,6 +21,9 @@ struct Query {
   std::span<const CandidateRange> candidates;  // do not overlap, ascending
 };
 
+/// Distinct places are looked for among so many: each takes up to k - 1 comparisons.
+inline constexpr int64_t kMostLookedAt = 300;
+
 struct SearchOptions {
   int k = 4;  // how many places are found; with fewer candidates, all of them
   Score score = Score::kMargin;
@@ -61,6 +64,7 @@ class PlaceIndex {
   void choose_by(std::unique_ptr<CandidateSource> source, int64_t count);
 
   /// The options.k candidates most similar to `query` [dim]; no ranks where there is no candidate.
+  /// For Score::kDistinctMargin the distinct ones among the kMostLookedAt most similar.
   /// Where keys (Comparison::key_candidates) or another source choose among more of them, only
   /// those chosen are compared. All are when a source finds fewer than asked for and than
   /// options.k.
@@ -68,7 +72,8 @@ class PlaceIndex {
   /// For cosines the matrix product only selects, what is kept is computed again in double
   /// precision. Allocates nothing but the result once a thread has asked before, besides what
   /// Comparison::turn does. Throws UsageError for a query of another size or with a number that is
-  /// not finite, and for k or threads < 1, NotFinite.
+  /// not finite, for k or threads < 1, and for Score::kDistinctMargin without
+  /// Comparison::same_place; NotFinite.
   Match best(std::span<const float> query, std::span<const CandidateRange> candidates,
              const SearchOptions& options = {}) const;
 

@@ -48,10 +48,12 @@ struct RingDrive {
 /// another size.
 void learn_rings(RingModel& model, std::span<const RingDrive> drives);
 
-/// Fits `model` to the map of these scans (rows of `rings`). Their mean becomes the model's, as
-/// another sensor's mean would hide what places share. Their spread takes the share `adapt` of the
-/// model's total; n scans, more than a ring has numbers, n / (n + 128) of that. Throws UsageError
-/// without scans and for a share outside of 0 to 1.
+/// Makes `model` one for the map that these scans (rows of `rings`) are of: their mean becomes the
+/// model's, as that of another sensor or of simulated scans hides what real places share (of n < 9
+/// scans in part, (n - 1) / 8: the mean of one scan is that scan); and their
+/// spread takes the place of the share `adapt` of the model's total spread. Of n scans more than a
+/// ring has numbers it takes n / (n + 128) of that: fewer do not know their spread. Throws
+/// UsageError without scans and for a share outside of 0 to 1.
 void fit_to_map(RingModel& model, const Rows& rings, std::span<const int64_t> scans, double adapt);
 
 }  // namespace revisit::pipeline

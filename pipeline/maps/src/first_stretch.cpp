@@ -1,0 +1,59 @@
+#include "first_stretch.h"
+
+#include <algorithm>
+#include <bit>
+
+#include "revisit/recognition/cosine.h"
+
+namespace revisit::pipeline {
+namespace {
+
+std::vector<float> described(const Basis& basis, std::span<const float> feature) {
+  std::vector<float> descriptor(static_cast<size_t>(basis.dim));
+  basis.describe(feature, descriptor);
+  return descriptor;
+}
+
+double similarity_of(std::span<const float> a, std::span<const float> b,
+                     const Comparison& comparison) {
+  if (!comparison.similarity) return cosine(a, length_of(a), b, length_of(b));
+  double similarity = 0;
+  comparison.similarity(a, {&b, 1}, {&similarity, 1});
+  return similarity;
+}
+
+}  // namespace
+
+FirstStretch::FirstStretch(const FeatureExtractor& extractor, int64_t distinct)
+    : extractor_(extractor), wanted_(distinct) {
+  features_.d = extractor.dim;
+}
+
+void FirstStretch::add(std::span<const float> feature) {
+  features_.values.insert(features_.values.end(), feature.begin(), feature.end());
+  ++features_.n;
+  if (over_) return;
+  if (is_distinct(feature)) distinct_.push_back(features_.n - 1);
+  over_ = std::ssize(distinct_) == wanted_ || features_.n / kMostWaiting == wanted_;
+}
+
+bool FirstStretch::is_distinct(std::span<const float> feature) {
+  if (distinct_.empty() || !extractor_.comparison.same_place) return true;
+  const Basis& provisional = basis();
+  const std::vector<float> last = described(provisional, features_.row(distinct_.back())),
+                           here = described(provisional, feature);
+  return similarity_of(here, last, provisional.comparison) < *extractor_.comparison.same_place;
+}
+
+const Basis& FirstStretch::basis() {
+  const auto n = std::ssize(distinct_);
+  const int64_t from = over_ ? n : static_cast<int64_t>(std::bit_floor(static_cast<uint64_t>(n)));
+  if (from != learnt_from_) {
+    basis_ =
+        extractor_.reduce(features_.rows(), std::span(distinct_).first(static_cast<size_t>(from)));
+    learnt_from_ = from;
+  }
+  return *basis_;
+}
+
+}  // namespace revisit::pipeline
