@@ -319,16 +319,19 @@ void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double 
 void PlaceSearch::keep_distinct(Comparing& memory) const {
   const double same = *index_.comparison_.same_place;
   const RankedPlace last = memory.ranked.back();
-  memory.chosen.clear();
   size_t kept = 0;
-  for (size_t i = 0; i < memory.ranked.size() && std::ssize(memory.chosen) < options_.k; ++i) {
-    const int64_t place = memory.ranked[i].second;
-    compare_with_chosen(index_.descriptor(place), index_.by_cosine() ? length_at(place) : 0,
-                        memory);
-    if (std::ranges::any_of(memory.similarities, [same](double s) { return s >= same; })) continue;
-    memory.chosen.push_back(place);
-    memory.ranked[kept++] = memory.ranked[i];
-  }
+  // Most are neighbours of the best, which is asked first.
+  const auto is_known = [&](int64_t place) {
+    const double length = index_.by_cosine() ? length_at(place) : 0;
+    for (size_t i = 0; i < kept; ++i) {
+      memory.chosen.assign(1, memory.ranked[i].second);
+      compare_with_chosen(index_.descriptor(place), length, memory);
+      if (memory.similarities[0] >= same) return true;
+    }
+    return false;
+  };
+  for (size_t i = 0; i < memory.ranked.size() && static_cast<int>(kept) < options_.k; ++i)
+    if (!is_known(memory.ranked[i].second)) memory.ranked[kept++] = memory.ranked[i];
   memory.ranked.resize(kept);
   if (std::ssize(memory.ranked) < options_.k && memory.ranked.back() != last)
     memory.ranked.push_back(last);
