@@ -297,7 +297,7 @@ class Faults(Command):
                     (folder / name).mkdir(parents=True)
                     return write_bag(folder / name, kind, topics)
                 self.fails(3, r'no topic of PointCloud2 .* /chatter \(std_msgs/msg/String\)', bag('none', {}), *few)
-                self.fails(3, '/p holds no messages', bag('empty', {'/p': []}), *few)
+                self.fails(3, '/p holds no messages with points', bag('empty', {'/p': []}), *few)
                 two = bag('two', {'/p': [cloud], '/q': [cloud]})
                 self.fails(2, 'choose one of /p, /q with --topic', two, *few)
                 self.fails(2, 'no topic /r', two, '--topic', '/r', *few)
@@ -311,6 +311,15 @@ class Faults(Command):
                 self.assertRegex(said, '^revisit-loops: .*cannot be read as a bag')
                 file.write_bytes(b'')
                 self.fails(3, 'cannot be read as a bag', path, *few)
+
+    @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
+    def test_an_empty_message_is_left_out(self):
+        empty = packed(room(0)[:, :3])
+        empty.width = empty.row_step = 0
+        empty.data, empty.fields = empty.data[:0], []
+        path = write_bag(self.folder, 'mcap', {'/p': [empty, *(packed(room(i)[:, :3]) for i in range(3))]})
+        found = self.loops(path, '--sensor', 'hdl64', '--threshold', -9, '--exclusion', 'none', code=6)
+        self.assertEqual([line['frame'] for line in found], [2, 3])
 
     @unittest.skipUnless(HAVE_ROSBAGS, 'without the package rosbags: pip install rosbags')
     def test_poses_by_time(self):

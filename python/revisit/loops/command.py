@@ -19,7 +19,7 @@ from revisit.recordings import open_recording
 from revisit.report import write_report
 
 OK, FAILED, LEFT_OUT, INTERRUPTED = 0, 1, 6, 130
-SCANS_THAT_SHOW_THE_SENSOR = 3
+SCANS_THAT_SHOW_THE_SENSOR, SCANS_TRIED = 3, 20
 
 
 def say(o, message):
@@ -47,12 +47,25 @@ def with_poses(o, recording):
     return (scan._replace(pose=by_frame.get(scan.frame)) for scan in recording.scans())
 
 
+def first_of(scans):
+    """Scans until some have points."""
+    first, with_points = [], 0
+    for scan in scans:
+        first.append(scan)
+        with contextlib.suppress(InputError):
+            with_points += len(scan.points()) > 0
+        if with_points == SCANS_THAT_SHOW_THE_SENSOR or len(first) == SCANS_TRIED:
+            break
+    return first
+
+
 def sensor_of(o, first):
     """The sensor whose model is taken, from the first scans that can be read."""
     clouds = []
     for scan in first:
         with contextlib.suppress(InputError):
-            clouds.append(mounted(o, scan.points()))
+            points = mounted(o, scan.points())
+            clouds += [points] if len(points) else []
     if misfit := recognition.misfit_of_view(clouds):
         if not o.mount:
             raise InputError(f'{o.data}: {misfit}, or --mount 0,0,0,0,0,0 when they are right')
@@ -104,7 +117,7 @@ def work(o):
     for warning in recording.warnings:
         say(o, warning)
     scans = (scan for scan in with_poses(o, recording) if scan.frame % o.every == 0)
-    first = list(itertools.islice(scans, SCANS_THAT_SHOW_THE_SENSOR))
+    first = first_of(scans)
     if not first:
         raise InputError(f'{o.data}: there are no scans')
     recognizer = revisit.open_map(

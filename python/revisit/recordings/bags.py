@@ -203,11 +203,12 @@ def open_bag(path, options) -> Recording:
     with errors_of(path), opened(path) as readers:
         topic = choose(path, readers, options.topic)
         count = sum(connection.msgcount for reader in readers for connection in connections_of(reader, topic))
-    _, *first = next(messages(path, topic), [None])
-    if not first:
-        raise InputError(f'{path}: the topic {topic} holds no messages')
+    decoded = (decode(path, *message) for _, *message in messages(path, topic))
+    with_points = next((message for message in decoded if message.width * message.height), None)
+    if with_points is None:
+        raise InputError(f'{path}: the topic {topic} holds no messages with points')
     try:
-        fields_of(decode(path, *first))  # before the work of describing
+        fields_of(with_points)  # before the work of describing
     except InputError as error:
         raise InputError(f'{path}: {topic}: {error}') from None
 

@@ -33,10 +33,10 @@ def points_of(message) -> np.ndarray:
 
     message: as rosbags or ROS has it. NaN stays NaN, an organised cloud is taken row by row. InputError for one cut short.
     """
-    fields = fields_of(message)
     width, height, step = message.width, message.height, message.point_step
-    if width * height == 0:
+    if width * height == 0:  # some drivers leave the fields out, too
         return np.empty((0, 3), np.float32)
+    fields = fields_of(message)
     row = message.row_step if height > 1 else width * step  # of one row nobody needs to know it
     data = np.frombuffer(message.data, np.uint8)
     if row < width * step or (height - 1) * row + width * step > data.size:
