@@ -28,7 +28,10 @@ void unmount(const Eigen::Isometry3d& mount, Registration& registered) {
 }  // namespace
 
 LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
-    : recognizer_(recognizer), options_(options), recent_(options.exclusion) {
+    : recognizer_(recognizer),
+      options_(options),
+      recent_(options.exclusion),
+      keyframes_(options.keyframes) {
   if (!options.verify) return;
   if (!recognizer.finds_heading())
     throw UsageError(CppName{"LoopDetectorOptions::verify"},
@@ -62,7 +65,7 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     copy_points(points, cloud);
     transform(recognizer_.mount(), cloud);
   }
-  if (!found.position) {
+  if (!found.position && keyframes_.is_one(recognizer_, description, scan.pose)) {
     found.position =
         recognizer_.add(description, {.drive = options_.drive,
                                       .frame = scan.frame,
@@ -71,6 +74,7 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
                                       .cloud = options_.keep_clouds ? compact_cloud(cloud) : ""});
     recent_.add(*found.position);
   }
+  if (found.position) keyframes_.add(*found.position, scan.pose);
   if (options_.verify && found.loop && found.loop->accepted) verify(cloud, found);
   return found;
 }

@@ -29,6 +29,7 @@ struct LoopsOptions {
   fs::path output, g2o, tum;
   std::string format = "csv";
   pipeline::Exclusion exclusion;
+  pipeline::KeyframeRule keyframes;
   std::optional<double> threshold;
   fs::path calibrate;
   std::string calibrate_sequence;
@@ -41,7 +42,7 @@ struct LoopsOptions {
 
 LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   LoopsOptions o;
-  std::string exclusion = to_string(o.exclusion);
+  std::string exclusion = to_string(o.exclusion), keyframes = "all";
   o.feature.feature = "ring";
   o.feature.ring_key_candidates = kCandidates;
   o.feature.declare(parser, Scans::kOneByOne);
@@ -50,6 +51,10 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "recent scans of this drive that are not compared: frames=50 (default), seconds=30, "
               "metres=50 or none",
               &exclusion)
+      .option("keyframes", "RULE",
+              "which scans are stored; all are compared: all (default), metres=1 (by poses) or "
+              "similarity=0.9 (less similar to the last one stored)",
+              &keyframes)
       .option("threshold", "S",
               "a loop is accepted from this score on (default: from where --sure is reached)",
               &o.threshold)
@@ -91,6 +96,7 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               &o.tum);
   parser.parse(arguments);
   o.exclusion = pipeline::parse_exclusion(exclusion);
+  o.keyframes = pipeline::parse_keyframes(keyframes);
   o.feature.check_given(parser);
   if (!(o.precision > 0 && o.precision < 1))
     throw UsageError("--sure: expected more than 0, less than 1, found ", o.precision);
@@ -190,7 +196,7 @@ struct Summary {
 
   void add(const pipeline::Detection& found) {
     ++scans;
-    left_out += found.position ? 0 : 1;
+    left_out += found.why_not.empty() ? 0 : 1;
     without_points += found.has_no_points ? 1 : 0;
     if (!found.loop) return;
     best = queried++ == 0 ? found.loop->score : std::max(best, found.loop->score);
@@ -282,9 +288,11 @@ int loops_command(const Arguments& arguments) {
   if (!o.tum.empty()) trajectory.emplace(o.tum);
   const std::string drive = o.map.drive_of(source.some);
   const bool keep_clouds = o.verify || (!o.map.file.empty() && !o.map.no_clouds);
-  pipeline::LoopDetector detector(
-      recognizer,
-      {.drive = drive, .exclusion = o.exclusion, .verify = o.verify, .keep_clouds = keep_clouds});
+  pipeline::LoopDetector detector(recognizer, {.drive = drive,
+                                               .exclusion = o.exclusion,
+                                               .keyframes = o.keyframes,
+                                               .verify = o.verify,
+                                               .keep_clouds = keep_clouds});
   std::vector<double> milliseconds;
   Summary summary{.threshold = recognizer.threshold(), .exclusion = o.exclusion};
   int64_t trajectory_poses = 0;
@@ -294,14 +302,14 @@ int loops_command(const Arguments& arguments) {
     const pipeline::Detection& found = visit.found;
     summary.add(found);
     progress.update(summary.scans, std::max(summary.scans, total));
-    if (!found.position) {
+    if (!found.why_not.empty()) {
       warn_left_out(found.why_not);
       return;
     }
     milliseconds.push_back(visit.milliseconds);
     summary.poses += visit.scan.pose ? 1 : 0;
     const bool registered = found.registered && found.registered->accepted;
-    if (graph) {
+    if (graph && found.position) {
       graph->vertex(*found.position, visit.scan.pose);
       if (registered)
         graph->edge(found.loop->position, *found.position, found.registered->T_place_query,

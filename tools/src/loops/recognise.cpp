@@ -23,7 +23,7 @@ void recognise(const ScanStream& next, pipeline::LoopDetector& detector,
       pipeline::Stopwatch watch;
       seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});
       seen.milliseconds = watch.lap();
-      if (!seen.found.position)
+      if (!seen.found.why_not.empty())
         seen.found.why_not = str(scan->file.string(), ": ", seen.found.why_not);
     }
     visit(seen);

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "revisit/loops/keyframes.h"
 #include "revisit/loops/recent_places.h"
 #include "revisit/registration/registration.h"
 
@@ -12,6 +13,7 @@ namespace revisit::pipeline {
 struct LoopDetectorOptions {
   std::string drive;        // name of the recording in the map; drive_in_map() adds a number
   Exclusion exclusion;      // of the drive's own scans
+  KeyframeRule keyframes;   // which scans are stored
   bool verify = false;      // registers accepted loops; those that do not fit are not accepted
   bool keep_clouds = true;  // of places, to register later scans
   RegistrationOptions registration;
@@ -19,9 +21,9 @@ struct LoopDetectorOptions {
 
 /// The result for one scan.
 struct Detection {
-  std::optional<int64_t> position;  // of its place in the recogniser; absent: not described ...
-  std::string why_not;              // ... for this reason
-  std::optional<Loop> loop;         // the most similar place
+  std::string why_not;                     // it could not be described; "": it was
+  std::optional<int64_t> position;         // of its place in the recogniser; absent: no keyframe
+  std::optional<Loop> loop;                // the most similar place
   std::optional<Registration> registered;  // of a loop that the score accepts
   bool has_no_points = false;              // the place, with verification: the loop is not accepted
 };
@@ -34,7 +36,7 @@ struct Detection {
 ///   LoopDetector detector(recognizer, {.drive = "monday", .verify = true});
 ///   const Detection found = detector.take({points.data(), n, sizeof(MyPoint)}, {.frame = 17});
 ///   if (found.loop && found.loop->accepted)
-///     add_edge(found.loop->position, *found.position, found.registered->T_place_query);
+///     add_edge(found.loop->position, 17, found.registered->T_place_query);
 class LoopDetector {
  public:
   /// `recognizer` must outlive this object. Throws UsageError when `verify` is set and the feature
@@ -52,6 +54,7 @@ class LoopDetector {
   PlaceRecognizer& recognizer_;
   LoopDetectorOptions options_;
   RecentPlaces recent_;
+  Keyframes keyframes_;
   bool identified_ = false;           // the recording
   std::map<int64_t, int64_t> ahead_;  // frame -> position of its scans that the map has already
 };
