@@ -23,7 +23,7 @@ void run(int argc, char** argv) {
   for (int i = 2; i < argc; ++i) {
     const PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, step}
     const Detection found = detector.take(view_of(cloud), {.frame = i - 2});
-    if (!found.position) std::printf("%s: %s\n", argv[i], found.why_not.c_str());
+    if (!found.why_not.empty()) std::printf("%s: %s\n", argv[i], found.why_not.c_str());
     if (!found.loop || !found.loop->accepted) continue;
     std::printf("%s is place %ld, score %.3f, turned by %.1f degrees\n", argv[i],
                 static_cast<long>(found.loop->id), found.loop->score, *found.loop->turn * 57.2958);

@@ -59,7 +59,7 @@ def main():
     print('scan,place,frame,score,turn_degrees')
     for i, ref in enumerate(drive.scans):
         found = detector.take(datasets.read_scan(ref.file), frame=ref.frame, time=ref.time, pose=ref.pose)
-        if found.position is None:
+        if found.why_not:
             print(f'{ref.file}: {found.why_not}', file=sys.stderr)
             continue
         known[found.position] = i

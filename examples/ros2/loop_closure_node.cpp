@@ -76,7 +76,7 @@ class LoopClosureNode : public rclcpp::Node {
       found.why_not = error.what();
     }
     ++frame_;
-    if (!found.position) RCLCPP_WARN(get_logger(), "%s", found.why_not.c_str());
+    if (!found.why_not.empty()) RCLCPP_WARN(get_logger(), "%s", found.why_not.c_str());
     if (found.registered && found.registered->accepted)
       publish(message, *found.loop, *found.registered);
   }

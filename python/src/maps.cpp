@@ -188,7 +188,7 @@ void bind_recognizer(nb::module_& module) {
 void bind_loop_detector(nb::module_& module) {
   nb::class_<Detection>(module, "Detection", "The result for one scan.")
       .def_ro("position", &Detection::position,
-              "Of its place in the recogniser; None for a scan that was not described.")
+              "Of its place in the recogniser; None for a scan that was not stored.")
       .def_ro("why_not", &Detection::why_not, "The scan was not described: the reason.")
       .def_ro("loop", &Detection::loop, "The most similar place, or None.")
       .def_ro("registered", &Detection::registered,
@@ -205,17 +205,22 @@ void bind_loop_detector(nb::module_& module) {
       .def(
           "__init__",
           [](LoopDetector* self, Recognizer& recognizer, const std::string& drive,
-             const std::string& exclusion, bool verify, bool keep_clouds) {
+             const std::string& exclusion, const std::string& keyframes, bool verify,
+             bool keep_clouds) {
             new (self) LoopDetector(recognizer, {.drive = drive,
                                                  .exclusion = parse_exclusion(exclusion),
+                                                 .keyframes = parse_keyframes(keyframes),
                                                  .verify = verify,
                                                  .keep_clouds = keep_clouds});
           },
           nb::keep_alive<1, 2>(), "recognizer"_a, nb::kw_only(), "drive"_a = "",
-          "exclusion"_a = to_string(Exclusion()), "verify"_a = false, "keep_clouds"_a = true,
+          "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = false,
+          "keep_clouds"_a = true,
           "drive: its name in the map.\n"
           "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'metres=L' or "
           "'none'.\n"
+          "keyframes: scans that are stored; all are compared: 'all', 'metres=L' or "
+          "'similarity=S'.\n"
           "verify: registers accepted loops; those that do not fit are not accepted.\n"
           "keep_clouds: stores some 20 kB of points with each place, for registration.")
       .def(

@@ -184,6 +184,30 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   EXPECT_TRUE(of_translation.isApprox(of_translation.transpose(), 1e-9));
 }
 
+TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
+  for (const char* rule : {"metres=3", "similarity=0.9"}) {
+    PlaceRecognizer recognizer(first_point(), {});
+    LoopDetector detector(
+        recognizer, {.exclusion = parse_exclusion("frames=3"), .keyframes = parse_keyframes(rule)});
+    std::vector<int64_t> stored;
+    for (int frame = 0; frame < 9; ++frame) {  // 1 m and 0.2 rad each: cos(0.6) is 0.83
+      const PointCloud cloud = room(0.2 * frame);
+      const Detection found = detector.take(
+          view_of(cloud),
+          {.frame = frame, .pose = Eigen::Isometry3d(Eigen::Translation3d(frame, 0, 0))});
+      if (found.position) stored.push_back(frame);
+      EXPECT_EQ(found.loop.has_value(), frame > 3) << rule << frame;
+    }
+    EXPECT_EQ(stored, (std::vector<int64_t>{0, 3, 6})) << rule;
+  }
+  for (const char* wrong : {"", "metres", "metres=0", "similarity=1.5", "frames=3", "metres=x"})
+    expect_error<UsageError>([&] { parse_keyframes(wrong); }, {"keyframes"});
+  PlaceRecognizer recognizer(first_point(), {});
+  LoopDetector detector(recognizer, {.keyframes = parse_keyframes("metres=1")});
+  const PointCloud cloud = room(1);
+  expect_error<UsageError>([&] { detector.take(view_of(cloud), {}); }, {"similarity=S"});
+}
+
 TEST(LoopDetector, VerificationNeedsAHeading) {
   FeatureExtractor blind = first_point();
   blind.comparison.turn = nullptr;

@@ -128,7 +128,7 @@ def work(o):
         say(o, 'no threshold: every scan is printed; give --threshold or a lower --sure, or a map that '
                '`revisit loops --calibrate` has calibrated')
     drive = recording.name if o.drive is None else o.drive
-    detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, verify=o.verify,
+    detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
                                     keep_clouds=o.verify or bool(o.map) and not o.no_clouds)
     if o.poses_out and first[0].pose is None:
         raise UsageError('--poses-out: the scans have no poses; give --poses')
@@ -147,14 +147,14 @@ def work(o):
                 n += 1
                 if view:
                     view(visit)
-                if visit.position is None:
+                if visit.why_not:
                     left_out += 1
                     say(o, f'{visit.why_not}; this scan is left out')
                     continue
                 line = lines.line_of(visit, detector.drive)
                 fits = visit.registered is not None and visit.accepted
                 time = visit.scan.frame if visit.scan.time is None else visit.scan.time
-                if graph:
+                if graph and visit.position is not None:
                     graph.vertex(visit.position, visit.scan.pose)
                     if fits:
                         graph.edge(visit.loop.position, visit.position, visit.registered)

@@ -67,6 +67,8 @@ def make_parser():
                        'as the calibration of the map or the ring model holds')
     loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of the drive that are not compared: '
                        'frames=50 (default), seconds=30, metres=50 or none')
+    loops.add_argument('--keyframes', default='all', metavar='RULE', help='scans that are stored; all are compared: all (default), '
+                       'metres=1 (by poses) or similarity=0.9 (less similar to the last one stored)')
     loops.add_argument('--verify', action='store_true', help='register accepted loops by GICP: where the scan was; loops that do '
                        'not fit are not accepted')
     loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '

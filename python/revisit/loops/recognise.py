@@ -13,11 +13,11 @@ class Visit(NamedTuple):
     """A scan and what the detector found."""
     scan: Scan
     position: int | None
-    """In the recogniser; None for one that was not described."""
+    """In the recogniser; None for one that was not stored."""
     loop: Loop | None
     """The most similar place."""
     why_not: str
-    """It was not described."""
+    """It could not be described: the reason."""
     points: np.ndarray | None
     registered: 'registration.Registration | None' = None
     """How the scan lies to the place, when that was asked for."""
