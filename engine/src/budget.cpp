@@ -5,7 +5,6 @@
 namespace revisit::engine {
 namespace {
 
-constexpr int64_t kMegabyte = 1 << 20;
 // Far beyond any use; where a thread cannot be made, OpenMP ends the program.
 constexpr int kMostThreads = 1024;
 

@@ -9,6 +9,8 @@ namespace revisit::engine {
 // What a few lines of prototxt can ask for has no bounds: these are checked before anything is
 // allocated. The errors name the layer, the limit and what to do.
 
+constexpr int64_t kMegabyte = 1 << 20;  // of messages
+
 void check_weight_bytes(const Net::Impl& net, int64_t limit);
 
 /// The outputs of one layer are alive together. Throws with a reason only, as Layer does.

@@ -9,8 +9,6 @@
 namespace revisit::engine {
 namespace {
 
-constexpr int64_t kMegabyte = 1 << 20;
-
 std::vector<Shape> shapes_for(const Net::Impl& net, const std::map<std::string, Shape>& inputs) {
   std::map<std::string, Shape> input_shapes;
   for (const Port& port : net.inputs) input_shapes[port.name] = port.shape;
