@@ -56,13 +56,15 @@ TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
                               0.7F * static_cast<float>(i / 50) + 0.3F, 0});
   cloud.points.push_back({std::nanf(""), 0, 0, 0});
   cloud.points.push_back({61, 0, 0, 0});
-  const std::string bytes = compact_cloud(cloud);
-  EXPECT_LT(bytes.size(), 600);
-  const PointCloud back = expand_cloud(bytes);
+  const Eigen::Isometry3d turned(Eigen::AngleAxisd(2, Eigen::Vector3d::UnitX()));
+  const std::string bytes = compact_cloud(cloud, turned);
+  EXPECT_LT(bytes.size(), 700);
+  const auto [back, mount] = expand_cloud(bytes);
   ASSERT_EQ(back.points.size(), 200);
   for (const Point& p : back.points) EXPECT_NEAR(p.y, 0.4, 0.5 / 64 + 1e-4);
   EXPECT_NEAR(back.points[0].x, 0.1 - 17.5, 0.5 / 64 + 1e-4);
-  EXPECT_EQ(expand_cloud(compact_cloud({})).points.size(), 0);
+  EXPECT_TRUE(mount.isApprox(turned, 1e-12));
+  EXPECT_EQ(expand_cloud(compact_cloud({})).cloud.points.size(), 0);
   std::string wrong = bytes;
   for (const std::string& damaged :
        {std::string(), bytes.substr(0, 3), bytes.substr(0, bytes.size() - 1),

@@ -101,6 +101,31 @@ std::string as_bytes_of(const std::vector<double>& values) {
   return bytes;
 }
 
+/// Pairs of such float32 look like coordinates in float64, too.
+TEST(ScanFile, NarrowRoomsAreNotTakenForOtherLayouts) {
+  const TempDir dir;
+  std::mt19937 random(4);
+  for (const float half_width : {1.2F, 2.0F, 3.0F, 5.0F})
+    for (const int intensity : {0, 1, 2})
+      for (const size_t points : {7200, 14400, 14403}) {
+        PointCloud room;
+        for (size_t i = 0; i < points; ++i) {
+          const float azimuth = static_cast<float>(random() % 6283) / 1000;
+          const float elevation = static_cast<float>(static_cast<int>(random() % 16) * 2 - 15) / 57;
+          const float range = std::min(half_width / std::abs(std::sin(azimuth)), 30.0F);
+          room.points.push_back({range * std::cos(azimuth), range * std::sin(azimuth),
+                                 range * std::tan(elevation),
+                                 intensity == 0   ? 1
+                                 : intensity == 1 ? 0
+                                                  : static_cast<float>(random() % 100) / 100});
+        }
+        write_kitti_scan(dir / "a.bin", room);
+        const PointCloud back = read_scan(dir / "a.bin");
+        ASSERT_EQ(back.points.size(), points) << half_width << " m, intensity " << intensity;
+        ASSERT_EQ(back.points[99].y, room.points[99].y);
+      }
+}
+
 TEST(ScanFile, BinFilesOfOtherLayoutsAreTold) {
   const TempDir dir;
   for (const size_t numbers : {3, 4, 5, 6})

@@ -1,7 +1,5 @@
 #include "revisit/loops/loop_detector.h"
 
-#include <utility>
-
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
 #include "revisit/recognition/mount.h"
@@ -11,10 +9,11 @@ namespace revisit::pipeline {
 
 namespace {
 
-/// Registration of the mounted points -> of the points as they are.
-void unmount(const Eigen::Isometry3d& mount, Registration& registered) {
-  registered.T_place_query = mount.inverse() * registered.T_place_query * mount;
-  // A small motion of the points is Ad(mount) times as large in the mounted frame.
+/// Registration of mounted points -> of the points as they are. `mount` is the query's.
+void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& mount,
+             Registration& registered) {
+  registered.T_place_query = mount_of_place.inverse() * registered.T_place_query * mount;
+  // A small motion of the query is Ad(mount) times as large in the mounted frame.
   const Eigen::Matrix3d R = mount.rotation();
   Eigen::Matrix3d cross;
   const Eigen::Vector3d& t = mount.translation();
@@ -30,6 +29,7 @@ void unmount(const Eigen::Isometry3d& mount, Registration& registered) {
 LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
     : recognizer_(recognizer),
       options_(options),
+      name_(options.drive),
       recent_(options.exclusion),
       keyframes_(options.keyframes) {
   if (!options.verify) return;
@@ -47,31 +47,27 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     return found;
   }
   recognizer_.refresh_on_news();
-  if (!std::exchange(identified_, true)) {
-    options_.drive = drive_in_map(recognizer_, options_.drive, description, scan.frame);
-    ahead_ = recognizer_.places_of(options_.drive);
-  }
+  found.position = stored(description, scan.frame);
   std::vector<int64_t> excluded(recent.begin(), recent.end());
   for (const auto& [frame, position] : ahead_) excluded.push_back(position);
   found.loop = recognizer_.query(description, excluded);
   while (!ahead_.empty() && ahead_.begin()->first <= scan.frame) {
-    const auto [frame, position] = *ahead_.begin();
-    recent_.add(position);
-    if (frame == scan.frame) found.position = position;
+    recent_.add(ahead_.begin()->second);
     ahead_.erase(ahead_.begin());
   }
   PointCloud cloud;
-  if (options_.keep_clouds || options_.verify) {
+  const bool keep_cloud = options_.keep_clouds && (options_.verify || recognizer_.has_map());
+  if (keep_cloud || options_.verify) {
     copy_points(points, cloud);
     transform(recognizer_.mount(), cloud);
   }
   if (!found.position && keyframes_.is_one(recognizer_, description, scan.pose)) {
-    found.position =
-        recognizer_.add(description, {.drive = options_.drive,
-                                      .frame = scan.frame,
-                                      .time = scan.time,
-                                      .pose = scan.pose,
-                                      .cloud = options_.keep_clouds ? compact_cloud(cloud) : ""});
+    found.position = recognizer_.add(
+        description, {.drive = options_.drive,
+                      .frame = scan.frame,
+                      .time = scan.time,
+                      .pose = scan.pose,
+                      .cloud = keep_cloud ? compact_cloud(cloud, recognizer_.mount()) : ""});
     recent_.add(*found.position);
   }
   if (found.position) keyframes_.add(*found.position, scan.pose);
@@ -79,19 +75,34 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
   return found;
 }
 
+std::optional<int64_t> LoopDetector::stored(const Description& scan, int64_t frame) {
+  const auto there = stored_.find(frame);
+  const bool is_there = there != stored_.end();
+  if (is_there && is_same_scan(recognizer_, scan, there->second)) return there->second;
+  if (identified_ && !is_there) return std::nullopt;
+  // The first scan, or another recording that began alike.
+  options_.drive = drive_in_map(recognizer_, name_, scan, frame);
+  stored_ = ahead_ = recognizer_.places_of(options_.drive);
+  identified_ = true;
+  const auto found = stored_.find(frame);
+  return found == stored_.end() ? std::nullopt : std::optional(found->second);
+}
+
 void LoopDetector::verify(const PointCloud& query, Detection& found) const {
   Loop& loop = *found.loop;
-  const std::string points = recognizer_.cloud(loop.position);
   loop.accepted = false;
-  if (points.empty()) {
+  StoredCloud place;
+  try {
+    place = expand_cloud(recognizer_.cloud(loop.position));
+  } catch (const InputError&) {  // none, or damaged, which `map check` names
     found.has_no_points = true;
     return;
   }
-  const PreparedScan place(expand_cloud(points), options_.registration);
-  found.registered = register_scans(PreparedScan(query, options_.registration), place, *loop.turn,
+  found.registered = register_scans(PreparedScan(query, options_.registration),
+                                    PreparedScan(place.cloud, options_.registration), *loop.turn,
                                     options_.registration);
   loop.accepted = found.registered->accepted;
-  unmount(recognizer_.mount(), *found.registered);
+  unmount(place.mount, recognizer_.mount(), *found.registered);
 }
 
 }  // namespace revisit::pipeline

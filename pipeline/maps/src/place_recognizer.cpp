@@ -588,6 +588,10 @@ const Eigen::Isometry3d& PlaceRecognizer::mount() const {
   return impl_->options.mount;
 }
 
+bool PlaceRecognizer::has_map() const {
+  return impl_->map != nullptr;
+}
+
 bool PlaceRecognizer::finds_heading() const {
   return static_cast<bool>(impl_->extractor.comparison.turn);
 }

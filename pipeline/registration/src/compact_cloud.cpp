@@ -12,7 +12,7 @@
 #include "revisit/base/error.h"
 
 // Differences of neighbouring points, axis by axis, first the low and then the high bytes,
-// deflated; in front of them the number of points.
+// deflated. In front of them stand the mount, 12 float64 [3][4], and the number of points.
 namespace revisit::pipeline {
 namespace {
 
@@ -20,13 +20,16 @@ constexpr double kVoxel = 0.7, kRange = 60;  // [m]
 constexpr float kStepsPerMetre = 64;
 constexpr uint32_t kMostPoints = 1 << 20;
 
+using MountNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+constexpr size_t kMountBytes = sizeof(MountNumbers), kHeadBytes = kMountBytes + sizeof(uint32_t);
+
 size_t bytes_of(size_t points) {
   return points * 3 * sizeof(uint16_t);
 }
 
 }  // namespace
 
-std::string compact_cloud(const PointCloud& cloud) {
+std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& mount) {
   const std::vector<Eigen::Vector3f> points = thinned(cloud, kVoxel, kRange);
   const size_t n = std::min<size_t>(points.size(), kMostPoints);
   std::vector<uint8_t> bytes(bytes_of(n));
@@ -42,41 +45,50 @@ std::string compact_cloud(const PointCloud& cloud) {
     }
   }
   uLongf size = compressBound(bytes.size());
-  std::string result(sizeof(uint32_t) + size, '\0');
+  std::string result(kHeadBytes + size, '\0');
+  const MountNumbers numbers = mount.matrix().topRows<3>();
   const auto count = static_cast<uint32_t>(n);
-  std::memcpy(result.data(), &count, sizeof(count));
-  if (compress(reinterpret_cast<Bytef*>(&result[sizeof(count)]), &size, bytes.data(),
-               bytes.size()) != Z_OK)
+  std::memcpy(result.data(), numbers.data(), kMountBytes);
+  std::memcpy(&result[kMountBytes], &count, sizeof(count));
+  if (compress(reinterpret_cast<Bytef*>(&result[kHeadBytes]), &size, bytes.data(), bytes.size()) !=
+      Z_OK)
     throw std::bad_alloc();
-  result.resize(sizeof(count) + size);
+  result.resize(kHeadBytes + size);
   return result;
 }
 
-PointCloud expand_cloud(std::string_view bytes) {
+StoredCloud expand_cloud(std::string_view bytes) {
   uint32_t n = 0;
-  if (bytes.size() >= sizeof(n)) std::memcpy(&n, bytes.data(), sizeof(n));
+  MountNumbers mount = MountNumbers::Zero();
+  if (bytes.size() >= kHeadBytes) {
+    std::memcpy(mount.data(), bytes.data(), kMountBytes);
+    std::memcpy(&n, &bytes[kMountBytes], sizeof(n));
+  }
   std::vector<uint8_t> differences(bytes_of(n <= kMostPoints ? n : 0));
   uLongf size = differences.size();
-  if (bytes.size() < sizeof(n) || n > kMostPoints ||
-      uncompress(differences.data(), &size, reinterpret_cast<const Bytef*>(&bytes[sizeof(n)]),
-                 bytes.size() - sizeof(n)) != Z_OK ||
+  if (bytes.size() < kHeadBytes || n > kMostPoints || !mount.leftCols<3>().isUnitary(1e-6) ||
+      !mount.allFinite() ||
+      uncompress(differences.data(), &size, reinterpret_cast<const Bytef*>(&bytes[kHeadBytes]),
+                 bytes.size() - kHeadBytes) != Z_OK ||
       size != differences.size())
     throw InputError("a place's points are damaged: ", bytes.size(), " bytes, said to be ", n,
                      " points");
-  PointCloud cloud;
-  cloud.points.resize(n);
+  StoredCloud stored;
+  stored.mount.matrix().setIdentity();
+  stored.mount.matrix().topRows<3>() = mount;
+  stored.cloud.points.resize(n);
   for (size_t axis = 0; axis < 3; ++axis) {
     uint16_t step = 0;
     for (size_t i = 0; i < n; ++i) {
       const size_t at = 2 * axis * n + i;
       step = static_cast<uint16_t>(step + differences[at] + 256 * differences[at + n]);
-      Point& point = cloud.points[i];
+      Point& point = stored.cloud.points[i];
       (axis == 0   ? point.x
        : axis == 1 ? point.y
                    : point.z) = static_cast<float>(static_cast<int16_t>(step)) / kStepsPerMetre;
     }
   }
-  return cloud;
+  return stored;
 }
 
 }  // namespace revisit::pipeline

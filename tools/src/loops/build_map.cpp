@@ -54,7 +54,8 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
         describe_scan(*scans[static_cast<size_t>(i)], options.drive, recognizer, cloud);
     if (!options.keep_clouds || !described[static_cast<size_t>(i)].description.described()) return;
     transform(recognizer.mount(), cloud);
-    described[static_cast<size_t>(i)].place.cloud = pipeline::compact_cloud(cloud);
+    described[static_cast<size_t>(i)].place.cloud =
+        pipeline::compact_cloud(cloud, recognizer.mount());
   });
   std::vector<Description> good;
   std::vector<pipeline::StoredPlace> places;
@@ -80,12 +81,20 @@ std::string drive_of_recording(const std::vector<ScanRef>& scans,
                                const pipeline::PlaceRecognizer& recognizer,
                                const std::string& name) {
   pipeline::PointCloud cloud;
-  for (const ScanRef& scan : scans) {
-    const DescribedScan first = describe_scan(scan, name, recognizer, cloud);
-    if (first.description.described())
-      return drive_in_map(recognizer, name, first.description, scan.frame);
-  }
-  return name;
+  std::string drive = name;
+  // Recordings may begin alike: also a scan in the middle and the last tell them apart.
+  for (const size_t at : {size_t{0}, scans.size() / 2, scans.size() - 1})
+    for (size_t i = at; i < scans.size(); ++i) {
+      const DescribedScan scan = describe_scan(scans[i], name, recognizer, cloud);
+      if (!scan.description.described()) continue;
+      const auto places = recognizer.places_of(drive);
+      const auto there = places.find(scans[i].frame);
+      if (at == 0 ||
+          (there != places.end() && !is_same_scan(recognizer, scan.description, there->second)))
+        drive = drive_in_map(recognizer, name, scan.description, scans[i].frame);
+      break;
+    }
+  return drive;
 }
 
 Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,

@@ -24,7 +24,7 @@ struct Built {
   int64_t added = 0, left_out = 0;  // by this process
 };
 
-/// drive_in_map() of a recording, by the first of its scans that can be described.
+/// drive_in_map() of a recording of at least one scan, by its first, a middle and its last one.
 std::string drive_of_recording(const std::vector<pipeline::ScanRef>& scans,
                                const pipeline::PlaceRecognizer& recognizer,
                                const std::string& name);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <optional>
 
 namespace revisit::pipeline {
 namespace {
@@ -21,10 +22,11 @@ struct Moments {
   double variance() const { return squares / n - sum / n * (sum / n); }
 };
 
-/// Mean variance of the magnitudes within columns over that of all; infinite when most points are
-/// not some metres away.
+/// Mean variance of the magnitudes within columns over that of all; infinite unless nearly all
+/// points are some metres away.
 double variance_left(std::span<const std::byte> content, const BinLayout& layout) {
   constexpr double kNearest = 1e-3, kFarthest = 1000;  // [m]
+  constexpr double kPlausible = 0.9;
   const size_t points = content.size() / layout.bytes();
   const size_t step = std::max<size_t>(1, points / kLookedAt);
   std::array<Moments, 6> columns;
@@ -41,7 +43,7 @@ double variance_left(std::span<const std::byte> content, const BinLayout& layout
     }
     plausible += largest == 0 || (largest > kNearest && largest < kFarthest) ? 1 : 0;
   }
-  if (2 * plausible < looked_at || !(all.variance() > 0))
+  if (plausible < kPlausible * looked_at || !(all.variance() > 0))
     return std::numeric_limits<double>::infinity();
   double within = 0;
   for (size_t c = 0; c < layout.numbers; ++c)
@@ -66,21 +68,24 @@ double number_at(std::span<const std::byte> content, const BinLayout& layout, si
 
 BinLayout find_bin_layout(std::span<const std::byte> content) {
   constexpr double kTells = 0.85;   // right layouts of real scans leave at most 0.7
-  constexpr double kClearly = 0.8;  // less than a layout of half as many numbers, which fits, too
-  BinLayout best;
-  double least = kTells;
-  for (const bool doubles : {false, true})
+  constexpr double kClearly = 0.8;  // better than KITTI's, or than one of half as many numbers
+  // Two float32 may look like one float64: that is for files whose float32 are no coordinates.
+  for (const bool doubles : {false, true}) {
+    std::optional<BinLayout> best;
+    double least = kTells;
     for (const size_t numbers : {4, 3, 5, 6}) {
       const BinLayout layout{numbers, doubles};
       if (content.size() % layout.bytes() != 0 || content.size() / layout.bytes() < kFewestPoints)
         continue;
       const double left = variance_left(content, layout);
-      if (left < (numbers == 6 && best.numbers == 3 ? kClearly * least : least)) {
-        best = layout;
-        least = left;
-      }
+      const bool may_be_chance = best && (best->numbers == 4 || 2 * best->numbers == numbers);
+      if (left >= (may_be_chance ? kClearly * least : least)) continue;
+      best = layout;
+      least = left;
     }
-  return best;
+    if (best) return *best;
+  }
+  return {};
 }
 
 }  // namespace revisit::pipeline

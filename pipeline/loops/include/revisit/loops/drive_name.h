@@ -6,9 +6,13 @@
 
 namespace revisit::pipeline {
 
-/// The name under which a recording is in a map, or comes into it: `name` when the map has no scan
-/// of that name and frame, or the same scan; the same with a number, "monday-2", when that frame of
-/// "monday" is another scan. `scan`: the first one of the recording, described, frame `frame`.
+/// Whether a scan is the one at a position of a map, described again.
+bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan, int64_t position);
+
+/// The name under which a recording is in a map, or comes into it: the first of "monday",
+/// "monday-2", ... that the map does not know, or that has the same scan as `frame`, or that ends
+/// before `frame`. `scan`: of the recording, described. A map of before, whose plain folders had no
+/// name, keeps "".
 std::string drive_in_map(const PlaceRecognizer& recognizer, const std::string& name,
                          const Description& scan, int64_t frame);
 

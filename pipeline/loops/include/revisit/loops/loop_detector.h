@@ -45,18 +45,22 @@ class LoopDetector {
   /// Throws what PlaceRecognizer::add() does, and UsageError when the exclusion needs a time or a
   /// pose that `scan` lacks.
   Detection take(const PointsView& points, const ScanStamp& scan);
-  /// The name of the recording in the map; final after the first scan that was described.
+  /// The name of the recording in the map.
   const std::string& drive() const { return options_.drive; }
 
  private:
+  /// The position of a scan that the map had before this object. Names the recording.
+  std::optional<int64_t> stored(const Description& scan, int64_t frame);
   void verify(const PointCloud& query, Detection& found) const;
 
   PlaceRecognizer& recognizer_;
   LoopDetectorOptions options_;
+  std::string name_;  // of the recording, as given
   RecentPlaces recent_;
   Keyframes keyframes_;
-  bool identified_ = false;           // the recording
-  std::map<int64_t, int64_t> ahead_;  // frame -> position of its scans that the map has already
+  bool identified_ = false;  // the recording
+  // frame -> position of its scans that the map had before; those not reached yet.
+  std::map<int64_t, int64_t> stored_, ahead_;
 };
 
 }  // namespace revisit::pipeline

@@ -116,6 +116,7 @@ class PlaceRecognizer {
   /// a scan that was not described by this feature.
   double similarity(const Description& scan, int64_t position) const;
   const Eigen::Isometry3d& mount() const;
+  bool has_map() const;
   /// Whether queries say how the scan is turned against the place (Loop::turn).
   bool finds_heading() const;
   /// The score from which places are accepted; absent when neither the options, nor the map, nor a

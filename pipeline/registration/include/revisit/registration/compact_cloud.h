@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <string>
 #include <string_view>
 
@@ -7,11 +8,18 @@
 
 namespace revisit::pipeline {
 
+/// The points of a place, with x forward, y left and z up.
+struct StoredCloud {
+  PointCloud cloud;
+  Eigen::Isometry3d mount;  // takes points as the sensor gave them there
+};
+
 /// The points of a scan for later registrations, in some 20 kB: the mean of each voxel of 0.7 m
 /// within 60 m, in steps of 1/64 m.
-std::string compact_cloud(const PointCloud& cloud);
+std::string compact_cloud(const PointCloud& cloud,
+                          const Eigen::Isometry3d& mount = Eigen::Isometry3d::Identity());
 
-/// The points that compact_cloud() kept. Throws InputError for other bytes.
-PointCloud expand_cloud(std::string_view bytes);
+/// What compact_cloud() kept. Throws InputError for other bytes.
+StoredCloud expand_cloud(std::string_view bytes);
 
 }  // namespace revisit::pipeline
