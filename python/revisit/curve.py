@@ -26,7 +26,7 @@ TRUTH = {'1': True, 'true': True, '0': False, 'false': False}
 def read_matches(file):
     """Verdicts, a line each. Raises InputError with the line."""
     try:
-        with open(file, newline='', encoding='utf-8') as lines:
+        with open(file, newline='', encoding='utf-8-sig') as lines:
             rows = csv.DictReader(lines)
             columns = rows.fieldnames or []
             for name in ('score', 'correct'):

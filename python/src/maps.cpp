@@ -250,6 +250,13 @@ void bind_pose_files(nb::module_& module) {
           "id"_a, "pose"_a = nb::none(),
           "T_world_sensor, float64 [4][4]; an edge to the vertex before it when both have one.")
       .def(
+          "known_vertex",
+          [](PoseGraphWriter& self, int64_t id, PoseArgument pose) {
+            self.known_vertex(id, pose_from(pose));
+          },
+          "id"_a, "pose"_a = nb::none(),
+          "A vertex for a place of an earlier session, unless it is written already.")
+      .def(
           "edge",
           [](PoseGraphWriter& self, int64_t place, int64_t query, const Registration& registered) {
             self.edge(place, query, registered.T_place_query, registered.information);

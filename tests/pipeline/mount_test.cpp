@@ -21,9 +21,9 @@ struct Lidar {
   double top, bottom;  // [deg]
 };
 
-/// A street of houses 8 m to both sides, seen by a sensor 1.8 m above it.
-PointCloud street(const Lidar& lidar, double noise = 0) {
-  constexpr double kHeight = 1.8, kWall = 8, kRoof = 12, kFarthest = 100;
+/// A street of houses on both sides, or a tunnel below 4 m, seen by a sensor 1.8 m above it.
+PointCloud street(const Lidar& lidar, double noise = 0, double wall = 8, double roof = 12) {
+  constexpr double kHeight = 1.8, kFarthest = 100;
   std::mt19937 random(5);
   std::normal_distribution<double> smear(0, 1);
   PointCloud cloud;
@@ -34,10 +34,11 @@ PointCloud street(const Lidar& lidar, double noise = 0) {
       const double elevation = (lidar.top + share * (lidar.bottom - lidar.top)) * kDegree;
       const Eigen::Vector3d ray(std::cos(elevation) * std::cos(azimuth),
                                 std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
-      double range = kWall / std::abs(ray.y());
+      double range = wall / std::abs(ray.y());
       if (ray.z() < 0) range = std::min(range, -kHeight / ray.z());
       Eigen::Vector3d p = range * ray;
-      if (range > kFarthest || p.z() > kRoof - kHeight) continue;
+      if (roof < 4 && ray.z() > 0) p = std::min(range, (roof - kHeight) / ray.z()) * ray;
+      if (range > kFarthest || p.z() > roof - kHeight + 1e-6) continue;
       p += noise * Eigen::Vector3d(smear(random), smear(random), smear(random));
       cloud.points.push_back(
           {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(p.z()), 0});
@@ -111,6 +112,13 @@ TEST(Mount, WhatNoUprightSensorSeesIsTold) {
     for (Point& p : millimetres.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z, 0};
     EXPECT_NE(misfit_of_view({millimetres}).find("millimetres"), std::string::npos);
   }
+  // A corridor's walls are no ground, nor is a tunnel's ceiling.
+  for (const double half_width : {1.5, 2.5, 4.0})
+    for (const double roof : {2.6, 12.0})
+      for (const Lidar& lidar :
+           {Lidar{16, 15, -15}, Lidar{64, 22.5, -22.5}, Lidar{64, 11.25, -11.25}})
+        EXPECT_EQ(misfit_of_view({street(lidar, 0.02, half_width, roof)}), "")
+            << half_width << " " << roof << " " << lidar.top;
   EXPECT_EQ(misfit_of_view({}), "");
   EXPECT_EQ(misfit_of_view({PointCloud{}}), "");
 }

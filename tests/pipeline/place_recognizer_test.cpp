@@ -365,6 +365,7 @@ struct BreakingMap : MapStore {
   }
   int64_t remove(std::span<const int64_t>) override { return 0; }
   void check(const Damaged&) const override {}
+  std::string cloud(int64_t) const override { return ""; }
   std::vector<int64_t> removed(int64_t after) const override {
     if (std::exchange(breaks_at_removals, false)) throw Error("lost");
     return {those_removed.begin() + after, those_removed.end()};

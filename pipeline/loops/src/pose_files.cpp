@@ -27,10 +27,7 @@ void PoseFile::write(const std::string& words, const std::vector<double>& number
 PoseGraphWriter::PoseGraphWriter(const std::filesystem::path& file) : file_(file) {}
 
 void PoseGraphWriter::vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor) {
-  const Eigen::Isometry3d pose = T_world_sensor.value_or(Eigen::Isometry3d::Identity());
-  const Eigen::Quaterniond q(pose.rotation());
-  const Eigen::Vector3d t = pose.translation();
-  file_.write(str("VERTEX_SE3:QUAT ", id), {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
+  write_vertex(id, T_world_sensor.value_or(Eigen::Isometry3d::Identity()));
   // Odometry is not told how good it is: 5 cm and 0.3 degrees between scans.
   if (last_ && T_world_sensor) {
     Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
@@ -42,6 +39,19 @@ void PoseGraphWriter::vertex(int64_t id, const std::optional<Eigen::Isometry3d>&
     last_.emplace(id, *T_world_sensor);
   else
     last_.reset();
+}
+
+void PoseGraphWriter::known_vertex(int64_t id,
+                                   const std::optional<Eigen::Isometry3d>& T_world_sensor) {
+  if (!written_.contains(id))
+    write_vertex(id, T_world_sensor.value_or(Eigen::Isometry3d::Identity()));
+}
+
+void PoseGraphWriter::write_vertex(int64_t id, const Eigen::Isometry3d& pose) {
+  const Eigen::Quaterniond q(pose.rotation());
+  const Eigen::Vector3d t = pose.translation();
+  file_.write(str("VERTEX_SE3:QUAT ", id), {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()});
+  written_.insert(id);
 }
 
 void PoseGraphWriter::edge(int64_t from, int64_t to, const Eigen::Isometry3d& T_from_to,

@@ -67,7 +67,7 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
     for (const Source& source : sources)
       if (source.file == map ||
           (!is_on_a_server(map.string()) && !is_on_a_server(source.file.string()) &&
-           fs::equivalent(source.file, map)))
+           fs::exists(map) && fs::equivalent(source.file, map)))
         throw UsageError("merging maps: ", shown_name(map), " is given twice");
     sources.push_back({map, open_map(map, MapAccess::kRead,
                                      sources.empty() ? nullptr : &sources[0].map->identity())});
@@ -79,22 +79,40 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
   return sources;
 }
 
-/// Names of drives that several maps have for different recordings become MAP/DRIVE.
+/// Drives of one name in several maps are different recordings unless the maps share a scan of it.
+/// All but the first then become MAP/DRIVE.
 class DriveNames {
  public:
+  explicit DriveNames(std::span<const Source> sources) {
+    std::map<std::string, int> count;
+    for (const Source& source : sources) {
+      const bool on_a_server = is_on_a_server(source.file.string());
+      const std::string name = on_a_server ? "server" : source.file.stem().string();
+      const int number = ++count[name];
+      labels_[&source] = number == 1 ? name : str(name, "-", number);
+    }
+  }
   void add(const Source& source, const std::string& drive) {
     const auto [found, is_new] = owners_.emplace(drive, &source);
-    if (!is_new && found->second != &source) shared_.insert(drive);
+    if (!is_new && found->second != &source) renamed_.insert({&source, drive});
   }
+  void add_shared(const std::string& drive) { shared_.insert(drive); }
   std::string name_of(const Source& source, const std::string& drive) const {
-    if (!shared_.contains(drive)) return drive;
-    const std::string map = source.file.stem().string();
-    return drive.empty() ? map : map + "/" + drive;
+    if (!renamed_.contains({&source, drive}) || shared_.contains(drive)) return drive;
+    const std::string& label = labels_.at(&source);
+    return drive.empty() ? label : label + "/" + drive;
   }
-  const std::set<std::string>& shared() const { return shared_; }
+  void tell(const MapStore::Damaged& report) const {
+    for (const auto& [source, drive] : renamed_)
+      if (!shared_.contains(drive))
+        report(str(shown_name(source->file), ": drive '", drive, "' becomes '",
+                   name_of(*source, drive), "': another map has a recording of that name"));
+  }
 
  private:
+  std::map<const Source*, std::string> labels_;
   std::map<std::string, const Source*> owners_;
+  std::set<std::pair<const Source*, std::string>> renamed_;
   std::set<std::string> shared_;
 };
 
@@ -103,17 +121,19 @@ class DriveNames {
 int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
                    const MapStore::Damaged& report) {
   const std::vector<Source> sources = open_sources(maps);
-  DriveNames names;
+  DriveNames names(sources);
   std::set<int64_t> seen;
   for (const Source& source : sources)
     source.map->read(
         0,
         [&](StoredPlace&& place) {
-          if (seen.insert(content_of(place)).second) names.add(source, place.drive);
+          if (seen.insert(content_of(place)).second)
+            names.add(source, place.drive);
+          else
+            names.add_shared(place.drive);
         },
         report);
-  for (const std::string& drive : names.shared())
-    report(str("drive '", drive, "' is another recording in each map: the maps' names precede it"));
+  names.tell(report);
 
   const MapStore& first = *sources[0].map;
   const auto merged = open_map(file, MapAccess::kNew, &first.identity(), first.number_format());
@@ -135,7 +155,11 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
         [&](StoredPlace&& place) {
           if (seen.erase(content_of(place)) == 0) return void(++known);
           place.drive = names.name_of(source, place.drive);
-          place.cloud = clouds->cloud(place.id);
+          try {
+            place.cloud = clouds->cloud(place.id);
+          } catch (const InputError& error) {
+            report(error.what());
+          }
           places.push_back(std::move(place));
           if (places.size() == kAtOnce) merged->add(std::exchange(places, {}));
         },

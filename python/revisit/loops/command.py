@@ -67,8 +67,6 @@ def sensor_of(o, first):
             points = mounted(o, scan.points())
             clouds += [points] if len(points) else []
     if misfit := recognition.misfit_of_view(clouds):
-        if not o.mount:
-            raise InputError(f'{o.data}: {misfit}, or --mount 0,0,0,0,0,0 when they are right')
         say(o, f'warning: {misfit}')
     if o.ring or o.sensor != 'auto':
         return o.sensor
@@ -81,6 +79,7 @@ def sensor_of(o, first):
 
 def mounted(o, points):
     points = np.ascontiguousarray(points[:, :3])
+    points = points[np.any(points != 0, axis=1)]  # no return
     if not o.mount:
         return points
     T = recognition.parse_mount(o.mount)
@@ -129,7 +128,7 @@ def work(o):
                '`revisit loops --calibrate` has calibrated')
     drive = recording.name if o.drive is None else o.drive
     detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
-                                    keep_clouds=o.verify or bool(o.map) and not o.no_clouds)
+                                    keep_clouds=not o.no_clouds)
     if o.poses_out and first[0].pose is None:
         raise UsageError('--poses-out: the scans have no poses; give --poses')
     count = recording.count and -(-recording.count // o.every)
@@ -157,6 +156,7 @@ def work(o):
                 if graph and visit.position is not None:
                     graph.vertex(visit.position, visit.scan.pose)
                     if fits:
+                        graph.known_vertex(visit.loop.position, visit.loop.pose)
                         graph.edge(visit.loop.position, visit.position, visit.registered)
                 if registered and fits and visit.loop.pose is not None:
                     print(poses.tum_line(time, visit.loop.pose @ visit.registered.T_place_query), file=registered, flush=True)

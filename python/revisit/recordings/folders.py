@@ -22,7 +22,7 @@ def open_scans(path, options):
     scans = dataset.scans
     calibration = scans[0].file.parent.parent / 'calib.txt'
     extrinsic = read_kitti_calibration(calibration) if dataset.has_poses and calibration.is_file() else None
-    return recording_of(dataset.sequence, [
+    return recording_of(dataset.sequence or dataset.name, [
         Scan(scan.frame, scan.time, None if scan.pose is None else in_kitti_world(scan.pose, 'camera', extrinsic),
              lambda file=scan.file: read_scan(file), str(scan.file)) for scan in scans], dataset.warnings)
 

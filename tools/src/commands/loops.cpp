@@ -287,12 +287,11 @@ int loops_command(const Arguments& arguments) {
   std::optional<pipeline::TrajectoryWriter> trajectory;
   if (!o.tum.empty()) trajectory.emplace(o.tum);
   const std::string drive = o.map.drive_of(source.some);
-  const bool keep_clouds = o.verify || (!o.map.file.empty() && !o.map.no_clouds);
   pipeline::LoopDetector detector(recognizer, {.drive = drive,
                                                .exclusion = o.exclusion,
                                                .keyframes = o.keyframes,
                                                .verify = o.verify,
-                                               .keep_clouds = keep_clouds});
+                                               .keep_clouds = !o.map.no_clouds});
   std::vector<double> milliseconds;
   Summary summary{.threshold = recognizer.threshold(), .exclusion = o.exclusion};
   int64_t trajectory_poses = 0;
@@ -311,9 +310,11 @@ int loops_command(const Arguments& arguments) {
     const bool registered = found.registered && found.registered->accepted;
     if (graph && found.position) {
       graph->vertex(*found.position, visit.scan.pose);
-      if (registered)
+      if (registered) {
+        graph->known_vertex(found.loop->position, found.loop->pose);
         graph->edge(found.loop->position, *found.position, found.registered->T_place_query,
                     found.registered->information);
+      }
     }
     if (trajectory && registered && found.loop->pose) {
       trajectory->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),

@@ -408,12 +408,9 @@ std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dat
   return str(choice.sensor, " (", choice.reason, ")");
 }
 
-void check_view(const FeatureOptions& options, const pipeline::Dataset& dataset) {
+void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& dataset) {
   const std::string misfit = pipeline::misfit_of_view(mounted_scans(options, dataset));
-  if (misfit.empty()) return;
-  if (options.mount.empty())
-    throw InputError(dataset.name, ": ", misfit, ", or --mount 0,0,0,0,0,0 when they are right");
-  if (!options.quiet) warn(str(dataset.name, ": ", misfit));
+  if (!misfit.empty()) warn(str(dataset.name, ": ", misfit));
 }
 
 std::string sensor_of(const pipeline::Dataset& dataset) {

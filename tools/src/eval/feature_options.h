@@ -93,9 +93,8 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
 /// find.
 std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset);
 
-/// Throws InputError when the scans cannot be a sensor's view (misfit_of_view()); with --mount it
-/// only warns.
-void check_view(const FeatureOptions& options, const pipeline::Dataset& dataset);
+/// Warns when the scans cannot be the view of a sensor that stands upright (misfit_of_view()).
+void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& dataset);
 
 /// The sensor that the first scans look like they were taken by; "" when none is known.
 std::string sensor_of(const pipeline::Dataset& dataset);

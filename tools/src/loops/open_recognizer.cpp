@@ -40,7 +40,7 @@ RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Data
                                    ScansAtOnce at_once) {
   if (options.feature == "fabmap")
     throw UsageError("--feature fabmap: it sees camera images, and all of them at once");
-  check_view(options, some);
+  warn_of_view(options, some);
   if (const std::string found = resolve_sensor(options, some); !found.empty() && !options.quiet)
     note("sensor: " + found);
   options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "revisit/base/error.h"
+#include "revisit/recognition/ground.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -48,29 +49,34 @@ double ground_share(const PointCloud& cloud, const Eigen::Vector3f& down) {
 
 struct Axes {
   Eigen::Vector3f down;
+  size_t opposite;
   const char* misfit;
 };
 const std::array kAxes{
-    Axes{-Eigen::Vector3f::UnitZ(), ""},
-    Axes{Eigen::Vector3f::UnitZ(),
+    Axes{-Eigen::Vector3f::UnitZ(), 1, ""},
+    Axes{Eigen::Vector3f::UnitZ(), 0,
          "the ground is above: the sensor is upside down; give --mount 180,0,0,0,0,0"},
-    Axes{Eigen::Vector3f::UnitY(),
+    Axes{Eigen::Vector3f::UnitY(), 3,
          "the ground is at +y, as with a camera's axes (x right, y down, z forward); give "
          "--mount -90,0,-90,0,0,0"},
-    Axes{-Eigen::Vector3f::UnitY(),
+    Axes{-Eigen::Vector3f::UnitY(), 2,
          "the ground is at -y, as with axes whose y points upwards; "
          "give --mount 90,0,0,0,0,0"},
 };
 
 std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
-  constexpr double kClear = 0.25, kNone = 0.1;
+  constexpr double kClear = 0.25, kNone = 0.1, kHighest = 4;
   std::array<double, kAxes.size()> shares{};
-  for (const PointCloud& scan : scans)
+  for (const PointCloud& scan : scans) {
+    const std::optional<Ground> ground = find_ground(scan);
+    if (ground && ground->sensor_height < kHighest) return "";
     for (size_t i = 0; i < kAxes.size(); ++i)
       shares[i] += ground_share(scan, kAxes[i].down) / static_cast<double>(scans.size());
-  const auto* const best = std::ranges::max_element(shares);
-  return shares[0]<kNone&& * best> kClear ? kAxes[static_cast<size_t>(best - shares.begin())].misfit
-                                          : "";
+  }
+  const auto best = static_cast<size_t>(std::ranges::max_element(shares) - shares.begin());
+  // A corridor has a wall on the other side, too, and a tunnel a floor.
+  const bool is_clear = shares[0] < kNone && shares[best] - shares[kAxes[best].opposite] > kClear;
+  return is_clear ? kAxes[best].misfit : "";
 }
 
 /// Around a sensor there are points on all sides, or close by.

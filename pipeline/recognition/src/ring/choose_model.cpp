@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "revisit/base/joined.h"
+#include "revisit/base/error.h"
 #include "revisit/recognition/ground.h"
 #include "revisit/recognition/ring/model.h"
 #include "revisit/recognition/sensor.h"
@@ -46,6 +46,8 @@ Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size
 
 RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans) {
   constexpr double kEnough = 0.94;
+  if (std::ranges::all_of(scans, [](const PointCloud& scan) { return scan.points.empty(); }))
+    throw UsageError("a ring model is chosen by scans with points: found none");
   const SensorFound found = find_sensor(scans);
   const size_t beams = found.beams.elevations.size();
   const std::string seen =

@@ -15,7 +15,7 @@ struct LoopDetectorOptions {
   Exclusion exclusion;      // of the drive's own scans
   KeyframeRule keyframes;   // which scans are stored
   bool verify = false;      // registers accepted loops; those that do not fit are not accepted
-  bool keep_clouds = true;  // of places, to register later scans
+  bool keep_clouds = true;  // of places, to register later scans; without a map if `verify` is set
   RegistrationOptions registration;
 };
 

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -30,13 +31,18 @@ class PoseGraphWriter {
   explicit PoseGraphWriter(const std::filesystem::path& file);
   /// `T_world_sensor`; absent: only loops tell where it is.
   void vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor);
+  /// A vertex for a place of an earlier session, unless it is written already.
+  void known_vertex(int64_t id, const std::optional<Eigen::Isometry3d>& T_world_sensor);
   /// `information` of translation and rotation vector, as Registration has it.
   void edge(int64_t from, int64_t to, const Eigen::Isometry3d& T_from_to,
             const Eigen::Matrix<double, 6, 6>& information);
 
  private:
   PoseFile file_;
+  void write_vertex(int64_t id, const Eigen::Isometry3d& pose);
+
   std::optional<std::pair<int64_t, Eigen::Isometry3d>> last_;
+  std::set<int64_t> written_;
 };
 
 /// A trajectory in the format of the TUM RGB-D benchmark: "time x y z qx qy qz qw" a line.

@@ -16,7 +16,7 @@ struct RingModelChoice {
 /// sensor that has one; else the nearest. That must see what stands on the ground: among the models
 /// whose image holds at least 94 % of what the widest one holds of it, the one whose upper edge and
 /// number of beams (where they can be told apart) differ least. Tilt and mounting height do not
-/// matter: scans are levelled.
+/// matter: scans are levelled. Throws UsageError without points.
 RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans);
 
 }  // namespace revisit::pipeline
