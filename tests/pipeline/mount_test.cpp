@@ -79,7 +79,9 @@ TEST(ChooseModel, TakesTheModelOfTheSensorOrTheNearest) {
     const RingModelChoice choice = choose_ring_model(of_a_robot(lidar));
     const bool beams_decide =
         std::string(name).starts_with("Pandar") || std::string(name).starts_with("OS2");
-    if (!beams_decide) EXPECT_EQ(choice.sensor, model) << name << ": " << choice.reason;
+    if (!beams_decide) {
+      EXPECT_EQ(choice.sensor, model) << name << ": " << choice.reason;
+    }
   }
 }
 
@@ -106,7 +108,9 @@ TEST(Mount, WhatNoUprightSensorSeesIsTold) {
       const std::string misfit = misfit_of_view({scan, moved(scan, mount)});
       const std::string alone = misfit_of_view({moved(scan, mount)});
       EXPECT_NE(alone.find(part), std::string::npos) << mount << ": " << alone;
-      if (std::string(part) == "frame of a map") EXPECT_EQ(misfit, alone);
+      if (std::string(part) == "frame of a map") {
+        EXPECT_EQ(misfit, alone);
+      }
     }
     PointCloud millimetres = scan;
     for (Point& p : millimetres.points) p = {1000 * p.x, 1000 * p.y, 1000 * p.z, 0};

@@ -45,7 +45,7 @@ Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size
 }  // namespace
 
 RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans) {
-  constexpr double kEnough = 0.94;
+  constexpr double kEnough = 0.88;
   if (std::ranges::all_of(scans, [](const PointCloud& scan) { return scan.points.empty(); }))
     throw UsageError("a ring model is chosen by scans with points: found none");
   const SensorFound found = find_sensor(scans);

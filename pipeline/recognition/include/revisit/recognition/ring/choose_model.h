@@ -14,7 +14,7 @@ struct RingModelChoice {
 
 /// The shipped ring model for scans of one sensor: its own, when beams or field of view show a
 /// sensor that has one; else the nearest. That must see what stands on the ground: among the models
-/// whose image holds at least 94 % of what the widest one holds of it, the one whose upper edge and
+/// whose image holds at least 88 % of what the widest one holds of it, the one whose upper edge and
 /// number of beams (where they can be told apart) differ least. Tilt and mounting height do not
 /// matter: scans are levelled. Throws UsageError without points.
 RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans);
