@@ -72,13 +72,12 @@ TEST(ChooseModel, TakesTheModelOfTheSensorOrTheNearest) {
         Case{"HDL-32E", {32, 10.67, -30.67}, "vlp16"},
         Case{"HDL-32E upside down in a levelled frame", {32, 30.67, -10.67}, "ouster-os1-64"},
         Case{"OS0-64", {64, 45, -45}, "ouster-os1-64"}, Case{"RS-LiDAR-16", {16, 15, -15}, "vlp16"},
-        Case{"Pandar40P", {40, 15, -25}, "ouster-os1-64"},
+        Case{"Pandar40P", {40, 15, -25}, "vlp16"},
         Case{"OS2-64", {64, 11.25, -11.25}, "ouster-os1-64"},
         Case{"Mid-360", {200, 52, -7}, "ouster-os1-64"}}) {
     EXPECT_EQ(choose_ring_model({street(lidar)}).sensor, model) << name;
     const RingModelChoice choice = choose_ring_model(of_a_robot(lidar));
-    const bool beams_decide =
-        std::string(name).starts_with("Pandar") || std::string(name).starts_with("OS2");
+    const bool beams_decide = std::string(name).starts_with("OS2");
     if (!beams_decide) {
       EXPECT_EQ(choice.sensor, model) << name << ": " << choice.reason;
     }

@@ -8,7 +8,6 @@
 #include <sstream>
 
 #include "revisit/base/error.h"
-#include "revisit/recognition/ground.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -21,30 +20,40 @@ double median(std::vector<double>& values) {
   return *middle;
 }
 
-/// How much the points look like ground below the origin, `down` being downwards: the share of
-/// those within 30 m that lie within 0.2 m of one height, less those below it.
-double ground_share(const PointCloud& cloud, const Eigen::Vector3f& down) {
-  constexpr float kReach = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F;  // [m]
+struct Plane {
+  double share = 0;  // of the points within 30 m that lie within 0.2 m of it, less those below it
+  double above = 0;  // share of all points that are more than 3 m above it
+};
+/// The best plane for the ground below the origin, `down` being downwards.
+Plane ground_of(const PointCloud& cloud, const Eigen::Vector3f& down) {
+  constexpr float kReach = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F, kHigh = 3;  // [m]
   std::array<int64_t, static_cast<size_t>((kMost - kLeast) / kBin) + 2> bins{};
-  int64_t near = 0, below = 0;
-  for (const Point& point : cloud.points) {
-    const Eigen::Vector3f p(point.x, point.y, point.z);
-    if (!is_return(point) || p.norm() > kReach) continue;
+  int64_t near = 0, below = 0, all = 0, above = 0;
+  const auto for_each = [&](const auto& take) {
+    for (const Point& point : cloud.points)
+      if (const Eigen::Vector3f p(point.x, point.y, point.z); is_return(point))
+        take(p.dot(down), p.norm());
+  };
+  for_each([&](float depth, float range) {
+    ++all;
+    if (range > kReach) return;
     ++near;
-    const float depth = p.dot(down);
     if (depth >= kMost)
       ++below;
     else if (depth >= kLeast)
       ++bins[static_cast<size_t>((depth - kLeast) / kBin)];
-  }
-  if (near == 0) return 0;
+  });
+  if (near == 0) return {};
   const auto* const peak = std::ranges::max_element(bins);
+  const float plane = kLeast + kBin * static_cast<float>(peak - bins.begin());
+  for_each([&](float depth, float) { above += depth < plane - kHigh ? 1 : 0; });
   for (const auto* bin = peak + std::min<std::ptrdiff_t>(3, bins.end() - peak); bin < bins.end();
        ++bin)
     below += *bin;
   const int64_t on_it =
       *peak + (peak + 1 < bins.end() ? *(peak + 1) : 0) + (peak > bins.begin() ? *(peak - 1) : 0);
-  return static_cast<double>(on_it - 2 * below) / static_cast<double>(near);
+  return {static_cast<double>(on_it - 2 * below) / static_cast<double>(near),
+          static_cast<double>(above) / static_cast<double>(all)};
 }
 
 struct Axes {
@@ -65,17 +74,18 @@ const std::array kAxes{
 };
 
 std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
-  constexpr double kClear = 0.25, kNone = 0.1, kHighest = 4;
-  std::array<double, kAxes.size()> shares{};
-  for (const PointCloud& scan : scans) {
-    const std::optional<Ground> ground = find_ground(scan);
-    if (ground && ground->sensor_height < kHighest) return "";
-    for (size_t i = 0; i < kAxes.size(); ++i)
-      shares[i] += ground_share(scan, kAxes[i].down) / static_cast<double>(scans.size());
-  }
+  constexpr double kClear = 0.25, kNone = 0.1, kFewest = 0.001;
+  std::array<double, kAxes.size()> shares{}, high{};
+  for (const PointCloud& scan : scans)
+    for (size_t i = 0; i < kAxes.size(); ++i) {
+      const auto [share, above] = ground_of(scan, kAxes[i].down);
+      shares[i] += share / static_cast<double>(scans.size());
+      high[i] += above / static_cast<double>(scans.size());
+    }
   const auto best = static_cast<size_t>(std::ranges::max_element(shares) - shares.begin());
-  // A corridor has a wall on the other side, too, and a tunnel a floor.
-  const bool is_clear = shares[0] < kNone && shares[best] - shares[kAxes[best].opposite] > kClear;
+  // A corridor has a wall on the other side, too; a tunnel is nowhere high.
+  const bool is_clear = shares[0] < kNone && high[best] > kFewest &&
+                        shares[best] - shares[kAxes[best].opposite] > kClear;
   return is_clear ? kAxes[best].misfit : "";
 }
 
