@@ -98,6 +98,8 @@ def made_up_message(random):
 
 def unpacked(cloud):
     """Its points, number by number; None for a message that is none."""
+    if cloud.width * cloud.height == 0:
+        return []
     order, fields = '>' if cloud.is_bigendian else '<', {field.name: field for field in cloud.fields}
     axes = [fields.get(axis) for axis in 'xyz']
     if any(not axis or axis.datatype not in (7, 8) or axis.count > 1 for axis in axes):
@@ -105,8 +107,6 @@ def unpacked(cloud):
     reads = [(struct.Struct(order + 'fd'[axis.datatype - 7]), axis.offset) for axis in axes]
     if any(offset + number.size > cloud.point_step for number, offset in reads):
         return None
-    if cloud.width * cloud.height == 0:
-        return []
     last = (cloud.height - 1) * cloud.row_step + cloud.width * cloud.point_step
     if (cloud.height > 1 and cloud.row_step < cloud.width * cloud.point_step) or last > len(cloud.data):
         return None

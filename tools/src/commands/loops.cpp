@@ -209,7 +209,8 @@ struct Summary {
           str(": no scan had a place to be compared with (--exclusion ", to_string(exclusion), ")");
     else if (accepted == 0 && threshold)
       text += str(": of ", queried, " scans that had places to be compared with the best score is ",
-                  number(best, 3), ", accepted from ", number(*threshold, 3), " on; ",
+                  number(best, 3), ", accepted from ", number(*threshold, 3), " on",
+                  best >= *threshold ? " once there are more distinct places" : "", "; ",
                   scans - left_out - queried, " were excluded (", to_string(exclusion), ")");
     if (without_points > 0)
       text += str(" (", without_points, " more look alike, but their places have no points)");
