@@ -100,10 +100,10 @@ TEST(Mount, WhatNoUprightSensorSeesIsTold) {
     EXPECT_EQ(misfit_of_view({scan}), "");
     for (const char* fine : {"3,-4,10,0,0,0.3", "0,0,0,1,0,1.8", "0,0,77,0,0,-1"})
       EXPECT_EQ(misfit_of_view({moved(scan, fine)}), "") << fine;
-    for (const auto& [mount, part] :
-         {std::pair("180,0,0,0,0,0", "the mount 180,0,0,0,0,0"),
-          std::pair("0,-90,90,0,0,0", "camera"), std::pair("-90,0,0,0,0,0", "the mount 90,0,0,0,0,0"),
-          std::pair("0,0,0,150,90,0", "frame of a map")}) {
+    for (const auto& [mount, part] : {std::pair("180,0,0,0,0,0", "the mount 180,0,0,0,0,0"),
+                                      std::pair("0,-90,90,0,0,0", "camera"),
+                                      std::pair("-90,0,0,0,0,0", "the mount 90,0,0,0,0,0"),
+                                      std::pair("0,0,0,150,90,0", "frame of a map")}) {
       const std::string misfit = misfit_of_view({scan, moved(scan, mount)});
       const std::string alone = misfit_of_view({moved(scan, mount)});
       EXPECT_NE(alone.find(part), std::string::npos) << mount << ": " << alone;

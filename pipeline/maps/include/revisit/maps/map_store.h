@@ -180,10 +180,10 @@ void take_over_basis(MapStore& map, const std::filesystem::path& other,
 
 /// Puts the places of all `maps` into a new map, `file`, one map after the other, and returns how
 /// many there are. All must be of one identity and basis. A scan that several maps have comes once;
-/// recordings of one name become MAP/DRIVE in all but the first; a calibration and a threshold are kept when all maps
-/// have the same. `report` is told each of these, and each damaged place, which is left out. Throws
-/// UsageError without maps and for a map given twice, InputError for what does not fit and a map
-/// that is there.
+/// recordings of one name become MAP/DRIVE in all but the first; a calibration and a threshold are
+/// kept when all maps have the same. `report` is told each of these, and each damaged place, which
+/// is left out. Throws UsageError without maps and for a map given twice, InputError for what does
+/// not fit and a map that is there.
 int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::filesystem::path& file,
                    const MapStore::Damaged& report);
 
