@@ -6,6 +6,7 @@ list(TRANSFORM OpenMP_CXX_LIB_NAMES PREPEND -l OUTPUT_VARIABLE revisit_flags_Ope
 set(revisit_flags_hwy::hwy -lhwy)
 set(revisit_flags_liblzf::liblzf -llzf)
 set(revisit_flags_PNG::PNG -lpng)
+set(revisit_flags_ZLIB::ZLIB -lz)
 set(revisit_flags_SQLite::SQLite3 -lsqlite3)
 set(revisit_flags_embree -lembree3)
 

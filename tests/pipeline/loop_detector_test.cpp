@@ -61,7 +61,6 @@ TEST(LoopDetector, RecentScansAreNoLoops) {
     scan.pose.emplace(Eigen::Translation3d(2.0 * static_cast<double>(frame), 0, 0));
     return scan;
   };
-  // More than two frames, one second and four metres apart are the same scans.
   for (const char* exclusion : {"frames=2", "seconds=1", "metres=4"}) {
     PlaceRecognizer recognizer(first_point(), {});
     LoopDetector detector(recognizer, {.exclusion = parse_exclusion(exclusion)});
@@ -103,7 +102,6 @@ TEST(LoopDetector, AcceptedLoopsAreRegistered) {
   EXPECT_EQ(found.loop->drive, "monday");
   EXPECT_TRUE(found.registered->accepted);
   EXPECT_TRUE(found.loop->accepted);
-  // Points are kept in steps of 1/128 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
   PointCloud other = room(2);  // looks alike, but its walls are elsewhere

@@ -17,6 +17,7 @@
 #include "revisit/base/error.h"
 #include "revisit/datasets/pose.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/registration/compact_cloud.h"
 #include "test_data.h"
 #include "town.h"
 
@@ -44,6 +45,20 @@ TEST(CoarsePose, FindsShiftAndTurn) {
   const Eigen::Isometry3d found = coarse_pose(query, place, 90 * kDegree, 6, 60);
   EXPECT_LT((found.translation() - truth.translation()).norm(), 0.51);
   EXPECT_NEAR(yaw_of(found) / kDegree, 91.5, 1e-6);
+}
+
+TEST(CompactCloud, KeepsTheMeanOfEachVoxel) {
+  PointCloud cloud;
+  for (const float y : {0.3F, 0.4F, 0.5F}) cloud.points.push_back({-17.4F, y, 0.3F, 0});
+  cloud.points.insert(cloud.points.end(), {{7, 1, 1, 0}, {61, 0, 0, 0}, {std::nanf(""), 0, 0, 0}});
+  const std::string bytes = compact_cloud(cloud);
+  const PointCloud back = expand_cloud(bytes);
+  ASSERT_EQ(back.points.size(), 2);
+  EXPECT_NEAR(back.points[0].x, -17.4, 0.5 / 64 + 1e-4);
+  EXPECT_NEAR(back.points[0].y, 0.4, 0.5 / 64 + 1e-4);
+  EXPECT_EQ(expand_cloud(compact_cloud({})).points.size(), 0);
+  for (const std::string& damaged : {std::string(), bytes.substr(0, bytes.size() - 1), "X" + bytes})
+    expect_error<InputError>([&] { expand_cloud(damaged); }, {"points are damaged"});
 }
 
 TEST(Registration, RefusesOptionsThatCannotBe) {

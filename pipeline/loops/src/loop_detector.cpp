@@ -1,39 +1,26 @@
 #include "revisit/loops/loop_detector.h"
 
-#include <cmath>
+#include <string>
 #include <unordered_map>
 
 #include "revisit/base/error.h"
+#include "revisit/registration/compact_cloud.h"
 
 namespace revisit::pipeline {
 
-/// The thinned points of this drive's places.
+/// The points of this drive's places.
 class LoopDetector::PlaceClouds {
  public:
-  explicit PlaceClouds(const RegistrationOptions& options) : options_(options) {}
-
-  void keep(int64_t position, const PreparedScan& scan) {
-    std::vector<Eigen::Matrix<int16_t, 3, 1>>& kept = clouds_[position];
-    kept.reserve(scan.points().size());
-    for (const Eigen::Vector3f& point : scan.points())
-      kept.emplace_back((point * kStepsPerMetre).array().round().matrix().cast<int16_t>());
-  }
+  void keep(int64_t position, const PointCloud& cloud) { clouds_[position] = compact_cloud(cloud); }
   /// Nothing for a place of another drive.
-  std::optional<PreparedScan> at(int64_t position) const {
+  std::optional<PointCloud> at(int64_t position) const {
     const auto found = clouds_.find(position);
     if (found == clouds_.end()) return std::nullopt;
-    PointCloud cloud;
-    for (const Eigen::Matrix<int16_t, 3, 1>& steps : found->second) {
-      const Eigen::Vector3f point = steps.cast<float>() / kStepsPerMetre;
-      cloud.points.push_back({point.x(), point.y(), point.z()});
-    }
-    return PreparedScan(cloud, options_);
+    return expand_cloud(found->second);
   }
 
  private:
-  static constexpr float kStepsPerMetre = 128;  // 16 bits reach 256 m, scans 200 m
-  RegistrationOptions options_;
-  std::unordered_map<int64_t, std::vector<Eigen::Matrix<int16_t, 3, 1>>> clouds_;
+  std::unordered_map<int64_t, std::string> clouds_;
 };
 
 LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
@@ -42,7 +29,7 @@ LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOption
   if (!recognizer.finds_heading())
     throw UsageError(CppName{"LoopDetectorOptions::verify"},
                      ": this feature gives no heading to start from; use rings");
-  clouds_ = std::make_unique<PlaceClouds>(options.registration);
+  clouds_ = std::make_unique<PlaceClouds>();
 }
 
 LoopDetector::~LoopDetector() = default;
@@ -64,11 +51,12 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
   if (!clouds_) return found;
   PointCloud cloud;
   copy_points(points, cloud);
-  const PreparedScan prepared(cloud, options_.registration);
-  clouds_->keep(*found.position, prepared);
+  clouds_->keep(*found.position, cloud);
   if (!found.loop || !found.loop->accepted) return found;
   if (const auto place = clouds_->at(found.loop->position)) {
-    found.registered = register_scans(prepared, *place, *found.loop->turn, options_.registration);
+    const RegistrationOptions& options = options_.registration;
+    found.registered = register_scans(PreparedScan(cloud, options), PreparedScan(*place, options),
+                                      *found.loop->turn, options);
     found.loop->accepted = found.registered->accepted;
   }
   return found;

@@ -17,8 +17,8 @@ void check(const char* name, double value, double least, double most) {
         str("RegistrationOptions::", name, ": expected ", least, " to ", most, ", found ", value));
 }
 
-/// The mean of the points of each voxel, in the order of voxels: that of the file's points does not
-/// show, but for rounding.
+}  // namespace
+
 std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, double range) {
   struct Voxel {
     uint64_t key;
@@ -52,6 +52,8 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
   for (const Voxel& v : voxels) points.emplace_back((v.sum / v.count).cast<float>());
   return points;
 }
+
+namespace {
 
 /// The direction in which the points spread least.
 Eigen::Vector3f normal_of(const std::vector<Eigen::Vector3f>& points,

@@ -24,6 +24,10 @@ struct PreparedScan::Parts {
 /// Throws UsageError, naming the invalid field.
 void check(const RegistrationOptions& options);
 
+/// The mean of the points of each voxel within `range` [m], in the order of voxels: that of the
+/// file's points does not show, but for rounding.
+std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, double range);
+
 /// Whether a normal is that of a surface that stands rather than lies.
 inline bool is_upright(const Eigen::Vector3f& normal) {
   return std::abs(normal.z()) < 0.5F;

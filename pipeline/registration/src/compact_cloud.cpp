@@ -1,0 +1,82 @@
+#include "revisit/registration/compact_cloud.h"
+
+#include <zlib.h>
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "prepared_scan.h"
+#include "revisit/base/error.h"
+
+// Differences of neighbouring points, axis by axis, first the low and then the high bytes,
+// deflated; in front of them the number of points.
+namespace revisit::pipeline {
+namespace {
+
+constexpr double kVoxel = 0.7, kRange = 60;  // [m]
+constexpr float kStepsPerMetre = 64;
+constexpr uint32_t kMostPoints = 1 << 20;
+
+size_t bytes_of(size_t points) {
+  return points * 3 * sizeof(uint16_t);
+}
+
+}  // namespace
+
+std::string compact_cloud(const PointCloud& cloud) {
+  const std::vector<Eigen::Vector3f> points = thinned(cloud, kVoxel, kRange);
+  const size_t n = std::min<size_t>(points.size(), kMostPoints);
+  std::vector<uint8_t> bytes(bytes_of(n));
+  for (int axis = 0; axis < 3; ++axis) {
+    uint16_t last = 0;
+    for (size_t i = 0; i < n; ++i) {
+      const auto step = static_cast<uint16_t>(std::lround(points[i][axis] * kStepsPerMetre));
+      const auto difference = static_cast<uint16_t>(step - last);
+      const size_t at = static_cast<size_t>(2 * axis) * n + i;
+      bytes[at] = static_cast<uint8_t>(difference & 0xFF);
+      bytes[at + n] = static_cast<uint8_t>(difference >> 8);
+      last = step;
+    }
+  }
+  uLongf size = compressBound(bytes.size());
+  std::string result(sizeof(uint32_t) + size, '\0');
+  const auto count = static_cast<uint32_t>(n);
+  std::memcpy(result.data(), &count, sizeof(count));
+  if (compress(reinterpret_cast<Bytef*>(&result[sizeof(count)]), &size, bytes.data(),
+               bytes.size()) != Z_OK)
+    throw std::bad_alloc();
+  result.resize(sizeof(count) + size);
+  return result;
+}
+
+PointCloud expand_cloud(std::string_view bytes) {
+  uint32_t n = 0;
+  if (bytes.size() >= sizeof(n)) std::memcpy(&n, bytes.data(), sizeof(n));
+  std::vector<uint8_t> differences(bytes_of(n <= kMostPoints ? n : 0));
+  uLongf size = differences.size();
+  if (bytes.size() < sizeof(n) || n > kMostPoints ||
+      uncompress(differences.data(), &size, reinterpret_cast<const Bytef*>(&bytes[sizeof(n)]),
+                 bytes.size() - sizeof(n)) != Z_OK ||
+      size != differences.size())
+    throw InputError("a place's points are damaged: ", bytes.size(), " bytes, said to be ", n,
+                     " points");
+  PointCloud cloud;
+  cloud.points.resize(n);
+  for (size_t axis = 0; axis < 3; ++axis) {
+    uint16_t step = 0;
+    for (size_t i = 0; i < n; ++i) {
+      const size_t at = 2 * axis * n + i;
+      step = static_cast<uint16_t>(step + differences[at] + 256 * differences[at + n]);
+      Point& point = cloud.points[i];
+      (axis == 0   ? point.x
+       : axis == 1 ? point.y
+                   : point.z) = static_cast<float>(static_cast<int16_t>(step)) / kStepsPerMetre;
+    }
+  }
+  return cloud;
+}
+
+}  // namespace revisit::pipeline
