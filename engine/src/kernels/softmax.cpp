@@ -94,7 +94,7 @@ namespace {
 void normalise_line(const float* in, int64_t classes, int64_t step, float* out) {
   float largest = in[0];
   for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * step]);
-  double sum = 0;  // as above
+  double sum = 0;  // one float would round thousands of terms near 1 the same way
   for (int64_t c = 0; c < classes; ++c) sum += out[c * step] = std::exp(in[c * step] - largest);
   for (int64_t c = 0; c < classes; ++c) out[c * step] /= static_cast<float>(sum);
 }

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "revisit/loops/recent_places.h"
+#include "revisit/maps/place_recognizer.h"
 #include "revisit/registration/registration.h"
 
 namespace revisit::pipeline {
