@@ -20,7 +20,7 @@ try:
     from evo.core import geometry, metrics, trajectory
     from kiss_icp.kiss_icp import KISSConfig, KissICP
     from matplotlib.figure import Figure
-    from revisit import LoopDetector, errors, open_map, poses, recognition, recordings, registration, simulation  # noqa: F401
+    from revisit import LoopDetector, errors, open_map, poses, recognition, recordings, simulation
     from revisit.loops import command, progress, recognise
 except ImportError as error:
     sys.exit(f"slam: {error}; in the sources of revisit: pip install '.[slam]'")

@@ -47,7 +47,7 @@ find_package(revisit) and for pkg-config.")
 set(depends libprotobuf-dev libopenblas-dev libhwy-dev)
 set(recommends)
 if(REVISIT_PIPELINE)
-  list(APPEND depends libeigen3-dev liblzf-dev libpng-dev libembree-dev libsqlite3-dev)
+  list(APPEND depends libeigen3-dev liblzf-dev libpng-dev libembree-dev libsqlite3-dev zlib1g-dev)
 endif()
 get_target_property(engine_links revisit_engine LINK_LIBRARIES)
 if(engine_links MATCHES "/(openblas-[a-z]+)/")  # the exported targets name this one of OpenBLAS's builds
@@ -59,7 +59,7 @@ endif()
 if(REVISIT_POSTGRES)
   list(APPEND depends libpqxx-dev libpq-dev)
 endif()
-# Registration and the competitors alone need these, which take gigabytes.
+# The competitors alone need these, which take gigabytes.
 if(REVISIT_PCL)
   list(APPEND recommends libpcl-dev)
 endif()

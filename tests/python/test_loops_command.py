@@ -339,14 +339,6 @@ class Faults(Command):
 
 
 class Pieces(unittest.TestCase):
-    def test_exclusions(self):
-        recognizer = revisit.open_map(None, 'vlp16')
-        for right in ('seconds=2.5', 'none'):
-            revisit.LoopDetector(recognizer, exclusion=right)
-        for wrong in ('', 'frames', 'frames=', 'frames=2.5', 'frames=-1', 'seconds=nan', 'seconds=inf', 'none=3', 'hours=1'):
-            with self.assertRaisesRegex(revisit.UsageError, 'expected frames=N'):
-                revisit.LoopDetector(recognizer, exclusion=wrong)
-
     def test_a_package_of_the_engine_alone_says_so(self):
         said = io.StringIO()
         with contextlib.redirect_stderr(said), mock.patch.object(revisit, '_core', object()):

@@ -47,11 +47,17 @@ void normalise(const float* in, int64_t classes, int64_t step, size_t count, flo
     const Numbers x = load(in + c * step);
     largest = hn::IfThenElse(hn::Lt(largest, x), x, largest);
   }
+  // In parts: thousands of terms near 1 would round the same way each time.
+  constexpr int64_t kPart = 128;
   Numbers sum = hn::Zero(d);
-  for (int64_t c = 0; c < classes; ++c) {
-    const Numbers e = exp_of(hn::Sub(load(in + c * step), largest));
-    store(e, out + c * step);
-    sum = hn::Add(sum, e);
+  for (int64_t first = 0; first < classes; first += kPart) {
+    Numbers part = hn::Zero(d);
+    for (int64_t c = first; c < std::min(first + kPart, classes); ++c) {
+      const Numbers e = exp_of(hn::Sub(load(in + c * step), largest));
+      store(e, out + c * step);
+      part = hn::Add(part, e);
+    }
+    sum = hn::Add(sum, part);
   }
   for (int64_t c = 0; c < classes; ++c) store(hn::Div(load(out + c * step), sum), out + c * step);
 }
@@ -88,9 +94,9 @@ namespace {
 void normalise_line(const float* in, int64_t classes, int64_t step, float* out) {
   float largest = in[0];
   for (int64_t c = 1; c < classes; ++c) largest = std::max(largest, in[c * step]);
-  float sum = 0;
+  double sum = 0;  // one float would round thousands of terms near 1 the same way
   for (int64_t c = 0; c < classes; ++c) sum += out[c * step] = std::exp(in[c * step] - largest);
-  for (int64_t c = 0; c < classes; ++c) out[c * step] /= sum;
+  for (int64_t c = 0; c < classes; ++c) out[c * step] /= static_cast<float>(sum);
 }
 
 }  // namespace

@@ -13,8 +13,8 @@ namespace {
 
 void check(const char* name, double value, double least, double most) {
   if (!(value >= least && value <= most))
-    throw UsageError(
-        str("RegistrationOptions::", name, ": expected ", least, " to ", most, ", found ", value));
+    throw UsageError("RegistrationOptions::", name, ": expected ", least, " to ", most, ", found ",
+                     value);
 }
 
 }  // namespace
@@ -96,10 +96,12 @@ PreparedScan::PreparedScan(const PointCloud& cloud, const RegistrationOptions& o
   // The GICP paper takes the 20 nearest. Of every second point 10 reach as far, in half the time;
   // a scan of few points has none to spare.
   const bool many = parts->points.size() >= 8000;
-  std::vector<Eigen::Vector3f> others;
-  for (size_t i = 0; i < parts->points.size(); i += many ? 2 : 1)
-    others.push_back(parts->points[i]);
-  const Neighbours tree(others);
+  std::vector<Eigen::Vector3f> half;
+  for (size_t i = 0; many && i < parts->points.size(); i += 2) half.push_back(parts->points[i]);
+  std::optional<Neighbours> tree_of_half;
+  if (many) tree_of_half.emplace(half);
+  const std::vector<Eigen::Vector3f>& others = many ? half : parts->points;
+  const Neighbours& tree = many ? *tree_of_half : *parts->tree;
   std::vector<Neighbour> neighbours(many ? 10 : 20);
   for (const Eigen::Vector3f& point : parts->points) {
     tree.nearest(point, std::numeric_limits<float>::max(), neighbours);

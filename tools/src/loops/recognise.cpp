@@ -12,20 +12,18 @@ void recognise(const ScanStream& next, pipeline::LoopDetector& detector,
   while (const std::optional<pipeline::ScanRef> scan = next()) {
     if (stop()) throw Interrupted("stopped; what was found is kept");
     Visit seen{.scan = *scan};
-    bool readable = true;
     try {
       pipeline::read_scan_into(scan->file, cloud);
     } catch (const InputError& error) {
       seen.found.why_not = error.what();
-      readable = false;
+      visit(seen);
+      continue;
     }
-    if (readable) {
-      pipeline::Stopwatch watch;
-      seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});
-      seen.milliseconds = watch.lap();
-      if (!seen.found.why_not.empty())
-        seen.found.why_not = str(scan->file.string(), ": ", seen.found.why_not);
-    }
+    pipeline::Stopwatch watch;
+    seen.found = detector.take(view_of(cloud), {scan->frame, scan->time, scan->pose});
+    seen.milliseconds = watch.lap();
+    if (!seen.found.why_not.empty())
+      seen.found.why_not = str(scan->file.string(), ": ", seen.found.why_not);
     visit(seen);
   }
 }

@@ -6,6 +6,7 @@
 
 #include "revisit/loops/keyframes.h"
 #include "revisit/loops/recent_places.h"
+#include "revisit/maps/place_recognizer.h"
 #include "revisit/registration/registration.h"
 
 namespace revisit::pipeline {

@@ -1,12 +1,12 @@
 #pragma once
 
+#include <Eigen/Geometry>
 #include <cstdint>
 #include <deque>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "revisit/maps/place_recognizer.h"
 #include "revisit/recognition/exclusion.h"
 
 namespace revisit::pipeline {
