@@ -19,7 +19,7 @@ void run(int argc, char** argv) {
   const MapIdentity identity = PlaceRecognizer::identity_of(rings, options);
   PlaceRecognizer recognizer(rings, options, open_map(argv[1], MapAccess::kWrite, &identity));
 
-  LoopDetector detector(recognizer, {.verify = true});
+  LoopDetector detector(recognizer, {});
   for (int i = 2; i < argc; ++i) {
     const PointCloud cloud = read_scan(argv[i]);  // or PointsView{message.data.data(), n, step}
     const Detection found = detector.take(view_of(cloud), {.frame = i - 2});

@@ -112,7 +112,7 @@ def main():
     odometry, loops, node_of, ended, start = Odometry(o.max_range), [], {}, None, time.perf_counter()
     moving = odometry.keyframes(progress.scans_told(recording.scans(), recording.count), o.keyframe)
     try:
-        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40', verify=True)):
+        for visit in recognise(moving, LoopDetector(open_map(None, sensor), exclusion='metres=40')):
             node_of[visit.position] = len(odometry.chosen) - 1
             if visit.registered and visit.accepted:
                 loops.append((node_of[visit.loop.position], len(odometry.chosen) - 1, visit.registered))

@@ -59,8 +59,7 @@ class LoopClosureNode : public rclcpp::Node {
         rings, options, file.empty() ? nullptr : open_map(file, MapAccess::kWrite, &identity));
     detector_.emplace(*recognizer_,
                       LoopDetectorOptions{.drive = declare_parameter("drive", "ros"),
-                                          .exclusion = {Exclusion::Kind::kSeconds, exclusion},
-                                          .verify = true});
+                                          .exclusion = {Exclusion::Kind::kSeconds, exclusion}});
     loops_ = create_publisher<Pose>("loops", 10);
     points_ = create_subscription<PointCloud2>("points", rclcpp::SensorDataQoS(),
                                                [this](PointCloud2::ConstSharedPtr m) { take(*m); });

@@ -2,8 +2,8 @@
 
 from revisit._core.datasets import (
     Dataset, ScanRef, open_dataset, read_kitti_calibration, read_kitti_poses, read_kitti_times,
-    read_scan, write_kitti_scan)
+    read_scan, time_in_name, write_kitti_scan)
 
 __all__ = [
     'Dataset', 'ScanRef', 'open_dataset', 'read_kitti_calibration', 'read_kitti_poses',
-    'read_kitti_times', 'read_scan', 'write_kitti_scan']
+    'read_kitti_times', 'read_scan', 'time_in_name', 'write_kitti_scan']

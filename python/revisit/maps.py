@@ -5,25 +5,27 @@ import os
 from revisit import recognition
 from revisit._core.maps import (
     Description, Detection, Loop, LoopDetector, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion, check_map,
-    merge_maps)
+    merge_maps, precision_before_fit)
 
 __all__ = [
     'Description', 'Detection', 'Loop', 'LoopDetector', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter', 'StoredPlace',
-    'check_exclusion', 'check_map', 'merge_maps', 'open_map']
+    'check_exclusion', 'check_map', 'merge_maps', 'open_map', 'precision_before_fit']
 
 KEY_CANDIDATES = 1000
 """As in `revisit loops`: how many places are compared, those with the most similar keys."""
+PRECISION = 0.95
 
 
 def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
              model: recognition.RingModel | None = None, threshold: float | None = None,
-             precision: float = 0.99, first_stretch: int = 200, threads: int = 1, mount: str = '') -> PlaceRecognizer:
+             precision: float = PRECISION, first_stretch: int = 200, threads: int = 1, mount: str = '') -> PlaceRecognizer:
     """A recogniser by rings whose places are in `file`, made when it is missing; None: nowhere.
 
     sensor: whose model comes with the library (recognition.shipped_ring_models()).
     model: another one, as `revisit learn` writes them (recognition.read_ring_model()).
     threshold: from which score a loop is accepted; None: from where the precision is reached.
-    precision: the share of accepted loops that are to be right, as far as the calibration of the map or the model holds.
+    precision: the share of accepted loops that are to be right by their scores, as far as the calibration of the map or the
+        model holds. LoopDetector registers them, too: of those that fit 0.99 are right when 0.95 are by their scores.
     first_stretch: how many places rings learn their mean from.
     threads: of describing one scan.
     mount: 'roll,pitch,yaw,x,y,z' [deg, m], recognition.parse_mount(); '': the points' z is up.

@@ -5,12 +5,12 @@ camera (x to the right, y down, z forward), so that a horizontal distance is one
 """
 
 import warnings
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from revisit.datasets import read_kitti_calibration, read_kitti_poses
+from revisit._core import datasets as native
+from revisit._core.datasets import read_extrinsic
 from revisit.errors import InputError, UsageError
 
 __all__ = ['AXES_OF_CAMERA', 'FORMATS', 'FRAMES', 'Trajectory', 'in_frame', 'in_kitti_world', 'matched', 'quaternion',
@@ -20,8 +20,6 @@ FORMATS = ('kitti', 'tum', 'euroc')
 FRAMES = ('lidar', 'camera')
 AXES_OF_CAMERA = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]], np.float64)
 """T_camera_lidar of a camera that looks ahead: lidars have x forward, y to the left, z up."""
-COLUMNS = {'kitti': '12 numbers: the rows of a 3 x 4 matrix', 'tum': 'time x y z qx qy qz qw',
-           'euroc': 'time [ns], x, y, z, qw, qx, qy, qz'}
 
 
 class Trajectory(NamedTuple):
@@ -74,40 +72,12 @@ def table_of(file, delimiter=None, holes=False):
     return table
 
 
-def guess(file):
-    """The form that the first line of numbers has."""
-    try:
-        lines = Path(file).read_text(errors='replace').splitlines()
-    except OSError as error:
-        raise InputError(f'{file}: {error.strerror}') from None
-    line = next((line for line in lines if line.strip() and not line.startswith('#')), '')
-    if ',' in line and len(line.split(',')) >= 8:
-        return 'euroc'
-    form = {12: 'kitti', 8: 'tum'}.get(len(line.split()))
-    if form:
-        return form
-    known = '; '.join(f'{name}: {columns}' for name, columns in COLUMNS.items())
-    raise InputError(f'{file}: no poses in a known format ({known}); the first line is {line[:60]!r}')
-
-
 def read_trajectory(file, form=None) -> Trajectory:
     """A file of poses; its form is guessed from what is in it when it is None. InputError naming the file."""
-    form = form or guess(file)
-    if form not in FORMATS:
+    if form is not None and form not in FORMATS:
         raise UsageError(f'poses: expected one of {", ".join(FORMATS)}, found {form!r}')
-    if form == 'kitti':
-        return Trajectory(str(file), None, read_kitti_poses(file))
-    table = table_of(file, ',' if form == 'euroc' else None)
-    if table.shape[1] < 8 or (form == 'tum' and table.shape[1] > 8):
-        raise InputError(f'{file}: expected {COLUMNS[form]}, found {table.shape[1]} columns')
-    table = table[np.argsort(table[:, 0], kind='stable')]
-    quaternions = table[:, 4:8] if form == 'tum' else table[:, [5, 6, 7, 4]]
-    lengths = np.linalg.norm(quaternions, axis=1)
-    if abs(lengths - 1).max() > 0.01:
-        worst = int(abs(lengths - 1).argmax())
-        raise InputError(f'{file}: expected {COLUMNS[form]} with quaternions of length 1, '
-                         f'found one of length {lengths[worst]:.3f}')
-    return Trajectory(str(file), table[:, 0] * (1 if form == 'tum' else 1e-9), rigid(table[:, 1:4], quaternions))
+    times, poses = native.read_trajectory(file, form and native.PoseFormat[form])
+    return Trajectory(str(file), np.array(times) if times else None, poses)
 
 
 def matrix_of(numbers, file) -> np.ndarray:
@@ -119,20 +89,6 @@ def matrix_of(numbers, file) -> np.ndarray:
     if not are_rigid(T[None])[0]:
         raise InputError(f'{file}: expected a rotation and a translation, found {T[:3].tolist()}')
     return T
-
-
-def read_extrinsic(file) -> np.ndarray:
-    """T_body_lidar: KITTI's calib.txt (Tr), or 3 or 4 rows of 4 numbers, or these in one line."""
-    try:
-        text = Path(file).read_text(errors='replace')
-    except OSError as error:
-        raise InputError(f'{file}: {error.strerror}') from None
-    if 'Tr' in text:
-        return read_kitti_calibration(file)
-    numbers = table_of(file).ravel()
-    if numbers.size not in (12, 16):
-        raise InputError(f'{file}: expected a calib.txt with Tr, or 3 x 4 or 4 x 4 numbers, found {numbers.size}')
-    return matrix_of(numbers[:12], file)
 
 
 def in_kitti_world(poses, frame, extrinsic=None) -> np.ndarray:

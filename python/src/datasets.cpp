@@ -1,6 +1,7 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/vector.h>
 
 #include <filesystem>
@@ -11,6 +12,7 @@
 #include "poses.h"
 #include "revisit/datasets/dataset.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/datasets/timed_poses.h"
 #include "strings.h"
 
 namespace revisit::python {
@@ -70,6 +72,26 @@ void bind_datasets(nb::module_& module) {
       [](const fs::path& file) { return Matrix4d(read_kitti_calibration(file).matrix()); },
       "file"_a, "Tr of a calib.txt, T_cam_velo: float64 [4][4].");
   module.def("read_kitti_times", &read_kitti_times, "file"_a, "Seconds, one a frame.");
+  module.def("time_in_name", &time_in_name, "file"_a,
+             "The time [s] that a file's name is, or None: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 "
+             "digits of micro- or 19 of nanoseconds.");
+  nb::enum_<PoseFormat>(module, "PoseFormat")
+      .value("kitti", PoseFormat::kKitti)
+      .value("tum", PoseFormat::kTum)
+      .value("euroc", PoseFormat::kEuroc);
+  module.def(
+      "read_trajectory",
+      [](const fs::path& file, std::optional<PoseFormat> format) {
+        const TimedPoses read = without_lock([&] { return read_timed_poses(file, format); });
+        return std::pair(read.times, array_of_poses(read.poses));
+      },
+      "file"_a, "format"_a = nb::none(),
+      "Times [s], none in KITTI's format, and poses, float64 [n][4][4], as the file has them.");
+  module.def(
+      "read_extrinsic",
+      [](const fs::path& file) { return Matrix4d(read_extrinsic(file).matrix()); }, "file"_a,
+      "T_body_lidar, float64 [4][4]: KITTI's calib.txt (Tr), or the rows of a 3 x 4 or 4 x 4 "
+      "matrix.");
 }
 
 }  // namespace revisit::python

@@ -13,6 +13,7 @@
 #include "module.h"
 #include "points.h"
 #include "poses.h"
+#include "revisit/loops/fit_odds.h"
 #include "revisit/loops/loop_detector.h"
 #include "revisit/loops/pose_files.h"
 #include "revisit/maps/place_recognizer.h"
@@ -192,9 +193,13 @@ void bind_loop_detector(nb::module_& module) {
       .def_ro("why_not", &Detection::why_not, "The scan was not described: the reason.")
       .def_ro("loop", &Detection::loop, "The most similar place, or None.")
       .def_ro("registered", &Detection::registered,
-              "With verify=True, of a loop that the score accepts.")
-      .def_ro("has_no_points", &Detection::has_no_points,
-              "With verify=True: the place was stored without points; the loop is not accepted.");
+              "How the scan lies to the place, of a loop that the score accepts.")
+      .def_prop_ro(
+          "refusal", [](const Detection& self) { return name_of(self.refusal); },
+          "Why the loop is not accepted: 'score', 'no points' (its place was stored without) or "
+          "'registration'; else ''.");
+  module.def("precision_before_fit", &precision_before_fit, "precision"_a,
+             "What scores must promise, that loops which fit are right with this precision.");
   module.def(
       "check_exclusion", [](const std::string& text) { parse_exclusion(text); }, "exclusion"_a,
       "Raises UsageError for a text that LoopDetector does not take.");
@@ -205,7 +210,7 @@ void bind_loop_detector(nb::module_& module) {
       .def(
           "__init__",
           [](LoopDetector* self, Recognizer& recognizer, const std::string& drive,
-             const std::string& exclusion, const std::string& keyframes, bool verify,
+             const std::string& exclusion, const std::string& keyframes, std::optional<bool> verify,
              bool keep_clouds) {
             new (self) LoopDetector(recognizer, {.drive = drive,
                                                  .exclusion = parse_exclusion(exclusion),
@@ -214,14 +219,16 @@ void bind_loop_detector(nb::module_& module) {
                                                  .keep_clouds = keep_clouds});
           },
           nb::keep_alive<1, 2>(), "recognizer"_a, nb::kw_only(), "drive"_a = "",
-          "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = false,
+          "exclusion"_a = to_string(Exclusion()), "keyframes"_a = "all", "verify"_a = nb::none(),
           "keep_clouds"_a = true,
           "drive: its name in the map.\n"
           "exclusion: recent scans that are not compared: 'frames=N', 'seconds=T', 'metres=L' or "
           "'none'.\n"
           "keyframes: scans that are stored; all are compared: 'all', 'metres=L' or "
           "'similarity=S'.\n"
-          "verify: registers accepted loops; those that do not fit are not accepted.\n"
+          "verify: registers accepted loops; those that do not fit are not accepted. Default: "
+          "where the "
+          "feature tells the heading, as rings do.\n"
           "keep_clouds: stores some 20 kB of points with each place, for registration.")
       .def(
           "take",
@@ -235,7 +242,8 @@ void bind_loop_detector(nb::module_& module) {
           "points: in the sensor's frame [m]. time: [s]. pose: T_world_sensor, float64 [4][4].\n"
           "Raises UsageError when the exclusion needs a time or a pose that is not given.")
       .def_prop_ro("drive", &LoopDetector::drive,
-                   "The name of the recording in the map, after the first scan.");
+                   "The name of the recording in the map, after the first scan.")
+      .def_prop_ro("verifies", &LoopDetector::verifies, "Whether accepted loops are registered.");
 }
 
 void bind_pose_files(nb::module_& module) {

@@ -212,6 +212,28 @@ TEST(KittiPoses, NeedNothingElse) {
              "no KITTI poses here");
 }
 
+TEST(PlainFolder, TimesOfTheNames) {
+  const TempDir dir;
+  // Fractions that are not filled with zeros are behind in the order of names.
+  for (const char* const name : {"1305031102_175304000.pcd", "1305031102_75304000.pcd"})
+    write_file(dir / "tum" / name, "");
+  const Dataset dataset = open_dataset(dir / "tum", "");
+  EXPECT_EQ(frames(dataset), (std::vector<int>{0, 1}));
+  ASSERT_TRUE(dataset.scans[0].time && dataset.scans[1].time);
+  EXPECT_NEAR(*dataset.scans[0].time, 1305031102.075304, 1e-6);
+  EXPECT_NEAR(*dataset.scans[1].time, 1305031102.175304, 1e-6);
+  write_file(dir / "tum/last.pcd", "");
+  EXPECT_FALSE(open_dataset(dir / "tum", "").scans[0].time) << "not all have one";
+
+  EXPECT_NEAR(time_in_name("d/1271124530.567.bin").value(), 1271124530.567, 1e-6);
+  EXPECT_EQ(time_in_name("1403715273262143000.pcd"), 1403715273262143000 * 1e-9);
+  EXPECT_EQ(time_in_name("1403715273262143.pcd"), 1403715273262143 * 1e-6);
+  EXPECT_EQ(time_in_name("12.5.bin"), 12.5);
+  for (const char* const other : {"000123.bin", "1305031102.bin", "scan_12.bin", "1_2.bin", "_.bin",
+                                  "1305031102_.bin", "1305031102_1234567890.bin", "a.1.bin", ""})
+    EXPECT_FALSE(time_in_name(other)) << other;
+}
+
 TEST(PlainFolder, NumbersOfTheNamesOrTheirOrder) {
   const TempDir dir;
   const fs::path numbered = dir / "numbered";

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "expect_error.h"
+#include "revisit/loops/fit_odds.h"
 #include "revisit/recognition/mount.h"
 #include "test_data.h"
 
@@ -105,6 +106,7 @@ TEST(LoopDetector, AcceptedLoopsAreRegistered) {
   EXPECT_EQ(found.loop->drive, "monday");
   EXPECT_TRUE(found.registered->accepted);
   EXPECT_TRUE(found.loop->accepted);
+  EXPECT_EQ(found.refusal, Refusal::kNone);
   // Points are kept in steps of 1/64 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
@@ -114,6 +116,14 @@ TEST(LoopDetector, AcceptedLoopsAreRegistered) {
   ASSERT_TRUE(rejected.loop && rejected.registered);
   EXPECT_FALSE(rejected.registered->accepted);
   EXPECT_FALSE(rejected.loop->accepted);
+  EXPECT_STREQ(name_of(rejected.refusal), "registration");
+}
+
+TEST(FitOdds, MakeARegisteredLoopMoreProbable) {
+  EXPECT_NEAR(probability_after_fit(0.5), 7.0 / 8, 1e-12);
+  EXPECT_NEAR(probability_after_fit(0.95), 133.0 / 134, 1e-12);
+  for (const double p : {0.01, 0.9, 0.99, 0.999})
+    EXPECT_NEAR(probability_after_fit(precision_before_fit(p)), p, 1e-12);
 }
 
 /// The same drive after a kill, and another of the same name.
@@ -162,6 +172,17 @@ TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
   session("wednesday", false);
   const Detection without = session("wednesday", false);  // the same scan: resumed
   EXPECT_EQ(without.position, 2);
+}
+
+TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
+  PlaceRecognizer recognizer(first_point(), {.threshold = -2});
+  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .keep_clouds = false});
+  const PointCloud cloud = room(2);
+  EXPECT_EQ(detector.take(view_of(cloud), {}).refusal, Refusal::kNone);
+  const Detection found = detector.take(view_of(cloud), {.frame = 1});
+  ASSERT_TRUE(found.loop);
+  EXPECT_FALSE(found.loop->accepted);
+  EXPECT_STREQ(name_of(found.refusal), "no points");
 }
 
 TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
@@ -213,6 +234,7 @@ TEST(LoopDetector, VerificationNeedsAHeading) {
   blind.comparison.turn = nullptr;
   PlaceRecognizer recognizer(blind, {});
   expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"heading"});
+  EXPECT_FALSE(LoopDetector(recognizer, {}).verifies()) << "by default only where it can be";
 }
 
 }  // namespace

@@ -108,10 +108,10 @@ class Poses(FolderTest):
 
     def test_what_is_no_trajectory_is_refused(self):
         file = self.folder / 'poses'
-        for text, says in (('', 'no poses in a known format'), ('1 2 3\n', "the first line is '1 2 3'"),
-                           ('1 2 3 4 0 0 0 1\n1 2 x 4 0 0 0 1\n', 'table of numbers'), ('1 2 3 4 0 0 0 0\n', 'length 0.000'),
-                           ('# x y z\n\n1 2 3 4 0 0 0 1\n1 2 nan 4 0 0 0 1\n', 'row 2 of the numbers .* not finite'),
-                           ('# only a comment\n', 'no poses'),
+        for text, says in (('', 'is empty'), ('1 2 3\n', "the first line is '1 2 3'"),
+                           ('1 2 3 4 0 0 0 1\n1 2 x 4 0 0 0 1\n', ':2: expected a finite number'), ('1 2 3 4 0 0 0 0\n', 'length 0'),
+                           ('# x y z\n\n1 2 3 4 0 0 0 1\n1 2 nan 4 0 0 0 1\n', ':4: expected a finite number'),
+                           ('# only a comment\n', 'is empty'),
                            ('1,2,3,4,5,6,7,8\n', 'length')):
             file.write_text(text)
             with self.assertRaisesRegex(revisit.InputError, says, msg=text):

@@ -54,7 +54,7 @@ void add_times(const KittiSequence& sequence, Dataset* dataset) {
 std::vector<ScanRef> scan_refs(const fs::path& folder, FrameNumbers numbers) {
   std::vector<ScanRef> scans;
   for (NumberedFile& scan : list_scans(folder, numbers))
-    scans.push_back({std::move(scan.file), scan.frame, {}, {}, ""});
+    scans.push_back({std::move(scan.file), scan.frame, {}, scan.time, ""});
   return scans;
 }
 

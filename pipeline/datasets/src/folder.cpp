@@ -74,10 +74,14 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
                      ": expected the frame's number as the file name, e.g. ", example);
 
   std::vector<NumberedFile> files;
-  for (const std::string& name : names) {
-    const int frame = unnumbered == names.end() ? *number_of(name) : static_cast<int>(files.size());
-    files.push_back({frame, folder / name});
-  }
+  for (const std::string& name : names) files.push_back({0, folder / name, time_in_name(name)});
+  const auto has_time = [](const NumberedFile& file) { return file.time.has_value(); };
+  if (std::ranges::all_of(files, has_time))
+    std::ranges::stable_sort(files, {}, &NumberedFile::time);
+  else
+    for (NumberedFile& file : files) file.time.reset();
+  for (size_t i = 0; i < files.size(); ++i)
+    files[i].frame = unnumbered == names.end() ? *number_of(files[i].file) : static_cast<int>(i);
   std::ranges::stable_sort(files, {}, &NumberedFile::frame);
   const auto twice = std::ranges::adjacent_find(files, {}, &NumberedFile::frame);
   if (twice != files.end())
@@ -88,6 +92,27 @@ std::vector<NumberedFile> list_files(const fs::path& folder, bool (*keep)(const 
 }
 
 }  // namespace
+
+std::optional<double> time_in_name(const fs::path& file) {
+  const std::string stem = file.stem().string();
+  const size_t mark = stem.find_first_of("_.");
+  const std::string seconds = stem.substr(0, mark),
+                    rest = mark == std::string::npos ? "" : stem.substr(mark + 1);
+  const auto is_number = [](const std::string& text) {
+    return !text.empty() && text.size() <= 19 &&
+           text.find_first_not_of("0123456789") == std::string::npos;
+  };
+  if (!is_number(seconds)) return {};
+  if (mark == std::string::npos) {
+    if (seconds.size() != 16 && seconds.size() != 19) return {};
+    return std::stod(seconds) * (seconds.size() == 16 ? 1e-6 : 1e-9);
+  }
+  if (!is_number(rest) || seconds.size() > 10) return {};
+  if (stem[mark] == '.') return std::stod(stem);
+  // Two short numbers are something else, such as a part and a frame.
+  if (seconds.size() < 9 || rest.size() > 9) return {};
+  return std::stod(seconds) + std::stod(rest) * 1e-9;
+}
 
 std::vector<std::string> list_names(const fs::path& folder, bool (*keep)(const fs::path&)) {
   std::vector<std::string> names;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,11 +11,12 @@ namespace revisit::pipeline {
 struct NumberedFile {
   int frame = 0;
   std::filesystem::path file;
+  std::optional<double> time = {};  // [s], that the names of all have: time_in_name()
 };
 
 enum class FrameNumbers {
   kFromNames,         // every name must be a number (KITTI: poses are looked up by it)
-  kFromNamesOrOrder,  // otherwise 0, 1, 2... in natural order of the names
+  kFromNamesOrOrder,  // otherwise 0, 1, 2... in order of their times, else natural order
 };
 
 /// Visible scan files by frame. Throws InputError for no folder, no scan, or a frame named twice.

@@ -2,6 +2,7 @@
 
 #include "revisit/base/error.h"
 #include "revisit/loops/drive_name.h"
+#include "revisit/loops/fit_odds.h"
 #include "revisit/recognition/mount.h"
 #include "revisit/registration/compact_cloud.h"
 
@@ -26,14 +27,28 @@ void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& m
 
 }  // namespace
 
+const char* name_of(Refusal refusal) {
+  switch (refusal) {
+    case Refusal::kNone:
+      break;
+    case Refusal::kScore:
+      return "score";
+    case Refusal::kNoPoints:
+      return "no points";
+    case Refusal::kRegistration:
+      return "registration";
+  }
+  return "";
+}
+
 LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
     : recognizer_(recognizer),
       options_(options),
+      verifies_(options.verify.value_or(recognizer.finds_heading())),
       name_(options.drive),
       recent_(options.exclusion),
       keyframes_(options.keyframes) {
-  if (!options.verify) return;
-  if (!recognizer.finds_heading())
+  if (verifies_ && !recognizer.finds_heading())
     throw UsageError(CppName{"LoopDetectorOptions::verify"},
                      ": this feature gives no heading to start from; use rings");
 }
@@ -56,8 +71,8 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     ahead_.erase(ahead_.begin());
   }
   PointCloud cloud;
-  const bool keep_cloud = options_.keep_clouds && (options_.verify || recognizer_.has_map());
-  if (keep_cloud || options_.verify) {
+  const bool keep_cloud = options_.keep_clouds && (verifies_ || recognizer_.has_map());
+  if (keep_cloud || verifies_) {
     copy_points(points, cloud);
     transform(recognizer_.mount(), cloud);
   }
@@ -71,7 +86,8 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     recent_.add(*found.position);
   }
   if (found.position) keyframes_.add(*found.position, scan.pose);
-  if (options_.verify && found.loop && found.loop->accepted) verify(cloud, found);
+  if (found.loop && !found.loop->accepted) found.refusal = Refusal::kScore;
+  if (verifies_ && found.loop && found.loop->accepted) verify(cloud, found);
   return found;
 }
 
@@ -95,13 +111,16 @@ void LoopDetector::verify(const PointCloud& query, Detection& found) const {
   try {
     place = expand_cloud(recognizer_.cloud(loop.position));
   } catch (const InputError&) {  // none, or damaged, which `map check` names
-    found.has_no_points = true;
+    found.refusal = Refusal::kNoPoints;
     return;
   }
   found.registered = register_scans(PreparedScan(query, options_.registration),
                                     PreparedScan(place.cloud, options_.registration), *loop.turn,
                                     options_.registration);
   loop.accepted = found.registered->accepted;
+  if (!loop.accepted) found.refusal = Refusal::kRegistration;
+  if (loop.accepted && loop.probability)
+    loop.probability = probability_after_fit(*loop.probability);
   unmount(place.mount, recognizer_.mount(), *found.registered);
 }
 

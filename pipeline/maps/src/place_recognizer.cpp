@@ -550,13 +550,15 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
             match.score,
             {},
             match.turn};
-  // The calibration is of maps of many places. Among n distinct ones, few, a wrong place stands out
-  // more easily; at most 1 - 0.2 / n allows 0.99 from 20 on.
-  const double most = impl.stretch ? 1 - 0.2 / static_cast<double>(impl.stretch->distinct()) : 1;
+  // Of n distinct places none looks like another: n / (n + 1) that the next one does not (Laplace's
+  // rule of succession).
+  const auto n =
+      static_cast<double>(impl.stretch ? impl.stretch->distinct() : impl.options.first_stretch);
+  const double most = n / (n + 1);
   if (impl.calibration)
     loop.probability = std::min(most, impl.calibration->probability(loop.score));
   loop.accepted = impl.threshold && loop.score >= *impl.threshold &&
-                  (impl.options.threshold || most >= impl.options.precision);
+                  (impl.options.threshold || !impl.stretch || most >= impl.options.precision);
   return loop;
 }
 

@@ -77,6 +77,13 @@ def sensor_of(o, first):
     return sensor
 
 
+def precision_of(o):
+    """What scores must promise for --sure."""
+    if o.sure is None:
+        return maps.PRECISION
+    return o.sure if o.verify is False else maps.precision_before_fit(o.sure)
+
+
 def mounted(o, points):
     points = np.ascontiguousarray(points[:, :3])
     points = points[np.any(points != 0, axis=1)]  # no return
@@ -121,7 +128,7 @@ def work(o):
         raise InputError(f'{o.data}: there are no scans')
     recognizer = revisit.open_map(
         o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
-        precision=0.99 if o.sure is None else o.sure, first_stretch=o.first_stretch, threads=o.threads, mount=o.mount)
+        precision=precision_of(o), first_stretch=o.first_stretch, threads=o.threads, mount=o.mount)
     every_line = o.all or recognizer.threshold is None
     if every_line and not o.all:
         say(o, 'no threshold: every scan is printed; give --threshold or a lower --sure, or a map that '
@@ -131,6 +138,10 @@ def work(o):
                                     keep_clouds=not o.no_clouds)
     if o.poses_out and first[0].pose is None:
         raise UsageError('--poses-out: the scans have no poses; give --poses')
+
+    def as_given(pose):
+        return None if pose is None else poses.in_frame(pose, o.pose_frame or 'camera')
+
     count = recording.count and -(-recording.count // o.every)
     n, left_out, accepted, seen = 0, 0, 0, []
     with contextlib.ExitStack() as stack:
@@ -154,12 +165,12 @@ def work(o):
                 fits = visit.registered is not None and visit.accepted
                 time = visit.scan.frame if visit.scan.time is None else visit.scan.time
                 if graph and visit.position is not None:
-                    graph.vertex(visit.position, visit.scan.pose)
+                    graph.vertex(visit.position, as_given(visit.scan.pose))
                     if fits:
-                        graph.known_vertex(visit.loop.position, visit.loop.pose)
+                        graph.known_vertex(visit.loop.position, as_given(visit.loop.pose))
                         graph.edge(visit.loop.position, visit.position, visit.registered)
                 if registered and fits and visit.loop.pose is not None:
-                    print(poses.tum_line(time, visit.loop.pose @ visit.registered.T_place_query), file=registered, flush=True)
+                    print(poses.tum_line(time, as_given(visit.loop.pose @ visit.registered.T_place_query)), file=registered, flush=True)
                 accepted += visit.accepted
                 if visit.accepted or every_line:
                     write(line)

@@ -7,7 +7,7 @@ import math
 from revisit.poses import quaternion
 
 COLUMNS = ('frame time match_drive match_frame match_time similarity runner_up score probability yaw_deg accepted registered '
-           'x y z qx qy qz qw inliers fitness here_x here_y here_z match_x match_y match_z').split()
+           'x y z qx qy qz qw inliers fitness here_x here_y here_z match_x match_y match_z drive refusal file').split()
 DIGITS = {'yaw_deg': 2, 'here_x': 3, 'here_y': 3, 'here_z': 3, 'match_x': 3, 'match_y': 3, 'match_z': 3}
 POSITIONS = {'position': 'here', 'match_position': 'match'}
 
@@ -33,7 +33,7 @@ def line_of(visit, drive) -> dict:
         line['position'] = position_of(scan.pose)
     if loop is not None and loop.pose is not None:
         line['match_position'] = position_of(loop.pose)
-    line['drive'] = drive or None
+    line |= {'drive': drive or None, 'refusal': visit.refusal or None, 'file': scan.source}
     return {name: value for name, value in line.items() if value is not None}
 
 
@@ -68,14 +68,14 @@ def cells_of(line) -> list[str]:
     flat = line | registered | {'accepted': line.get('accepted'), 'registered': registered.get('accepted')}
     for name, prefix in POSITIONS.items():
         flat |= {f'{prefix}_{axis}': value for axis, value in line.get(name, {}).items()}
-    return [cell(name, flat.get(name)) for name in [*COLUMNS, 'drive']]
+    return [cell(name, flat.get(name)) for name in COLUMNS]
 
 
 def writer(out, form):
     """A function that writes a line at once, so that a killed run leaves what it found. form: 'csv' or 'jsonl'."""
     rows = csv.writer(out, lineterminator='\n')
     if form == 'csv':
-        rows.writerow([*COLUMNS, 'drive'])
+        rows.writerow(COLUMNS)
         out.flush()
 
     def write(line):

@@ -12,7 +12,7 @@ examples:
   revisit-loops drive.bag                                              # ROS 1; the only topic of PointCloud2
   revisit-loops drive_ros2/ --topic /ouster/points -o loops.csv        # ROS 2: a folder, .db3 or .mcap
   revisit-loops drive.mcap --poses kiss_icp_tum.txt --pose-frame lidar --exclusion metres=50
-  revisit-loops KITTI --sequence 00 --verify --report loops.html
+  revisit-loops KITTI --sequence 00 --report loops.html
   revisit-loops MulRan/KAIST01 --sensor ouster-os1-64 --map kaist.map --plot loops.png
 
 exit codes: 0 ok; 1 failed; 2 usage; 3 input unreadable or malformed; 6 done, but some scans could not be
@@ -63,14 +63,14 @@ def make_parser():
     where.add_argument('--poses-out', metavar='FILE', help='TUM: where the recognised scans were, by the poses given')
     loops = parser.add_argument_group('loops')
     loops.add_argument('--threshold', type=float, metavar='S', help='accept loops from this score on (default: from where --sure is reached)')
-    loops.add_argument('--sure', type=float, metavar='P', help='share of accepted loops that are to be right (default 0.99), as far '
-                       'as the calibration of the map or the ring model holds')
+    loops.add_argument('--sure', type=float, metavar='P', help='share of accepted loops that are to be right (default 0.99, or 0.95 '
+                       'with --no-verify), as far as the calibration of the map or the ring model holds')
     loops.add_argument('--exclusion', default='frames=50', metavar='KIND=N', help='recent scans of the drive that are not compared: '
                        'frames=50 (default), seconds=30, metres=50 or none')
     loops.add_argument('--keyframes', default='all', metavar='RULE', help='scans that are stored; all are compared: all (default), '
                        'metres=1 (by poses) or similarity=0.9 (less similar to the last one stored)')
-    loops.add_argument('--verify', action='store_true', help='register accepted loops by GICP: where the scan was; loops that do '
-                       'not fit are not accepted')
+    loops.add_argument('--verify', action=argparse.BooleanOptionalAction, default=None, help='register loops that the score accepts '
+                       'by GICP: where the scan was; those that do not fit are not accepted (default)')
     loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
                        '(default %(default)s)')
     loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
@@ -82,8 +82,8 @@ def make_parser():
     out.add_argument('--format', choices=['csv', 'jsonl'], default='csv', help='one line per loop (default csv)')
     out.add_argument('--all', action='store_true', help='a line for every scan, not only for accepted loops')
     out.add_argument('-o', '--output', metavar='FILE', help='for the loops (default: standard output)')
-    out.add_argument('--g2o', metavar='FILE', help='a pose graph: poses, and registered loops (with --verify)')
-    out.add_argument('--tum', metavar='FILE', help='a trajectory: where registered loops say that the sensor was (with --verify)')
+    out.add_argument('--g2o', metavar='FILE', help='a pose graph: poses, and registered loops')
+    out.add_argument('--tum', metavar='FILE', help='a trajectory: where registered loops say that the sensor was')
     out.add_argument('--report', metavar='FILE.html', help='the page of `revisit report`, which must be on PATH')
     out.add_argument('--plot', metavar='FILE.png', help='a picture (needs matplotlib)')
     out.add_argument('--rerun', nargs='?', const='', metavar='FILE.rrd', help='a live view, or a file for one (needs rerun-sdk)')
@@ -105,8 +105,8 @@ def parse(arguments):
     if o.threshold is not None and o.sure is not None:
         raise UsageError('--threshold and --sure: one of the two')
     for name in ('g2o', 'tum'):
-        if getattr(o, name) and not o.verify:
-            raise UsageError(f'--{name}: add --verify, which registers loops')
+        if getattr(o, name) and o.verify is False:
+            raise UsageError(f'--no-verify: --{name} needs registered loops')
     if not (o.max_gap >= 0):
         raise UsageError(f'--max-gap: expected a number of seconds, found {o.max_gap}')
     return o

@@ -20,7 +20,9 @@ class Visit(NamedTuple):
     """It could not be described: the reason."""
     points: np.ndarray | None
     registered: 'registration.Registration | None' = None
-    """How the scan lies to the place, when that was asked for."""
+    """How the scan lies to the place, of a loop that the score accepts."""
+    refusal: str = ''
+    """Why the loop is not accepted."""
 
     @property
     def accepted(self) -> bool:
@@ -42,4 +44,4 @@ def recognise(scans, detector):
             continue
         found = detector.take(points, frame=scan.frame, time=scan.time, pose=scan.pose)
         why_not = found.why_not and f'{scan.source}: {found.why_not}'
-        yield Visit(scan, found.position, found.loop, why_not, points, found.registered)
+        yield Visit(scan, found.position, found.loop, why_not, points, found.registered, found.refusal)

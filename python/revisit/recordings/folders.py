@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from revisit.datasets import open_dataset, read_kitti_calibration, read_scan
+from revisit.datasets import open_dataset, read_kitti_calibration, read_scan, time_in_name
 from revisit.errors import InputError
 from revisit.poses import in_kitti_world
 from revisit.recordings.recording import Scan, recording_of
@@ -50,5 +50,8 @@ def open_npy(path, options):
     files = sorted(path.glob('*.npy'), key=lambda file: (len(file.stem), file.stem))
     if not files:
         raise InputError(f'{path}: no .npy files here')
-    return recording_of(path.name, [Scan(frame, None, None, lambda file=file: read_npy(file), str(file))
-                                    for frame, file in enumerate(files)])
+    times = [time_in_name(file) for file in files]
+    if None in times:
+        times = [None] * len(files)
+    return recording_of(path.name, [Scan(frame, time, None, lambda file=file: read_npy(file), str(file))
+                                    for frame, (file, time) in enumerate(zip(files, times))])

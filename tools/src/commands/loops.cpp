@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iostream>
+#include <map>
 
 #include "cli/built_in.h"
 #include "cli/command.h"
@@ -11,7 +12,9 @@
 #include "loops/judge_drive.h"
 #include "loops/loop_writer.h"
 #include "loops/map_options.h"
+#include "loops/pose_options.h"
 #include "loops/recognise.h"
+#include "revisit/loops/fit_odds.h"
 #include "revisit/loops/pose_files.h"
 
 namespace revisit::cli {
@@ -26,6 +29,7 @@ constexpr int64_t kCandidates = 1000;
 struct LoopsOptions {
   FeatureOptions feature;
   MapOptions map;
+  PoseOptions poses;
   fs::path output, g2o, tum;
   std::string format = "csv";
   pipeline::Exclusion exclusion;
@@ -33,15 +37,19 @@ struct LoopsOptions {
   std::optional<double> threshold;
   fs::path calibrate;
   std::string calibrate_sequence;
-  double precision = pipeline::RecognizerOptions().precision, radius = 5;
+  std::optional<double> sure;
+  double precision = pipeline::RecognizerOptions().precision;  // of the score alone
+  double radius = 5;
   int k = pipeline::RecognizerOptions().k;
   int64_t graph_candidates = 0;
   std::optional<double> follow;
-  bool verify = false, all = false;
+  std::optional<bool> verify;
+  bool all = false;
 };
 
 LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
   LoopsOptions o;
+  bool verify = false, no_verify = false;
   std::string exclusion = to_string(o.exclusion), keyframes = "all";
   o.feature.feature = "ring";
   o.feature.ring_key_candidates = kCandidates;
@@ -59,9 +67,10 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "a loop is accepted from this score on (default: from where --sure is reached)",
               &o.threshold)
       .option("sure", "P",
-              "the share of accepted loops that are to be right, 0 to 1 (default 0.99), as far as "
-              "the calibration holds: the map's, or that of the ring model",
-              &o.precision)
+              "the share of accepted loops that are to be right, 0 to 1, as far as the "
+              "calibration holds: the map's, or that of the ring model (default 0.99, or 0.95 of "
+              "loops that are not registered)",
+              &o.sure)
       .option("calibrate", "DRIVE",
               "adapt the calibration to the matches of this drive with poses, and keep it in the "
               "map",
@@ -72,10 +81,12 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "for --calibrate: a match nearer than this is right, one twice as far wrong (default "
               "5)",
               &o.radius)
-      .flag("verify",
-            "register accepted loops with GICP: where the scan was, and how sure that is; loops "
-            "that do not fit are not accepted",
-            &o.verify)
+      .flag("no-verify",
+            "do not register loops that the score accepts. By default GICP says where the scan "
+            "was, and how sure that is; loops that do not fit are not accepted",
+            &no_verify)
+      .flag("verify", "register loops also where that is not the default: an error without rings",
+            &verify)
       .option("k", "K", "similarities that a match must stand out from (default 4)", &o.k)
       .option("graph-candidates", "N",
               "for maps of more than about 100,000 places of a feature compared by cosine: compare "
@@ -86,29 +97,39 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
               "DATA is a folder that grows: continue until no scan has come for this long",
               &o.follow);
   o.map.declare(parser);
+  o.poses.declare(parser);
   parser.group("Output:")
       .choice("format", {"csv", "jsonl"}, "one line per loop (default csv)", &o.format)
       .option("output", "FILE", "for the loops (default: standard output)", &o.output, 'o')
-      .option("g2o", "FILE", "a pose graph: poses, and registered loops (with --verify)", &o.g2o)
+      .option("g2o", "FILE", "a pose graph: poses, and registered loops", &o.g2o)
       .option("tum", "FILE",
               "a trajectory: where registered loops say that the sensor was, in the frame of the "
-              "places' poses (with --verify)",
+              "places' poses",
               &o.tum);
   parser.parse(arguments);
   o.exclusion = pipeline::parse_exclusion(exclusion);
   o.keyframes = pipeline::parse_keyframes(keyframes);
   o.feature.check_given(parser);
-  if (!(o.precision > 0 && o.precision < 1))
-    throw UsageError("--sure: expected more than 0, less than 1, found ", o.precision);
+  if (o.sure && !(*o.sure > 0 && *o.sure < 1))
+    throw UsageError("--sure: expected more than 0, less than 1, found ", *o.sure);
   for (const char* option : {"calibrate", "sure"})
     if (o.threshold && parser.given(option))
       throw UsageError("--threshold and --", option, ": one of the two");
   if (o.follow && !(*o.follow > 0))
     throw UsageError("--follow: expected a positive number, found ", *o.follow);
   o.map.check();
+  o.poses.check(parser);
+  if (!o.poses.file.empty() && (o.follow || o.feature.data == "-"))
+    throw UsageError("--poses: of a drive that is complete, not with ",
+                     o.follow ? "--follow" : "a list of scans");
   if (o.graph_candidates > 0) need_built_in("--graph-candidates", "FAISS");
-  if (!o.g2o.empty() && !o.verify) throw UsageError("--g2o: add --verify, which gives its edges");
-  if (!o.tum.empty() && !o.verify) throw UsageError("--tum: add --verify, which gives its poses");
+  const char* const needs = verify           ? "--verify"
+                            : !o.g2o.empty() ? "--g2o"
+                            : !o.tum.empty() ? "--tum"
+                                             : nullptr;
+  if (needs != nullptr && no_verify)
+    throw UsageError("--no-verify: ", needs, " needs registered loops; give one of the two");
+  if (needs != nullptr || no_verify) o.verify = needs != nullptr;
   return o;
 }
 
@@ -130,7 +151,7 @@ struct Source {
 Source open_source(const LoopsOptions& o) {
   if (o.feature.data != "-" && !o.follow) {
     pipeline::Dataset dataset = open_scans(o.feature);
-    return {scans_of(dataset), dataset};
+    return {stream_of(o.poses.scans_of(dataset)), dataset};
   }
   // With the name and sequence of the last look that found the drive in order.
   const auto some = std::make_shared<pipeline::Dataset>();
@@ -179,11 +200,14 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
 }
 
 /// Throws UsageError, naming what is calibrated, when it does not promise the precision.
-void need_promise(const pipeline::Calibration& calibration, double precision) {
-  if (!calibration.threshold_for(precision))
-    throw UsageError("--sure ", precision, ": learnt from ", calibration.learnt_from,
+void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& o) {
+  const double highest = calibration.highest_precision();
+  const bool fit = o.verify.value_or(false);
+  if (!calibration.threshold_for(o.precision))
+    throw UsageError("--sure ", fit ? pipeline::probability_after_fit(o.precision) : o.precision,
+                     ": learnt from ", calibration.learnt_from,
                      ", the calibration promises at most ",
-                     number(calibration.highest_precision(), 5),
+                     number(fit ? pipeline::probability_after_fit(highest) : highest, 5),
                      "; ask for less, --calibrate on a longer drive, or give --threshold");
 }
 
@@ -191,14 +215,15 @@ void need_promise(const pipeline::Calibration& calibration, double precision) {
 struct Summary {
   std::optional<double> threshold;
   pipeline::Exclusion exclusion;
-  int64_t scans = 0, left_out = 0, queried = 0, accepted = 0, without_points = 0, poses = 0;
+  int64_t scans = 0, left_out = 0, queried = 0, accepted = 0, poses = 0;
+  std::map<pipeline::Refusal, int64_t> refused;
   double best = 0;  // score of all that were queried
 
   void add(const pipeline::Detection& found) {
     ++scans;
     left_out += found.why_not.empty() ? 0 : 1;
-    without_points += found.has_no_points ? 1 : 0;
     if (!found.loop) return;
+    ++refused[found.refusal];
     best = queried++ == 0 ? found.loop->score : std::max(best, found.loop->score);
     accepted += found.loop->accepted ? 1 : 0;
   }
@@ -212,8 +237,12 @@ struct Summary {
                   number(best, 3), ", accepted from ", number(*threshold, 3), " on",
                   best >= *threshold ? " once there are more distinct places" : "", "; ",
                   scans - left_out - queried, " were excluded (", to_string(exclusion), ")");
-    if (without_points > 0)
-      text += str(" (", without_points, " more look alike, but their places have no points)");
+    for (const auto& [refusal, what] :
+         {std::pair(pipeline::Refusal::kRegistration, "look alike, but their points do not fit"),
+          std::pair(pipeline::Refusal::kNoPoints,
+                    "look alike, but their places have no points (--no-verify accepts them)")})
+      if (const auto found = refused.find(refusal); found != refused.end())
+        text += str(", ", found->second, " more ", what);
     return left_out > 0 ? str(text, ", ", left_out, " scans left out") : text;
   }
 };
@@ -247,7 +276,7 @@ int loops_command(const Arguments& arguments) {
       "before it, printed as a line when it is recognised, and added. DATA is a KITTI sequence or "
       "a folder of scans; - takes names of scan files from standard input, a line each.",
       "  revisit loops town --calibrate other_town > loops.csv\n"
-      "  revisit loops town --map town.map --calibrate other_town --verify --g2o town.g2o\n"
+      "  revisit loops town --map town.map --calibrate other_town --g2o town.g2o\n"
       "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n");
   LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
@@ -256,18 +285,20 @@ int loops_command(const Arguments& arguments) {
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
   described.options.graph_candidates = o.graph_candidates;
+  if (!o.verify) o.verify = static_cast<bool>(described.extractor.comparison.turn);
+  if (o.sure) o.precision = *o.verify ? pipeline::precision_before_fit(*o.sure) : *o.sure;
   described.options.precision = o.precision;
   auto map = o.map.open(described);  // before the work of calibrating
   std::optional<pipeline::Calibration> learnt;
   if (!o.calibrate.empty()) {
     learnt = calibrated(o, described, sensor_of(source.some));
-    need_promise(*learnt, o.precision);
+    need_promise(*learnt, o);
   }
   pipeline::PlaceRecognizer recognizer(described.extractor, described.options, std::move(map),
                                        warn);
   if (learnt) recognizer.calibrate(*learnt);
   if (!recognizer.threshold()) {
-    if (const auto calibration = recognizer.calibration()) need_promise(*calibration, o.precision);
+    if (const auto calibration = recognizer.calibration()) need_promise(*calibration, o);
     if (parser.given("sure"))
       throw UsageError("--sure: this feature is not calibrated; add --calibrate DRIVE");
     if (!o.all && !o.feature.quiet)
@@ -310,16 +341,16 @@ int loops_command(const Arguments& arguments) {
     summary.poses += visit.scan.pose ? 1 : 0;
     const bool registered = found.registered && found.registered->accepted;
     if (graph && found.position) {
-      graph->vertex(*found.position, visit.scan.pose);
+      graph->vertex(*found.position, o.poses.as_given(visit.scan.pose));
       if (registered) {
-        graph->known_vertex(found.loop->position, found.loop->pose);
+        graph->known_vertex(found.loop->position, o.poses.as_given(found.loop->pose));
         graph->edge(found.loop->position, *found.position, found.registered->T_place_query,
                     found.registered->information);
       }
     }
     if (trajectory && registered && found.loop->pose) {
       trajectory->add(visit.scan.time.value_or(static_cast<double>(visit.scan.frame)),
-                      *found.loop->pose * found.registered->T_place_query);
+                      o.poses.as_given(*found.loop->pose * found.registered->T_place_query));
       ++trajectory_poses;
     }
     if ((found.loop && found.loop->accepted) || all) writer.write(line_of(visit, detector.drive()));

@@ -42,7 +42,7 @@ std::vector<std::string> cells_of(const reports::LoopLine& loop) {
                                   std::pair(loop.has_match_position(), &loop.match_position())})
     for (const double value : {at->x(), at->y(), at->z()})
       cells.push_back(optional_number(given, value, 3));
-  cells.push_back(loop.drive());
+  for (const std::string& text : {loop.drive(), loop.refusal(), loop.file()}) cells.push_back(text);
   return cells;
 }
 
@@ -51,7 +51,7 @@ Table csv_table() {
                 "runner_up", "score",   "probability", "yaw_deg",     "accepted",   "registered",
                 "x",         "y",       "z",           "qx",          "qy",         "qz",
                 "qw",        "inliers", "fitness",     "here_x",      "here_y",     "here_z",
-                "match_x",   "match_y", "match_z",     "drive"});
+                "match_x",   "match_y", "match_z",     "drive",       "refusal",    "file"});
 }
 
 /// protobuf puts 64-bit integers into quotes.
@@ -82,6 +82,7 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   reports::LoopLine line;
   if (!drive.empty()) line.set_drive(drive);
   line.set_frame(visit.scan.frame);
+  line.set_file(visit.scan.file.string());
   set_position(visit.scan.pose, [&] { return line.mutable_position(); });
   if (visit.scan.time) line.set_time(*visit.scan.time);
   if (!visit.found.loop) return line;
@@ -96,6 +97,7 @@ reports::LoopLine line_of(const Visit& visit, const std::string& drive) {
   if (loop.probability) line.set_probability(*loop.probability);
   if (loop.turn) line.set_yaw_deg(*loop.turn * 180 / std::numbers::pi);
   line.set_accepted(loop.accepted);
+  if (const std::string why = name_of(visit.found.refusal); !why.empty()) line.set_refusal(why);
   if (!visit.found.registered) return line;
   const pipeline::Registration& r = *visit.found.registered;
   const Eigen::Vector3d t = r.T_place_query.translation();

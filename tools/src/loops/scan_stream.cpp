@@ -9,6 +9,7 @@
 
 #include "cli/messages.h"
 #include "revisit/base/error.h"
+#include "revisit/datasets/timed_poses.h"
 
 namespace revisit::cli {
 namespace {
@@ -17,18 +18,9 @@ namespace fs = std::filesystem;
 using pipeline::Pose;
 using pipeline::ScanRef;
 
-/// KITTI's camera sees x to the right, y down, z forward.
-Pose axes_of_camera() {
-  Pose T_cam_sensor = Pose::Identity();
-  T_cam_sensor.linear() << 0, -1, 0,  //
-      0, 0, -1,                       //
-      1, 0, 0;
-  return T_cam_sensor;
-}
-
 Pose calibration_of(const fs::path& scan) {
   const fs::path file = scan.parent_path().parent_path() / "calib.txt";
-  return fs::exists(file) ? pipeline::read_kitti_calibration(file) : axes_of_camera();
+  return fs::exists(file) ? pipeline::read_kitti_calibration(file) : pipeline::axes_of_camera();
 }
 
 }  // namespace
@@ -42,9 +34,8 @@ std::vector<ScanRef> with_sensor_poses(pipeline::Dataset dataset) {
   return std::move(dataset.scans);
 }
 
-ScanStream scans_of(pipeline::Dataset dataset) {
-  return [scans = with_sensor_poses(std::move(dataset)),
-          next = size_t{0}]() mutable -> std::optional<ScanRef> {
+ScanStream stream_of(std::vector<ScanRef> scans) {
+  return [scans = std::move(scans), next = size_t{0}]() mutable -> std::optional<ScanRef> {
     if (next == scans.size()) return std::nullopt;
     return scans[next++];
   };

@@ -14,7 +14,7 @@ using ScanStream = std::function<std::optional<pipeline::ScanRef>()>;
 /// The scans of a data set, whose poses are the camera's: with the calib.txt beside the scans, or
 /// the axes of KITTI's camera where there is none.
 std::vector<pipeline::ScanRef> with_sensor_poses(pipeline::Dataset dataset);
-ScanStream scans_of(pipeline::Dataset dataset);
+ScanStream stream_of(std::vector<pipeline::ScanRef> scans);
 
 /// A file a line: "scan.bin". Frames are counted from 0. Empty lines are passed over.
 ScanStream scans_listed_in(std::istream& list);

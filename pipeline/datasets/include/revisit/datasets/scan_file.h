@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 #include "revisit/recognition/point_cloud.h"
 
@@ -20,5 +21,9 @@ bool is_scan_file_name(const std::filesystem::path& file);
 
 /// Writes KITTI's .bin, atomically. Throws Error when it cannot.
 void write_kitti_scan(const std::filesystem::path& file, const PointCloud& cloud);
+
+/// The time [s] that a file's name is: SEC_NSEC.pcd, SEC.FRACTION.pcd, or 16 digits of micro- or 19
+/// of nanoseconds. Nothing for other names, such as numbers of frames.
+std::optional<double> time_in_name(const std::filesystem::path& file);
 
 }  // namespace revisit::pipeline

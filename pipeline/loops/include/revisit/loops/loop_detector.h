@@ -12,21 +12,33 @@
 namespace revisit::pipeline {
 
 struct LoopDetectorOptions {
-  std::string drive;        // name of the recording in the map; drive_in_map() adds a number
-  Exclusion exclusion;      // of the drive's own scans
-  KeyframeRule keyframes;   // which scans are stored
-  bool verify = false;      // registers accepted loops; those that do not fit are not accepted
-  bool keep_clouds = true;  // of places, to register later scans; without a map if `verify` is set
+  std::string drive;       // name of the recording in the map; drive_in_map() adds a number
+  Exclusion exclusion;     // of the drive's own scans
+  KeyframeRule keyframes;  // which scans are stored
+  /// Registers loops that the score accepts; those that do not fit are not accepted. Absent: where
+  /// the feature gives a heading to start from, as rings do.
+  std::optional<bool> verify;
+  bool keep_clouds = true;  // of places, to register later scans; without a map if loops are
   RegistrationOptions registration;
 };
 
+/// Why a loop is not accepted.
+enum class Refusal {
+  kNone,
+  kScore,         // below the threshold, or among too few places
+  kNoPoints,      // the place was stored without points to register with
+  kRegistration,  // the points do not fit
+};
+/// "", "score", "no points" or "registration".
+const char* name_of(Refusal refusal);
+
 /// The result for one scan.
 struct Detection {
-  std::string why_not;                     // it could not be described; "": it was
-  std::optional<int64_t> position;         // of its place in the recogniser; absent: no keyframe
-  std::optional<Loop> loop;                // the most similar place
+  std::string why_not;              // it could not be described; "": it was
+  std::optional<int64_t> position;  // of its place in the recogniser; absent: no keyframe
+  std::optional<Loop> loop;  // the most similar place; when it fits, its probability knows that
   std::optional<Registration> registered;  // of a loop that the score accepts
-  bool has_no_points = false;              // the place, with verification: the loop is not accepted
+  Refusal refusal = Refusal::kNone;        // of `loop`
 };
 
 /// The front end of loop closure: takes the scans of one drive in order, and says where each was
@@ -34,7 +46,7 @@ struct Detection {
 /// A recording of which the map has scans, by name and content, is resumed: these are compared, but
 /// not added again, and none of its later scans is a match.
 ///
-///   LoopDetector detector(recognizer, {.drive = "monday", .verify = true});
+///   LoopDetector detector(recognizer, {.drive = "monday"});
 ///   const Detection found = detector.take({points.data(), n, sizeof(MyPoint)}, {.frame = 17});
 ///   if (found.loop && found.loop->accepted)
 ///     add_edge(found.loop->position, 17, found.registered->T_place_query);
@@ -48,6 +60,8 @@ class LoopDetector {
   Detection take(const PointsView& points, const ScanStamp& scan);
   /// The name of the recording in the map.
   const std::string& drive() const { return options_.drive; }
+  /// Whether accepted loops have a pose (Detection::registered).
+  bool verifies() const { return verifies_; }
 
  private:
   /// The position of a scan that the map had before this object. Names the recording.
@@ -56,6 +70,7 @@ class LoopDetector {
 
   PlaceRecognizer& recognizer_;
   LoopDetectorOptions options_;
+  bool verifies_;
   std::string name_;  // of the recording, as given
   RecentPlaces recent_;
   Keyframes keyframes_;

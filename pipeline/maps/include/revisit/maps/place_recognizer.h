@@ -28,8 +28,9 @@ struct RecognizerOptions {
   /// that was not, what the feature was.
   std::optional<double> threshold;
   /// Of what is accepted, this share is right, as far as the calibration of the map or of the
-  /// feature holds (Calibration::threshold_for()).
-  double precision = 0.99;
+  /// feature holds (Calibration::threshold_for()). Of loops that LoopDetector has also registered,
+  /// 0.99 are when 0.95 are by their scores (fit_odds.h).
+  double precision = 0.95;
   int k = 4;
   /// Absent: what the feature was calibrated for; for one that was not Score::kDistinctMargin where
   /// its similarities tell which places are one, else Score::kMargin.
