@@ -107,7 +107,7 @@ TEST(LoopDetector, AcceptedLoopsAreRegistered) {
   EXPECT_TRUE(found.registered->accepted);
   EXPECT_TRUE(found.loop->accepted);
   EXPECT_EQ(found.refusal, Refusal::kNone);
-  // Points are kept in steps of 1/64 m.
+  // Points are kept in steps of 1/32 m.
   EXPECT_TRUE(found.registered->T_place_query.isApprox(Eigen::Isometry3d::Identity(), 0.01));
 
   PointCloud other = room(2);  // looks alike, but its walls are elsewhere

@@ -16,8 +16,8 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kVoxel = 0.7, kRange = 60;  // [m]
-constexpr float kStepsPerMetre = 64;
+constexpr double kVoxel = 0.4, kRange = 60;  // [m]
+constexpr float kStepsPerMetre = 32;
 constexpr uint32_t kMostPoints = 1 << 20;
 
 using MountNumbers = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
@@ -50,8 +50,8 @@ std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& moun
   const auto count = static_cast<uint32_t>(n);
   std::memcpy(result.data(), numbers.data(), kMountBytes);
   std::memcpy(&result[kMountBytes], &count, sizeof(count));
-  if (compress(reinterpret_cast<Bytef*>(&result[kHeadBytes]), &size, bytes.data(), bytes.size()) !=
-      Z_OK)
+  if (compress2(reinterpret_cast<Bytef*>(&result[kHeadBytes]), &size, bytes.data(), bytes.size(),
+                Z_BEST_SPEED) != Z_OK)
     throw std::bad_alloc();
   result.resize(kHeadBytes + size);
   return result;
