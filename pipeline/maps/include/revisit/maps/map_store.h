@@ -151,7 +151,7 @@ enum class MapAccess { kRead, kWrite, kNew };
 /// says nothing about a map that is there; with kNew there must be none. One process writes, any
 /// number read meanwhile.
 ///
-/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAPS.md): there any number
+/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/SERVER.md): there any number
 /// of processes write, too. A connection that is lost is made again, for 10 s or patience=SECONDS.
 ///
 /// Throws InputError for a file that is missing, there although it is to be new, not a map, damaged
