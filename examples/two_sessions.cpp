@@ -36,10 +36,12 @@ void run(int argc, char** argv) {
         floor = f;
       }
     if (!here) throw std::runtime_error("no map has a place");
-    std::printf("place %ld of %s, score %.3f\n", static_cast<long>(here->id), argv[3 + floor],
-                here->score);
-    floors[floor].remove(std::vector{here->position});
-    floors[floor].add(scan, {.drive = "today", .frame = here->frame});
+    std::printf("place %ld of %s, score %.3f: %s\n", static_cast<long>(here->id), argv[3 + floor],
+                here->score, here->accepted ? "replaced" : "not sure enough to replace it");
+    if (here->accepted) {
+      floors[floor].remove(std::vector{here->position});
+      floors[floor].add(scan, {.drive = "today", .frame = here->frame});
+    }
   }  // the maps are closed
   const int64_t merged = merge_maps(maps, argv[1], [](const std::string& damaged) {
     std::fprintf(stderr, "%s\n", damaged.c_str());

@@ -5,23 +5,23 @@ import os
 from revisit import recognition
 from revisit._core.maps import (
     Description, Detection, Loop, LoopDetector, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion, check_map,
-    merge_maps, precision_before_fit)
+    maker_of, merge_maps, precision_before_fit)
 
 __all__ = [
     'Description', 'Detection', 'Loop', 'LoopDetector', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter', 'StoredPlace',
-    'check_exclusion', 'check_map', 'merge_maps', 'open_map', 'precision_before_fit']
+    'check_exclusion', 'check_map', 'maker_of', 'merge_maps', 'open_map', 'precision_before_fit']
 
 KEY_CANDIDATES = 1000
 """As in `revisit loops`: how many places are compared, those with the most similar keys."""
 PRECISION = 0.95
 
 
-def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
+def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *,
              model: recognition.RingModel | None = None, threshold: float | None = None,
              precision: float = PRECISION, first_stretch: int = 200, threads: int = 1, mount: str = '') -> PlaceRecognizer:
     """A recogniser by rings whose places are in `file`, made when it is missing; None: nowhere.
 
-    sensor: whose model comes with the library (recognition.shipped_ring_models()).
+    sensor: whose model comes with the library (recognition.shipped_ring_models()); None: that of the map, of a new one hdl64.
     model: another one, as `revisit learn` writes them (recognition.read_ring_model()).
     threshold: from which score a loop is accepted; None: from where the precision is reached.
     precision: the share of accepted loops that are to be right by their scores, as far as the calibration of the map or the
@@ -31,9 +31,10 @@ def open_map(file: str | os.PathLike | None = None, sensor: str = 'hdl64', *,
     mount: 'roll,pitch,yaw,x,y,z' [deg, m], recognition.parse_mount(); '': the points' z is up.
     `revisit loops --map` reads and writes the same maps.
     """
-    extractor = recognition.ring_recogniser(
-        model if model is not None else recognition.shipped_ring_model(sensor),
-        key_candidates=KEY_CANDIDATES, threads=threads)
+    if model is None:
+        of_map = recognition.shipped_ring_sensor(maker_of(file)) if file is not None and sensor is None else ''
+        model = recognition.shipped_ring_model(sensor or of_map or 'hdl64')
+    extractor = recognition.ring_recogniser(model, key_candidates=KEY_CANDIDATES, threads=threads)
     store = None
     if file is not None:
         store = MapStore.open(file, PlaceRecognizer.identity_of(extractor))

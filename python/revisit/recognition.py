@@ -5,7 +5,7 @@ from revisit._core.recognition import (
     SensorFound, choose_ring_model, context_distance, cosine, find_sensor, from_scan, m2dp_features, misfit_of_view, network_features,
     parse_mount, principal_alignment, project, range_vector_features, read_ring_model, ring_net, ring_recogniser,
     scan_context, scan_context_features, scan_to_image, sensor_geometry, sensors, shipped_ring_model,
-    shipped_ring_models)
+    shipped_ring_models, shipped_ring_sensor)
 from revisit._pca import PcaModel, fit_pca
 
 __all__ = [
@@ -13,4 +13,5 @@ __all__ = [
     'ScanFeature', 'Sensor', 'SensorFound', 'choose_ring_model', 'context_distance', 'cosine', 'find_sensor', 'fit_pca', 'from_scan',
     'm2dp_features', 'misfit_of_view', 'network_features', 'parse_mount', 'principal_alignment', 'project', 'range_vector_features',
     'read_ring_model', 'ring_net', 'ring_recogniser', 'scan_context', 'scan_context_features',
-    'scan_to_image', 'sensor_geometry', 'sensors', 'shipped_ring_model', 'shipped_ring_models']
+    'scan_to_image', 'sensor_geometry', 'sensors', 'shipped_ring_model', 'shipped_ring_models',
+    'shipped_ring_sensor']

@@ -91,6 +91,8 @@ void bind_rings(nb::module_& module) {
       .def("__repr__", [](const RingModel& model) {
         return str("<RingModel for ", model.sensor, ", from ", model.scans, " scans>");
       });
+  module.def("shipped_ring_sensor", &shipped_ring_sensor, "key"_a,
+             "The sensor whose shipped model makes features of this key; '' when none does.");
   module.def("shipped_ring_models", &shipped_ring_models,
              "The sensors whose models come with the library.");
   module.def("shipped_ring_model", &shipped_ring_model, "sensor"_a, "weights_sha1"_a = "",

@@ -144,6 +144,9 @@ void bind_open_map(nb::module_& module) {
 void bind_map_store(nb::module_& module) {
   bind_place(module);
   bind_open_map(module);
+  module.def(
+      "maker_of", &maker_of, nb::call_guard<Unlocked>(), "map"_a,
+      "What made the features of a map, FeatureExtractor.key; '' without a map that can be read.");
   module.def("check_map", &check_map, nb::call_guard<Unlocked>(), "file"_a,
              "What is wrong with a map, a message each: none when it is sound.");
   module.def(

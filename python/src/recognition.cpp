@@ -100,13 +100,15 @@ void bind_sensors(nb::module_& module) {
       "scans"_a, "Tells the sensor from some scans of it.");
   module.def(
       "choose_ring_model",
-      [](const Scans& scans) {
+      [](const Scans& scans, const std::string& made_by) {
         const std::vector<PointCloud> clouds = clouds_of(scans);
-        const RingModelChoice choice = without_lock([&] { return choose_ring_model(clouds); });
+        const RingModelChoice choice =
+            without_lock([&] { return choose_ring_model(clouds, made_by); });
         return std::pair(choice.sensor, choice.reason);
       },
-      "scans"_a,
-      "The sensor of shipped_ring_models() whose model is the nearest for these scans, and why.");
+      "scans"_a, "made_by"_a = "",
+      "The sensor of shipped_ring_models() whose model is the nearest for these scans, and why. "
+      "The model of a map comes first: `made_by` is maker_of() it.");
   module.def(
       "misfit_of_view",
       [](const Scans& scans) {

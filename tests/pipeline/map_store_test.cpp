@@ -729,6 +729,17 @@ TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
   EXPECT_NE(said[1].find("drive '00' becomes 'b/00'"), std::string::npos) << said[1];
   EXPECT_NE(said[2].find("differ in their calibration"), std::string::npos) << said[2];
   EXPECT_NE(said[3].find("b.map: 1 of its places"), std::string::npos) << said[3];
+  // Merged once more, when b.map has grown, and with another robot's map of that name.
+  fs::create_directory(dir / "robot");
+  writer_of(files[1])->add(std::vector{place("00", 8, 1)});
+  writer_of(dir / "robot/b.map")->add(std::vector{place("00", 7, 3), place("00", 8, 3)});
+  const std::vector<fs::path> more = {dir / "merged", files[1], dir / "robot/b.map"};
+  EXPECT_EQ(merge_maps(more, dir / "more", tell), 8);
+  std::map<std::string, int> count;
+  for (const StoredPlace& stored : read_all(*open_map(dir / "more", MapAccess::kRead)).places)
+    ++count[stored.drive];
+  EXPECT_EQ(count, (std::map<std::string, int>{
+                       {"", 1}, {"00", 1}, {"b", 1}, {"b/00", 2}, {"b/00-2", 2}, {"base", 1}}));
   fs::create_symlink(files[0], dir / "again");
   expect_error<UsageError>(
       [&] {

@@ -182,5 +182,41 @@ TEST_F(Robots, DescribeOneDataSetTogetherWhoeverIsKilled) {
   EXPECT_NE(again.find(" 0 added here"), std::string::npos) << again;
 }
 
+/// Several recordings of one name, and one of them by two processes.
+TEST_F(Robots, FoldersOfOneNameThatStartTogetherAreKeptApart) {
+  run("simulate -o '" + (folder_ / "town").string() +
+      "' --sensor vlp16 --length 400 --every 12 -q");
+  std::vector<fs::path> scans;
+  for (const auto& scan : fs::directory_iterator(folder_ / "town/sequences/00/velodyne"))
+    scans.push_back(scan.path());
+  std::ranges::sort(scans);
+  const std::vector<size_t> ends = {0, 9, 19, 30};
+  ASSERT_GE(scans.size(), ends.back());
+  const auto folder = [&](size_t i) { return folder_ / std::to_string(i) / "scans"; };
+  for (size_t i = 0; i + 1 < ends.size(); ++i) {
+    fs::create_directories(folder(i));
+    for (size_t scan = ends[i]; scan < ends[i + 1]; ++scan)
+      fs::create_symlink(scans[scan], folder(i) / (std::to_string(scan - ends[i]) + ".bin"));
+  }
+  const auto build = [&](size_t i) {
+    return run("map build '" + folder(i).string() + "' --sensor vlp16 --threads 1 --no-progress " +
+               "--map " + map());
+  };
+  std::vector<std::thread> processes;
+  for (const size_t i : {0, 1, 2, 0}) processes.emplace_back([&, i] { build(i); });
+  for (std::thread& process : processes) process.join();
+
+  const auto frames_of = [&](const std::string& drive) {
+    std::set<int> frames;  // each once
+    for (const int frame : places()[drive]) EXPECT_TRUE(frames.insert(frame).second);
+    return frames.size();
+  };
+  EXPECT_EQ((std::multiset<size_t>{frames_of("scans"), frames_of("scans-2"), frames_of("scans-3")}),
+            (std::multiset<size_t>{9, 10, 11}));
+  EXPECT_EQ(places().size(), 3);
+  for (const size_t i : {0, 1, 2})  // none was mixed with another
+    EXPECT_NE(build(i).find(" 0 added here"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace revisit::cli

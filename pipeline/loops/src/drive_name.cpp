@@ -1,14 +1,27 @@
 #include "revisit/loops/drive_name.h"
 
-#include <map>
+#include <bit>
 
 #include "revisit/base/error.h"
+#include "revisit/base/fnv1a.h"
 
 namespace revisit::pipeline {
 namespace {
 
 /// A stored descriptor may be rounded to float16; two scans of a standing sensor are less alike.
 constexpr double kSameScan = 0.9999;
+/// Gap that a drive of few scans may have, too [frames].
+constexpr int64_t kShortGap = 100;
+
+/// Equal for a scan on every machine, unlike its description, which depends on the CPU.
+std::string content_of(const PointsView& points) {
+  PointCloud cloud;
+  copy_points(points, cloud);
+  uint64_t hash = kFnv1aStart;
+  for (const Point& p : cloud.points)
+    for (const float value : {p.x, p.y, p.z}) hash = fnv1a(hash, std::bit_cast<uint32_t>(value));
+  return str(hash);
+}
 
 }  // namespace
 
@@ -16,20 +29,23 @@ bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan, in
   return recognizer.similarity(scan, position) >= kSameScan;
 }
 
-std::string drive_in_map(const PlaceRecognizer& recognizer, const std::string& name,
-                         const Description& scan, int64_t frame) {
-  const auto has_scan = [&](const std::map<int64_t, int64_t>& places) {
-    const auto there = places.find(frame);
-    return there != places.end() && is_same_scan(recognizer, scan, there->second);
-  };
-  const auto may_be = [&](const std::string& drive) {
-    const auto places = recognizer.places_of(drive);
-    return places.empty() || places.rbegin()->first < frame || has_scan(places);
-  };
-  if (recognizer.places_of(name).empty() && has_scan(recognizer.places_of(""))) return "";
+bool may_continue(const DrivePlaces& places, int64_t frame) {
+  const int64_t first = places.begin()->first, last = places.rbegin()->first;
+  return frame > last && frame - last <= std::max(last - first, kShortGap);
+}
+
+std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
+                         const PointsView& first,
+                         const std::function<bool(const DrivePlaces&)>& is_it) {
+  const DrivePlaces unnamed = recognizer.places_of("");
+  if (recognizer.places_of(name).empty() && !unnamed.empty() && is_it(unnamed)) return "";
+  const std::string content = content_of(first);
   std::string drive = name;
-  for (int number = 2; !may_be(drive); ++number) drive = str(name, "-", number);
-  return drive;
+  for (int number = 2;; ++number) {
+    const DrivePlaces places = recognizer.places_of(drive);
+    if (places.empty() ? recognizer.reserve_drive(drive, content) : is_it(places)) return drive;
+    drive = str(name, "-", number);
+  }
 }
 
 }  // namespace revisit::pipeline

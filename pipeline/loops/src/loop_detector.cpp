@@ -62,7 +62,7 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     return found;
   }
   recognizer_.refresh_on_news();
-  found.position = stored(description, scan.frame);
+  found.position = stored(description, points, scan.frame);
   std::vector<int64_t> excluded(recent.begin(), recent.end());
   for (const auto& [frame, position] : ahead_) excluded.push_back(position);
   found.loop = recognizer_.query(description, excluded);
@@ -91,13 +91,18 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
   return found;
 }
 
-std::optional<int64_t> LoopDetector::stored(const Description& scan, int64_t frame) {
+std::optional<int64_t> LoopDetector::stored(const Description& scan, const PointsView& points,
+                                            int64_t frame) {
   const auto there = stored_.find(frame);
   const bool is_there = there != stored_.end();
   if (is_there && is_same_scan(recognizer_, scan, there->second)) return there->second;
   if (identified_ && !is_there) return std::nullopt;
   // The first scan, or another recording that began alike.
-  options_.drive = drive_in_map(recognizer_, name_, scan, frame);
+  options_.drive = drive_in_map(recognizer_, name_, points, [&](const DrivePlaces& places) {
+    const auto same = places.find(frame);
+    return same == places.end() ? may_continue(places, frame)
+                                : is_same_scan(recognizer_, scan, same->second);
+  });
   stored_ = ahead_ = recognizer_.places_of(options_.drive);
   identified_ = true;
   const auto found = stored_.find(frame);

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -49,12 +50,13 @@ namespace {
 struct Source {
   fs::path file;
   std::unique_ptr<MapStore> map;
+  int64_t last = 0;  // place that is merged; others may add more meanwhile
 };
 
-/// One scan in two maps has the same frame and numbers.
+/// Of a scan, whatever its drive is called.
 int64_t content_of(const StoredPlace& place) {
   Checksum sum;
-  sum.bytes(place.drive).number(place.frame);
+  sum.number(place.frame);
   for (const std::vector<float>* numbers : {&place.descriptor, &place.feature})
     sum.bytes({reinterpret_cast<const char*>(numbers->data()), numbers->size() * sizeof(float)});
   return sum.value();
@@ -79,82 +81,93 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
   return sources;
 }
 
-/// Drives of one name in several maps are different recordings unless the maps share a scan of it.
-/// All but the first then become MAP/DRIVE.
+/// The names of drives in the merged map. A drive that shares a scan with one of a map before is
+/// the same recording and has its name. Another recording of a name that is taken becomes MAP/NAME.
 class DriveNames {
  public:
-  explicit DriveNames(std::span<const Source> sources) {
-    std::map<std::string, int> count;
-    for (const Source& source : sources) {
-      const bool on_a_server = is_on_a_server(source.file.string());
-      const std::string name = on_a_server ? "server" : source.file.stem().string();
-      const int number = ++count[name];
-      labels_[&source] = number == 1 ? name : str(name, "-", number);
+  /// The maps come in their order.
+  void add(Source& source, const MapStore::Damaged& report) {
+    std::map<std::string, std::optional<std::string>> drives;  // -> the recording's name before
+    std::map<int64_t, std::string> scans;
+    const auto take = [&](StoredPlace&& place) {
+      const int64_t content = content_of(place);
+      const auto before = recordings_.find(content);
+      std::optional<std::string>& known_as = drives[place.drive];
+      if (before != recordings_.end()) known_as = before->second;
+      scans.emplace(content, place.drive);
+    };
+    source.last = source.map->read(0, take, report).last;
+    auto& names = names_[&source];
+    std::set<std::string> taken = taken_;
+    for (const auto& [drive, known_as] : drives)
+      if (known_as) names[drive] = *known_as;
+    for (const auto& [drive, known_as] : drives) {
+      if (known_as) continue;
+      names[drive] = taken.contains(drive) ? free_name(source, drive) : drive;
+      taken_.insert(names[drive]);
+      if (names[drive] != drive)
+        report(str(shown_name(source.file), ": drive '", drive, "' becomes '", names[drive],
+                   "': another map has a recording of that name"));
     }
+    for (const auto& [content, drive] : scans) recordings_.emplace(content, names[drive]);
   }
-  void add(const Source& source, const std::string& drive) {
-    const auto [found, is_new] = owners_.emplace(drive, &source);
-    if (!is_new && found->second != &source) renamed_.insert({&source, drive});
-  }
-  void add_shared(const std::string& drive) { shared_.insert(drive); }
-  std::string name_of(const Source& source, const std::string& drive) const {
-    if (!renamed_.contains({&source, drive}) || shared_.contains(drive)) return drive;
-    const std::string& label = labels_.at(&source);
-    return drive.empty() ? label : label + "/" + drive;
-  }
-  void tell(const MapStore::Damaged& report) const {
-    for (const auto& [source, drive] : renamed_)
-      if (!shared_.contains(drive))
-        report(str(shown_name(source->file), ": drive '", drive, "' becomes '",
-                   name_of(*source, drive), "': another map has a recording of that name"));
+  const std::string& name_of(const Source& source, const std::string& drive) const {
+    return names_.at(&source).at(drive);
   }
 
  private:
-  std::map<const Source*, std::string> labels_;
-  std::map<std::string, const Source*> owners_;
-  std::set<std::pair<const Source*, std::string>> renamed_;
-  std::set<std::string> shared_;
+  std::string free_name(const Source& source, const std::string& drive) const {
+    const std::string map =
+        is_on_a_server(source.file.string()) ? "server" : source.file.stem().string();
+    const std::string name = drive.empty() ? map : map + "/" + drive;
+    std::string free = name;
+    for (int number = 2; taken_.contains(free); ++number) free = str(name, "-", number);
+    return free;
+  }
+
+  std::map<const Source*, std::map<std::string, std::string>> names_;
+  std::map<int64_t, std::string> recordings_;  // content of a scan -> name of its drive
+  std::set<std::string> taken_;
 };
 
 }  // namespace
 
 int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
                    const MapStore::Damaged& report) {
-  const std::vector<Source> sources = open_sources(maps);
-  DriveNames names(sources);
-  std::set<int64_t> seen;
-  for (const Source& source : sources)
-    source.map->read(
-        0,
-        [&](StoredPlace&& place) {
-          if (seen.insert(content_of(place)).second)
-            names.add(source, place.drive);
-          else
-            names.add_shared(place.drive);
-        },
-        report);
-  names.tell(report);
+  std::vector<Source> sources = open_sources(maps);
+  DriveNames names;
+  for (Source& source : sources) names.add(source, report);
 
   const MapStore& first = *sources[0].map;
   const auto merged = open_map(file, MapAccess::kNew, &first.identity(), first.number_format());
   for (const char* name : {kBasisValue, kCalibrationValue, kThresholdValue}) {
     const auto value = first.value(name);
-    const bool is_common = std::ranges::all_of(
-        sources, [&](const Source& source) { return source.map->value(name) == value; });
+    const bool is_common = std::ranges::all_of(sources, [&](const Source& source) {
+      return source.map->value(name).value_or("") == value.value_or("");
+    });
     if (!is_common)
       report(str("the maps differ in their ", name, ": the merged map has none of its own"));
     else if (value)
       merged->set_value(name, *value);
   }
+  std::set<int64_t> scans;                           // of the maps before: content
+  std::set<std::pair<std::string, int64_t>> frames;  // and drive, frame
   for (const Source& source : sources) {
     std::vector<StoredPlace> places;
+    std::set<int64_t> scans_here;
+    std::set<std::pair<std::string, int64_t>> frames_here;
     const auto clouds = open_map(source.file, MapAccess::kRead);  // asked while the other reads
     int64_t known = 0;
     source.map->read(
         0,
         [&](StoredPlace&& place) {
-          if (seen.erase(content_of(place)) == 0) return void(++known);
+          if (place.id > source.last) return;
+          const int64_t content = content_of(place);
           place.drive = names.name_of(source, place.drive);
+          if (scans.contains(content) || frames.contains({place.drive, place.frame}))
+            return void(++known);
+          scans_here.insert(content);
+          frames_here.emplace(place.drive, place.frame);
           try {
             place.cloud = clouds->cloud(place.id);
           } catch (const InputError& error) {
@@ -165,6 +178,8 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
         },
         [](const std::string&) {});  // reported before
     merged->add(places);
+    scans.merge(scans_here);
+    frames.merge(frames_here);
     if (known > 0)
       report(str(shown_name(source.file), ": ", known, " of its places are in the maps before it"));
   }

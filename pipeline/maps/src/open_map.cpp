@@ -172,6 +172,17 @@ std::unique_ptr<MapStore> open_map(const fs::path& file, MapAccess access,
   return map;
 }
 
+std::string maker_of(const fs::path& map) {
+  if (map.empty()) return "";
+  try {
+    const MapIdentity identity = open_map(map, MapAccess::kRead)->identity();
+    const auto made_by = identity.find("made by");
+    return made_by == identity.end() ? "" : made_by->second;
+  } catch (const InputError&) {
+    return "";
+  }
+}
+
 std::vector<std::string> check_map(const fs::path& file) {
   if (!is_on_a_server(file.string())) look_at_existing(file);
   std::vector<std::string> wrong;

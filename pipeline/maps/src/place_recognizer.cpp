@@ -18,6 +18,7 @@
 #include "revisit/recognition/mount.h"
 #include "revisit/recognition/optional_library.h"
 #include "revisit/recognition/place_index.h"
+#include "spilled_clouds.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -114,6 +115,7 @@ struct PlaceRecognizer::Impl {
   int64_t removals_known = 0;                 // of read_to.removed
   bool is_behind = false;                     // an error has ended the reading of what is new
   std::map<std::string, std::string> values;  // what a map would keep, where there is none
+  SpilledClouds clouds;                       // the same of places
   std::optional<Calibration> calibration;
   std::optional<double> threshold;
   bool other_score_said = false;
@@ -239,7 +241,7 @@ struct PlaceRecognizer::Impl {
   void know(StoredPlace place) {
     std::vector<float>().swap(place.descriptor);
     std::vector<float>().swap(place.feature);
-    if (map) std::string().swap(place.cloud);
+    std::string().swap(place.cloud);
     places.push_back(std::move(place));
   }
 
@@ -358,6 +360,7 @@ struct PlaceRecognizer::Impl {
     if (map) {
       ids = add_to_map(std::move(about), claim);
     } else {
+      clouds.take(about);
       for (StoredPlace& place : about) take_in(std::move(place));
       learn_in_time();
     }
@@ -591,6 +594,11 @@ std::map<int64_t, int64_t> PlaceRecognizer::places_of(const std::string& drive) 
   return frames;
 }
 
+bool PlaceRecognizer::reserve_drive(const std::string& drive, const std::string& content) {
+  const std::unique_lock lock(impl_->mutex);
+  return !impl_->map || impl_->map->reserve_drive(drive, content);
+}
+
 const Eigen::Isometry3d& PlaceRecognizer::mount() const {
   return impl_->options.mount;
 }
@@ -607,7 +615,7 @@ std::string PlaceRecognizer::cloud(int64_t position) const {
   const std::unique_lock lock(impl_->mutex);  // of the map, which one thread asks
   impl_->check_position(position);
   const StoredPlace& place = impl_->places[static_cast<size_t>(position)];
-  return impl_->map ? impl_->map->cloud(place.id) : place.cloud;
+  return impl_->map ? impl_->map->cloud(place.id) : impl_->clouds.of(position);
 }
 
 double PlaceRecognizer::similarity(const Description& scan, int64_t position) const {

@@ -72,7 +72,7 @@ def sensor_of(o, first):
         return o.sensor
     if not clouds:
         raise InputError(f'{o.data}: none of the first {len(first)} scans can be read to choose a model; give --sensor')
-    sensor, why = recognition.choose_ring_model(clouds)
+    sensor, why = recognition.choose_ring_model(clouds, maps.maker_of(o.map) if o.map else '')
     say(o, f'sensor: {sensor} ({why})')
     return sensor
 

@@ -182,9 +182,8 @@ pipeline::Calibration calibrated(const LoopsOptions& o, const RecognizerSource& 
   how.stop = interrupted;
   how.done = progress.callback();
   const SpacedRecognizer one{&recognizer};
-  std::vector<pipeline::JudgedScore> matches;
-  for (const JudgedMatch& match : judge_drive(dataset, {&one, 1}, how))
-    matches.push_back(match.judged);
+  const std::vector<pipeline::JudgedScore> matches =
+      scores_by_place(judge_drive(dataset, {&one, 1}, how), how.rule);
   if (std::ranges::none_of(matches, &pipeline::JudgedScore::right))
     throw InputError(o.calibrate.string() +
                      ": no match on it is right; it needs places that are seen again");
@@ -280,7 +279,7 @@ int loops_command(const Arguments& arguments) {
       "  revisit loops recording/ --follow 10 --map town.map --format jsonl\n");
   LoopsOptions o = parse_loops_options(arguments, parser);
   const Source source = open_source(o);
-  RecognizerSource described = recognizer_source(o.feature, source.some);
+  RecognizerSource described = recognizer_source(o.feature, source.some, o.map.file);
   described.options.threshold = o.threshold;
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
@@ -288,6 +287,7 @@ int loops_command(const Arguments& arguments) {
   if (!o.verify) o.verify = static_cast<bool>(described.extractor.comparison.turn);
   if (o.sure) o.precision = *o.verify ? pipeline::precision_before_fit(*o.sure) : *o.sure;
   described.options.precision = o.precision;
+  const NewMap new_map(o.map.file);
   auto map = o.map.open(described);  // before the work of calibrating
   std::optional<pipeline::Calibration> learnt;
   if (!o.calibrate.empty()) {

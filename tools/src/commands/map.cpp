@@ -123,8 +123,9 @@ int build(const Arguments& arguments) {
   map.check();
   if (map.file.empty()) throw UsageError("give the map: --map FILE");
   const pipeline::Dataset dataset = open_scans(options);
-  RecognizerSource source = recognizer_source(options, dataset, ScansAtOnce::kMany);
+  RecognizerSource source = recognizer_source(options, dataset, map.file, ScansAtOnce::kMany);
   source.options.first_stretch = map.first_stretch;
+  const NewMap new_map(map.file);
   pipeline::PlaceRecognizer recognizer(source.extractor, source.options, map.open(source), warn);
   cli::Progress progress("describing", "scans", !options.no_progress && !options.quiet);
   const auto shared = pipeline::open_shared_work(map.file);
@@ -180,7 +181,7 @@ int query(const Arguments& arguments) {
     dataset.scans.emplace_back().file = scan;
     dataset.scans.back().frame = static_cast<int>(dataset.scans.size()) - 1;
   }
-  RecognizerSource source = recognizer_source(options, dataset);
+  RecognizerSource source = recognizer_source(options, dataset, map);
   source.options.threshold = threshold;
   source.options.precision = precision;
   const pipeline::MapIdentity identity =

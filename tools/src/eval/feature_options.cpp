@@ -16,6 +16,7 @@
 #include "eval/competitors.h"
 #include "models/checksum.h"
 #include "revisit/datasets/scan_file.h"
+#include "revisit/maps/map_store.h"
 #include "revisit/recognition/mount.h"
 #include "revisit/recognition/ring/choose_model.h"
 #include "revisit/recognition/ring/features.h"
@@ -396,14 +397,16 @@ std::vector<pipeline::PointCloud> mounted_scans(const FeatureOptions& options,
   return scans;
 }
 
-std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset) {
+std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset,
+                           const fs::path& map) {
   const bool sees_image = options.feature == "cnn" || options.feature == "data" ||
                           (options.feature == "ring" && options.ring.empty());
   if (!sees_image || !options.image.is_auto()) return "";
   const std::vector<pipeline::PointCloud> scans = mounted_scans(options, dataset);
   if (scans.empty()) return "";
   if (options.feature != "ring") return options.image.resolve(scans);
-  const pipeline::RingModelChoice choice = pipeline::choose_ring_model(scans);
+  const pipeline::RingModelChoice choice =
+      pipeline::choose_ring_model(scans, pipeline::maker_of(map));
   options.image.sensor = choice.sensor;
   return str(choice.sensor, " (", choice.reason, ")");
 }

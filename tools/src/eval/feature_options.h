@@ -90,8 +90,9 @@ FeatureSource open_feature(const FeatureOptions& options, const pipeline::Datase
 
 /// Resolves `--sensor auto` by some scans, where the feature sees range images: for rings to the
 /// sensor of the nearest model. Returns what was found, for people; "" when there was nothing to
-/// find.
-std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset);
+/// find. `map`: whose model is preferred, when there is such a map.
+std::string resolve_sensor(FeatureOptions& options, const pipeline::Dataset& dataset,
+                           const std::filesystem::path& map = {});
 
 /// Warns when the scans cannot be the view of a sensor that stands upright (misfit_of_view()).
 void warn_of_view(const FeatureOptions& options, const pipeline::Dataset& dataset);

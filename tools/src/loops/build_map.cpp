@@ -1,6 +1,7 @@
 #include "build_map.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <map>
 #include <thread>
@@ -78,23 +79,24 @@ void describe_and_add(std::span<const int64_t> frames, const ByFrame& by_frame,
 }  // namespace
 
 std::string drive_of_recording(const std::vector<ScanRef>& scans,
-                               const pipeline::PlaceRecognizer& recognizer,
-                               const std::string& name) {
-  pipeline::PointCloud cloud;
-  std::string drive = name;
-  // Recordings may begin alike: also a scan in the middle and the last tell them apart.
-  for (const size_t at : {size_t{0}, scans.size() / 2, scans.size() - 1})
-    for (size_t i = at; i < scans.size(); ++i) {
-      const DescribedScan scan = describe_scan(scans[i], name, recognizer, cloud);
-      if (!scan.description.described()) continue;
-      const auto places = recognizer.places_of(drive);
-      const auto there = places.find(scans[i].frame);
-      if (at == 0 ||
-          (there != places.end() && !is_same_scan(recognizer, scan.description, there->second)))
-        drive = drive_in_map(recognizer, name, scan.description, scans[i].frame);
-      break;
-    }
-  return drive;
+                               pipeline::PlaceRecognizer& recognizer, const std::string& name) {
+  pipeline::PointCloud first, cloud;
+  for (size_t i = 0; i < scans.size() && first.points.empty(); ++i)
+    describe_scan(scans[i], name, recognizer, first);
+  return pipeline::drive_in_map(
+      recognizer, name, view_of(first), [&](const pipeline::DrivePlaces& places) {
+        std::vector<const ScanRef*> common;
+        for (const ScanRef& scan : scans)
+          if (places.contains(scan.frame)) common.push_back(&scan);
+        if (common.empty()) return pipeline::may_continue(places, scans.front().frame);
+        // Recordings may begin alike.
+        return std::ranges::all_of(
+            std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {
+              const DescribedScan scan = describe_scan(*common[at], name, recognizer, cloud);
+              return !scan.description.described() ||
+                     is_same_scan(recognizer, scan.description, places.at(common[at]->frame));
+            });
+      });
 }
 
 Built build_map(const std::vector<ScanRef>& scans, pipeline::PlaceRecognizer& recognizer,

@@ -24,10 +24,10 @@ struct Built {
   int64_t added = 0, left_out = 0;  // by this process
 };
 
-/// drive_in_map() of a recording of at least one scan, by its first, a middle and its last one.
+/// drive_in_map() of a recording of at least one scan. Of the scans that the map may have, the
+/// first, a middle and the last one are compared.
 std::string drive_of_recording(const std::vector<pipeline::ScanRef>& scans,
-                               const pipeline::PlaceRecognizer& recognizer,
-                               const std::string& name);
+                               pipeline::PlaceRecognizer& recognizer, const std::string& name);
 
 /// Adds the scans that the recogniser's map lacks, together with all others that share the
 /// work, and returns when none is missing. A scan that cannot be read or described gets no place.

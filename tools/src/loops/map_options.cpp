@@ -1,5 +1,7 @@
 #include "map_options.h"
 
+#include <exception>
+
 #include "cli/built_in.h"
 #include "cli/messages.h"
 #include "revisit/base/error.h"
@@ -47,6 +49,20 @@ std::unique_ptr<pipeline::MapStore> MapOptions::open(const RecognizerSource& sou
   auto map = pipeline::open_map(file, pipeline::MapAccess::kWrite, &identity, numbers);
   if (!basis.empty()) pipeline::take_over_basis(*map, basis, warn);
   return map;
+}
+
+NewMap::NewMap(const std::filesystem::path& map) : exceptions_(std::uncaught_exceptions()) {
+  if (!pipeline::is_on_a_server(map.string()) && !std::filesystem::exists(map)) file_ = map;
+}
+
+NewMap::~NewMap() {
+  if (file_.empty() || std::uncaught_exceptions() == exceptions_) return;
+  try {
+    if (pipeline::open_map(file_, pipeline::MapAccess::kRead)->size() > 0) return;
+    for (const char* ending : {"", "-wal", "-shm"})
+      std::filesystem::remove(file_.string() + ending);
+  } catch (const std::exception&) {  // no map was made, or it stays
+  }
 }
 
 }  // namespace revisit::cli

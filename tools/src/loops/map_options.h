@@ -28,4 +28,18 @@ struct MapOptions {
   }
 };
 
+/// Removes the file of a map that a command made before it failed without a place. Else the map
+/// would bind later commands to this one's sensor. Is to outlive the map.
+class NewMap {
+ public:
+  explicit NewMap(const std::filesystem::path& map);
+  ~NewMap();
+  NewMap(const NewMap&) = delete;
+  NewMap& operator=(const NewMap&) = delete;
+
+ private:
+  std::filesystem::path file_;  // "": there was a map
+  int exceptions_;              // in flight before
+};
+
 }  // namespace revisit::cli

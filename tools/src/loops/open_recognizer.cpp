@@ -37,11 +37,12 @@ pipeline::FeatureExtractor projected(const pipeline::FeatureExtractor& extractor
 }  // namespace
 
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
-                                   ScansAtOnce at_once) {
+                                   const fs::path& map, ScansAtOnce at_once) {
   if (options.feature == "fabmap")
     throw UsageError("--feature fabmap: it sees camera images, and all of them at once");
   warn_of_view(options, some);
-  if (const std::string found = resolve_sensor(options, some); !found.empty() && !options.quiet)
+  if (const std::string found = resolve_sensor(options, some, map);
+      !found.empty() && !options.quiet)
     note("sensor: " + found);
   options.threads_per_scan = at_once == ScansAtOnce::kOne ? options.thread_count() : 1;
   FeatureSource source = open_feature(options, some, "");

@@ -15,8 +15,10 @@ struct RecognizerSource {
 };
 /// Whether all cores work on one scan, or each on its own.
 enum class ScansAtOnce { kOne, kMany };
-/// Throws UsageError for a feature that learns from whole drives (--pca, but for --fit-on DIR).
+/// `map`: may be missing. Throws UsageError for a feature that learns from whole drives (--pca, but
+/// for --fit-on DIR).
 RecognizerSource recognizer_source(FeatureOptions& options, const pipeline::Dataset& some,
+                                   const std::filesystem::path& map,
                                    ScansAtOnce at_once = ScansAtOnce::kOne);
 
 }  // namespace revisit::cli

@@ -111,6 +111,20 @@ class PostgresMap : public MapStore {
     return at;
   }
 
+  bool reserve_drive(const std::string& drive, const std::string& content) override {
+    must_be_writer();
+    check_drive(drive);
+    return server_->run([&](pqxx::connection& connection) {
+      pqxx::work step(connection);
+      const std::string name = "recording of " + drive;
+      step.exec_params("INSERT INTO value VALUES ($1, $2, $3) ON CONFLICT (name) DO NOTHING", name,
+                       bytes_of(content), value_checksum(name, content));
+      const pqxx::result kept = step.exec_params("SELECT bytes FROM value WHERE name = $1", name);
+      step.commit();
+      return bytes_in(kept[0][0]) == content;
+    });
+  }
+
   bool has_news() override { return server_->was_told(); }
 
   bool replace_descriptors(

@@ -42,9 +42,7 @@ Fit fit_of(const std::string& sensor, const std::vector<PointCloud>& scans, size
   return fit;
 }
 
-}  // namespace
-
-RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans) {
+RingModelChoice nearest(const std::vector<PointCloud>& scans) {
   constexpr double kEnough = 0.88;
   if (std::ranges::all_of(scans, [](const PointCloud& scan) { return scan.points.empty(); }))
     throw UsageError("a ring model is chosen by scans with points: found none");
@@ -63,6 +61,17 @@ RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans) {
   return {best.sensor, str(seen, found.name.empty() ? "" : str(", like ", found.name),
                            "; no model of its own, the nearest holds ",
                            std::lround(100 * best.held), " % of the points above the ground")};
+}
+
+}  // namespace
+
+RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans,
+                                  const std::string& made_by) {
+  RingModelChoice choice = nearest(scans);
+  const std::string of_map = shipped_ring_sensor(made_by);
+  if (of_map.empty() || of_map == choice.sensor) return choice;
+  return {of_map,
+          str("of the map; the nearest to the scans is ", choice.sensor, ": ", choice.reason)};
 }
 
 }  // namespace revisit::pipeline

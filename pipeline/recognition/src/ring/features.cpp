@@ -5,7 +5,6 @@
 
 #include "feature/precision_key.h"
 #include "revisit/base/file_content.h"
-#include "revisit/base/text.h"
 #include "revisit/recognition/ground.h"
 #include "revisit/recognition/ring/learn.h"
 #include "revisit/recognition/sensor.h"
@@ -51,8 +50,7 @@ FeatureExtractor ring_features(const RingModel& model, const engine::Net& net,
   FeatureExtractor extractor;
   extractor.name = "ring";
   extractor.dim = model.dim();
-  extractor.key =
-      str("ring ", short_name_of(extraction_content(model)), precision_key(forward.precision));
+  extractor.key = ring_key(model) + precision_key(forward.precision);
   const auto reductions = std::make_shared<const std::vector<ColumnReduction>>(model.layers.begin(),
                                                                                model.layers.end());
   extractor.make = [plan, reductions, grid = model.grid, height = model.sensor_height,

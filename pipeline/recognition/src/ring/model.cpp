@@ -10,6 +10,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/file_content.h"
 #include "revisit/base/fnv1a.h"
+#include "revisit/base/text.h"
 #include "ring/model_content.h"
 #include "ring/spectrum.h"
 
@@ -138,10 +139,10 @@ struct Reader {
 
 }  // namespace
 
-std::string extraction_content(const RingModel& model) {
+std::string ring_key(const RingModel& model) {
   ring::Model message;
   fill_extraction(model, message);
-  return message.SerializeAsString();
+  return "ring " + short_name_of(message.SerializeAsString());
 }
 
 std::string ring_model_content(const RingModel& model) {

@@ -6,7 +6,8 @@
 
 namespace revisit::pipeline {
 
-/// The bytes that a scan's rings depend on: image, net and directions.
-std::string extraction_content(const RingModel& model);
+/// FeatureExtractor::key of the model, without the precision: tells what a scan's rings depend on,
+/// image, net and directions.
+std::string ring_key(const RingModel& model);
 
 }  // namespace revisit::pipeline

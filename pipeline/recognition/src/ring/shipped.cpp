@@ -5,6 +5,7 @@
 #include "revisit/base/error.h"
 #include "revisit/base/joined.h"
 #include "revisit/recognition/ring/model.h"
+#include "ring/model_content.h"
 
 // NOLINTBEGIN(bugprone-macro-parentheses): a name that is declared has none.
 
@@ -48,6 +49,13 @@ std::vector<std::string> shipped_ring_models() {
   for (const Shipped& model : kShipped)
     if (*model.weights_sha1 == '\0') names.emplace_back(model.sensor);
   return names;
+}
+
+std::string shipped_ring_sensor(const std::string& key) {
+  for (const Shipped& model : kShipped)
+    if (key.starts_with(ring_key(shipped_ring_model(model.sensor, model.weights_sha1))))
+      return model.sensor;
+  return "";
 }
 
 RingModel shipped_ring_model(const std::string& sensor, const std::string& weights_sha1) {

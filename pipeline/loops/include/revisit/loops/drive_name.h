@@ -1,5 +1,7 @@
 #pragma once
 
+#include <functional>
+#include <map>
 #include <string>
 
 #include "revisit/maps/place_recognizer.h"
@@ -9,11 +11,19 @@ namespace revisit::pipeline {
 /// Whether a scan is the one at a position of a map, described again.
 bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan, int64_t position);
 
+/// Places of one drive in a map: frame -> position.
+using DrivePlaces = std::map<int64_t, int64_t>;
+
+/// Whether a scan may be of a drive that ended before it: the gap is not longer than the drive. A
+/// folder named by time, recorded on the next day, begins later.
+bool may_continue(const DrivePlaces& places, int64_t frame);
+
 /// The name under which a recording is in a map, or comes into it: the first of "monday",
-/// "monday-2", ... that the map does not know, or that has the same scan as `frame`, or that ends
-/// before `frame`. `scan`: of the recording, described. A map of before, whose plain folders had no
-/// name, keeps "".
-std::string drive_in_map(const PlaceRecognizer& recognizer, const std::string& name,
-                         const Description& scan, int64_t frame);
+/// "monday-2", ... that has no places, or whose places are of the recording (`is_it`). A new name
+/// is reserved for the recording that begins with the scan `first`, so that no other process takes
+/// it. A map of before, whose plain folders had no name, keeps "".
+std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
+                         const PointsView& first,
+                         const std::function<bool(const DrivePlaces&)>& is_it);
 
 }  // namespace revisit::pipeline

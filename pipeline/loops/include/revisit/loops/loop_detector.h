@@ -65,7 +65,7 @@ class LoopDetector {
 
  private:
   /// The position of a scan that the map had before this object. Names the recording.
-  std::optional<int64_t> stored(const Description& scan, int64_t frame);
+  std::optional<int64_t> stored(const Description& scan, const PointsView& points, int64_t frame);
   void verify(const PointCloud& query, Detection& found) const;
 
   PlaceRecognizer& recognizer_;

@@ -102,6 +102,12 @@ class MapStore {
   /// `after`.
   virtual std::vector<int64_t> removed(int64_t after = 0) const = 0;
 
+  /// Keeps the name of a drive for the recording of this content, a text that tells it from others.
+  /// False when it is kept for another one. A file, which has one writer, keeps none.
+  virtual bool reserve_drive(const std::string& /*drive*/, const std::string& /*content*/) {
+    return true;
+  }
+
   /// Whether others may have changed the map since the last read(). A file says nothing of others.
   virtual bool has_news() { return false; }
 
@@ -151,7 +157,7 @@ enum class MapAccess { kRead, kWrite, kNew };
 /// says nothing about a map that is there; with kNew there must be none. One process writes, any
 /// number read meanwhile.
 ///
-/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/MAPS.md): there any number
+/// postgresql://USER@HOST/DATABASE?map=NAME is a map on a server (docs/SERVER.md): there any number
 /// of processes write, too. A connection that is lost is made again, for 10 s or patience=SECONDS.
 ///
 /// Throws InputError for a file that is missing, there although it is to be new, not a map, damaged
@@ -186,6 +192,9 @@ void take_over_basis(MapStore& map, const std::filesystem::path& other,
 /// not fit and a map that is there.
 int64_t merge_maps(std::span<const std::filesystem::path> maps, const std::filesystem::path& file,
                    const MapStore::Damaged& report);
+
+/// What made the features of a map, FeatureExtractor::key; "" without a map that can be read.
+std::string maker_of(const std::filesystem::path& map);
 
 /// What is wrong with a map, a message each: none when it is sound. Reads all of it. Throws
 /// InputError for a file that is missing and Error when it cannot be opened.

@@ -110,6 +110,8 @@ class PlaceRecognizer {
   int64_t size() const;
   /// The places of a drive that were not removed: frame -> position.
   std::map<int64_t, int64_t> places_of(const std::string& drive) const;
+  /// MapStore::reserve_drive() of the map; true without one.
+  bool reserve_drive(const std::string& drive, const std::string& content);
   /// The points of the place at `position` (StoredPlace::cloud); "": none. Throws UsageError for a
   /// position without a place, and what MapStore::cloud() throws.
   std::string cloud(int64_t position) const;

@@ -16,7 +16,9 @@ struct RingModelChoice {
 /// sensor that has one; else the nearest. That must see what stands on the ground: among the models
 /// whose image holds at least 88 % of what the widest one holds of it, the one whose upper edge and
 /// number of beams (where they can be told apart) differ least. Tilt and mounting height do not
-/// matter: scans are levelled. Throws UsageError without points.
-RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans);
+/// matter: scans are levelled. Before all comes the model that a map was made with, when it is a
+/// shipped one: `made_by` is that of its identity. Throws UsageError without points.
+RingModelChoice choose_ring_model(const std::vector<PointCloud>& scans,
+                                  const std::string& made_by = "");
 
 }  // namespace revisit::pipeline

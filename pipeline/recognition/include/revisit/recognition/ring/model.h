@@ -93,5 +93,7 @@ RingModel parse_ring_model(std::string_view content, const std::string& name);
 /// ring_net() is then to be given, it is that. Throws UsageError for another sensor and for others.
 std::vector<std::string> shipped_ring_models();
 RingModel shipped_ring_model(const std::string& sensor, const std::string& weights_sha1 = "");
+/// The sensor whose shipped model makes features of this FeatureExtractor::key; "" when none does.
+std::string shipped_ring_sensor(const std::string& key);
 
 }  // namespace revisit::pipeline

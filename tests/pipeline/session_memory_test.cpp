@@ -1,0 +1,105 @@
+// The memory of a long drive that is verified. REVISIT_MEMORY_SCANS=20000 measures one by rings:
+//   env REVISIT_MEMORY_SCANS=20000 build/dev/tests/revisit_pipeline_tests
+//   --gtest_filter='SessionMemory*'
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <random>
+
+#include "revisit/loops/loop_detector.h"
+#include "revisit/recognition/ring/features.h"
+#include "test_data.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// Equal for a scan and its repetition; otherwise unlike. Takes no time.
+FeatureExtractor hash_of_points() {
+  FeatureExtractor extractor;
+  extractor.name = extractor.key = "hash of points";
+  extractor.dim = 16;
+  extractor.make = []() -> FeatureFunction<PointCloud> {
+    return [](const PointCloud& cloud, std::span<float> feature) {
+      for (size_t i = 0; i < feature.size(); ++i) feature[i] = cloud.points[100 * i].x;
+    };
+  };
+  extractor.comparison.turn = [](std::span<const float>, std::span<const float>) { return 0.0; };
+  return extractor;
+}
+
+/// Walls, poles and ground at random. Every fifth scan is that of 500 before, so that it is
+/// registered.
+PointCloud scan_of_drive(int64_t frame) {
+  std::mt19937 random(static_cast<uint32_t>(frame % 5 == 4 && frame >= 500 ? frame - 500 : frame));
+  const auto number = [&](float least, float most) {
+    return least + (most - least) * static_cast<float>(random() % 65536) / 65536;
+  };
+  PointCloud cloud;
+  for (int thing = 0; thing < 60; ++thing) {
+    const float x = number(-50, 50), y = number(-50, 50), along = number(0.2F, 12),
+                up = number(1, 8), heading = number(0, 6.28F);
+    for (int i = 0; i < 40; ++i) {
+      const float s = number(0, along);
+      cloud.points.push_back(
+          {x + s * std::cos(heading), y + s * std::sin(heading), number(-1.7F, up), 0});
+    }
+  }
+  for (int i = 0; i < 1500; ++i)
+    cloud.points.push_back({number(-40, 40), number(-40, 40), -1.73F, 0});
+  return cloud;
+}
+
+int64_t resident_bytes() {
+  std::ifstream statm("/proc/self/statm");
+  int64_t size = 0, resident = 0;
+  statm >> size >> resident;
+  return resident * ::sysconf(_SC_PAGESIZE);
+}
+
+/// Resident memory when there are this many scans, ascending.
+std::vector<int64_t> memory_at(const std::vector<int64_t>& scans, const FeatureExtractor& extractor,
+                               std::unique_ptr<MapStore> map, int64_t& registered) {
+  PlaceRecognizer recognizer(extractor, {.first_stretch = 200, .threshold = 0.9}, std::move(map));
+  LoopDetector detector(recognizer, {.drive = "long", .verify = true});
+  std::vector<int64_t> bytes;
+  for (int64_t frame = 0; std::ssize(bytes) < std::ssize(scans); ++frame) {
+    if (frame == scans[bytes.size()]) bytes.push_back(resident_bytes());
+    const PointCloud cloud = scan_of_drive(frame);
+    const Detection found = detector.take(view_of(cloud), {.frame = frame});
+    registered += found.registered ? 1 : 0;
+  }
+  return bytes;
+}
+
+/// Points of a place are 20 kB, which would be seen at once.
+TEST(SessionMemory, PointsOfPlacesAreNotKeptInIt) {
+  const char* const given = std::getenv("REVISIT_MEMORY_SCANS");
+  const RingModel model = shipped_ring_model("vlp16");
+  const FeatureExtractor extractor =
+      given != nullptr ? ring_recogniser(model, ring_net(model), {.key_candidates = 1000})
+                       : hash_of_points();
+  std::vector<int64_t> marks = {1000, 2000};
+  const int64_t last = given != nullptr ? std::atoll(given) : 0;
+  for (const int64_t mark : {5000, 10000, 20000})
+    if (mark <= last) marks.push_back(mark);
+  const test::TempDir dir;
+  const MapIdentity identity = PlaceRecognizer::identity_of(extractor, {});
+  for (const bool with_map : {false, true}) {
+    int64_t registered = 0;
+    const std::vector<int64_t> bytes = memory_at(
+        marks, extractor,
+        with_map ? open_map(dir / "long.map", MapAccess::kWrite, &identity) : nullptr, registered);
+    EXPECT_GT(registered, 100);
+    for (size_t i = 0; i < marks.size() && given != nullptr; ++i)
+      std::printf("%s, %6ld scans: %.1f MB\n", with_map ? "map on disk" : "without map",
+                  static_cast<long>(marks[i]), static_cast<double>(bytes[i]) / 1e6);
+    const int64_t a_scan = (bytes.back() - bytes.front()) / (marks.back() - marks.front());
+    EXPECT_LT(a_scan, 6000) << (with_map ? "with a map" : "without a map");
+  }
+}
+
+}  // namespace
+}  // namespace revisit::pipeline
