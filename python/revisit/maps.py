@@ -18,7 +18,7 @@ PRECISION = 0.95
 
 def open_map(file: str | os.PathLike | None = None, sensor: str | None = None, *,
              model: recognition.RingModel | None = None, threshold: float | None = None,
-             precision: float = PRECISION, first_stretch: int = 200, threads: int = 1, mount: str = '') -> PlaceRecognizer:
+             precision: float = PRECISION, first_stretch: int = 128, threads: int = 1, mount: str = '') -> PlaceRecognizer:
     """A recogniser by rings whose places are in `file`, made when it is missing; None: nowhere.
 
     sensor: whose model comes with the library (recognition.shipped_ring_models()); None: that of the map, of a new one hdl64.

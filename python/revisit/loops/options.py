@@ -71,7 +71,7 @@ def make_parser():
                        'metres=1 (by poses) or similarity=0.9 (less similar to the last one stored)')
     loops.add_argument('--verify', action=argparse.BooleanOptionalAction, default=None, help='register loops that the score accepts '
                        'by GICP: where the scan was; those that do not fit are not accepted (default)')
-    loops.add_argument('--first-stretch', type=positive, default=200, metavar='N', help='places that the mean ring is learnt from '
+    loops.add_argument('--first-stretch', type=positive, default=128, metavar='N', help='places that the mean ring is learnt from '
                        '(default %(default)s)')
     loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
     loops.add_argument('--no-clouds', action='store_true', help='store no points of places (some 20 kB each): later drives cannot '

@@ -25,7 +25,7 @@ void MapOptions::declare(Parser& parser) {
               "recording of that name gets a number",
               &drive)
       .option("first-stretch", "N",
-              "ring: its mean is learnt from so many distinct places (default 200)", &first_stretch)
+              "ring: its mean is learnt from so many distinct places (default 128)", &first_stretch)
       .flag("no-clouds",
             "store no points of places (some 20 kB each): later drives cannot be registered with "
             "them",

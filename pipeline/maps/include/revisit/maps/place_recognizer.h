@@ -23,7 +23,7 @@ struct RecognizerOptions {
   /// A feature that learns from the map's scans (rings their mean) does so from the first places
   /// until so many of them are distinct, at most from five times as many, and describes them
   /// again; what comes later is described as these are.
-  int64_t first_stretch = 200;
+  int64_t first_stretch = 128;
   /// Of the score: at least so much is accepted. Absent: what the map was calibrated to; in a map
   /// that was not, what the feature was.
   std::optional<double> threshold;
