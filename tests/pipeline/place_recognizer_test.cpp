@@ -283,12 +283,13 @@ TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
   EXPECT_EQ(PlaceRecognizer(coordinates_of_places(0.9), {}).score(), Score::kDistinctMargin);
   const PlaceRecognizer paper(coordinates_of_places(0.9), {.score = Score::kMargin});
   EXPECT_EQ(paper.score(), Score::kMargin);
-  // Five times the same place: the fourth looks like the first, but is no other place. What is
+  // A minute at the same place: the fourth looks like the first, but is no other place. What is
   // left out or was removed is none either.
   PlaceRecognizer recognizer(coordinates_of_places(0.99), {.first_stretch = 10});
   drive(recognizer, 0, 60);
-  for (int i = 0; i < 5; ++i)
-    recognizer.add(recognizer.describe(view_of(scan_of(107))), {.frame = i});
+  std::vector<int64_t> same(1, 7);
+  for (int i = 0; i < 600; ++i)
+    same.push_back(recognizer.add(recognizer.describe(view_of(scan_of(107))), {.frame = i}));
   const Description scan = recognizer.describe(view_of(scan_of(207)));
   const auto loop = recognizer.query(scan);
   EXPECT_LT(loop->runner_up, 0.98);

@@ -21,8 +21,9 @@ struct Query {
   std::span<const CandidateRange> candidates;  // do not overlap, ascending
 };
 
-/// Distinct places are looked for among so many: each takes up to k - 1 comparisons.
-inline constexpr int64_t kMostLookedAt = 300;
+/// Distinct places are looked for among so many, so that a halt does not hide the others: each
+/// takes up to k - 1 comparisons.
+inline constexpr int64_t kMostLookedAt = 1000;
 
 struct SearchOptions {
   int k = 4;  // how many places are found; with fewer candidates, all of them
