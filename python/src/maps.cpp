@@ -78,6 +78,9 @@ void bind_records(nb::module_& module) {
               "That the place is right; None without a calibration for this score.")
       .def_ro("turn", &Loop::turn,
               "Heading of the scan less heading of the place, counter-clockwise [rad], or None.")
+      .def_ro("ambiguous", &Loop::ambiguous,
+              "The place lies where its drive looks the same for much longer than usual, as in a "
+              "tunnel; the loop is not accepted.")
       .def_ro("accepted", &Loop::accepted, "The score reaches the threshold; False without one.")
       .def("__repr__", [](const Loop& loop) {
         return str("<Loop to place ", loop.position, ", score ", loop.score,

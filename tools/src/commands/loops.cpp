@@ -191,7 +191,8 @@ void need_promise(const pipeline::Calibration& calibration, double precision) {
 struct Summary {
   std::optional<double> threshold;
   pipeline::Exclusion exclusion;
-  int64_t scans = 0, left_out = 0, queried = 0, accepted = 0, without_points = 0, poses = 0;
+  int64_t scans = 0, left_out = 0, queried = 0, accepted = 0, ambiguous = 0, without_points = 0,
+          poses = 0;
   double best = 0;  // score of all that were queried
 
   void add(const pipeline::Detection& found) {
@@ -201,6 +202,7 @@ struct Summary {
     if (!found.loop) return;
     best = queried++ == 0 ? found.loop->score : std::max(best, found.loop->score);
     accepted += found.loop->accepted ? 1 : 0;
+    ambiguous += found.loop->ambiguous && threshold && found.loop->score >= *threshold ? 1 : 0;
   }
   std::string text() const {
     std::string text = str(scans, " scans, ", accepted, " loops accepted");
@@ -208,10 +210,12 @@ struct Summary {
       text +=
           str(": no scan had a place to be compared with (--exclusion ", to_string(exclusion), ")");
     else if (accepted == 0 && threshold)
-      text += str(": of ", queried, " scans that had places to be compared with the best score is ",
-                  number(best, 3), ", accepted from ", number(*threshold, 3), " on",
-                  best >= *threshold ? " once there are more distinct places" : "", "; ",
-                  scans - left_out - queried, " were excluded (", to_string(exclusion), ")");
+      text +=
+          str(": of ", queried, " scans that had places to be compared with the best score is ",
+              number(best, 3), ", accepted from ", number(*threshold, 3), " on",
+              best >= *threshold && ambiguous == 0 ? " once there are more distinct places" : "",
+              "; ", scans - left_out - queried, " were excluded (", to_string(exclusion), ")");
+    if (ambiguous > 0) text += str(" (", ambiguous, " more in places that look alike for long)");
     if (without_points > 0)
       text += str(" (", without_points, " more look alike, but their places have no points)");
     return left_out > 0 ? str(text, ", ", left_out, " scans left out") : text;

@@ -55,6 +55,8 @@ class PlaceIndex {
   /// The same without a copy: `descriptor` must stay where it is as long as the index lives.
   void refer_to(std::span<const float> descriptor);
   std::span<const float> descriptor(int64_t place) const;
+  /// Of a descriptor [dim] to one place.
+  double similarity(std::span<const float> descriptor, int64_t place) const;
 
   /// Whether descriptors are compared by their cosine.
   bool by_cosine() const { return !comparison_.similarity; }
