@@ -79,6 +79,9 @@ void bind_records(nb::module_& module) {
               "That the place is right; None without a calibration for this score.")
       .def_ro("turn", &Loop::turn,
               "Heading of the scan less heading of the place, counter-clockwise [rad], or None.")
+      .def_ro("ambiguous", &Loop::ambiguous,
+              "The place lies where its drive looks the same for much longer than usual, as in a "
+              "tunnel; the loop is not accepted.")
       .def_ro("accepted", &Loop::accepted, "The score reaches the threshold; False without one.")
       .def("__repr__", [](const Loop& loop) {
         return str("<Loop to place ", loop.position, ", score ", loop.score,
@@ -196,8 +199,8 @@ void bind_loop_detector(nb::module_& module) {
               "How the scan lies to the place, of a loop that the score accepts.")
       .def_prop_ro(
           "refusal", [](const Detection& self) { return name_of(self.refusal); },
-          "Why the loop is not accepted: 'score', 'no points' (its place was stored without) or "
-          "'registration'; else ''.");
+          "Why the loop is not accepted: 'score', 'ambiguous', 'no points' (its place was "
+          "stored without) or 'registration'; else ''.");
   module.def("precision_before_fit", &precision_before_fit, "precision"_a,
              "What scores must promise, that loops which fit are right with this precision.");
   module.def(

@@ -283,12 +283,13 @@ TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
   EXPECT_EQ(PlaceRecognizer(coordinates_of_places(0.9), {}).score(), Score::kDistinctMargin);
   const PlaceRecognizer paper(coordinates_of_places(0.9), {.score = Score::kMargin});
   EXPECT_EQ(paper.score(), Score::kMargin);
-  // Five times the same place: the fourth looks like the first, but is no other place. What is
+  // A minute at the same place: the fourth looks like the first, but is no other place. What is
   // left out or was removed is none either.
   PlaceRecognizer recognizer(coordinates_of_places(0.99), {.first_stretch = 10});
   drive(recognizer, 0, 60);
-  for (int i = 0; i < 5; ++i)
-    recognizer.add(recognizer.describe(view_of(scan_of(107))), {.frame = i});
+  std::vector<int64_t> same(1, 7);
+  for (int i = 0; i < 600; ++i)
+    same.push_back(recognizer.add(recognizer.describe(view_of(scan_of(107))), {.frame = i}));
   const Description scan = recognizer.describe(view_of(scan_of(207)));
   const auto loop = recognizer.query(scan);
   EXPECT_LT(loop->runner_up, 0.98);
@@ -297,7 +298,139 @@ TEST(PlaceRecognizer, ScoresByDistinctPlacesWhereTheFeatureTellsThem) {
   drive(once, 0, 60);
   EXPECT_EQ(once.query(scan)->runner_up, loop->runner_up);
   EXPECT_EQ(once.query(scan, std::vector<int64_t>{7})->position,
-            recognizer.query(scan, std::vector<int64_t>{7, 60, 61, 62, 63, 64})->position);
+            recognizer.query(scan, same)->position);
+}
+
+/// What is seen of a street after so many metres: another thing every two metres, and from 60 to
+/// 120 a tunnel, where only noise differs.
+Description seen_at(double metres, int pass = 0) {
+  const bool tunnel = metres >= 60 && metres < 120;
+  std::vector<float> feature(kNumbers, tunnel ? 1.0F : 0.0F);
+  const auto see = [&](int thing, double share) {
+    feature[static_cast<size_t>(thing % kNumbers)] += static_cast<float>(share);
+  };
+  const auto thing = static_cast<int>(metres / 2);
+  if (!tunnel) {
+    see(thing, thing + 1 - metres / 2);
+    see(thing + 1, metres / 2 - thing);
+  }
+  std::mt19937 random(static_cast<unsigned>(static_cast<int>(10 * metres) + 7919 * pass));
+  std::normal_distribution<float> noise(0, tunnel ? 0.3F : 0.02F);
+  for (float& number : feature) number += noise(random);
+  return {.feature = feature, .why_not = ""};
+}
+
+/// Drives along it, and adds a place after every `step` metres.
+struct Drive {
+  double from = 0, to = 200, step = 0.5;
+  bool poses = true;
+  std::string name = "d";
+  int pass = 0;
+  int64_t frame = 0;
+
+  void add(PlaceRecognizer& recognizer, double metres) {
+    std::optional<Eigen::Isometry3d> pose;
+    if (poses) pose = Eigen::Translation3d(metres, 0, 0) * Eigen::Isometry3d::Identity();
+    recognizer.add(seen_at(metres, pass), {.drive = name, .frame = frame++, .pose = pose});
+  }
+  void add_all(PlaceRecognizer& recognizer) {
+    for (double metres = from; metres < to; metres += step) add(recognizer, metres);
+  }
+};
+
+/// Metres of the street from which on, five at a time, most loops are ambiguous. No others are.
+std::vector<int> ambiguous_metres(const PlaceRecognizer& recognizer) {
+  std::vector<int> metres;
+  for (int from = 0; from < 200; from += 5) {
+    int ambiguous = 0;
+    for (int i = 0; i < 10; ++i) {
+      const auto loop = recognizer.query(seen_at(from + 0.5 * i + 0.25, 99));
+      EXPECT_EQ(loop->accepted, !loop->ambiguous);
+      ambiguous += loop->ambiguous ? 1 : 0;
+    }
+    if (ambiguous > 5) metres.push_back(from);
+  }
+  return metres;
+}
+
+const std::vector<int> kTunnel = {60, 65, 70, 75, 80, 85, 90, 95, 100, 105, 110, 115};
+constexpr double kSamePlace = 0.65;
+/// All is accepted that is not ambiguous.
+const RecognizerOptions kAcceptsAll = {.first_stretch = 30, .threshold = -9};
+
+TEST(PlaceRecognizer, InATunnelNoPlaceIsAccepted) {
+  for (const bool poses : {true, false})
+    for (const double step : {0.1, 0.5, 1.5, 3.0})  // dense drives, and keyframes
+      for (const int64_t stretch : {2, 30, 1000}) {
+        SCOPED_TRACE(testing::Message() << poses << ' ' << step << ' ' << stretch);
+        PlaceRecognizer recognizer(coordinates_of_places(kSamePlace),
+                                   {.first_stretch = stretch, .threshold = -9});
+        Drive{.step = step, .poses = poses}.add_all(recognizer);
+        EXPECT_EQ(ambiguous_metres(recognizer), kTunnel);
+      }
+  PlaceRecognizer no_places(coordinates(), kAcceptsAll);
+  Drive{}.add_all(no_places);
+  EXPECT_TRUE(ambiguous_metres(no_places).empty()) << "similarities do not tell";
+}
+
+TEST(PlaceRecognizer, HaltsAndStreetsDrivenOftenAreNotAmbiguous) {
+  for (const bool poses : {true, false}) {
+    PlaceRecognizer recognizer(coordinates_of_places(kSamePlace), kAcceptsAll);
+    for (int pass = 0; pass < 4; ++pass) {
+      Drive street{.from = 120, .to = 150, .poses = poses, .pass = pass, .frame = 10000 * pass};
+      street.name = std::to_string(pass % 2);
+      street.add_all(recognizer);
+      for (int i = 0; i < 300; ++i) {
+        street.pass = 100 + i;
+        street.add(recognizer, 150);
+      }
+      street.from = 150;
+      street.to = 200;
+      street.add_all(recognizer);
+    }
+    for (double metres = 120.25; metres < 200; metres += 0.5)
+      EXPECT_TRUE(recognizer.query(seen_at(metres, 99))->accepted) << poses << ' ' << metres;
+  }
+}
+
+TEST(PlaceRecognizer, TunnelsAreFoundInMapsHoweverTheyWereFilled) {
+  const test::TempDir folder;
+  const FeatureExtractor extractor = coordinates_of_places(kSamePlace);
+  const MapIdentity identity = PlaceRecognizer::identity_of(extractor, kAcceptsAll);
+  const auto open = [&](const char* name) {
+    return std::make_unique<PlaceRecognizer>(extractor, kAcceptsAll,
+                                             open_map(folder / name, MapAccess::kWrite, &identity));
+  };
+  const auto answers = [](const PlaceRecognizer& recognizer) {
+    std::vector<std::pair<int64_t, bool>> all;
+    for (double metres = 0.25; metres < 200; ++metres)
+      if (const auto loop = recognizer.query(seen_at(metres, 99)))
+        all.emplace_back(loop->position, loop->ambiguous);
+    return all;
+  };
+  // Two robots at once, closed and opened between.
+  Drive here{.name = "here"}, there{.from = 1000, .to = 1200, .poses = false, .name = "there"};
+  auto recognizer = open("two");
+  for (int i = 0; i < 200; ++i) {
+    here.add(*recognizer, i);
+    there.add(*recognizer, 1000 + i);
+    if (i % 60 != 59) continue;
+    const auto before = answers(*recognizer);
+    recognizer.reset();  // one process writes
+    recognizer = open("two");
+    EXPECT_EQ(answers(*recognizer), before);
+  }
+  EXPECT_EQ(ambiguous_metres(*recognizer), kTunnel);
+  // Blocks of scans that several machines described; some were removed.
+  auto blocks = open("blocks");
+  for (const int block : {1, 0, 3, 2, 5, 4, 7, 6, 9, 8}) {
+    Drive part{.from = 20.0 * block, .to = 20.0 * (block + 1), .frame = int64_t{40} * block};
+    part.add_all(*blocks);
+  }
+  blocks->remove(std::vector<int64_t>{10, 11, 200});
+  blocks.reset();
+  blocks = open("blocks");
+  EXPECT_EQ(ambiguous_metres(*blocks), kTunnel);
 }
 
 TEST(PlaceRecognizer, AReaderSeesWhatAWriterAdds) {

@@ -25,6 +25,12 @@ void unmount(const Eigen::Isometry3d& mount_of_place, const Eigen::Isometry3d& m
   registered.information = adjoint.transpose() * registered.information * adjoint;
 }
 
+/// Why the recogniser does not accept it.
+Refusal refusal_of(const Loop& loop, std::optional<double> threshold) {
+  const bool by_score = threshold && loop.score >= *threshold;
+  return loop.ambiguous && by_score ? Refusal::kAmbiguous : Refusal::kScore;
+}
+
 }  // namespace
 
 const char* name_of(Refusal refusal) {
@@ -33,6 +39,8 @@ const char* name_of(Refusal refusal) {
       break;
     case Refusal::kScore:
       return "score";
+    case Refusal::kAmbiguous:
+      return "ambiguous";
     case Refusal::kNoPoints:
       return "no points";
     case Refusal::kRegistration:
@@ -86,7 +94,8 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     recent_.add(*found.position);
   }
   if (found.position) keyframes_.add(*found.position, scan.pose);
-  if (found.loop && !found.loop->accepted) found.refusal = Refusal::kScore;
+  if (found.loop && !found.loop->accepted)
+    found.refusal = refusal_of(*found.loop, recognizer_.threshold());
   if (verifies_ && found.loop && found.loop->accepted) verify(cloud, found);
   return found;
 }

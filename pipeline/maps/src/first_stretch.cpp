@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <bit>
 
-#include "revisit/recognition/cosine.h"
-
 namespace revisit::pipeline {
 namespace {
 
@@ -12,14 +10,6 @@ std::vector<float> described(const Basis& basis, std::span<const float> feature)
   std::vector<float> descriptor(static_cast<size_t>(basis.dim));
   basis.describe(feature, descriptor);
   return descriptor;
-}
-
-double similarity_of(std::span<const float> a, std::span<const float> b,
-                     const Comparison& comparison) {
-  if (!comparison.similarity) return cosine(a, length_of(a), b, length_of(b));
-  double similarity = 0;
-  comparison.similarity(a, {&b, 1}, {&similarity, 1});
-  return similarity;
 }
 
 }  // namespace
@@ -42,7 +32,7 @@ bool FirstStretch::is_distinct(std::span<const float> feature) {
   const Basis& provisional = basis();
   const std::vector<float> last = described(provisional, features_.row(distinct_.back())),
                            here = described(provisional, feature);
-  return similarity_of(here, last, provisional.comparison) < *extractor_.comparison.same_place;
+  return provisional.comparison.similarity_of(here, last) < *extractor_.comparison.same_place;
 }
 
 const Basis& FirstStretch::basis() {

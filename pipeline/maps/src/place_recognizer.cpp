@@ -19,6 +19,7 @@
 #include "revisit/recognition/optional_library.h"
 #include "revisit/recognition/place_index.h"
 #include "spilled_clouds.h"
+#include "stretches.h"
 
 namespace revisit::pipeline {
 namespace {
@@ -110,6 +111,7 @@ struct PlaceRecognizer::Impl {
   bool has_graph = false;                     // the index
   std::vector<int64_t> removed;               // positions, ascending; no query answers with them
   std::optional<FirstStretch> stretch;        // the places, while the basis is not settled
+  std::optional<Stretches> stretches;         // of `index`; none where similarities do not tell
   int64_t learnt_from = 0;                    // while it is not: the basis (FirstStretch)
   MapPosition read_to;                        // of `map`
   int64_t removals_known = 0;                 // of read_to.removed
@@ -184,9 +186,16 @@ struct PlaceRecognizer::Impl {
   void settle(Basis fixed) {
     basis = std::move(fixed);
     settled = true;
+    begin_index();
+    stretch.reset();
+  }
+
+  void begin_index() {
     index.emplace(basis->dim, basis->comparison);
     has_graph = false;
-    stretch.reset();
+    stretches.reset();
+    if (score == Score::kDistinctMargin && basis->comparison.same_place)
+      stretches.emplace(*basis->comparison.same_place);
   }
 
   void check_position(int64_t position) const {
@@ -226,15 +235,17 @@ struct PlaceRecognizer::Impl {
   /// After places came, one or many, while the basis is not settled: it is learnt again whenever
   /// the distinct ones have doubled, and when they end the stretch.
   void learn_in_time() {
-    if (settled || stretch->features().n == 0) return;
-    const Basis& learnt = stretch->basis();
-    if (learnt_from != stretch->learnt_from()) {
-      basis = learnt;
-      index.emplace(basis->dim, basis->comparison);
-      learnt_from = stretch->learnt_from();
+    if (!settled && stretch->features().n > 0) {
+      const Basis& learnt = stretch->basis();
+      if (learnt_from != stretch->learnt_from()) {
+        basis = learnt;
+        begin_index();
+        learnt_from = stretch->learnt_from();
+      }
+      for (int64_t i = index->size(); i < stretch->features().n; ++i)
+        index->add(descriptor_of(stretch->features().row(i)));
     }
-    for (int64_t i = index->size(); i < stretch->features().n; ++i)
-      index->add(descriptor_of(stretch->features().row(i)));
+    if (stretches) stretches->add(places, *index);
   }
 
   /// Without its numbers, which the index has: clear() would keep their memory.
@@ -552,7 +563,8 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
             match.similarities.back(),
             match.score,
             {},
-            match.turn};
+            match.turn,
+            impl.stretches && impl.stretches->is_long(position)};
   // Of n distinct places none looks like another: n / (n + 1) that the next one does not (Laplace's
   // rule of succession).
   const auto n =
@@ -560,7 +572,7 @@ std::optional<Loop> PlaceRecognizer::query(const Description& scan,
   const double most = n / (n + 1);
   if (impl.calibration)
     loop.probability = std::min(most, impl.calibration->probability(loop.score));
-  loop.accepted = impl.threshold && loop.score >= *impl.threshold &&
+  loop.accepted = !loop.ambiguous && impl.threshold && loop.score >= *impl.threshold &&
                   (impl.options.threshold || !impl.stretch || most >= impl.options.precision);
   return loop;
 }
@@ -622,9 +634,7 @@ double PlaceRecognizer::similarity(const Description& scan, int64_t position) co
   const std::shared_lock lock(impl_->mutex);
   impl_->check_feature(scan);
   impl_->check_position(position);
-  const CandidateRange one{position, position + 1};
-  return impl_->index->best(impl_->descriptor_of(scan.feature), {&one, 1}, {.k = 1})
-      .similarities.front();
+  return impl_->index->similarity(impl_->descriptor_of(scan.feature), position);
 }
 
 std::optional<double> PlaceRecognizer::threshold() const {

@@ -237,7 +237,8 @@ struct Summary {
                   best >= *threshold ? " once there are more distinct places" : "", "; ",
                   scans - left_out - queried, " were excluded (", to_string(exclusion), ")");
     for (const auto& [refusal, what] :
-         {std::pair(pipeline::Refusal::kRegistration, "look alike, but their points do not fit"),
+         {std::pair(pipeline::Refusal::kAmbiguous, "in places that look alike for long"),
+          std::pair(pipeline::Refusal::kRegistration, "look alike, but their points do not fit"),
           std::pair(pipeline::Refusal::kNoPoints,
                     "look alike, but their places have no points (--no-verify accepts them)")})
       if (const auto found = refused.find(refusal); found != refused.end())

@@ -8,6 +8,13 @@
 
 namespace revisit::pipeline {
 
+double Comparison::similarity_of(std::span<const float> a, std::span<const float> b) const {
+  if (!similarity) return cosine(a, length_of(a), b, length_of(b));
+  double similarity_found = 0;
+  similarity(a, {&b, 1}, {&similarity_found, 1});
+  return similarity_found;
+}
+
 PlaceIndex::PlaceIndex(int64_t dim, Comparison comparison)
     : dim_(dim), comparison_(std::move(comparison)) {
   if (comparison_.key_candidates > 0 && comparison_.keys)
@@ -53,6 +60,11 @@ void PlaceIndex::refer_to(std::span<const float> descriptor) {
 std::span<const float> PlaceIndex::descriptor(int64_t place) const {
   const Block& block = blocks_[static_cast<size_t>(place / kPlacesInBlock)];
   return {block.rows[static_cast<size_t>(place % kPlacesInBlock)], static_cast<size_t>(dim_)};
+}
+
+double PlaceIndex::similarity(std::span<const float> query, int64_t place) const {
+  check(query, "descriptor");
+  return comparison_.similarity_of(query, descriptor(place));
 }
 
 void PlaceIndex::choose_by(std::unique_ptr<CandidateSource> source, int64_t count) {

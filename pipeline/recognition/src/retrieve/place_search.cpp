@@ -25,12 +25,12 @@ int64_t row_of(int64_t place) {
 /// (-similarity, place): sorts with the most similar first and equals by place.
 using RankedPlace = std::pair<double, int64_t>;
 
-/// The `most` best of `places`, sorted.
-void keep_best(std::vector<RankedPlace>& places, int64_t most) {
-  const auto end = places.begin() + std::min(most, std::ssize(places));
-  std::nth_element(places.begin(), end, places.end());
-  places.erase(end, places.end());
-  std::ranges::sort(places);
+/// Puts the best of `places`, `most` of them, in front, sorted.
+std::span<RankedPlace> sort_best(std::span<RankedPlace> places, size_t most) {
+  const std::span<RankedPlace> best = places.first(std::min(most, places.size()));
+  if (best.size() < places.size()) std::nth_element(places.begin(), best.end() - 1, places.end());
+  std::ranges::sort(best);
+  return best;
 }
 
 /// Ranks, similarities and score of `places`, which are sorted.
@@ -314,12 +314,14 @@ void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double 
         cosine(descriptor, length, memory.places[i], length_at(memory.chosen[i]));
 }
 
-/// Of memory.ranked, which is sorted, the first options.k that are not the same place as one before
-/// them. With fewer the last looked at takes the part of the k-th: the score is then a lower bound.
+/// Of memory.ranked the best options.k that are not the same place as a better one, sorted. With
+/// fewer the last looked at takes the part of the k-th: the score is then a lower bound.
 void PlaceSearch::keep_distinct(Comparing& memory) const {
+  constexpr size_t kSortedTogether = 100;
   const double same = *index_.comparison_.same_place;
-  const RankedPlace last = memory.ranked.back();
-  size_t kept = 0;
+  const std::span<RankedPlace> ranked = memory.ranked;
+  const size_t most = std::min(ranked.size(), static_cast<size_t>(looked_at()));
+  size_t kept = 0, sorted = 0;
   // Most are neighbours of the best, which is asked first.
   const auto is_known = [&](int64_t place) {
     const double length = index_.by_cosine() ? length_at(place) : 0;
@@ -330,10 +332,14 @@ void PlaceSearch::keep_distinct(Comparing& memory) const {
     }
     return false;
   };
-  for (size_t i = 0; i < memory.ranked.size() && static_cast<int>(kept) < options_.k; ++i)
-    if (!is_known(memory.ranked[i].second)) memory.ranked[kept++] = memory.ranked[i];
+  for (size_t i = 0; i < most && std::cmp_less(kept, options_.k); ++i) {
+    if (i == sorted)
+      sorted += sort_best(ranked.subspan(sorted), std::min(kSortedTogether, most - sorted)).size();
+    if (!is_known(ranked[i].second)) ranked[kept++] = ranked[i];
+  }
+  const RankedPlace last = ranked[most - 1];
   memory.ranked.resize(kept);
-  if (std::ssize(memory.ranked) < options_.k && memory.ranked.back() != last)
+  if (std::cmp_less(kept, options_.k) && memory.ranked.back() != last)
     memory.ranked.push_back(last);
 }
 
@@ -352,8 +358,10 @@ Match PlaceSearch::compare(size_t q, int64_t number) const {
       throw NotFinite(number, memory.chosen[i], memory.similarities[i]);
     memory.ranked.emplace_back(-memory.similarities[i], memory.chosen[i]);
   }
-  keep_best(memory.ranked, looked_at());
-  if (options_.score == Score::kDistinctMargin) keep_distinct(memory);
+  if (options_.score == Score::kDistinctMargin)
+    keep_distinct(memory);
+  else
+    memory.ranked.resize(sort_best(memory.ranked, static_cast<size_t>(options_.k)).size());
   rank(memory.ranked, options_, match);
   if (index_.comparison_.turn)
     match.turn = index_.comparison_.turn(index_.descriptor(match.ranks.front()), asked.descriptor);

@@ -26,10 +26,11 @@ struct LoopDetectorOptions {
 enum class Refusal {
   kNone,
   kScore,         // below the threshold, or among too few places
+  kAmbiguous,     // the place looks like others: Loop::ambiguous
   kNoPoints,      // the place was stored without points to register with
   kRegistration,  // the points do not fit
 };
-/// "", "score", "no points" or "registration".
+/// "", "score", "ambiguous", "no points" or "registration".
 const char* name_of(Refusal refusal);
 
 /// The result for one scan.

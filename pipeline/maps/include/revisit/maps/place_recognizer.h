@@ -62,7 +62,10 @@ struct Loop {
   /// That the place is right; absent without a calibration for this score.
   std::optional<double> probability;
   std::optional<double> turn;  // heading of the scan less heading of the place, ccw [rad]
-  bool accepted = false;       // the score reaches the threshold; false without one
+  /// The place lies where its drive looks the same for much longer than usual, as in a tunnel:
+  /// which place of that it is cannot be told. Known where similarities tell which places are one.
+  bool ambiguous = false;
+  bool accepted = false;  // the score reaches the threshold, and not ambiguous; false without one
 };
 
 /// Knows places and recognises them, one scan at a time. With a map every place is on the disk when

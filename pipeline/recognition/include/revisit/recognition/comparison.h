@@ -27,6 +27,8 @@ struct Comparison {
   /// Makes an empty source that compares keys, rough copies of descriptors. Empty: no keys.
   std::function<std::unique_ptr<CandidateSource>()> keys;
   int64_t key_candidates = 0;  // so many of them, the most similar, are compared; 0: all places
+
+  double similarity_of(std::span<const float> a, std::span<const float> b) const;
 };
 
 }  // namespace revisit::pipeline

@@ -21,8 +21,9 @@ struct Query {
   std::span<const CandidateRange> candidates;  // do not overlap, ascending
 };
 
-/// Distinct places are looked for among so many: each takes up to k - 1 comparisons.
-inline constexpr int64_t kMostLookedAt = 300;
+/// Distinct places are looked for among so many, so that a halt does not hide the others: each
+/// takes up to k - 1 comparisons.
+inline constexpr int64_t kMostLookedAt = 1000;
 
 struct SearchOptions {
   int k = 4;  // how many places are found; with fewer candidates, all of them
@@ -54,6 +55,8 @@ class PlaceIndex {
   /// The same without a copy: `descriptor` must stay where it is as long as the index lives.
   void refer_to(std::span<const float> descriptor);
   std::span<const float> descriptor(int64_t place) const;
+  /// Of a descriptor [dim] to one place.
+  double similarity(std::span<const float> descriptor, int64_t place) const;
 
   /// Whether descriptors are compared by their cosine.
   bool by_cosine() const { return !comparison_.similarity; }

@@ -1,0 +1,63 @@
+#include "stretches.h"
+
+#include <algorithm>
+#include <numeric>
+#include <tuple>
+
+namespace revisit::pipeline {
+
+void RunningMedian::add(double number) {
+  lower_.push(number);
+  upper_.push(lower_.top());
+  lower_.pop();
+  if (upper_.size() <= lower_.size()) return;
+  lower_.push(upper_.top());
+  upper_.pop();
+}
+
+void Stretches::add(std::span<const StoredPlace> places, const PlaceIndex& index) {
+  std::vector<int64_t> added(places.size() - of_place_.size());
+  std::iota(added.begin(), added.end(), std::ssize(of_place_));
+  of_place_.resize(places.size());
+  std::ranges::stable_sort(added, {}, [&](int64_t i) {
+    const StoredPlace& place = places[static_cast<size_t>(i)];
+    return std::tie(place.drive, place.frame);
+  });
+  for (const int64_t place : added) add(place, places, index);
+}
+
+void Stretches::add(int64_t place, std::span<const StoredPlace> places, const PlaceIndex& index) {
+  const StoredPlace& here = places[static_cast<size_t>(place)];
+  const auto [current, is_first] = current_.try_emplace(here.drive, std::ssize(stretches_));
+  bool goes_on = false;
+  if (!is_first) {
+    Stretch& stretch = stretches_[static_cast<size_t>(current->second)];
+    const auto& pose_there = places[static_cast<size_t>(stretch.first)].pose;
+    stretch.has_poses = stretch.has_poses && here.pose && pose_there;
+    if (stretch.has_poses)
+      stretch.metres =
+          std::max(stretch.metres, (here.pose->translation() - pose_there->translation()).norm());
+    const std::span<const float> descriptor = index.descriptor(place);
+    if (index.similarity(descriptor, stretch.view) < kSameView) {
+      stretch.view = place;
+      ++stretch.views;
+    }
+    goes_on = index.similarity(descriptor, stretch.first) >= same_place_;
+    if (!goes_on) {
+      views_.add(stretch.views);
+      if (stretch.has_poses) metres_.add(stretch.metres);
+      current->second = std::ssize(stretches_);
+    }
+  }
+  if (!goes_on) stretches_.push_back({.first = place, .view = place});
+  of_place_[static_cast<size_t>(place)] = current->second;
+}
+
+bool Stretches::is_long(int64_t place) const {
+  if (place >= std::ssize(of_place_)) return false;
+  const Stretch& stretch = stretches_[static_cast<size_t>(of_place_[static_cast<size_t>(place)])];
+  return stretch.has_poses ? stretch.metres > kLong * metres_.value()
+                           : stretch.views > kLong * views_.value();
+}
+
+}  // namespace revisit::pipeline
