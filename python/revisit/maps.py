@@ -4,12 +4,12 @@ import os
 
 from revisit import recognition
 from revisit._core.maps import (
-    Description, Detection, Loop, LoopDetector, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion, check_map,
-    maker_of, merge_maps, precision_before_fit)
+    Description, Detection, Loop, LoopDetector, LoopSummary, MapStore, PlaceRecognizer, PoseGraphWriter, StoredPlace, check_exclusion,
+    check_map, maker_of, merge_maps, precision_before_fit)
 
 __all__ = [
-    'Description', 'Detection', 'Loop', 'LoopDetector', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter', 'StoredPlace',
-    'check_exclusion', 'check_map', 'maker_of', 'merge_maps', 'open_map', 'precision_before_fit']
+    'Description', 'Detection', 'Loop', 'LoopDetector', 'LoopSummary', 'MapStore', 'PlaceRecognizer', 'PoseGraphWriter',
+    'StoredPlace', 'check_exclusion', 'check_map', 'maker_of', 'merge_maps', 'open_map', 'precision_before_fit']
 
 KEY_CANDIDATES = 1000
 """As in `revisit loops`: how many places are compared, those with the most similar keys."""

@@ -15,6 +15,7 @@
 #include "poses.h"
 #include "revisit/loops/fit_odds.h"
 #include "revisit/loops/loop_detector.h"
+#include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
 #include "revisit/maps/place_recognizer.h"
 #include "strings.h"
@@ -191,6 +192,12 @@ void bind_recognizer(nb::module_& module) {
 
 void bind_loop_detector(nb::module_& module) {
   nb::class_<Detection>(module, "Detection", "The result for one scan.")
+      .def(
+          "__init__",
+          [](Detection* self, const std::string& why_not) {
+            new (self) Detection{.why_not = why_not};
+          },
+          "why_not"_a, "Of a scan that could not be read.")
       .def_ro("position", &Detection::position,
               "Of its place in the recogniser; None for a scan that was not stored.")
       .def_ro("why_not", &Detection::why_not, "The scan was not described: the reason.")
@@ -201,6 +208,18 @@ void bind_loop_detector(nb::module_& module) {
           "refusal", [](const Detection& self) { return name_of(self.refusal); },
           "Why the loop is not accepted: 'score', 'ambiguous', 'no points' (its place was "
           "stored without) or 'registration'; else ''.");
+  nb::class_<LoopSummary>(module, "LoopSummary",
+                          "What became of the scans of a drive: also why loops are not accepted.")
+      .def(
+          "__init__",
+          [](LoopSummary* self, const std::string& exclusion, std::optional<double> threshold) {
+            new (self) LoopSummary(parse_exclusion(exclusion), threshold);
+          },
+          "exclusion"_a, "threshold"_a.none(), "As LoopDetector and PlaceRecognizer have them.")
+      .def("add", &LoopSummary::add, "found"_a)
+      .def_prop_ro("scans", &LoopSummary::scans)
+      .def_prop_ro("left_out", &LoopSummary::left_out, "Scans that could not be described.")
+      .def("__str__", &LoopSummary::text);
   module.def("precision_before_fit", &precision_before_fit, "precision"_a,
              "What scores must promise, that loops which fit are right with this precision.");
   module.def(

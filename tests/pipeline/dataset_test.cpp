@@ -226,8 +226,8 @@ TEST(PlainFolder, TimesOfTheNames) {
   EXPECT_FALSE(open_dataset(dir / "tum", "").scans[0].time) << "not all have one";
 
   EXPECT_NEAR(time_in_name("d/1271124530.567.bin").value(), 1271124530.567, 1e-6);
-  EXPECT_EQ(time_in_name("1403715273262143000.pcd"), 1403715273262143000 * 1e-9);
-  EXPECT_EQ(time_in_name("1403715273262143.pcd"), 1403715273262143 * 1e-6);
+  EXPECT_EQ(time_in_name("1403715273262143000.pcd"), 1403715273262143000.0 * 1e-9);
+  EXPECT_EQ(time_in_name("1403715273262143.pcd"), 1403715273262143.0 * 1e-6);
   EXPECT_EQ(time_in_name("12.5.bin"), 12.5);
   for (const char* const other : {"000123.bin", "1305031102.bin", "scan_12.bin", "1_2.bin", "_.bin",
                                   "1305031102_.bin", "1305031102_1234567890.bin", "a.1.bin", ""})

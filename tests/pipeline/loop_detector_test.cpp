@@ -7,6 +7,7 @@
 
 #include "expect_error.h"
 #include "revisit/loops/fit_odds.h"
+#include "revisit/loops/loop_summary.h"
 #include "revisit/recognition/mount.h"
 #include "test_data.h"
 
@@ -227,6 +228,35 @@ TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {
   LoopDetector detector(recognizer, {.keyframes = parse_keyframes("metres=1")});
   const PointCloud cloud = room(1);
   expect_error<UsageError>([&] { detector.take(view_of(cloud), {}); }, {"similarity=S"});
+}
+
+TEST(LoopSummary, SaysWhyNothingIsAccepted) {
+  LoopSummary summary(parse_exclusion("frames=5"), 0.6);
+  EXPECT_EQ(summary.text(),
+            "0 scans, 0 loops accepted: no scan had a place to be compared with (exclusion "
+            "frames=5)");
+  const auto add = [&](double score, Refusal refusal) {
+    Detection found{.loop = Loop{}, .refusal = refusal};
+    found.loop->score = score;
+    found.loop->accepted = refusal == Refusal::kNone;
+    summary.add(found);
+  };
+  summary.add({});
+  add(0.4, Refusal::kScore);
+  EXPECT_EQ(summary.text(),
+            "2 scans, 0 loops accepted: of 1 scans that had places to be compared with the best "
+            "score is 0.4, accepted from 0.6 on; 1 were excluded (frames=5)");
+  add(0.7, Refusal::kScore);
+  add(0.8, Refusal::kAmbiguous);
+  add(0.8, Refusal::kRegistration);
+  add(0.8, Refusal::kNoPoints);
+  add(0.9, Refusal::kNone);
+  summary.add({.why_not = "the scan has no points"});
+  EXPECT_EQ(summary.text(),
+            "8 scans, 1 loops accepted, 1 more look alike, among too few distinct places, 1 more "
+            "look alike, where the drive looks alike for long, 1 more look alike, but their points "
+            "do not fit, 1 more look alike, but their places were stored without points, 1 scans "
+            "left out");
 }
 
 TEST(LoopDetector, VerificationNeedsAHeading) {

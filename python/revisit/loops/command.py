@@ -143,7 +143,7 @@ def work(o):
         return None if pose is None else poses.in_frame(pose, o.pose_frame or 'camera')
 
     count = recording.count and -(-recording.count // o.every)
-    n, left_out, accepted, seen = 0, 0, 0, []
+    summary, seen, n_poses, n_tum = maps.LoopSummary(o.exclusion, recognizer.threshold), [], 0, 0
     with contextlib.ExitStack() as stack:
         write = lines.writer(open_output(o.output, stack), o.format)
         trajectory = open_output(o.poses_out, stack) if o.poses_out else None
@@ -154,13 +154,13 @@ def work(o):
         try:
             told = scans_told(itertools.chain(first, scans), count, False if o.quiet else None)
             for visit in recognise(told, detector):
-                n += 1
+                summary.add(visit.found)
                 if view:
                     view(visit)
                 if visit.why_not:
-                    left_out += 1
                     say(o, f'{visit.why_not}; this scan is left out')
                     continue
+                n_poses += visit.scan.pose is not None
                 line = lines.line_of(visit, detector.drive)
                 fits = visit.registered is not None and visit.accepted
                 time = visit.scan.frame if visit.scan.time is None else visit.scan.time
@@ -170,8 +170,8 @@ def work(o):
                         graph.known_vertex(visit.loop.position, as_given(visit.loop.pose))
                         graph.edge(visit.loop.position, visit.position, visit.registered)
                 if registered and fits and visit.loop.pose is not None:
+                    n_tum += 1
                     print(poses.tum_line(time, as_given(visit.loop.pose @ visit.registered.T_place_query)), file=registered, flush=True)
-                accepted += visit.accepted
                 if visit.accepted or every_line:
                     write(line)
                 if write_all:
@@ -183,9 +183,12 @@ def work(o):
                     print(poses.tum_line(time, pose), file=trajectory, flush=True)
         finally:
             finish(o, seen, jsonl)
-    say(o, f'{n} scans, {accepted} loops accepted{f", {left_out} scans left out" if left_out else ""}, '
-           f'{len(recognizer)} places known')
-    return LEFT_OUT if left_out else OK
+    say(o, f'{summary}, {len(recognizer)} places known')
+    if registered and not n_tum:
+        say(o, f'warning: {o.tum}: empty: no loop was registered to a place with a pose')
+    if graph and not n_poses:
+        say(o, f'warning: {o.g2o}: the scans have no poses, so it has no edges from scan to scan, and all vertices are at the origin')
+    return LEFT_OUT if summary.left_out else OK
 
 
 def failed(why, code) -> int:

@@ -33,7 +33,7 @@ def line_of(visit, drive) -> dict:
         line['position'] = position_of(scan.pose)
     if loop is not None and loop.pose is not None:
         line['match_position'] = position_of(loop.pose)
-    line |= {'drive': drive or None, 'refusal': visit.refusal or None, 'file': scan.source}
+    line |= {'drive': drive or None, 'refusal': visit.found.refusal or None, 'file': scan.source}
     return {name: value for name, value in line.items() if value is not None}
 
 

@@ -5,24 +5,36 @@ from typing import NamedTuple
 import numpy as np
 
 from revisit.errors import InputError
-from revisit.maps import Loop
+from revisit.maps import Detection, Loop
 from revisit.recordings import Scan
 
 
 class Visit(NamedTuple):
     """A scan and what the detector found."""
     scan: Scan
-    position: int | None
-    """In the recogniser; None for one that was not stored."""
-    loop: Loop | None
-    """The most similar place."""
-    why_not: str
-    """It could not be described: the reason."""
+    found: Detection
     points: np.ndarray | None
-    registered: 'registration.Registration | None' = None
-    """How the scan lies to the place, of a loop that the score accepts."""
-    refusal: str = ''
-    """Why the loop is not accepted."""
+
+    @property
+    def position(self) -> int | None:
+        """In the recogniser; None for one that was not stored."""
+        return self.found.position
+
+    @property
+    def loop(self) -> Loop | None:
+        """The most similar place."""
+        return self.found.loop
+
+    @property
+    def why_not(self) -> str:
+        """The scan could not be read or described: the reason."""
+        why_not = self.found.why_not
+        return f'{self.scan.source}: {why_not}' if why_not and self.points is not None else why_not
+
+    @property
+    def registered(self):
+        """How the scan lies to the place, of a loop that the score accepts."""
+        return self.found.registered
 
     @property
     def accepted(self) -> bool:
@@ -40,8 +52,6 @@ def recognise(scans, detector):
         try:
             points = scan.points()
         except InputError as error:
-            yield Visit(scan, None, None, str(error), None)
+            yield Visit(scan, Detection(str(error)), None)
             continue
-        found = detector.take(points, frame=scan.frame, time=scan.time, pose=scan.pose)
-        why_not = found.why_not and f'{scan.source}: {found.why_not}'
-        yield Visit(scan, found.position, found.loop, why_not, points, found.registered, found.refusal)
+        yield Visit(scan, detector.take(points, frame=scan.frame, time=scan.time, pose=scan.pose), points)

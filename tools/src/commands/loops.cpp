@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <fstream>
 #include <iostream>
-#include <map>
 
 #include "cli/built_in.h"
 #include "cli/command.h"
@@ -15,6 +14,7 @@
 #include "loops/pose_options.h"
 #include "loops/recognise.h"
 #include "revisit/loops/fit_odds.h"
+#include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
 
 namespace revisit::cli {
@@ -210,43 +210,6 @@ void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& 
                      "; ask for less, --calibrate on a longer drive, or give --threshold");
 }
 
-/// What became of the scans, for people: also why there is no loop.
-struct Summary {
-  std::optional<double> threshold;
-  pipeline::Exclusion exclusion;
-  int64_t scans = 0, left_out = 0, queried = 0, accepted = 0, poses = 0;
-  std::map<pipeline::Refusal, int64_t> refused;
-  double best = 0;  // score of all that were queried
-
-  void add(const pipeline::Detection& found) {
-    ++scans;
-    left_out += found.why_not.empty() ? 0 : 1;
-    if (!found.loop) return;
-    ++refused[found.refusal];
-    best = queried++ == 0 ? found.loop->score : std::max(best, found.loop->score);
-    accepted += found.loop->accepted ? 1 : 0;
-  }
-  std::string text() const {
-    std::string text = str(scans, " scans, ", accepted, " loops accepted");
-    if (accepted == 0 && queried == 0)
-      text +=
-          str(": no scan had a place to be compared with (--exclusion ", to_string(exclusion), ")");
-    else if (accepted == 0 && threshold)
-      text += str(": of ", queried, " scans that had places to be compared with the best score is ",
-                  number(best, 3), ", accepted from ", number(*threshold, 3), " on",
-                  best >= *threshold ? " once there are more distinct places" : "", "; ",
-                  scans - left_out - queried, " were excluded (", to_string(exclusion), ")");
-    for (const auto& [refusal, what] :
-         {std::pair(pipeline::Refusal::kAmbiguous, "in places that look alike for long"),
-          std::pair(pipeline::Refusal::kRegistration, "look alike, but their points do not fit"),
-          std::pair(pipeline::Refusal::kNoPoints,
-                    "look alike, but their places have no points (--no-verify accepts them)")})
-      if (const auto found = refused.find(refusal); found != refused.end())
-        text += str(", ", found->second, " more ", what);
-    return left_out > 0 ? str(text, ", ", left_out, " scans left out") : text;
-  }
-};
-
 /// What a scan took, for people.
 void print_latencies(std::vector<double> milliseconds, int64_t places) {
   if (milliseconds.empty()) return;
@@ -326,20 +289,20 @@ int loops_command(const Arguments& arguments) {
                                                .verify = o.verify,
                                                .keep_clouds = !o.map.no_clouds});
   std::vector<double> milliseconds;
-  Summary summary{.threshold = recognizer.threshold(), .exclusion = o.exclusion};
-  int64_t trajectory_poses = 0;
+  pipeline::LoopSummary summary(o.exclusion, recognizer.threshold());
+  int64_t trajectory_poses = 0, poses = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
   recognise(source.stream, detector, interrupted, [&](const Visit& visit) {
     const pipeline::Detection& found = visit.found;
     summary.add(found);
-    progress.update(summary.scans, std::max(summary.scans, total));
+    progress.update(summary.scans(), std::max(summary.scans(), total));
     if (!found.why_not.empty()) {
       warn_left_out(found.why_not);
       return;
     }
     milliseconds.push_back(visit.milliseconds);
-    summary.poses += visit.scan.pose ? 1 : 0;
+    poses += visit.scan.pose ? 1 : 0;
     const bool registered = found.registered && found.registered->accepted;
     if (graph && found.position) {
       graph->vertex(*found.position, o.poses.as_given(visit.scan.pose));
@@ -363,13 +326,13 @@ int loops_command(const Arguments& arguments) {
     std::cerr << summary.text() << ", " << recognizer.size() << " places known\n";
     if (trajectory && trajectory_poses == 0)
       warn(o.tum.string() + ": empty: no loop was registered to a place with a pose");
-    if (graph && summary.poses == 0)
+    if (graph && poses == 0)
       warn(o.g2o.string() +
            ": the scans have no poses, so it has no edges from scan to scan, and all vertices are "
            "at the origin");
     print_latencies(std::move(milliseconds), recognizer.size());
   }
-  return summary.left_out > 0 ? kScansLeftOut : kOk;
+  return summary.left_out() > 0 ? kScansLeftOut : kOk;
 }
 
 }  // namespace revisit::cli

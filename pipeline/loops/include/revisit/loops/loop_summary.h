@@ -1,0 +1,31 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+
+#include "revisit/loops/loop_detector.h"
+
+namespace revisit::pipeline {
+
+/// What became of the scans of a drive, for people: also why loops are not accepted.
+class LoopSummary {
+ public:
+  /// `threshold`: PlaceRecognizer::threshold().
+  LoopSummary(const Exclusion& exclusion, std::optional<double> threshold)
+      : exclusion_(exclusion), threshold_(threshold) {}
+  void add(const Detection& found);
+  int64_t scans() const { return scans_; }
+  int64_t left_out() const { return left_out_; }  ///< scans that could not be described
+  /// "332 scans, 172 loops accepted, 5 more look alike, but their points do not fit"
+  std::string text() const;
+
+ private:
+  Exclusion exclusion_;
+  std::optional<double> threshold_;
+  int64_t scans_ = 0, left_out_ = 0, queried_ = 0, accepted_ = 0, few_places_ = 0;
+  std::map<Refusal, int64_t> refused_;
+  double best_ = 0;  // score of all that were queried
+};
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,45 @@
+#include "revisit/loops/loop_summary.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
+
+namespace revisit::pipeline {
+
+void LoopSummary::add(const Detection& found) {
+  ++scans_;
+  left_out_ += found.why_not.empty() ? 0 : 1;
+  if (!found.loop) return;
+  best_ = queried_++ == 0 ? found.loop->score : std::max(best_, found.loop->score);
+  accepted_ += found.loop->accepted ? 1 : 0;
+  const bool by_score = threshold_ && found.loop->score >= *threshold_;
+  few_places_ += found.refusal == Refusal::kScore && by_score ? 1 : 0;
+  ++refused_[found.refusal];
+}
+
+std::string LoopSummary::text() const {
+  const auto rounded = [](double score) { return exact(std::round(score * 1000) / 1000); };
+  std::string text = str(scans_, " scans, ", accepted_, " loops accepted");
+  if (accepted_ == 0 && queried_ == 0)
+    text +=
+        str(": no scan had a place to be compared with (exclusion ", to_string(exclusion_), ")");
+  else if (accepted_ == 0 && threshold_)
+    text += str(": of ", queried_, " scans that had places to be compared with the best score is ",
+                rounded(best_), ", accepted from ", rounded(*threshold_), " on; ",
+                scans_ - left_out_ - queried_, " were excluded (", to_string(exclusion_), ")");
+  const auto refused = [&](Refusal why) {
+    const auto found = refused_.find(why);
+    return found == refused_.end() ? 0 : found->second;
+  };
+  for (const auto& [n, why] :
+       {std::pair(few_places_, "among too few distinct places"),
+        std::pair(refused(Refusal::kAmbiguous), "where the drive looks alike for long"),
+        std::pair(refused(Refusal::kRegistration), "but their points do not fit"),
+        std::pair(refused(Refusal::kNoPoints), "but their places were stored without points")})
+    if (n > 0) text += str(", ", n, " more look alike, ", why);
+  return left_out_ > 0 ? str(text, ", ", left_out_, " scans left out") : text;
+}
+
+}  // namespace revisit::pipeline
