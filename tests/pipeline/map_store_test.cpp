@@ -656,6 +656,25 @@ TEST(MapStore, ChecksumsAreTheSameForEver) {
   EXPECT_EQ(check_map(dir / "map"), std::vector<std::string>());
 }
 
+/// A full disk or a kill ends SQLite's checkpoint when the head of the file is written, but not all
+/// that it speaks of. The log has it.
+TEST(MapStore, AHalfCheckpointIsNoDamage) {
+  const TempDir dir;
+  uintmax_t bytes = 0;
+  {
+    const auto map = writer_of(dir / "map");
+    map->add(made_places(1, 9));
+    bytes = fs::file_size(dir / "map");
+    fs::copy(dir / "map-wal", dir / "half-wal");
+  }
+  ASSERT_GT(fs::file_size(dir / "map"), bytes);
+  fs::copy(dir / "map", dir / "half");
+  fs::resize_file(dir / "half", bytes);
+  EXPECT_EQ(check_map(dir / "half"), std::vector<std::string>());
+  expect_places(*writer_of(dir / "half"), 9);
+  EXPECT_EQ(fs::file_size(dir / "half"), fs::file_size(dir / "map"));
+}
+
 TEST(MapStore, MergedMapsAreOfOneBasis) {
   const TempDir dir;
   std::vector<fs::path> files;
@@ -740,6 +759,10 @@ TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
     ++count[stored.drive];
   EXPECT_EQ(count, (std::map<std::string, int>{
                        {"", 1}, {"00", 1}, {"b", 1}, {"b/00", 2}, {"b/00-2", 2}, {"base", 1}}));
+  // A recording that began alike is another one, without the scan that both have.
+  writer_of(dir / "alike.map")->add(std::vector{place("b/00", 7, 1), place("b/00", 8, 4)});
+  EXPECT_EQ(merge_maps(std::vector{dir / "more", dir / "alike.map"}, dir / "all", tell), 9);
+  EXPECT_EQ(read_all(*open_map(dir / "all", MapAccess::kRead)).places.back().drive, "alike/b/00");
   fs::create_symlink(files[0], dir / "again");
   expect_error<UsageError>(
       [&] {

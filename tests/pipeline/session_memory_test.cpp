@@ -30,10 +30,10 @@ FeatureExtractor hash_of_points() {
   return extractor;
 }
 
-/// Walls, poles and ground at random. Every fifth scan is that of 500 before, so that it is
+/// Walls, poles and ground at random. Every fifth scan is one of the first 500, so that it is
 /// registered.
 PointCloud scan_of_drive(int64_t frame) {
-  std::mt19937 random(static_cast<uint32_t>(frame % 5 == 4 && frame >= 500 ? frame - 500 : frame));
+  std::mt19937 random(static_cast<uint32_t>(frame % 5 == 4 ? frame % 500 : frame));
   const auto number = [&](float least, float most) {
     return least + (most - least) * static_cast<float>(random() % 65536) / 65536;
   };
@@ -41,13 +41,13 @@ PointCloud scan_of_drive(int64_t frame) {
   for (int thing = 0; thing < 60; ++thing) {
     const float x = number(-50, 50), y = number(-50, 50), along = number(0.2F, 12),
                 up = number(1, 8), heading = number(0, 6.28F);
-    for (int i = 0; i < 40; ++i) {
+    for (int i = 0; i < 150; ++i) {
       const float s = number(0, along);
       cloud.points.push_back(
           {x + s * std::cos(heading), y + s * std::sin(heading), number(-1.7F, up), 0});
     }
   }
-  for (int i = 0; i < 1500; ++i)
+  for (int i = 0; i < 6000; ++i)
     cloud.points.push_back({number(-40, 40), number(-40, 40), -1.73F, 0});
   return cloud;
 }
@@ -74,7 +74,7 @@ std::vector<int64_t> memory_at(const std::vector<int64_t>& scans, const FeatureE
   return bytes;
 }
 
-/// Points of a place are 20 kB, which would be seen at once.
+/// Points of a place are 10 kB and more, a descriptor of rings 4.
 TEST(SessionMemory, PointsOfPlacesAreNotKeptInIt) {
   const char* const given = std::getenv("REVISIT_MEMORY_SCANS");
   const RingModel model = shipped_ring_model("vlp16");

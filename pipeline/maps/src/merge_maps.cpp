@@ -81,53 +81,70 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
   return sources;
 }
 
-/// The names of drives in the merged map. A drive that shares a scan with one of a map before is
-/// the same recording and has its name. Another recording of a name that is taken becomes MAP/NAME.
+/// The names of drives in the merged map. A drive that shares scans with one of a map before, and
+/// has no other scan of a frame, is the same recording and has its name. Another recording of a
+/// name that is taken becomes MAP/NAME.
 class DriveNames {
  public:
   /// The maps come in their order.
   void add(Source& source, const MapStore::Damaged& report) {
-    std::map<std::string, std::optional<std::string>> drives;  // -> the recording's name before
-    std::map<int64_t, std::string> scans;
+    std::map<std::string, Scans> drives;
     const auto take = [&](StoredPlace&& place) {
-      const int64_t content = content_of(place);
-      const auto before = recordings_.find(content);
-      std::optional<std::string>& known_as = drives[place.drive];
-      if (before != recordings_.end()) known_as = before->second;
-      scans.emplace(content, place.drive);
+      drives[place.drive].emplace(place.frame, content_of(place));
     };
     source.last = source.map->read(0, take, report).last;
     auto& names = names_[&source];
-    std::set<std::string> taken = taken_;
-    for (const auto& [drive, known_as] : drives)
-      if (known_as) names[drive] = *known_as;
-    for (const auto& [drive, known_as] : drives) {
-      if (known_as) continue;
-      names[drive] = taken.contains(drive) ? free_name(source, drive) : drive;
-      taken_.insert(names[drive]);
-      if (names[drive] != drive)
+    std::set<std::string> given;  // names of recordings, which one drive of the map has at most
+    for (const auto& [drive, scans] : drives) {
+      const std::optional<std::string> known_as = recording_of(scans, given);
+      names[drive] = known_as                      ? *known_as
+                     : recordings_.contains(drive) ? free_name(source, drive)
+                                                   : drive;
+      recordings_[names[drive]];  // it is taken
+      if (!known_as && names[drive] != drive)
         report(str(shown_name(source.file), ": drive '", drive, "' becomes '", names[drive],
                    "': another map has a recording of that name"));
     }
-    for (const auto& [content, drive] : scans) recordings_.emplace(content, names[drive]);
+    for (const auto& [drive, scans] : drives) {
+      recordings_[names[drive]].insert(scans.begin(), scans.end());
+      for (const auto& [frame, content] : scans) drive_of_.emplace(content, names[drive]);
+    }
   }
   const std::string& name_of(const Source& source, const std::string& drive) const {
     return names_.at(&source).at(drive);
   }
 
  private:
+  using Scans = std::map<int64_t, int64_t>;  // frame -> content
+
+  std::optional<std::string> recording_of(const Scans& scans, std::set<std::string>& given) const {
+    std::set<std::string> tried = given;
+    for (const auto& [frame, content] : scans) {
+      const auto found = drive_of_.find(content);
+      if (found == drive_of_.end() || !tried.insert(found->second).second) continue;
+      const Scans& before = recordings_.at(found->second);
+      const bool is_same = std::ranges::all_of(scans, [&](const auto& scan) {
+        const auto other = before.find(scan.first);
+        return other == before.end() || other->second == scan.second;
+      });
+      if (!is_same) continue;
+      given.insert(found->second);
+      return found->second;
+    }
+    return std::nullopt;
+  }
   std::string free_name(const Source& source, const std::string& drive) const {
     const std::string map =
         is_on_a_server(source.file.string()) ? "server" : source.file.stem().string();
     const std::string name = drive.empty() ? map : map + "/" + drive;
     std::string free = name;
-    for (int number = 2; taken_.contains(free); ++number) free = str(name, "-", number);
+    for (int number = 2; recordings_.contains(free); ++number) free = str(name, "-", number);
     return free;
   }
 
   std::map<const Source*, std::map<std::string, std::string>> names_;
-  std::map<int64_t, std::string> recordings_;  // content of a scan -> name of its drive
-  std::set<std::string> taken_;
+  std::map<std::string, Scans> recordings_;  // of the maps before, by their names
+  std::map<int64_t, std::string> drive_of_;  // the first that has a scan of this content
 };
 
 }  // namespace
@@ -150,12 +167,10 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
     else if (value)
       merged->set_value(name, *value);
   }
-  std::set<int64_t> scans;                           // of the maps before: content
-  std::set<std::pair<std::string, int64_t>> frames;  // and drive, frame
+  std::set<int64_t> scans;  // of the maps before
   for (const Source& source : sources) {
     std::vector<StoredPlace> places;
     std::set<int64_t> scans_here;
-    std::set<std::pair<std::string, int64_t>> frames_here;
     const auto clouds = open_map(source.file, MapAccess::kRead);  // asked while the other reads
     int64_t known = 0;
     source.map->read(
@@ -163,11 +178,9 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
         [&](StoredPlace&& place) {
           if (place.id > source.last) return;
           const int64_t content = content_of(place);
-          place.drive = names.name_of(source, place.drive);
-          if (scans.contains(content) || frames.contains({place.drive, place.frame}))
-            return void(++known);
+          if (scans.contains(content)) return void(++known);
           scans_here.insert(content);
-          frames_here.emplace(place.drive, place.frame);
+          place.drive = names.name_of(source, place.drive);
           try {
             place.cloud = clouds->cloud(place.id);
           } catch (const InputError& error) {
@@ -179,7 +192,6 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
         [](const std::string&) {});  // reported before
     merged->add(places);
     scans.merge(scans_here);
-    frames.merge(frames_here);
     if (known > 0)
       report(str(shown_name(source.file), ": ", known, " of its places are in the maps before it"));
   }

@@ -1,5 +1,7 @@
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <string_view>
 
 #include "identity.h"
@@ -75,12 +77,22 @@ std::string immutable_uri(const fs::path& path) {
   return uri + "?immutable=1";
 }
 
-/// Asks SQLite without its locks, its log and its journal: it then changes nothing. A stream that
-/// is closed would end all locks of this process on the file (sqlite.org/howtocorrupt.html, 2.2).
+/// Reads the header alone, without SQLite's locks, log and journal: what the log has may be half
+/// in the file, by a checkpoint that met a full disk or a kill. A stream that is closed would end
+/// all locks of this process on the file (sqlite.org/howtocorrupt.html, 2.2).
 void check_is_a_map(const File& file) {
-  Connection found(immutable_uri(file.path), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI, file.name);
-  if (const int64_t application = found.integer("PRAGMA application_id");
-      application != kApplicationId)
+  const Connection found(immutable_uri(file.path), SQLITE_OPEN_READONLY | SQLITE_OPEN_URI,
+                         file.name);
+  sqlite3_file* opened = nullptr;
+  sqlite3_file_control(found.handle(), "main", SQLITE_FCNTL_FILE_POINTER, &opened);
+  std::array<unsigned char, 100> header{};  // sqlite.org/fileformat2.html#the_database_header
+  const int code = opened->pMethods->xRead(opened, header.data(), header.size(), 0);
+  if (code != SQLITE_OK && code != SQLITE_IOERR_SHORT_READ) found.fail(code);
+  constexpr std::string_view kMagic("SQLite format 3\0", 16);
+  if (!std::equal(kMagic.begin(), kMagic.end(), header.begin())) found.fail(SQLITE_NOTADB);
+  int64_t application = 0;
+  for (size_t i = 68; i < 72; ++i) application = application << 8 | header[i];
+  if (application != kApplicationId)
     throw InputError(file.name, ": a SQLite database, but not a map (application id ", application,
                      ", a map has ", kApplicationId, ")");
 }

@@ -1,6 +1,7 @@
 #include "spilled_clouds.h"
 
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -12,21 +13,23 @@
 namespace revisit::pipeline {
 namespace {
 
-std::string folder_of_clouds() {
-  const char* const chosen = std::getenv("TMPDIR");
-  return chosen != nullptr && *chosen != '\0' ? chosen : "/var/tmp";  // /tmp may be memory
-}
-
 [[noreturn]] void fail_spilled() {
-  throw Error("the points of places: no file in ", folder_of_clouds(),
-              " (TMPDIR): ", std::strerror(errno));
+  throw Error("the file for the points of places, in TMPDIR or /var/tmp: ", std::strerror(errno));
 }
 
 int nameless_file() {
-  std::string name = folder_of_clouds() + "/revisit-XXXXXX";
-  const int file = ::mkostemp(name.data(), O_CLOEXEC);
+  const char* const chosen = std::getenv("TMPDIR");
+  // /tmp may be memory, as the last way out is.
+  for (const char* folder :
+       {chosen != nullptr && *chosen != '\0' ? chosen : "/var/tmp", "/var/tmp", "/tmp"}) {
+    std::string name = str(folder, "/revisit-XXXXXX");
+    const int file = ::mkostemp(name.data(), O_CLOEXEC);
+    if (file < 0) continue;
+    ::unlink(name.c_str());
+    return file;
+  }
+  const int file = ::memfd_create("revisit", MFD_CLOEXEC);
   if (file < 0) fail_spilled();
-  ::unlink(name.c_str());
   return file;
 }
 

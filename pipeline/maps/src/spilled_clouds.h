@@ -10,7 +10,7 @@
 namespace revisit::pipeline {
 
 /// The points of places that are in no map, 20 kB each: in a file without a name, not in memory.
-/// The file is in TMPDIR, or else in /var/tmp, and goes with this object or its process.
+/// The file is in TMPDIR, else in /var/tmp or /tmp, and goes with this object or its process.
 class SpilledClouds {
  public:
   SpilledClouds() = default;

@@ -52,7 +52,9 @@ std::unique_ptr<pipeline::MapStore> MapOptions::open(const RecognizerSource& sou
 }
 
 NewMap::NewMap(const std::filesystem::path& map) : exceptions_(std::uncaught_exceptions()) {
-  if (!pipeline::is_on_a_server(map.string()) && !std::filesystem::exists(map)) file_ = map;
+  std::error_code unknown;
+  if (!pipeline::is_on_a_server(map.string()) && !std::filesystem::exists(map, unknown) && !unknown)
+    file_ = map;
 }
 
 NewMap::~NewMap() {
