@@ -1,0 +1,126 @@
+#include "acceptance.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <utility>
+
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// A threshold as a map keeps it: a number, and behind it the score when that is not one of those
+/// that older programs had.
+std::string threshold_text(double value, Score score) {
+  return score == Score::kDistinctMargin ? str(exact(value), " ", name_of(score)) : exact(value);
+}
+/// Of a map, which may be a stranger's; nothing when it is for another score.
+std::optional<double> parse_threshold(const std::string& text, Score score) {
+  double value = 0;
+  const char* const end = text.data() + text.size();
+  const std::from_chars_result read = std::from_chars(text.data(), end, value);
+  const std::string of_score(read.ptr, end), distinct = str(" ", name_of(Score::kDistinctMargin));
+  if (read.ec != std::errc() || !std::isfinite(value) ||
+      (!of_score.empty() && of_score != distinct))
+    throw InputError("the map's threshold: expected a number, found ", text.size(), " bytes");
+  if (of_score.empty() == (score == Score::kDistinctMargin)) return std::nullopt;
+  return value;
+}
+
+/// A feature that was calibrated keeps the score that it was calibrated for.
+Score score_of(const FeatureExtractor& extractor, const RecognizerOptions& options) {
+  if (options.score) return *options.score;
+  if (extractor.calibration) return extractor.calibration->score;
+  return extractor.comparison.same_place ? Score::kDistinctMargin : Score::kMargin;
+}
+
+}  // namespace
+
+void check_threshold(std::optional<double> threshold) {
+  if (threshold && !std::isfinite(*threshold))
+    throw UsageError("the threshold: expected a number, found ", *threshold);
+}
+
+Acceptance::Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options,
+                       MapStore* map, const MapStore::Damaged& damaged)
+    : extractor_(extractor),
+      options_(options),
+      score_(score_of(extractor, options)),
+      map_(map),
+      damaged_(damaged) {
+  refresh();
+}
+
+bool Acceptance::is_mine(const Calibration& one) const {
+  return one.k == options_.k && one.score == score_;
+}
+
+void Acceptance::refresh() {
+  const auto kept = [&](const char* name) {
+    return map_ != nullptr ? map_->value(name).value_or("") : values_[name];
+  };
+  calibration_ = extractor_.calibration;
+  if (calibration_ && !is_mine(*calibration_)) calibration_.reset();
+  const std::string text = kept(kThresholdValue), content = kept(kCalibrationValue);
+  bool left_out = false;
+  if (!content.empty()) {
+    Calibration theirs = parse_calibration(content, "the map's calibration");
+    left_out = !is_mine(theirs);
+    if (!left_out) calibration_ = std::move(theirs);
+  }
+  threshold_ = options_.threshold;
+  if (!threshold_ && !text.empty()) {
+    threshold_ = parse_threshold(text, score_);
+    left_out = left_out || !threshold_;
+  }
+  if (left_out && !std::exchange(other_score_said_, true))
+    damaged_(str("the map was calibrated for another k or score than ", options_.k, " and ",
+                 name_of(score_), ": that is left aside, calibrate it again"));
+  if (!threshold_ && calibration_) threshold_ = calibration_->threshold_for(options_.precision);
+}
+
+/// An empty one of the two says nothing. The threshold goes first: between the two steps it has
+/// the say, or the calibration of before has.
+void Acceptance::keep(const std::string& content, const std::string& text) {
+  for (const auto& [name, bytes] :
+       {std::pair(kThresholdValue, &text), std::pair(kCalibrationValue, &content)}) {
+    if (map_ == nullptr)
+      values_[name] = *bytes;
+    else if (!bytes->empty() || map_->value(name))
+      map_->set_value(name, *bytes);
+  }
+  refresh();
+}
+
+void Acceptance::calibrate(double threshold) {
+  check_threshold(threshold);
+  keep({}, threshold_text(threshold, score_));
+}
+
+void Acceptance::calibrate(const Calibration& calibration) {
+  const std::string content = calibration_content(calibration);
+  try {
+    parse_calibration(content, "calibrate()");
+  } catch (const InputError& error) {
+    throw UsageError(error.what());
+  }
+  if (!is_mine(calibration))
+    throw UsageError("the calibration is for k = ", calibration.k, " and the score ",
+                     name_of(calibration.score), ", RecognizerOptions has k = ", options_.k,
+                     " and ", name_of(score_));
+  keep(content, {});
+}
+
+void Acceptance::judge(std::optional<int64_t> distinct_places, Loop& loop) const {
+  // Of n distinct places none looks like another: n / (n + 1) that the next one does not (Laplace's
+  // rule of succession).
+  const auto n = static_cast<double>(distinct_places.value_or(options_.first_stretch));
+  const double most = n / (n + 1);
+  if (calibration_) loop.probability = std::min(most, calibration_->probability(loop.score));
+  loop.accepted = !loop.ambiguous && threshold_ && loop.score >= *threshold_ &&
+                  (options_.threshold || !distinct_places || most >= options_.precision);
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+
+#include "revisit/maps/place_recognizer.h"
+
+namespace revisit::pipeline {
+
+/// Which matches are accepted: what the options say comes before what the map was calibrated to,
+/// and that before what the feature was. Refers to what it is made of.
+class Acceptance {
+ public:
+  /// Without a map the calibration is kept here. `damaged` is told once when the map was calibrated
+  /// for another score, of which nothing follows for this one.
+  Acceptance(const FeatureExtractor& extractor, const RecognizerOptions& options, MapStore* map,
+             const MapStore::Damaged& damaged);
+
+  Score score() const { return score_; }
+  const std::optional<Calibration>& calibration() const { return calibration_; }
+  const std::optional<double>& threshold() const { return threshold_; }
+
+  /// Reads again what the map keeps.
+  void refresh();
+  /// PlaceRecognizer::calibrate().
+  void calibrate(double threshold);
+  void calibrate(const Calibration& calibration);
+  /// Fills what it says of a loop among so many distinct places; absent: enough of them.
+  void judge(std::optional<int64_t> distinct_places, Loop& loop) const;
+
+ private:
+  bool is_mine(const Calibration& one) const;
+  void keep(const std::string& content, const std::string& text);
+
+  const FeatureExtractor& extractor_;
+  const RecognizerOptions& options_;
+  Score score_;
+  MapStore* map_;
+  const MapStore::Damaged& damaged_;
+  std::map<std::string, std::string> values_;  // what a map would keep, where there is none
+  std::optional<Calibration> calibration_;
+  std::optional<double> threshold_;
+  bool other_score_said_ = false;
+};
+
+/// Throws UsageError for a threshold that is not finite.
+void check_threshold(std::optional<double> threshold);
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,192 @@
+#include "known_places.h"
+
+#include <algorithm>
+#include <thread>
+#include <utility>
+
+#include "revisit/base/error.h"
+#include "revisit/base/text.h"
+#include "revisit/maps/large_maps.h"
+#include "usable_numbers.h"
+
+namespace revisit::pipeline {
+namespace {
+
+/// Of a feature that learns nothing: it is the descriptor.
+Basis as_it_is(const FeatureExtractor& extractor) {
+  Basis basis;
+  basis.dim = extractor.dim;
+  basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
+    std::ranges::copy(feature, descriptor.begin());
+  };
+  basis.comparison = extractor.comparison;
+  return basis;
+}
+
+/// All of `places` but those at some positions, which ascend.
+std::vector<CandidateRange> ranges_without(const std::vector<int64_t>& left_out, int64_t places) {
+  std::vector<CandidateRange> ranges;
+  int64_t begin = 0;
+  for (const int64_t position : left_out) {
+    if (position < begin || position >= places) continue;
+    if (position > begin) ranges.push_back({begin, position});
+    begin = position + 1;
+  }
+  ranges.push_back({begin, places});
+  return ranges;
+}
+
+}  // namespace
+
+KnownPlaces::KnownPlaces(const FeatureExtractor& extractor, const RecognizerOptions& options,
+                         Score score)
+    : extractor_(extractor), options_(options), score_(score) {
+  first_.emplace(extractor, options.first_stretch);
+  if (!extractor.reduce) settle(as_it_is(extractor));
+}
+
+std::string KnownPlaces::misfit_of(const StoredPlace& place) const {
+  const bool by_feature = !is_settled() || !place.feature.empty();
+  const std::vector<float>& numbers = by_feature ? place.feature : place.descriptor;
+  const int64_t expected = by_feature ? extractor_.dim : basis_->dim;
+  std::string found;
+  if (std::ssize(numbers) != expected)
+    found = str(numbers.size(), " numbers, expected ", expected);
+  else if (!can_be_used(numbers))
+    found = kTooLarge;
+  if (found.empty()) return "";
+  return str("place ", place.id, " is left out: its ", by_feature ? "feature" : "descriptor",
+             " has ", found);
+}
+
+/// Its numbers go, which the index has: clear() would keep their memory.
+void KnownPlaces::add(StoredPlace place) {
+  if (first_)
+    first_->add(place.feature);
+  else if (place.feature.empty())
+    index_->add(place.descriptor);
+  else  // it was read before there was a basis
+    index_->add(descriptor_of(place.feature));
+  std::vector<float>().swap(place.descriptor);
+  std::vector<float>().swap(place.feature);
+  std::string().swap(place.cloud);
+  places_.push_back(std::move(place));
+}
+
+void KnownPlaces::update() {
+  if (places_.empty()) return;
+  if (first_) {
+    const Basis& learnt = first_->basis();
+    if (learnt_from_ != first_->learnt_from()) {
+      basis_ = learnt;
+      begin_index();
+      learnt_from_ = first_->learnt_from();
+    }
+    for (int64_t i = index_->size(); i < size(); ++i)
+      index_->add(descriptor_of(first_->features().row(i)));
+  }
+  if (stretches_) stretches_->add(places_, *index_);
+  use_graph();
+}
+
+void KnownPlaces::begin_index() {
+  index_.emplace(basis_->dim, basis_->comparison);
+  has_graph_ = false;
+  stretches_.reset();
+  if (score_ == Score::kDistinctMargin && basis_->comparison.same_place)
+    stretches_.emplace(*basis_->comparison.same_place);
+}
+
+/// Once there are descriptors that stay.
+void KnownPlaces::use_graph() {
+  if (options_.graph_candidates == 0 || has_graph_ || !is_settled()) return;
+  const int threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  index_->choose_by(graph_of_keys(*index_, threads), options_.graph_candidates);
+  has_graph_ = true;
+}
+
+void KnownPlaces::remove_ids(std::span<const int64_t> ids) {
+  for (const int64_t id : ids)
+    if (const auto position = find(id)) remove(*position);
+}
+
+bool KnownPlaces::remove(int64_t position) {
+  const auto at = std::ranges::lower_bound(removed_, position);
+  if (at != removed_.end() && *at == position) return false;
+  removed_.insert(at, position);
+  return true;
+}
+
+void KnownPlaces::settle(Basis basis) {
+  basis_ = std::move(basis);
+  begin_index();
+  for (int64_t i = 0; i < size(); ++i) index_->add(descriptor_of(first_->features().row(i)));
+  first_.reset();
+}
+
+void KnownPlaces::settle() {
+  first_.reset();
+  use_graph();
+}
+
+std::vector<float> KnownPlaces::descriptor_of(std::span<const float> feature) const {
+  std::vector<float> descriptor(static_cast<size_t>(basis_->dim));
+  basis_->describe(feature, descriptor);
+  return descriptor;
+}
+
+const StoredPlace& KnownPlaces::at(int64_t position) const {
+  if (position < 0 || position >= size())
+    throw UsageError("no place is at position ", position, ": there are ", size(), " places");
+  return places_[static_cast<size_t>(position)];
+}
+
+std::optional<int64_t> KnownPlaces::find(int64_t id) const {
+  const auto found = std::ranges::lower_bound(places_, id, {}, &StoredPlace::id);
+  if (found == places_.end() || found->id != id) return std::nullopt;
+  return found - places_.begin();
+}
+
+std::map<int64_t, int64_t> KnownPlaces::places_of(const std::string& drive) const {
+  std::map<int64_t, int64_t> frames;
+  for (int64_t position = 0; position < size(); ++position) {
+    const StoredPlace& place = places_[static_cast<size_t>(position)];
+    if (place.drive == drive && !std::ranges::binary_search(removed_, position))
+      frames[place.frame] = position;
+  }
+  return frames;
+}
+
+std::optional<int64_t> KnownPlaces::distinct() const {
+  return first_ ? std::optional(first_->distinct()) : std::nullopt;
+}
+
+bool KnownPlaces::is_ambiguous(int64_t position) const {
+  return stretches_ && stretches_->is_long(position);
+}
+
+void KnownPlaces::check_feature(const Description& scan) const {
+  if (std::ssize(scan.feature) != extractor_.dim)
+    throw UsageError("a scan described by ", scan.feature.size(), " numbers; the feature '",
+                     extractor_.name, "' has ", extractor_.dim);
+  if (!can_be_used(scan.feature)) throw UsageError("a scan described by ", kTooLarge);
+}
+
+Match KnownPlaces::best(const Description& scan, std::span<const int64_t> without) const {
+  check_feature(scan);
+  if (places_.empty() || !index_) return {};
+  std::vector<int64_t> left_out(without.begin(), without.end());
+  std::ranges::sort(left_out);
+  const auto middle = left_out.insert(left_out.end(), removed_.begin(), removed_.end());
+  std::ranges::inplace_merge(left_out, middle);
+  return index_->best(descriptor_of(scan.feature), ranges_without(left_out, index_->size()),
+                      {.k = options_.k, .score = score_});
+}
+
+double KnownPlaces::similarity(const Description& scan, int64_t position) const {
+  check_feature(scan);
+  at(position);
+  return index_->similarity(descriptor_of(scan.feature), position);
+}
+
+}  // namespace revisit::pipeline

@@ -1,0 +1,50 @@
+#include "scan_describer.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "revisit/base/error.h"
+#include "revisit/recognition/mount.h"
+#include "usable_numbers.h"
+
+namespace revisit::pipeline {
+
+ScanDescriber::ScanDescriber(const FeatureExtractor& extractor, const RecognizerOptions& options)
+    : extractor_(extractor), options_(options) {
+  give_back(take());  // what cannot be described at all is said at once
+}
+
+std::unique_ptr<ScanDescriber::Worker> ScanDescriber::take() const {
+  const std::scoped_lock lock(mutex_);
+  if (idle_.empty())
+    return std::make_unique<Worker>(
+        Worker{from_scan(extractor_, options_.align, options_.geometry), {}});
+  std::unique_ptr<Worker> worker = std::move(idle_.back());
+  idle_.pop_back();
+  return worker;
+}
+
+void ScanDescriber::give_back(std::unique_ptr<Worker> worker) const {
+  const std::scoped_lock lock(mutex_);
+  idle_.push_back(std::move(worker));
+}
+
+Description ScanDescriber::describe(const PointsView& points) const {
+  std::unique_ptr<Worker> worker = take();
+  Description scan;
+  copy_points(points, worker->cloud);
+  transform(options_.mount, worker->cloud);
+  scan.feature.resize(static_cast<size_t>(extractor_.dim));
+  try {
+    if (std::ranges::none_of(worker->cloud.points, is_return))
+      throw InputError("the scan has no points");
+    worker->describe(worker->cloud, scan.feature);
+    if (!can_be_used(scan.feature)) throw InputError("its feature has ", kTooLarge);
+  } catch (const InputError& error) {
+    scan = {{}, error.what()};
+  }
+  give_back(std::move(worker));
+  return scan;
+}
+
+}  // namespace revisit::pipeline
