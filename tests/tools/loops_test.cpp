@@ -464,6 +464,8 @@ TEST_F(Loops, SayWhatCannotBe) {
   fails("map build " + path("town1"), 2, "--map");
   fails(loops("-o /nowhere/x.csv"), 1, "/nowhere/x.csv");
   fails("loops /nowhere", 3, "/nowhere");
+  std::ofstream(*folder_ / "drive.bag") << "#ROSBAG V2.0";
+  fails("loops " + path("drive.bag"), 3, "revisit-loops");
   fails("map info /nowhere.map", 3, "/nowhere.map");
 }
 

@@ -148,7 +148,17 @@ struct Source {
   pipeline::Dataset some;
 };
 
+/// Bags and packets are for the Python package.
+void must_not_be_a_recording(const fs::path& data) {
+  std::error_code error;
+  if (fs::is_regular_file(data, error) || fs::exists(data / "metadata.yaml", error))
+    throw InputError(data.string(),
+                     ": expected a folder of scans; `revisit-loops` of the Python package reads "
+                     "bags and packets");
+}
+
 Source open_source(const LoopsOptions& o) {
+  must_not_be_a_recording(o.feature.data);
   if (o.feature.data != "-" && !o.follow) {
     pipeline::Dataset dataset = open_scans(o.feature);
     return {stream_of(o.poses.scans_of(dataset)), dataset};
