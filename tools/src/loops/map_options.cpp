@@ -60,10 +60,9 @@ NewMap::NewMap(const std::filesystem::path& map) : exceptions_(std::uncaught_exc
 NewMap::~NewMap() {
   if (file_.empty() || std::uncaught_exceptions() == exceptions_) return;
   try {
-    if (pipeline::open_map(file_, pipeline::MapAccess::kRead)->size() > 0) return;
-    for (const char* ending : {"", "-wal", "-shm"})
-      std::filesystem::remove(file_.string() + ending);
-  } catch (const std::exception&) {  // no map was made, or it stays
+    const auto map = pipeline::open_map(file_, pipeline::MapAccess::kWrite);  // no other writes now
+    if (map->size() == 0) std::filesystem::remove(file_);
+  } catch (const std::exception&) {  // no map was made, or another process has it
   }
 }
 
