@@ -760,9 +760,9 @@ TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
   EXPECT_EQ(count, (std::map<std::string, int>{
                        {"", 1}, {"00", 1}, {"b", 1}, {"b/00", 2}, {"b/00-2", 2}, {"base", 1}}));
   // A recording that began alike is another one, without the scan that both have.
-  writer_of(dir / "alike.map")->add(std::vector{place("b/00", 7, 1), place("b/00", 8, 4)});
+  writer_of(dir / "alike.map")->add(std::vector{place("b/00-2", 7, 3), place("b/00-2", 8, 4)});
   EXPECT_EQ(merge_maps(std::vector{dir / "more", dir / "alike.map"}, dir / "all", tell), 9);
-  EXPECT_EQ(read_all(*open_map(dir / "all", MapAccess::kRead)).places.back().drive, "alike/b/00");
+  EXPECT_EQ(read_all(*open_map(dir / "all", MapAccess::kRead)).places.back().drive, "alike/b/00-2");
   fs::create_symlink(files[0], dir / "again");
   expect_error<UsageError>(
       [&] {

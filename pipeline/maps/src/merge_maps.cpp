@@ -96,7 +96,8 @@ class DriveNames {
     auto& names = names_[&source];
     std::set<std::string> given;  // names of recordings, which one drive of the map has at most
     for (const auto& [drive, scans] : drives) {
-      const std::optional<std::string> known_as = recording_of(scans, given);
+      const std::optional<std::string> known_as = recording_of(source, drive, scans, given);
+      if (known_as) given.insert(*known_as);
       names[drive] = known_as                      ? *known_as
                      : recordings_.contains(drive) ? free_name(source, drive)
                                                    : drive;
@@ -105,10 +106,8 @@ class DriveNames {
         report(str(shown_name(source.file), ": drive '", drive, "' becomes '", names[drive],
                    "': another map has a recording of that name"));
     }
-    for (const auto& [drive, scans] : drives) {
+    for (const auto& [drive, scans] : drives)
       recordings_[names[drive]].insert(scans.begin(), scans.end());
-      for (const auto& [frame, content] : scans) drive_of_.emplace(content, names[drive]);
-    }
   }
   const std::string& name_of(const Source& source, const std::string& drive) const {
     return names_.at(&source).at(drive);
@@ -117,34 +116,35 @@ class DriveNames {
  private:
   using Scans = std::map<int64_t, int64_t>;  // frame -> content
 
-  std::optional<std::string> recording_of(const Scans& scans, std::set<std::string>& given) const {
-    std::set<std::string> tried = given;
-    for (const auto& [frame, content] : scans) {
-      const auto found = drive_of_.find(content);
-      if (found == drive_of_.end() || !tried.insert(found->second).second) continue;
-      const Scans& before = recordings_.at(found->second);
-      const bool is_same = std::ranges::all_of(scans, [&](const auto& scan) {
-        const auto other = before.find(scan.first);
-        return other == before.end() || other->second == scan.second;
-      });
-      if (!is_same) continue;
-      given.insert(found->second);
-      return found->second;
-    }
-    return std::nullopt;
-  }
-  std::string free_name(const Source& source, const std::string& drive) const {
+  static std::string of_map(const Source& source, const std::string& drive) {
     const std::string map =
         is_on_a_server(source.file.string()) ? "server" : source.file.stem().string();
-    const std::string name = drive.empty() ? map : map + "/" + drive;
-    std::string free = name;
-    for (int number = 2; recordings_.contains(free); ++number) free = str(name, "-", number);
+    return drive.empty() ? map : map + "/" + drive;
+  }
+  /// Drives of one map may have the same scans: the names tell them apart.
+  std::optional<std::string> recording_of(const Source& source, const std::string& drive,
+                                          const Scans& scans,
+                                          const std::set<std::string>& given) const {
+    std::optional<std::string> recording;
+    for (const auto& [name, before] : recordings_) {
+      bool shares = false, differs = given.contains(name);
+      for (const auto& [frame, content] : scans)
+        if (const auto other = before.find(frame); other != before.end())
+          (other->second == content ? shares : differs) = true;
+      if (shares && !differs && (!recording || name == drive || name == of_map(source, drive)))
+        recording = name;
+    }
+    return recording;
+  }
+  std::string free_name(const Source& source, const std::string& drive) const {
+    std::string free = of_map(source, drive);
+    for (int number = 2; recordings_.contains(free); ++number)
+      free = str(of_map(source, drive), "-", number);
     return free;
   }
 
   std::map<const Source*, std::map<std::string, std::string>> names_;
   std::map<std::string, Scans> recordings_;  // of the maps before, by their names
-  std::map<int64_t, std::string> drive_of_;  // the first that has a scan of this content
 };
 
 }  // namespace
