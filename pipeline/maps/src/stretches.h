@@ -41,7 +41,7 @@ class Stretches {
   bool is_long(int64_t place) const;
 
  private:
-  static constexpr double kLong = 3;
+  static constexpr double kLong = 5;
   /// The view has changed where places are less similar. Scans of a halt are more so, by far.
   static constexpr double kSameView = 0.95;
   struct Stretch {
