@@ -56,8 +56,8 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
 bool Stretches::is_long(int64_t place) const {
   if (place >= std::ssize(of_place_)) return false;
   const Stretch& stretch = stretches_[static_cast<size_t>(of_place_[static_cast<size_t>(place)])];
-  return stretch.has_poses ? stretch.metres > kLong * metres_.value()
-                           : stretch.views > kLong * views_.value();
+  return stretch.views > kLong * views_.value() &&
+         (!stretch.has_poses || stretch.metres > kLong * metres_.value());
 }
 
 }  // namespace revisit::pipeline

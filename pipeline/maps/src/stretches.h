@@ -28,8 +28,9 @@ class RunningMedian {
 /// Where a drive looks the same for much longer than usual: in a tunnel places cannot be told
 /// apart. A drive falls into stretches: the next place belongs to the stretch while it looks like
 /// the first of it (Comparison::same_place), else it begins another one. How far a stretch goes is
-/// counted from there to the next one: in metres by poses, and in changes of the view, which need
-/// none. So a halt is short, and neither speed nor the density of places matter.
+/// counted from there to the next one: in changes of the view, and in metres where there are poses;
+/// it is long when both are. So a halt is short, and neither speed nor the density of places
+/// matter.
 class Stretches {
  public:
   explicit Stretches(double same_place) : same_place_(same_place) {}
