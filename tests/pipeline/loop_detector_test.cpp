@@ -121,8 +121,8 @@ TEST(LoopDetector, AcceptedLoopsAreRegistered) {
 }
 
 TEST(FitOdds, MakeARegisteredLoopMoreProbable) {
-  EXPECT_NEAR(probability_after_fit(0.5), 7.0 / 8, 1e-12);
-  EXPECT_NEAR(probability_after_fit(0.95), 133.0 / 134, 1e-12);
+  EXPECT_NEAR(probability_after_fit(0.5), 6.0 / 7, 1e-12);
+  EXPECT_NEAR(probability_after_fit(0.95), 114.0 / 115, 1e-12);
   for (const double p : {0.01, 0.9, 0.99, 0.999})
     EXPECT_NEAR(probability_after_fit(precision_before_fit(p)), p, 1e-12);
 }
