@@ -94,6 +94,19 @@ TEST(LoopDetector, AScanWithoutDescriptionIsNoPlace) {
   EXPECT_EQ(recognizer.size(), 0);
 }
 
+TEST(LoopDetector, AHaltIsNoLoop) {
+  FeatureExtractor extractor = first_point();
+  extractor.comparison.same_place = 0.9;
+  PlaceRecognizer recognizer(extractor, {});
+  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("frames=3")});
+  int64_t frame = 0;
+  const auto match = [&](double angle) { return match_of(detector, angle, {.frame = frame++}); };
+  EXPECT_EQ(match(2), -1);
+  for (int i = 0; i < 20; ++i) EXPECT_LE(match(0), 0) << "only the place before the halt";
+  for (int i = 0; i < 5; ++i) match(3);
+  EXPECT_GE(match(0.01), 1) << "back at the halt";
+}
+
 TEST(LoopDetector, AcceptedLoopsAreRegistered) {
   PlaceRecognizer recognizer(first_point(), {.threshold = 0.9});
   const LoopDetectorOptions options{

@@ -73,6 +73,8 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
   found.position = stored(description, points, scan.frame);
   std::vector<int64_t> excluded(recent.begin(), recent.end());
   for (const auto& [frame, position] : ahead_) excluded.push_back(position);
+  if (last_ && options_.exclusion.kind != Exclusion::Kind::kNone)
+    for (const int64_t position : recognizer_.around(*last_)) excluded.push_back(position);
   found.loop = recognizer_.query(description, excluded);
   while (!ahead_.empty() && ahead_.begin()->first <= scan.frame) {
     recent_.add(ahead_.begin()->second);
@@ -93,7 +95,10 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
                       .cloud = keep_cloud ? compact_cloud(cloud, recognizer_.mount()) : ""});
     recent_.add(*found.position);
   }
-  if (found.position) keyframes_.add(*found.position, scan.pose);
+  if (found.position) {
+    keyframes_.add(*found.position, scan.pose);
+    last_ = found.position;
+  }
   if (found.loop && !found.loop->accepted)
     found.refusal = refusal_of(*found.loop, recognizer_.threshold());
   if (verifies_ && found.loop && found.loop->accepted) verify(cloud, found);

@@ -165,6 +165,13 @@ bool KnownPlaces::is_ambiguous(int64_t position) const {
   return stretches_ && stretches_->is_long(position);
 }
 
+std::vector<int64_t> KnownPlaces::around(int64_t position) const {
+  at(position);
+  if (!stretches_) return {position};
+  const std::span<const int64_t> places = stretches_->around(position);
+  return {places.begin(), places.end()};
+}
+
 void KnownPlaces::check_feature(const Description& scan) const {
   if (std::ssize(scan.feature) != extractor_.dim)
     throw UsageError("a scan described by ", scan.feature.size(), " numbers; the feature '",

@@ -50,6 +50,7 @@ class KnownPlaces {
   /// While the basis is not settled.
   std::optional<int64_t> distinct() const;
   bool is_ambiguous(int64_t position) const;
+  std::vector<int64_t> around(int64_t position) const;
 
   /// Throws UsageError for a scan that another recogniser described.
   void check_feature(const Description& scan) const;

@@ -192,6 +192,11 @@ std::map<int64_t, int64_t> PlaceRecognizer::places_of(const std::string& drive) 
   return impl_->places.places_of(drive);
 }
 
+std::vector<int64_t> PlaceRecognizer::around(int64_t position) const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->places.around(position);
+}
+
 bool PlaceRecognizer::reserve_drive(const std::string& drive, const std::string& content) {
   const std::unique_lock lock(impl_->mutex);
   return !impl_->map || impl_->map->reserve_drive(drive, content);

@@ -51,11 +51,12 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
   }
   if (!goes_on) stretches_.push_back({.first = place, .view = place});
   of_place_[static_cast<size_t>(place)] = current->second;
+  stretches_[static_cast<size_t>(current->second)].places.push_back(place);
 }
 
 bool Stretches::is_long(int64_t place) const {
   if (place >= std::ssize(of_place_)) return false;
-  const Stretch& stretch = stretches_[static_cast<size_t>(of_place_[static_cast<size_t>(place)])];
+  const Stretch& stretch = stretch_of(place);
   return stretch.views > kLong * views_.value() &&
          (!stretch.has_poses || stretch.metres > kLong * metres_.value());
 }

@@ -40,6 +40,8 @@ class Stretches {
   void add(std::span<const StoredPlace> places, const PlaceIndex& index);
   /// Whether the place's stretch goes more than kLong times as far as half of them.
   bool is_long(int64_t place) const;
+  /// The places of its stretch, ascending.
+  std::span<const int64_t> around(int64_t place) const { return stretch_of(place).places; }
 
  private:
   static constexpr double kLong = 5;
@@ -50,7 +52,11 @@ class Stretches {
     bool has_poses = true;
     double metres = 0;
     double views = 0;
+    std::vector<int64_t> places;
   };
+  const Stretch& stretch_of(int64_t place) const {
+    return stretches_[static_cast<size_t>(of_place_[static_cast<size_t>(place)])];
+  }
   void add(int64_t place, std::span<const StoredPlace> places, const PlaceIndex& index);
 
   double same_place_;

@@ -43,7 +43,8 @@ struct Detection {
 };
 
 /// The front end of loop closure: takes the scans of one drive in order, and says where each was
-/// before. Every scan is described, compared with the places that are not excluded, and added.
+/// before. Every scan is described, compared with the places that are not excluded, and added. With
+/// any exclusion, a scan is not compared with the halt in which it was taken.
 /// A recording of which the map has scans, by name and content, is resumed: these are compared, but
 /// not added again, and none of its later scans is a match.
 ///
@@ -75,6 +76,7 @@ class LoopDetector {
   std::string name_;  // of the recording, as given
   RecentPlaces recent_;
   Keyframes keyframes_;
+  std::optional<int64_t> last_;  // position of the scan before that is a place
   bool identified_ = false;  // the recording
   // frame -> position of its scans that the map had before; those not reached yet.
   std::map<int64_t, int64_t> stored_, ahead_;

@@ -113,6 +113,10 @@ class PlaceRecognizer {
   int64_t size() const;
   /// The places of a drive that were not removed: frame -> position.
   std::map<int64_t, int64_t> places_of(const std::string& drive) const;
+  /// The positions of the places of its drive that look alike from before to behind the one at
+  /// `position`, with it: during a halt all of the halt. Only that one where similarities do not
+  /// tell which places are one. Throws UsageError for a position without a place.
+  std::vector<int64_t> around(int64_t position) const;
   /// MapStore::reserve_drive() of the map; true without one.
   bool reserve_drive(const std::string& drive, const std::string& content);
   /// The points of the place at `position` (StoredPlace::cloud); "": none. Throws UsageError for a
