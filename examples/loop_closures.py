@@ -62,7 +62,8 @@ def main():
         if found.why_not:
             print(f'{ref.file}: {found.why_not}', file=sys.stderr)
             continue
-        known[found.position] = i
+        if found.position is not None:  # it was stored
+            known[found.position] = i
         loop = found.loop
         if loop and loop.accepted:
             print(f'{ref.file.stem},{loop.id},{loop.frame},{loop.score:.3f},{np.degrees(loop.turn):.1f}')

@@ -1,10 +1,12 @@
 // A second session. A robot that was switched on anywhere asks the maps of all floors where it is;
 // what it sees takes the place of what was seen there before; the maps are merged into a new one.
 //   two_sessions MERGED SCAN MAP...      # maps of loop_closure
-// Maps of more than 200 places need the same basis: take_over_basis() before the first is added.
+// Maps of more than 128 distinct places need the same basis: take_over_basis() before the first is
+// added.
 #include <revisit/datasets/scan_file.h>
 #include <revisit/maps/place_recognizer.h>
 #include <revisit/recognition/ring/features.h>
+#include <revisit/registration/compact_cloud.h>
 
 #include <cstdio>
 #include <deque>
@@ -40,7 +42,8 @@ void run(int argc, char** argv) {
                 here->score, here->accepted ? "replaced" : "not sure enough to replace it");
     if (here->accepted) {
       floors[floor].remove(std::vector{here->position});
-      floors[floor].add(scan, {.drive = "today", .frame = here->frame});
+      floors[floor].add(scan,
+                        {.drive = "today", .frame = here->frame, .cloud = compact_cloud(cloud)});
     }
   }  // the maps are closed
   const int64_t merged = merge_maps(maps, argv[1], [](const std::string& damaged) {

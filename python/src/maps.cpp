@@ -83,7 +83,10 @@ void bind_records(nb::module_& module) {
       .def_ro("ambiguous", &Loop::ambiguous,
               "The place lies where its drive looks the same for much longer than usual, as in a "
               "tunnel; the loop is not accepted.")
-      .def_ro("accepted", &Loop::accepted, "The score reaches the threshold; False without one.")
+      .def_ro("accepted", &Loop::accepted,
+              "The score reaches the threshold among enough places that can be told apart; a loop "
+              "that was "
+              "registered also fits; False without one.")
       .def("__repr__", [](const Loop& loop) {
         return str("<Loop to place ", loop.position, ", score ", loop.score,
                    loop.accepted ? ", accepted>" : ">");

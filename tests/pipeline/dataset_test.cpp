@@ -229,8 +229,9 @@ TEST(PlainFolder, TimesOfTheNames) {
   EXPECT_EQ(time_in_name("1403715273262143000.pcd"), 1403715273262143000.0 * 1e-9);
   EXPECT_EQ(time_in_name("1403715273262143.pcd"), 1403715273262143.0 * 1e-6);
   EXPECT_EQ(time_in_name("12.5.bin"), 12.5);
-  for (const char* const other : {"000123.bin", "1305031102.bin", "scan_12.bin", "1_2.bin", "_.bin",
-                                  "1305031102_.bin", "1305031102_1234567890.bin", "a.1.bin", ""})
+  for (const char* const other :
+       {"000123.bin", "1305031102.bin", "scan_12.bin", "1_2.bin", "_.bin", "1305031102_.bin",
+        "1305031102_1234567890.bin", "0000000000000001.bin", "2023010112_0001.pcd", "a.1.bin", ""})
     EXPECT_FALSE(time_in_name(other)) << other;
 }
 

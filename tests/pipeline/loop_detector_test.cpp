@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -165,6 +166,61 @@ TEST(LoopDetector, ARecordingIsResumedAndAnotherOfItsNameIsNot) {
   EXPECT_EQ(recognizer.size(), 10);
 }
 
+/// Its first place was removed, or its folder had fewer scans the first time.
+TEST(LoopDetector, ARecordingIsKnownWithoutItsFirstPlace) {
+  PlaceRecognizer recognizer(first_point(), {});
+  const auto drive = [&](int first, int last, double start) {
+    LoopDetector detector(recognizer, {.drive = "monday", .exclusion = parse_exclusion("none")});
+    for (int frame = first; frame < last; ++frame)
+      match_of(detector, start + 0.2 * frame, {.frame = frame});
+    return detector.drive();
+  };
+  drive(3, 7, 0);
+  EXPECT_EQ(drive(0, 7, 0), "monday");
+  EXPECT_EQ(recognizer.size(), 7);
+  recognizer.remove(std::vector<int64_t>{5, 6});
+  EXPECT_EQ(drive(0, 7, 0), "monday");
+  EXPECT_EQ(recognizer.size(), 9) << "what was removed is added again";
+}
+
+TEST(LoopDetector, ARecordingOfAMergedMapIsResumed) {
+  PlaceRecognizer recognizer(first_point(), {});
+  for (const auto& [name, angle] : {std::pair("monday", 1.0), std::pair("robot/monday", 2.0)}) {
+    const PointCloud cloud = room(angle);
+    recognizer.add(recognizer.describe(view_of(cloud)), {.drive = name});
+  }
+  LoopDetector detector(recognizer, {.drive = "monday", .exclusion = parse_exclusion("frames=9")});
+  EXPECT_EQ(match_of(detector, 2, {}), 0);
+  EXPECT_EQ(detector.drive(), "robot/monday");
+  EXPECT_EQ(recognizer.size(), 2);
+}
+
+/// A halt of any length ends no first stretch.
+TEST(LoopDetector, AMapMayBeginWithAHalt) {
+  FeatureExtractor extractor = first_point();
+  extractor.comparison.same_place = 0.9;
+  extractor.reduce = [comparison = extractor.comparison](const Rows&, std::span<const int64_t>) {
+    Basis basis;
+    basis.dim = 3;
+    basis.describe = [](std::span<const float> feature, std::span<float> descriptor) {
+      std::ranges::copy(feature, descriptor.begin());
+    };
+    basis.comparison = comparison;
+    return basis;
+  };
+  PlaceRecognizer recognizer(extractor, {.first_stretch = 3});
+  LoopDetector detector(recognizer, {});
+  auto take = [&, frame = int64_t{0}](double angle) mutable {
+    const PointCloud cloud = room(angle);
+    return detector.take(view_of(cloud), {.frame = frame++});
+  };
+  for (int i = 0; i < 30; ++i) EXPECT_EQ(take(0).position.has_value(), i == 0);
+  EXPECT_FALSE(recognizer.has_learnt());
+  for (const double angle : {1, 2}) EXPECT_TRUE(take(angle).position);
+  EXPECT_TRUE(recognizer.has_learnt());
+  EXPECT_TRUE(take(2).position) << "now halts are stored";
+}
+
 TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
   const test::TempDir dir;
   const auto session = [&](const std::string& drive, bool keep_clouds) {
@@ -190,7 +246,8 @@ TEST(LoopDetector, PlacesOfAMapAreRegisteredInLaterSessions) {
 
 TEST(LoopDetector, APlaceWithoutPointsIsRefused) {
   PlaceRecognizer recognizer(first_point(), {.threshold = -2});
-  LoopDetector detector(recognizer, {.exclusion = parse_exclusion("none"), .keep_clouds = false});
+  LoopDetector detector(
+      recognizer, {.exclusion = parse_exclusion("none"), .verify = true, .keep_clouds = false});
   const PointCloud cloud = room(2);
   EXPECT_EQ(detector.take(view_of(cloud), {}).refusal, Refusal::kNone);
   const Detection found = detector.take(view_of(cloud), {.frame = 1});
@@ -278,6 +335,9 @@ TEST(LoopDetector, VerificationNeedsAHeading) {
   PlaceRecognizer recognizer(blind, {});
   expect_error<UsageError>([&] { LoopDetector(recognizer, {.verify = true}); }, {"heading"});
   EXPECT_FALSE(LoopDetector(recognizer, {}).verifies()) << "by default only where it can be";
+  PlaceRecognizer seeing(first_point(), {});
+  EXPECT_TRUE(LoopDetector(seeing, {}).verifies());
+  EXPECT_FALSE(LoopDetector(seeing, {.keep_clouds = false}).verifies());
 }
 
 }  // namespace

@@ -731,7 +731,7 @@ TEST(PlaceRecognizer, AcceptsByTheCalibrationOfItsFeature) {
     const std::vector<int64_t> without = i < 100 ? std::vector<int64_t>{i} : std::vector<int64_t>{};
     const auto loop = recognizer.query(recognizer.describe(view_of(scan_of(i))), without);
     EXPECT_EQ(loop->accepted, loop->score >= 1.1);
-    EXPECT_EQ(loop->probability, std::min(30.0 / 31, some_calibration().probability(loop->score)));
+    EXPECT_EQ(loop->probability, std::min(100.0 / 101, some_calibration().probability(loop->score)));
     accepted += loop->accepted ? 1 : 0;
   }
   EXPECT_GT(accepted, 0);

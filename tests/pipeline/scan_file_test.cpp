@@ -130,7 +130,7 @@ TEST(ScanFile, BinFilesOfOtherLayoutsAreTold) {
   const TempDir dir;
   for (const size_t numbers : {3, 4, 5, 6})
     for (const bool doubles : {false, true})
-      for (const size_t points : {240, 4801}) {
+      for (const size_t points : {240, 4801, 32768, 33000, 57600, 60001}) {
         const std::vector<double> values = street(numbers, points);
         const fs::path file = dir / "a.bin";
         test::write_file(file, doubles ? as_bytes_of<double>(values) : as_bytes_of<float>(values));

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string_view>
 
+#include "io/file_content.h"
 #include "revisit/base/error.h"
 #include "revisit/datasets/scan_file.h"
 
@@ -102,16 +103,17 @@ std::optional<double> time_in_name(const fs::path& file) {
     return !text.empty() && text.size() <= 19 &&
            text.find_first_not_of("0123456789") == std::string::npos;
   };
+  const auto value_of = [](const std::string& text) { return parse_number(text, "a time", false); };
   if (!is_number(seconds)) return {};
-  if (mark == std::string::npos) {
-    if (seconds.size() != 16 && seconds.size() != 19) return {};
-    return std::stod(seconds) * (seconds.size() == 16 ? 1e-6 : 1e-9);
+  if (mark == std::string::npos) {  // leading zeros are of a frame's number
+    if ((seconds.size() != 16 && seconds.size() != 19) || seconds.front() == '0') return {};
+    return value_of(seconds) * (seconds.size() == 16 ? 1e-6 : 1e-9);
   }
   if (!is_number(rest) || seconds.size() > 10) return {};
-  if (stem[mark] == '.') return std::stod(stem);
-  // Two short numbers are something else, such as a part and a frame.
-  if (seconds.size() < 9 || rest.size() > 9) return {};
-  return std::stod(seconds) + std::stod(rest) * 1e-9;
+  if (stem[mark] == '.') return value_of(stem);
+  // Shorter numbers are something else, such as a date and an index.
+  if (seconds.size() < 9 || rest.size() < 6 || rest.size() > 9) return {};
+  return value_of(seconds) + value_of(rest) * 1e-9;
 }
 
 std::vector<std::string> list_names(const fs::path& folder, bool (*keep)(const fs::path&)) {

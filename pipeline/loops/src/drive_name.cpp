@@ -29,9 +29,10 @@ bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan, in
   return recognizer.similarity(scan, position) >= kSameScan;
 }
 
-bool may_continue(const DrivePlaces& places, int64_t frame) {
+bool may_be_of(const DrivePlaces& places, int64_t frame) {
   const int64_t first = places.begin()->first, last = places.rbegin()->first;
-  return frame > last && frame - last <= std::max(last - first, kShortGap);
+  const int64_t gap = std::max(last - first, kShortGap);
+  return frame >= first - gap && frame <= last + gap;
 }
 
 std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
@@ -40,11 +41,14 @@ std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,
   const DrivePlaces unnamed = recognizer.places_of("");
   if (recognizer.places_of(name).empty() && !unnamed.empty() && is_it(unnamed)) return "";
   const std::string content = content_of(first);
+  // merge_maps() calls the second recording of a name MAP/NAME.
+  for (const std::string& merged : recognizer.drives())
+    if (merged.ends_with("/" + name) && is_it(recognizer.places_of(merged))) return merged;
   std::string drive = name;
   for (int number = 2;; ++number) {
     const DrivePlaces places = recognizer.places_of(drive);
     if (places.empty() ? recognizer.reserve_drive(drive, content) : is_it(places)) return drive;
-    drive = str(name, "-", number);
+    drive = name.empty() ? str(number) : str(name, "-", number);
   }
 }
 

@@ -52,7 +52,7 @@ const char* name_of(Refusal refusal) {
 LoopDetector::LoopDetector(PlaceRecognizer& recognizer, const LoopDetectorOptions& options)
     : recognizer_(recognizer),
       options_(options),
-      verifies_(options.verify.value_or(recognizer.finds_heading())),
+      verifies_(options.verify.value_or(options.keep_clouds && recognizer.finds_heading())),
       name_(options.drive),
       recent_(options.exclusion),
       keyframes_(options.keyframes) {
@@ -86,7 +86,8 @@ Detection LoopDetector::take(const PointsView& points, const ScanStamp& scan) {
     copy_points(points, cloud);
     transform(recognizer_.mount(), cloud);
   }
-  if (!found.position && keyframes_.is_one(recognizer_, description, scan.pose)) {
+  if (!found.position && !is_first_halt(description) &&
+      keyframes_.is_one(recognizer_, description, scan.pose)) {
     found.position = recognizer_.add(
         description, {.drive = options_.drive,
                       .frame = scan.frame,
@@ -114,13 +115,20 @@ std::optional<int64_t> LoopDetector::stored(const Description& scan, const Point
   // The first scan, or another recording that began alike.
   options_.drive = drive_in_map(recognizer_, name_, points, [&](const DrivePlaces& places) {
     const auto same = places.find(frame);
-    return same == places.end() ? may_continue(places, frame)
+    return same == places.end() ? may_be_of(places, frame)
                                 : is_same_scan(recognizer_, scan, same->second);
   });
   stored_ = ahead_ = recognizer_.places_of(options_.drive);
   identified_ = true;
   const auto found = stored_.find(frame);
   return found == stored_.end() ? std::nullopt : std::optional(found->second);
+}
+
+/// The places that a map begins with wait for distinct ones with their features, 100 kB each: a
+/// halt among them would fill the memory, or end the wait with a few.
+bool LoopDetector::is_first_halt(const Description& scan) const {
+  constexpr double kStanding = 0.98;  // scans of a halt have 0.99 and more
+  return last_ && !recognizer_.has_learnt() && recognizer_.similarity(scan, *last_) >= kStanding;
 }
 
 void LoopDetector::verify(const PointCloud& query, Detection& found) const {

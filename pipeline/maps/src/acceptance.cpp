@@ -113,14 +113,14 @@ void Acceptance::calibrate(const Calibration& calibration) {
   keep(content, {});
 }
 
-void Acceptance::judge(std::optional<int64_t> distinct_places, Loop& loop) const {
+void Acceptance::judge(int64_t distinct_places, Loop& loop) const {
   // Of n distinct places none looks like another: n / (n + 1) that the next one does not (Laplace's
   // rule of succession).
-  const auto n = static_cast<double>(distinct_places.value_or(options_.first_stretch));
+  const auto n = static_cast<double>(distinct_places);
   const double most = n / (n + 1);
   if (calibration_) loop.probability = std::min(most, calibration_->probability(loop.score));
   loop.accepted = !loop.ambiguous && threshold_ && loop.score >= *threshold_ &&
-                  (options_.threshold || !distinct_places || most >= options_.precision);
+                  (options_.threshold || most >= options_.precision);
 }
 
 }  // namespace revisit::pipeline

@@ -26,8 +26,8 @@ class Acceptance {
   /// PlaceRecognizer::calibrate().
   void calibrate(double threshold);
   void calibrate(const Calibration& calibration);
-  /// Fills what it says of a loop among so many distinct places; absent: enough of them.
-  void judge(std::optional<int64_t> distinct_places, Loop& loop) const;
+  /// Fills what it says of a loop among so many distinct places.
+  void judge(int64_t distinct_places, Loop& loop) const;
 
  private:
   bool is_mine(const Calibration& one) const;

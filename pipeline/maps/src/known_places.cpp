@@ -157,10 +157,6 @@ std::map<int64_t, int64_t> KnownPlaces::places_of(const std::string& drive) cons
   return frames;
 }
 
-std::optional<int64_t> KnownPlaces::distinct() const {
-  return first_ ? std::optional(first_->distinct()) : std::nullopt;
-}
-
 bool KnownPlaces::is_ambiguous(int64_t position) const {
   return stretches_ && stretches_->is_long(position);
 }

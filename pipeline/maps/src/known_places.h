@@ -47,8 +47,8 @@ class KnownPlaces {
   const StoredPlace& at(int64_t position) const;
   std::optional<int64_t> find(int64_t id) const;
   std::map<int64_t, int64_t> places_of(const std::string& drive) const;
-  /// While the basis is not settled.
-  std::optional<int64_t> distinct() const;
+  /// Places that do not look like the one before; all where similarities do not tell.
+  int64_t distinct() const { return stretches_ ? stretches_->count() : size(); }
   bool is_ambiguous(int64_t position) const;
   std::vector<int64_t> around(int64_t position) const;
 

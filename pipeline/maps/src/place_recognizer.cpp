@@ -187,6 +187,13 @@ int64_t PlaceRecognizer::size() const {
   return impl_->places.size();
 }
 
+std::set<std::string> PlaceRecognizer::drives() const {
+  const std::shared_lock lock(impl_->mutex);
+  std::set<std::string> names;
+  for (int64_t i = 0; i < impl_->places.size(); ++i) names.insert(impl_->places.at(i).drive);
+  return names;
+}
+
 std::map<int64_t, int64_t> PlaceRecognizer::places_of(const std::string& drive) const {
   const std::shared_lock lock(impl_->mutex);
   return impl_->places.places_of(drive);
@@ -208,6 +215,11 @@ const Eigen::Isometry3d& PlaceRecognizer::mount() const {
 
 bool PlaceRecognizer::has_map() const {
   return impl_->map != nullptr;
+}
+
+bool PlaceRecognizer::has_learnt() const {
+  const std::shared_lock lock(impl_->mutex);
+  return impl_->places.is_settled();
 }
 
 bool PlaceRecognizer::finds_heading() const {

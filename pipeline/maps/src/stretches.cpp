@@ -54,6 +54,11 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
   stretches_[static_cast<size_t>(current->second)].places.push_back(place);
 }
 
+std::span<const int64_t> Stretches::around(int64_t place) const {
+  if (place >= std::ssize(of_place_)) return {};
+  return stretch_of(place).places;
+}
+
 bool Stretches::is_long(int64_t place) const {
   if (place >= std::ssize(of_place_)) return false;
   const Stretch& stretch = stretch_of(place);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <iterator>
 #include <map>
 #include <queue>
 #include <span>
@@ -40,8 +41,9 @@ class Stretches {
   void add(std::span<const StoredPlace> places, const PlaceIndex& index);
   /// Whether the place's stretch goes more than kLong times as far as half of them.
   bool is_long(int64_t place) const;
-  /// The places of its stretch, ascending.
-  std::span<const int64_t> around(int64_t place) const { return stretch_of(place).places; }
+  /// The places of its stretch, ascending; none for a place that was not taken in yet.
+  std::span<const int64_t> around(int64_t place) const;
+  int64_t count() const { return std::ssize(stretches_); }
 
  private:
   static constexpr double kLong = 5;

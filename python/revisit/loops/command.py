@@ -53,7 +53,7 @@ def first_of(scans):
     for scan in scans:
         first.append(scan)
         with contextlib.suppress(InputError):
-            with_points += len(scan.points()) > 0
+            with_points += len(returns(scan.points())) > 0
         if with_points == SCANS_THAT_SHOW_THE_SENSOR or len(first) == SCANS_TRIED:
             break
     return first
@@ -64,7 +64,7 @@ def sensor_of(o, first):
     clouds = []
     for scan in first:
         with contextlib.suppress(InputError):
-            points = mounted(o, scan.points())
+            points = mounted(o, returns(scan.points()))
             clouds += [points] if len(points) else []
     if misfit := recognition.misfit_of_view(clouds):
         say(o, f'warning: {misfit}')
@@ -81,12 +81,16 @@ def precision_of(o):
     """What scores must promise for --sure."""
     if o.sure is None:
         return maps.PRECISION
-    return o.sure if o.verify is False else maps.precision_before_fit(o.sure)
+    unverified = o.verify is False or (o.no_clouds and not o.verify)
+    return o.sure if unverified else maps.precision_before_fit(o.sure)
+
+
+def returns(points):
+    points = np.ascontiguousarray(points[:, :3])
+    return points[np.isfinite(points).all(1) & (points != 0).any(1)]
 
 
 def mounted(o, points):
-    points = np.ascontiguousarray(points[:, :3])
-    points = points[np.any(points != 0, axis=1)]  # no return
     if not o.mount:
         return points
     T = recognition.parse_mount(o.mount)
@@ -183,6 +187,8 @@ def work(o):
                     print(poses.tum_line(time, pose), file=trajectory, flush=True)
         finally:
             finish(o, seen, jsonl)
+    if detector.drive != drive:
+        say(o, f"the map has another recording '{drive}'; this one is '{detector.drive}'")
     say(o, f'{summary}, {len(recognizer)} places known')
     if registered and not n_tum:
         say(o, f'warning: {o.tum}: empty: no loop was registered to a place with a pose')

@@ -74,8 +74,7 @@ def make_parser():
     loops.add_argument('--first-stretch', type=positive, default=128, metavar='N', help='places that the mean ring is learnt from '
                        '(default %(default)s)')
     loops.add_argument('--map', metavar='FILE', help='where places are kept; made when missing (default: nowhere)')
-    loops.add_argument('--no-clouds', action='store_true', help='store no points of places (some 20 kB each): later drives cannot '
-                       'be registered with them')
+    loops.add_argument('--no-clouds', action='store_true', help='store no points of places (some 20 kB each): loops are not registered')
     loops.add_argument('--drive', metavar='NAME', help='name of this drive in the map (default: the name of the data)')
     loops.add_argument('--threads', type=positive, default=len(os.sched_getaffinity(0)), metavar='N', help='of one scan')
     out = parser.add_argument_group('output')
@@ -102,6 +101,8 @@ def parse(arguments):
     for name in ('pose_format', 'pose_frame', 'calib'):
         if getattr(o, name) and not o.poses:
             raise UsageError(f'--{name.replace("_", "-")} is about --poses, which is not given')
+    if o.sure is not None and not 0 < o.sure < 1:
+        raise UsageError(f'--sure: expected more than 0, less than 1, found {o.sure:g}')
     if o.threshold is not None and o.sure is not None:
         raise UsageError('--threshold and --sure: one of the two')
     for name in ('g2o', 'tum'):

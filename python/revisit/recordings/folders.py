@@ -53,5 +53,7 @@ def open_npy(path, options):
     times = [time_in_name(file) for file in files]
     if None in times:
         times = [None] * len(files)
+    else:
+        times, files = zip(*sorted(zip(times, files)))
     return recording_of(path.name, [Scan(frame, time, None, lambda file=file: read_npy(file), str(file))
                                     for frame, (file, time) in enumerate(zip(files, times))])

@@ -13,6 +13,7 @@
 #include "loops/map_options.h"
 #include "loops/pose_options.h"
 #include "loops/recognise.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/loops/fit_odds.h"
 #include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
@@ -134,12 +135,27 @@ LoopsOptions parse_loops_options(const Arguments& arguments, Parser& parser) {
 }
 
 /// The stream with `first` in front.
-ScanStream with(pipeline::ScanRef first, ScanStream rest) {
-  return [first = std::optional(std::move(first)),
-          rest = std::move(rest)]() mutable -> std::optional<pipeline::ScanRef> {
-    if (first) return std::exchange(first, std::nullopt);
-    return rest();
+ScanStream with(std::vector<pipeline::ScanRef> first, ScanStream rest) {
+  return [first = stream_of(std::move(first)), rest = std::move(rest)] {
+    const std::optional<pipeline::ScanRef> scan = first();
+    return scan ? scan : rest();
   };
+}
+
+/// The first scans of a stream up to one that can be read, which shows the sensor.
+std::vector<pipeline::ScanRef> first_readable(const ScanStream& stream) {
+  constexpr size_t kTried = 20;
+  std::vector<pipeline::ScanRef> scans;
+  while (scans.size() < kTried) {
+    const std::optional<pipeline::ScanRef> scan = stream();
+    if (!scan) break;
+    scans.push_back(*scan);
+    try {
+      if (std::ranges::any_of(pipeline::read_scan(scan->file).points, pipeline::is_return)) break;
+    } catch (const InputError&) {  // named when its turn comes
+    }
+  }
+  return scans;
 }
 
 /// The scans asked for, and some of them that show the sensor.
@@ -168,10 +184,10 @@ Source open_source(const LoopsOptions& o) {
   const auto so_far = [feature = o.feature, some] { return *some = scans_so_far(feature); };
   ScanStream stream =
       o.follow ? scans_coming(so_far, *o.follow, interrupted) : scans_listed_in(std::cin);
-  const std::optional<pipeline::ScanRef> first = stream();
-  if (!first) throw InputError(o.feature.data.string() + ": there are no scans");
-  some->scans = {*first};
-  return {with(*first, stream), *some};
+  const std::vector<pipeline::ScanRef> first = first_readable(stream);
+  if (first.empty()) throw InputError(o.feature.data.string() + ": there are no scans");
+  some->scans = {first.back()};
+  return {with(first, stream), *some};
 }
 
 /// The feature's calibration, adapted to a drive whose poses are known; of that drive alone for a
@@ -213,8 +229,11 @@ void need_promise(const pipeline::Calibration& calibration, const LoopsOptions& 
   const double highest = calibration.highest_precision();
   const bool fit = o.verify.value_or(false);
   if (!calibration.threshold_for(o.precision))
-    throw UsageError("--sure ", fit ? pipeline::probability_after_fit(o.precision) : o.precision,
-                     ": learnt from ", calibration.learnt_from,
+    throw UsageError("--sure ",
+                     o.sure ? *o.sure
+                     : fit  ? 0.99
+                            : o.precision,
+                     o.sure ? "" : " (the default)", ": learnt from ", calibration.learnt_from,
                      ", the calibration promises at most ",
                      number(fit ? pipeline::probability_after_fit(highest) : highest, 5),
                      "; ask for less, --calibrate on a longer drive, or give --threshold");
@@ -258,7 +277,7 @@ int loops_command(const Arguments& arguments) {
   described.options.first_stretch = o.map.first_stretch;
   described.options.k = o.k;
   described.options.graph_candidates = o.graph_candidates;
-  if (!o.verify) o.verify = static_cast<bool>(described.extractor.comparison.turn);
+  if (!o.verify) o.verify = described.extractor.comparison.turn && !o.map.no_clouds;
   if (o.sure) o.precision = *o.verify ? pipeline::precision_before_fit(*o.sure) : *o.sure;
   described.options.precision = o.precision;
   const NewMap new_map(o.map.file);
@@ -300,7 +319,7 @@ int loops_command(const Arguments& arguments) {
                                                .keep_clouds = !o.map.no_clouds});
   std::vector<double> milliseconds;
   pipeline::LoopSummary summary(o.exclusion, recognizer.threshold());
-  int64_t trajectory_poses = 0, poses = 0;
+  int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;
   cli::Progress progress("recognising", "scans", !o.feature.no_progress && !o.feature.quiet);
   const auto total = static_cast<int64_t>(source.some.scans.size());
   recognise(source.stream, detector, interrupted, [&](const Visit& visit) {
@@ -314,6 +333,7 @@ int loops_command(const Arguments& arguments) {
     milliseconds.push_back(visit.milliseconds);
     poses += visit.scan.pose ? 1 : 0;
     const bool registered = found.registered && found.registered->accepted;
+    if (graph && registered && !found.position) ++not_in_graph;
     if (graph && found.position) {
       graph->vertex(*found.position, o.poses.as_given(visit.scan.pose));
       if (registered) {
@@ -336,6 +356,8 @@ int loops_command(const Arguments& arguments) {
     std::cerr << summary.text() << ", " << recognizer.size() << " places known\n";
     if (trajectory && trajectory_poses == 0)
       warn(o.tum.string() + ": empty: no loop was registered to a place with a pose");
+    if (not_in_graph > 0)
+      warn(str(o.g2o.string(), ": without ", not_in_graph, " loops of scans that are not stored"));
     if (graph && poses == 0)
       warn(o.g2o.string() +
            ": the scans have no poses, so it has no edges from scan to scan, and all vertices are "

@@ -88,7 +88,7 @@ std::string drive_of_recording(const std::vector<ScanRef>& scans,
         std::vector<const ScanRef*> common;
         for (const ScanRef& scan : scans)
           if (places.contains(scan.frame)) common.push_back(&scan);
-        if (common.empty()) return pipeline::may_continue(places, scans.front().frame);
+        if (common.empty()) return pipeline::may_be_of(places, scans.front().frame);
         // Recordings may begin alike.
         return std::ranges::all_of(
             std::array{size_t{0}, common.size() / 2, common.size() - 1}, [&](size_t at) {

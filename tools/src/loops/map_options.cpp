@@ -26,9 +26,7 @@ void MapOptions::declare(Parser& parser) {
               &drive)
       .option("first-stretch", "N",
               "ring: its mean is learnt from so many distinct places (default 128)", &first_stretch)
-      .flag("no-clouds",
-            "store no points of places (some 20 kB each): later drives cannot be registered with "
-            "them",
+      .flag("no-clouds", "store no points of places (some 20 kB each): loops are not registered",
             &no_clouds)
       .choice<NumberFormat>(
           "numbers", {{"float32", NumberFormat::kFloat32}, {"float16", NumberFormat::kFloat16}},

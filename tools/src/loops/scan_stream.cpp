@@ -9,6 +9,7 @@
 
 #include "cli/messages.h"
 #include "revisit/base/error.h"
+#include "revisit/datasets/scan_file.h"
 #include "revisit/datasets/timed_poses.h"
 
 namespace revisit::cli {
@@ -48,6 +49,7 @@ ScanStream scans_listed_in(std::istream& list) {
         ScanRef scan;
         scan.file = line;
         scan.frame = frame++;
+        scan.time = pipeline::time_in_name(scan.file);
         return scan;
       }
     return std::nullopt;
@@ -59,6 +61,7 @@ ScanStream scans_coming(const std::function<pipeline::Dataset()>& so_far, double
   using Clock = std::chrono::steady_clock;
   struct Watch {
     std::set<fs::path> handed_over;
+    std::set<int> frames;  // of these
     std::deque<ScanRef> ready;
     uintmax_t size = 0;               // of the newest file when it was looked at last
     std::optional<InputError> error;  // of the last look: what is wrong now may become right
@@ -80,6 +83,9 @@ ScanStream scans_coming(const std::function<pipeline::Dataset()>& so_far, double
     watch.size = size;
     for (ScanRef& scan : scans) {
       watch.handed_over.insert(scan.file);
+      // Files without numbers are counted: one that comes late has the number of another.
+      if (!watch.frames.insert(scan.frame).second)
+        watch.frames.insert(scan.frame = *watch.frames.rbegin() + 1);
       watch.ready.push_back(std::move(scan));
     }
   };

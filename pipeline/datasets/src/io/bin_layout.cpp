@@ -5,12 +5,13 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 #include <optional>
 
 namespace revisit::pipeline {
 namespace {
 
-constexpr size_t kFewestPoints = 100, kLookedAt = 2000;
+constexpr size_t kFewestPoints = 100, kPointsLookedAt = 2000;
 
 struct Moments {
   double n = 0, sum = 0, squares = 0;
@@ -28,7 +29,10 @@ double variance_left(std::span<const std::byte> content, const BinLayout& layout
   constexpr double kNearest = 1e-3, kFarthest = 1000;  // [m]
   constexpr double kPlausible = 0.9;
   const size_t points = content.size() / layout.bytes();
-  const size_t step = std::max<size_t>(1, points / kLookedAt);
+  // Prime to 3, 4, 5 and 6 numbers a point: else the points that are looked at could begin with an
+  // x under another layout, too.
+  size_t step = std::max<size_t>(1, points / kPointsLookedAt);
+  while (std::gcd(step, size_t{60}) != 1) ++step;
   std::array<Moments, 6> columns;
   Moments all;
   double looked_at = 0, plausible = 0;
@@ -68,7 +72,8 @@ double number_at(std::span<const std::byte> content, const BinLayout& layout, si
 
 BinLayout find_bin_layout(std::span<const std::byte> content) {
   constexpr double kTells = 0.85;   // right layouts of real scans leave at most 0.7
-  constexpr double kClearly = 0.8;  // better than KITTI's, or than one of half as many numbers
+  constexpr double kClearly = 0.8;  // better than KITTI's
+  constexpr double kTwice = 0.95;   // better than one of half as many numbers
   // Two float32 may look like one float64: that is for files whose float32 are no coordinates.
   for (const bool doubles : {false, true}) {
     std::optional<BinLayout> best;
@@ -78,8 +83,11 @@ BinLayout find_bin_layout(std::span<const std::byte> content) {
       if (content.size() % layout.bytes() != 0 || content.size() / layout.bytes() < kFewestPoints)
         continue;
       const double left = variance_left(content, layout);
-      const bool may_be_chance = best && (best->numbers == 4 || 2 * best->numbers == numbers);
-      if (left >= (may_be_chance ? kClearly * least : least)) continue;
+      const double margin = !best                          ? 1
+                            : 2 * best->numbers == numbers ? kTwice
+                            : best->numbers == 4           ? kClearly
+                                                           : 1;
+      if (left >= margin * least) continue;
       best = layout;
       least = left;
     }

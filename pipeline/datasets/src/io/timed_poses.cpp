@@ -13,8 +13,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kColumns[] = {"12 numbers: the rows of a 3 x 4 matrix",
-                                    "time x y z qx qy qz qw", "time [ns], x, y, z, qw, qx, qy, qz"};
+constexpr const char* kRowOfFormat[] = {"12 numbers: the rows of a 3 x 4 matrix",
+                                        "time x y z qx qy qz qw",
+                                        "time [ns], x, y, z, qw, qx, qy, qz"};
 
 struct NumberedLine {
   std::string text, where;
@@ -41,9 +42,9 @@ PoseFormat format_of(const fs::path& file) {
   for (std::string_view rest = line; !take_word(&rest).empty();) ++words;
   if (words == 12) return PoseFormat::kKitti;
   if (words == 8) return PoseFormat::kTum;
-  throw InputError(file.string(), ": no poses in a known format (kitti: ", kColumns[0],
-                   "; tum: ", kColumns[1], "; euroc: ", kColumns[2], "); the first line is '",
-                   line.substr(0, 60), "'");
+  throw InputError(file.string(), ": no poses in a known format (kitti: ", kRowOfFormat[0],
+                   "; tum: ", kRowOfFormat[1], "; euroc: ", kRowOfFormat[2],
+                   "); the first line is '", line.substr(0, 60), "'");
 }
 
 Pose pose_of(const Eigen::Vector3d& t, const Eigen::Quaterniond& q) {
@@ -58,8 +59,8 @@ std::string milliseconds(double seconds) {
 }
 
 Pose matrix_pose(std::span<const double> numbers, const fs::path& file) {
-  using Matrix34 = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
-  const Matrix34 T = Eigen::Map<const Matrix34>(numbers.data());
+  using RowMajor34 = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+  const RowMajor34 T = Eigen::Map<const RowMajor34>(numbers.data());
   if (!T.leftCols<3>().isUnitary(1e-3) || T.leftCols<3>().determinant() < 0)
     throw InputError(file.string(), ": expected a rotation and a translation");
   Pose pose = Pose::Identity();
@@ -77,7 +78,7 @@ TimedPoses read_timed_poses(const fs::path& file, std::optional<PoseFormat> give
     return timed;
   }
   const bool euroc = format == PoseFormat::kEuroc;
-  const char* const columns = kColumns[static_cast<size_t>(format)];
+  const char* const columns = kRowOfFormat[static_cast<size_t>(format)];
   std::vector<std::pair<double, Pose>> rows;
   for (const auto& [text, where] : lines_of_numbers(file, euroc)) {
     const std::vector<double> v = parse_numbers(text, where);
@@ -99,7 +100,9 @@ TimedPoses read_timed_poses(const fs::path& file, std::optional<PoseFormat> give
 }
 
 Pose read_extrinsic(const fs::path& file) {
-  if (read_content(file).find("Tr") != std::string::npos) return read_kitti_calibration(file);
+  const std::string content = "\n" + read_content(file);
+  for (const char* const entry : {"\nTr:", "\nTr_velo_to_cam:"})
+    if (content.find(entry) != std::string::npos) return read_kitti_calibration(file);
   std::vector<double> numbers;
   for (const auto& [text, where] : lines_of_numbers(file, true))
     std::ranges::copy(parse_numbers(text, where), std::back_inserter(numbers));

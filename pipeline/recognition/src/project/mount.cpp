@@ -12,7 +12,7 @@
 namespace revisit::pipeline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 
 double median(std::vector<double>& values) {
   const auto middle = values.begin() + std::ssize(values) / 2;
@@ -91,7 +91,7 @@ std::string misfit_of_axes(const std::vector<PointCloud>& scans) {
 
 /// Around a sensor there are points on all sides, or close by.
 bool is_seen_from_afar(const PointCloud& scan) {
-  constexpr double kFar = 15, kSector = 20 * kDegree;
+  constexpr double kFar = 15, kSector = 20 * kRadiansPerDegree;
   std::vector<double> ranges;
   std::array<int64_t, 18> sectors{};
   for (const Point& p : scan.points) {
@@ -125,7 +125,7 @@ Eigen::Isometry3d parse_mount(const std::string& text) {
     throw UsageError("mount: expected roll,pitch,yaw,x,y,z in degrees and metres, found '", text,
                      "'");
   const auto turn = [&](size_t i, const Eigen::Vector3d& axis) {
-    return Eigen::AngleAxisd(numbers[i] * kDegree, axis);
+    return Eigen::AngleAxisd(numbers[i] * kRadiansPerDegree, axis);
   };
   return Eigen::Translation3d(numbers[3], numbers[4], numbers[5]) *
          turn(2, Eigen::Vector3d::UnitZ()) * turn(1, Eigen::Vector3d::UnitY()) *

@@ -14,12 +14,14 @@ bool is_same_scan(const PlaceRecognizer& recognizer, const Description& scan, in
 /// Places of one drive in a map: frame -> position.
 using DrivePlaces = std::map<int64_t, int64_t>;
 
-/// Whether a scan may be of a drive that ended before it: the gap is not longer than the drive. A
-/// folder named by time, recorded on the next day, begins later.
-bool may_continue(const DrivePlaces& places, int64_t frame);
+/// Whether a scan that is no place of a drive may be of it: it is between its places, which others
+/// may have been removed from, or the gap is not longer than the drive. A folder named by time,
+/// recorded on the next day, begins later.
+bool may_be_of(const DrivePlaces& places, int64_t frame);
 
 /// The name under which a recording is in a map, or comes into it: the first of "monday",
-/// "monday-2", ... that has no places, or whose places are of the recording (`is_it`). A new name
+/// "monday-2", ... that has no places, or whose places are of the recording (`is_it`); of a merged
+/// map also "MAP/monday". A new name
 /// is reserved for the recording that begins with the scan `first`, so that no other process takes
 /// it. A map of before, whose plain folders had no name, keeps "".
 std::string drive_in_map(PlaceRecognizer& recognizer, const std::string& name,

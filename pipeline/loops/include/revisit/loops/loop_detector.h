@@ -16,7 +16,7 @@ struct LoopDetectorOptions {
   Exclusion exclusion;     // of the drive's own scans
   KeyframeRule keyframes;  // which scans are stored
   /// Registers loops that the score accepts; those that do not fit are not accepted. Absent: where
-  /// the feature gives a heading to start from, as rings do.
+  /// the feature gives a heading to start from, as rings do, and points are kept.
   std::optional<bool> verify;
   bool keep_clouds = true;  // of places, to register later scans; without a map if loops are
   RegistrationOptions registration;
@@ -44,14 +44,15 @@ struct Detection {
 
 /// The front end of loop closure: takes the scans of one drive in order, and says where each was
 /// before. Every scan is described, compared with the places that are not excluded, and added. With
-/// any exclusion, a scan is not compared with the halt in which it was taken.
+/// any exclusion, a scan is not compared with the halt in which it was taken. Until the feature has
+/// learnt from the map's first stretch, of a halt only one scan is added.
 /// A recording of which the map has scans, by name and content, is resumed: these are compared, but
 /// not added again, and none of its later scans is a match.
 ///
 ///   LoopDetector detector(recognizer, {.drive = "monday"});
 ///   const Detection found = detector.take({points.data(), n, sizeof(MyPoint)}, {.frame = 17});
 ///   if (found.loop && found.loop->accepted)
-///     add_edge(found.loop->position, 17, found.registered->T_place_query);
+///     close_loop(found.loop->id, found.registered->T_place_query);
 class LoopDetector {
  public:
   /// `recognizer` must outlive this object. Throws UsageError when `verify` is set and the feature
@@ -68,6 +69,7 @@ class LoopDetector {
  private:
   /// The position of a scan that the map had before this object. Names the recording.
   std::optional<int64_t> stored(const Description& scan, const PointsView& points, int64_t frame);
+  bool is_first_halt(const Description& scan) const;
   void verify(const PointCloud& query, Detection& found) const;
 
   PlaceRecognizer& recognizer_;
@@ -77,7 +79,7 @@ class LoopDetector {
   RecentPlaces recent_;
   Keyframes keyframes_;
   std::optional<int64_t> last_;  // position of the scan before that is a place
-  bool identified_ = false;  // the recording
+  bool identified_ = false;      // the recording
   // frame -> position of its scans that the map had before; those not reached yet.
   std::map<int64_t, int64_t> stored_, ahead_;
 };

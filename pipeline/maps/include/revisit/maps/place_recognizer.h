@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -111,6 +112,8 @@ class PlaceRecognizer {
 
   /// Places known, with those removed since this object knows them: the next one's position.
   int64_t size() const;
+  /// The names of drives that have places, with those whose places were removed.
+  std::set<std::string> drives() const;
   /// The places of a drive that were not removed: frame -> position.
   std::map<int64_t, int64_t> places_of(const std::string& drive) const;
   /// The positions of the places of its drive that look alike from before to behind the one at
@@ -127,6 +130,8 @@ class PlaceRecognizer {
   double similarity(const Description& scan, int64_t position) const;
   const Eigen::Isometry3d& mount() const;
   bool has_map() const;
+  /// Whether the feature has learnt from the first stretch of places.
+  bool has_learnt() const;
   /// Whether queries say how the scan is turned against the place (Loop::turn).
   bool finds_heading() const;
   /// The score from which places are accepted; absent when neither the options, nor the map, nor a
