@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 
-double median(std::vector<double>& values) {
+double middle_of(std::vector<double>& values) {
   const auto middle = values.begin() + std::ssize(values) / 2;
   std::ranges::nth_element(values, middle);
   return *middle;
@@ -26,7 +26,7 @@ struct Plane {
 };
 /// The best plane for the ground below the origin, `down` being downwards.
 Plane ground_of(const PointCloud& cloud, const Eigen::Vector3f& down) {
-  constexpr float kReach = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F, kHigh = 3;  // [m]
+  constexpr float kAllRound = 30, kLeast = -0.5, kMost = 4, kBin = 0.2F, kHigh = 3;  // [m]
   std::array<int64_t, static_cast<size_t>((kMost - kLeast) / kBin) + 2> bins{};
   int64_t near = 0, below = 0, all = 0, above = 0;
   const auto for_each = [&](const auto& take) {
@@ -36,7 +36,7 @@ Plane ground_of(const PointCloud& cloud, const Eigen::Vector3f& down) {
   };
   for_each([&](float depth, float range) {
     ++all;
-    if (range > kReach) return;
+    if (range > kAllRound) return;
     ++near;
     if (depth >= kMost)
       ++below;
@@ -154,7 +154,7 @@ std::string misfit_of_view(const std::vector<PointCloud>& scans) {
   if (std::ranges::any_of(scans, is_seen_from_afar))
     return "all points of a scan are far from the origin, on one side: they are in the frame of a "
            "map, not of the sensor";
-  if (const double middle = median(ranges); middle > kFarthest)
+  if (const double middle = middle_of(ranges); middle > kFarthest)
     return str("half of the points are farther than ", std::lround(middle),
                " m: these are not metres; millimetres?");
   return misfit_of_axes(scans);
