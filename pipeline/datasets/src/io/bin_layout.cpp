@@ -73,7 +73,7 @@ double number_at(std::span<const std::byte> content, const BinLayout& layout, si
 BinLayout find_bin_layout(std::span<const std::byte> content) {
   constexpr double kTells = 0.85;   // right layouts of real scans leave at most 0.7
   constexpr double kClearly = 0.8;  // better than KITTI's
-  constexpr double kTwice = 0.95;   // better than one of half as many numbers
+  constexpr double kTwice = 0.9;    // better than one of half as many numbers
   // Two float32 may look like one float64: that is for files whose float32 are no coordinates.
   for (const bool doubles : {false, true}) {
     std::optional<BinLayout> best;
