@@ -150,8 +150,9 @@ void use(const fs::path& file) {
   const auto pass_over = [](const std::string&) {};
   reads_or_refuses([&] { check_map(file); });
   reads_or_refuses([&] {
-    const fs::path merged = file.string() + "_merged";
-    const std::array<fs::path, 2> maps{file, file};
+    const fs::path merged = file.string() + "_merged", copy = file.string() + "_copy";
+    fs::copy_file(file, copy);
+    const std::array<fs::path, 2> maps{file, copy};
     merge_maps(maps, merged, pass_over);
   });
   reads_or_refuses([&] {
@@ -178,7 +179,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const std::string file =
       fs::temp_directory_path() / ("revisit_fuzz_rows_" + std::to_string(::getpid()));
   const auto clear = [&] {
-    for (const char* name : {"", "_merged"})
+    for (const char* name : {"", "_merged", "_copy"})
       for (const char* ending : {"", "-wal", "-shm", "-journal", "-writer"})
         fs::remove(file + name + ending);
   };
