@@ -76,14 +76,17 @@ std::vector<int64_t> memory_at(const std::vector<int64_t>& scans, const FeatureE
 
 /// Points of a place are 10 kB and more, a descriptor of rings 4.
 TEST(SessionMemory, PointsOfPlacesAreNotKeptInIt) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  GTEST_SKIP() << "sanitizers keep what is freed";
+#endif
   const char* const given = std::getenv("REVISIT_MEMORY_SCANS");
   const RingModel model = shipped_ring_model("vlp16");
   const FeatureExtractor extractor =
       given != nullptr ? ring_recogniser(model, ring_net(model), {.key_candidates = 1000})
                        : hash_of_points();
-  std::vector<int64_t> marks = {500, 1000};
+  std::vector<int64_t> marks = {100, 300};
   const int64_t last = given != nullptr ? std::atoll(given) : 0;
-  for (const int64_t mark : {2000, 5000, 10000, 20000})
+  for (const int64_t mark : {1000, 2000, 5000, 10000, 20000})
     if (mark <= last) marks.push_back(mark);
   const test::TempDir dir;
   const MapIdentity identity = PlaceRecognizer::identity_of(extractor, {});
@@ -92,7 +95,7 @@ TEST(SessionMemory, PointsOfPlacesAreNotKeptInIt) {
     const std::vector<int64_t> bytes = memory_at(
         marks, extractor,
         with_map ? open_map(dir / "long.map", MapAccess::kWrite, &identity) : nullptr, registered);
-    EXPECT_GT(registered, 20);
+    EXPECT_GT(registered, 3);
     for (size_t i = 0; i < marks.size() && given != nullptr; ++i)
       std::printf("%s, %6ld scans: %.1f MB\n", with_map ? "map on disk" : "without map",
                   static_cast<long>(marks[i]), static_cast<double>(bytes[i]) / 1e6);
