@@ -85,8 +85,7 @@ void bind_records(nb::module_& module) {
               "tunnel; the loop is not accepted.")
       .def_ro("accepted", &Loop::accepted,
               "The score reaches the threshold among enough places that can be told apart; a loop "
-              "that was "
-              "registered also fits; False without one.")
+              "that was registered also fits; False without a threshold.")
       .def("__repr__", [](const Loop& loop) {
         return str("<Loop to place ", loop.position, ", score ", loop.score,
                    loop.accepted ? ", accepted>" : ">");
@@ -252,8 +251,7 @@ void bind_loop_detector(nb::module_& module) {
           "keyframes: scans that are stored; all are compared: 'all', 'metres=L' or "
           "'similarity=S'.\n"
           "verify: registers accepted loops; those that do not fit are not accepted. Default: "
-          "where the "
-          "feature tells the heading, as rings do.\n"
+          "where the feature tells the heading, as rings do, and points are kept.\n"
           "keep_clouds: stores some 20 kB of points with each place, for registration.")
       .def(
           "take",

@@ -25,7 +25,6 @@ class FirstStretch {
 
   void add(std::span<const float> feature);
   bool is_over() const { return over_; }
-  int64_t distinct() const { return std::ssize(distinct_); }
   const FloatMatrix& features() const { return features_; }
 
   /// Learnt from the distinct places: from all once it is over, else from the first 1, 2, 4, ... of

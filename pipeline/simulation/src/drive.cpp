@@ -7,6 +7,7 @@
 #include "degree.h"
 #include "revisit/base/error.h"
 #include "revisit/base/file_content.h"
+#include "revisit/datasets/timed_poses.h"
 
 namespace revisit::pipeline::simulation {
 namespace {
@@ -16,18 +17,14 @@ constexpr double kImageWidth = 1241, kImageHeight = 376;  // as in KITTI's seque
 /// Camera 8 cm below and 27 cm in front of the LiDAR, with the fractions of a degree that a real
 /// mounting has: a reader that forgets the rotation of Tr shall notice.
 Pose typical_calibration() {
-  Eigen::Matrix3d axes;  // camera x right, y down, z forward from LiDAR x forward, y left, z up
-  axes << 0, -1, 0,      //
-      0, 0, -1,          //
-      1, 0, 0;
   const auto about = [](double degrees, const Eigen::Vector3d& axis) {
     return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180, axis);
   };
   Pose T_cam_velo = Pose::Identity();
-  T_cam_velo.linear() =
-      axes * (about(0.05, Eigen::Vector3d::UnitZ()) * about(-0.4, Eigen::Vector3d::UnitY()) *
-              about(0.1, Eigen::Vector3d::UnitX()))
-                 .toRotationMatrix();
+  T_cam_velo.linear() = axes_of_camera().linear() * (about(0.05, Eigen::Vector3d::UnitZ()) *
+                                                     about(-0.4, Eigen::Vector3d::UnitY()) *
+                                                     about(0.1, Eigen::Vector3d::UnitX()))
+                                                        .toRotationMatrix();
   T_cam_velo.translation() = Eigen::Vector3d(-0.01, -0.08, -0.27);
   return T_cam_velo;
 }
