@@ -1,9 +1,11 @@
 #include "revisit/recognition/place_index.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <Eigen/Core>
 #include <cmath>
+#include <csignal>
 #include <functional>
 #include <limits>
 #include <numeric>
@@ -234,10 +236,45 @@ TEST(PlaceIndex, MayReferToDescriptorsOfTheCaller) {
       references.refer_to(all.row(i));
     }
     references.add(all.row(3));
-    EXPECT_EQ(references.descriptor(20).data(), all.row(20 * step).data());
+    EXPECT_TRUE(std::ranges::equal(references.descriptor(20), all.row(20 * step)));
     const std::vector<Match> found = references.best_of_many(queries, {.threads = 2}),
                              expected = copies.best_of_many(queries);
     for (size_t q = 0; q < queries.size(); ++q) expect_same(found[q], expected[q]);
+  }
+}
+
+/// One that keeps its copies in memory, as no file can be written, answers alike.
+TEST(PlaceIndex, CopiesAreInAFileWhereItCanBeWritten) {
+  const RingLayout layout{{16, 8, 8}};
+  FloatMatrix all = random_descriptors(2500, layout.numbers());
+  for (int64_t i = 0; i < all.n; ++i) {
+    const auto length = static_cast<float>(length_of(all.row(i)));
+    for (float& value : all.row(i)) value /= length;
+  }
+  const std::vector<CandidateRange> some = {{3, 900}, {1000, 1100}, {1500, 2400}};
+  for (Comparison comparison : {Comparison{}, ring_comparison(layout, 300)}) {
+    PlaceIndex references(all.d, comparison), in_file(all.d, comparison),
+        in_memory(all.d, comparison);
+    const auto add_all = [&](PlaceIndex& index) {
+      for (int64_t i = 0; i < all.n; ++i) index.add(all.row(i));
+    };
+    for (int64_t i = 0; i < all.n; ++i) references.refer_to(all.row(i));
+    add_all(in_file);
+    ::signal(SIGXFSZ, SIG_IGN);  // write() returns EFBIG instead
+    rlimit files{};
+    ::getrlimit(RLIMIT_FSIZE, &files);
+    const rlimit none{0, files.rlim_max};
+    ::setrlimit(RLIMIT_FSIZE, &none);
+    add_all(in_memory);
+    ::setrlimit(RLIMIT_FSIZE, &files);
+    for (int64_t q = 0; q < all.n; q += 50) {
+      EXPECT_TRUE(std::ranges::equal(in_file.descriptor(q), all.row(q)));
+      const SearchOptions options{.score = comparison.same_place ? Score::kDistinctMargin
+                                                                 : Score::kMargin};
+      const Match expected = references.best(all.row(q), some, options);
+      expect_same(in_file.best(all.row(q), some, options), expected);
+      expect_same(in_memory.best(all.row(q), some, options), expected);
+    }
   }
 }
 
@@ -270,7 +307,8 @@ TEST(PlaceIndex, NamesASimilarityThatIsNone) {
 TEST(PlaceIndex, AnswersToManyCanBeStopped) {
   const PlaceIndex index = index_of(random_descriptors(20, 3));
   const CandidateRange all{0, 20};
-  const std::vector<Query> queries(70, Query{index.descriptor(0), {&all, 1}});
+  const std::vector<float> asked = index.descriptor(0);
+  const std::vector<Query> queries(70, Query{asked, {&all, 1}});
   expect_error<Interrupted>([&] { index.best_of_many(queries, {.stop = [] { return true; }}); },
                             {"stopped"});
   int64_t last = 0, total = 0;

@@ -37,7 +37,7 @@ void Stretches::add(int64_t place, std::span<const StoredPlace> places, const Pl
     if (stretch.has_poses)
       stretch.metres =
           std::max(stretch.metres, (here.pose->translation() - pose_there->translation()).norm());
-    const std::span<const float> descriptor = index.descriptor(place);
+    const std::vector<float> descriptor = index.descriptor(place);
     if (index.similarity(descriptor, stretch.view) < kSameView) {
       stretch.view = place;
       ++stretch.views;

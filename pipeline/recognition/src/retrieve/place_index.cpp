@@ -31,11 +31,33 @@ void PlaceIndex::check(std::span<const float> descriptor, const char* what) cons
 
 PlaceIndex::Block& PlaceIndex::block_to_add_to() {
   if (static_cast<int64_t>(blocks_.size()) * kPlacesInBlock == size_) {
-    blocks_.push_back({{},
-                       std::vector<const float*>(kPlacesInBlock),
-                       std::vector<double>(by_cosine() ? kPlacesInBlock : 0)});
+    // A query that compares all places would bring them all into memory again.
+    if (!blocks_.empty() && (by_cosine() || source_)) spill(blocks_.back());
+    blocks_.push_back({.copies = {},
+                       .rows = std::vector<const float*>(kPlacesInBlock),
+                       .lengths = std::vector<double>(by_cosine() ? kPlacesInBlock : 0),
+                       .in_file = {}});
   }
   return blocks_.back();
+}
+
+/// Into the file, if all descriptors are copies and it can be written: else they stay in memory.
+void PlaceIndex::spill(Block& block) {
+  for (int64_t i = 0; i < kPlacesInBlock; ++i)
+    if (block.copies.n == 0 || block.rows[static_cast<size_t>(i)] != block.copies.row(i).data())
+      return;
+  try {
+    if (!file_) file_ = std::make_unique<NamelessFile>();
+    block.in_file = file_->append(std::as_bytes(std::span(block.copies.values)));
+  } catch (const Error&) {
+    return;
+  }
+  block.copies = {};
+  block.rows = {};
+}
+
+const PlaceIndex::Block& PlaceIndex::block_of(int64_t place) const {
+  return blocks_[static_cast<size_t>(place / kPlacesInBlock)];
 }
 
 void PlaceIndex::add(std::span<const float> descriptor) {
@@ -57,9 +79,32 @@ void PlaceIndex::refer_to(std::span<const float> descriptor) {
   ++size_;
 }
 
-std::span<const float> PlaceIndex::descriptor(int64_t place) const {
-  const Block& block = blocks_[static_cast<size_t>(place / kPlacesInBlock)];
-  return {block.rows[static_cast<size_t>(place % kPlacesInBlock)], static_cast<size_t>(dim_)};
+const float* PlaceIndex::in_memory(int64_t place, int64_t n) const {
+  const Block& block = block_of(place);
+  if (block.in_file) return nullptr;
+  const auto rows =
+      std::span(block.rows)
+          .subspan(static_cast<size_t>(place % kPlacesInBlock), static_cast<size_t>(n));
+  const auto apart = [this](const float* a, const float* b) { return b != a + dim_; };
+  return std::ranges::adjacent_find(rows, apart) == rows.end() ? rows.front() : nullptr;
+}
+
+void PlaceIndex::copy(int64_t place, int64_t n, std::span<float> to) const {
+  const Block& block = block_of(place);
+  const int64_t first = place % kPlacesInBlock;
+  if (block.in_file) {
+    const auto bytes_before = first * dim_ * static_cast<int64_t>(sizeof(float));
+    file_->read(*block.in_file + bytes_before, std::as_writable_bytes(to));
+    return;
+  }
+  for (int64_t i = 0; i < n; ++i)
+    std::copy_n(block.rows[static_cast<size_t>(first + i)], dim_, to.begin() + i * dim_);
+}
+
+std::vector<float> PlaceIndex::descriptor(int64_t place) const {
+  std::vector<float> descriptor(static_cast<size_t>(dim_));
+  copy(place, 1, descriptor);
+  return descriptor;
 }
 
 double PlaceIndex::similarity(std::span<const float> query, int64_t place) const {

@@ -22,23 +22,24 @@ int64_t row_of(int64_t place) {
   return place % kPlacesInBlock;
 }
 
-/// (-similarity, place): sorts with the most similar first and equals by place.
-using RankedPlace = std::pair<double, int64_t>;
+/// (-similarity, number of those chosen): sorts with the most similar first and equals by place.
+using Ranked = std::pair<double, size_t>;
 
 /// Puts the best of `places`, `most` of them, in front, sorted.
-std::span<RankedPlace> sort_best(std::span<RankedPlace> places, size_t most) {
-  const std::span<RankedPlace> best = places.first(std::min(most, places.size()));
+std::span<Ranked> sort_best(std::span<Ranked> places, size_t most) {
+  const std::span<Ranked> best = places.first(std::min(most, places.size()));
   if (best.size() < places.size()) std::nth_element(places.begin(), best.end() - 1, places.end());
   std::ranges::sort(best);
   return best;
 }
 
-/// Ranks, similarities and score of `places`, which are sorted.
-void rank(std::span<const RankedPlace> places, const SearchOptions& options, Match& match) {
-  match.ranks.reserve(places.size());
-  match.similarities.reserve(places.size());
-  for (const auto& [dissimilarity, place] : places) {
-    match.ranks.push_back(place);
+/// Ranks, similarities and score of those of the places `chosen` that are `ranked`.
+void rank(std::span<const Ranked> ranked, std::span<const int64_t> chosen,
+          const SearchOptions& options, Match& match) {
+  match.ranks.reserve(ranked.size());
+  match.similarities.reserve(ranked.size());
+  for (const auto& [dissimilarity, number] : ranked) {
+    match.ranks.push_back(chosen[number]);
     match.similarities.push_back(-dissimilarity);
   }
   const double best = match.similarities.front(), kth = match.similarities.back();
@@ -77,9 +78,10 @@ struct PlaceSearch::Part {
 /// What one thread needs to compare a query with those chosen.
 struct PlaceSearch::Comparing {
   std::vector<int64_t> chosen;
-  std::vector<std::span<const float>> places;
+  std::vector<std::span<const float>> places;  // their descriptors
+  std::vector<float> rows;                     // those that are in no other memory
   std::vector<double> similarities;
-  std::vector<RankedPlace> ranked;
+  std::vector<Ranked> ranked;
 };
 
 struct PlaceSearch::Memory {
@@ -224,15 +226,9 @@ void PlaceSearch::choose_by_products() {
 /// The descriptors of `n` places of a block as one matrix: where they are when they follow each
 /// other there.
 const float* PlaceSearch::rows_together(int64_t place, int64_t n, Part& part) const {
-  const PlaceIndex::Block& block = index_.blocks_[static_cast<size_t>(place / kPlacesInBlock)];
-  const auto rows =
-      std::span(block.rows).subspan(static_cast<size_t>(row_of(place)), static_cast<size_t>(n));
-  const auto d = static_cast<size_t>(index_.dim_);
-  const auto apart = [d](const float* a, const float* b) { return b != a + d; };
-  if (std::ranges::adjacent_find(rows, apart) == rows.end()) return rows.front();
-  part.rows.resize(rows.size() * d);
-  for (size_t i = 0; i < rows.size(); ++i)
-    std::copy_n(rows[i], d, part.rows.begin() + static_cast<int64_t>(i * d));
+  if (const float* const there = index_.in_memory(place, n)) return there;
+  part.rows.resize(static_cast<size_t>(n * index_.dim_));
+  index_.copy(place, n, part.rows);
   return part.rows.data();
 }
 
@@ -301,11 +297,31 @@ void PlaceSearch::list_chosen(size_t q, std::vector<int64_t>& chosen) const {
       for (int64_t place = range.begin; place < range.end; ++place) chosen.push_back(place);
 }
 
+/// The descriptors of the places chosen, which ascend -> memory.places.
+void PlaceSearch::find_descriptors(Comparing& memory) const {
+  const std::vector<int64_t>& chosen = memory.chosen;
+  const auto d = static_cast<size_t>(index_.dim_);
+  memory.places.clear();
+  if (index_.file_ && memory.rows.size() < chosen.size() * d) memory.rows.resize(chosen.size() * d);
+  for (size_t i = 0; i < chosen.size();) {
+    const float* rows = index_.in_memory(chosen[i], 1);
+    size_t n = 1;
+    if (rows == nullptr) {
+      while (i + n < chosen.size() && chosen[i + n] == chosen[i + n - 1] + 1 &&
+             row_of(chosen[i + n]) != 0)
+        ++n;
+      const std::span<float> to = std::span(memory.rows).subspan(i * d, n * d);
+      index_.copy(chosen[i], static_cast<int64_t>(n), to);
+      rows = to.data();
+    }
+    for (size_t j = 0; j < n; ++j) memory.places.emplace_back(rows + j * d, d);
+    i += n;
+  }
+}
+
 /// Fills memory.similarities. `length`: of the descriptor, for cosines.
 void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double length,
                                       Comparing& memory) const {
-  memory.places.clear();
-  for (const int64_t place : memory.chosen) memory.places.push_back(index_.descriptor(place));
   memory.similarities.resize(memory.chosen.size());
   if (!index_.by_cosine())
     return index_.comparison_.similarity(descriptor, memory.places, memory.similarities);
@@ -319,25 +335,22 @@ void PlaceSearch::compare_with_chosen(std::span<const float> descriptor, double 
 void PlaceSearch::keep_distinct(Comparing& memory) const {
   constexpr size_t kSortedTogether = 100;
   const double same = *index_.comparison_.same_place;
-  const std::span<RankedPlace> ranked = memory.ranked;
+  const std::span<Ranked> ranked = memory.ranked;
   const size_t most = std::min(ranked.size(), static_cast<size_t>(looked_at()));
   size_t kept = 0, sorted = 0;
-  // Most are neighbours of the best, which is asked first.
-  const auto is_known = [&](int64_t place) {
-    const double length = index_.by_cosine() ? length_at(place) : 0;
-    for (size_t i = 0; i < kept; ++i) {
-      memory.chosen.assign(1, memory.ranked[i].second);
-      compare_with_chosen(index_.descriptor(place), length, memory);
-      if (memory.similarities[0] >= same) return true;
-    }
-    return false;
+  const auto is_same = [&](size_t a, size_t b) {
+    return index_.comparison_.similarity_of(memory.places[a], memory.places[b]) >= same;
   };
   for (size_t i = 0; i < most && std::cmp_less(kept, options_.k); ++i) {
     if (i == sorted)
       sorted += sort_best(ranked.subspan(sorted), std::min(kSortedTogether, most - sorted)).size();
-    if (!is_known(ranked[i].second)) ranked[kept++] = ranked[i];
+    // Most are neighbours of the best, which is asked first.
+    const auto known = ranked.first(kept);
+    if (std::ranges::none_of(
+            known, [&](const Ranked& better) { return is_same(ranked[i].second, better.second); }))
+      ranked[kept++] = ranked[i];
   }
-  const RankedPlace last = ranked[most - 1];
+  const Ranked last = ranked[most - 1];
   memory.ranked.resize(kept);
   if (std::cmp_less(kept, options_.k) && memory.ranked.back() != last)
     memory.ranked.push_back(last);
@@ -351,20 +364,22 @@ Match PlaceSearch::compare(size_t q, int64_t number) const {
   match.query = number;
   if (asked.n_candidates == 0) return match;
   list_chosen(q, memory.chosen);
+  find_descriptors(memory);
   compare_with_chosen(asked.descriptor, asked.length, memory);
   memory.ranked.clear();
   for (size_t i = 0; i < memory.chosen.size(); ++i) {
     if (!std::isfinite(memory.similarities[i]))
       throw NotFinite(number, memory.chosen[i], memory.similarities[i]);
-    memory.ranked.emplace_back(-memory.similarities[i], memory.chosen[i]);
+    memory.ranked.emplace_back(-memory.similarities[i], i);
   }
   if (options_.score == Score::kDistinctMargin)
     keep_distinct(memory);
   else
     memory.ranked.resize(sort_best(memory.ranked, static_cast<size_t>(options_.k)).size());
-  rank(memory.ranked, options_, match);
+  rank(memory.ranked, memory.chosen, options_, match);
   if (index_.comparison_.turn)
-    match.turn = index_.comparison_.turn(index_.descriptor(match.ranks.front()), asked.descriptor);
+    match.turn =
+        index_.comparison_.turn(memory.places[memory.ranked.front().second], asked.descriptor);
   return match;
 }
 

@@ -43,6 +43,7 @@ class PlaceSearch {
   double length_at(int64_t place) const;
   void list_chosen(size_t q, std::vector<int64_t>& chosen) const;
   int64_t looked_at() const;
+  void find_descriptors(Comparing& memory) const;
   void compare_with_chosen(std::span<const float> descriptor, double length,
                            Comparing& memory) const;
   void keep_distinct(Comparing& memory) const;

@@ -4,10 +4,12 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "revisit/base/error.h"
+#include "revisit/base/nameless_file.h"
 #include "revisit/recognition/candidate_source.h"
 #include "revisit/recognition/comparison.h"
 #include "revisit/recognition/match.h"
@@ -49,12 +51,13 @@ class PlaceIndex {
   explicit PlaceIndex(int64_t dim, Comparison comparison = {});
 
   int64_t size() const { return size_; }
-  /// `descriptor` [dim] is copied. Throws UsageError for another size and for a number that is not
-  /// finite.
+  /// `descriptor` [dim] is copied: into memory, and where a query compares only some of the places
+  /// (cosines, Comparison::key_candidates) all but the last thousand from there into a file, if one
+  /// can be written. Throws UsageError for another size and for a number that is not finite.
   void add(std::span<const float> descriptor);
   /// The same without a copy: `descriptor` must stay where it is as long as the index lives.
   void refer_to(std::span<const float> descriptor);
-  std::span<const float> descriptor(int64_t place) const;
+  std::vector<float> descriptor(int64_t place) const;
   /// Of a descriptor [dim] to one place.
   double similarity(std::span<const float> descriptor, int64_t place) const;
 
@@ -93,13 +96,22 @@ class PlaceIndex {
     FloatMatrix copies;              // of descriptors
     std::vector<const float*> rows;  // the descriptors, there or where they are referred to
     std::vector<double> lengths;     // of the descriptors, for cosines
+    std::optional<int64_t> in_file;  // the first descriptor: copies and rows are then empty
   };
   Block& block_to_add_to();
+  void spill(Block& block);
+  const Block& block_of(int64_t place) const;
+  /// The descriptors [n][dim] of places of one block where they follow each other in memory; else
+  /// none.
+  const float* in_memory(int64_t place, int64_t n) const;
+  /// The same -> `to` [n][dim], from wherever they are. Throws Error when they cannot be read.
+  void copy(int64_t place, int64_t n, std::span<float> to) const;
   void check(std::span<const float> descriptor, const char* what) const;
 
   int64_t dim_;
   Comparison comparison_;
   std::deque<Block> blocks_;
+  std::unique_ptr<NamelessFile> file_;       // none before the first block is in it
   std::unique_ptr<CandidateSource> source_;  // none: all are compared
   int64_t from_source_ = 0;                  // so many are asked of it
   int64_t size_ = 0;
