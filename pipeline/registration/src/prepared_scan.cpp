@@ -28,22 +28,26 @@ std::vector<Eigen::Vector3f> thinned(const PointCloud& cloud, double voxel, doub
   const double per_metre = 1 / voxel, most = range * range;
   std::vector<Voxel> voxels;
   // A hash table with open addressing: one more than the number of a voxel, 0 where there is none.
-  std::vector<uint32_t> table(std::bit_ceil(2 * cloud.points.size() + 1));
-  uint32_t current = 0;  // the last point's voxel, which the next one often shares
+  std::vector<uint32_t> table(std::bit_ceil(2 * cloud.points.size() + 2));
+  const int shift = 64 - std::countr_zero(table.size());
+  // The last point's voxel, which the next one often shares.
+  uint32_t current = 0;
+  uint64_t current_key = ~uint64_t{0};
   for (const Point& point : cloud.points) {
     const Eigen::Vector3d p = Eigen::Vector3f(point.x, point.y, point.z).cast<double>();
     if (!is_return(point) || !(p.squaredNorm() <= most)) continue;
     uint64_t key = 0;
     for (const double x : {p.x(), p.y(), p.z()})
-      key = key << 21 | static_cast<uint64_t>((x + range) * per_metre);
-    if (voxels.empty() || voxels[current].key != key) {
-      size_t at = key * 0x9E3779B97F4A7C15 >> 20 & (table.size() - 1);
+      key = key << 21 | static_cast<uint32_t>(static_cast<int64_t>((x + range) * per_metre));
+    if (key != current_key) {
+      size_t at = key * 0x9E3779B97F4A7C15 >> shift;  // the bits that all of the key decides
       while (table[at] != 0 && voxels[table[at] - 1].key != key) at = (at + 1) & (table.size() - 1);
       if (table[at] == 0) {
         voxels.push_back({key, Eigen::Vector3d::Zero(), 0});
         table[at] = static_cast<uint32_t>(voxels.size());
       }
       current = table[at] - 1;
+      current_key = key;
     }
     voxels[current].sum += p;
     ++voxels[current].count;
