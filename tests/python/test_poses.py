@@ -73,7 +73,7 @@ class Poses(FolderTest):
         with self.assertRaisesRegex(revisit.InputError, 'found 3'):
             poses.read_extrinsic(file)
         np.savetxt(file, 2 * T_imu_lidar[:3])
-        with self.assertRaisesRegex(revisit.InputError, 'expected a rotation'):
+        with self.assertRaisesRegex(revisit.InputError, 'not a rotation'):
             poses.read_extrinsic(file)
 
     def test_what_goes_out_comes_in(self):
@@ -90,6 +90,13 @@ class Poses(FolderTest):
         lines = file.read_text().splitlines()
         file.write_text('# time x y z\n' + '\n'.join(lines[::-1]) + '\n')
         np.testing.assert_allclose(self.read(file, 'lidar'), poses.AXES_OF_CAMERA @ trajectory(), atol=2e-6)
+
+    def test_commas_and_comments_do_not_matter(self):
+        for form in ('kitti', 'tum'):
+            file = self.write(form, trajectory())
+            file.write_text('# poses\n\n' + file.read_text().replace(' ', ', '))
+            read = self.read(file, 'lidar')
+            np.testing.assert_allclose(read, poses.AXES_OF_CAMERA @ trajectory(), atol=2e-6, err_msg=form)
 
     def test_scans_without_a_pose_are_counted(self):
         read = poses.read_trajectory(self.write('tum', trajectory()))

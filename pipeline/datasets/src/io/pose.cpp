@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "io/file_content.h"
+#include "io/rigid_pose.h"
 #include "revisit/base/error.h"
 
 namespace revisit::pipeline {
@@ -18,27 +19,11 @@ std::string place(const fs::path& file, size_t line_index) {
 
 using Matrix34 = Eigen::Matrix<double, 3, 4>;
 
-Matrix34 parse_matrix(std::string_view text, const std::string& where) {
-  const std::vector<double> values = parse_numbers(text, where);
-  if (values.size() != 12)
+Matrix34 matrix_of(std::span<const double> numbers, const std::string& where) {
+  if (numbers.size() != 12)
     throw InputError(where, ": expected the 12 numbers of a row-major 3x4 matrix, found ",
-                     values.size());
-  return Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(values.data());
-}
-
-/// A row-major 3x4 [R | t].
-Pose parse_pose(std::string_view text, const std::string& where) {
-  const Matrix34 matrix = parse_matrix(text, where);
-  const Eigen::Matrix3d R = matrix.leftCols<3>();
-  constexpr double kTolerance = 1e-2;  // files hold 6 or 7 digits; a wrong layout is off by O(1)
-  const double deviation = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-  if (!(deviation <= kTolerance) || R.determinant() < 0)
-    throw InputError(where, ": the first three columns are not a rotation (deviation ", deviation,
-                     " from orthonormal, determinant ", R.determinant(),
-                     "); expected a row-major 3x4 [R | t]");
-  Pose pose = Pose::Identity();
-  pose.affine() = matrix;
-  return pose;
+                     numbers.size());
+  return Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(numbers.data());
 }
 
 struct Entry {
@@ -63,24 +48,41 @@ Entry find_entry(const fs::path& file, const std::vector<std::string>& keys, con
 
 }  // namespace
 
+Pose rigid_pose(std::span<const double> numbers, const std::string& where) {
+  const Matrix34 matrix = matrix_of(numbers, where);
+  const Eigen::Matrix3d R = matrix.leftCols<3>();
+  constexpr double kTolerance = 1e-2;  // files hold 6 or 7 digits; a wrong layout is off by O(1)
+  const double deviation = (R.transpose() * R - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (!(deviation <= kTolerance) || R.determinant() < 0)
+    throw InputError(where, ": the first three columns are not a rotation (deviation ", deviation,
+                     " from orthonormal, determinant ", R.determinant(),
+                     "); expected a row-major 3x4 [R | t]");
+  Pose pose = Pose::Identity();
+  pose.affine() = matrix;
+  return pose;
+}
+
 std::vector<Pose> read_kitti_poses(const fs::path& file) {
   const std::vector<std::string> lines = read_lines(file);
   if (lines.empty()) throw InputError(file.string() + ": empty file, it holds no poses");
   std::vector<Pose> poses;
   poses.reserve(lines.size());
-  for (size_t i = 0; i < lines.size(); ++i) poses.push_back(parse_pose(lines[i], place(file, i)));
+  for (size_t i = 0; i < lines.size(); ++i) {
+    const std::string where = place(file, i);
+    poses.push_back(rigid_pose(parse_numbers(lines[i], where), where));
+  }
   return poses;
 }
 
 Pose read_kitti_calibration(const fs::path& file) {
   // The names of the odometry and of the object data set.
   const Entry entry = find_entry(file, {"Tr", "Tr_velo_to_cam"}, "velodyne to camera");
-  return parse_pose(entry.values, entry.where);
+  return rigid_pose(parse_numbers(entry.values, entry.where), entry.where);
 }
 
 Matrix34 read_kitti_projection(const fs::path& file, const std::string& name) {
   const Entry entry = find_entry(file, {name}, "projection of a camera");
-  const Matrix34 P = parse_matrix(entry.values, entry.where);
+  const Matrix34 P = matrix_of(parse_numbers(entry.values, entry.where), entry.where);
   const bool is_camera = P.allFinite() && P(0, 0) > 0 && P(1, 1) > 0 && P(1, 0) == 0 &&
                          P(2, 0) == 0 && P(2, 1) == 0 && P(2, 2) == 1;
   if (!is_camera)

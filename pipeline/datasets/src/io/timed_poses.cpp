@@ -5,6 +5,7 @@
 #include <iterator>
 
 #include "io/file_content.h"
+#include "io/rigid_pose.h"
 #include "revisit/base/error.h"
 #include "revisit/base/text.h"
 
@@ -19,32 +20,38 @@ constexpr const char* kRowOfFormat[] = {"12 numbers: the rows of a 3 x 4 matrix"
 
 struct NumberedLine {
   std::string text, where;
+  bool has_commas = false;  // they are blanks in `text`
 };
 
-/// Lines with numbers; commas count as blanks.
-std::vector<NumberedLine> lines_of_numbers(const fs::path& file, bool commas) {
+/// Lines with numbers, without comments.
+std::vector<NumberedLine> lines_of_numbers(const fs::path& file) {
   const std::vector<std::string> lines = read_lines(file);
   std::vector<NumberedLine> rows;
   for (size_t i = 0; i < lines.size(); ++i) {
     std::string text = lines[i].substr(0, lines[i].find('#'));
-    if (commas) std::ranges::replace(text, ',', ' ');
+    const bool has_commas = text.find(',') != std::string::npos;
+    std::ranges::replace(text, ',', ' ');
     if (text.find_first_not_of(" \t") == std::string::npos) continue;
-    rows.push_back({std::move(text), str(file.string(), ":", i + 1)});
+    rows.push_back({std::move(text), str(file.string(), ":", i + 1), has_commas});
   }
   if (rows.empty()) throw InputError(file.string(), ": is empty");
   return rows;
 }
 
-PoseFormat format_of(const fs::path& file) {
-  const std::string line = lines_of_numbers(file, false)[0].text;
-  if (std::ranges::count(line, ',') >= 7) return PoseFormat::kEuroc;
-  int64_t words = 0;
-  for (std::string_view rest = line; !take_word(&rest).empty();) ++words;
+/// EuRoC's times are whole nanoseconds, and speeds may follow the pose.
+PoseFormat format_of(const fs::path& file, const NumberedLine& first) {
+  std::string_view rest = first.text;
+  const std::string_view time = take_word(&rest);
+  int64_t words = 1;
+  while (!take_word(&rest).empty()) ++words;
+  const bool nanoseconds = (first.has_commas || time.size() > 12) &&
+                           time.find_first_not_of("0123456789") == std::string_view::npos;
+  if (words >= 8 && words != 12 && nanoseconds) return PoseFormat::kEuroc;
   if (words == 12) return PoseFormat::kKitti;
   if (words == 8) return PoseFormat::kTum;
   throw InputError(file.string(), ": no poses in a known format (kitti: ", kRowOfFormat[0],
                    "; tum: ", kRowOfFormat[1], "; euroc: ", kRowOfFormat[2],
-                   "); the first line is '", line.substr(0, 60), "'");
+                   "); the first line is '", first.text.substr(0, 60), "'");
 }
 
 Pose pose_of(const Eigen::Vector3d& t, const Eigen::Quaterniond& q) {
@@ -58,29 +65,21 @@ std::string milliseconds(double seconds) {
   return exact(std::round(seconds * 1000) / 1000);
 }
 
-Pose matrix_pose(std::span<const double> numbers, const fs::path& file) {
-  using RowMajor34 = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
-  const RowMajor34 T = Eigen::Map<const RowMajor34>(numbers.data());
-  if (!T.leftCols<3>().isUnitary(1e-3) || T.leftCols<3>().determinant() < 0)
-    throw InputError(file.string(), ": expected a rotation and a translation");
-  Pose pose = Pose::Identity();
-  pose.affine() = T;
-  return pose;
-}
-
 }  // namespace
 
 TimedPoses read_timed_poses(const fs::path& file, std::optional<PoseFormat> given) {
-  const PoseFormat format = given ? *given : format_of(file);
+  const std::vector<NumberedLine> lines = lines_of_numbers(file);
+  const PoseFormat format = given ? *given : format_of(file, lines[0]);
   TimedPoses timed{file.string(), {}, {}};
   if (format == PoseFormat::kKitti) {
-    timed.poses = read_kitti_poses(file);
+    for (const NumberedLine& line : lines)
+      timed.poses.push_back(rigid_pose(parse_numbers(line.text, line.where), line.where));
     return timed;
   }
   const bool euroc = format == PoseFormat::kEuroc;
   const char* const columns = kRowOfFormat[static_cast<size_t>(format)];
   std::vector<std::pair<double, Pose>> rows;
-  for (const auto& [text, where] : lines_of_numbers(file, euroc)) {
+  for (const auto& [text, where, has_commas] : lines) {
     const std::vector<double> v = parse_numbers(text, where);
     if (v.size() < 8 || (!euroc && v.size() > 8))
       throw InputError(where, ": expected ", columns, ", found ", v.size(), " columns");
@@ -103,15 +102,14 @@ Pose read_extrinsic(const fs::path& file) {
   const std::string content = "\n" + read_content(file);
   for (const char* const entry : {"\nTr:", "\nTr_velo_to_cam:"})
     if (content.find(entry) != std::string::npos) return read_kitti_calibration(file);
-  std::vector<double> numbers;
-  for (const auto& [text, where] : lines_of_numbers(file, true))
-    std::ranges::copy(parse_numbers(text, where), std::back_inserter(numbers));
-  if (numbers.size() != 12 && numbers.size() != 16)
-    throw InputError(file.string(),
-                     ": expected a calib.txt with Tr, or 3 x 4 or 4 x 4 numbers, "
-                     "found ",
-                     numbers.size());
-  return matrix_pose(numbers, file);
+  std::string numbers;
+  for (const NumberedLine& line : lines_of_numbers(file)) numbers += line.text + " ";
+  std::vector<double> rows = parse_numbers(numbers, file.string());
+  if (rows.size() != 12 && rows.size() != 16)
+    throw InputError(file.string(), ": expected a calib.txt with Tr, or 3 x 4 or 4 x 4 numbers, ",
+                     "found ", rows.size());
+  rows.resize(12);
+  return rigid_pose(rows, file.string());
 }
 
 std::vector<Pose> poses_of(const TimedPoses& timed, std::span<const ScanRef> scans,

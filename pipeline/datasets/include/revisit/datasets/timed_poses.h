@@ -24,8 +24,8 @@ struct TimedPoses {
   std::vector<Pose> poses;    // as the file has them
 };
 
-/// Absent format: told by the first line of numbers. What follows a # is skipped, but in KITTI's
-/// format. Throws InputError naming the file.
+/// Absent format: told by the first line of numbers. What follows a # is skipped; commas are
+/// blanks. Throws InputError naming the file.
 TimedPoses read_timed_poses(const std::filesystem::path& file,
                             std::optional<PoseFormat> format = std::nullopt);
 
