@@ -18,6 +18,8 @@
 #include "revisit/loops/loop_summary.h"
 #include "revisit/loops/pose_files.h"
 #include "revisit/maps/place_recognizer.h"
+#include "revisit/recognition/mount.h"
+#include "revisit/registration/compact_cloud.h"
 #include "strings.h"
 
 namespace revisit::python {
@@ -153,14 +155,24 @@ void bind_recognizer(nb::module_& module) {
       .def(
           "add",
           [](Recognizer& self, const Description& scan, const std::string& drive, int64_t frame,
-             std::optional<double> time, PoseArgument pose) {
+             std::optional<double> time, PoseArgument pose,
+             const std::optional<PointsArgument>& points) {
             StoredPlace place{
                 .drive = drive, .frame = frame, .time = time, .pose = pose_from(pose)};
-            return without_lock([&] { return self.add(scan, std::move(place)); });
+            std::optional<PointCloud> cloud;
+            if (points) cloud = GivenPoints(*points).cloud();
+            return without_lock([&] {
+              if (cloud) {
+                transform(self.mount(), *cloud);
+                place.cloud = compact_cloud(*cloud, self.mount());
+              }
+              return self.add(scan, std::move(place));
+            });
           },
           "scan"_a, nb::kw_only(), "drive"_a = "", "frame"_a = 0, "time"_a = nb::none(),
-          "pose"_a = nb::none(),
-          "Adds a place and returns its position. `pose`: T_world_sensor, float64 [4][4].")
+          "pose"_a = nb::none(), "points"_a = nb::none(),
+          "Adds a place and returns its position. `pose`: T_world_sensor, float64 [4][4]. "
+          "`points`: as describe() has them; LoopDetector registers later scans with them.")
       .def(
           "remove",
           [](Recognizer& self, const std::vector<int64_t>& positions) {

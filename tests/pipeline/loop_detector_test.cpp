@@ -271,9 +271,28 @@ TEST(LoopDetector, AMountTurnsPointsAndResultsBack) {
   EXPECT_TRUE(found.registered->accepted) << found.registered->inlier_ratio;
   const Eigen::Isometry3d expected = mount.inverse() * moved * mount;
   EXPECT_TRUE(found.registered->T_place_query.isApprox(expected, 0.02));
-  // Both sensors, upside down or not, are as sure of the translation as a whole.
-  const Eigen::Matrix3d of_translation = found.registered->information.topLeftCorner<3, 3>();
-  EXPECT_TRUE(of_translation.isApprox(of_translation.transpose(), 1e-9));
+  // A small motion of the query is as unlikely as when its points came mounted.
+  transform(mount, place);
+  transform(mount, query);
+  PlaceRecognizer mounted(first_point(), {.threshold = -2});
+  LoopDetector plain(mounted, {.exclusion = parse_exclusion("none"), .verify = true});
+  plain.take(view_of(place), {});
+  const Detection same = plain.take(view_of(query), {});
+  ASSERT_TRUE(same.registered);
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
+  for (int i = 0; i < 6; ++i) {  // metres along and radians about the axes
+    const Vector6 motion = 1e-5 * Vector6::Unit(i);
+    Eigen::Isometry3d moves(Eigen::Translation3d(motion.head<3>()));
+    if (i >= 3) moves.linear() = Eigen::AngleAxisd(1e-5, motion.tail<3>() * 1e5).matrix();
+    const Eigen::Isometry3d moves_mounted = mount * moves * mount.inverse();
+    const Eigen::AngleAxisd turn(moves_mounted.rotation());
+    Vector6 motion_mounted;
+    motion_mounted << moves_mounted.translation(), turn.angle() * turn.axis();
+    const double expected_square =
+        motion_mounted.dot(same.registered->information * motion_mounted);
+    const double square = motion.dot(found.registered->information * motion);
+    EXPECT_NEAR(square / expected_square, 1, 0.02) << i;
+  }
 }
 
 TEST(LoopDetector, OnlyKeyframesAreStoredAndAllScansAreCompared) {

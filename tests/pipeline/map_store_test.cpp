@@ -722,6 +722,16 @@ TEST(MapStore, PlacesMayHaveClouds) {
   EXPECT_EQ(check_map(dir / "map").size(), 1);
 }
 
+TEST(MapStore, MergedMapsOfBothFormatsHaveScansOnce) {
+  const TempDir dir;
+  const std::vector<fs::path> files = {dir / "32.map", dir / "16.map"};
+  for (const NumberFormat format : {NumberFormat::kFloat32, NumberFormat::kFloat16})
+    open_map(files[format == NumberFormat::kFloat16], MapAccess::kNew, &kIdentity, format)
+        ->add(
+            std::vector{StoredPlace{.drive = "one", .frame = 3, .descriptor = {0.1F, -1.0F / 3}}});
+  EXPECT_EQ(merge_maps(files, dir / "merged", [](auto&&) {}), 1);
+}
+
 TEST(MapStore, MergedMapsKeepRecordingsApartAndScansOnce) {
   const TempDir dir;
   const std::vector<fs::path> files = {dir / "a.map", dir / "b.map"};

@@ -38,6 +38,18 @@ class Recognising(unittest.TestCase):
         self.assertNotEqual(other.position, 7)
         self.assertLess(other.score, loop.score)
 
+    def test_points_of_a_place_register_later_scans(self):
+        for seen, refusal in ((room(7), ''), (None, 'no points')):
+            recognizer = filled(revisit.open_map(threshold=0.2, first_stretch=4))
+            recognizer.remove([7])
+            recognizer.add(recognizer.describe(room(7)), drive='d', frame=70, points=seen)
+            found = maps.LoopDetector(recognizer, drive='later').take(room(7, turn=0.5), frame=0)
+            self.assertEqual((found.loop.position, found.refusal), (len(PLACES), refusal))
+            if seen is not None:
+                self.assertTrue(found.loop.accepted)
+                R = found.registered.T_place_query[:2, :2]
+                self.assertAlmostEqual(np.arctan2(R[1, 0], R[0, 0]), 0.5, delta=0.01)
+
     def test_values_that_cannot_be_are_refused(self):
         model = revisit.recognition.shipped_ring_model('hdl64')
         for wrong in ({'numbers': 0}, {'key_candidates': -1}, {'adapt': 2}, {'threads': 0}):

@@ -146,6 +146,12 @@ TEST_F(Loops, MapsOfOneBasisAreMergedAndAskedForScans) {
   EXPECT_EQ(other.exit_code, 3);
   EXPECT_NE(other.err.find("another basis"), std::string::npos) << other.err;
   EXPECT_FALSE(fs::exists(path("none.map")));
+  EXPECT_NE(test::run_revisit("loops " + path("town1") + " --sensor vlp16 --poses none --map " +
+                              path("new.map"))
+                .exit_code,
+            0);
+  for (const fs::directory_entry& entry : fs::directory_iterator(path("")))
+    EXPECT_FALSE(entry.path().filename().string().starts_with("new.map")) << entry.path();
 }
 
 TEST_F(Loops, PlacesAreRemovedAndForgotten) {

@@ -1,3 +1,4 @@
+#include <Eigen/Core>
 #include <algorithm>
 #include <map>
 #include <optional>
@@ -53,11 +54,14 @@ struct Source {
   int64_t last = 0;  // place that is merged; others may add more meanwhile
 };
 
-/// Of a scan, whatever its drive is called.
+/// Of a scan, whatever its drive is called, in a map of either NumberFormat.
 int64_t content_of(const StoredPlace& place) {
   Checksum sum;
   sum.number(place.frame);
-  for (const std::vector<float>* numbers : {&place.descriptor, &place.feature})
+  std::vector<float> rounded(place.descriptor.size());
+  std::ranges::transform(place.descriptor, rounded.begin(),
+                         [](float x) { return static_cast<float>(Eigen::half(x)); });
+  for (const std::vector<float>* numbers : {&std::as_const(rounded), &place.feature})
     sum.bytes({reinterpret_cast<const char*>(numbers->data()), numbers->size() * sizeof(float)});
   return sum.value();
 }

@@ -147,7 +147,7 @@ def work(o):
         return None if pose is None else poses.in_frame(pose, o.pose_frame or 'camera')
 
     count = recording.count and -(-recording.count // o.every)
-    summary, seen, n_poses, n_tum = maps.LoopSummary(o.exclusion, recognizer.threshold), [], 0, 0
+    summary, seen, n_poses, n_tum, not_in_graph = maps.LoopSummary(o.exclusion, recognizer.threshold), [], 0, 0, 0
     with contextlib.ExitStack() as stack:
         write = lines.writer(open_output(o.output, stack), o.format)
         trajectory = open_output(o.poses_out, stack) if o.poses_out else None
@@ -168,6 +168,7 @@ def work(o):
                 line = lines.line_of(visit, detector.drive)
                 fits = visit.registered is not None and visit.accepted
                 time = visit.scan.frame if visit.scan.time is None else visit.scan.time
+                not_in_graph += fits and visit.position is None
                 if graph and visit.position is not None:
                     graph.vertex(visit.position, as_given(visit.scan.pose))
                     if fits:
@@ -192,6 +193,8 @@ def work(o):
     say(o, f'{summary}, {len(recognizer)} places known')
     if registered and not n_tum:
         say(o, f'warning: {o.tum}: empty: no loop was registered to a place with a pose')
+    if graph and not_in_graph:
+        say(o, f'warning: {o.g2o}: without {not_in_graph} loops of scans that are not stored')
     if graph and not n_poses:
         say(o, f'warning: {o.g2o}: the scans have no poses, so it has no edges from scan to scan, and all vertices are at the origin')
     return LEFT_OUT if summary.left_out else OK

@@ -59,7 +59,8 @@ NewMap::~NewMap() {
   if (file_.empty() || std::uncaught_exceptions() == exceptions_) return;
   try {
     const auto map = pipeline::open_map(file_, pipeline::MapAccess::kWrite);  // no other writes now
-    if (map->size() == 0) std::filesystem::remove(file_);
+    if (map->size() > 0) return;
+    for (const char* part : {"", "-wal", "-shm"}) std::filesystem::remove(file_.string() + part);
   } catch (const std::exception&) {  // no map was made, or another process has it
   }
 }
