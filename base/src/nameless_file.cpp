@@ -47,13 +47,14 @@ void move_all(size_t size, const Step& step) {
 
 }  // namespace
 
-NamelessFile::NamelessFile() : file_(open_nameless()) {}
+NamelessFile::NamelessFile() : file_(open_nameless()), owner_(::getpid()) {}
 
 NamelessFile::~NamelessFile() {
   ::close(file_);
 }
 
 int64_t NamelessFile::append(std::span<const std::byte> bytes) {
+  if (::getpid() != owner_) fail_nameless("another process writes it");
   move_all(bytes.size(), [&](size_t done) {
     return ::pwrite(file_, bytes.data() + done, bytes.size() - done,
                     size_ + static_cast<int64_t>(done));

@@ -1,6 +1,8 @@
 #include "revisit/base/nameless_file.h"
 
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
@@ -29,6 +31,26 @@ TEST(NamelessFile, ReturnsWhatWasAppendedAndLeavesNothing) {
   EXPECT_EQ(read, "nexx");
   test::expect_error<Error>([&] { file.read(100'000, std::as_writable_bytes(std::span(read))); },
                             {"ends too early"});
+}
+
+TEST(NamelessFile, IsReadByAForkedProcessButNotWritten) {
+  NamelessFile file;
+  const std::string bytes = "bytes";
+  file.append(std::as_bytes(std::span(bytes)));
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::string read(5, '\0');
+    file.read(0, std::as_writable_bytes(std::span(read)));
+    try {
+      file.append(std::as_bytes(std::span(bytes)));
+    } catch (const Error&) {
+      ::_exit(read == bytes ? 0 : 2);
+    }
+    ::_exit(1);
+  }
+  int status = 0;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "revisit/loops/loop_detector.h"
 #include "revisit/recognition/place_index.h"
 #include "revisit/recognition/ring/features.h"
+#include "revisit/recognition/ring/match.h"
 #include "test_data.h"
 
 namespace revisit::pipeline {
@@ -84,9 +85,10 @@ constexpr bool kFreedIsKept =
 
 TEST(SessionMemory, DescriptorsOfPlacesAreNotKeptInIt) {
   if (kFreedIsKept) GTEST_SKIP() << "by sanitizers it is";
-  constexpr int64_t kDim = 1000, kPlaces = 12'000;  // 48 MB
-  PlaceIndex index(kDim);
-  std::vector<float> descriptor(kDim, 1);
+  constexpr int64_t kPlaces = 12'000;  // 48 MB
+  const RingLayout layout{{500, 250}};
+  PlaceIndex index(layout.numbers(), ring_comparison(layout, 100));
+  const std::vector<float> descriptor(static_cast<size_t>(layout.numbers()), 0.01F);
   const int64_t before = resident_bytes();
   for (int64_t i = 0; i < kPlaces; ++i) index.add(descriptor);
   EXPECT_LT(resident_bytes() - before, 16'000'000);

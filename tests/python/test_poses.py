@@ -97,6 +97,21 @@ class Poses(FolderTest):
             file.write_text('# poses\n\n' + file.read_text().replace(' ', ', '))
             read = self.read(file, 'lidar')
             np.testing.assert_allclose(read, poses.AXES_OF_CAMERA @ trajectory(), atol=2e-6, err_msg=form)
+        lines = self.write('kitti', trajectory()).read_text().splitlines()
+        file.write_text('\n'.join([*lines[:3], '# 3 is lost', *lines[4:]]))
+        with self.assertRaisesRegex(revisit.InputError, r':5: expected the pose of frame 3 in the line before'):
+            poses.read_trajectory(file)
+
+    def test_nanoseconds_are_told_by_their_size(self):
+        rows = [line.split() for line in self.write('tum', trajectory()).read_text().splitlines()]
+        for start in (0, 1403636579763555584):
+            for comma, order, number in ((' ', slice(None), '{}'), (',', [0, 1, 2, 3, 7, 4, 5, 6], '{}'), (',', [0, 1, 2, 3, 7, 4, 5, 6], '{:.18e}')):
+                times = [number.format(start + 100_000_000 * i) for i in range(N)]
+                file = self.folder / 'ns'
+                file.write_text('\n'.join(comma.join(np.array([t, *row[1:]])[order]) for t, row in zip(times, rows)) + '\n')
+                read = poses.read_trajectory(file)
+                np.testing.assert_allclose(np.diff(read.times), 0.1, atol=1e-6)
+                np.testing.assert_allclose(read.poses, trajectory(), atol=2e-6)
 
     def test_scans_without_a_pose_are_counted(self):
         read = poses.read_trajectory(self.write('tum', trajectory()))
@@ -115,7 +130,7 @@ class Poses(FolderTest):
 
     def test_what_is_no_trajectory_is_refused(self):
         file = self.folder / 'poses'
-        for text, says in (('', 'is empty'), ('1 2 3\n', "the first line is '1 2 3'"),
+        for text, says in (('', 'is empty'), ('1 2 3\n', 'the first line has 3 numbers'),
                            ('1 2 3 4 0 0 0 1\n1 2 x 4 0 0 0 1\n', ':2: expected a finite number'), ('1 2 3 4 0 0 0 0\n', 'length 0'),
                            ('# x y z\n\n1 2 3 4 0 0 0 1\n1 2 nan 4 0 0 0 1\n', ':4: expected a finite number'),
                            ('# only a comment\n', 'is empty'),

@@ -459,7 +459,9 @@ TEST_F(Loops, SayWhatCannotBe) {
   fails(loops("--feature fabmap"), 2, "camera images");
   fails(loops("--no-verify --g2o x.g2o"), 2, "--g2o needs registered loops");
   fails(loops("--no-verify --verify"), 2, "one of the two");
-  fails(loops("--feature m2dp --threshold 0 --tum x.tum"), 2, "heading");
+  std::ofstream(path("kept.tum")) << "kept";
+  fails(loops("--feature m2dp --threshold 0 --tum " + path("kept.tum")), 2, "heading");
+  EXPECT_EQ(test::read_file(path("kept.tum")), "kept");
   fails(loops("--feature m2dp --threshold 0 --verify"), 2, "--verify");
   const std::string poses = " --poses " + path("town1/poses/00.txt");
   fails(loops(poses), 2, "--pose-frame");

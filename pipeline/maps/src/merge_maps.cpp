@@ -54,14 +54,14 @@ struct Source {
   int64_t last = 0;  // place that is merged; others may add more meanwhile
 };
 
-/// Of a scan, whatever its drive is called, in a map of either NumberFormat.
-int64_t content_of(const StoredPlace& place) {
+/// Of a scan, whatever its drive is called, with numbers of this format.
+int64_t content_of(const StoredPlace& place, NumberFormat format) {
   Checksum sum;
   sum.number(place.frame);
-  std::vector<float> rounded(place.descriptor.size());
-  std::ranges::transform(place.descriptor, rounded.begin(),
-                         [](float x) { return static_cast<float>(Eigen::half(x)); });
-  for (const std::vector<float>* numbers : {&std::as_const(rounded), &place.feature})
+  std::vector<float> descriptor = place.descriptor;
+  if (format == NumberFormat::kFloat16)
+    for (float& x : descriptor) x = static_cast<float>(Eigen::half(x));
+  for (const std::vector<float>* numbers : {&std::as_const(descriptor), &place.feature})
     sum.bytes({reinterpret_cast<const char*>(numbers->data()), numbers->size() * sizeof(float)});
   return sum.value();
 }
@@ -90,11 +90,13 @@ std::vector<Source> open_sources(std::span<const fs::path> maps) {
 /// name that is taken becomes MAP/NAME.
 class DriveNames {
  public:
+  /// `format`: in which scans of all maps are compared.
+  explicit DriveNames(NumberFormat format) : format_(format) {}
   /// The maps come in their order.
   void add(Source& source, const MapStore::Damaged& report) {
     std::map<std::string, Scans> drives;
     const auto take = [&](StoredPlace&& place) {
-      drives[place.drive].emplace(place.frame, content_of(place));
+      drives[place.drive].emplace(place.frame, content_of(place, format_));
     };
     source.last = source.map->read(0, take, report).last;
     auto& names = names_[&source];
@@ -147,6 +149,7 @@ class DriveNames {
     return free;
   }
 
+  NumberFormat format_;
   std::map<const Source*, std::map<std::string, std::string>> names_;
   std::map<std::string, Scans> recordings_;  // of the maps before, by their names
 };
@@ -156,7 +159,11 @@ class DriveNames {
 int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
                    const MapStore::Damaged& report) {
   std::vector<Source> sources = open_sources(maps);
-  DriveNames names;
+  const bool rounded = std::ranges::any_of(sources, [](const Source& source) {
+    return source.map->number_format() == NumberFormat::kFloat16;
+  });
+  const NumberFormat compared = rounded ? NumberFormat::kFloat16 : NumberFormat::kFloat32;
+  DriveNames names(compared);
   for (Source& source : sources) names.add(source, report);
 
   const MapStore& first = *sources[0].map;
@@ -181,7 +188,7 @@ int64_t merge_maps(std::span<const fs::path> maps, const fs::path& file,
         0,
         [&](StoredPlace&& place) {
           if (place.id > source.last) return;
-          const int64_t content = content_of(place);
+          const int64_t content = content_of(place, compared);
           if (scans.contains(content)) return void(++known);
           scans_here.insert(content);
           place.drive = names.name_of(source, place.drive);

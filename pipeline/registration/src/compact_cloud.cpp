@@ -2,10 +2,12 @@
 
 #include <zlib.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <new>
 #include <vector>
 
 #include "prepared_scan.h"
@@ -56,9 +58,10 @@ std::string compact_cloud(const PointCloud& cloud, const Eigen::Isometry3d& moun
   stream.avail_in = static_cast<uInt>(bytes.size());
   stream.next_out = reinterpret_cast<Bytef*>(&result[kHeadBytes]);
   stream.avail_out = static_cast<uInt>(most);
-  deflate(&stream, Z_FINISH);
+  const int state = deflate(&stream, Z_FINISH);
   result.resize(kHeadBytes + stream.total_out);
   deflateEnd(&stream);
+  if (state != Z_STREAM_END) throw std::bad_alloc();
   const MountNumbers numbers = mount.matrix().topRows<3>();
   const auto count = static_cast<uint32_t>(n);
   std::memcpy(result.data(), numbers.data(), kMountBytes);

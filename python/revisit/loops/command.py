@@ -130,6 +130,8 @@ def work(o):
     first = first_of(scans)
     if not first:
         raise InputError(f'{o.data}: there are no scans')
+    if o.poses_out and first[0].pose is None:
+        raise UsageError('--poses-out: the scans have no poses; give --poses')
     recognizer = revisit.open_map(
         o.map, sensor_of(o, first), model=recognition.read_ring_model(o.ring) if o.ring else None, threshold=o.threshold,
         precision=precision_of(o), first_stretch=o.first_stretch, threads=o.threads, mount=o.mount)
@@ -140,9 +142,6 @@ def work(o):
     drive = recording.name if o.drive is None else o.drive
     detector = revisit.LoopDetector(recognizer, drive=drive, exclusion=o.exclusion, keyframes=o.keyframes, verify=o.verify,
                                     keep_clouds=not o.no_clouds)
-    if o.poses_out and first[0].pose is None:
-        raise UsageError('--poses-out: the scans have no poses; give --poses')
-
     def as_given(pose):
         return None if pose is None else poses.in_frame(pose, o.pose_frame or 'camera')
 

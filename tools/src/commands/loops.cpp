@@ -301,6 +301,12 @@ int loops_command(const Arguments& arguments) {
   }
   const bool all = o.all || !recognizer.threshold();
 
+  const std::string drive = o.map.drive_of(source.some);
+  pipeline::LoopDetector detector(recognizer, {.drive = drive,
+                                               .exclusion = o.exclusion,
+                                               .keyframes = o.keyframes,
+                                               .verify = o.verify,
+                                               .keep_clouds = !o.map.no_clouds});
   std::ofstream file;
   if (!o.output.empty()) {
     file.open(o.output);
@@ -311,12 +317,6 @@ int loops_command(const Arguments& arguments) {
   if (!o.g2o.empty()) graph.emplace(o.g2o);
   std::optional<pipeline::TrajectoryWriter> trajectory;
   if (!o.tum.empty()) trajectory.emplace(o.tum);
-  const std::string drive = o.map.drive_of(source.some);
-  pipeline::LoopDetector detector(recognizer, {.drive = drive,
-                                               .exclusion = o.exclusion,
-                                               .keyframes = o.keyframes,
-                                               .verify = o.verify,
-                                               .keep_clouds = !o.map.no_clouds});
   std::vector<double> milliseconds;
   pipeline::LoopSummary summary(o.exclusion, recognizer.threshold());
   int64_t trajectory_poses = 0, poses = 0, not_in_graph = 0;

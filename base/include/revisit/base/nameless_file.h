@@ -16,13 +16,15 @@ class NamelessFile {
   NamelessFile(const NamelessFile&) = delete;
   NamelessFile& operator=(const NamelessFile&) = delete;
 
-  /// Returns where the bytes begin. Throws Error when they cannot be written: none is added then.
+  /// Returns where the bytes begin. Throws Error when they cannot be written, and in a process
+  /// that was forked, as both would write the same file: none is added then.
   int64_t append(std::span<const std::byte> bytes);
   /// Fills `bytes` from the byte `at` on; several threads may. Throws Error.
   void read(int64_t at, std::span<std::byte> bytes) const;
 
  private:
   int file_ = -1;
+  int owner_;  // process
   int64_t size_ = 0;
 };
 

@@ -18,40 +18,56 @@ constexpr const char* kRowOfFormat[] = {"12 numbers: the rows of a 3 x 4 matrix"
                                         "time x y z qx qy qz qw",
                                         "time [ns], x, y, z, qw, qx, qy, qz"};
 
-struct NumberedLine {
-  std::string text, where;
-  bool has_commas = false;  // they are blanks in `text`
+/// A line of numbers, without comment; commas are blanks.
+struct Row {
+  std::vector<double> numbers;
+  std::string where;
+  size_t line;
+  bool has_commas;
 };
 
-/// Lines with numbers, without comments.
-std::vector<NumberedLine> lines_of_numbers(const fs::path& file) {
+std::vector<Row> rows_of(const fs::path& file) {
   const std::vector<std::string> lines = read_lines(file);
-  std::vector<NumberedLine> rows;
+  std::vector<Row> rows;
   for (size_t i = 0; i < lines.size(); ++i) {
     std::string text = lines[i].substr(0, lines[i].find('#'));
     const bool has_commas = text.find(',') != std::string::npos;
     std::ranges::replace(text, ',', ' ');
     if (text.find_first_not_of(" \t") == std::string::npos) continue;
-    rows.push_back({std::move(text), str(file.string(), ":", i + 1), has_commas});
+    const std::string where = str(file.string(), ":", i + 1);
+    rows.push_back({parse_numbers(text, where), where, i, has_commas});
   }
   if (rows.empty()) throw InputError(file.string(), ": is empty");
   return rows;
 }
 
-/// EuRoC's times are whole nanoseconds, and speeds may follow the pose.
-PoseFormat format_of(const fs::path& file, const NumberedLine& first) {
-  std::string_view rest = first.text;
-  const std::string_view time = take_word(&rest);
-  int64_t words = 1;
-  while (!take_word(&rest).empty()) ++words;
-  const bool nanoseconds = (first.has_commas || time.size() > 12) &&
-                           time.find_first_not_of("0123456789") == std::string_view::npos;
-  if (words >= 8 && words != 12 && nanoseconds) return PoseFormat::kEuroc;
-  if (words == 12) return PoseFormat::kKitti;
-  if (words == 8) return PoseFormat::kTum;
+/// Nobody records for 11 days: times further apart, or after 33,000 years, are nanoseconds.
+bool in_nanoseconds(const std::vector<Row>& rows) {
+  const double first = rows.front().numbers[0], last = rows.back().numbers[0];
+  return std::abs(last) > 1e12 || std::abs(last - first) > 1e6;
+}
+
+/// Speeds may follow the pose in EuRoC's format.
+PoseFormat format_of(const fs::path& file, const std::vector<Row>& rows) {
+  const size_t count = rows[0].numbers.size();
+  if (rows[0].has_commas && count >= 8 && in_nanoseconds(rows)) return PoseFormat::kEuroc;
+  if (count == 12) return PoseFormat::kKitti;
+  if (count == 8) return PoseFormat::kTum;
   throw InputError(file.string(), ": no poses in a known format (kitti: ", kRowOfFormat[0],
                    "; tum: ", kRowOfFormat[1], "; euroc: ", kRowOfFormat[2],
-                   "); the first line is '", first.text.substr(0, 60), "'");
+                   "); the first line has ", count, " numbers");
+}
+
+/// A line belongs to the frame of its number.
+std::vector<Pose> kitti_poses(const std::vector<Row>& rows) {
+  std::vector<Pose> poses;
+  for (const Row& row : rows) {
+    if (row.line != rows[0].line + poses.size())
+      throw InputError(row.where, ": expected the pose of frame ", poses.size(),
+                       " in the line before");
+    poses.push_back(rigid_pose(row.numbers, row.where));
+  }
+  return poses;
 }
 
 Pose pose_of(const Eigen::Vector3d& t, const Eigen::Quaterniond& q) {
@@ -68,19 +84,14 @@ std::string milliseconds(double seconds) {
 }  // namespace
 
 TimedPoses read_timed_poses(const fs::path& file, std::optional<PoseFormat> given) {
-  const std::vector<NumberedLine> lines = lines_of_numbers(file);
-  const PoseFormat format = given ? *given : format_of(file, lines[0]);
-  TimedPoses timed{file.string(), {}, {}};
-  if (format == PoseFormat::kKitti) {
-    for (const NumberedLine& line : lines)
-      timed.poses.push_back(rigid_pose(parse_numbers(line.text, line.where), line.where));
-    return timed;
-  }
+  const std::vector<Row> rows = rows_of(file);
+  const PoseFormat format = given ? *given : format_of(file, rows);
+  if (format == PoseFormat::kKitti) return {file.string(), {}, kitti_poses(rows)};
   const bool euroc = format == PoseFormat::kEuroc;
   const char* const columns = kRowOfFormat[static_cast<size_t>(format)];
-  std::vector<std::pair<double, Pose>> rows;
-  for (const auto& [text, where, has_commas] : lines) {
-    const std::vector<double> v = parse_numbers(text, where);
+  const double seconds = euroc || in_nanoseconds(rows) ? 1e-9 : 1;
+  std::vector<std::pair<double, Pose>> timed_poses;
+  for (const auto& [v, where, line, has_commas] : rows) {
     if (v.size() < 8 || (!euroc && v.size() > 8))
       throw InputError(where, ": expected ", columns, ", found ", v.size(), " columns");
     const Eigen::Quaterniond q = euroc ? Eigen::Quaterniond(v[4], v[5], v[6], v[7])
@@ -88,10 +99,11 @@ TimedPoses read_timed_poses(const fs::path& file, std::optional<PoseFormat> give
     if (!(std::abs(q.norm() - 1) <= 0.01))
       throw InputError(where, ": expected ", columns,
                        " with quaternions of length 1, found one of length ", q.norm());
-    rows.emplace_back(v[0] * (euroc ? 1e-9 : 1), pose_of({v[1], v[2], v[3]}, q));
+    timed_poses.emplace_back(v[0] * seconds, pose_of({v[1], v[2], v[3]}, q));
   }
-  std::ranges::stable_sort(rows, {}, &std::pair<double, Pose>::first);
-  for (auto& [time, pose] : rows) {
+  std::ranges::stable_sort(timed_poses, {}, &std::pair<double, Pose>::first);
+  TimedPoses timed{file.string(), {}, {}};
+  for (auto& [time, pose] : timed_poses) {
     timed.times.push_back(time);
     timed.poses.push_back(pose);
   }
@@ -102,14 +114,13 @@ Pose read_extrinsic(const fs::path& file) {
   const std::string content = "\n" + read_content(file);
   for (const char* const entry : {"\nTr:", "\nTr_velo_to_cam:"})
     if (content.find(entry) != std::string::npos) return read_kitti_calibration(file);
-  std::string numbers;
-  for (const NumberedLine& line : lines_of_numbers(file)) numbers += line.text + " ";
-  std::vector<double> rows = parse_numbers(numbers, file.string());
-  if (rows.size() != 12 && rows.size() != 16)
+  std::vector<double> numbers;
+  for (const Row& row : rows_of(file)) std::ranges::copy(row.numbers, std::back_inserter(numbers));
+  if (numbers.size() != 12 && numbers.size() != 16)
     throw InputError(file.string(), ": expected a calib.txt with Tr, or 3 x 4 or 4 x 4 numbers, ",
-                     "found ", rows.size());
-  rows.resize(12);
-  return rigid_pose(rows, file.string());
+                     "found ", numbers.size());
+  numbers.resize(12);
+  return rigid_pose(numbers, file.string());
 }
 
 std::vector<Pose> poses_of(const TimedPoses& timed, std::span<const ScanRef> scans,

@@ -31,8 +31,8 @@ void PlaceIndex::check(std::span<const float> descriptor, const char* what) cons
 
 PlaceIndex::Block& PlaceIndex::block_to_add_to() {
   if (static_cast<int64_t>(blocks_.size()) * kPlacesInBlock == size_) {
-    // A query that compares all places would bring them all into memory again.
-    if (!blocks_.empty() && (by_cosine() || source_)) spill(blocks_.back());
+    // Without a source a query reads all of them.
+    if (!blocks_.empty() && source_) spill(blocks_.back());
     blocks_.push_back({.copies = {},
                        .rows = std::vector<const float*>(kPlacesInBlock),
                        .lengths = std::vector<double>(by_cosine() ? kPlacesInBlock : 0),

@@ -242,7 +242,7 @@ void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
                         part.products.data(), n);
   else
     products_of_rows(memory_.directions, rows, part.products);
-  scale_to_cosines(place, n, part);
+  scale_to_cosines(place, n, rows, part);
   for (int64_t q = 0; q < n_queries; ++q) {
     const Asked& asked = memory_.asked[static_cast<size_t>(q)];
     if (!narrowed(asked)) continue;
@@ -258,7 +258,7 @@ void PlaceSearch::products_of_run(int64_t place, int64_t n, Part& part) const {
 }
 
 /// Products with descriptors become rough cosines.
-void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, Part& part) const {
+void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, const float* rows, Part& part) const {
   part.scales.resize(static_cast<size_t>(n));
   for (int64_t i = 0; i < n; ++i) {
     const double length = length_at(place + i);
@@ -271,16 +271,17 @@ void PlaceSearch::scale_to_cosines(int64_t place, int64_t n, Part& part) const {
   }
   for (int64_t i = 0; i < n; ++i) {
     if (part.scales[static_cast<size_t>(i)] > 0) continue;
+    const std::span<const float> descriptor(rows + i * index_.dim_,
+                                            static_cast<size_t>(index_.dim_));
     for (size_t q = 0; q < memory_.asked.size(); ++q)
       part.products[q * static_cast<size_t>(n) + static_cast<size_t>(i)] =
           static_cast<float>(cosine(memory_.asked[q].descriptor, memory_.asked[q].length,
-                                    index_.descriptor(place + i), length_at(place + i)));
+                                    descriptor, length_at(place + i)));
   }
 }
 
 double PlaceSearch::length_at(int64_t place) const {
-  return index_.blocks_[static_cast<size_t>(place / kPlacesInBlock)]
-      .lengths[static_cast<size_t>(row_of(place))];
+  return index_.block_of(place).lengths[static_cast<size_t>(row_of(place))];
 }
 
 /// The places that query `q` is compared with, ascending.

@@ -37,7 +37,7 @@ class PlaceSearch {
 
   void choose_by_products();
   void products_of_run(int64_t place, int64_t n, Part& part) const;
-  void scale_to_cosines(int64_t place, int64_t n, Part& part) const;
+  void scale_to_cosines(int64_t place, int64_t n, const float* rows, Part& part) const;
   const float* rows_together(int64_t place, int64_t n, Part& part) const;
 
   double length_at(int64_t place) const;

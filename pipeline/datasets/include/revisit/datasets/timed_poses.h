@@ -24,8 +24,9 @@ struct TimedPoses {
   std::vector<Pose> poses;    // as the file has them
 };
 
-/// Absent format: told by the first line of numbers. What follows a # is skipped; commas are
-/// blanks. Throws InputError naming the file.
+/// Absent format: told by the count of numbers; lines with commas and times in nanoseconds are
+/// EuRoC's. What follows a # is skipped; commas are blanks; TUM's times may be nanoseconds, too. In
+/// KITTI's format no line may be left out. Throws InputError naming the file.
 TimedPoses read_timed_poses(const std::filesystem::path& file,
                             std::optional<PoseFormat> format = std::nullopt);
 

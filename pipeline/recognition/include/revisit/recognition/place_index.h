@@ -51,9 +51,9 @@ class PlaceIndex {
   explicit PlaceIndex(int64_t dim, Comparison comparison = {});
 
   int64_t size() const { return size_; }
-  /// `descriptor` [dim] is copied: into memory, and where a query compares only some of the places
-  /// (cosines, Comparison::key_candidates) all but the last thousand from there into a file, if one
-  /// can be written. Throws UsageError for another size and for a number that is not finite.
+  /// `descriptor` [dim] is copied into memory. Where a source proposes those that are compared
+  /// (Comparison::key_candidates), all but the last thousand go into a file, if one can be written.
+  /// Throws UsageError for another size and for a number that is not finite.
   void add(std::span<const float> descriptor);
   /// The same without a copy: `descriptor` must stay where it is as long as the index lives.
   void refer_to(std::span<const float> descriptor);
@@ -84,8 +84,8 @@ class PlaceIndex {
              const SearchOptions& options = {}) const;
 
   /// best() of each, faster, as the products of many queries are made at once. Beside the
-  /// descriptors that takes some 64 MB, and as much a thread where descriptors that are referred to
-  /// do not follow each other in memory. Throws Interrupted, too.
+  /// descriptors that takes some 64 MB, and as much a thread where descriptors do not
+  /// follow each other in memory. Throws Interrupted, too.
   std::vector<Match> best_of_many(std::span<const Query> queries,
                                   const SearchOptions& options = {}) const;
 
