@@ -22,7 +22,8 @@ set(sees_tools tools loops maps registration simulation baselines evaluation dat
 # library header pattern -> files that may include it
 set(owned_libraries
   "opencv2/|pipeline/baselines/src/opencv/"
-  "png.h|pipeline/datasets/src/io/gray_png|tools/src/report/range_images"
+  "png.h|pipeline/datasets/src/io/gray_png|tools/src/report/range_images|tools/src/pictures/picture.cpp"
+  "jpeglib.h|tools/src/pictures/picture.cpp"
   "liblzf/|pipeline/datasets/src/io/pcd"
   "nanoflann|pipeline/registration/src/neighbours"
   "pcl/|pipeline/baselines/src/pcl/"

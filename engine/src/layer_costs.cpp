@@ -20,12 +20,18 @@ std::vector<LayerCost> describe_layers(const Graph& graph, const std::vector<Sha
     cost.exact = !node.layer || node.layer->rounding() == Rounding::kNone;
     cost.inputs = shapes_of(node.inputs, shapes);
     cost.outputs = shapes_of(node.outputs, shapes);
-    for (const ValueId id : node.inputs) cost.input_layers.push_back(producer[id]);
+    for (const ValueId id : node.inputs) {
+      cost.input_blobs.push_back(graph.values[id].blob);
+      cost.input_layers.push_back(producer[id]);
+    }
     for (const ValueId id : node.outputs) {
       cost.blobs.push_back(graph.values[id].blob);
       producer[id] = i;
     }
-    for (const Tensor& weight : node.weights) cost.parameters += weight.shape.elements();
+    for (const Tensor& weight : node.weights) {
+      cost.weights.push_back(weight.shape);
+      cost.parameters += weight.shape.elements();
+    }
     trace_field(node, &fields, &cost);
     costs.push_back(std::move(cost));
   }

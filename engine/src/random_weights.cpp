@@ -15,9 +15,10 @@ uint64_t next_random(uint64_t& state) {
 }
 
 /// Whether values of a weight blob have to be around 1: variances of BatchNorm (blob 1; blob 2
-/// divides both sums), scales and variances of BN.
+/// divides both sums), factors of Scale and Normalize, factors and variances of BN.
 bool is_around_one(const std::string& type, size_t blob) {
-  return (type == "BatchNorm" && blob > 0) || (type == "BN" && (blob == 0 || blob == 3));
+  return (type == "BatchNorm" && blob > 0) || (type == "BN" && (blob == 0 || blob == 3)) ||
+         ((type == "Scale" || type == "Normalize") && blob == 0);
 }
 
 }  // namespace

@@ -26,7 +26,7 @@ Shape Shape::parse(std::string_view text) {
   for (;;) {
     int64_t size = 0;
     const auto [stop, error] = std::from_chars(next, end, size);
-    if (error != std::errc() || size < 1 || (stop != end && *stop != 'x'))
+    if (error != std::errc() || size < 1 || (stop != end && *stop != 'x' && *stop != ','))
       throw UsageError("expected a shape like 1x3x107x4000, found '", text, "'");
     axes.push_back(size);
     if (stop == end) break;

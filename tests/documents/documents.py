@@ -14,7 +14,7 @@
 
 The folder holds what the commands speak of, made by the program itself: KITTI/ (a circle of 240 m, driven 15
 times, as sequence 00 with as many poses as KITTI's, every 150th with a scan), scans/ (the same scans in a plain folder),
-deploy.prototxt with model.caffemodel (AlexNet's first layers, random), data.npy (an input of 3 x 107 x 4000).
+deploy.prototxt with model.caffemodel (AlexNet's first layers, random), data.npy (an input of 3 x 107 x 4000), cat.jpg (a picture).
 """
 
 import argparse
@@ -232,6 +232,7 @@ def make_things(revisit, folder):
     for suffix, name in (('prototxt', 'deploy.prototxt'), ('caffemodel', 'model.caffemodel')):
         shutil.move(folder / f'random/alexnet_random.{suffix}', folder / name)
     write_npy(folder / 'data.npy', (1, 3, 107, 4000))
+    shutil.copy(ROOT / 'tests/fixtures/pictures/color.jpg', folder / 'cat.jpg')
 
 
 def environment_of(folder, program):

@@ -633,6 +633,61 @@ TEST(ModelsCommand, MakesRandomNetworks) {
   EXPECT_EQ(test::run_revisit("models make-random -o /proc/nowhere").exit_code, 1);
 }
 
+TEST(ModelsCommand, MakesRandomWeightsOfAnyPrototxt) {
+  const test::TempDir dir;
+  test::write_file(
+      dir / "train_val.prototxt",
+      "name: 'it' layer { name: 'd' type: 'Data' top: 'data' top: 'label' data_param { batch_size: "
+      "1 } } layer { name: 'conv' type: 'Convolution' bottom: 'data' top: 'conv' param { name: 'w' "
+      "} convolution_param { num_output: 64 kernel_size: 5 bias_term: false } } layer { name: 'bn' "
+      "type: 'BatchNorm' bottom: 'conv' top: 'conv' } layer { name: 'scale' type: 'Scale' bottom: "
+      "'conv' top: 'conv' scale_param { bias_term: true } } layer { name: 'again' type: "
+      "'Convolution' bottom: 'data' top: 'again' param { name: 'w' } convolution_param { "
+      "num_output: 64 kernel_size: 5 bias_term: false } } layer { name: 'sum' type: 'Eltwise' "
+      "bottom: 'conv' bottom: 'again' top: 'sum' } layer { name: 'loss' type: 'SoftmaxWithLoss' "
+      "bottom: 'sum' bottom: 'label' }");
+  const std::string file = (dir / "train_val.prototxt").string(), r = (dir / "r").string();
+  const auto make = [&](const std::string& options) {
+    return test::run_revisit("models make-random -o '" + r + "' --net '" + file + "' " + options);
+  };
+  const auto made = make("--input-shape 1,3,9,9 --seed 5");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_SAYS(made.err, "untrained: random weights (seed 5)");
+  const std::string pair = r + "/train_val_random.prototxt " + r + "/train_val_random.caffemodel";
+  const std::string first = test::read_file(dir / "r/train_val_random.caffemodel");
+  const auto fits = test::run_revisit("net inspect " + pair);
+  EXPECT_EQ(fits.exit_code, 0) << fits.err;
+  EXPECT_TRUE(models::is_untrained(proto::read_net(dir / "r/train_val_random.prototxt").net));
+
+  const caffe::NetParameter net = proto::read_net_binary(dir / "r/train_val_random.caffemodel").net;
+  const auto blob = [&](const std::string& name, int i) -> const caffe::BlobProto& {
+    return std::ranges::find(net.layer(), name, &caffe::LayerParameter::name)->blobs(i);
+  };
+  double squares = 0;
+  for (const float value : blob("conv", 0).data()) squares += value * value;
+  EXPECT_NEAR(squares / (64 * 75) * 75, 2, 0.1) << "the variance of He";
+  EXPECT_EQ(blob("conv", 0).SerializeAsString(), blob("again", 0).SerializeAsString()) << "shared";
+  for (const float value : blob("scale", 0).data()) EXPECT_NEAR(value, 1, 0.11);
+
+  make("--input-shape 1,3,9,9 --seed 5");
+  EXPECT_EQ(test::read_file(dir / "r/train_val_random.caffemodel"), first);
+  make("--input-shape 1,3,9,9 --seed 6");
+  EXPECT_NE(test::read_file(dir / "r/train_val_random.caffemodel"), first);
+
+  const auto refused = [](const test::ProgramResult& result, int code, const std::string& what) {
+    EXPECT_EQ(result.exit_code, code);
+    EXPECT_SAYS(result.err, what);
+  };
+  const auto run = [&](const std::string& options) {
+    return test::run_revisit("models make-random -o '" + r + "' " + options);
+  };
+  refused(make(""), 3,
+          "no shape for the input 'data'; give it in the prototxt or by --input-shape");
+  refused(run("--net " + r + "/none.prototxt"), 3, "none.prototxt: cannot open");
+  refused(run("--net alexnt"), 2, "did you mean 'alexnet'?");
+  refused(run("--input-shape 1,3,9,9"), 2, "--input-shape is for a prototxt");
+}
+
 TEST(ModelsCommand, SaysWhichNetworkWouldBeUsed) {
   const test::TempDir cache, own;
   const std::string environment = "REVISIT_MODELS='" + cache.path().string() + "'";

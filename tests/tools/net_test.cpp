@@ -91,11 +91,98 @@ TEST_F(NetCommand, ForwardSubtractsMeans) {
 
   const std::vector<float> two(9, 2);
   proto::write_npy(dir_ / "small.npy", {1, 3, 3}, two.data());
-  expect_failure(2, forward + path("small.npy"), "means of its channels as .npy: 2");
+  expect_failure(2, forward + path("small.npy"), "means of its channels: 2");
   proto::write_npy(dir_ / "three.npy", {3}, two.data());
   expect_failure(2, forward + path("three.npy"), "3 channels");
   proto::write_npy(dir_ / "flat.npy", {3, 3}, two.data());
   expect_failure(3, forward + path("flat.npy"), "found 3x3");
+
+  ASSERT_EQ(run_revisit(forward + "5").exit_code, 0);
+  EXPECT_EQ(output(), (std::vector<float>{0, 3, 15, 19}));
+  expect_failure(2, forward + "5,6", "the mean has 2 channels, the input is 1x1x4x4");
+  expect_failure(2, forward + "5,,6", "--mean: expected a number, found ''");
+  expect_failure(3, forward + "none.npy", "none.npy: cannot open");
+}
+
+class ForwardOfPictures : public NetCommand {
+ protected:
+  ForwardOfPictures() {
+    test::write_file(
+        dir_ / "passes.prototxt",
+        "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 10 "
+        "dim: 3 dim: 11 dim: 17 } } } layer { name: 'out' type: 'Power' bottom: 'data' "
+        "top: 'out' }");
+    test::write_file(dir_ / "three.txt", "n1 cat, tabby\r\ndog\nfish\n\n");
+    test::write_file(
+        dir_ / "means.prototxt",
+        "layer { name: 'data' type: 'Input' top: 'data' input_param { shape { dim: 10 dim: 3 dim: "
+        "11 dim: 17 } } } layer { name: 'out' type: 'Pooling' bottom: 'data' top: 'out' "
+        "pooling_param { pool: AVE global_pooling: true } }");
+  }
+  static std::string picture(const std::string& name) {
+    return " --image " + test::fixture("pictures/" + name).string();
+  }
+  std::vector<float> output(const std::string& options) const {
+    const auto result = run_revisit("net forward " + path("passes.prototxt") + " -o " +
+                                    path("out") + options + picture("color.jpg"));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return proto::read_npy(path("out/out_out.npy")).data;
+  }
+};
+
+TEST_F(ForwardOfPictures, PixelsAreLessTheMeanThenScaledInTheOrderAskedFor) {
+  const std::string bytes = test::read_file(test::fixture("pictures/color.jpg.bgr"));
+  const std::vector<float> mean{104, 117.5, 123};
+  const auto bgr = output(" --mean 104,117.5,123 --input-scale 0.5"),
+             rgb = output(" --channels rgb --mean data=123,117.5,104 --input-scale 0.5");
+  constexpr size_t kPlane = 11 * 17;
+  ASSERT_EQ(bgr.size(), 3 * kPlane);
+  for (size_t i = 0; i < kPlane; ++i)
+    for (size_t c = 0; c < 3; ++c) {
+      const float pixel = static_cast<uint8_t>(bytes[3 * i + c]);
+      ASSERT_EQ(bgr[c * kPlane + i], (pixel - mean[c]) * 0.5F);
+      ASSERT_EQ(rgb[(2 - c) * kPlane + i], (pixel - mean[c]) * 0.5F);
+    }
+}
+
+TEST_F(ForwardOfPictures, TheBestClassesOfEachAreNamed) {
+  const std::string means = "net forward " + path("means.prototxt") + picture("color.jpg") +
+                            picture("gray.jpg") + " --labels " + path("three.txt");
+  const auto result = run_revisit(means);
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  std::istringstream lines(result.out);
+  std::vector<std::string> found;
+  for (std::string line; std::getline(lines, line);) found.push_back(line);
+  ASSERT_EQ(found.size(), 7U) << result.out;
+  const std::string bytes = test::read_file(test::fixture("pictures/color.jpg.bgr"));
+  double sums[3] = {};
+  for (size_t i = 0; i < bytes.size(); ++i) sums[i % 3] += static_cast<uint8_t>(bytes[i]);
+  const int best = static_cast<int>(std::max_element(sums, sums + 3) - sums);
+  const std::string names[] = {"n1 cat, tabby", "dog", "fish"};
+  EXPECT_TRUE(found[1].ends_with(names[best])) << result.out;
+  EXPECT_TRUE(found[4].ends_with(names[0])) << "equal numbers: the first\n" << result.out;
+  EXPECT_FALSE(fs::exists(path("out")));
+
+  test::write_file(dir_ / "two.txt", "a\nb\n");
+  test::write_file(dir_ / "no.txt", "\n");
+  expect_failure(2, means + " --labels " + path("two.txt"),
+                 "two.txt has 2 lines, but of each picture the output 'out' has 3 numbers");
+  expect_failure(3, means + " --labels " + path("no.txt"), "no.txt: holds no labels");
+  expect_failure(3, means + " --labels " + path("none.txt"), "none.txt: cannot open");
+}
+
+TEST_F(ForwardOfPictures, MisuseSaysWhatIsMissing) {
+  const std::string passes = "net forward " + path("passes.prototxt") + " -o " + path("out");
+  expect_failure(3, passes + " --image none.png", "none.png: cannot open");
+  expect_failure(3, passes + " --image " + path("in.npy"), "not a picture: expected PNG or JPEG");
+  expect_failure(2, passes + " --image dato=x.png", "did you mean 'data'");
+  expect_failure(2, passes + " --input-scale 2", "are for --image");
+  expect_failure(2, passes + picture("color.jpg") + " --input-scale 0", "a positive number");
+  expect_failure(2, passes + picture("color.jpg") + " --input-shape 1x2x4x4",
+                 "the input 'data' is 1x2x4x4");
+  expect_failure(2, passes + picture("color.jpg") + " -i " + path("in.npy"),
+                 "has an --input and an --image");
+  expect_failure(2, "net forward " + model() + picture("gray.jpg"), "-o DIR, or --labels");
 }
 
 TEST_F(NetCommand, ForwardAllWritesEachLayerAsItWas) {
@@ -120,15 +207,51 @@ TEST_F(NetCommand, InspectNeedsNoWeights) {
   EXPECT_NE(json.out.find("\"parameters\": 2"), std::string::npos) << json.out;
 }
 
+TEST_F(NetCommand, InspectTellsBottomsTopsAndTheShapesOfBlobs) {
+  test::write_file(dir_ / "two.prototxt",
+                   std::string(kNet) +
+                       "layer { name: 'fc' type: 'InnerProduct' bottom: 'a/pool' "
+                       "top: 'fc' inner_product_param { num_output: 3 } } layer { "
+                       "name: 'both' type: 'Concat' bottom: 'fc' bottom: 'fc' top: "
+                       "'both' }");
+  test::write_file(
+      dir_ / "report.json",
+      run_revisit("net inspect --format json --input-shape 2,1,4,4 " + path("two.prototxt")).out);
+  reports::NetReport report;
+  cli::read_report(dir_ / "report.json", &report);
+  const auto text = [](const auto& list) {
+    std::string all;
+    for (const auto& item : list) {
+      if constexpr (requires { item.name(); }) all += item.name() + " ";
+      for (const int size : item.shape()) all += std::to_string(size) + ",";
+      all += ";";
+    }
+    return all;
+  };
+  ASSERT_EQ(report.layers_size(), 6);
+  EXPECT_EQ(text(report.layers(0).bottoms()), "");
+  EXPECT_EQ(text(report.layers(0).tops()), "data 2,1,4,4,;");
+  EXPECT_EQ(text(report.layers(1).blobs()), "1,1,1,1,;1,;");
+  EXPECT_EQ(text(report.layers(2).bottoms()), "conv1 2,1,4,4,;");
+  EXPECT_EQ(text(report.layers(2).tops()), "conv1 2,1,4,4,;");
+  EXPECT_EQ(text(report.layers(4).blobs()), "3,4,;3,;");
+  EXPECT_EQ(text(report.layers(5).bottoms()), "fc 2,3,;fc 2,3,;");
+  EXPECT_EQ(text(report.layers(5).tops()), "both 2,6,;");
+  EXPECT_EQ(text(report.layers(5).blobs()), "");
+}
+
 TEST_F(NetCommand, ProfilePrintsLayersAndTheWhole) {
   const auto json = run_revisit("net profile " + path("net.prototxt") +
                                 " --input-shape 1x1x64x64 --threads 2 --repeat 3 --format json");
   EXPECT_EQ(json.exit_code, 0) << json.err;
+  EXPECT_NE(json.err.find("note: no weights were given: these are random ones"), std::string::npos);
   for (const char* part : {"\"total_ms\"", "\"min\"", "\"median\"", "\"p95\"", "\"layers\"",
                            "\"kernel\": \"pointwise-gemm\"", "\"layer_sum_ms\"", "\"macs\": 4096"})
     EXPECT_NE(json.out.find(part), std::string::npos) << part;
   const auto csv = run_revisit("net profile " + path("net.prototxt") + " --repeat 1 --format csv");
   EXPECT_EQ(std::count(csv.out.begin(), csv.out.end(), '\n'), 5);
+  EXPECT_EQ(run_revisit("net profile " + model() + " --repeat 1").err.find("random"),
+            std::string::npos);
 }
 
 TEST_F(NetCommand, ProfileShowsTheLimitsOfTheMachineAndWhatAnotherProfileHad) {

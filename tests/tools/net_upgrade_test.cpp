@@ -156,6 +156,54 @@ TEST_F(NetUpgrade, TrainingLayersGoWhenInferenceIsAskedFor) {
       "--inference");
 }
 
+TEST_F(NetUpgrade, InferenceTakesShapesOfInputs) {
+  const std::string data =
+      "layer { name: 'd' type: 'Data' top: 'data' top: 'label' data_param { batch_size: 1 } }";
+  const std::string rest =
+      "layer { name: 'ip' type: 'InnerProduct' bottom: 'data' top: 'ip' inner_product_param { "
+      "num_output: 2 } }";
+  test::write_file(dir_ / "train", data + rest);
+  const auto shaped = [&](const std::string& options, const std::string& file) {
+    return run_revisit("net upgrade --inference " + options + " " + path(file) + " --force " +
+                       path("out"));
+  };
+  for (const char* shape : {"1,3,4,5", "data=1x3x4x5"}) {
+    EXPECT_EQ(shaped(std::string("--input-shape ") + shape, "train").exit_code, 0);
+    EXPECT_TRUE(MessageDifferencer::Equals(
+        text_net(test::read_file(dir_ / "out")),
+        text_net("layer { name: 'd' type: 'Input' top: 'data' input_param { shape { dim: 1 dim: 3 "
+                 "dim: 4 dim: 5 } } }" +
+                 rest)))
+        << test::read_file(dir_ / "out");
+    EXPECT_EQ(run_revisit("net inspect " + path("out")).exit_code, 0);
+  }
+  // One layer with two tops tells the shapes of both or of none.
+  const std::string sum = "layer { name: 's' type: 'Eltwise' bottom: 'a' bottom: 'b' top: 's' }";
+  test::write_file(dir_ / "two", "input: 'a' input: 'b' " + sum);
+  EXPECT_EQ(shaped("--input-shape a=2 --input-shape b=3", "two").exit_code, 0);
+  EXPECT_TRUE(MessageDifferencer::Equals(
+      text_net(test::read_file(dir_ / "out")),
+      text_net("layer { name: 'input' type: 'Input' top: 'a' top: 'b' input_param { shape { dim: 2 "
+               "} shape { dim: 3 } } }" +
+               sum)));
+  test::write_file(dir_ / "same",
+                   "layer { name: 'i' type: 'Input' top: 'a' top: 'b' input_param { shape { dim: 7 "
+                   "} } }" +
+                       sum);
+  EXPECT_EQ(shaped("--input-shape b=3", "same").exit_code, 0);
+  EXPECT_EQ(text_net(test::read_file(dir_ / "out")).layer(0).input_param().DebugString(),
+            "shape {\n  dim: 7\n}\nshape {\n  dim: 3\n}\n");
+
+  const auto refused = [&](const std::string& options, const std::string& part) {
+    expect_failure(2, options, part);
+  };
+  refused("--inference --input-shape a=2 " + path("two"), "the input 'b' has no shape either");
+  refused("--inference --input-shape 2 " + path("two"), "has 2 inputs; say which one");
+  refused("--inference --input-shape c=2 " + path("two"), "has no input 'c'");
+  refused("--inference --input-shape 1,,2 " + path("train"), "expected a shape like");
+  refused("--input-shape 1,3,4,5 " + path("train"), "--input-shape is for --inference");
+}
+
 TEST_F(NetUpgrade, OverwritesOnlyWhenForced) {
   test::write_file(dir_ / "in", "layers { name: 'r' type: RELU bottom: 'x' top: 'x' }");
   test::write_file(dir_ / "out", "mine");

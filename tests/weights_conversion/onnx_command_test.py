@@ -62,11 +62,32 @@ class Command(ConversionTest):
                 compare.require('it', wrong, expected, 1e-4)
         compare.require('it', {'y': numbers(2, 3)}, expected, 0)
 
+    def test_a_detector_is_exported_up_to_its_boxes(self):
+        def convolution(name, outputs):
+            return layer(name, 'Convolution', parameters=f'convolution_param {{ num_output: {outputs} kernel_size: 8 }}') + \
+                layer(f'{name}_flat', 'Flatten', name)
+        detection = (input_layer(1, 3, 8, 8) + convolution('loc', 4) + convolution('conf', 2)
+                     + layer('prior', 'PriorBox', ['loc', 'data'], parameters='prior_box_param { min_size: 4 }')
+                     + layer('boxes', 'DetectionOutput', ['loc_flat', 'conf_flat', 'prior'],
+                             parameters='detection_output_param { num_classes: 2 share_location: true nms_param { nms_threshold: 0.5 } }'))
+        blobs = {'loc': [numbers(4, 3, 8, 8), numbers(4)], 'conf': [numbers(2, 3, 8, 8), numbers(2)]}
+        prototxt, model = self.net(detection, blobs, 'detection')
+        printed = self.convert('onnx', prototxt, model, self.onnx, '--fixed')
+        self.assertIn("note: layer 'boxes' (DetectionOutput) cannot be expressed in ONNX: the model ends before it, with its inputs "
+                      'loc_flat, conf_flat, prior as outputs', printed)
+        self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['loc_flat', 'conf_flat', 'prior'])
+        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--end', 'boxes')
+        # An input of it that others read is no output of a net that ends before it.
+        prototxt, model = self.net(detection + layer('prob', 'Softmax', 'conf_flat'), blobs, 'read_twice')
+        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--fixed')
+
+    def test_shapes_of_inputs_are_written_with_x_or_commas(self):
+        for shape in ('2x3x15x17', '2,3,15,17', 'data=2,3,15,17'):
+            self.convert('onnx', self.prototxt, self.model, self.onnx, '--force', '--fixed', '--input-shape', shape)
+            sizes = [dim.dim_value for dim in onnx.load(self.onnx).graph.input[0].type.tensor_type.shape.dim]
+            self.assertEqual(sizes, [2, 3, 15, 17])
+
     def test_what_is_refused(self):
-        detection = input_layer(1, 8) + layer('boxes', 'DetectionOutput', ['data', 'data', 'data'],
-                                              parameters='detection_output_param { num_classes: 2 }')
-        prototxt, _ = self.net(detection, {}, 'detection')
-        self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, self.onnx)
         prototxt, _ = self.net(input_layer(1, 3, 8, 8) + layer('spp', 'SPP', parameters='spp_param { pyramid_height: 2 }'), {}, 'spp')
         self.refused(4, "layer 'spp' (SPP)", 'onnx', prototxt, self.onnx)
         self.refused(4, "'it' (Nonsense)", 'onnx', self.net(input_layer(1) + layer('it', 'Nonsense'), {}, 'no')[0], self.onnx)

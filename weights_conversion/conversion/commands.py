@@ -179,7 +179,7 @@ COMMANDS = {
     'onnx': Command(
         'a Caffe network as an ONNX model',
         'Write a network for ONNX Runtime and others (opset 17). Compares ONNX Runtime with the engine of revisit on the same input, '
-        'and once more at another size.',
+        'and once more at another size. A net that ends in DetectionOutput (SSD) is written up to it, which a note says.',
         '  revisit-convert onnx deploy.prototxt model.caffemodel model.onnx\n'
         '  revisit-convert onnx deploy.prototxt model.caffemodel front.onnx --end conv3 --graft pool5 --input-shape 1x3x107x400\n'
         '  revisit-convert onnx deploy.prototxt model.npz half.onnx --float16\n',

@@ -66,9 +66,9 @@ def _by_blob(option, texts, known):
 
 def shape_of(text):
     """The sizes of '1x3x227x227'."""
-    if not re.fullmatch(r'[1-9][0-9]{0,9}(x[1-9][0-9]{0,9})*', text):
+    if not re.fullmatch(r'[1-9][0-9]{0,9}([x,][1-9][0-9]{0,9})*', text):
         raise UsageError(f"--input-shape: expected sizes like 1x3x227x227, found '{text}'")
-    return tuple(map(int, text.split('x')))
+    return tuple(map(int, re.split('[x,]', text)))
 
 
 def _not_special(graph, blob):

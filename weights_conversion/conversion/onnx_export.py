@@ -1,11 +1,13 @@
 """A Caffe network as an ONNX model, and whether the model computes the same."""
 
+import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import onnx
 import onnxruntime
+from google.protobuf import text_format
 from onnx import TensorProto, helper
 
 from . import compare, engine, examples, weights
@@ -21,11 +23,12 @@ MOST_BYTES = 2**31 - 1  # of one protobuf file
 def export(options, out):
     """Writes the network that `options` names to `out` and compares the two, as the command `onnx` says."""
     truncation = dict(end=options.end, graft=options.graft)
-    graph = truncate(resolve(engine.read_net(options.prototxt)), options.end, options.graft)
-    refuse_unknown(graph)
-    blobs = weights.read(options.weights) if options.weights else {}
-    inputs = examples.arrays(graph, options.input_shape, options.input)
     with tempfile.TemporaryDirectory() as folder:
+        prototxt = options.prototxt if options.end else before_detections(options.prototxt, folder)
+        graph = truncate(resolve(engine.read_net(prototxt)), options.end, options.graft)
+        refuse_unknown(graph)
+        blobs = weights.read(options.weights) if options.weights else {}
+        inputs = examples.arrays(graph, options.input_shape, options.input)
         file = options.weights and weights.for_engine(options.weights, folder)
         if file and options.float16:
             blobs = {name: [a.astype(np.float32) for a in arrays] for name, arrays in weights.to_float16(blobs).items()}
@@ -33,9 +36,9 @@ def export(options, out):
             weights.write_caffemodel(file, blobs)
 
         def expected(arrays):
-            return engine.forward(options.prototxt, file, arrays, **truncation)
+            return engine.forward(prototxt, file, arrays, **truncation)
 
-        values = engine.layer_outputs(options.prototxt, file, inputs, **truncation)
+        values = engine.layer_outputs(prototxt, file, inputs, **truncation)
         values = {value: values[port] for layer in graph.layers
                   for port, value in zip(layer.ports(), layer.outputs)}
         model, names = build(graph, blobs, values, inputs, options.fixed, options.float16)
@@ -53,6 +56,23 @@ def require_valid(model):
         onnx.checker.check_model(model, full_check=True)
     except (onnx.checker.ValidationError, onnx.shape_inference.InferenceError) as error:
         raise CheckFailed(f'check failed: the checker of ONNX does not take the model: {_one_line(error)}') from None
+
+
+def before_detections(prototxt, folder):
+    """The prototxt, or one in `folder` that ends before the DetectionOutput layers, with their inputs as its outputs."""
+    net = engine.read_net(prototxt)
+    graph = resolve(net)
+    cut = [layer for layer in graph.layers if layer.type == 'DetectionOutput' and not any(map(graph.readers, layer.outputs))
+           and all(graph.readers(value) == [layer] for value in layer.inputs)]
+    if not cut:
+        return prototxt
+    for layer in cut:
+        net.layer.remove(layer.message)
+        print(f"note: layer '{layer.name}' (DetectionOutput) cannot be expressed in ONNX: the model ends before it, with its inputs "
+              f'{", ".join(layer.message.bottom)} as outputs; boxes are left to decode and suppress', file=sys.stderr)
+    front = Path(folder) / 'front.prototxt'
+    front.write_text(text_format.MessageToString(net))
+    return front
 
 
 def refuse_unknown(graph):

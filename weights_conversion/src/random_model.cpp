@@ -15,6 +15,10 @@ namespace fs = std::filesystem;
 constexpr const char* kUntrainedPrefix = "untrained_";
 constexpr uint64_t kGolden = 0x9E3779B97F4A7C15;  // 2^64 / golden ratio: SplitMix64's step
 
+std::string untrained_name(const std::string& name, uint64_t seed) {
+  return str(kUntrainedPrefix, name, "_seed_", seed);
+}
+
 /// The finaliser of SplitMix64: a bijection of 64-bit numbers whose outputs look independent.
 uint64_t mix(uint64_t z) {
   z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9;
@@ -93,7 +97,7 @@ void fill_with_random_weights(caffe::NetParameter& net, uint64_t seed) {
 
 caffe::NetParameter random_model(const std::string& trunk_name, uint64_t seed) {
   caffe::NetParameter net = trunk(trunk_name);
-  net.set_name(str(kUntrainedPrefix, trunk_name, "_seed_", seed));
+  net.set_name(untrained_name(trunk_name, seed));
   fill_with_random_weights(net, seed);
   return net;
 }
@@ -104,10 +108,15 @@ bool is_untrained(const caffe::NetParameter& net) {
 
 ModelFiles write_random_model(const fs::path& folder, const std::string& trunk_name,
                               uint64_t seed) {
-  caffe::NetParameter net = random_model(trunk_name, seed);
+  return write_untrained(folder, trunk_name, seed, random_model(trunk_name, seed));
+}
+
+ModelFiles write_untrained(const fs::path& folder, const std::string& name, uint64_t seed,
+                           caffe::NetParameter net) {
+  net.set_name(untrained_name(name, seed));
   make_folder(folder);
-  const ModelFiles files{folder / (trunk_name + "_random.prototxt"),
-                         folder / (trunk_name + "_random.caffemodel")};
+  const ModelFiles files{folder / (name + "_random.prototxt"),
+                         folder / (name + "_random.caffemodel")};
   proto::write_net_binary(files.weights, net);
   for (caffe::LayerParameter& layer : *net.mutable_layer()) layer.clear_blobs();
   proto::write_net_text(files.prototxt, net);

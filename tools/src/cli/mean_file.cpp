@@ -2,7 +2,9 @@
 
 #include <cmath>
 #include <numeric>
+#include <sstream>
 
+#include "cli/parser.h"
 #include "revisit/base/file_content.h"
 #include "revisit/base/joined.h"
 #include "revisit/proto/npy.h"
@@ -34,6 +36,18 @@ Mean read_mean(const std::filesystem::path& file) {
   return mean;
 }
 
+Mean parse_mean_option(const std::string& option, const std::string& text) {
+  const bool are_numbers = text.find_first_not_of("0123456789.,+-eE") == std::string::npos;
+  if (std::error_code none; !are_numbers || std::filesystem::exists(text, none))
+    return read_mean(text);
+  Mean mean;
+  std::istringstream fields(text);
+  for (std::string field; std::getline(fields, field, ',');)
+    mean.values.push_back(static_cast<float>(parse_value<double>(option, field)));
+  mean.channels = static_cast<int64_t>(mean.values.size());
+  return mean;
+}
+
 std::vector<double> channel_means(const Mean& mean) {
   const int64_t pixels = mean.h * mean.w;
   std::vector<double> means;
@@ -45,14 +59,14 @@ std::vector<double> channel_means(const Mean& mean) {
 }
 
 void subtract(const Mean& mean, const engine::Shape& shape, float* values) {
-  if (shape.rank() != 4 || shape[1] != mean.channels)
+  if (shape.rank() != 4 || (mean.channels != 1 && shape[1] != mean.channels))
     throw UsageError("--mean: the mean has ", mean.channels, " channels, the input is ", shape);
   const int64_t h = shape[2], w = shape[3];
   const bool is_image = mean.h * mean.w > 1;
   if (is_image && (mean.h < h || mean.w < w))
-    throw UsageError(
-        "--mean: the mean image is ", mean.h, " x ", mean.w, ", smaller than the input, ", h, " x ",
-        w, "; give the means of its channels as .npy: ", joined(channel_means(mean), ","));
+    throw UsageError("--mean: the mean image is ", mean.h, " x ", mean.w,
+                     ", smaller than the input, ", h, " x ", w,
+                     "; give the means of its channels: ", joined(channel_means(mean), ","));
   const int64_t top = (mean.h - h) / 2, left = (mean.w - w) / 2;
   for (int64_t plane = 0; plane < shape[0] * shape[1]; ++plane) {
     const float* const from = mean.values.data() + plane % mean.channels * mean.h * mean.w;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "revisit/engine/tensor.h"
@@ -17,10 +18,14 @@ struct Mean {
 /// Reads .npy (`[c]`, `[c][h][w]`, `[1][c][h][w]`) or .binaryproto by content; or InputError.
 Mean read_mean(const std::filesystem::path& file);
 
+/// The same, or numbers as `--mean 104,117,123` has them: one a channel, or one for all.
+Mean parse_mean_option(const std::string& option, const std::string& text);
+
 std::vector<double> channel_means(const Mean& mean);
 
-/// Subtracts from `[n][c][h][w]` values. A larger mean image is cut to its centre, as Caffe's data
-/// layers do in the TEST phase. Throws UsageError when channels differ or the image is smaller.
+/// Subtracts from `[n][c][h][w]` values; a mean of one channel from all. A larger mean image is cut
+/// to its centre, as Caffe's data layers do in the TEST phase. Throws UsageError when channels
+/// differ or the image is smaller.
 void subtract(const Mean& mean, const engine::Shape& shape, float* values);
 
 }  // namespace revisit::cli

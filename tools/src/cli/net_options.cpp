@@ -1,11 +1,15 @@
 #include "net_options.h"
 
+#include <algorithm>
+#include <functional>
+#include <map>
+
+#include "caffe_schema.pb.h"
 #include "cli/messages.h"
 
 namespace revisit::cli {
 namespace {
 
-constexpr uint64_t kRandomSeed = 1;
 constexpr int64_t kMostMb = int64_t{1} << 40;  // so that bytes do not overflow
 
 void check_limit(const char* option, int64_t value, int64_t most) {
@@ -13,16 +17,18 @@ void check_limit(const char* option, int64_t value, int64_t most) {
     throw UsageError(option, ": expected 1 to ", most, ", found ", value);
 }
 
-/// The input shapes by blob name; a shape without a name belongs to the only input of the net.
-std::map<std::string, engine::Shape> named_shapes(const NetOptions& options) {
+/// The shapes by blob name; one without a name is that of the net's only input. Or UsageError.
+std::map<std::string, engine::Shape> named_shapes(
+    const std::vector<std::string>& texts, const std::filesystem::path& prototxt,
+    const std::function<std::vector<std::string>()>& inputs_of_net) {
   std::map<std::string, engine::Shape> shapes;
-  for (const std::string& text : options.input_shapes) {
+  for (const std::string& text : texts) {
     const size_t equals = text.rfind('=');
     std::string blob = equals == std::string::npos ? "" : text.substr(0, equals);
     if (blob.empty()) {
-      const std::vector<std::string> inputs = options.input_blobs();
+      const std::vector<std::string> inputs = inputs_of_net();
       if (inputs.size() != 1)
-        throw UsageError("--input-shape: ", options.prototxt.string(), " has ", inputs.size(),
+        throw UsageError("--input-shape: ", prototxt.string(), " has ", inputs.size(),
                          " inputs; say which one: BLOB=", text);
       blob = inputs[0];
     }
@@ -33,6 +39,45 @@ std::map<std::string, engine::Shape> named_shapes(const NetOptions& options) {
 }
 
 }  // namespace
+
+void set_input_shapes(const std::filesystem::path& path, const std::vector<std::string>& texts,
+                      caffe::NetParameter* net) {
+  std::vector<std::string> inputs;
+  for (const caffe::LayerParameter& layer : net->layer())
+    if (layer.type() == "Input")
+      inputs.insert(inputs.end(), layer.top().begin(), layer.top().end());
+  auto shapes = named_shapes(texts, path, [&inputs] { return inputs; });
+  for (const auto& [blob, shape] : shapes)
+    if (std::ranges::find(inputs, blob) == inputs.end())
+      throw UsageError("--input-shape: ", path.string(), " has no input '", blob, "'",
+                       did_you_mean(blob, inputs));
+  for (caffe::LayerParameter& layer : *net->mutable_layer()) {
+    if (layer.type() != "Input") continue;
+    const auto& tops = layer.top();
+    if (std::ranges::none_of(tops, [&](const auto& top) { return shapes.contains(top); })) continue;
+    caffe::InputParameter& param = *layer.mutable_input_param();
+    if (param.shape_size() == 1)  // that of all tops
+      while (param.shape_size() < tops.size()) *param.add_shape() = param.shape(0);
+    const bool complete = param.shape_size() == tops.size();
+    while (param.shape_size() < tops.size()) param.add_shape();
+    for (int i = 0; i < tops.size(); ++i) {
+      const auto given = shapes.find(tops[i]);
+      if (given != shapes.end())
+        param.mutable_shape(i)->mutable_dim()->Assign(given->second.axes().begin(),
+                                                      given->second.axes().end());
+      else if (!complete)
+        throw UsageError("--input-shape: the input '", tops[i],
+                         "' has no shape either: give it, "
+                         "too: ",
+                         tops[i], "=NxCxHxW");
+    }
+  }
+}
+
+void declare_input_shape(Parser& parser, std::vector<std::string>* shapes) {
+  parser.option("input-shape", "[BLOB=]NxCxHxW",
+                "shape of an input in place of the file's, 1x3x107x4000 or 1,3,107,4000", shapes);
+}
 
 void LimitOptions::declare(Parser& parser) {
   parser.group("Limits that keep hostile files from taking the machine's memory:");
@@ -65,8 +110,7 @@ void NetOptions::declare(Parser& parser) {
       "append a copy of this layer, which has no weights, after --end and its ReLU: --end conv3 "
       "--graft pool5",
       &truncation.graft);
-  parser.option("input-shape", "[BLOB=]NxCxHxW", "replace an input's shape, e.g. 1x3x107x4000",
-                &input_shapes);
+  declare_input_shape(parser, &input_shapes);
   parser.option("threads", "N", "threads of one forward pass (default 1)", &threads);
   parser.flag("allow-missing", "layers without weights become zeros instead of an error",
               &allow_missing);
@@ -91,7 +135,7 @@ std::vector<std::string> NetOptions::input_blobs() const {
 engine::LoadOptions NetOptions::load_options() const {
   if (threads < 1) throw UsageError("--threads: expected at least 1, found ", threads);
   return {.truncation = truncation,
-          .inputs = named_shapes(*this),
+          .inputs = named_shapes(input_shapes, prototxt, [this] { return input_blobs(); }),
           .allow_missing = allow_missing,
           .allow_unknown = allow_unknown,
           .limits = limits.limits()};
@@ -124,10 +168,11 @@ engine::Net load_net(const NetOptions& options, NoWeights otherwise) {
   const engine::LoadOptions load = options.load_options();
   if (!options.weights && otherwise == NoWeights::kRefuse)
     throw UsageError("this needs the network's weights: give the .caffemodel after the .prototxt");
-  engine::Net net = options.weights ? engine::Net::load(options.prototxt, *options.weights, load)
-                    : otherwise == NoWeights::kRandom
-                        ? engine::Net::load_with_random_weights(options.prototxt, kRandomSeed, load)
-                        : engine::Net::load_without_weights(options.prototxt, load);
+  engine::Net net =
+      options.weights ? engine::Net::load(options.prototxt, *options.weights, load)
+      : otherwise == NoWeights::kRandom
+          ? engine::Net::load_with_random_weights(options.prototxt, options.seed, load)
+          : engine::Net::load_without_weights(options.prototxt, load);
   for (const std::string& warning : net.warnings()) warn(warning);
   return net;
 }

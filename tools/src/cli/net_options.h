@@ -8,6 +8,10 @@
 #include "parser.h"
 #include "revisit/engine/net.h"
 
+namespace revisit::caffe {
+class NetParameter;
+}
+
 namespace revisit::cli {
 
 /// What a model file may ask for (proto::Limits), as options.
@@ -27,6 +31,7 @@ struct NetOptions {
   std::optional<std::filesystem::path> weights;
   engine::Truncation truncation;
   std::vector<std::string> input_shapes;  // "1x3x107x4000" or "data=1x3x107x4000"
+  uint64_t seed = 1;                      // of random weights
   int threads = 1;
   bool allow_missing = false, allow_unknown = false, keep_denormals = false;
   engine::Accuracy accuracy = engine::Accuracy::kUsual;
@@ -40,6 +45,12 @@ struct NetOptions {
   engine::PlanOptions plan_options() const;
   std::vector<std::string> input_blobs() const;
 };
+
+void declare_input_shape(Parser& parser, std::vector<std::string>* shapes);
+
+/// Writes shapes, as --input-shape takes them, into the Input layers of the net of `prototxt`.
+void set_input_shapes(const std::filesystem::path& prototxt, const std::vector<std::string>& shapes,
+                      caffe::NetParameter* net);
 
 void declare_precision(Parser& parser, engine::Precision* precision);
 

@@ -1,9 +1,11 @@
+#include <algorithm>
 #include <iostream>
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
 #include "cli/json.h"
 #include "cli/messages.h"
+#include "cli/net_options.h"
 #include "cli/parser.h"
 #include "cli/progress.h"
 #include "cli/table.h"
@@ -12,6 +14,8 @@
 #include "models/find_model.h"
 #include "reports.pb.h"
 #include "revisit/base/joined.h"
+#include "revisit/engine/layer_types.h"
+#include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/random_model.h"
 #include "revisit/weights_conversion/trunks.h"
 
@@ -187,26 +191,70 @@ int which_command(const Arguments& arguments) {
   return kOk;
 }
 
+/// What inference runs of any prototxt, with the random weights that the engine profiles it with.
+models::ModelFiles write_random_net(const fs::path& folder, const NetOptions& options) {
+  const engine::Net net = load_net(options, NoWeights::kRandom);
+  caffe::NetParameter file =
+      proto::read_net(options.prototxt, {.allow_unknown_fields = options.allow_unknown,
+                                         .types_with_weights = engine::types_with_weights(),
+                                         .limits = options.limits.limits()})
+          .net;
+  set_input_shapes(options.prototxt, options.input_shapes, &file);
+  int at = 0;
+  for (const engine::LayerWeights& weights : net.weights()) {
+    while (file.layer(at).name() != weights.layer) ++at;  // both in the order of the file
+    for (const auto& blob : weights.blobs) {
+      caffe::BlobProto& out = *file.mutable_layer(at)->add_blobs();
+      out.mutable_shape()->mutable_dim()->Add(blob.shape.axes().begin(), blob.shape.axes().end());
+      out.mutable_data()->Add(blob.values().begin(), blob.values().end());
+    }
+    ++at;
+  }
+  return models::write_untrained(folder, options.prototxt.stem().string(), options.seed,
+                                 std::move(file));
+}
+
 int make_random_command(const Arguments& arguments) {
+  NetOptions options;
   std::string net = "alexnet";
-  uint64_t seed = 1;
   fs::path output;
   Parser parser("revisit models make-random", "-o DIR",
-                "Writes a network with random weights, to try the machinery without a download. It "
-                "is not trained: its results say nothing about accuracy. The same seed gives the "
-                "same files everywhere.",
+                "Writes a network with random weights, to try the machinery without a download: "
+                "one of our own, or what inference runs of any prototxt. Weights are He-scaled, so "
+                "that values keep their size from layer to layer. It is not trained: its results "
+                "say nothing about accuracy. The same seed gives the same files everywhere.",
                 "  revisit models make-random -o /tmp/random\n"
-                "  revisit models make-random --net vgg_cnn_s --seed 7 -o /tmp/random\n");
-  parser.choice("net", models::trunk_names(), "which network (default: alexnet)", &net);
-  parser.option("seed", "N", "seed of the weights (default: 1)", &seed);
+                "  revisit models make-random --net vgg_cnn_s --seed 7 -o /tmp/random\n"
+                "  revisit models make-random --net deploy.prototxt -o /tmp/random\n"
+                "  revisit models make-random --net train_val.prototxt --input-shape 1,3,224,224 "
+                "-o /tmp/random\n");
+  const std::vector<std::string>& known = models::trunk_names();
+  parser
+      .option("net", joined(known, "|") + "|FILE",
+              "which network, or a prototxt (default: alexnet)", &net)
+      .suggest(known);
+  declare_input_shape(parser, &options.input_shapes);
+  parser.option("seed", "N", "seed of the weights (default: 1)", &options.seed);
   parser.option("output", "DIR", "where to write NET_random.prototxt and .caffemodel", &output,
                 'o');
+  parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
+              &options.allow_unknown);
+  options.limits.declare(parser);
   parser.parse(arguments);
   if (output.empty()) throw UsageError("missing option -o DIR: where to write the network");
 
-  const models::ModelFiles files = models::write_random_model(output, net, seed);
+  options.prototxt = net;
+  const bool is_known = std::ranges::find(known, net) != known.end();
+  if (is_known && !options.input_shapes.empty())
+    throw UsageError("--input-shape is for a prototxt; ", net, " has its own");
+  if (!is_known && !options.prototxt.has_extension() && !fs::exists(options.prototxt))
+    throw UsageError("--net: expected a prototxt, ", joined(known, ", "), "; found '", net, "'",
+                     did_you_mean(net, known));
+
+  const models::ModelFiles files = is_known ? models::write_random_model(output, net, options.seed)
+                                            : write_random_net(output, options);
   std::cout << files.prototxt.string() << "\n" << files.weights.string() << "\n";
-  std::cerr << "untrained: random weights (seed " << seed
+  std::cerr << "untrained: random weights (seed " << options.seed
             << "); good for trying things out, says nothing about accuracy\n";
   return kOk;
 }

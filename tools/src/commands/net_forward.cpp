@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <iostream>
 #include <numeric>
+#include <optional>
 #include <set>
 
+#include "cli/classes.h"
 #include "cli/gray_array.h"
 #include "cli/mean_file.h"
 #include "cli/printable.h"
@@ -10,6 +12,9 @@
 #include "net_commands.h"
 #include "revisit/base/folder.h"
 #include "revisit/proto/npy.h"
+#ifdef REVISIT_HAVE_PIPELINE  // the other builds have no readers of pictures
+#include "pictures/picture_input.h"
+#endif
 
 namespace revisit::cli {
 namespace {
@@ -32,24 +37,83 @@ std::pair<std::string, fs::path> split_blob(const std::string& option, const std
   return {blob, text.substr(equals + 1)};
 }
 
-/// Arrays for the net's inputs, by blob name, means subtracted.
-std::map<std::string, proto::NpyArray> read_inputs(const std::vector<std::string>& inputs,
-                                                   const std::vector<std::string>& means,
-                                                   const std::vector<std::string>& blobs) {
-  std::map<std::string, proto::NpyArray> arrays;
+using Arrays = std::map<std::string, proto::NpyArray>;  // of the net's inputs, by blob name
+
+Arrays read_arrays(const std::vector<std::string>& inputs, const std::vector<std::string>& blobs) {
+  Arrays arrays;
   for (const std::string& text : inputs) {
     const auto [blob, file] = split_blob("--input", text, blobs);
     arrays[blob] = proto::read_npy(file);
   }
-  for (const std::string& text : means) {
-    const auto [blob, file] = split_blob("--mean", text, blobs);
-    const auto found = arrays.find(blob);
-    if (found == arrays.end())
-      throw UsageError("--mean: the input '", blob, "' has no array to subtract it from");
-    subtract(read_mean(file), engine::Shape(found->second.shape), found->second.data.data());
-  }
   return arrays;
 }
+
+void subtract_means(const std::vector<std::string>& means, const std::vector<std::string>& blobs,
+                    Arrays* arrays) {
+  for (const std::string& text : means) {
+    const auto [blob, mean] = split_blob("--mean", text, blobs);
+    const auto found = arrays->find(blob);
+    if (found == arrays->end())
+      throw UsageError("--mean: the input '", blob, "' has no array to subtract it from");
+    subtract(parse_mean_option("--mean", mean), engine::Shape(found->second.shape),
+             found->second.data.data());
+  }
+}
+
+/// `--image` and how its pictures become an input.
+struct PictureOptions {
+  std::vector<std::string> files;  // [BLOB=]FILE
+  double scale = 1;
+  bool rgb = false;
+
+  void declare([[maybe_unused]] Parser& parser) {
+#ifdef REVISIT_HAVE_PIPELINE
+    parser.group("Pictures:");
+    parser.option("image", "[BLOB=]FILE",
+                  "PNG or JPEG for an input of 3 channels, or of 1 (gray), stretched to its rows "
+                  "and columns; repeat for a batch",
+                  &files);
+    parser.option("input-scale", "S",
+                  "factor of the pixels less the mean (default 1; 0.00390625 for 0 to 1)", &scale);
+    parser.choice<bool>("channels", {{"bgr", false}, {"rgb", true}},
+                        "order of the channels and of the numbers of --mean (default bgr, Caffe's)",
+                        &rgb);
+#endif
+  }
+
+  /// Adds the pictures, which take the shape of their input of `net`. Returns their blobs.
+  std::vector<std::string> add([[maybe_unused]] const engine::Net& net,
+                               const std::vector<std::string>& blobs,
+                               [[maybe_unused]] Arrays* arrays) const {
+    std::map<std::string, std::vector<fs::path>> pictures;
+    for (const std::string& text : files) {
+      const auto [blob, file] = split_blob("--image", text, blobs);
+      pictures[blob].push_back(file);
+    }
+    std::vector<std::string> added;
+#ifdef REVISIT_HAVE_PIPELINE
+    for (const engine::Port& port : net.inputs()) {
+      const auto found = pictures.find(port.name);
+      if (found == pictures.end()) continue;
+      if (arrays->contains(port.name))
+        throw UsageError("the input '", port.name, "' has an --input and an --image");
+      (*arrays)[port.name] = picture_input(found->second, port.name, port.shape, rgb);
+      added.push_back(port.name);
+    }
+#endif
+    return added;
+  }
+};
+
+constexpr const char* kPictureExamples =
+#ifdef REVISIT_HAVE_PIPELINE
+    "  revisit net forward deploy.prototxt model.caffemodel --image cat.jpg --mean 104,117,123 "
+    "--labels synset_words.txt\n"
+    "  revisit net forward deploy.prototxt model.caffemodel --image cat.jpg --channels rgb --mean "
+    "123.68,116.78,103.94 --input-scale 0.017 -o out\n";
+#else
+    "";
+#endif
 
 /// `out_NAME.npy` with '/' in the name written as '_' and control characters as \x1b.
 fs::path output_file(const fs::path& directory, std::string name, std::set<fs::path>& taken) {
@@ -63,38 +127,60 @@ fs::path output_file(const fs::path& directory, std::string name, std::set<fs::p
 
 int net_forward_command(const Arguments& arguments) {
   NetOptions options;
+  PictureOptions pictures;
   std::vector<std::string> inputs, means;
-  fs::path directory;
+  std::optional<fs::path> directory, label_file;
   bool all = false, reference = false, gray = false;
   Parser parser(
       "revisit net forward", "PROTOTXT [WEIGHTS] --input BLOB=FILE.npy... -o DIR",
-      "Run a Caffe net on arrays: the inputs take the shapes of the arrays, each output is written "
-      "to DIR/out_NAME.npy (float32, C order; '/' in names becomes '_').",
-      "  revisit net forward deploy.prototxt model.caffemodel --input data=in.npy -o out\n"
-      "  revisit net forward alexnet.prototxt alexnet.caffemodel --input data=in.npy --end conv3 "
-      "--graft pool5 -o out\n");
+      "Run a Caffe net on arrays or pictures: inputs take the shapes of arrays, pictures those of "
+      "inputs. Each output is written to DIR/out_NAME.npy (float32, C order; '/' in names becomes "
+      "'_'). With --labels the best classes are printed, and -o can be left out.",
+      std::string(
+          "  revisit net forward deploy.prototxt model.caffemodel --input data=in.npy -o out\n"
+          "  revisit net forward alexnet.prototxt alexnet.caffemodel --input data=in.npy --end "
+          "conv3 --graft pool5 -o out\n") +
+          kPictureExamples);
   options.declare(parser);
   parser.group("Arrays:");
   parser.option("input", "BLOB=FILE.npy",
                 "array for one input (float32 or float64); repeat for more", &inputs, 'i');
-  parser.option("mean", "BLOB=FILE",
-                "mean to subtract from an input: .binaryproto or .npy, an image (its centre when "
-                "larger) or one value per channel",
+  parser.option("mean", "[BLOB=]M,M,M|M|FILE",
+                "mean to subtract from an input: a number for each channel or for all, or "
+                ".binaryproto or .npy, an image (its centre when larger) or one value per channel",
                 &means);
   parser.option("output", "DIR", "folder for the outputs", &directory, 'o');
+  parser.option("labels", "FILE",
+                "print the five best classes of each picture; line 1 names class 0", &label_file);
   parser.flag("all", "write every layer's output, as it was right after that layer ran", &all);
   parser.flag("gray",
               "the input's channels are one picture, up to a constant each: the first convolution "
               "reads it once",
               &gray);
   parser.flag("reference", "use the slow reference kernels", &reference);
+  pictures.declare(parser);
   parser.parse(arguments);
-  if (directory.empty()) throw UsageError("give the folder for the outputs: -o DIR");
+  if (!directory && !label_file)
+    throw UsageError("give the folder for the outputs: -o DIR, or --labels FILE");
+  if (pictures.files.empty() && (parser.given("input-scale") || parser.given("channels")))
+    throw UsageError("--input-scale and --channels are for --image");
+  if (!(pictures.scale > 0))
+    throw UsageError("--input-scale: expected a positive number, found ", pictures.scale);
+  std::vector<std::string> labels;
+  if (label_file) labels = read_labels(*label_file);
 
-  std::map<std::string, proto::NpyArray> arrays = read_inputs(inputs, means, options.input_blobs());
+  const std::vector<std::string> blobs = options.input_blobs();
+  Arrays arrays = read_arrays(inputs, blobs);
   for (const auto& [blob, array] : arrays)
     options.input_shapes.push_back(blob + "=" + engine::Shape(array.shape).text());
   const engine::Net net = load_net(options, NoWeights::kNone);
+  std::map<std::string, engine::Shape> shapes;
+  const std::vector<std::string> with_pictures = pictures.add(net, blobs, &arrays);
+  subtract_means(means, blobs, &arrays);
+  for (const std::string& blob : with_pictures) {
+    for (float& value : arrays[blob].data) value *= static_cast<float>(pictures.scale);
+    shapes.emplace(blob, arrays[blob].shape);
+  }
   engine::PlanOptions plan = options.plan_options();
   plan.keep_all = all;
   plan.reference_kernels = reference;
@@ -104,7 +190,9 @@ int net_forward_command(const Arguments& arguments) {
     plan.gray_offsets = gray_offsets(array, "--input " + blob);
     array.data = first_channels(array);
   }
-  engine::Run run(net.plan({}, plan));
+  engine::Run run(net.plan(shapes, plan));
+  const std::vector<std::string> classified =
+      label_file ? classifying(run.plan(), *label_file, labels.size()) : std::vector<std::string>{};
 
   for (const engine::Port& port : run.plan().inputs()) {
     const auto found = arrays.find(port.name);
@@ -114,6 +202,8 @@ int net_forward_command(const Arguments& arguments) {
     std::copy(found->second.data.begin(), found->second.data.end(), run.input(port.name).data);
   }
   run.forward();
+  for (const std::string& name : classified) print_best_classes(name, run.output(name), labels);
+  if (!directory) return kOk;
 
   std::vector<std::string> names;
   if (all) {
@@ -123,13 +213,13 @@ int net_forward_command(const Arguments& arguments) {
   } else {
     names = net.outputs();
   }
-  make_folder(directory);
+  make_folder(*directory);
   std::set<fs::path> taken;
   Table table({"output", "shape", "min", "max", "mean", "file"});
   for (const std::string& name : names) {
     const engine::View<const float> output = all ? run.layer_output(name) : run.output(name);
     const auto values = output.values();
-    const fs::path file = output_file(directory, name, taken);
+    const fs::path file = output_file(*directory, name, taken);
     proto::write_npy(file, output.shape.axes(), output.data);
     if (values.empty()) {  // no row passed a filter
       table.row({name, output.shape.text(), "", "", "", file.string()});

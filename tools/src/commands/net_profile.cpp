@@ -6,6 +6,7 @@
 #include <iostream>
 
 #include "cli/interrupt.h"
+#include "cli/messages.h"
 #include "cli/printable.h"
 #include "cli/shell.h"
 #include "net_commands.h"
@@ -90,12 +91,14 @@ int net_profile_command(const Arguments& arguments) {
   Parser parser("revisit net profile", "PROTOTXT [WEIGHTS]",
                 "Time every layer of a Caffe net and the whole. Instrumented and uninstrumented "
                 "passes alternate after a warm-up. Without WEIGHTS the net gets random ones: the "
-                "time is the same. Then the limits of the machine are measured on as many threads: "
+                "time is the same, and a note says so. Then the limits of the machine are measured "
+                "on as many threads: "
                 "`peak %` is the share of a layer's time that its multiplications would take at "
                 "the most that the CPU does, `memory %` the share that its inputs, weights and "
                 "outputs would take to be moved once, and `gain ms` what both leave.",
                 "  revisit net profile alexnet.prototxt --input-shape 1x3x107x4000 --end conv3 "
                 "--graft pool5\n"
+                "  revisit net profile train_val.prototxt --input-shape 1,3,224,224\n"
                 "  revisit net profile deploy.prototxt model.caffemodel --threads 2 --repeat 50 "
                 "--format json > old.json\n"
                 "  revisit net profile deploy.prototxt model.caffemodel --threads 2 --repeat 50 "
@@ -128,6 +131,9 @@ int net_profile_command(const Arguments& arguments) {
 
   warn_of_slow_settings();
   const engine::Net net = load_net(options, NoWeights::kRandom);
+  if (!options.weights)
+    note("no weights were given: these are random ones (He-scaled, seed " + str(options.seed) +
+         "), which take as long as trained ones");
   engine::PlanOptions plan_options = options.plan_options();
   plan_options.reference_kernels = reference;
   if (gray) plan_options.gray_offsets = some_offsets(net);

@@ -19,6 +19,22 @@ void set_shape(const engine::Shape& shape, Repeated* out) {
   for (const int64_t size : shape.axes()) out->Add(static_cast<int>(size));
 }
 
+void set_named_shape(const std::string& name, const engine::Shape& shape,
+                     reports::NamedShape* out) {
+  out->set_name(name);
+  set_shape(shape, out->mutable_shape());
+}
+
+/// Names and shapes of the layer's bottoms, tops and blobs.
+void set_blobs(const engine::LayerCost& cost, reports::NetLayer* layer) {
+  for (size_t i = 0; i < cost.inputs.size(); ++i)
+    set_named_shape(cost.input_blobs[i], cost.inputs[i], layer->add_bottoms());
+  for (size_t i = 0; i < cost.outputs.size(); ++i)
+    set_named_shape(cost.blobs[i], cost.outputs[i], layer->add_tops());
+  for (const engine::Shape& shape : cost.weights)
+    set_shape(shape, layer->add_blobs()->mutable_shape());
+}
+
 template <class Repeated>
 std::string shape_text(const Repeated& shape) {
   return shape.empty() ? "scalar" : joined(shape, "x");
@@ -268,12 +284,10 @@ reports::NetReport net_report(const NetFindings& findings) {
   report.set_packed_weight_bytes(static_cast<double>(plan.packed_weight_bytes()));
   report.set_simd(instructions(options.precision));
   report.set_precision(options.precision == engine::Precision::kBf16 ? "bf16" : "float32");
-  const auto add_port = [](const engine::Port& port, reports::NamedShape* out) {
-    out->set_name(port.name);
-    set_shape(port.shape, out->mutable_shape());
-  };
-  for (const engine::Port& port : plan.inputs()) add_port(port, report.add_inputs());
-  for (const engine::Port& port : plan.outputs()) add_port(port, report.add_outputs());
+  for (const engine::Port& port : plan.inputs())
+    set_named_shape(port.name, port.shape, report.add_inputs());
+  for (const engine::Port& port : plan.outputs())
+    set_named_shape(port.name, port.shape, report.add_outputs());
 
   double macs = 0, parameters = 0, medians = 0, best = 0;
   if (profile)
@@ -286,6 +300,7 @@ reports::NetReport net_report(const NetFindings& findings) {
     layer.set_kernel(cost.kernel);
     layer.set_why(engine::text_of(cost.why));
     if (!cost.outputs.empty()) set_shape(cost.outputs[0], layer.mutable_output_shape());
+    set_blobs(cost, &layer);
     layer.set_macs(static_cast<double>(cost.macs));
     layer.set_multiplications(static_cast<double>(cost.multiplications));
     layer.set_read_bytes(static_cast<double>(cost.read_bytes));

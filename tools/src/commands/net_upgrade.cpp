@@ -1,6 +1,7 @@
 #include <iostream>
 
 #include "cli/messages.h"
+#include "cli/net_options.h"
 #include "net_commands.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/base/file_content.h"
@@ -53,6 +54,7 @@ proto::NetFile read_hdf5(const fs::path& path, const proto::Limits& limits) {
 int net_upgrade_command(const Arguments& arguments) {
   fs::path in;
   std::optional<fs::path> out;
+  std::vector<std::string> input_shapes;
   bool force = false, inference = false;
   proto::NetReadOptions read;
   LimitOptions limits;
@@ -64,12 +66,14 @@ int net_upgrade_command(const Arguments& arguments) {
       "--inference is given. Without OUT, text goes to the standard output.",
       "  revisit net upgrade old.prototxt new.prototxt\n"
       "  revisit net upgrade --inference train_val.prototxt deploy.prototxt\n"
+      "  revisit net upgrade --inference --input-shape 1,3,224,224 train_val.prototxt\n"
       "  revisit net upgrade old.caffemodel new.caffemodel\n"
       "  revisit net upgrade weights.caffemodel.h5 weights.caffemodel\n");
   parser.positional("IN", &in);
   parser.optional_positional("OUT", &out);
   parser.flag("force", "overwrite OUT", &force);
   parser.flag("inference", "of a prototxt, keep what inference runs", &inference);
+  declare_input_shape(parser, &input_shapes);
   parser.flag("allow-unknown", "unknown prototxt fields are dropped with a warning",
               &read.allow_unknown_fields);
   limits.declare(parser);
@@ -83,13 +87,16 @@ int net_upgrade_command(const Arguments& arguments) {
     throw UsageError(in.string(), " holds weights: give the file to write after it");
   if (inference && kind != Kind::kText)
     throw UsageError("--inference is for a prototxt, ", in.string(), " holds weights");
+  if (!inference && !input_shapes.empty())
+    throw UsageError("--input-shape is for --inference, which makes inputs of data layers");
   const bool replaces = out && writing_of(*out) == Writing::kReplaces && fs::exists(*out);
   if (replaces && !force) throw UsageError(out->string(), " exists; --force overwrites it");
 
-  const proto::NetFile file = kind == Kind::kText     ? proto::read_net(in, read)
-                              : kind == Kind::kBinary ? proto::read_net_binary(in, read.limits)
-                                                      : read_hdf5(in, read.limits);
+  proto::NetFile file = kind == Kind::kText     ? proto::read_net(in, read)
+                        : kind == Kind::kBinary ? proto::read_net_binary(in, read.limits)
+                                                : read_hdf5(in, read.limits);
   for (const std::string& warning : file.warnings) warn(warning);
+  set_input_shapes(in, input_shapes, &file.net);
   if (kind != Kind::kText) {
     proto::write_net_binary(*out, file.net);
   } else if (out) {

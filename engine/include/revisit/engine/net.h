@@ -135,9 +135,9 @@ struct LayerCost {
   KernelReason why = KernelReason::kNone;
   bool winograd = false;  // the kernel is Winograd's algorithm
   bool exact = false;     // only moves or chooses values, or (leaky ReLU) scales each once
-  std::vector<Shape> inputs, outputs;
-  std::vector<std::string>
-      blobs;         // what the file calls the outputs; an in-place layer repeats a name
+  std::vector<Shape> inputs, outputs, weights;
+  /// What the file calls the inputs and the outputs; an in-place layer repeats a name.
+  std::vector<std::string> input_blobs, blobs;
   int64_t macs = 0;  // multiply-accumulates; 0 where the notion does not apply
   /// Multiplications of `products` by its kernel: fewer by Winograd's algorithm, of a gray input.
   int64_t multiplications = 0;

@@ -25,7 +25,7 @@ class Shape {
   Shape(std::initializer_list<int64_t> axes) : Shape(std::vector<int64_t>(axes)) {}
   explicit Shape(std::vector<int64_t> axes);
 
-  /// Reads "1x3x107x4000". Throws UsageError.
+  /// Reads "1x3x107x4000" or "1,3,107,4000". Throws UsageError.
   static Shape parse(std::string_view text);
 
   size_t rank() const { return axes_.size(); }

@@ -30,4 +30,9 @@ struct ModelFiles {
 ModelFiles write_random_model(const std::filesystem::path& folder, const std::string& trunk_name,
                               uint64_t seed);
 
+/// The same of a net that has random weights already: `folder/<name>_random.*`, marked as
+/// untrained.
+ModelFiles write_untrained(const std::filesystem::path& folder, const std::string& name,
+                           uint64_t seed, caffe::NetParameter net);
+
 }  // namespace revisit::models
