@@ -75,8 +75,10 @@ void set_input_shapes(const std::filesystem::path& path, const std::vector<std::
 }
 
 void declare_input_shape(Parser& parser, std::vector<std::string>* shapes) {
-  parser.option("input-shape", "[BLOB=]NxCxHxW",
-                "shape of an input in place of the file's, 1x3x107x4000 or 1,3,107,4000", shapes);
+  parser.option(
+      "input-shape", "[BLOB=]NxCxHxW",
+      "shape of an input where the file says none or another: 1x3x107x4000 or 1,3,107,4000",
+      shapes);
 }
 
 void LimitOptions::declare(Parser& parser) {
