@@ -135,7 +135,9 @@ int net_forward_command(const Arguments& arguments) {
       "revisit net forward", "PROTOTXT [WEIGHTS] --input BLOB=FILE.npy... -o DIR",
       "Run a Caffe net on arrays or pictures: inputs take the shapes of arrays, pictures those of "
       "inputs. Each output is written to DIR/out_NAME.npy (float32, C order; '/' in names becomes "
-      "'_'). With --labels the best classes are printed, and -o can be left out.",
+      "'_'). With --labels the best classes are printed, and -o can be left out. Layers with "
+      "weights "
+      "need WEIGHTS: 'revisit models make-random --net PROTOTXT' makes random ones.",
       std::string(
           "  revisit net forward deploy.prototxt model.caffemodel --input data=in.npy -o out\n"
           "  revisit net forward alexnet.prototxt alexnet.caffemodel --input data=in.npy --end "
