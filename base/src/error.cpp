@@ -21,6 +21,29 @@ size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
+/// The first of the nearest candidates that are at most `most` edits away.
+std::string nearest_within(size_t most, std::string_view wanted,
+                           const std::vector<std::string>& candidates) {
+  constexpr size_t kLongestName = 200;  // bounds the work on hostile input
+  if (wanted.size() > kLongestName) return "";
+  std::string best;
+  size_t best_distance = most + 1;
+  for (const std::string& candidate : candidates) {
+    const auto [shorter, longer] = std::minmax(wanted.size(), candidate.size());
+    if (candidate.size() > kLongestName || longer - shorter >= best_distance) continue;
+    const size_t distance = edit_distance(wanted, candidate);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+std::string hint(const std::string& near) {
+  return near.empty() ? "" : " (did you mean '" + near + "'?)";
+}
+
 }  // namespace
 
 Error::Error(const std::string& message) : Error(Pieces(message)) {}
@@ -36,24 +59,15 @@ std::string Error::Pieces::text(const Words& word) const {
 }
 
 std::string nearest_name(std::string_view wanted, const std::vector<std::string>& candidates) {
-  constexpr size_t kLongestName = 200;  // bounds the work on hostile input
-  if (wanted.size() > kLongestName) return "";
-  std::string best;
-  size_t best_distance = std::max<size_t>(2, wanted.size() / 3) + 1;
-  for (const std::string& candidate : candidates) {
-    if (candidate.size() > kLongestName) continue;
-    const size_t distance = edit_distance(wanted, candidate);
-    if (distance < best_distance) {
-      best_distance = distance;
-      best = candidate;
-    }
-  }
-  return best;
+  return nearest_within(std::max<size_t>(2, wanted.size() / 3), wanted, candidates);
 }
 
 std::string did_you_mean(std::string_view wanted, const std::vector<std::string>& candidates) {
-  const std::string near = nearest_name(wanted, candidates);
-  return near.empty() ? "" : " (did you mean '" + near + "'?)";
+  return hint(nearest_name(wanted, candidates));
+}
+
+std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates) {
+  return hint(nearest_within(wanted.size() < 8 ? 1 : 2, wanted, candidates));
 }
 
 }  // namespace revisit

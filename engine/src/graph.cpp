@@ -15,15 +15,17 @@ class Builder {
 
   void add(const caffe::LayerParameter& layer) {
     Node node{layer.name(), layer, {}, {}};
+    node.index = static_cast<int>(graph_.nodes.size());
     node.param.clear_blobs();
-    for (const std::string& bottom : layer.bottom()) node.inputs.push_back(consume(layer, bottom));
+    for (const std::string& bottom : layer.bottom()) {
+      node.inputs.push_back(consume(bottom));
+      if (node.inputs.back() < 0) node.dangling = bottom;
+    }
     for (int i = 0; i < layer.top_size(); ++i) {
       const std::string& top = layer.top(i);
       const bool in_place = i < layer.bottom_size() && layer.bottom(i) == top;
       node.in_place |= in_place;
-      if (!in_place && current_.count(top))
-        throw InputError("layer '", layer.name(), "': top '", top,
-                         "' is already written by another layer and is not its own bottom");
+      if (!in_place && current_.count(top)) node.overwritten = top;
       node.outputs.push_back(produce(top));
     }
     graph_.nodes.push_back(std::move(node));
@@ -36,14 +38,9 @@ class Builder {
   }
 
  private:
-  ValueId consume(const caffe::LayerParameter& layer, const std::string& bottom) {
+  ValueId consume(const std::string& bottom) {
     const auto found = current_.find(bottom);
-    if (found == current_.end()) {
-      std::vector<std::string> known;
-      for (const auto& [blob, id] : current_) known.push_back(blob);
-      throw InputError("layer '", layer.name(), "': bottom '", bottom,
-                       "' is written by no layer before it", did_you_mean(bottom, known));
-    }
+    if (found == current_.end()) return -1;
     consumed_[found->second] = true;
     return found->second;
   }
@@ -60,6 +57,18 @@ class Builder {
   std::map<std::string, ValueId> current_;  // the value a blob name means now
   std::vector<bool> consumed_;
 };
+
+void check_names(const Graph& whole, const Node& node) {
+  if (!node.overwritten.empty())
+    throw InputError("layer '", node.name, "': top '", node.overwritten,
+                     "' is already written by another layer and is not its own bottom");
+  if (node.dangling.empty()) return;
+  std::vector<std::string> known;
+  for (int i = 0; i < node.index; ++i)
+    known.insert(known.end(), whole.nodes[i].param.top().begin(), whole.nodes[i].param.top().end());
+  throw InputError("layer '", node.name, "': bottom '", node.dangling,
+                   "' is written by no layer before it", did_you_mean(node.dangling, known));
+}
 
 const Node& find_layer(const Graph& graph, const std::string& name, CppName option) {
   std::vector<std::string> others;
@@ -99,6 +108,7 @@ Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId v
   Node node = source;
   node.name = truncation.name();
   node.in_place = false;
+  node.dangling = node.overwritten = "";
   node.inputs = {value};
   node.outputs = {static_cast<ValueId>(graph.values.size())};
   graph.values.push_back({node.name});
@@ -152,10 +162,12 @@ Graph prune(const Graph& whole, const Truncation& truncation) {
     if (!silences && std::none_of(node.outputs.begin(), node.outputs.end(),
                                   [&](ValueId id) { return needed[id]; }))
       continue;
-    for (const ValueId input : node.inputs) needed[input] = true;
+    for (const ValueId input : node.inputs)
+      if (input >= 0) needed[input] = true;
     kept.push_back(std::move(node));
   }
   std::reverse(kept.begin(), kept.end());
+  for (const Node& node : truncation.end.empty() ? whole.nodes : kept) check_names(whole, node);
   graph.nodes = std::move(kept);
   return graph;
 }

@@ -23,6 +23,10 @@ struct Node {
   caffe::LayerParameter param;  // without blobs
   std::vector<ValueId> inputs, outputs;
   bool in_place = false;  // in the file: an output has the blob name of the input at its position
+  int index = 0;          // of the layer in the file
+  // Names that mean nothing, of which nobody needs to know who does not need the layer:
+  std::string dangling = {};     // an input, of id -1, that no layer before it writes
+  std::string overwritten = {};  // an output that another layer has written
   // From here on set when the net is loaded, for layers that are needed:
   std::shared_ptr<const Layer> layer = nullptr;  // null for Input
   std::vector<Tensor> weights = {};  // values are empty when the net was loaded without weights
@@ -45,11 +49,12 @@ struct Graph {
 };
 
 /// Builds the graph of a net that proto::read_net gave: the layers of the TEST phase only, of any
-/// type. Throws InputError naming the layer: unknown input, a blob written twice.
+/// type.
 Graph parse(const caffe::NetParameter& net);
 
 /// Keeps what `truncation` needs, with the grafted layer appended. Throws UsageError for layers
-/// that are not there, naming the nearest, and for layers that cannot be grafted or grafted onto.
+/// that are not there, naming the nearest, and for layers that cannot be grafted or grafted onto;
+/// InputError for a layer that is needed and reads what nobody writes, or writes a blob again.
 Graph prune(const Graph& graph, const Truncation& truncation);
 
 }  // namespace revisit::engine

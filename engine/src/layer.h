@@ -80,6 +80,7 @@ struct Binding {
   bool reference_kernels = false;
   Precision precision = Precision::kFloat32;  // of blocked values
   bool bf16_weights = false;                  // of inner products
+  uint64_t seed = 0;                          // of random numbers
   /// The layouts that the inputs are in, empty for reference kernels: for bind_operation() only.
   std::vector<Layout> layouts = {};
   Fusion fusion = {};            // only convolutions look at it, bind_operation() does the rest

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <map>
 #include <utility>
 
 #include "budget.h"
@@ -29,6 +30,7 @@ void check_param_count(const Node& node) {
 
 proto::NetReadOptions reading(const LoadOptions& options) {
   return {.allow_unknown_fields = options.allow_unknown,
+          .keep_unread = true,
           .types_with_weights = types_with_weights(),
           .limits = options.limits};
 }
@@ -60,7 +62,20 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   } catch (const InputError& error) {
     throw InputError(net->file, ": ", error);
   }
+  std::multimap<int, const proto::NetFile::Unread*> unread;  // by layer
+  for (const proto::NetFile::Unread& part : file.unread) unread.emplace(part.layer, &part);
   for (Node& node : net->graph.nodes) {
+    try {
+      // A type that is not supported is said first: its parameters are unknown, too.
+      if (!node.param.type().empty()) check_type(node.param);
+    } catch (const Error&) {
+      rethrow_at(net->file, node);
+    }
+    const auto [begin, end] = unread.equal_range(node.index);
+    for (auto part = begin; part != end; ++part) {
+      if (part->second->is_error) throw InputError(part->second->what);
+      net->warnings.emplace_back(part->second->what.what());
+    }
     try {
       node.layer = make_layer(node.param);
       if (node.layer) check_in_place(node);

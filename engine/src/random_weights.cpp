@@ -1,18 +1,11 @@
 #include <cmath>
 #include <map>
 
+#include "kernels/random_bits.h"
 #include "load_weights.h"
 
 namespace revisit::engine {
 namespace {
-
-/// splitmix64 (Steele, Lea, Flood 2014): the same numbers on every platform.
-uint64_t next_random(uint64_t& state) {
-  uint64_t z = state += 0x9E3779B97F4A7C15ULL;
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-  return z ^ (z >> 31);
-}
 
 /// Whether values of a weight blob have to be around 1: variances of BatchNorm (blob 1; blob 2
 /// divides both sums), factors of Scale and Normalize, factors and variances of BN.
@@ -24,7 +17,7 @@ bool is_around_one(const std::string& type, size_t blob) {
 }  // namespace
 
 void fill_randomly(Net::Impl& net, uint64_t seed) {
-  uint64_t state = seed;
+  uint64_t n_drawn = 0;
   std::map<std::string, const Tensor*> first_of;  // of each group that shares a parameter
   for (Node& node : net.graph.nodes) {
     const std::string& type = node.param.type();
@@ -43,10 +36,8 @@ void fill_randomly(Net::Impl& net, uint64_t seed) {
       const double limit = is_summed ? std::sqrt(6.0 / static_cast<double>(fan_in)) : 0.1;
       const double centre = is_around_one(type, blob) ? 1 : 0;
       weight.values.resize(weight.shape.elements());
-      for (float& value : weight.values) {
-        const double unit = static_cast<double>(next_random(state) >> 11) * 0x1.0p-53;  // [0, 1)
-        value = static_cast<float>(centre + limit * (2 * unit - 1));
-      }
+      for (float& value : weight.values)
+        value = static_cast<float>(centre + limit * (2 * unit_number(seed, n_drawn++) - 1));
     }
   }
   net.has_weights = true;

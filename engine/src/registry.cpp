@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "layers/layers.h"
+#include "revisit/proto/forks.h"
 
 namespace revisit::engine {
 namespace {
@@ -42,7 +43,7 @@ constexpr Entry kTable[] = {
     {"DepthwiseConvolution", make_depthwise_convolution, "forks",
      "convolution, one group a channel", kLearned},
     {"DetectionOutput", make_detection_output, "SSD", "boxes after decoding and suppression"},
-    {"Dropout", make_identity, "Caffe", "nothing at inference"},
+    {"Dropout", make_dropout, "Caffe", "nothing at inference; by option of forks, scales or drops"},
     {"DummyData", make_dummy_data, "Caffe", "constants"},
     {"Eltwise", make_eltwise, "Caffe", "product, weighted sum, maximum"},
     {"ELU", make_elu, "Caffe", "exponential linear unit"},
@@ -57,6 +58,7 @@ constexpr Entry kTable[] = {
     {"Log", make_log, "Caffe", "log_base(shift + scale x)"},
     {"LRN", make_lrn, "Caffe", "local response normalisation, across or within channels"},
     {"LSTM", make_lstm, "Caffe", "long short-term memory", kLearned},
+    {"Mish", make_mish, "YOLOv4", "x tanh(ln(1 + exp x))"},
     {"MVN", make_mvn, "Caffe", "mean and variance normalisation"},
     {"Normalize", make_normalize, "SSD", "L2 normalisation with a learned scale", kLearned},
     {"Parameter", make_parameter, "Caffe", "a learned blob as it is", kLearned},
@@ -65,6 +67,7 @@ constexpr Entry kTable[] = {
     {"Power", make_power, "Caffe", "(shift + scale x) ^ power"},
     {"PReLU", make_prelu, "Caffe", "leaky ReLU with learned slopes", kLearned},
     {"PriorBox", make_prior_box, "SSD", "default boxes"},
+    {"PriorBoxClustered", make_prior_box_clustered, "OpenVINO", "default boxes of given sizes"},
     {"Reduction", make_reduction, "Caffe", "sum, absolute sum, sum of squares, mean"},
     {"ReLU", make_relu, "Caffe", "max(x, 0), or leaky"},
     {"ReLU6", make_relu6, "forks", "min(max(x, 0), 6)"},
@@ -87,21 +90,36 @@ constexpr Entry kTable[] = {
     {"Upsample", make_upsample, "SegNet and others", "unpooling by mask, or nearest neighbour"},
 };
 
+const Entry* entry_of(const std::string& type) {
+  const auto* const entry =
+      std::ranges::find_if(kTable, [&](const Entry& e) { return type == e.type; });
+  return entry == std::end(kTable) ? nullptr : entry;
+}
+
 }  // namespace
 
-std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
-  if (param.type() == kInputType) return nullptr;
-  for (const Entry& entry : kTable)
-    if (param.type() == entry.type) return entry.make(param);
+void check_type(const caffe::LayerParameter& param) {
+  if (param.type() == kInputType || entry_of(param.type())) return;
   std::vector<std::string> known;
   for (const LayerType& type : layer_types()) known.push_back(type.type);
-  const char* reads_data =
-      param.bottom_size() == 0 && param.top_size() > 0
-          ? "; it reads no blob: if it reads data, write an Input layer instead"
-          : "";
-  throw UnsupportedError("layer type '", param.type(), "' is not supported",
-                         did_you_mean(param.type(), known), reads_data, "; ",
-                         CppName{"engine::layer_types"}, " lists them");
+  const std::string fork = proto::fork_that_has(param.type());
+  const std::string hint =
+      fork.empty() ? did_you_misspell(param.type(), known) : str("; it is of ", fork);
+  if (param.type() == "Python")
+    throw UnsupportedError("layers of the type 'Python' run in revisit.caffe only");
+  if (param.bottom_size() == 0 && param.top_size() > 0)
+    throw UnsupportedError("layer type '", param.type(), "' is not supported", hint,
+                           "; it reads no blob: if it reads data, write an Input layer instead; ",
+                           CppName{"engine::layer_types"}, " lists what there is");
+  throw UnsupportedError("layer type '", param.type(), "' is not supported", hint,
+                         "; end the net before it (", CppName{"Truncation::end"},
+                         "), or write it as a Python layer for revisit.caffe; ",
+                         CppName{"engine::layer_types"}, " lists what there is");
+}
+
+std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
+  check_type(param);
+  return param.type() == kInputType ? nullptr : entry_of(param.type())->make(param);
 }
 
 std::vector<LayerType> layer_types() {

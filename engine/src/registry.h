@@ -10,6 +10,9 @@ namespace revisit::engine {
 /// The type of the inputs of a net, which are not layers here.
 constexpr const char* kInputType = "Input";
 
+/// Throws UnsupportedError, saying what to do, for a type that `make_layer()` does not know.
+void check_type(const caffe::LayerParameter& param);
+
 /// The layer that `param.type()` names; null for kInputType. Throws UnsupportedError for an unknown
 /// type, InputError for invalid parameters.
 std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param);

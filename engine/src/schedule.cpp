@@ -117,6 +117,7 @@ class Scheduler {
         binding.layouts.push_back(blocked_[id] ? Layout::kNChw16c : Layout::kNchw);
     binding.fusion = operation.fusion;
     binding.precision = options_.precision;
+    binding.seed = options_.seed;
     binding.bf16_weights = may_pack_ && !options_.reference_kernels &&
                            (options_.bf16_weights || options_.precision == Precision::kBf16);
     binding.cache = &net_.packed_weights;

@@ -13,11 +13,25 @@ namespace {
 using Layer = caffe::LayerParameter;
 using Names = std::set<std::string_view>;
 
-const Names kDataTypes = {"Data", "HDF5Data", "ImageData", "MemoryData", "WindowData"};
-const Names kTrainingTypes = {
-    "Accuracy",  "ContrastiveLoss", "EuclideanLoss",           "HDF5Output",
-    "HingeLoss", "InfogainLoss",    "MultinomialLogisticLoss", "SigmoidCrossEntropyLoss",
-    "Silence",   "SoftmaxWithLoss"};
+// Of Caffe, and of forks: SSD, SegNet, DeepLab, RCF.
+const Names kDataTypes = {"Data",           "HDF5Data",     "ImageData",
+                          "MemoryData",     "WindowData",   "AnnotatedData",
+                          "DenseImageData", "ImageSegData", "ImageLabelmapData"};
+// Of Caffe, and of forks: SSD, Fast R-CNN, DeepLab.
+const Names kTrainingTypes = {"Accuracy",
+                              "ContrastiveLoss",
+                              "EuclideanLoss",
+                              "HDF5Output",
+                              "HingeLoss",
+                              "InfogainLoss",
+                              "MultinomialLogisticLoss",
+                              "SigmoidCrossEntropyLoss",
+                              "Silence",
+                              "SoftmaxWithLoss",
+                              "MultiBoxLoss",
+                              "DetectionEvaluate",
+                              "SmoothL1Loss",
+                              "SegAccuracy"};
 
 /// Caffe's StateMeetsRule: every condition that is set must hold.
 bool meets(const caffe::NetState& state, const caffe::NetStateRule& rule) {
@@ -64,7 +78,8 @@ std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
   } else {
     reason = str("its batch_size and crop_size, ", channels,
                  channels == 1 ? " channel" : " channels", " assumed");
-    if (layer.type() == "Data") batch = layer.data_param().batch_size();
+    if (layer.type() == "Data" || layer.type() == "AnnotatedData")
+      batch = layer.data_param().batch_size();
     if (layer.type() == "WindowData") batch = layer.window_data_param().batch_size();
     if (layer.type() == "ImageData") {
       const auto& image = layer.image_data_param();
@@ -76,6 +91,10 @@ std::vector<int64_t> image_shape(const Layer& layer, std::string& reason) {
         reason = "its batch_size, new_height and new_width";
       }
     }
+  }
+  if (crop == 0 && transform.has_resize_param()) {
+    height = transform.resize_param().height(), width = transform.resize_param().width();
+    reason = str("its batch_size and resize_param, ", channels, " channels assumed");
   }
   std::vector<int64_t> shape = {batch, channels, height, width};
   if (std::ranges::any_of(shape, [](int64_t size) { return size < 1; })) return {};

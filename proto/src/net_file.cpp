@@ -84,6 +84,49 @@ void check_layers(const caffe::NetParameter& net, const std::string& name, const
                    CppName{"Limits::layers"}, " raises it)");
 }
 
+/// What to say of a part of layer `layer` that the net lacks; -1: of one outside of layers.
+NetFile::Unread say(const UnreadPart& part, const std::string& name, bool allow_unknown,
+                    const caffe::NetParameter& net, int layer) {
+  using enum UnreadPart::Effect;
+  std::string start = message_start(name, part.position);
+  if (layer >= 0 && net.layer(layer).has_name())
+    start += str("layer '", net.layer(layer).name(), "'",
+                 net.layer(layer).has_type() ? str(" (", net.layer(layer).type(), "): ") : ": ");
+  start += part.reason;
+  if (part.effect == kNone)
+    return {layer, false, InputError(start, "; it has no effect on results and is ignored")};
+  if (part.effect == kOutside && allow_unknown)
+    return {layer, false, InputError(start, "; it is ignored")};
+  const bool has_hint = start.ends_with("?)") || start.ends_with("it names)");
+  if (has_hint || !part.reason.starts_with("unknown field"))
+    return {layer, true, InputError(start)};
+  if (part.effect == kOutside)
+    return {
+        layer, true,
+        InputError(start, "; ", CppName{"NetReadOptions::allow_unknown_fields"}, " ignores it")};
+  return {layer, true,
+          InputError(start, "; it may change results, so no option ignores it: take it out of the ",
+                     "file if it does not")};
+}
+
+/// Says what of the text outside of layers the net lacks, or, once the net is finished, of layers.
+void say_unread(const std::vector<UnreadPart>& parts, bool in_layers, const std::string& name,
+                const NetReadOptions& options, NetFile& file) {
+  std::vector<int> layers(parts.size(), -1);
+  for (int i = 0; in_layers && i < file.net.layer_size(); ++i)
+    for (const size_t part : take_marks(*file.net.mutable_layer(i))) layers[part] = i;
+  for (size_t i = 0; i < parts.size(); ++i) {
+    if (parts[i].in_layer != in_layers || (in_layers && layers[i] < 0)) continue;
+    NetFile::Unread unread = say(parts[i], name, options.allow_unknown_fields, file.net, layers[i]);
+    if (in_layers && options.keep_unread)
+      file.unread.push_back(std::move(unread));
+    else if (unread.is_error)
+      throw InputError(unread.what);
+    else if (constexpr size_t kMostWarnings = 100; file.warnings.size() < kMostWarnings)
+      file.warnings.emplace_back(unread.what.what());
+  }
+}
+
 /// Everything that is done to a net once it is parsed; `text` is null for a binary file.
 NetFile finish(NetFile file, const std::string* text, const std::string& name,
                const NetReadOptions& options) {
@@ -118,6 +161,19 @@ void check_size(const fs::path& file, const caffe::NetParameter& net) {
     throw Error(file.string(), ": the net takes ", size, " bytes, protobuf allows 2^31-1");
 }
 
+/// Reads `text` into `file`; what `state` says counts more than what the text does, as in Caffe.
+NetFile finish_text(NetFile file, const std::string& text, const std::string& name,
+                    const NetReadOptions& options, const caffe::NetState* state) {
+  check_is_text(text, name, options.limits);
+  ParsedText parsed = parse_net_text(text, name);
+  file.net = std::move(parsed.net);
+  if (state) file.net.mutable_state()->MergeFrom(*state);
+  say_unread(parsed.unread, false, name, options, file);
+  file = finish(std::move(file), &text, name, options);
+  say_unread(parsed.unread, true, name, options, file);
+  return file;
+}
+
 /// What is done to a binary net once protobuf has it.
 NetFile finish_binary(NetFile file, bool parsed, const std::string& name, const Limits& limits) {
   if (!parsed) throw InputError(name, ": protobuf cannot parse it as a caffemodel");
@@ -129,10 +185,7 @@ NetFile finish_binary(NetFile file, bool parsed, const std::string& name, const 
 }  // namespace
 
 NetFile parse_net(const std::string& text, const std::string& name, const NetReadOptions& options) {
-  check_is_text(text, name, options.limits);
-  NetFile file;
-  file.net = parse_net_text(text, name, options, file.warnings);
-  return finish(std::move(file), &text, name, options);
+  return finish_text({}, text, name, options, nullptr);
 }
 
 NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
@@ -143,13 +196,10 @@ NetFile read_net(const fs::path& prototxt, const NetReadOptions& options) {
 
   const std::string name = solver->file.string();
   const std::string net_text = read_text(solver->file, options.limits);
-  check_is_text(net_text, name, options.limits);
   NetFile file;
   file.warnings.push_back(
       str(prototxt.string(), ": is a solver file; read the net it names, ", name));
-  file.net = parse_net_text(net_text, name, options, file.warnings);
-  file.net.mutable_state()->MergeFrom(solver->state);  // Caffe's order: the solver's word counts
-  return finish(std::move(file), &net_text, name, options);
+  return finish_text(std::move(file), net_text, name, options, &solver->state);
 }
 
 NetFile read_net_binary(const fs::path& file, const Limits& limits) {

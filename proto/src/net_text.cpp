@@ -1,16 +1,22 @@
 #include "net_text.h"
 
 #include <google/protobuf/io/tokenizer.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <google/protobuf/text_format.h>
 
 #include <algorithm>
-#include <charconv>
+#include <memory>
 #include <optional>
+#include <span>
 #include <string_view>
+#include <utility>
 
 #include "revisit/base/error.h"
 #include "revisit/proto/limits.h"
 #include "silence.h"
+#include "text_parts.h"
+#include "unknown_fields.h"
+#include "upgrade_v1.h"
 
 namespace revisit::proto {
 namespace {
@@ -18,13 +24,8 @@ namespace {
 using google::protobuf::Descriptor;
 using google::protobuf::EnumDescriptor;
 using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
 using google::protobuf::TextFormat;
-
-std::vector<std::string> field_names(const Descriptor& message) {
-  std::vector<std::string> names;
-  for (int i = 0; i < message.field_count(); ++i) names.push_back(message.field(i)->name());
-  return names;
-}
 
 /// The values of every enum that a field of this name can have, in any message.
 std::vector<std::string> enum_values(const std::string& field_name) {
@@ -50,7 +51,7 @@ std::optional<std::string> between(const std::string& text, std::string_view bef
 }
 
 /// The byte in `text` that protobuf's tokenizer means; it expands tabs to 8 columns. Both from 0.
-size_t byte_offset(const std::string& text, int line, int column) {
+size_t byte_offset(std::string_view text, int line, int column) {
   size_t begin = 0;
   for (int i = 0; i < line && begin < text.size(); ++i)
     begin = std::min(text.find('\n', begin), text.size() - 1) + 1;
@@ -60,70 +61,58 @@ size_t byte_offset(const std::string& text, int line, int column) {
   return offset;
 }
 
-TextPosition position_of(const std::string& text, size_t offset) {
-  const auto end = text.begin() + static_cast<std::ptrdiff_t>(offset);
-  const size_t line_begin = offset == 0 ? 0 : text.rfind('\n', offset - 1) + 1;  // npos + 1 is 0
-  return {1 + static_cast<int>(std::count(text.begin(), end, '\n')),
-          1 + static_cast<int>(offset - line_begin)};
-}
-
-/// Takes protobuf's complaints and says them our way: `name:line:column: reason`, with hints.
-class Complaints final : public google::protobuf::io::ErrorCollector {
+/// Where the lines of a text begin.
+class Lines {
  public:
-  Complaints(const std::string& text, const std::string& name, std::vector<std::string>& warnings)
-      : text_(text), name_(name), warnings_(warnings) {}
+  explicit Lines(std::string_view text) {
+    for (size_t at = text.find('\n'); at != std::string_view::npos; at = text.find('\n', at + 1))
+      begins_.push_back(at + 1);
+  }
+  TextPosition position(size_t offset) const {
+    const auto next = std::ranges::upper_bound(begins_, offset);
+    return {static_cast<int>(next - begins_.begin()),
+            1 + static_cast<int>(offset - *std::prev(next))};
+  }
+
+ private:
+  std::vector<size_t> begins_ = {0};
+};
+
+/// A part of a text, and protobuf's first complaint of it, said our way: the reason, with hints.
+class Complaint final : public google::protobuf::io::ErrorCollector {
+ public:
+  explicit Complaint(std::string_view part) : part_(part) {}
 
   void AddError(int line, google::protobuf::io::ColumnNumber column,
                 const std::string& message) override {
-    if (first_error.empty()) first_error = tell(line, column, message, "");
-  }
-  void AddWarning(int line, google::protobuf::io::ColumnNumber column,
-                  const std::string& message) override {
-    constexpr size_t kMostWarnings = 100;
-    if (warnings_.size() < kMostWarnings)
-      warnings_.push_back(tell(line, column, message, "; it is ignored"));
-  }
-
-  std::string first_error;
-
- private:
-  std::string tell(int line, int column, const std::string& message,
-                   const char* consequence) const {
-    if (line < 0) return message_start(name_, {}) + message;
-    size_t offset = byte_offset(text_, line, column);
-    std::string reason = message;
+    if (!reason.empty()) return;
+    reason = message;
+    if (line < 0) return;
+    offset = byte_offset(part_, line, column);
     if (const auto name = between(message, "has no field named \"", "\".")) {
-      offset = begin_of(*name, offset);
-      const std::string package = caffe::NetParameter::descriptor()->file()->package();
-      const std::string before = str("Message type \"", package, ".");
-      reason = unknown_field(*name, between(message, before, "\"").value_or(""));
+      offset = begin_of(*name);
+      const std::string before =
+          str("Message type \"", caffe::NetParameter::descriptor()->file()->package(), ".");
+      const Descriptor* type = caffe::NetParameter::descriptor()->file()->FindMessageTypeByName(
+          between(message, before, "\"").value_or(""));
+      if (type) reason = unknown_field(*name, *type);
     } else if (const auto value = between(message, "Unknown enumeration value of \"", "\"")) {
-      offset = begin_of(*value, offset);
+      offset = begin_of(*value);
       reason = unknown_enum(*value, between(message, "for field \"", "\"").value_or(""));
-    } else if (const auto again = between(message, "Non-repeated field \"", "\" is specified")) {
-      offset = begin_of(*again, offset);
     } else if (message.ends_with("got: ")) {
       reason += "the end of the text";
     }
-    return message_start(name_, position_of(text_, offset)) + reason + consequence;
   }
 
+  std::string reason;
+  size_t offset = 0;  // in the part
+
+ private:
   /// protobuf complains of a name when it is already behind it.
-  size_t begin_of(const std::string& name, size_t offset) const {
+  size_t begin_of(const std::string& name) const {
     if (offset < name.size()) return offset;
-    const size_t begin = text_.rfind(name, offset - name.size());
-    return begin == std::string::npos ? offset : begin;
-  }
-
-  static std::string unknown_field(const std::string& field, const std::string& message) {
-    std::string hint;
-    const Descriptor* type =
-        caffe::NetParameter::descriptor()->file()->FindMessageTypeByName(message);
-    if (type) hint = did_you_mean(field, field_names(*type));
-    const Descriptor* net = caffe::NetParameter::descriptor();
-    if (type == net && caffe::SolverParameter::descriptor()->FindFieldByName(field))
-      hint = " (is this a solver file? give the net it names)";
-    return str("unknown field '", field, "' in ", message, hint);
+    const size_t begin = part_.rfind(name, offset - name.size());
+    return begin == std::string_view::npos ? offset : begin;
   }
 
   static std::string unknown_enum(const std::string& value, const std::string& field) {
@@ -134,60 +123,142 @@ class Complaints final : public google::protobuf::io::ErrorCollector {
     return str("unknown value '", value, "' for ", field, did_you_mean(upper, enum_values(field)));
   }
 
-  const std::string& text_;
-  const std::string& name_;
-  std::vector<std::string>& warnings_;
+  std::string_view part_;
 };
 
-/// Parses again, now noting where each field stands: only needed for errors, and large.
-void map_text(const std::string& text, TextFormat::ParseInfoTree& tree) {
+bool parses(std::string_view text, google::protobuf::io::ErrorCollector& complaints,
+            bool allow_unknown, Message& into) {
   TextFormat::Parser parser;
-  Silence silence;
-  parser.RecordErrorsTo(&silence);
-  parser.WriteLocationsTo(&tree);
+  parser.RecordErrorsTo(&complaints);
   parser.AllowPartialMessage(true);
-  parser.AllowUnknownField(true);
+  parser.AllowUnknownField(allow_unknown);
   parser.SetRecursionLimit(kDeepestNesting);
-  caffe::NetParameter unused;
-  parser.ParseFromString(text, &unused);
+  google::protobuf::io::ArrayInputStream stream(text.data(), static_cast<int>(text.size()));
+  return parser.Parse(&stream, &into);
 }
 
-TextPosition position_of(const std::string& text, const TextFormat::ParseLocation& location) {
-  return location.line < 0 ? TextPosition{}
-                           : position_of(text, byte_offset(text, location.line, location.column));
+// Marks are unknown fields of a layer's message, which all upgrades can carry along. Their numbers
+// are the last that a field can have.
+constexpr int kMark = FieldDescriptor::kMaxNumber;
+constexpr int kTypeMark = kMark - 1;
+
+google::protobuf::UnknownFieldSet& unknown_fields(Message& message) {
+  return *message.GetReflection()->MutableUnknownFields(&message);
 }
 
-/// Where the message stands that a protobuf path such as `layer[3].clip_param.min` lies in.
-TextPosition locate_parent(const std::string& text, std::string_view path) {
-  TextFormat::ParseInfoTree root;
-  map_text(text, root);
-  const TextFormat::ParseInfoTree* tree = &root;
-  const Descriptor* message = caffe::NetParameter::descriptor();
-  TextPosition position;
-  for (size_t dot = path.find('.'); tree && dot != std::string_view::npos; dot = path.find('.')) {
-    const std::string_view step = path.substr(0, dot);
-    path.remove_prefix(dot + 1);
-    const size_t bracket = step.find('[');
-    const FieldDescriptor* field = message->FindFieldByName(std::string(step.substr(0, bracket)));
-    if (!field) break;
-    int index = field->is_repeated() ? 0 : -1;
-    if (bracket != std::string_view::npos)
-      std::from_chars(step.data() + bracket + 1, step.data() + step.size(), index);
-    position = position_of(text, tree->GetLocation(field, index));
-    tree = tree->GetTreeForNested(field, index);
-    message = field->message_type();
+/// Reads a net in parts: of a part that does not parse, again its parts.
+class PartReader {
+ public:
+  explicit PartReader(std::string_view text) : text_(text), lines_(text) {}
+
+  /// False for a text without structure, or one of which too much cannot be read.
+  bool read(caffe::NetParameter& net) {
+    const auto fields = text_fields(text_, 0, text_.size());
+    if (!fields) return false;
+    read_fields(*fields, net, "");
+    return unread_.size() <= kMost;
   }
-  return position;
-}
 
-void check_complete(const caffe::NetParameter& net, const std::string& text,
-                    const std::string& name) {
-  std::vector<std::string> missing;
-  if (net.IsInitialized()) return;
-  net.FindInitializationErrors(&missing);
-  throw InputError(message_start(name, locate_parent(text, missing.front())),
-                   "missing required field ", missing.front());
-}
+  std::vector<UnreadPart> take() { return std::move(unread_); }
+
+ private:
+  static constexpr size_t kMost = 10'000;  // a net of a fork has a few in every layer
+
+  /// All at once if they parse, else halves of them.
+  void read_fields(std::span<const TextField> fields, Message& into, std::string_view reached_by) {
+    if (fields.empty() || unread_.size() > kMost) return;
+    if (fields.size() == 1) {
+      read_field(fields[0], into, reached_by);
+      return;
+    }
+    const size_t begin = fields.front().begin, half = fields.size() / 2;
+    Silence silence;
+    const std::unique_ptr<Message> read(into.New());
+    if (parses(text_.substr(begin, fields.back().end - begin), silence, false, *read) &&
+        read->IsInitialized() && !sets_again(*read, into)) {
+      into.MergeFrom(*read);
+      return;
+    }
+    read_fields(fields.first(half), into, reached_by);
+    read_fields(fields.subspan(half), into, reached_by);
+  }
+
+  static bool sets_again(const Message& read, const Message& into) {
+    std::vector<const FieldDescriptor*> fields;
+    read.GetReflection()->ListFields(read, &fields);
+    return std::ranges::any_of(fields, [&](const FieldDescriptor* field) {
+      return !field->is_repeated() && into.GetReflection()->HasField(into, field);
+    });
+  }
+
+  void read_field(const TextField& field, Message& into, std::string_view reached_by) {
+    const std::string name(field.name);
+    const Descriptor& type = *into.GetDescriptor();
+    const FieldDescriptor* known = type.FindFieldByName(name);
+    if (!known) {
+      if (!chooses_engine(name))
+        leave_out(field.begin, unknown_field(name, type), effect_of(name, type, reached_by));
+      return;
+    }
+    if (!known->is_repeated() && into.GetReflection()->HasField(into, known)) {
+      leave_out(field.begin, str("Non-repeated field \"", name, "\" is specified multiple times."));
+      return;
+    }
+    const std::string_view part = text_.substr(field.begin, field.end - field.begin);
+    Complaint complaint(part);
+    const std::unique_ptr<Message> read(into.New());
+    if (parses(part, complaint, false, *read) && (!known->message_type() || read->IsInitialized()))
+      into.MergeFrom(*read);
+    else if (!read_inside(field, *known, into))
+      leave_out_value(field, *known, complaint, reached_by);
+  }
+
+  /// False when the field is no message.
+  bool read_inside(const TextField& field, const FieldDescriptor& known, Message& into) {
+    if (!known.message_type() || field.opens == '[') return false;
+    const auto fields = text_fields(text_, field.value + 1, field.end - 1);
+    if (!fields) return false;
+    const auto* reflection = into.GetReflection();
+    Message& inside = known.is_repeated() ? *reflection->AddMessage(&into, &known)
+                                          : *reflection->MutableMessage(&into, &known);
+    const bool is_layer = into.GetDescriptor() == caffe::NetParameter::descriptor() &&
+                          (known.name() == "layer" || known.name() == "layers");
+    if (is_layer) layer_ = &inside;
+    read_fields(*fields, inside, known.name());
+    for (int i = 0; i < known.message_type()->field_count(); ++i) {
+      const FieldDescriptor* part = known.message_type()->field(i);
+      if (part->is_required() && !inside.GetReflection()->HasField(inside, part))
+        leave_out(field.begin, str("missing required field ", known.name(), ".", part->name()));
+    }
+    if (is_layer) layer_ = nullptr;
+    return true;
+  }
+
+  void leave_out_value(const TextField& field, const FieldDescriptor& known,
+                       const Complaint& complaint, std::string_view reached_by) {
+    if (known.enum_type() && chooses_engine(known.name())) return;
+    if (&known == caffe::V1LayerParameter::descriptor()->FindFieldByName("type") && layer_) {
+      const std::string type(text_.substr(field.value, field.end - field.value));
+      unknown_fields(*layer_).AddLengthDelimited(kTypeMark)->assign(type);
+      if (!type_of_v1(type).empty()) return;
+    }
+    auto effect = UnreadPart::Effect::kUnknown;
+    if (known.enum_type()) effect = effect_of(known.name(), *known.containing_type(), reached_by);
+    if (effect != UnreadPart::Effect::kNone) effect = UnreadPart::Effect::kUnknown;
+    leave_out(field.begin + complaint.offset, complaint.reason, effect);
+  }
+
+  void leave_out(size_t offset, std::string reason,
+                 UnreadPart::Effect effect = UnreadPart::Effect::kUnknown) {
+    if (layer_) unknown_fields(*layer_).AddVarint(kMark, unread_.size());
+    unread_.push_back({lines_.position(offset), std::move(reason), effect, layer_ != nullptr});
+  }
+
+  std::string_view text_;
+  Lines lines_;
+  Message* layer_ = nullptr;
+  std::vector<UnreadPart> unread_;
+};
 
 }  // namespace
 
@@ -196,28 +267,48 @@ std::string message_start(const std::string& name, TextPosition position) {
                             : str(name, ":", position.line, ":", position.column, ": ");
 }
 
-caffe::NetParameter parse_net_text(const std::string& text, const std::string& name,
-                                   const NetReadOptions& options,
-                                   std::vector<std::string>& warnings) {
-  Complaints complaints(text, name, warnings);
-  TextFormat::Parser parser;
-  parser.RecordErrorsTo(&complaints);
-  parser.AllowUnknownField(options.allow_unknown_fields);
-  parser.AllowPartialMessage(true);
-  parser.SetRecursionLimit(kDeepestNesting);
-  caffe::NetParameter net;
-  if (!parser.ParseFromString(text, &net))
-    throw InputError(complaints.first_error.empty() ? message_start(name, {}) + "cannot be parsed"
-                                                    : complaints.first_error);
-  check_complete(net, text, name);
-  return net;
+ParsedText parse_net_text(const std::string& text, const std::string& name) {
+  ParsedText parsed;
+  Complaint complaint(text);
+  if (parses(text, complaint, false, parsed.net) && parsed.net.IsInitialized()) return parsed;
+  parsed.net.Clear();
+  PartReader reader(text);
+  if (reader.read(parsed.net)) return {std::move(parsed.net), reader.take()};
+  // protobuf knows best what is wrong with the structure, beyond fields that it does not know.
+  Complaint of_structure(text);
+  caffe::NetParameter unused;
+  const Complaint& wrong = parses(text, of_structure, true, unused) ? complaint : of_structure;
+  throw InputError(message_start(name, Lines(text).position(wrong.offset)),
+                   wrong.reason.empty() ? "cannot be parsed" : wrong.reason);
+}
+
+void copy_marks(const Message& from, Message& to) {
+  const auto& unknown = from.GetReflection()->GetUnknownFields(from);
+  for (int i = 0; i < unknown.field_count(); ++i)
+    if (unknown.field(i).number() >= kTypeMark) unknown_fields(to).AddField(unknown.field(i));
+}
+
+std::vector<size_t> take_marks(caffe::LayerParameter& layer) {
+  std::vector<size_t> marks;
+  const auto& unknown = layer.GetReflection()->GetUnknownFields(layer);
+  for (int i = 0; i < unknown.field_count(); ++i)
+    if (unknown.field(i).number() == kMark) marks.push_back(unknown.field(i).varint());
+  unknown_fields(layer).Clear();
+  return marks;
+}
+
+std::string marked_type(const caffe::V1LayerParameter& layer) {
+  const auto& unknown = layer.GetReflection()->GetUnknownFields(layer);
+  for (int i = 0; i < unknown.field_count(); ++i)
+    if (unknown.field(i).number() == kTypeMark) return unknown.field(i).length_delimited();
+  return "";
 }
 
 TextPosition locate(const std::string& text, const std::string& field, int index) {
-  TextFormat::ParseInfoTree tree;
-  map_text(text, tree);
-  const FieldDescriptor* descriptor = caffe::NetParameter::descriptor()->FindFieldByName(field);
-  return position_of(text, tree.GetLocation(descriptor, index));
+  for (const TextField& found :
+       text_fields(text, 0, text.size()).value_or(std::vector<TextField>()))
+    if (found.name == field && index-- == 0) return Lines(text).position(found.begin);
+  return {};
 }
 
 }  // namespace revisit::proto

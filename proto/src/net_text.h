@@ -16,11 +16,35 @@ struct TextPosition {
 /// `name:line:column: ` or `name: `, to begin a message with.
 std::string message_start(const std::string& name, TextPosition position);
 
-/// Parses prototxt text as it stands, without upgrading. Throws InputError with the position.
-/// Unknown fields are errors or, if allowed, warnings.
-caffe::NetParameter parse_net_text(const std::string& text, const std::string& name,
-                                   const NetReadOptions& options,
-                                   std::vector<std::string>& warnings);
+/// A part of a text that the net does not have, because it does not parse.
+struct UnreadPart {
+  enum class Effect {
+    kNone,     // none on what inference computes
+    kOutside,  // none on what the layer computes as far as this schema tells
+    kUnknown   // maybe on results: nobody may drop it
+  };
+  TextPosition position;
+  std::string reason;
+  Effect effect = Effect::kUnknown;
+  bool in_layer = false;
+};
+
+/// A net, and what is missing in it. Marks in the layers tell whose parts are missing.
+struct ParsedText {
+  caffe::NetParameter net;
+  std::vector<UnreadPart> unread;  // in the order of the text
+};
+
+/// Parses prototxt text as it stands, without upgrading. Throws InputError with the position for a
+/// text that has no structure; what does not parse inside of its structure is left out.
+ParsedText parse_net_text(const std::string& text, const std::string& name);
+
+/// Gives `to` the marks of `from`, which it takes the place of.
+void copy_marks(const google::protobuf::Message& from, google::protobuf::Message& to);
+/// Takes the marks from a layer: indices into ParsedText::unread.
+std::vector<size_t> take_marks(caffe::LayerParameter& layer);
+/// The type of a V1 layer whose type is none of V1's, as the text has it; else "".
+std::string marked_type(const caffe::V1LayerParameter& layer);
 
 /// Where entry `index` of NetParameter's `field` stands in a text that parses.
 TextPosition locate(const std::string& text, const std::string& field, int index);

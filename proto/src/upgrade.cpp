@@ -100,6 +100,21 @@ void upgrade_batch_norm(caffe::NetParameter& net) {
   }
 }
 
+/// DeepLab's convolutions had a `hole` before Caffe's had a dilation. One that says both stays.
+void upgrade_holes(caffe::NetParameter& net) {
+  for (caffe::LayerParameter& layer : *net.mutable_layer()) {
+    if (!layer.has_convolution_param()) continue;
+    caffe::ConvolutionParameter& param = *layer.mutable_convolution_param();
+    const bool hw = param.has_hole_h() || param.has_hole_w();
+    if (param.has_hole() == hw || param.dilation_size() > 0) continue;
+    param.add_dilation(hw ? param.hole_h() : param.hole());
+    if (hw) param.add_dilation(param.hole_w());
+    param.clear_hole();
+    param.clear_hole_h();
+    param.clear_hole_w();
+  }
+}
+
 }  // namespace
 
 void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, std::vector<std::string>& warnings) {
@@ -109,6 +124,7 @@ void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, std::vector<std::
   upgrade_v1(net);
   upgrade_inputs(net, inputs, warnings);
   upgrade_batch_norm(net);
+  upgrade_holes(net);
 }
 
 }  // namespace revisit::proto

@@ -6,6 +6,7 @@
 #include <map>
 #include <sstream>
 
+#include "net_text.h"
 #include "upgrade.h"
 #include "upgrade_v1.h"
 
@@ -96,6 +97,7 @@ V1 upgrade_layer(const V1& shell, int index, std::vector<std::string>& warnings)
   *v1.mutable_bottom() = shell.bottom();
   *v1.mutable_top() = shell.top();
   if (v0.has_name()) v1.set_name(v0.name());
+  copy_marks(shell, v1);
   LayerKind kind{"", V1::NONE, ""};
   if (v0.has_type()) {
     kind = kind_of(v0.type(), index);

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <vector>
 
+#include "net_text.h"
 #include "revisit/base/error.h"
 #include "silence.h"
 
@@ -19,19 +20,9 @@ constexpr const char* kV1Types =
     "AbsVal Accuracy ArgMax BNLL Concat ContrastiveLoss Convolution Data Deconvolution Dropout "
     "DummyData Eltwise EuclideanLoss Exp Flatten HDF5Data HDF5Output HingeLoss Im2col ImageData "
     "InfogainLoss InnerProduct LRN MemoryData MultinomialLogisticLoss MVN Pooling Power ReLU "
-    "Sigmoid SigmoidCrossEntropyLoss Silence Slice Softmax Split TanH Threshold WindowData";
-
-/// V1's names are V2's in capitals, with underscores, but for one.
-std::string type_name(V1::LayerType type) {
-  if (type == V1::SOFTMAX_LOSS) return "SoftmaxWithLoss";
-  std::string capitals = V1::LayerType_Name(type);
-  std::erase(capitals, '_');
-  std::istringstream types(kV1Types);
-  for (std::string v2; types >> v2;)
-    if (std::ranges::equal(v2, capitals, {}, [](unsigned char c) { return std::toupper(c); }))
-      return v2;
-  return "";
-}
+    "Sigmoid SigmoidCrossEntropyLoss Silence Slice Softmax Split TanH Threshold WindowData "
+    // Of forks: DeepLab, FCN's, SegNet, and of the months in which V2 came.
+    "Interp Crop Upsample BN BatchNorm PReLU Reshape ROIPooling";
 
 void move_transform(google::protobuf::Message& from, V1& layer) {
   for (const char* name : {"scale", "mean_file", "crop_size", "mirror"}) {
@@ -68,7 +59,11 @@ void copy_messages(const V1& v1, caffe::LayerParameter& v2) {
 
 void upgrade_layer(const V1& v1, caffe::LayerParameter& v2) {
   if (v1.has_name()) v2.set_name(v1.name());
-  if (v1.has_type()) v2.set_type(type_name(v1.type()));
+  const std::string marked = marked_type(v1);
+  const std::string type = v1.has_type() ? V1::LayerType_Name(v1.type()) : marked;
+  const std::string known = type_of_v1(type);
+  if (!type.empty()) v2.set_type(known.empty() ? marked : known);
+  copy_marks(v1, v2);
   *v2.mutable_bottom() = v1.bottom();
   *v2.mutable_top() = v1.top();
   *v2.mutable_loss_weight() = v1.loss_weight();
@@ -85,6 +80,17 @@ void upgrade_layer(const V1& v1, caffe::LayerParameter& v2) {
 }
 
 }  // namespace
+
+std::string type_of_v1(std::string capitals) {
+  // V1's names are V2's in capitals, with underscores, but for one.
+  if (capitals == "SOFTMAX_LOSS") return "SoftmaxWithLoss";
+  std::erase(capitals, '_');
+  std::istringstream types(kV1Types);
+  for (std::string v2; types >> v2;)
+    if (std::ranges::equal(v2, capitals, {}, [](unsigned char c) { return std::toupper(c); }))
+      return v2;
+  return "";
+}
 
 bool merge_field(const google::protobuf::Message& from,
                  const google::protobuf::FieldDescriptor& field, const std::string& message,

@@ -6,6 +6,9 @@
 
 namespace revisit::proto {
 
+/// The type of the current form for one of V1, or of a fork that V1 lacks; "" if there is none.
+std::string type_of_v1(std::string capitals);
+
 /// Sets `name` in the sub-message `message` of `to` to the value of a set field that is called
 /// otherwise elsewhere, as text says it. False when the value does not fit there.
 bool merge_field(const google::protobuf::Message& from,

@@ -77,14 +77,19 @@ void bind_net(nb::module_& module) {
                   "threads may plan at the same time.")
       .def_static(
           "load",
-          [](const fs::path& prototxt, const fs::path& weights, std::string end, std::string graft,
-             const Shapes& inputs, bool allow_missing, bool allow_unknown,
+          [](const fs::path& prototxt, const std::optional<fs::path>& weights, std::string end,
+             std::string graft, const Shapes& inputs, bool allow_missing, bool allow_unknown,
              const std::optional<proto::Limits>& limits) {
+            if (!weights)
+              throw UsageError(
+                  "Net.load() needs a weights file after the prototxt; without one, "
+                  "Net.load_without_weights(prototxt) can be planned and inspected, and "
+                  "Net.load_with_random_weights(prototxt, seed) can run");
             const auto options = load_options(std::move(end), std::move(graft), inputs,
                                               allow_missing, allow_unknown, limits);
-            return without_lock([&] { return Net::load(prototxt, weights, options); });
+            return without_lock([&] { return Net::load(prototxt, *weights, options); });
           },
-          "prototxt"_a, "weights"_a, nb::kw_only(), "end"_a = "", "graft"_a = "",
+          "prototxt"_a, "weights"_a = nb::none(), nb::kw_only(), "end"_a = "", "graft"_a = "",
           "inputs"_a = Shapes(), "allow_missing"_a = false, "allow_unknown"_a = false,
           "limits"_a = nb::none(),
           "Reads an original Caffe prototxt and its weights (.caffemodel or HDF5); only the layers "
@@ -93,7 +98,7 @@ void bind_net(nb::module_& module) {
           "graft: a layer without weights to append to it ('pool5': the paper's conv3+pool5).\n"
           "inputs: shapes of inputs that replace those of the prototxt.\n"
           "allow_missing: layers without weights in the file become zeros.\n"
-          "allow_unknown: unknown fields of the prototxt become warnings.\n"
+          "allow_unknown: unknown fields beside the parameters of layers become warnings.\n"
           "Raises InputError (files that do not parse or do not fit each other), UnsupportedError "
           "(an unsupported layer type), UsageError (an unknown layer).")
       .def_static(
@@ -138,7 +143,7 @@ void bind_net(nb::module_& module) {
           [](const Net& net, const Shapes& inputs, int threads, bool keep_all,
              std::vector<std::string> keep, bool reference_kernels, int64_t max_run_bytes,
              bool flush_denormals, engine::Accuracy accuracy, engine::Precision precision,
-             bool bf16_weights, std::optional<std::vector<float>> gray_offsets) {
+             bool bf16_weights, uint64_t seed, std::optional<std::vector<float>> gray_offsets) {
             const engine::PlanOptions options{.threads = threads,
                                               .keep_all = keep_all,
                                               .keep = std::move(keep),
@@ -148,6 +153,7 @@ void bind_net(nb::module_& module) {
                                               .accuracy = accuracy,
                                               .precision = precision,
                                               .bf16_weights = bf16_weights,
+                                              .seed = seed,
                                               .gray_offsets = std::move(gray_offsets)};
             return net.plan(shapes_from(inputs), options);
           },
@@ -156,7 +162,7 @@ void bind_net(nb::module_& module) {
           "keep"_a = std::vector<std::string>(), "reference_kernels"_a = false,
           "max_run_bytes"_a = engine::PlanOptions().max_run_bytes, "flush_denormals"_a = true,
           "accuracy"_a = engine::Accuracy::kUsual, "precision"_a = engine::Precision::kFloat32,
-          "bf16_weights"_a = false, "gray_offsets"_a = nb::none(),
+          "bf16_weights"_a = false, "seed"_a = 0, "gray_offsets"_a = nb::none(),
           "Chooses kernels and lays out memory.\n\n"
           "inputs: shapes by blob name; those that are not named stay as in the prototxt.\n"
           "threads: of one forward pass. The result does not depend on it, bit for bit.\n"
@@ -166,6 +172,7 @@ void bind_net(nb::module_& module) {
           "accuracy: how much kernels may round.\n"
           "precision: of values between layers and of weights.\n"
           "bf16_weights: those of inner products in bfloat16, also with float32.\n"
+          "seed: of a Dropout that drops at inference (sample_weights_test).\n"
           "gray_offsets: a promise that channel c is one picture plus gray_offsets[c]; the input "
           "then is the picture.\n"
           "Raises InputError naming the layer that cannot take the shapes, UsageError for unknown "

@@ -32,7 +32,9 @@ const DefinedActivation kActivations[] = {
      [](double x) { return x * test::sigmoid(static_cast<float>(-1.5 * x)); }},
     {{Epilogue::Activation::kTanh}, [](double x) { return std::tanh(x); }},
     {{Epilogue::Activation::kBnll},
-     [](double x) { return std::max(x, 0.0) + std::log1p(std::exp(-std::abs(x))); }}};
+     [](double x) { return std::max(x, 0.0) + std::log1p(std::exp(-std::abs(x))); }},
+    {{Epilogue::Activation::kMish},
+     [](double x) { return x * std::tanh(std::log1p(std::exp(x))); }}};
 
 std::vector<float> numbers() {
   std::vector<float> x = {0, -0.0F, NAN, INFINITY, -INFINITY, FLT_MAX, -FLT_MAX, FLT_MIN, 1e-20F};

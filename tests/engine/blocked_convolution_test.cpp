@@ -178,6 +178,8 @@ float activated(const Epilogue& e, int64_t channel, float x) {
       return std::tanh(x);
     case Activation::kBnll:
       return std::log1p(std::exp(x));
+    case Activation::kMish:
+      return x * std::tanh(std::log1p(std::exp(x)));
   }
   return x;
 }
@@ -223,7 +225,8 @@ TEST(BlockedConvolutionSmall, SmoothActivations) {
     for (const Epilogue& epilogue :
          {Epilogue{.activation = Activation::kSigmoid},
           Epilogue{.activation = Activation::kSwish, .slope = 0.7F},
-          Epilogue{.activation = Activation::kTanh}, Epilogue{.activation = Activation::kBnll}}) {
+          Epilogue{.activation = Activation::kTanh}, Epilogue{.activation = Activation::kBnll},
+          Epilogue{.activation = Activation::kMish}}) {
       c.epilogue = epilogue;
       std::vector<float> wanted = sums;
       for (float& x : wanted) x = activated(epilogue, 0, x);
@@ -251,6 +254,7 @@ TEST(BlockedConvolutionSmall, NanStaysNan) {
           Epilogue{.activation = Activation::kSigmoid},
           Epilogue{.activation = Activation::kSwish, .slope = 1},
           Epilogue{.activation = Activation::kTanh}, Epilogue{.activation = Activation::kBnll},
+          Epilogue{.activation = Activation::kMish},
           Epilogue{.activation = Activation::kClip, .low = -1, .high = 1}}) {
       c.epilogue = epilogue;
       const test::AlignedFloats output = run(kernel, c, pack(kernel, c));

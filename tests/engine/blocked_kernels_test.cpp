@@ -407,6 +407,7 @@ TEST(BlockedActivation, AgreesWithTheLayers) {
           Case{{Activation::kSigmoid}, "Sigmoid", ""},
           Case{{Activation::kSwish, 2}, "Swish", "swish_param { beta: 2 }"},
           Case{{Activation::kTanh}, "TanH", ""}, Case{{Activation::kBnll}, "BNLL", ""},
+          Case{{Activation::kMish}, "Mish", ""},
           Case{{Activation::kClip, 0, -1, 6}, "Clip", "clip_param { min: -1 max: 6 }"}}) {
       SCOPED_TRACE(c.type);
       std::vector<float> input = with_specials(r.n * r.c * r.pixels, kKernelSeed);

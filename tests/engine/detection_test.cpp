@@ -92,6 +92,31 @@ TEST(PriorBox, SizesAreIntegersAndClippedOnDemand) {
       {0, 0, 0.25F, 0.25F, 0.5F, 0.5F, 0.5F, 0.5F});
 }
 
+TEST(PriorBoxClustered, ByHand) {
+  // A 1x2 map on an image of 20 x 40 pixels: centres (10, 10) and (30, 10). Sizes stay fractions.
+  const auto found =
+      run_layer({"PriorBoxClustered",
+                 "prior_box_param { width: 4 height: 8 width: 2.5 height: 1 variance: 0.5 }",
+                 {{Shape{1, 1, 1, 2}, {0, 0}}, {Shape{1, 1, 20, 40}, std::vector<float>(800)}}});
+  EXPECT_EQ(found[0].shape, (Shape{1, 2, 2 * 2 * 4}));
+  std::vector<float> wanted{8.0F / 40,   6.0F / 20, 12.0F / 40,  14.0F / 20,
+                            8.75F / 40,  9.5F / 20, 11.25F / 40, 10.5F / 20,
+                            28.0F / 40,  6.0F / 20, 32.0F / 40,  14.0F / 20,
+                            28.75F / 40, 9.5F / 20, 31.25F / 40, 10.5F / 20};
+  wanted.insert(wanted.end(), 16, 0.5F);
+  expect_near(found[0].values, wanted, 1e-6F);
+}
+
+TEST(PriorBoxClustered, RefusesWhatCannotBe) {
+  const auto make = [](const std::string& type, const std::string& param) {
+    return [=] { layer_of(type, "prior_box_param { " + param + " }"); };
+  };
+  expect_error<InputError>(make("PriorBoxClustered", "width: 4"), {"as many height as width"});
+  expect_error<InputError>(make("PriorBoxClustered", "width: 0 height: 4"), {"above 0"});
+  expect_error<InputError>(make("PriorBoxClustered", "min_size: 3"), {"not min_size"});
+  expect_error<InputError>(make("PriorBox", "min_size: 3 width: 4"), {"PriorBoxClustered"});
+}
+
 TEST(PriorBox, RefusesWhatCannotBe) {
   const auto make = [](const std::string& param) {
     return [=] { layer_of("PriorBox", "prior_box_param { " + param + " }"); };

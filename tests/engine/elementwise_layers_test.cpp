@@ -1,6 +1,7 @@
 // Layers that apply one function to every element, on cases computed by hand.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "checked_layer.h"
@@ -107,6 +108,47 @@ TEST(Swish, IsXTimesSigmoid) {
   const float ln3 = std::log(3.0F);
   expect_near(of("Swish", "", {0, ln3}), {0, 0.75F * ln3}, 1e-6F);
   expect_near(of("Swish", "swish_param { beta: 2 }", {ln3 / 2}), {0.75F * ln3 / 2}, 1e-6F);
+}
+
+TEST(Mish, IsXTimesTanhOfSoftplus) {
+  // Of x = ln 3: 1 + 3 = 4, tanh(ln 4) = 15 / 17. Of -ln 3: 1 + 1/3 = 4/3, tanh(ln 4/3) = 7 / 25.
+  const float ln3 = std::log(3.0F);
+  expect_near(of("Mish", "", {0, ln3, -ln3}), {0, ln3 * 15 / 17, -ln3 * 7 / 25}, 1e-7F);
+  expect_near(of("Mish", "", {100, 1e30F, kInf, -100, -kInf, kNan}),
+              {100, 1e30F, kInf, 0, kNan, kNan}, 1e-30F);
+}
+
+TEST(Dropout, IsNothingAtInference) {
+  expect_near(of("Dropout", "dropout_param { dropout_ratio: 0.75 }", {1, -2, kNan}), {1, -2, kNan});
+}
+
+TEST(Dropout, WithoutScaleTrainScalesByWhatIsKept) {
+  expect_near(
+      of("Dropout", "dropout_param { dropout_ratio: 0.5 scale_train: false }", {1, 2, 3, 4}),
+      {0.5F, 1, 1.5F, 2});
+  expect_near(of("Dropout", "dropout_param { dropout_ratio: 0.75 scale_train: false }", {4, -8}),
+              {1, -2});
+}
+
+TEST(Dropout, SampledKeepsAShareAndScalesIt) {
+  const std::string param = "dropout_param { dropout_ratio: 0.75 sample_weights_test: true }";
+  const std::vector<float> ones(40'000, 1);
+  const auto pass = [&](int passes, int threads) {
+    test::SingleLayer layer{"Dropout", param, {{Shape{40'000}, ones}}};
+    layer.passes = passes;
+    layer.threads = threads;
+    return test::run_layer(layer)[0].values;
+  };
+  const std::vector<float> first = pass(1, 1);
+  const auto n_kept = std::ranges::count(first, 4.0F);
+  EXPECT_EQ(n_kept + std::ranges::count(first, 0.0F), 40'000);
+  EXPECT_NEAR(static_cast<double>(n_kept), 10'000, 350);  // four deviations
+  EXPECT_EQ(first, pass(1, 3));
+  EXPECT_NE(first, pass(2, 1));
+  EXPECT_EQ(pass(2, 1), pass(2, 4));
+  expect_error<InputError>(
+      [] { layer_of("Dropout", "dropout_param { dropout_ratio: 1 sample_weights_test: true }"); },
+      {"dropout_ratio"});
 }
 
 TEST(TanH, OfLogTwo) {

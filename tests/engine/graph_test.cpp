@@ -121,12 +121,14 @@ TEST(Graph, UnknownLayersAreNamedWithTheNearest) {
 
 TEST(Graph, RefusesDanglingAndDoublyWrittenBlobs) {
   expect_error<InputError>(
-      [] { parse_text(R"(layer { name: "a" type: "ReLU" bottom: "dato" top: "b" })"); },
+      [] { prune(parse_text(R"(layer { name: "a" type: "ReLU" bottom: "dato" top: "b" })"), {}); },
       {"'a'", "'dato'"});
   expect_error<InputError>(
       [] {
-        parse_text(
-            R"(layer { name: "a" type: "Input" top: "x" } layer { name: "b" type: "Input" top: "x" })");
+        prune(
+            parse_text(
+                R"(layer { name: "a" type: "Input" top: "x" } layer { name: "b" type: "Input" top: "x" })"),
+            {});
       },
       {"'b'", "already written"});
 }

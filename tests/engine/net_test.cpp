@@ -313,6 +313,46 @@ TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
   EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
 }
 
+/// With an end, nothing beyond is read, checked or looked for.
+TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
+  for (const char* beyond :
+       {"transpose_param { dim: 3 }", "relu_param { odd: 3 }", "relu_param { negative_slope: x }",
+        "relu_param { negative_slope: 1 negative_slope: 2 }", "clip_param { }", "bottom: 'nowhere'",
+        "top: 'conv'", "convolution_param { engine: ODD pad_type: VALID }"}) {
+    SCOPED_TRACE(beyond);
+    test::write_file(prototxt(),
+                     std::string(kNet) +
+                         "layer { name: 'odd' type: 'ReLU' bottom: 'concat' top: 'odd' " + beyond +
+                         " }");
+    EXPECT_THROW(Net::load(prototxt(), weights()), InputError);
+    const Net net = Net::load(prototxt(), weights(), {.truncation = {"concat", ""}});
+    EXPECT_EQ(net.outputs(), std::vector<std::string>{"concat"});
+    EXPECT_EQ(net.layer_names().back(), "odd");
+    EXPECT_TRUE(net.warnings().empty());
+    EXPECT_EQ(input_blobs(prototxt()), std::vector<std::string>{"data"});
+  }
+}
+
+TEST_F(NetTest, OldTypesOfForksBeyondTheEndDoNotMatter) {
+  test::write_file(prototxt(),
+                   "input: 'data' input_dim: [1, 1, 2, 3] layers { name: 'relu' type: RELU bottom: "
+                   "'data' top: 'relu' } layers { name: 'crf' type: MULTI_STAGE_MEANFIELD bottom: "
+                   "'relu' top: 'crf' multi_stage_meanfield_param { num_iterations: 10 } }");
+  expect_error<UnsupportedError>([&] { Net::load_without_weights(prototxt()); },
+                                 {"'crf'", "'MULTI_STAGE_MEANFIELD'", "it is of CRF-as-RNN"});
+  const Net net = Net::load_without_weights(prototxt(), {.truncation = {"relu", ""}});
+  EXPECT_EQ(net.outputs(), std::vector<std::string>{"relu"});
+}
+
+TEST_F(NetTest, TypesAreNotSupportedBeforeFieldsAreUnknown) {
+  test::write_file(prototxt(), std::string(kNet) +
+                                   "layer { name: 'odd' type: 'PSROIPooling' bottom: 'concat' "
+                                   "top: 'odd' psroi_pooling_param { group_size: 7 } }");
+  expect_error<UnsupportedError>(
+      [&] { Net::load(prototxt(), weights()); },
+      {"'odd'", "'PSROIPooling'", "it is of R-FCN", "Truncation::end", "revisit.caffe"});
+}
+
 TEST_F(NetTest, RunsOfOnePlanWorkInParallel) {
   const Plan plan = Net::load(prototxt(), weights()).plan({{"data", Shape{1, 1, 50, 60}}});
   std::vector<std::thread> threads;

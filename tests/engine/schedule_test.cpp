@@ -120,7 +120,7 @@ TEST(Layouts, SlicesAreParts) {
 }
 
 TEST(Layouts, SmoothActivationsAreMerged) {
-  for (const char* type : {"Sigmoid", "TanH", "Swish", "BNLL", "ELU"}) {
+  for (const char* type : {"Sigmoid", "TanH", "Swish", "BNLL", "ELU", "Mish"}) {
     SCOPED_TRACE(type);
     const Net net =
         small_net({2, 21, 9, 11},

@@ -120,6 +120,26 @@ TEST(InferenceNet, ShapesThatTheFileSaysAndDoesNot) {
   EXPECT_EQ(input("type: 'HDF5Data' hdf5_data_param { batch_size: 4 }"), Shape{});
 }
 
+TEST(InferenceNet, OfADetectorOfSsd) {
+  const auto warnings = expect_net(R"(
+    layer { name: 'd' type: 'AnnotatedData' top: 'data' top: 'label' data_param { batch_size: 2 }
+            transform_param { resize_param { prob: 1 height: 7 width: 9 } emit_constraint { } }
+            annotated_data_param { batch_sampler { max_sample: 1 } } }
+    layer { name: 'fc' type: 'InnerProduct' bottom: 'data' top: 'fc' }
+    layer { name: 'p' type: 'PriorBox' bottom: 'fc' bottom: 'data' top: 'p' }
+    layer { name: 'out' type: 'DetectionOutput' bottom: 'fc' bottom: 'fc' bottom: 'p' top: 'out' }
+    layer { name: 'loss' type: 'MultiBoxLoss' bottom: 'fc' bottom: 'fc' bottom: 'p' bottom: 'label'
+            top: 'loss' multibox_loss_param { num_classes: 2 } }
+    layer { name: 'e' type: 'DetectionEvaluate' bottom: 'out' bottom: 'label' top: 'e'
+            detection_evaluate_param { } })",
+                                   R"(
+    layer { name: 'd' type: 'Input' top: 'data' input_param { shape { dim: [2, 3, 7, 9] } } }
+    layer { name: 'fc' type: 'InnerProduct' bottom: 'data' top: 'fc' }
+    layer { name: 'p' type: 'PriorBox' bottom: 'fc' bottom: 'data' top: 'p' }
+    layer { name: 'out' type: 'DetectionOutput' bottom: 'fc' bottom: 'fc' bottom: 'p' top: 'out' })");
+  EXPECT_EQ(warnings.size(), 2U);
+}
+
 TEST(InferenceNet, LabelsGoWithAllThatServesThem) {
   expect_net(kData +
                  "layer { name: 'split' type: 'Slice' bottom: 'label' top: 'l1' top: 'l2' }"

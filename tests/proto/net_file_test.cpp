@@ -41,13 +41,89 @@ TEST(NetFile, UnknownFieldGivesPositionOfItsNameAndNearestName) {
   EXPECT_EQ(
       parse_error("layer { convolution_param { kernelsize: 3 } }"),
       "net:1:29: unknown field 'kernelsize' in ConvolutionParameter (did you mean 'kernel_size'?)");
-  EXPECT_EQ(parse_error("foo # x\n  : 1"), "net:1:1: unknown field 'foo' in NetParameter");
+  EXPECT_EQ(parse_error("layer { name: 'c' type: 'X' convolution_param { kernelsize: 3 } }"),
+            "net:1:49: layer 'c' (X): unknown field 'kernelsize' in ConvolutionParameter (did you "
+            "mean 'kernel_size'?)");
+  EXPECT_EQ(parse_error("foo # x\n  : 1"),
+            "net:1:1: unknown field 'foo' in NetParameter; "
+            "NetReadOptions::allow_unknown_fields ignores it");
+}
+
+TEST(NetFile, UnknownFieldIsNotTakenForAnotherThatForksHave) {
+  const std::string allow = "; NetReadOptions::allow_unknown_fields ignores it";
+  EXPECT_EQ(parse_error("layer { transpose_param { } }"),
+            "net:1:9: unknown field 'transpose_param' in LayerParameter (it is of Caffe OCR "
+            "(senlinuc/caffe_ocr))" +
+                allow);
+  EXPECT_EQ(parse_error("layer { transposed_param { } }"),
+            "net:1:9: unknown field 'transposed_param' in LayerParameter" + allow);
+}
+
+TEST(NetFile, FieldsWithoutEffectAreSaid) {
+  const NetFile file = parse_net(
+      "layer { name: 'c' type: 'Convolution' convolution_param {\n"
+      "  num_output: 2 kernel_size: 3 engine: MKLDNN\n"
+      "  weight_filler { type: 'msra' msra_coeff: 1.4 variance_norm: SOME } }\n"
+      "  engine: 'MKL2017' multibox_loss_param { } param { lr_policy: 'x' } } engine: 'a'",
+      "net");
+  const std::string tail = "; it has no effect on results and is ignored";
+  EXPECT_EQ(
+      file.warnings,
+      (std::vector<std::string>{
+          "net:3:32: layer 'c' (Convolution): unknown field 'msra_coeff' in "
+          "FillerParameter" +
+              tail,
+          "net:3:63: layer 'c' (Convolution): unknown value 'SOME' for variance_norm" + tail,
+          "net:4:21: layer 'c' (Convolution): unknown field 'multibox_loss_param' in "
+          "LayerParameter (it is of SSD (weiliu89/caffe))" +
+              tail,
+          "net:4:53: layer 'c' (Convolution): unknown field 'lr_policy' in ParamSpec" + tail}));
+  EXPECT_EQ(file.net.layer(0).convolution_param().weight_filler().type(), "msra");
+  EXPECT_EQ(file.net.layer(0).convolution_param().num_output(), 2U);
+}
+
+TEST(NetFile, FieldsThatMayChangeResultsAreNeverIgnored) {
+  for (const char* text : {"layer { convolution_param { pad_type: 1 } }",
+                           "layer { dummy_data_param { data_filler { offset: 1 } } }",
+                           "layer { include { machine: 'x' } }"})
+    for (const bool allow_unknown_fields : {false, true})
+      test::expect_error<InputError>(
+          [&] { parse_net(text, "net", {allow_unknown_fields}); },
+          {"unknown field", "; it may change results, so no option ignores it: take it out"});
+}
+
+TEST(NetFile, LayersThatAreLeftOutMayHaveAnyFields) {
+  const NetFile file = parse_net(
+      "layer { type: 'Data' top: 'x' data_param { shuffle: true } transform_param { "
+      "resize_param { height: abc } } annotated_data_param { } odd_param { } }\n"
+      "layer { type: 'ReLU' bottom: 'x' top: 'y' include { phase: TRAIN } relu_param { odd: 1 } }\n"
+      "layer { name: 'r' type: 'ReLU' bottom: 'x' top: 'y' }",
+      "net");
+  ASSERT_EQ(file.net.layer_size(), 2);
+  EXPECT_EQ(file.net.layer(1).name(), "r");
+}
+
+TEST(NetFile, WhatDoesNotParseInALayerCanBeLeftToTheCaller) {
+  const NetFile file =
+      parse_net("layer { name: 'a' } layer { name: 'b' relu_param { negative_slope: } }", "net",
+                {.keep_unread = true});
+  EXPECT_EQ(file.net.layer_size(), 2);
+}
+
+TEST(NetFile, OldLayersOfForksHaveTheirTypes) {
+  const NetFile file = parse_net(
+      "layers { name: 'i' type: INTERP interp_param { height: 5 } } layers { type: CROP }", "net");
+  EXPECT_EQ(file.net.layer(0).type(), "Interp");
+  EXPECT_EQ(file.net.layer(0).interp_param().height(), 5);
+  EXPECT_EQ(file.net.layer(1).type(), "Crop");
 }
 
 TEST(NetFile, ColumnsCountBytesNotTabStops) {
   EXPECT_EQ(parse_error("layer {\r\n\t\tbotom: 'x'\r\n}"),
             "net:2:3: unknown field 'botom' in LayerParameter (did you mean 'bottom'?)");
-  EXPECT_EQ(parse_error("layer {\n\ta\t: 1\n}"), "net:2:2: unknown field 'a' in LayerParameter");
+  EXPECT_EQ(parse_error("layer {\n\ta\t: 1\n}"),
+            "net:2:2: unknown field 'a' in LayerParameter; NetReadOptions::allow_unknown_fields "
+            "ignores it");
 }
 
 TEST(NetFile, SolverTextIsRecognised) {
@@ -65,7 +141,7 @@ TEST(NetFile, UnknownEnumValueGivesNearest) {
 
 TEST(NetFile, RepeatedScalarGivesPositionOfItsSecondName) {
   EXPECT_EQ(parse_error("layer {\n name: 'a'\n name: 'b' }"),
-            "net:3:2: Non-repeated field \"name\" is specified multiple times.");
+            "net:3:2: layer 'a': Non-repeated field \"name\" is specified multiple times.");
 }
 
 TEST(NetFile, TextThatEndsTooEarly) {
@@ -75,7 +151,7 @@ TEST(NetFile, TextThatEndsTooEarly) {
 
 TEST(NetFile, MissingRequiredFieldGivesPositionOfItsMessage) {
   EXPECT_EQ(parse_error("layer { name: 'a' }\nlayer {\n  clip_param { max: 1 }\n}"),
-            "net:3:3: missing required field layer[1].clip_param.min");
+            "net:3:3: missing required field clip_param.min");
 }
 
 TEST(NetFile, UnknownFieldsCanBeWarnings) {
@@ -84,8 +160,8 @@ TEST(NetFile, UnknownFieldsCanBeWarnings) {
                 "net", {.allow_unknown_fields = true});
   ASSERT_EQ(file.warnings.size(), 1U);
   EXPECT_EQ(file.warnings[0],
-            "net:2:3: unknown field 'psroi_pooling_param' in LayerParameter (did you mean "
-            "'roi_pooling_param'?); it is ignored");
+            "net:2:3: layer 'a': unknown field 'psroi_pooling_param' in LayerParameter (it is of "
+            "R-FCN (daijifeng001/caffe-rfcn)); it is ignored");
   EXPECT_EQ(file.net.layer(0).top(0), "b");
 }
 

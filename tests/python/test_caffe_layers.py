@@ -73,7 +73,10 @@ class Layers(FolderTest):
         self.check(net, np.ones((5, 2), np.float32))
         net.params['fc'][0].data[...] = 2
         self.check(net)
-        self.assertEqual(net.layers[2].script.phases, caffe.TEST)
+        phase = net.layers[2].script.phases
+        self.assertEqual(phase, caffe.TEST)
+        # Text as in the fork of Faster R-CNN.
+        self.assertEqual((str(phase), f'{phase}', '%d' % phase, {1: 'one'}[phase]), ('TEST', 'TEST', '1', 'one'))
 
     def test_weights_are_saved_and_read(self):
         net = self.net()

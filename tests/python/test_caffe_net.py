@@ -525,6 +525,33 @@ class Refused(Scripts):
         with self.assertRaisesRegex(revisit.UnsupportedError, 'Stranger'):
             self.net(CHAIN.replace('ReLU', 'Stranger'))
 
+    def test_unknown_fields(self):
+        beside = CHAIN.replace('top: "plus"', 'top: "plus" odd_param { }')
+        with self.assertRaisesRegex(revisit.InputError, "layer 'plus' .*odd_param"):
+            self.net(beside)
+        caffe.set_allow_unknown(True)
+        self.addCleanup(caffe.set_allow_unknown, False)
+        with self.assertWarnsRegex(UserWarning, 'odd_param.*ignored'):
+            self.net(beside)
+        with self.assertRaisesRegex(revisit.InputError, 'may change results'):
+            self.net(CHAIN.replace('shift: 10', 'shift: 10 odd: 1'))
+
+    def test_dropout_that_samples(self):
+        text = """
+layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1000 } } }
+layer { name: "drop" type: "Dropout" bottom: "data" top: "drop" dropout_param { sample_weights_test: true } }
+"""
+
+        def passes():
+            caffe.set_random_seed(7)
+            net = self.net(text)
+            return [net.forward(data=np.ones((1, 1000)))['drop'].copy() for _ in range(2)]
+
+        first, second = passes()
+        self.assertEqual(set(np.unique(first)), {0, 2})
+        self.assertTrue((first != second).any())
+        np.testing.assert_array_equal(passes(), [first, second])
+
     def test_what_does_not_fit(self):
         with self.assertRaisesRegex(revisit.InputError, "net.prototxt: layer 'double'"):
             self.net(CHAIN.replace('bottom: "data"', 'bottom: "date"'))

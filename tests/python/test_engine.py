@@ -154,6 +154,8 @@ class Errors(unittest.TestCase):
             Net.load_from_memory('layer { nam: "x" }', b'')
         with self.assertRaisesRegex(revisit.UnsupportedError, 'Nonsense'):
             Net.load_from_memory(SCALE.replace('"Power"', '"Nonsense"'), b'')
+        with self.assertRaisesRegex(revisit.UsageError, 'load_without_weights.*load_with_random_weights'):
+            Net.load('net.prototxt')
         with self.assertRaisesRegex(revisit.UsageError, 'thread'):
             small_net().plan(threads=0)
 

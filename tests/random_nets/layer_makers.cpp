@@ -47,6 +47,14 @@ void elementwise(Builder& b, const char* type) {
   b.add(type, {b.any()});
 }
 
+void dropout(Builder& b, const char* type) {
+  const std::string ratio = str("dropout_ratio: ", b.random.real(0.1, 0.9));
+  const std::string option = b.random.chance(0.5)   ? ""
+                             : b.random.chance(0.5) ? " scale_train: false"
+                                                    : " sample_weights_test: true";
+  b.add(type, {b.any()}, "dropout_param { " + ratio + option + " }");
+}
+
 void clip(Builder& b, const char* type) {
   b.add(type, {b.any()},
         str("clip_param { min: ", b.random.real(-2, 0), " max: ", b.random.real(0, 2), " }"));
@@ -587,6 +595,13 @@ void euclidean_loss(Builder& b, const char* type) {
   b.add(type, {x, b.same_shape(x)});
 }
 
+void prior_box_clustered(Builder& b, const char* type) {
+  std::string param = str("clip: ", flag(b), " offset: ", b.random.real(0, 1));
+  for (int64_t i = b.random.between(1, 3); i > 0; --i)
+    param += str(" width: ", b.random.real(1, 9), " height: ", b.random.real(1, 9));
+  b.add(type, {b.of_rank(4, 4), b.of_rank(4, 4)}, "prior_box_param { " + param + " }");
+}
+
 size_t prior_boxes(Builder& b, size_t feature, size_t image) {
   return b.add("PriorBox", {feature, image},
                str("prior_box_param { min_size: ", b.random.between(1, 8),
@@ -635,7 +650,10 @@ std::string random_windows(Random& random, size_t axes) {
   each("kernel_size", [&] { return random.of(kKernels); });
   if (strided) each("stride", [&] { return random.between(1, 4); });
   if (padded) each("pad", [&] { return random.between(0, 3); });
-  if (random.chance(0.15)) each("dilation", [&] { return random.between(1, 3); });
+  if (random.chance(0.15))
+    each("dilation", [&] { return random.between(1, 3); });
+  else if (random.chance(0.03))
+    text += str(" hole: ", random.between(1, 3));
   return text.substr(1);
 }
 
@@ -659,7 +677,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Deconvolution", 3, convolution},
       {"DepthwiseConvolution", 3, depthwise_convolution},
       {"DetectionOutput", 2, detection_output},
-      {"Dropout", 2, elementwise},
+      {"Dropout", 2, dropout},
       {"DummyData", 1, dummy_data},
       {"Eltwise", 14, eltwise},
       {"ELU", 3, elu},
@@ -674,6 +692,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Log", 1, log},
       {"LRN", 5, lrn},
       {"LSTM", 1, recurrent},
+      {"Mish", 2, elementwise},
       {"MVN", 2, mvn},
       {"Normalize", 2, normalize},
       {"Parameter", 1, parameter},
@@ -682,6 +701,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Power", 4, power},
       {"PReLU", 4, prelu},
       {"PriorBox", 1, prior_box},
+      {"PriorBoxClustered", 1, prior_box_clustered},
       {"Reduction", 2, reduction},
       {"ReLU", 14, relu},
       {"ReLU6", 3, relu6},

@@ -58,8 +58,8 @@ TEST(RandomNets, HaveReferenceKernelsInTheseTypes) {
   }
   EXPECT_EQ(found, (std::set<std::string>{
                        "BNLL", "Convolution", "ConvolutionDepthwise", "Deconvolution",
-                       "DepthwiseConvolution", "ELU", "InnerProduct", "LRN", "LSTM", "RNN", "ReLU",
-                       "ReLU6", "Sigmoid", "Softmax", "SoftmaxWithLoss", "Swish", "TanH"}));
+                       "DepthwiseConvolution", "ELU", "InnerProduct", "LRN", "LSTM", "Mish", "RNN",
+                       "ReLU", "ReLU6", "Sigmoid", "Softmax", "SoftmaxWithLoss", "Swish", "TanH"}));
 }
 
 TEST(RandomNets, AreTheSameForTheSameSeed) {

@@ -71,6 +71,28 @@ TEST_F(NetCommand, ForwardTakesTheShapeOfTheArrayAndCutsOff) {
             (std::vector<int64_t>{1, 1, 2, 3}));
 }
 
+TEST_F(NetCommand, ForwardAveragesSamplesOfASampledDropout) {
+  test::write_file(dir_ / "drop.prototxt",
+                   "input: 'data' input_shape { dim: 1 dim: 1 dim: 4 dim: 4 } layer { name: 'drop' "
+                   "type: 'Dropout' bottom: 'data' top: 'out' dropout_param { dropout_ratio: 0.5 "
+                   "sample_weights_test: true } }");
+  const auto forward = [&](const std::string& options) {
+    const auto result = run_revisit("net forward " + path("drop.prototxt") + " --input " +
+                                    path("in.npy") + " -o " + path("out") + options);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return proto::read_npy(path("out/out_out.npy")).data;
+  };
+  const std::vector<float> one = forward(""), mean = forward(" --samples 2000");
+  EXPECT_EQ(one, forward(" --samples 1 --seed 0"));
+  EXPECT_NE(one, forward(" --seed 1"));
+  for (size_t i = 0; i < one.size(); ++i) {
+    const auto x = static_cast<float>(i);
+    EXPECT_TRUE(one[i] == 0 || one[i] == 2 * x) << one[i];
+    EXPECT_NEAR(mean[i], x, 0.1F * x);  // four deviations
+  }
+  expect_failure(2, "net forward " + path("drop.prototxt") + " -o o --samples 0", "--samples");
+}
+
 TEST_F(NetCommand, ForwardSubtractsMeans) {
   const std::string forward =
       "net forward " + model() + " --input " + path("in.npy") + " -o " + path("out") + " --mean ";

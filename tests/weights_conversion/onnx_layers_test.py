@@ -51,6 +51,10 @@ LAYERS = {
     'size of an image': ((1, 2, 5, 6), 'Interp', 'interp_param { height: 9 width: 4 }', []),
     'repeated pixels': ((1, 2, 3, 4), 'Upsample', 'upsample_param { scale: 3 }', []),
     'relu6': ((2, 3, 4, 5), 'ReLU6', 'relu6_param { negative_slope: 0.1 }', []),
+    'mish': ((2, 3), 'Mish', '', []),
+    'dropout that scales': ((2, 3), 'Dropout', 'dropout_param { dropout_ratio: 0.75 scale_train: false }', []),
+    'hole': ((1, 2, 9, 9), 'Convolution', 'convolution_param { num_output: 2 kernel_size: 3 hole_h: 2 hole_w: 3 }',
+             [numbers(2, 2, 3, 3), numbers(2)]),
     'prelu of a vector': ((2, 3), 'PReLU', '', [numbers(3)]),
     'sum of squares': ((2, 3, 4), 'Reduction', 'reduction_param { operation: SUMSQ axis: 1 coeff: 0.5 }', []),
     'several largest': ((2, 6, 3), 'ArgMax', 'argmax_param { top_k: 3 axis: 1 }', []),
@@ -150,6 +154,11 @@ class Layers(ConversionTest):
         self.export(input_layer(4, 1, 60, 70) + layer('it', 'BatchNorm', parameters=parameters), {'it': [numbers(1)] * 3},
                     {'data': data})
 
+    def test_what_lies_beyond_the_end_does_not_matter(self):
+        beyond = layer('odd', 'Transpose', 'nowhere', parameters='transpose_param { dim: 1 }')
+        text = input_layer(2, 3) + layer('it', 'AbsVal') + beyond
+        self.export(text, {}, {'data': numbers(2, 3)}, '--end', 'it')
+
     def test_several_inputs(self):
         two = input_layer(3, 2, 6, 7) + input_layer(3).replace('"data"', '"marks"')
         data, marks = numbers(3, 2, 6, 7), np.array([1, 0, 1], np.float32)
@@ -164,6 +173,9 @@ class Layers(ConversionTest):
             'it', 'PriorBox', ['data', 'image'], parameters='prior_box_param { min_size: 10 max_size: 20 aspect_ratio: 2 }')
         given = {'data': numbers(1, 2, 3, 4), 'image': numbers(1, 3, 30, 40)}
         self.export(boxes, {}, given, '--fixed')
+        clustered = boxes.replace("PriorBox", "PriorBoxClustered").replace(
+            'min_size: 10 max_size: 20 aspect_ratio: 2', 'width: 3 height: 5')
+        self.export(clustered, {}, given, '--fixed')
 
     def test_pooling_at_every_size(self):
         """One net of many poolings, exported at one size, run at others."""

@@ -23,9 +23,12 @@ def _say(net):
             print(f'warning: {warning}', file=sys.stderr)
 
 
-def read_net(prototxt):
-    """The part of a prototxt of any age that inference runs, in the current format (a NetParameter)."""
-    net = revisit.proto.read_net(prototxt)
+def read_net(prototxt, keep_unread=False):
+    """The part of a prototxt of any age that inference runs, in the current format (a NetParameter).
+
+    keep_unread: what does not parse in a layer is left out, for whoever asks the engine about layers that are needed.
+    """
+    net = revisit.proto.read_net(prototxt, keep_unread=keep_unread)
     _say(net)
     try:
         return text_format.Parse(net.text(), caffe_pb2.NetParameter())
@@ -53,8 +56,7 @@ def _run(prototxt, weights, inputs, end, graft, keep_all):
     if weights:
         net = revisit.engine.Net.load(prototxt, weights, **options)
     else:
-        read = revisit.proto.read_net(prototxt)  # its bytes are weights without any
-        net = revisit.engine.Net.load_from_memory(read.text(), read.to_bytes(), **options)
+        net = revisit.engine.Net.load_without_weights(prototxt, **options)
     _say(net)
     run = net.plan(keep_all=keep_all, accuracy=revisit.engine.Accuracy.STRICT).run()
     run.forward({blob: np.ascontiguousarray(array, np.float32) for blob, array in inputs.items()})

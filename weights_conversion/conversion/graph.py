@@ -49,14 +49,11 @@ class Graph:
 
 
 def resolve(net):
-    """The graph of a NetParameter of the current format."""
+    """The graph of a NetParameter of the current format. An input that no layer writes is None."""
     graph, current = Graph(), {}
     for message in net.layer:
         layer = Layer(message.name, message.type, message)
-        for blob in message.bottom:
-            if blob not in current:
-                raise InputError(f"layer '{layer.name}': bottom '{blob}' is written by no layer before it")
-            layer.inputs.append(current[blob])
+        layer.inputs = [current.get(blob) for blob in message.bottom]
         for blob in message.top:
             current[blob] = len(graph.blobs)
             layer.outputs.append(len(graph.blobs))
@@ -104,3 +101,7 @@ def _keep_needed(graph, ends):
             needed.update(layer.inputs)
             kept.append(layer)
     graph.layers = kept[::-1]
+    for layer in graph.layers:
+        if None in layer.inputs:
+            blob = layer.message.bottom[layer.inputs.index(None)]
+            raise InputError(f"layer '{layer.name}': bottom '{blob}' is written by no layer before it")

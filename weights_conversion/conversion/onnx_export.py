@@ -25,7 +25,7 @@ def export(options, out):
     truncation = dict(end=options.end, graft=options.graft)
     with tempfile.TemporaryDirectory() as folder:
         prototxt = options.prototxt if options.end else before_detections(options.prototxt, folder)
-        graph = truncate(resolve(engine.read_net(prototxt)), options.end, options.graft)
+        graph = truncate(resolve(engine.read_net(prototxt, keep_unread=True)), options.end, options.graft)
         refuse_unknown(graph)
         blobs = weights.read(options.weights) if options.weights else {}
         inputs = examples.arrays(graph, options.input_shape, options.input)
@@ -60,7 +60,7 @@ def require_valid(model):
 
 def before_detections(prototxt, folder):
     """The prototxt, or one in `folder` that ends before the DetectionOutput layers, with their inputs as its outputs."""
-    net = engine.read_net(prototxt)
+    net = engine.read_net(prototxt, keep_unread=True)
     graph = resolve(net)
     cut = [layer for layer in graph.layers if layer.type == 'DetectionOutput' and not any(map(graph.readers, layer.outputs))
            and all(graph.readers(value) == [layer] for value in layer.inputs)]

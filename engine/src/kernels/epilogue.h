@@ -5,7 +5,18 @@ namespace revisit::engine {
 /// What is done to each output of a kernel while it is still in registers, after bias and addend.
 /// NaN stays NaN under every activation, as in Caffe.
 struct Epilogue {
-  enum class Activation { kNone, kRelu, kPrelu, kElu, kClip, kSigmoid, kSwish, kTanh, kBnll };
+  enum class Activation {
+    kNone,
+    kRelu,
+    kPrelu,
+    kElu,
+    kClip,
+    kSigmoid,
+    kSwish,
+    kTanh,
+    kBnll,
+    kMish
+  };
   Activation activation = Activation::kNone;
   float slope = 0;                // kRelu: factor of negative values; kElu: alpha; kSwish: beta
   float low = 0, high = 0;        // kClip; ReLU6 is 0..6

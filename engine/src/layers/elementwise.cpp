@@ -163,6 +163,16 @@ std::unique_ptr<Layer> make_log(const caffe::LayerParameter& param) {
       "log", [scale, shift, outer](float x) { return std::log(x * scale + shift) * outer; });
 }
 
+std::unique_ptr<Layer> make_mish(const caffe::LayerParameter&) {
+  return activation("mish",
+                    [](double x) {
+                      const double e = std::exp(-std::abs(x));
+                      const double n = x < 0 ? e * (e + 2) : 1 + 2 * e;
+                      return static_cast<float>(x * (n / (n + (x < 0 ? 2 : 2 * e * e))));
+                    },
+                    {.activation = Epilogue::Activation::kMish});
+}
+
 std::unique_ptr<Layer> make_power(const caffe::LayerParameter& param) {
   const caffe::PowerParameter& p = param.power_param();
   const float power = p.power(), scale = p.scale(), shift = neutral_if_zero(p.shift());

@@ -3,7 +3,7 @@
 namespace revisit::engine {
 namespace {
 
-/// Every output is the input itself: Split, and Dropout at inference.
+/// Every output is the input itself: Split, and Caffe's Dropout at inference.
 class Identity : public Layer {
  public:
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {

@@ -15,14 +15,14 @@ struct Size {
 // millions of sizes and of ratios, must not take the machine's memory.
 constexpr int kMostListed = 1000;
 constexpr size_t kMostBoxes = 10'000;
+constexpr float kLargest = 1e6F;  // [pixels]; also keeps NaN out
 
 /// SSD's reference boxes: around the centre of every cell of the first input, in fractions of the
 /// image, which is the second. Output `[1][2][cells * boxes * 4]`: the corners xmin, ymin, xmax,
 /// ymax, and then the variances that go with them.
 class PriorBox : public Layer {
  public:
-  explicit PriorBox(const caffe::PriorBoxParameter& param) : param_(param) {
-    check_sizes();
+  PriorBox(const caffe::PriorBoxParameter& param, bool clustered) : param_(param) {
     check_variances();
     const bool img_hw = param.has_img_h() || param.has_img_w();
     if (img_hw && param.has_img_size())
@@ -36,7 +36,12 @@ class PriorBox : public Layer {
     if (step_hw && !(param.step_h() > 0 && param.step_w() > 0))
       throw InputError("step_h and step_w must be given together and be above 0");
     if (param.has_step() && !(param.step() > 0)) throw InputError("step must be above 0");
-    boxes_ = boxes_of_a_cell();
+    if (clustered) {
+      boxes_ = given_boxes();
+    } else {
+      check_sizes();
+      boxes_ = boxes_of_a_cell();
+    }
   }
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
@@ -75,7 +80,31 @@ class PriorBox : public Layer {
       throw InputError("expected at most ", kMostListed, " ", what, ", found ", count);
   }
 
+  static void check_side(float side) {
+    if (!(side > 0 && side < kLargest))
+      throw InputError("width and height must be above 0, found ", side);
+  }
+
+  /// Of a PriorBoxClustered: each size as it stands.
+  std::vector<Size> given_boxes() const {
+    if (param_.min_size_size() + param_.max_size_size() + param_.aspect_ratio_size() > 0)
+      throw InputError("give width and height of the boxes, not min_size, max_size, aspect_ratio");
+    check_listed(param_.width_size(), "width");
+    if (param_.width_size() < 1 || param_.height_size() != param_.width_size())
+      throw InputError("expected as many height as width, at least one, found ",
+                       param_.height_size(), " and ", param_.width_size());
+    std::vector<Size> boxes;
+    for (int i = 0; i < param_.width_size(); ++i) {
+      check_side(param_.width(i));
+      check_side(param_.height(i));
+      boxes.push_back({param_.width(i), param_.height(i)});
+    }
+    return boxes;
+  }
+
   void check_sizes() const {
+    if (param_.width_size() + param_.height_size() > 0)
+      throw InputError("width and height are for the type PriorBoxClustered");
     if (param_.min_size_size() < 1) throw InputError("min_size must be given");
     const int n = param_.min_size_size();
     check_listed(n, "min_size");
@@ -83,12 +112,11 @@ class PriorBox : public Layer {
     if (param_.max_size_size() != 0 && param_.max_size_size() != n)
       throw InputError("expected one max_size for each of ", n, " min_size, or none, found ",
                        param_.max_size_size());
-    constexpr float kMost = 1e6F;  // [pixels]; also keeps NaN out
     for (int i = 0; i < n; ++i) {
-      if (!(param_.min_size(i) > 0 && param_.min_size(i) < kMost))
+      if (!(param_.min_size(i) > 0 && param_.min_size(i) < kLargest))
         throw InputError("min_size must be above 0, found ", param_.min_size(i));
       if (param_.max_size_size() > 0 &&
-          !(param_.max_size(i) > param_.min_size(i) && param_.max_size(i) < kMost))
+          !(param_.max_size(i) > param_.min_size(i) && param_.max_size(i) < kLargest))
         throw InputError("max_size ", param_.max_size(i), " must be larger than min_size ",
                          param_.min_size(i));
     }
@@ -176,7 +204,11 @@ class PriorBox : public Layer {
 }  // namespace
 
 std::unique_ptr<Layer> make_prior_box(const caffe::LayerParameter& param) {
-  return std::make_unique<PriorBox>(param.prior_box_param());
+  return std::make_unique<PriorBox>(param.prior_box_param(), false);
+}
+
+std::unique_ptr<Layer> make_prior_box_clustered(const caffe::LayerParameter& param) {
+  return std::make_unique<PriorBox>(param.prior_box_param(), true);
 }
 
 }  // namespace revisit::engine

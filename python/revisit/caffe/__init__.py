@@ -12,10 +12,10 @@ try:
 except ImportError as _error:
     raise ImportError('revisit.caffe needs the package protobuf: pip install protobuf') from _error
 
-from . import _caffe, io, net_spec, proto
+from . import _caffe, coord_map, io, net_spec, proto
 from ._blob import Blob
 from ._engine import layer_types as _layer_types
-from ._engine import set_threads
+from ._engine import set_allow_unknown, set_threads
 from ._fillers import set_random_seed
 from ._net import Net
 from ._scripts import Layer

@@ -1,4 +1,4 @@
-"""Runs a script that says `import caffe` as it is: python -m revisit.caffe SCRIPT [ARGUMENTS]."""
+"""Runs a script that says `import caffe` as it is: python -m revisit.caffe [--allow-unknown] SCRIPT [ARGUMENTS]."""
 
 import os
 import runpy
@@ -15,6 +15,7 @@ def _stand_in():
         'caffe._caffe': caffe._caffe,
         'caffe.io': caffe.io,
         'caffe.classifier': classifier,
+        'caffe.coord_map': caffe.coord_map,
         'caffe.detector': detector,
         'caffe.net_spec': caffe.net_spec,
         'caffe.proto': caffe.proto,
@@ -25,8 +26,11 @@ def _stand_in():
 
 def main():
     """The command line."""
+    if sys.argv[1:2] == ['--allow-unknown']:
+        del sys.argv[1]
+        caffe.set_allow_unknown(True)
     if len(sys.argv) < 2 or sys.argv[1].startswith('-'):
-        sys.exit('usage: python -m revisit.caffe SCRIPT [ARGUMENTS]')
+        sys.exit('usage: python -m revisit.caffe [--allow-unknown] SCRIPT [ARGUMENTS]')
     del sys.argv[0]
     sys.path[0] = os.path.dirname(os.path.realpath(sys.argv[0]))
     _stand_in()

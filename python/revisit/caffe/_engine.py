@@ -34,6 +34,15 @@ def set_threads(number):
     _threads = None if number is None else int(number)
 
 
+_allow_unknown = False
+
+
+def set_allow_unknown(allowed):
+    """Whether fields beside the parameters of layers may be unknown in prototxts read from now on; at first not."""
+    global _allow_unknown
+    _allow_unknown = bool(allowed)
+
+
 def _meets(state, rule):
     """Whether a NetState meets a NetStateRule: every condition that is set."""
     return (
@@ -64,9 +73,9 @@ def read_net(prototxt, phase, level, stages):
         revisit.InputError: a file that cannot be read or does not parse.
     """
     if phase == caffe_pb2.TEST and level == 0 and not stages:
-        file = proto.read_net(prototxt)
+        file = proto.read_net(prototxt, allow_unknown_fields=_allow_unknown)
         return caffe_pb2.NetParameter.FromString(file.to_bytes()), file.warnings
-    whole = proto.read_net(prototxt, keep_training=True)
+    whole = proto.read_net(prototxt, keep_training=True, allow_unknown_fields=_allow_unknown)
     net = caffe_pb2.NetParameter.FromString(whole.to_bytes())
     net.state.phase, net.state.level = phase, level
     net.state.stage.extend(stages)

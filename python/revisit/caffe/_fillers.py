@@ -10,9 +10,14 @@ _random = np.random.default_rng()
 
 
 def set_random_seed(seed):
-    """Makes the next random weights depend on `seed` only. They are not the original Caffe's."""
+    """Makes the next random weights, and passes of the next nets, depend on `seed` only. They are not the original Caffe's."""
     global _random
     _random = np.random.default_rng(seed)
+
+
+def pass_seed():
+    """Of what a net draws while it runs, in a Dropout with sample_weights_test."""
+    return int(_random.integers(2**63))
 
 
 def _fan(filler, shape):

@@ -6,7 +6,7 @@ pass over a net of these layers only, whose inputs are what the blobs hold that 
 
 from collections import OrderedDict
 
-from . import _engine
+from . import _engine, _fillers
 from ._structure import IN_PYTHON, computing
 from .proto import caffe_pb2
 
@@ -116,7 +116,9 @@ class Range:
                 self._passes.popitem(last=False)
             inputs = {blob: list(shapes[blob]) for blob in self.inputs}
             with _engine.named(self._prototxt):
-                plan = self._engine.plan(inputs, threads=threads, keep=list(self.written.values()))
+                plan = self._engine.plan(
+                    inputs, threads=threads, keep=list(self.written.values()), seed=_fillers.pass_seed()
+                )
             self._passes[key] = Pass(plan, self.written)
         self._passes.move_to_end(key)
         return self._passes[key]

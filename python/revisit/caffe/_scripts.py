@@ -7,6 +7,13 @@ from . import _fillers
 from ._blob import BlobVec
 
 
+class _Phase(int):
+    """caffe.TRAIN or caffe.TEST, whose text is its name, as in the fork of Faster R-CNN; in Caffe it is the number's."""
+
+    def __str__(self):
+        return 'TEST' if self else 'TRAIN'
+
+
 class Layer:
     """The base of layers written in Python.
 
@@ -15,13 +22,13 @@ class Layer:
 
     Attributes:
         param_str: the text that the prototxt has for the layer.
-        phase: caffe.TEST or caffe.TRAIN.
+        phase: caffe.TEST or caffe.TRAIN; str(phase) is 'TEST' or 'TRAIN'.
         blobs: weights that the layer may add; no file gives them.
     """
 
     def __init__(self, param):
         self.param_str = self.param_str_ = param.python_param.param_str
-        self.phase = param.phase
+        self.phase = _Phase(param.phase)
         self.blobs = BlobVec()
 
     def setup(self, bottom, top):

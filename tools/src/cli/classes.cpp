@@ -50,12 +50,12 @@ std::vector<std::string> classifying(const engine::Plan& plan, const std::filesy
   return names;
 }
 
-void print_best_classes(const std::string& name, const engine::View<const float>& output,
+void print_best_classes(const std::string& name, std::span<const float> output,
                         const std::vector<std::string>& labels) {
   Table table({"output", "picture", "value", "class", "label"});
-  const size_t pictures = output.values().size() / labels.size();
+  const size_t pictures = output.size() / labels.size();
   for (size_t picture = 0; picture < pictures; ++picture) {
-    const float* const values = output.data + picture * labels.size();
+    const float* const values = output.data() + picture * labels.size();
     std::vector<size_t> order(labels.size());
     std::iota(order.begin(), order.end(), size_t{0});
     const auto value = [values](size_t i) {

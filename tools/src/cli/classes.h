@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -16,7 +17,7 @@ std::vector<std::string> classifying(const engine::Plan& plan, const std::filesy
                                      size_t labels);
 
 /// Prints the five classes of each picture with the largest numbers of an output.
-void print_best_classes(const std::string& name, const engine::View<const float>& output,
+void print_best_classes(const std::string& name, std::span<const float> output,
                         const std::vector<std::string>& labels);
 
 }  // namespace revisit::cli

@@ -16,6 +16,7 @@ constexpr ProgramName kNames[] = {
     {"LoadOptions::allow_missing", "--allow-missing"},
     {"LoadOptions::inputs", "--input-shape"},
     {"LoopDetectorOptions::verify", "--verify"},
+    {"NetReadOptions::allow_unknown_fields", "--allow-unknown"},
     {"Net::layer_names", "'revisit net inspect'"},
     {"PlanOptions::max_run_bytes", "--max-run-mb"},
     {"ReductionOptions::memory_gb", "--memory"},

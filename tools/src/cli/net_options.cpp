@@ -116,7 +116,7 @@ void NetOptions::declare(Parser& parser) {
   parser.option("threads", "N", "threads of one forward pass (default 1)", &threads);
   parser.flag("allow-missing", "layers without weights become zeros instead of an error",
               &allow_missing);
-  parser.flag("allow-unknown", "unknown prototxt fields become warnings instead of errors",
+  parser.flag("allow-unknown", "unknown fields beside the parameters of layers become warnings",
               &allow_unknown);
   declare_accuracy(parser, &accuracy);
   declare_precision(parser, &precision);

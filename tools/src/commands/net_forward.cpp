@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <functional>
 #include <iostream>
 #include <numeric>
 #include <optional>
@@ -123,6 +124,33 @@ fs::path output_file(const fs::path& directory, std::string name, std::set<fs::p
   return file;
 }
 
+/// The outputs of the net, or of all layers, by name: their means over some passes.
+std::map<std::string, engine::Tensor> average(engine::Run& run,
+                                              const std::vector<std::string>& names, bool all,
+                                              int passes) {
+  std::map<std::string, engine::Tensor> means;
+  std::map<std::string, std::vector<double>> sums;
+  for (int pass = 0; pass < passes; ++pass) {
+    run.forward();
+    for (const std::string& name : names) {
+      const engine::View<const float> output = all ? run.layer_output(name) : run.output(name);
+      const auto values = output.values();
+      if (pass == 0) {
+        means[name].shape = output.shape;
+        sums[name].assign(values.begin(), values.end());
+        continue;
+      }
+      if (const engine::Shape& shape = means[name].shape; shape != output.shape)
+        throw UsageError("--samples: '", name, "' has ", shape, " numbers in one pass and ",
+                         output.shape, " in another: end the net before it (--end)");
+      std::ranges::transform(sums[name], values, sums[name].begin(), std::plus());
+    }
+  }
+  for (auto& [name, mean] : means)
+    for (const double sum : sums[name]) mean.values.push_back(static_cast<float>(sum / passes));
+  return means;
+}
+
 }  // namespace
 
 int net_forward_command(const Arguments& arguments) {
@@ -131,6 +159,8 @@ int net_forward_command(const Arguments& arguments) {
   std::vector<std::string> inputs, means;
   std::optional<fs::path> directory, label_file;
   bool all = false, reference = false, gray = false;
+  int samples = 1;
+  uint64_t seed = 0;
   Parser parser(
       "revisit net forward", "PROTOTXT [WEIGHTS] --input BLOB=FILE.npy... -o DIR",
       "Run a Caffe net on arrays or pictures: inputs take the shapes of arrays, pictures those of "
@@ -159,15 +189,23 @@ int net_forward_command(const Arguments& arguments) {
               "the input's channels are one picture, up to a constant each: the first convolution "
               "reads it once",
               &gray);
+  parser.option(
+      "samples", "N",
+      "run N times and average the outputs: of a net whose Dropout drops at inference, too "
+      "(sample_weights_test)",
+      &samples);
+  parser.option("seed", "N", "what it drops", &seed);
   parser.flag("reference", "use the slow reference kernels", &reference);
   pictures.declare(parser);
   parser.parse(arguments);
+  if (samples < 1) throw UsageError("--samples: expected at least 1, found ", samples);
   if (!directory && !label_file)
     throw UsageError("give the folder for the outputs: -o DIR, or --labels FILE");
   if (pictures.files.empty() && (parser.given("input-scale") || parser.given("channels")))
     throw UsageError("--input-scale and --channels are for --image");
   if (!(pictures.scale > 0))
     throw UsageError("--input-scale: expected a positive number, found ", pictures.scale);
+  if (label_file && all) throw UsageError("--labels: not with --all");
   std::vector<std::string> labels;
   if (label_file) labels = read_labels(*label_file);
 
@@ -186,6 +224,7 @@ int net_forward_command(const Arguments& arguments) {
   engine::PlanOptions plan = options.plan_options();
   plan.keep_all = all;
   plan.reference_kernels = reference;
+  plan.seed = seed;
   if (gray) {
     if (arrays.size() != 1) throw UsageError("--gray: expected one --input, the net's only one");
     auto& [blob, array] = *arrays.begin();
@@ -203,9 +242,6 @@ int net_forward_command(const Arguments& arguments) {
                        "=FILE.npy");
     std::copy(found->second.data.begin(), found->second.data.end(), run.input(port.name).data);
   }
-  run.forward();
-  for (const std::string& name : classified) print_best_classes(name, run.output(name), labels);
-  if (!directory) return kOk;
 
   std::vector<std::string> names;
   if (all) {
@@ -215,22 +251,25 @@ int net_forward_command(const Arguments& arguments) {
   } else {
     names = net.outputs();
   }
+  const std::map<std::string, engine::Tensor> outputs = average(run, names, all, samples);
+  for (const std::string& name : classified)
+    print_best_classes(name, outputs.at(name).values, labels);
+  if (!directory) return kOk;
   make_folder(*directory);
   std::set<fs::path> taken;
   Table table({"output", "shape", "min", "max", "mean", "file"});
   for (const std::string& name : names) {
-    const engine::View<const float> output = all ? run.layer_output(name) : run.output(name);
-    const auto values = output.values();
+    const auto& [shape, values] = outputs.at(name);
     const fs::path file = output_file(*directory, name, taken);
-    proto::write_npy(file, output.shape.axes(), output.data);
+    proto::write_npy(file, shape.axes(), values.data());
     if (values.empty()) {  // no row passed a filter
-      table.row({name, output.shape.text(), "", "", "", file.string()});
+      table.row({name, shape.text(), "", "", "", file.string()});
       continue;
     }
     const auto [least, most] = std::minmax_element(values.begin(), values.end());
     const double mean =
         std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-    table.row({name, output.shape.text(), str(*least), str(*most), str(mean), file.string()});
+    table.row({name, shape.text(), str(*least), str(*most), str(mean), file.string()});
   }
   table.print(std::cout);
   return kOk;

@@ -74,7 +74,8 @@ int net_upgrade_command(const Arguments& arguments) {
   parser.flag("force", "overwrite OUT", &force);
   parser.flag("inference", "of a prototxt, keep what inference runs", &inference);
   declare_input_shape(parser, &input_shapes);
-  parser.flag("allow-unknown", "unknown prototxt fields are dropped with a warning",
+  parser.flag("allow-unknown",
+              "unknown fields beside the parameters of layers are dropped with a warning",
               &read.allow_unknown_fields);
   limits.declare(parser);
   parser.parse(arguments);

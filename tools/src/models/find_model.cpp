@@ -110,6 +110,7 @@ FoundModel complete(const ModelRequest& request, FoundModel found, const KnownMo
   need_file(found.prototxt, "--model");
   const caffe::NetParameter net =
       proto::read_net(found.prototxt, {.allow_unknown_fields = true,
+                                       .keep_unread = true,
                                        .types_with_weights = engine::types_with_weights()})
           .net;
   found.name = known                ? known->name

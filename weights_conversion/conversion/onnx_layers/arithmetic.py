@@ -55,6 +55,17 @@ def _clip(g, site):
     return [g.node('Clip', site.x[0], g.constant(p.min), g.constant(p.max))]
 
 
+def _dropout(g, site):
+    p = site.message.dropout_param
+    if p.sample_weights_test:
+        site.refuse('it draws random numbers (sample_weights_test)')
+    return [site.x[0] if p.scale_train else g.affine(site.x[0], 1 - p.dropout_ratio)]
+
+
+def _mish(g, site):
+    return [g.node('Mul', site.x[0], g.node('Tanh', g.node('Softplus', site.x[0])))]
+
+
 def _swish(g, site):
     gate = g.node('Sigmoid', g.affine(site.x[0], site.message.swish_param.beta))
     return [g.node('Mul', site.x[0], gate)]
@@ -127,9 +138,9 @@ def _unary(op):
 
 
 EMIT = {
-    'AbsVal': _unary('Abs'), 'Axpy': _axpy, 'Bias': _bias, 'BNLL': _unary('Softplus'), 'Clip': _clip, 'Dropout': _same,
+    'AbsVal': _unary('Abs'), 'Axpy': _axpy, 'Bias': _bias, 'BNLL': _unary('Softplus'), 'Clip': _clip, 'Dropout': _dropout,
     'ELU': lambda g, site: [g.node('Elu', site.x[0], alpha=site.message.elu_param.alpha)],
-    'Eltwise': _eltwise, 'Exp': _exp, 'Log': _log, 'Power': _power, 'PReLU': _prelu, 'ReLU': _relu, 'ReLU6': _relu6,
+    'Eltwise': _eltwise, 'Exp': _exp, 'Log': _log, 'Mish': _mish, 'Power': _power, 'PReLU': _prelu, 'ReLU': _relu, 'ReLU6': _relu6,
     'Scale': _scale, 'Sigmoid': _unary('Sigmoid'), 'Silence': lambda g, site: [], 'Split': _same, 'Swish': _swish,
     'TanH': _unary('Tanh'), 'Threshold': _threshold,
 }

@@ -92,5 +92,7 @@ std::string nearest_name(std::string_view wanted, const std::vector<std::string>
 
 /// " (did you mean 'X'?)", or "" when no candidate is near.
 std::string did_you_mean(std::string_view wanted, const std::vector<std::string>& candidates);
+/// The same of a name that may be right elsewhere: for one that is wrong by a letter or two.
+std::string did_you_misspell(std::string_view wanted, const std::vector<std::string>& candidates);
 
 }  // namespace revisit

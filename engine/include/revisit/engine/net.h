@@ -39,7 +39,7 @@ struct LoadOptions {
   std::map<std::string, Shape> inputs;
   /// Layers without weights in the file become zeros instead of an error.
   bool allow_missing = false;
-  /// Unknown fields in the prototxt become warnings instead of errors.
+  /// Unknown fields beside the parameters of layers become warnings instead of errors.
   bool allow_unknown = false;
   /// What the files may ask for. A prototxt of a few lines can ask for any amount of weights: more
   /// than `limits.weight_bytes` in memory are refused, too, before they are allocated.
@@ -92,6 +92,9 @@ struct PlanOptions {
   /// Also with float32: the weights of inner products of up to 8 inputs in bfloat16, which halves
   /// the time where reading them takes most of it. They are in memory beside the file's.
   bool bf16_weights = false;
+  /// Of a Dropout that drops at inference, too (sample_weights_test): a run's passes differ, but
+  /// are the same for every run.
+  uint64_t seed = 0;
   /// The caller promises that all channels of the net's only image input are one picture, up to a
   /// constant: channel c is the picture plus gray_offsets[c]. The run's input then is the picture,
   /// of one channel, and the first convolution is that much cheaper.

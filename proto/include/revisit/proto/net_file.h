@@ -13,8 +13,11 @@
 namespace revisit::proto {
 
 struct NetReadOptions {
-  /// Unknown fields are errors with the nearest known name; true makes them warnings.
+  /// Unknown fields beside the parameters of layers are errors; true makes them warnings. Those
+  /// that are known to have no effect are warnings, those that may have one errors in any case.
   bool allow_unknown_fields = false;
+  /// What does not parse in a layer is left to the caller, who may not need the layer.
+  bool keep_unread = false;
   /// Keep what only training needs (layers of other phases, data layers, losses): the file as it
   /// is, merely upgraded. Otherwise the net is the one inference runs.
   bool keep_training = false;
@@ -27,14 +30,21 @@ struct NetReadOptions {
 /// A network description in the current form (V2): only `layer`, every input an Input layer, no
 /// `input*` fields and no V1 `layers`.
 struct NetFile {
+  /// A part of the text of a layer that `net` does not have, because it does not parse.
+  struct Unread {
+    int layer;        // its index in `net`
+    bool is_error;    // else a warning
+    InputError what;  // for whoever needs the layer
+  };
   caffe::NetParameter net;
+  std::vector<Unread> unread;         // with NetReadOptions::keep_unread
   std::vector<std::string> warnings;  // what the upgrade did, and what became of training layers
 };
 
 /// Reads a .prototxt of any generation, upgrades it in Caffe's order (docs/LAYERS.md point 7) and
 /// takes out what the TEST phase runs (inference_net.h). A solver file is followed to the one net
 /// it names, looked for beside the solver, then in the working folder. Throws InputError,
-/// `path:line: column: reason`, for text that does not parse or upgrade, has no layers, or exceeds
+/// `path:line:column: reason`, for text that does not parse or upgrade, has no layers, or exceeds
 /// a limit.
 NetFile read_net(const std::filesystem::path& prototxt, const NetReadOptions& options = {});
 

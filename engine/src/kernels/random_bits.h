@@ -1,0 +1,20 @@
+#pragma once
+
+#include <cstdint>
+
+namespace revisit::engine {
+
+/// splitmix64 (Steele, Lea, Flood 2014): the same numbers on every platform.
+constexpr uint64_t kSplitmixStep = 0x9E3779B97F4A7C15;
+constexpr uint64_t mixed_bits(uint64_t z) {
+  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9;
+  z = (z ^ (z >> 27)) * 0x94D049BB133111EB;
+  return z ^ (z >> 31);
+}
+
+/// Number `index` of the sequence that begins at `key`, in [0, 1).
+constexpr double unit_number(uint64_t key, uint64_t index) {
+  return static_cast<double>(mixed_bits(key + (index + 1) * kSplitmixStep) >> 11) * 0x1.0p-53;
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,87 @@
+#include "revisit/proto/forks.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <utility>
+
+namespace revisit::proto {
+namespace {
+
+/// Of a layer type, in lower case without underscores.
+using TypeOfFork = std::pair<std::string_view, std::string_view>;
+
+constexpr std::string_view kFasterRcnn = "Faster R-CNN (rbgirshick/caffe-fast-rcnn)";
+constexpr std::string_view kMscnn = "MS-CNN (zhaoweicai/mscnn)";
+constexpr std::string_view kOcr = "Caffe OCR (senlinuc/caffe_ocr)";
+constexpr std::string_view kDeepLab = "DeepLab (bitbucket.org/aquariusjay/deeplab-public-ver2)";
+constexpr std::string_view kRfcn = "R-FCN (daijifeng001/caffe-rfcn)";
+constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
+constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
+constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
+
+constexpr std::array<TypeOfFork, 50> kTypes = {{
+    {"annotateddata", kSsd},
+    {"boxgroupoutput", kMscnn},
+    {"boxoutput", kMscnn},
+    {"channelnorm", kFlowNet},
+    {"colormap", "FCN (fcn.berkeleyvision.org)"},
+    {"continuationindicator", "CRNN (yalecyu/crnn.caffe)"},
+    {"correlation", kFlowNet},
+    {"correlation1d", kFlowNet},
+    {"ctcdecoder", kOcr},
+    {"ctcgreedydecoder", kOcr},
+    {"customdata", kFlowNet},
+    {"deformableconvolution", "Deformable ConvNets (unsky/Deformable-ConvNets-caffe)"},
+    {"deformablepsroipooling", "Deformable ConvNets (unsky/Deformable-ConvNets-caffe)"},
+    {"densecrf", kDeepLab},
+    {"denseimagedata", "SegNet (alexgkendall/caffe-segnet)"},
+    {"detectionevaluate", kSsd},
+    {"domaintransform", kDeepLab},
+    {"downsample", kFlowNet},
+    {"evaldetection", "YOLO (yeahkun/caffe-yolo)"},
+    {"flowwarp", kFlowNet},
+    {"imagesegdata", kDeepLab},
+    {"l1loss", kFlowNet},
+    {"l2normalize", "NetVLAD and others"},
+    {"labelspecificaffine", "L-Softmax and others"},
+    {"lstmunit", "Caffe itself, inside of its LSTM"},
+    {"mean", kFlowNet},
+    {"molgriddata", "gnina (gnina/gnina)"},
+    {"multiboxloss", kSsd},
+    {"multistagemeanfield", "CRF-as-RNN (torrvision/crfasrnn)"},
+    {"noisylayer", "LightCNN (AlfredXiangWu/face_verification_experiment)"},
+    {"proposal", kFasterRcnn},
+    {"psroialign", kRfcn},
+    {"psroipooling", kRfcn},
+    {"regionloss", kYolo},
+    {"regionoutput", kYolo},
+    {"reorg", kYolo},
+    {"resample", kFlowNet},
+    {"reverse", kOcr},
+    {"roialign", "Mask R-CNN ports (jasjeetIM/Mask-RCNN)"},
+    {"segaccuracy", kDeepLab},
+    {"smoothl1loss", kFasterRcnn},
+    {"spatialtransformer", "ST-CNN (daerduoCarey/SpatialTransformerLayer)"},
+    {"st", "ST-CNN (daerduoCarey/SpatialTransformerLayer)"},
+    {"transpose", kOcr},
+    {"warpctc", kOcr},
+    {"yolodetectionoutput", kYolo},
+    {"yoloseg", kYolo},
+    {"yolov3", kYolo},
+    {"yolov3detectionoutput", kYolo},
+    {"yolov3loss", kYolo},
+}};
+
+}  // namespace
+
+std::string fork_that_has(std::string_view name) {
+  if (name.ends_with("_param")) name.remove_suffix(std::string_view("_param").size());
+  std::string key(name);
+  std::erase(key, '_');
+  std::ranges::transform(key, key.begin(), [](unsigned char c) { return std::tolower(c); });
+  const auto* const found = std::ranges::find(kTypes, key, &TypeOfFork::first);
+  return found == kTypes.end() ? "" : std::string(found->second);
+}
+
+}  // namespace revisit::proto
