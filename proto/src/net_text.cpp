@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "revisit/base/error.h"
+#include "revisit/proto/forks.h"
 #include "revisit/proto/limits.h"
 #include "silence.h"
 #include "text_parts.h"
@@ -120,7 +121,10 @@ class Complaint final : public google::protobuf::io::ErrorCollector {
     std::ranges::transform(upper, upper.begin(), [](char c) {
       return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
     });
-    return str("unknown value '", value, "' for ", field, did_you_mean(upper, enum_values(field)));
+    const std::string fork = field == "type" ? fork_that_has(value) : "";
+    return str("unknown value '", value, "' for ", field,
+               fork.empty() ? did_you_misspell(upper, enum_values(field))
+                            : str(" (it is of ", fork, ")"));
   }
 
   std::string_view part_;

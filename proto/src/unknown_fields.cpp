@@ -23,10 +23,11 @@ constexpr std::array kWithoutEffect = {
     "TransformationParameter",  "WindowDataParameter",
 };
 
-/// Fields of layers that forks have for training.
+/// Fields of layers and nets that forks have for training.
 constexpr std::array kOfTraining = {
-    "box_annotator_ohem_param", "detection_evaluate_param", "force_backward",
-    "mn_activation_param",      "mn_grad_compress_param",   "multinode",
+    "bn_stats_batch_size", "box_annotator_ohem_param", "detection_evaluate_param",
+    "force_backward",      "mn_activation_param",      "mn_grad_compress_param",
+    "multinode",
 };
 
 bool fills(std::string_view field) {
@@ -63,15 +64,14 @@ UnreadPart::Effect effect_of(std::string_view field, const Descriptor& message,
                              std::string_view reached_by) {
   using enum UnreadPart::Effect;
   if (fills(field) || fills(reached_by) || is_one_of(message.name(), kWithoutEffect)) return kNone;
+  if (is_one_of(field, kOfTraining)) return kNone;
   if (&message == caffe::NetParameter::descriptor()) return kOutside;
-  if (!is_layer(message)) return kUnknown;
-  const bool trains = field.ends_with("_data_param") || field.ends_with("_loss_param") ||
-                      is_one_of(field, kOfTraining);
-  return trains ? kNone : kOutside;
+  if (!is_layer(message) || field == "quantization_param") return kUnknown;
+  return field.ends_with("_data_param") || field.ends_with("_loss_param") ? kNone : kOutside;
 }
 
 bool chooses_engine(std::string_view field) {
-  return field == "engine";
+  return field == "engine" || field == "conv_algorithm";
 }
 
 }  // namespace revisit::proto

@@ -3,6 +3,7 @@
 #include <string_view>
 #include <unordered_set>
 
+#include "crop_offsets.h"
 #include "upgrade_v0.h"
 #include "upgrade_v1.h"
 
@@ -125,6 +126,7 @@ void upgrade(caffe::NetParameter& net, ShapelessInputs inputs, std::vector<std::
   upgrade_inputs(net, inputs, warnings);
   upgrade_batch_norm(net);
   upgrade_holes(net);
+  find_crop_offsets(net, warnings);
 }
 
 }  // namespace revisit::proto

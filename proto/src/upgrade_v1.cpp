@@ -7,6 +7,7 @@
 #include <sstream>
 #include <vector>
 
+#include "crop_offsets.h"
 #include "net_text.h"
 #include "revisit/base/error.h"
 #include "silence.h"
@@ -63,6 +64,7 @@ void upgrade_layer(const V1& v1, caffe::LayerParameter& v2) {
   const std::string type = v1.has_type() ? V1::LayerType_Name(v1.type()) : marked;
   const std::string known = type_of_v1(type);
   if (!type.empty()) v2.set_type(known.empty() ? marked : known);
+  if (known == "Crop" && !v1.has_crop_param()) v2.set_type(kAligningCrop);
   copy_marks(v1, v2);
   *v2.mutable_bottom() = v1.bottom();
   *v2.mutable_top() = v1.top();

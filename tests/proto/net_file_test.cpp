@@ -112,10 +112,11 @@ TEST(NetFile, WhatDoesNotParseInALayerCanBeLeftToTheCaller) {
 
 TEST(NetFile, OldLayersOfForksHaveTheirTypes) {
   const NetFile file = parse_net(
-      "layers { name: 'i' type: INTERP interp_param { height: 5 } } layers { type: CROP }", "net");
+      "layers { name: 'i' type: INTERP interp_param { height: 5 } } layers { type: UPSAMPLE }",
+      "net");
   EXPECT_EQ(file.net.layer(0).type(), "Interp");
   EXPECT_EQ(file.net.layer(0).interp_param().height(), 5);
-  EXPECT_EQ(file.net.layer(1).type(), "Crop");
+  EXPECT_EQ(file.net.layer(1).type(), "Upsample");
 }
 
 TEST(NetFile, ColumnsCountBytesNotTabStops) {

@@ -175,6 +175,66 @@ std::string camel_case(const std::string& enumeration) {
   return name;
 }
 
+/// FCN-8s, pads of 100 and five poolings deep: the offsets that its authors give for Caffe's Crop.
+TEST(UpgradeV1, CropsOfFcnFindTheirOffsets) {
+  std::string text = "input: 'data' input_dim: [1, 3, 500, 500]\n", last = "data";
+  const auto add = [&](const std::string& type, const std::string& name, const std::string& bottoms,
+                       const std::string& param = "") {
+    text += str("layers { name: '", name, "' type: ", type, " ", bottoms, " top: '", name, "' ",
+                param, " }\n");
+    last = name;
+  };
+  const auto one = [](const std::string& bottom) { return "bottom: '" + bottom + "'"; };
+  const auto two = [&](const std::string& a, const std::string& b) {
+    return one(a) + " " + one(b);
+  };
+  const auto window = [](const char* kind, int kernel, int stride, int pad) {
+    return str(kind, "_param { kernel_size: ", kernel, " stride: ", stride, " pad: ", pad, " }");
+  };
+  for (int i = 1; i <= 5; ++i) {
+    add("CONVOLUTION", str("conv", i), one(last), window("convolution", 3, 1, i == 1 ? 100 : 1));
+    add("POOLING", str("pool", i), one(last), window("pooling", 2, 2, 0));
+  }
+  add("CONVOLUTION", "fc6", one("pool5"), window("convolution", 7, 1, 0));
+  add("DECONVOLUTION", "up2", one("fc6"), window("convolution", 4, 2, 0));
+  add("CROP", "crop4", two("pool4", "up2"));
+  add("ELTWISE", "sum4", two("up2", "crop4"));
+  add("DECONVOLUTION", "up4", one("sum4"), window("convolution", 4, 2, 0));
+  add("CROP", "crop3", two("pool3", "up4"));
+  add("ELTWISE", "sum3", two("up4", "crop3"));
+  add("DECONVOLUTION", "up8", one("sum3"), window("convolution", 16, 8, 0));
+  add("CROP", "score", two("up8", "data"));
+  std::vector<int> offsets;
+  for (const caffe::LayerParameter& layer : parse_net(text, "net").net.layer())
+    if (layer.type() == "Crop")
+      for (const uint32_t offset : layer.crop_param().offset()) offsets.push_back(offset);
+  EXPECT_EQ(offsets, (std::vector<int>{5, 5, 9, 9, 31, 31}));
+}
+
+TEST(UpgradeV1, CropsThatCannotBeAlignedAreLeft) {
+  const std::string net =
+      "input: 'data' input_dim: [1, 3, 8, 8] layers { name: 'p' type: POOLING bottom: 'data' top: "
+      "'p' pooling_param { kernel_size: 2 stride: 2 } }";
+  const auto type = [&](const std::string& layer) {
+    return parse_net(net + layer, "net").net.layer(2).type();
+  };
+  EXPECT_EQ(type("layers { type: CROP bottom: 'p' bottom: 'data' }"), "CROP");
+  EXPECT_EQ(type("layers { type: CROP bottom: 'p' bottom: 'nowhere' }"), "CROP");
+  EXPECT_EQ(type("layers { type: CROP bottom: 'data' bottom: 'data' }"), "Crop");
+}
+
+TEST(Upgrade, CropsWithoutOffsetMayBeOfFcn) {
+  const NetFile file = expect_upgrade(
+      "layer { name: 'data' type: 'Input' top: 'data' } layer { name: 'c' type: 'Convolution' "
+      "bottom: 'data' top: 'c' convolution_param { kernel_size: 3 pad: 35 } } layer { name: 'up' "
+      "type: 'Crop' bottom: 'c' bottom: 'data' top: 'up' }",
+      "layer { name: 'data' type: 'Input' top: 'data' } layer { name: 'c' type: 'Convolution' "
+      "bottom: 'data' top: 'c' convolution_param { kernel_size: 3 pad: 35 } } layer { name: 'up' "
+      "type: 'Crop' bottom: 'c' bottom: 'data' top: 'up' }");
+  ASSERT_EQ(file.warnings.size(), 1U);
+  EXPECT_NE(file.warnings[0].find("{ offset: 34 offset: 34 }"), std::string::npos);
+}
+
 TEST(UpgradeV1, EveryTypeHasItsName) {
   const std::map<std::string, std::string> irregular = {{"NONE", ""},
                                                         {"ABSVAL", "AbsVal"},

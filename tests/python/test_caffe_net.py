@@ -527,7 +527,7 @@ class Refused(Scripts):
 
     def test_unknown_fields(self):
         beside = CHAIN.replace('top: "plus"', 'top: "plus" odd_param { }')
-        with self.assertRaisesRegex(revisit.InputError, "layer 'plus' .*odd_param"):
+        with self.assertRaisesRegex(revisit.InputError, r"layer 'plus' .*odd_param.*caffe.set_allow_unknown\(True\)"):
             self.net(beside)
         caffe.set_allow_unknown(True)
         self.addCleanup(caffe.set_allow_unknown, False)

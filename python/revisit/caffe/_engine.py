@@ -62,6 +62,14 @@ def _included(state, layer):
     return not any(_meets(state, rule) for rule in layer.exclude)
 
 
+def _read(prototxt, **options):
+    try:
+        return proto.read_net(prototxt, allow_unknown_fields=_allow_unknown, **options)
+    except InputError as error:
+        words = str(error).replace('NetReadOptions::allow_unknown_fields', 'caffe.set_allow_unknown(True)')
+        raise InputError(words) from None
+
+
 def read_net(prototxt, phase, level, stages):
     """What runs of a prototxt: a NetParameter in the current form, and warnings.
 
@@ -73,9 +81,9 @@ def read_net(prototxt, phase, level, stages):
         revisit.InputError: a file that cannot be read or does not parse.
     """
     if phase == caffe_pb2.TEST and level == 0 and not stages:
-        file = proto.read_net(prototxt, allow_unknown_fields=_allow_unknown)
+        file = _read(prototxt)
         return caffe_pb2.NetParameter.FromString(file.to_bytes()), file.warnings
-    whole = proto.read_net(prototxt, keep_training=True, allow_unknown_fields=_allow_unknown)
+    whole = _read(prototxt, keep_training=True)
     net = caffe_pb2.NetParameter.FromString(whole.to_bytes())
     net.state.phase, net.state.level = phase, level
     net.state.stage.extend(stages)
