@@ -122,9 +122,9 @@ class Complaint final : public google::protobuf::io::ErrorCollector {
       return c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
     });
     const std::string fork = field == "type" ? fork_that_has(value) : "";
-    return str("unknown value '", value, "' for ", field,
-               fork.empty() ? did_you_misspell(upper, enum_values(field))
-                            : str(" (it is of ", fork, ")"));
+    return str(
+        "unknown value '", value, "' for ", field,
+        fork.empty() ? did_you_misspell(upper, enum_values(field)) : str(" (it is of ", fork, ")"));
   }
 
   std::string_view part_;
