@@ -29,8 +29,9 @@ std::string nearest_within(size_t most, std::string_view wanted,
   std::string best;
   size_t best_distance = most + 1;
   for (const std::string& candidate : candidates) {
-    const auto [shorter, longer] = std::minmax(wanted.size(), candidate.size());
-    if (candidate.size() > kLongestName || longer - shorter >= best_distance) continue;
+    if (candidate.size() > kLongestName || candidate.size() >= wanted.size() + best_distance ||
+        wanted.size() >= candidate.size() + best_distance)
+      continue;
     const size_t distance = edit_distance(wanted, candidate);
     if (distance < best_distance) {
       best_distance = distance;
