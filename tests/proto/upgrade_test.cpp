@@ -204,8 +204,9 @@ TEST(UpgradeV1, CropsOfFcnFindTheirOffsets) {
   add("ELTWISE", "sum3", two("up4", "crop3"));
   add("DECONVOLUTION", "up8", one("sum3"), window("convolution", 16, 8, 0));
   add("CROP", "score", two("up8", "data"));
+  const NetFile file = parse_net(text, "net");
   std::vector<int> offsets;
-  for (const caffe::LayerParameter& layer : parse_net(text, "net").net.layer())
+  for (const caffe::LayerParameter& layer : file.net.layer())
     if (layer.type() == "Crop")
       for (const uint32_t offset : layer.crop_param().offset()) offsets.push_back(offset);
   EXPECT_EQ(offsets, (std::vector<int>{5, 5, 9, 9, 31, 31}));
