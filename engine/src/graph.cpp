@@ -2,11 +2,29 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
+
+#include "layers/layers.h"
 
 namespace revisit::engine {
 namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
+
+/// Whether Caffe has the tops in the memory of the first bottom: they are what it is, also after a
+/// later layer has worked in place on any of them.
+bool shares_memory(const caffe::LayerParameter& layer) {
+  const std::string& type = layer.type();
+  if (type == "Concat") return layer.bottom_size() == 1;
+  if (type == "Slice") return layer.top_size() == 1;
+  if (type == "Permute") {
+    const auto& order = layer.permute_param().order();
+    for (int i = 0; i < order.size(); ++i)
+      if (order[i] != static_cast<uint32_t>(i)) return false;
+    return true;
+  }
+  return type == "Split" || type == "Flatten" || type == "Reshape";
+}
 
 /// Resolves blob names to values while nodes are added in order.
 class Builder {
@@ -14,48 +32,94 @@ class Builder {
   explicit Builder(Graph& graph) : graph_(graph) {}
 
   void add(const caffe::LayerParameter& layer) {
-    Node node{layer.name(), layer, {}, {}};
-    node.index = static_cast<int>(graph_.nodes.size());
-    node.param.clear_blobs();
+    Node node{layer.name(), layer, {}, {}, names_.insert(layer.name()).second};
+    node.index = layers_++;
     for (const std::string& bottom : layer.bottom()) {
       node.inputs.push_back(consume(bottom));
       if (node.inputs.back() < 0) node.dangling = bottom;
     }
+    const bool shares = shares_memory(layer) && !node.inputs.empty() && node.inputs[0] >= 0;
     for (int i = 0; i < layer.top_size(); ++i) {
       const std::string& top = layer.top(i);
       const bool in_place = i < layer.bottom_size() && layer.bottom(i) == top;
       node.in_place |= in_place;
       if (!in_place && current_.count(top)) node.overwritten = top;
-      node.outputs.push_back(produce(top));
+      const ValueId id = produce(top);
+      node.outputs.push_back(id);
+      if (in_place && node.inputs[i] >= 0) {
+        graph_.values[id].memory = graph_.values[node.inputs[i]].memory;
+        latest_[graph_.values[id].memory] = {id, layer.name()};
+      } else if (shares) {
+        graph_.values[id].memory = graph_.values[node.inputs[0]].memory;
+        content_[id] = content_[node.inputs[0]];
+      }
     }
     graph_.nodes.push_back(std::move(node));
   }
 
   /// The values nobody consumed are the outputs of the net.
   void finish() {
+    for (auto& [blob, id] : current_)
+      if (!consumed_[id]) id = up_to_date(id);
     for (ValueId id = 0; id < static_cast<ValueId>(graph_.values.size()); ++id)
       if (!consumed_[id]) graph_.outputs.push_back({graph_.values[id].blob, id});
   }
 
  private:
+  /// A value that a layer in place wrote, and the name of the layer.
+  struct Written {
+    ValueId value;
+    std::string layer;
+  };
+
   ValueId consume(const std::string& bottom) {
     const auto found = current_.find(bottom);
     if (found == current_.end()) return -1;
+    found->second = up_to_date(found->second);
     consumed_[found->second] = true;
     return found->second;
   }
 
   ValueId produce(const std::string& top) {
-    const auto id = static_cast<ValueId>(graph_.values.size());
-    graph_.values.push_back({top});
-    consumed_.push_back(false);
+    const ValueId id = add_value(top);
     current_[top] = id;
     return id;
   }
 
+  ValueId add_value(const std::string& blob) {
+    const auto id = static_cast<ValueId>(graph_.values.size());
+    graph_.values.push_back({blob, id});
+    consumed_.push_back(false);
+    content_.push_back(id);
+    return id;
+  }
+
+  /// The present value of a blob whose value was `id`: where a layer has worked in place on another
+  /// blob in the memory since, what that wrote, in the shape of `id`.
+  ValueId up_to_date(ValueId id) {
+    const Value value = graph_.values[id];
+    const auto written = latest_.find(value.memory);
+    if (written == latest_.end() || content_[id] == content_[written->second.value]) return id;
+    const auto& [source, layer] = written->second;
+    Node node{value.blob + " after " + layer, {}, {source, id}, {add_value(value.blob)}};
+    const ValueId result = node.outputs[0];
+    node.param.set_type("Split");
+    node.layer = make_reshaped_like(node.param);
+    graph_.nodes.push_back(std::move(node));
+    graph_.values[result].memory = value.memory;
+    content_[result] = source;
+    consumed_[result] = consumed_[id];
+    consumed_[id] = true;
+    return result;
+  }
+
   Graph& graph_;
   std::map<std::string, ValueId> current_;  // the value a blob name means now
+  std::set<std::string> names_;             // of layers
+  int layers_ = 0;                          // of the file
   std::vector<bool> consumed_;
+  std::vector<ValueId> content_;       // of each value: the one whose numbers it has
+  std::map<ValueId, Written> latest_;  // of a memory that a layer in place has written
 };
 
 void check_names(const Graph& whole, const Node& node) {
@@ -64,8 +128,9 @@ void check_names(const Graph& whole, const Node& node) {
                      "' is already written by another layer and is not its own bottom");
   if (node.dangling.empty()) return;
   std::vector<std::string> known;
-  for (int i = 0; i < node.index; ++i)
-    known.insert(known.end(), whole.nodes[i].param.top().begin(), whole.nodes[i].param.top().end());
+  for (const Node& before : whole.nodes)
+    if (before.index < node.index)
+      known.insert(known.end(), before.param.top().begin(), before.param.top().end());
   throw InputError("layer '", node.name, "': bottom '", node.dangling,
                    "' is written by no layer before it", did_you_mean(node.dangling, known));
 }
@@ -80,38 +145,59 @@ const Node& find_layer(const Graph& graph, const std::string& name, CppName opti
                    did_you_mean(name, others), "; ", CppName{"Net::layer_names"}, " lists them");
 }
 
-/// Output of the ReLU of `value` that works in place or is its only reader; else `value` itself.
-ValueId after_relu(Graph& graph, const Truncation& truncation, ValueId value) {
-  const Node* relu = nullptr;
-  int n_readers = 0;
-  for (const Node& node : graph.nodes) {
-    if (std::ranges::find(node.inputs, value) == node.inputs.end()) continue;
-    ++n_readers;
-    if (node.param.type() == "ReLU" && (!relu || node.in_place)) relu = &node;
-  }
-  if (!relu) return value;
-  if (relu->in_place || n_readers == 1) return relu->outputs.at(0);
-  graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
-                               "' before the ReLU '", relu->name,
-                               "', because other layers read it, too; end the net at '", relu->name,
-                               "' to graft after it"));
-  return value;
+/// What `node` makes of `value` in place; nothing when it does not work in place on it.
+std::optional<ValueId> in_place_of(const Graph& graph, const Node& node, ValueId value) {
+  for (size_t i = 0; node.in_place && i < std::min(node.inputs.size(), node.outputs.size()); ++i)
+    if (node.inputs[i] == value && graph.values[node.outputs[i]].blob == graph.values[value].blob)
+      return node.outputs[i];
+  return std::nullopt;
 }
 
-/// Appends a copy of layer `graft` (parameters only) after `end` and its ReLU.
+/// What becomes of `value` by layers in place, and by the normalisation and the ReLU that are alone
+/// to read it.
+ValueId after_its_block(Graph& graph, const Truncation& truncation, ValueId value) {
+  bool activated = false;
+  for (const Node* next = nullptr;; activated |= next->param.type() == "ReLU") {
+    std::optional<ValueId> in_place;
+    int n_readers = 0;
+    next = nullptr;
+    for (const Node& node : graph.nodes) {
+      if (std::ranges::find(node.inputs, value) == node.inputs.end()) continue;
+      ++n_readers;
+      const std::string& type = node.param.type();
+      const bool is_of_block = type == "ReLU" || type == "BatchNorm" || type == "Scale";
+      if ((in_place = in_place_of(graph, node, value))) {
+        next = &node;
+        break;
+      }
+      if (is_of_block && !activated && node.inputs.size() == 1) next = &node;
+    }
+    if (!next) return value;
+    if (!in_place && n_readers > 1) {
+      graph.warnings.push_back(str("'", truncation.name(), "' is grafted onto '", truncation.end,
+                                   "' before the ", next->param.type(), " '", next->name,
+                                   "', because other layers read it, too; end the net at '",
+                                   next->name, "' to graft after it"));
+      return value;
+    }
+    value = in_place.value_or(next->outputs.at(0));
+  }
+}
+
+/// Appends a copy of layer `graft` (parameters only) after `end` and the layers of its block.
 Graph::Output append_graft(Graph& graph, const Truncation& truncation, ValueId value) {
   const Node& source = find_layer(graph, truncation.graft, kGraft);
   if (source.inputs.size() != 1 || source.outputs.size() != 1)
     throw UsageError(kGraft, ": layer '", truncation.graft,
                      "' must have one input and one output to be grafted");
-  value = after_relu(graph, truncation, value);
+  value = after_its_block(graph, truncation, value);
   Node node = source;
   node.name = truncation.name();
   node.in_place = false;
   node.dangling = node.overwritten = "";
   node.inputs = {value};
   node.outputs = {static_cast<ValueId>(graph.values.size())};
-  graph.values.push_back({node.name});
+  graph.values.push_back({node.name, node.outputs[0]});
   graph.nodes.push_back(std::move(node));
   return {truncation.name(), graph.nodes.back().outputs[0]};
 }

@@ -15,15 +15,18 @@ using ValueId = int;
 /// A tensor written once (SSA): an in-place ReLU makes a new value under the same blob name.
 struct Value {
   std::string blob;
+  ValueId memory = -1;  // the value that was the first in the memory that Caffe has this one in
 };
 
 /// A layer of the file.
 struct Node {
   std::string name;
-  caffe::LayerParameter param;  // without blobs
+  caffe::LayerParameter param;  // once the net is loaded without blobs
   std::vector<ValueId> inputs, outputs;
+  bool is_first_of_name =
+      false;              // of the layers of the whole net: the one that a weights file means
   bool in_place = false;  // in the file: an output has the blob name of the input at its position
-  int index = 0;          // of the layer in the file
+  int index = -1;         // of the layer in the file; -1: it has no such layer
   // Names that mean nothing, of which nobody needs to know who does not need the layer:
   std::string dangling = {};     // an input, of id -1, that no layer before it writes
   std::string overwritten = {};  // an output that another layer has written

@@ -10,6 +10,10 @@ std::vector<Shape> OneToOneLayer::infer(const std::vector<Shape>& inputs, size_t
   return {output_shape(inputs[0])};
 }
 
+bool is_for_training(const caffe::LayerParameter& param) {
+  return param.has_phase() && param.phase() == caffe::TRAIN;
+}
+
 void expect_count(size_t found, size_t expected, const char* what) {
   if (found != expected) throw InputError("expected ", expected, " ", what, ", found ", found);
 }

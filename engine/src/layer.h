@@ -163,6 +163,9 @@ class Layer {
   virtual Kernel bind(const Binding& binding) const = 0;
 };
 
+/// Whether the file says `phase: TRAIN` on the layer itself, which Caffe then runs as in training.
+bool is_for_training(const caffe::LayerParameter& param);
+
 /// A layer with one input and one output.
 class OneToOneLayer : public Layer {
  public:

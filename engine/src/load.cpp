@@ -14,11 +14,19 @@ namespace {
 namespace fs = std::filesystem;
 
 /// What the original refuses for layers of any type, or leaves undefined.
-void check_in_place(const Node& node) {
-  if (node.in_place && !node.layer->allows_in_place())
+void check_in_place(const Graph& graph, const Node& node) {
+  if (!node.in_place) return;
+  if (!node.layer->allows_in_place())
     throw InputError(
         "this type of layer cannot work in place: its bottom and its top have the same name; give "
         "the top a name of its own");
+  for (const ValueId output : node.outputs)
+    if (std::ranges::count_if(node.inputs, [&](ValueId input) {
+          return graph.values[input].memory == graph.values[output].memory;
+        }) > 1)
+      throw InputError("works in place on '", graph.values[output].blob,
+                       "', and another of its bottoms shares the memory; give the top a name of "
+                       "its own");
 }
 
 void check_param_count(const Node& node) {
@@ -54,7 +62,8 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   net->warnings = std::move(file.warnings);
   try {
     const Graph whole = parse(file.net);
-    for (const Node& node : whole.nodes) net->layer_names.push_back(node.name);
+    for (const Node& node : whole.nodes)
+      if (!node.layer) net->layer_names.push_back(node.name);  // else the file has no such layer
     net->sharing = find_sharing(whole);
     net->graph = prune(whole, options.truncation);
     for (const std::string& warning : net->graph.warnings)
@@ -77,8 +86,8 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
       net->warnings.emplace_back(part->second->what.what());
     }
     try {
-      node.layer = make_layer(node.param);
-      if (node.layer) check_in_place(node);
+      if (!node.layer) node.layer = make_layer(node.param);
+      if (node.layer) check_in_place(net->graph, node);
     } catch (const Error&) {
       rethrow_at(net->file, node);
     }

@@ -1,10 +1,12 @@
 #include "load_weights.h"
 
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <span>
 
 #include "revisit/base/joined.h"
+#include "revisit/proto/net_file.h"
 
 namespace revisit::engine {
 namespace {
@@ -44,11 +46,34 @@ class Loader {
     for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
       const Node& node = net.graph.nodes[i];
       for (const Tensor& weight : node.weights) weights_[i].push_back({weight.shape, {}});
-      by_name_.try_emplace(node.name, i);  // of layers that share a name, the first has the weights
-      for (size_t b = 0; b < node.weights.size(); ++b) {
-        const auto group = net.sharing.find({node.name, b});
-        if (group != net.sharing.end()) members_[group->second].push_back({i, b});
-      }
+      if (node.is_first_of_name) by_name_.emplace(node.name, i);
+      for (size_t b = 0; b < node.weights.size(); ++b)
+        if (const std::string group = parameter_of(node, b); !group.empty())
+          members_[group].push_back({i, b});
+    }
+  }
+
+  /// What the layers of the prototxt itself have. A shared blob has what its first layer says.
+  void take_own() {
+    caffe::NetParameter own;
+    std::vector<size_t> nodes;
+    for (size_t i = net_.graph.nodes.size(); i-- > 0;) {
+      const Node& node = net_.graph.nodes[i];
+      if (node.param.blobs_size() == 0) continue;
+      caffe::LayerParameter& layer = *own.add_layer();
+      layer.set_name(node.name);
+      *layer.mutable_blobs() = node.param.blobs();
+      nodes.push_back(i);
+    }
+    if (nodes.empty()) return;
+    const std::string bytes = proto::net_bytes(own);
+    const auto file = proto::WeightsFile::open(FileCursor(bytes, net_.file));
+    for (size_t i = 0; i < nodes.size(); ++i) {
+      std::vector<proto::Blob> blobs = file->read(i);
+      const Node& node = net_.graph.nodes[nodes[i]];
+      check(net_.file, nodes[i], blobs);
+      for (size_t b = 0; b < blobs.size(); ++b)
+        fill(parameter_of(node, b), Place{nodes[i], b}, node.name, b, std::move(blobs[b].data));
     }
   }
 
@@ -71,8 +96,11 @@ class Loader {
       std::vector<Tensor>& weights = weights_[i];
       for (size_t b = 0; b < weights.size(); ++b) {
         if (filled_.count({i, b})) continue;
-        if (missing.empty() || missing.back() != net_.graph.nodes[i].name)
-          missing.push_back(net_.graph.nodes[i].name);
+        const Node& node = net_.graph.nodes[i];
+        const std::string name = node.is_first_of_name
+                                     ? node.name
+                                     : node.name + " (another layer of this name has them)";
+        if (missing.empty() || missing.back() != name) missing.push_back(name);
         if (allow_missing)
           weights[b].values.assign(static_cast<size_t>(weights[b].shape.elements()), 0.0F);
       }
@@ -104,33 +132,42 @@ class Loader {
 
   void take(const std::string& layer, std::vector<proto::Blob> blobs) {
     const auto own = by_name_.find(layer);
-    if (own != by_name_.end()) check(own->second, blobs);
+    if (own != by_name_.end()) check(path_, own->second, blobs);
     for (size_t b = 0; b < blobs.size(); ++b) {
       if (blobs[b].absent) continue;
       const auto group = net_.sharing.find({layer, b});
-      if (group != net_.sharing.end()) {
-        const auto members = members_.find(group->second);
-        if (members != members_.end())
-          for (const Place& place : members->second) put(place, layer, b, blobs[b].data);
-      } else if (own != by_name_.end()) {
-        put({own->second, b}, layer, b, std::move(blobs[b].data));
-      }
+      std::optional<Place> place;
+      if (own != by_name_.end()) place = {own->second, b};
+      fill(group == net_.sharing.end() ? "" : group->second, place, layer, b,
+           std::move(blobs[b].data));
     }
   }
 
-  void check(size_t node, const std::vector<proto::Blob>& blobs) const {
+  /// Gives the values to all that share the parameter `group`; without a group to `own`, if any.
+  void fill(const std::string& group, const std::optional<Place>& own, const std::string& layer,
+            size_t blob, std::vector<float> values) {
+    if (!group.empty()) {
+      const auto members = members_.find(group);
+      if (members == members_.end()) return;
+      for (const Place& place : members->second) put(place, layer, blob, values);
+    } else if (own) {
+      put(*own, layer, blob, std::move(values));
+    }
+  }
+
+  void check(const std::string& file, size_t node, const std::vector<proto::Blob>& blobs) const {
     const std::vector<Tensor>& weights = weights_[node];
     // A file may leave blobs out that it has under another layer, which shares them.
     size_t n_expected = weights.size();
     while (n_expected > blobs.size() &&
-           net_.sharing.contains({net_.graph.nodes[node].name, n_expected - 1}))
+           !parameter_of(net_.graph.nodes[node], n_expected - 1).empty())
       --n_expected;
     if (blobs.size() != n_expected)
-      throw InputError(place_text(node), ": expected ", weights.size(), " blobs, found ",
+      throw InputError(place_text(file, node), ": expected ", weights.size(), " blobs, found ",
                        blobs.size(), "; these weights belong to another network");
     for (size_t b = 0; b < blobs.size(); ++b)
       if (!blobs[b].absent && !shape_fits(blobs[b], weights[b].shape))
-        throw InputError(place_text(node), " blob ", b, ": expected shape ", weights[b].shape,
+        throw InputError(place_text(file, node), " blob ", b, ": expected shape ", weights[b].shape,
                          ", found ", text_of(blobs[b].shape),
                          "; these weights belong to another network");
   }
@@ -138,16 +175,16 @@ class Loader {
   void put(const Place& place, const std::string& layer, size_t blob, std::vector<float> values) {
     Tensor& weight = weights_[place.node][place.blob];
     if (values.size() != static_cast<size_t>(weight.shape.elements()))
-      throw InputError(place_text(place.node), " blob ", place.blob, ": shares blob ", blob,
+      throw InputError(place_text(path_, place.node), " blob ", place.blob, ": shares blob ", blob,
                        " of layer '", layer, "', which has ", values.size(), " values instead of ",
                        weight.shape.elements());
     weight.values = std::move(values);
     filled_.insert(place);
   }
 
-  std::string place_text(size_t node) const {
+  std::string place_text(const std::string& file, size_t node) const {
     const Node& n = net_.graph.nodes[node];
-    return str(path_, ": layer '", n.name, "' (", n.param.type(), ")");
+    return str(file, ": layer '", n.name, "' (", n.param.type(), ")");
   }
 
   const Net::Impl& net_;
@@ -162,11 +199,17 @@ class Loader {
 
 }  // namespace
 
+std::string parameter_of(const Node& node, size_t blob) {
+  return blob < static_cast<size_t>(node.param.param_size())
+             ? node.param.param(static_cast<int>(blob)).name()
+             : "";
+}
+
 Sharing find_sharing(const Graph& whole) {
   Sharing sharing;
   for (const Node& node : whole.nodes)
     for (int b = 0; b < node.param.param_size(); ++b)
-      if (!node.param.param(b).name().empty())
+      if (node.is_first_of_name && !node.param.param(b).name().empty())
         sharing.try_emplace({node.name, static_cast<size_t>(b)}, node.param.param(b).name());
   return sharing;
 }
@@ -175,10 +218,10 @@ void check_sharing(const Net::Impl& net) {
   std::map<std::string, std::pair<const Node*, const Shape*>> owners;  // by parameter name
   for (const Node& node : net.graph.nodes) {
     for (size_t b = 0; b < node.weights.size(); ++b) {
-      const auto group = net.sharing.find({node.name, b});
-      if (group == net.sharing.end()) continue;
+      const std::string group = parameter_of(node, b);
+      if (group.empty()) continue;
       const Shape& shape = node.weights[b].shape;
-      const auto [owner, is_new] = owners.try_emplace(group->second, &node, &shape);
+      const auto [owner, is_new] = owners.try_emplace(group, &node, &shape);
       if (is_new) continue;
       const Shape& owned = *owner->second.second;
       const bool permissive =
@@ -186,8 +229,8 @@ void check_sharing(const Net::Impl& net) {
           node.param.param(static_cast<int>(b)).share_mode() == caffe::ParamSpec::PERMISSIVE;
       if (permissive ? owned.elements() != shape.elements() : owned != shape)
         throw InputError(net.file, ": layer '", node.name, "' (", node.param.type(), ") blob ", b,
-                         " is ", shape, ", but it shares the parameter '", group->second,
-                         "' with layer '", owner->second.first->name, "', where it is ", owned);
+                         " is ", shape, ", but it shares the parameter '", group, "' with layer '",
+                         owner->second.first->name, "', where it is ", owned);
     }
   }
 }
@@ -195,10 +238,14 @@ void check_sharing(const Net::Impl& net) {
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options) {
   Loader loader(net, std::move(weights));
+  loader.take_own();
   loader.read_all();
   const std::vector<std::string> warnings = loader.finish(options.allow_missing);
   net.warnings.insert(net.warnings.end(), warnings.begin(), warnings.end());
-  for (size_t i = 0; i < net.graph.nodes.size(); ++i) net.graph.nodes[i].weights = loader.take(i);
+  for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
+    net.graph.nodes[i].weights = loader.take(i);
+    net.graph.nodes[i].param.clear_blobs();
+  }
   net.weight_bytes_read = loader.bytes_read();
   net.has_weights = true;
 }

@@ -8,6 +8,9 @@
 
 namespace revisit::engine {
 
+/// The name of the parameter that a blob of `node` is; empty when no other layer can share it.
+std::string parameter_of(const Node& node, size_t blob);
+
 /// Blobs that are one and the same (`param { name: "..." }`), over all layers of the file.
 Sharing find_sharing(const Graph& whole);
 
@@ -15,9 +18,10 @@ Sharing find_sharing(const Graph& whole);
 /// PERMISSIVE`: one number of elements).
 void check_sharing(const Net::Impl& net);
 
-/// Reads the weights of the kept layers, matched by layer name as Caffe does (docs/LAYERS.md
-/// point 9). Shared blobs take those of any layer of the group. Throws InputError naming layer,
-/// blob, expected and found, and for layers without weights unless they may be missing.
+/// Takes the weights that the prototxt itself has, then those of the file, matched by layer name as
+/// Caffe does (docs/LAYERS.md point 9): by the names of the whole net. Shared blobs take those of
+/// any layer of the group. Throws InputError naming layer, blob, expected and found, and for layers
+/// without weights unless they may be missing.
 void load_weights(Net::Impl& net, std::unique_ptr<proto::WeightsFile> weights,
                   const LoadOptions& options);
 

@@ -11,7 +11,8 @@
 
 namespace revisit::engine {
 
-/// (layer name, blob index) -> name of the parameter, for blobs that `param { name }` shares.
+/// (layer name, blob index) -> name of the parameter, for blobs that `param { name }` shares; of
+/// layers that share a name, those of the first.
 using Sharing = std::map<std::pair<std::string, size_t>, std::string>;
 
 struct Net::Impl {

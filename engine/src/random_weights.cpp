@@ -23,9 +23,8 @@ void fill_randomly(Net::Impl& net, uint64_t seed) {
     const std::string& type = node.param.type();
     for (size_t blob = 0; blob < node.weights.size(); ++blob) {
       Tensor& weight = node.weights[blob];
-      const auto group = net.sharing.find({node.name, blob});
-      if (group != net.sharing.end()) {
-        const auto [first, is_new] = first_of.try_emplace(group->second, &weight);
+      if (const std::string group = parameter_of(node, blob); !group.empty()) {
+        const auto [first, is_new] = first_of.try_emplace(group, &weight);
         if (!is_new) {
           weight.values = first->second->values;
           continue;

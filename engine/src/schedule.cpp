@@ -116,7 +116,7 @@ class Scheduler {
       for (const ValueId id : operation.inputs)
         binding.layouts.push_back(blocked_[id] ? Layout::kNChw16c : Layout::kNchw);
     binding.fusion = operation.fusion;
-    binding.precision = options_.precision;
+    if (!options_.reference_kernels) binding.precision = options_.precision;
     binding.seed = options_.seed;
     binding.bf16_weights = may_pack_ && !options_.reference_kernels &&
                            (options_.bf16_weights || options_.precision == Precision::kBf16);

@@ -39,6 +39,7 @@ std::vector<Shape> infer_shapes(const Net::Impl& net, const std::map<std::string
   for (const Node& node : net.graph.nodes) {
     try {
       if (!node.layer) {
+        expect_count(node.inputs.size(), 0, "bottoms");
         for (size_t port = 0; port < node.outputs.size(); ++port) {
           const std::string& blob = net.graph.values[node.outputs[port]].blob;
           const auto given = inputs.find(blob);

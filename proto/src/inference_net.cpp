@@ -54,11 +54,13 @@ bool included(const caffe::NetState& state, const caffe::LayerParameter& layer) 
   return std::none_of(layer.exclude().begin(), layer.exclude().end(), met);
 }
 
-/// Drops the layers that the TEST phase leaves out, by their include and exclude rules against
-/// `net.state()`. Throws InputError for a layer that has both.
+/// Drops the layers that the TEST phase leaves out, by their include and exclude rules against the
+/// stages of `net.state()`; `caffe test` and pycaffe overwrite its level. Throws InputError for a
+/// layer that has both.
 void keep_test_phase(caffe::NetParameter& net) {
   caffe::NetState state = net.state();
   state.set_phase(caffe::TEST);
+  state.set_level(0);
   auto& layers = *net.mutable_layer();
   layers.erase(std::remove_if(layers.begin(), layers.end(),
                               [&](const auto& layer) { return !included(state, layer); }),

@@ -464,6 +464,25 @@ TEST(Bf16Nets, PoolWindowsThatAreEmptyBehindTheFirstConvolution) {
             output_of(net, {.keep = {"c"}, .precision = Precision::kBf16}));
 }
 
+/// Windows that see no pixel, by kernels on blocks, on plain values (a mask), and of all levels.
+TEST(Bf16Nets, EmptyMaximaAreNumbers) {
+  for (const std::string& top : {"", "top: 'mask' "})
+    for (const std::string& first : {test::conv("c", "data", "num_output: 32 kernel_size: 1"),
+                                     test::layer("c", "Power", {"data"})}) {
+      const Net net = test::small_net(
+          {1, 16, 4, 64}, first + "layer { name: 'p' type: 'Pooling' bottom: 'c' top: 'p' " + top +
+                              "pooling_param { kernel_size: 1 stride: 2 } } " +
+                              test::in_place("r", "ReLU", "p") +
+                              test::conv("i", "p", "num_output: 16 kernel_size: 1"));
+      EXPECT_LT(
+          test::relative_error(output_of(net, {.precision = Precision::kBf16}), output_of(net, {})),
+          2e-2)
+          << top << first;
+    }
+  for (const float value : {-FLT_MAX, empty_maximum(Precision::kBf16)})
+    EXPECT_EQ(std::isfinite(to_float(to_bfloat16(value))), value != -FLT_MAX);
+}
+
 TEST(Bf16Nets, TakeLessMemoryAndKeepToTheLimit) {
   REVISIT_NEED_BLOCKED_KERNELS();
   const Net net = mixed_net();

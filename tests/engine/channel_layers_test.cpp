@@ -26,6 +26,11 @@ TEST(PReLU, OneSlopePerChannelOrOneForAll) {
       layer_of("PReLU", "prelu_param { channel_shared: true }")->weight_shapes({Shape{2, 2}})[0],
       Shape{});
   expect_error<InputError>([] { layer_of("PReLU", "")->infer({Shape{3}}, 1); }, {"2 axes"});
+  expect_error<InputError>(
+      [] {
+        layer_of("PReLU", "")->infer({Shape{1, 2, 1, 1, 2}}, 1);
+      },
+      {"at most 4 axes"});
 }
 
 /// What is merged leaves positive numbers as they are: a slope that has diverged would not show.
@@ -138,6 +143,17 @@ TEST(BatchNorm, OfTheBatchWhenAskedFor) {
               {-1, -1.0F / 3, 0, 0, 1.0F / 3, 1, 0, 0}, 1e-7F);
 }
 
+TEST(BatchNorm, OfTheBatchInThePhaseTrain) {
+  const std::vector<float> x{1, 3, 10, 30};
+  const std::vector<std::vector<float>> weights{{100, 100}, {1, 1}, {1}};
+  const auto normalised = [&](const std::string& param) {
+    return run("BatchNorm", "batch_norm_param { eps: 0 " + param, {1, 2, 2}, x, weights);
+  };
+  expect_near(normalised("} phase: TRAIN"), {-1, 1, -1, 1}, 1e-6F);
+  expect_near(normalised("} phase: TEST"), {-99, -97, -90, -70});
+  expect_near(normalised("use_global_stats: true } phase: TRAIN"), {-99, -97, -90, -70});
+}
+
 TEST(BatchNorm, RefusesLearningRatesAndSingleAxes) {
   expect_error<InputError>([] { layer_of("BatchNorm", "param { lr_mult: 1 }"); }, {"lr_mult"});
   layer_of("BatchNorm", "param { lr_mult: 0 }");
@@ -180,6 +196,7 @@ TEST(Bn, RefusesFieldsOfBothForks) {
   expect_error<InputError>([] { layer_of("BN", "bn_param { frozen: true bn_mode: LEARN }"); },
                            {"SegNet", "PSPNet"});
   expect_error<InputError>([] { layer_of("BN", "")->infer({Shape{3}}, 1); }, {"2 axes"});
+  expect_error<UnsupportedError>([] { layer_of("BN", "phase: TRAIN"); }, {"TRAIN", "bn_mode"});
 }
 
 TEST(Mvn, PerChannelOrAcross) {

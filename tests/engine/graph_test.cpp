@@ -90,6 +90,36 @@ TEST(Graph, GraftBeforeAReluIsSaidWhenOtherLayersReadWhatItReads) {
             (std::vector<std::string>{"in", "conv1", "relu1", "relu1+pool"}));
 }
 
+TEST(Graph, GraftFollowsTheBlockOfItsLayer) {
+  // in: works in place; own: with a blob of its own
+  struct Case {
+    std::vector<std::string> layers, kept;
+  };
+  for (const auto& [layers, kept] :
+       {Case{{"BatchNorm in", "Scale in", "ReLU in"}, {"BatchNorm", "Scale", "ReLU"}},
+        Case{{"BatchNorm own", "Scale in", "ReLU own"}, {"BatchNorm", "Scale", "ReLU"}},
+        Case{{"ReLU in", "PReLU in"}, {"ReLU", "PReLU"}},
+        Case{{"ReLU in", "BatchNorm own"}, {"ReLU"}},
+        Case{{"ReLU own", "ReLU in", "Pooling own"}, {"ReLU", "ReLU"}}, Case{{"PReLU own"}, {}}}) {
+    std::string text =
+                    "layer { name: 'in' type: 'Input' top: 'data' } "
+                    "layer { name: 'conv' type: 'Convolution' bottom: 'data' top: 'conv' } ",
+                blob = "conv";
+    for (const std::string& layer : layers) {
+      const std::string type = layer.substr(0, layer.find(' '));
+      const std::string top = layer.ends_with("in") ? blob : blob + "2";
+      text += "layer { name: '" + type + "' type: '" + type + "' bottom: '" + blob + "' top: '" +
+              top + "' } ";
+      blob = top;
+    }
+    text += "layer { name: 'pool' type: 'Pooling' bottom: '" + blob + "' top: 'pool' } ";
+    std::vector<std::string> wanted{"in", "conv"};
+    wanted.insert(wanted.end(), kept.begin(), kept.end());
+    wanted.emplace_back("conv+pool");
+    EXPECT_EQ(names(prune(parse_text(text), {"conv", "pool"})), wanted) << text;
+  }
+}
+
 TEST(Graph, NothingIsGraftedOntoALayerWithSeveralOutputs) {
   const Graph graph = parse_text(
       with_own_blobs(R"(layer { name: "cut" type: "Slice" bottom: "pool" top: "a" top: "b" })"));

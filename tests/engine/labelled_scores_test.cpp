@@ -95,6 +95,12 @@ TEST(LabelledScores, RefuseWhatDoesNotFit) {
     expect_error<InputError>([&] { infer({Shape{2, 3}, Shape{2}}, 3); }, {"outputs"});
     expect_error<InputError>([&] { infer({Shape{2}, Shape{2}}, 1); }, {"axis 1 is out of range"});
   }
+  const auto first_axes = [](const std::string& type) {
+    layer_of(type, "")->infer({Shape{2, 3, 2}, Shape{4}}, 1);
+  };
+  first_axes("Accuracy");
+  expect_error<InputError>([&] { first_axes("SoftmaxWithLoss"); },
+                           {"agree in the first axis, found 2x3x2 and 4"});
   expect_error<InputError>([] { accuracy("top_k: 4", {0, 0, 0}); }, {"top_k 4", "3 classes"});
 }
 

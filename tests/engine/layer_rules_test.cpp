@@ -54,6 +54,7 @@ TEST(InPlace, IsRefusedWhereItIsUndefined) {
   refused("Reshape", "reshape_param { shape { dim: 0 dim: 0 dim: 0 dim: 0 } }");
   refused("ShuffleChannel");
   refused("Slice");
+  refused("Split");
   refused("Tile", "tile_param { tiles: 1 }");
 }
 
@@ -65,8 +66,8 @@ TEST(InPlace, OfEltwiseDependsOnTheOperation) {
         operation + " } }");
   };
   eltwise("PROD");
-  eltwise("MAX");
-  expect_error<InputError>([&] { eltwise("SUM"); }, {"'e' (Eltwise)", "in place"});
+  for (const std::string operation : {"SUM", "MAX"})
+    expect_error<InputError>([&] { eltwise(operation); }, {"'e' (Eltwise)", "in place"});
 }
 
 TEST(InPlace, CountsForEveryOutput) {
@@ -77,6 +78,23 @@ TEST(InPlace, CountsForEveryOutput) {
             "top: 'other' convolution_param { num_output: 4 kernel_size: 1 } }");
       },
       {"'c' (Convolution)", "in place"});
+}
+
+TEST(Phase, OfADropoutMustNotBeTrain) {
+  net_of("layer { name: 'd' type: 'Dropout' bottom: 'data' top: 'd' phase: TEST }");
+  expect_error<UnsupportedError>(
+      [] { net_of("layer { name: 'd' type: 'Dropout' bottom: 'data' top: 'd' phase: TRAIN }"); },
+      {"'d' (Dropout)", "phase: TRAIN"});
+}
+
+TEST(Inputs, HaveNoBottom) {
+  expect_error<InputError>(
+      [] {
+        net_of(
+            "layer { name: 'b' type: 'Input' bottom: 'data' top: 'b' "
+            "input_param { shape { dim: 1 } } }");
+      },
+      {"'b' (Input)", "expected 0 bottoms, found 1"});
 }
 
 TEST(ParamSpecs, AreAtMostOneForEachWeightBlob) {

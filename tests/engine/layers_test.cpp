@@ -61,6 +61,17 @@ TEST(Pooling, GlobalTakesTheWholeImage) {
   EXPECT_EQ(shape, (Shape{1, 2, 1, 1}));
 }
 
+TEST(Pooling, OneOfBothForms) {
+  const auto window = [](const std::string& kernel) {
+    return layer_of("Pooling", "pooling_param { " + kernel + " }")->window(Shape{1, 1, 9, 9})->h;
+  };
+  EXPECT_EQ(window("kernel_size: 3 kernel_h: 5").extent, 3);
+  EXPECT_EQ(window("kernel_size: 3 kernel_w: 5").extent, 3);
+  EXPECT_EQ(window("kernel_w: 3 kernel_h: 5").extent, 5);
+  for (const char* kernel : {"kernel_size: 3 kernel_h: 5 kernel_w: 5", "kernel_h: 5", ""})
+    expect_error<InputError>([&] { window(kernel); }, {"give kernel_size, or both"});
+}
+
 TEST(Pooling, MaskIsTheIndexInTheImage) {
   const auto outputs = test::run_checked("Pooling", "pooling_param { kernel_size: 2 stride: 2 }",
                                          {{Shape{1, 1, 2, 4}, {1, 2, 9, 3, 4, 0, 5, 6}}}, {}, 2);
@@ -138,6 +149,12 @@ TEST(Flatten, MergesARangeOfAxes) {
   EXPECT_EQ(layer_of("Flatten", "flatten_param { axis: 1 end_axis: 2 }")
                 ->infer({Shape{2, 3, 4, 5}}, 1)[0],
             (Shape{2, 12, 5}));
+  const auto between = [](const std::string& end_axis) {
+    return layer_of("Flatten", "flatten_param { axis: 2 end_axis: " + end_axis + " }")
+        ->infer({Shape{2, 3, 4, 5}}, 1)[0];
+  };
+  EXPECT_EQ(between("1"), (Shape{2, 3, 1, 4, 5}));
+  expect_error<InputError>([&] { between("0"); }, {"end_axis 0 comes before axis 2"});
 }
 
 TEST(Layers, RefuseWhatCannotBe) {

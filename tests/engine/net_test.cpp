@@ -233,6 +233,61 @@ TEST_F(NetTest, NamedParametersAreShared) {
   EXPECT_EQ(forward(run, {1, 2}, "branch"), (std::vector<float>{3, 5}));
 }
 
+constexpr const char* kTwins = R"(
+  layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 } } }
+  layer { name: "twin" type: "InnerProduct" bottom: "data" top: "a" inner_product_param { num_output: 1 bias_term: false } }
+  layer { name: "twin" type: "InnerProduct" bottom: "data" top: "b" inner_product_param { num_output: 1 bias_term: false } PARAM }
+  layer { name: "cut" type: "Power" bottom: "b" top: "cut" }
+)";
+
+TEST_F(NetTest, OfLayersOfOneNameTheFirstHasTheWeightsAlsoWhenItIsCutOff) {
+  const auto load = [&](const std::string& param, const std::string& end, bool allow_missing) {
+    std::string text = kTwins;
+    test::write_file(prototxt(), text.replace(text.find("PARAM"), 5, param));
+    return Net::load(prototxt(), weights(),
+                     {.truncation = {.end = end}, .allow_missing = allow_missing});
+  };
+  caffe::NetParameter net;
+  net.add_layer()->set_name("twin");
+  caffe::BlobProto& blob = *net.mutable_layer(0)->add_blobs();
+  for (const int size : {1, 1}) blob.mutable_shape()->add_dim(size);
+  blob.add_data(3);
+  proto::write_net_binary(weights(), net);
+  for (const std::string end : {"", "cut"}) {
+    expect_error<InputError>([&] { load("", end, false); }, {"twin (another layer of this name"});
+    engine::Run run(load("", end, true).plan());
+    EXPECT_EQ(forward(run, {2}, end.empty() ? "cut" : end), std::vector<float>{0});
+  }
+  // Its parameter is its own, too: nothing shares it.
+  expect_error<InputError>([&] { load("param { name: 'w' }", "cut", false); }, {"twin (another"});
+  // What the prototxt says is for the layer where it stands.
+  engine::Run run(load("blobs { shape { dim: 1 dim: 1 } data: 5 }", "cut", false).plan());
+  EXPECT_EQ(forward(run, {2}, "cut"), std::vector<float>{10});
+}
+
+TEST_F(NetTest, WeightsOfThePrototxtAreTakenUnlessTheFileHasOthers) {
+  const std::string net = R"(
+    layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 2 } } }
+    layer { name: "NAME" type: "Scale" bottom: "data" top: "s" blobs { shape { dim: 2 } data: 3 data: 5 } })";
+  const auto write = [&](const std::string& name) {
+    std::string text = net;
+    test::write_file(prototxt(), text.replace(text.find("NAME"), 4, name));
+  };
+  write("s");
+  engine::Run run(Net::load(prototxt(), weights()).plan());
+  EXPECT_EQ(forward(run, {1, 1}, "s"), (std::vector<float>{3, 5}));
+  caffe::NetParameter file;
+  file.add_layer()->set_name("s");
+  file.mutable_layer(0)->add_blobs()->mutable_shape()->add_dim(2);
+  for (const float value : {7.0F, 8.0F}) file.mutable_layer(0)->mutable_blobs(0)->add_data(value);
+  proto::write_net_binary(weights(), file);
+  engine::Run other(Net::load(prototxt(), weights()).plan());
+  EXPECT_EQ(forward(other, {1, 1}, "s"), (std::vector<float>{7, 8}));
+  std::string text = net;
+  test::write_file(prototxt(), text.replace(text.find("dim: 2 } data"), 6, "dim: 3"));
+  expect_error<InputError>([&] { Net::load(prototxt(), weights()); }, {"net.prototxt", "'NAME'"});
+}
+
 TEST_F(NetTest, SharedParametersMustHaveOneShape) {
   test::write_file(prototxt(), R"(
     layer { name: "data" type: "Input" top: "data" input_param { shape { dim: 1 dim: 1 dim: 4 dim: 4 } } }

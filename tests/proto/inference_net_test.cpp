@@ -39,13 +39,14 @@ TEST(InferenceNet, RulesOfThePhaseDecide) {
              "layer { name: 'test' type: 'Input' top: 'x' include { phase: TEST } }");
   expect_net(
       "state { phase: TRAIN level: 2 stage: 'deploy' }"
-      "layer { name: 'a' include { stage: 'deploy' min_level: 2 } }"
+      "layer { name: 'a' include { stage: 'deploy' min_level: 0 } }"
       "layer { name: 'b' include { not_stage: 'deploy' } }"
-      "layer { name: 'c' include { max_level: 1 } include { phase: TEST } }"
-      "layer { name: 'd' exclude { min_level: 3 } exclude { phase: TEST } }",
-      "state { phase: TRAIN level: 2 stage: 'deploy' }"
-      "layer { name: 'a' include { stage: 'deploy' min_level: 2 } }"
-      "layer { name: 'c' include { max_level: 1 } include { phase: TEST } }");
+      "layer { name: 'c' include { max_level: -1 } include { phase: TEST } }"
+      "layer { name: 'd' exclude { min_level: 3 } exclude { phase: TEST } }"
+      "layer { name: 'e' include { min_level: 1 } }",
+      "state { phase: TRAIN level: 2 stage: 'deploy' }"  // `caffe test` makes that level 0
+      "layer { name: 'a' include { stage: 'deploy' min_level: 0 } }"
+      "layer { name: 'c' include { max_level: -1 } include { phase: TEST } }");
   expect_error<InputError>(
       [] { parse_net("layer { name: 'both' include { } exclude { } }", "net"); },
       {"net: layer 'both'", "not both"});

@@ -1,7 +1,5 @@
 #include "kernels/pooling.h"
 
-#include <cfloat>
-
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
@@ -13,7 +11,7 @@ void max_pool(const PoolingProblem& p, const float* input, float* output, float*
     const WindowRange rows = p.rows(y);
     for (int64_t x = 0; x < p.out_w; ++x) {
       const WindowRange columns = p.columns(x);
-      float best = -FLT_MAX;
+      float best = empty_maximum(p.values);
       int64_t where = -1;
       for (int64_t iy = rows.begin; iy < rows.end; ++iy)
         for (int64_t ix = columns.begin; ix < columns.end; ++ix)

@@ -83,9 +83,7 @@ class BatchNormalisation : public OneToOneLayer {
 class BatchNorm : public BatchNormalisation {
  public:
   explicit BatchNorm(const caffe::LayerParameter& param)
-      : BatchNormalisation("BatchNorm", "batch-norm",
-                           param.batch_norm_param().has_use_global_stats() &&
-                               !param.batch_norm_param().use_global_stats()),
+      : BatchNormalisation("BatchNorm", "batch-norm", is_of_batch(param)),
         eps_(param.batch_norm_param().eps()) {
     const int n = std::min(param.param_size(), 3);
     for (int i = 0; i < n; ++i)
@@ -99,6 +97,11 @@ class BatchNorm : public BatchNormalisation {
   }
 
  private:
+  static bool is_of_batch(const caffe::LayerParameter& param) {
+    const caffe::BatchNormParameter& own = param.batch_norm_param();
+    return own.has_use_global_stats() ? !own.use_global_stats() : is_for_training(param);
+  }
+
   std::vector<ChannelNorm> norms(const std::vector<Tensor>& weights) const override {
     // The file holds sums with a common weight in the third blob; 0 means that nothing was summed.
     const float weight = weights[2].values.empty() ? 0 : weights[2].values[0];
@@ -177,6 +180,10 @@ std::unique_ptr<Layer> make_batch_norm(const caffe::LayerParameter& param) {
 }
 
 std::unique_ptr<Layer> make_bn(const caffe::LayerParameter& param) {
+  if (is_for_training(param))
+    throw UnsupportedError(
+        "`phase: TRAIN` on a BN layer is not supported: remove it, or write "
+        "bn_mode: LEARN (SegNet) for the statistics of the batch");
   return std::make_unique<Bn>(param.bn_param());
 }
 

@@ -69,8 +69,8 @@ class Eltwise : public Layer {
     return Combining{Operation::kSum, coefficients(inputs.size())};
   }
 
-  /// Caffe zeroes the output of a sum before it reads the inputs.
-  bool allows_in_place() const override { return param_.operation() != Param::SUM; }
+  /// Caffe fills the output of a sum and of a maximum before it reads the inputs.
+  bool allows_in_place() const override { return param_.operation() == Param::PROD; }
 
   Kernel bind(const Binding& binding) const override {
     const int64_t elements = binding.outputs[0].elements();

@@ -6,10 +6,30 @@ namespace {
 /// Every output is the input itself: Split, and Caffe's Dropout at inference.
 class Identity : public Layer {
  public:
+  explicit Identity(const caffe::LayerParameter& param) : is_split_(param.type() == "Split") {
+    if (!is_split_ && is_for_training(param))
+      throw UnsupportedError("`phase: TRAIN` on a Dropout layer drops values at random: remove it");
+  }
+
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     expect_count(inputs.size(), 1, "inputs");
     if (n_outputs < 1) throw InputError("expected at least one output");
     return std::vector<Shape>(n_outputs, inputs[0]);
+  }
+  OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
+  std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
+  bool allows_in_place() const override { return !is_split_; }
+  Kernel bind(const Binding&) const override { return {}; }
+
+ private:
+  bool is_split_;
+};
+
+/// The numbers of the first input under the shape of the second.
+class ReshapedLike : public Layer {
+ public:
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t) const override {
+    return {inputs.at(1)};
   }
   OutputMemory output_memory() const override { return OutputMemory::kViewOfInput; }
   std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
@@ -30,8 +50,12 @@ class Silence : public Layer {
 
 }  // namespace
 
-std::unique_ptr<Layer> make_identity(const caffe::LayerParameter&) {
-  return std::make_unique<Identity>();
+std::unique_ptr<Layer> make_identity(const caffe::LayerParameter& param) {
+  return std::make_unique<Identity>(param);
+}
+
+std::unique_ptr<Layer> make_reshaped_like(const caffe::LayerParameter&) {
+  return std::make_unique<ReshapedLike>();
 }
 
 std::unique_ptr<Layer> make_silence(const caffe::LayerParameter&) {

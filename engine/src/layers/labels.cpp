@@ -137,6 +137,9 @@ class SoftmaxWithLoss : public Layer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     LabelledScores::of(inputs, n_outputs, axis_, ignored_);
+    if (inputs[0].rank() < 1 || inputs[1].rank() < 1 || inputs[0][0] != inputs[1][0])
+      throw InputError("scores and labels must agree in the first axis, found ", inputs[0], " and ",
+                       inputs[1]);
     std::vector<Shape> outputs{Shape{}};
     if (n_outputs == 2) outputs.push_back(inputs[0]);
     return outputs;

@@ -22,4 +22,7 @@ LayerFactory make_abs_val, make_accuracy, make_argmax, make_axpy, make_batch_nor
     make_softmax_with_loss, make_spp, make_swish, make_tanh, make_threshold, make_tile,
     make_upsample;
 
+/// Not in the registry: the first input in the shape of the second.
+LayerFactory make_reshaped_like;
+
 }  // namespace revisit::engine

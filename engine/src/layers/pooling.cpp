@@ -32,6 +32,7 @@ class Pooling : public Layer {
   Kernel bind(const Binding& binding) const override {
     PoolingProblem problem = window_.problem(binding.inputs[0]);
     problem.threads = binding.threads;
+    problem.values = binding.precision;
     if (!window_.is_max())
       return {"average-pool", [problem](const Call& call) {
                 average_pool(problem, call.inputs[0], call.outputs[0]);
@@ -67,6 +68,7 @@ class Spp : public OneToOneLayer {
     for (PoolingProblem& level : levels) {
       level.planes = binding.inputs[0][1];  // of one image: the levels of the next come after
       level.threads = binding.threads;
+      level.values = binding.precision;
     }
     const bool max = param_.pool() == caffe::SPPParameter::MAX;
     return {"pyramid-pool", [levels, max, images = binding.inputs[0][0]](const Call& call) {

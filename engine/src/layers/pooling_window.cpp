@@ -5,14 +5,13 @@
 namespace revisit::engine {
 
 PoolingWindow::PoolingWindow(const caffe::PoolingParameter& param) : param_(param) {
-  const bool has_hw = param.has_kernel_h() || param.has_kernel_w();
+  // Beside kernel_size one of kernel_h and kernel_w counts for nothing.
+  const bool has_hw = param.has_kernel_h() && param.has_kernel_w();
   if (param.global_pooling()) {
-    if (param.has_kernel_size() || has_hw) throw InputError("global pooling takes no kernel size");
-  } else {
-    if (param.has_kernel_size() == has_hw)
-      throw InputError("give kernel_size, or both kernel_h and kernel_w (and not both forms)");
-    if (has_hw && !(param.has_kernel_h() && param.has_kernel_w()))
-      throw InputError("kernel_h and kernel_w must be given together");
+    if (param.has_kernel_size() || param.has_kernel_h() || param.has_kernel_w())
+      throw InputError("global pooling takes no kernel size");
+  } else if (param.has_kernel_size() == has_hw) {
+    throw InputError("give kernel_size, or both kernel_h and kernel_w (and not both forms)");
   }
   if (param.has_pad() && (param.has_pad_h() || param.has_pad_w()))
     throw InputError("give pad, or pad_h and pad_w, not both");

@@ -15,6 +15,7 @@ class PReLU : public OneToOneLayer {
 
   Shape output_shape(const Shape& input) const override {
     expect_channels(input, "PReLU");
+    if (input.rank() > 4) throw InputError("PReLU needs an input of at most 4 axes, found ", input);
     return input;
   }
 

@@ -11,7 +11,7 @@ class ViewLayer : public OneToOneLayer {
   Kernel bind(const Binding&) const override { return {}; }
 };
 
-/// Merges the axes [axis, end_axis].
+/// Merges the axes [axis, end_axis]; where end_axis is just before axis, adds one of size 1.
 class Flatten : public ViewLayer {
  public:
   explicit Flatten(const caffe::FlattenParameter& param) : param_(param) {}
@@ -19,7 +19,7 @@ class Flatten : public ViewLayer {
   Shape output_shape(const Shape& input) const override {
     const size_t first = input.canonical_axis(param_.axis(), "flatten axis");
     const size_t last = input.canonical_axis(param_.end_axis(), "flatten end_axis");
-    if (last < first) throw InputError("end_axis ", last, " comes before axis ", first);
+    if (last + 1 < first) throw InputError("end_axis ", last, " comes before axis ", first);
     std::vector<int64_t> axes(input.axes().begin(),
                               input.axes().begin() + static_cast<int64_t>(first));
     axes.push_back(input.product(first, last + 1));

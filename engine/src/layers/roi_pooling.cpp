@@ -1,9 +1,8 @@
 #include <algorithm>
-#include <cfloat>
 #include <cmath>
 #include <limits>
 
-#include "kernels/window_range.h"
+#include "kernels/pooling.h"
 #include "layers/layers.h"
 #include "revisit/engine/parallel_for.h"
 
@@ -18,6 +17,7 @@ struct RoiPoolingProblem {
   int64_t rois = 1, out_h = 1, out_w = 1;
   float scale = 1;
   int threads = 1;
+  Precision values = Precision::kFloat32;  // decides the empty_maximum()
 };
 
 /// A region along one axis [pixels].
@@ -49,8 +49,8 @@ bool is_valid(const RoiPoolingProblem& p, const float* roi) {
          roi[0] < static_cast<float>(p.n);
 }
 
-/// An empty bin is 0, one of NaN only -FLT_MAX. A region of an image that is not there, where Caffe
-/// aborts, or with coordinates that are not finite, becomes NaN.
+/// An empty bin is 0, one of NaN only the empty_maximum(). A region of an image that is not there,
+/// where Caffe aborts, or with coordinates that are not finite, becomes NaN.
 void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
   parallel_for(p.rois * p.c, p.threads, [&](int64_t item, int) {
     const float* roi = rois + item / p.c * 5;
@@ -65,7 +65,7 @@ void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois,
       for (int64_t j = 0; j < p.out_w; ++j) {
         const WindowRange rows = bin(y, i, p.out_h, p.h), columns = bin(x, j, p.out_w, p.w);
         const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
-        float best = empty ? 0 : -FLT_MAX;
+        float best = empty ? 0 : empty_maximum(p.values);
         for (int64_t iy = rows.begin; iy < rows.end; ++iy)
           for (int64_t ix = columns.begin; ix < columns.end; ++ix)
             if (image[iy * p.w + ix] > best) best = image[iy * p.w + ix];
@@ -100,6 +100,7 @@ class RoiPooling : public Layer {
     p.out_h = param_.pooled_h(), p.out_w = param_.pooled_w();
     p.scale = param_.spatial_scale();
     p.threads = binding.threads;
+    p.values = binding.precision;
     return {"roi-max-pool", [p](const Call& call) {
               roi_pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
             }};

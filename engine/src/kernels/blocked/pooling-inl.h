@@ -7,7 +7,6 @@
 #endif
 
 #include <algorithm>
-#include <cfloat>
 
 #include "kernels/blocked/block-inl.h"
 #include "kernels/pooling.h"
@@ -30,7 +29,11 @@ HWY_INLINE WindowRange columns_of(const PoolingProblem& p, int64_t x) {
 }
 
 struct Largest {
-  static HWY_INLINE Vector first() { return hn::Set(Tag(), -FLT_MAX); }
+  template <class Out>
+  static HWY_INLINE Vector first() {
+    return hn::Set(
+        Tag(), empty_maximum(std::is_same_v<Out, float> ? Precision::kFloat32 : Precision::kBf16));
+  }
   /// NaN never wins: x > best ? x : best.
   static HWY_INLINE Vector add(Vector best, Vector x) {
     if constexpr (kMaxIsFirstIfGreater) return hn::Max(x, best);
@@ -40,7 +43,10 @@ struct Largest {
 };
 
 struct Mean {
-  static HWY_INLINE Vector first() { return hn::Zero(Tag()); }
+  template <class>
+  static HWY_INLINE Vector first() {
+    return hn::Zero(Tag());
+  }
   static HWY_INLINE Vector add(Vector sum, Vector x) { return hn::Add(sum, x); }
   static HWY_INLINE Vector last(Vector sum, float area) {
     return hn::Div(sum, hn::Set(Tag(), area));
@@ -68,7 +74,8 @@ HWY_INLINE void pool_windows(const RowOfWindows<In, Out>& row, const In* in, int
     Vector result[kCount];
     REVISIT_UNROLL
     for (int i = 0; i < kCount; ++i)
-      result[i] = row.continued ? load_vector(out + i * kLanes + part) : Operation::first();
+      result[i] =
+          row.continued ? load_vector(out + i * kLanes + part) : Operation::template first<Out>();
     for (int64_t y = 0; y < row.rows; ++y)
       for (int64_t x = 0; x < columns; ++x) {
         const In* pixel = in + y * row.row_step + x * kLanes + part;
