@@ -6,9 +6,10 @@
 
 #include <algorithm>
 #include <array>
-#include <mutex>
 #include <new>
 #include <vector>
+
+#include "process_lock.h"
 
 namespace revisit::engine {
 namespace {
@@ -31,15 +32,10 @@ bool blas_is_on_openmp() {
   return kIs;
 }
 
+/// Buffers, guarded by process_lock().
 struct Held {
-  std::mutex mutex;
-  int now = 0, most = 0;  // buffers
-};
-
-Held& held() {
-  static Held all;
-  return all;
-}
+  int now = 0, most = 0;
+} blas_buffers;
 
 /// Whether `count` buffers could be mapped, one by one as OpenBLAS maps them.
 bool can_be_mapped(int count) {
@@ -91,19 +87,17 @@ OneBlasThread::~OneBlasThread() {
 }
 
 BlasRoom::BlasRoom(int threads) : threads_(threads) {
-  Held& all = held();
-  const std::scoped_lock lock(all.mutex);
+  const std::scoped_lock lock(process_lock());
   // OpenBLAS keeps its buffers: up to the most so far there is room. Which of them it has mapped by
   // now is not known, so all are asked for.
-  if (all.now + threads > all.most && !can_be_mapped(all.now + threads)) throw std::bad_alloc();
-  all.now += threads;
-  all.most = std::max(all.most, all.now);
+  if (blas_buffers.now + threads > blas_buffers.most && !can_be_mapped(blas_buffers.now + threads)) throw std::bad_alloc();
+  blas_buffers.now += threads;
+  blas_buffers.most = std::max(blas_buffers.most, blas_buffers.now);
 }
 
 BlasRoom::~BlasRoom() {
-  Held& all = held();
-  const std::scoped_lock lock(all.mutex);
-  all.now -= threads_;
+  const std::scoped_lock lock(process_lock());
+  blas_buffers.now -= threads_;
 }
 
 }  // namespace revisit::engine

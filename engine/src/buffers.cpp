@@ -1,6 +1,7 @@
 #include "buffers.h"
 
 #include <algorithm>
+#include <unordered_set>
 
 #include "memory_plan.h"
 
@@ -26,9 +27,13 @@ class Placer {
         schedule_(schedule),
         end_(static_cast<int>(schedule.steps.size())),
         last_use_(schedule.stored.size(), -1),
+        last_join_(schedule.stored.size(), -1),
         buffer_of_(schedule.stored.size(), -1) {
     for (int step = 0; step < end_; ++step)
-      for (const size_t id : schedule.steps[step].inputs) last_use_[id] = step;
+      for (const size_t id : schedule.steps[step].inputs) {
+        last_use_[id] = step;
+        if (schedule.steps[step].kernel.aliasing == Aliasing::kJoinsInputs) last_join_[id] = step;
+      }
     for (size_t id = 0; id < schedule.stored.size(); ++id)
       if (schedule.stored[id].pinned) last_use_[id] = end_;
   }
@@ -106,15 +111,14 @@ class Placer {
 
   /// Whether the inputs can follow each other in the output, from whole blocks or cache lines on.
   bool can_join(const Step& step) const {
-    std::vector<int> seen;
+    std::unordered_set<int> seen;
     for (size_t i = 0; i < step.inputs.size(); ++i) {
       const int b = buffer_of_[step.inputs[i]];
       const bool is_input = static_cast<size_t>(b) < n_inputs_;
-      if (is_input || buffers_[b].parent >= 0 || std::count(seen.begin(), seen.end(), b) > 0 ||
+      if (is_input || buffers_[b].parent >= 0 || !seen.insert(b).second ||
           (i + 1 < step.inputs.size() && buffers_[b].bytes % kAlignment != 0 &&
            schedule_.stored[step.inputs[i]].layout == Layout::kNchw))
         return false;
-      seen.push_back(b);
     }
     return true;
   }
@@ -136,12 +140,7 @@ class Placer {
   /// plain, on a cache line, and where no later step joins it to others, which would move it.
   bool can_cut(size_t id, int64_t offset, int index) const {
     const bool plain = schedule_.stored[id].layout == Layout::kNchw;
-    return (!plain || offset % kAlignment == 0) &&
-           std::none_of(schedule_.steps.begin() + index, schedule_.steps.end(),
-                        [&](const Step& later) {
-                          return later.kernel.aliasing == Aliasing::kJoinsInputs &&
-                                 std::count(later.inputs.begin(), later.inputs.end(), id) > 0;
-                        });
+    return (!plain || offset % kAlignment == 0) && last_join_[id] < index;
   }
 
   /// Makes what can be parts of the input so, and counts them.
@@ -198,6 +197,7 @@ class Placer {
   Schedule& schedule_;
   const int end_;                     // one past the last step
   std::vector<int> last_use_;         // of each stored value: step; end_ when it outlives the run
+  std::vector<int> last_join_;        // of each stored value: the last step that joins it, or -1
   std::vector<int> buffer_of_;        // of each stored value
   std::vector<int> scratch_, state_;  // of each step
   std::vector<Buffer> buffers_;

@@ -11,21 +11,6 @@ namespace {
 
 constexpr CppName kEnd{"Truncation::end"}, kGraft{"Truncation::graft"};
 
-/// Whether Caffe has the tops in the memory of the first bottom: they are what it is, also after a
-/// later layer has worked in place on any of them.
-bool shares_memory(const caffe::LayerParameter& layer) {
-  const std::string& type = layer.type();
-  if (type == "Concat") return layer.bottom_size() == 1;
-  if (type == "Slice") return layer.top_size() == 1;
-  if (type == "Permute") {
-    const auto& order = layer.permute_param().order();
-    for (int i = 0; i < order.size(); ++i)
-      if (order[i] != static_cast<uint32_t>(i)) return false;
-    return true;
-  }
-  return type == "Split" || type == "Flatten" || type == "Reshape";
-}
-
 /// Resolves blob names to values while nodes are added in order.
 class Builder {
  public:
@@ -208,6 +193,19 @@ std::vector<Shape> shapes_of(const std::vector<ValueId>& ids, const std::vector<
   std::vector<Shape> result;
   for (const ValueId id : ids) result.push_back(shapes[id]);
   return result;
+}
+
+bool shares_memory(const caffe::LayerParameter& layer) {
+  const std::string& type = layer.type();
+  if (type == "Concat") return layer.bottom_size() == 1;
+  if (type == "Slice") return layer.top_size() == 1;
+  if (type == "Permute") {
+    const auto& order = layer.permute_param().order();
+    for (int i = 0; i < order.size(); ++i)
+      if (order[i] != static_cast<uint32_t>(i)) return false;
+    return true;
+  }
+  return type == "Split" || type == "Flatten" || type == "Reshape";
 }
 
 Graph parse(const caffe::NetParameter& net) {

@@ -51,6 +51,10 @@ struct Graph {
   std::vector<std::string> warnings;  // of prune: for the user
 };
 
+/// Whether Caffe has the tops of a layer in the memory of its first bottom: they are what it is,
+/// also after a later layer has worked in place on any of them.
+bool shares_memory(const caffe::LayerParameter& layer);
+
 /// Builds the graph of a net that proto::read_net gave: the layers of the TEST phase only, of any
 /// type.
 Graph parse(const caffe::NetParameter& net);

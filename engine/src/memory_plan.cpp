@@ -1,8 +1,69 @@
 #include "memory_plan.h"
 
 #include <algorithm>
+#include <map>
+#include <queue>
+#include <set>
+#include <span>
+#include <utility>
 
 namespace revisit::engine {
+namespace {
+
+constexpr size_t kMostSearched = 4096;  // buffers: placing them takes the square of their number
+
+/// Memory that buffers take and give back step by step, each in the smallest gap that holds it.
+class Heap {
+ public:
+  explicit Heap(int64_t begin) : end_(begin) {}
+
+  int64_t take(int64_t size) {
+    const auto gap = by_size_.lower_bound({size, 0});
+    if (gap == by_size_.end()) return std::exchange(end_, end_ + size);
+    const auto [found, offset] = *gap;
+    remove(gaps_.find(offset));
+    if (found > size) add(offset + size, found - size);
+    return offset;
+  }
+
+  void give_back(int64_t offset, int64_t size) {
+    const auto next = gaps_.find(offset + size);
+    if (next != gaps_.end()) {
+      size += next->second;
+      remove(next);
+    }
+    const auto after = gaps_.lower_bound(offset);
+    if (after != gaps_.begin()) {
+      const auto before = std::prev(after);
+      if (before->first + before->second == offset) {
+        offset = before->first;
+        size += before->second;
+        remove(before);
+      }
+    }
+    add(offset, size);
+  }
+
+  int64_t end() const { return end_; }
+
+ private:
+  using Gaps = std::map<int64_t, int64_t>;  // size by offset
+
+  void add(int64_t offset, int64_t size) {
+    gaps_.emplace(offset, size);
+    by_size_.emplace(size, offset);
+  }
+  void remove(Gaps::iterator gap) {
+    by_size_.erase({gap->second, gap->first});
+    gaps_.erase(gap);
+  }
+
+  Gaps gaps_;
+  std::set<std::pair<int64_t, int64_t>> by_size_;
+  int64_t end_;
+};
+
+}  // namespace
 
 MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) {
   const auto aligned = [&](int64_t size) { return (size + alignment - 1) / alignment * alignment; };
@@ -14,7 +75,8 @@ MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) 
 
   MemoryPlan plan{std::vector<int64_t>(buffers.size(), 0), 0};
   std::vector<size_t> placed;  // by offset
-  for (const size_t i : order) {
+  const auto rest = order.begin() + static_cast<int64_t>(std::min(order.size(), kMostSearched));
+  for (const size_t i : std::span(order.begin(), rest)) {
     const Lifetime& buffer = buffers[i];
     int64_t offset = 0;
     for (const size_t j : placed) {
@@ -30,6 +92,21 @@ MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment) 
                          [&](size_t a, size_t b) { return plan.offsets[a] < plan.offsets[b]; }),
         i);
   }
+
+  std::stable_sort(rest, order.end(),
+                   [&](size_t a, size_t b) { return buffers[a].first < buffers[b].first; });
+  Heap heap(plan.total);
+  std::priority_queue<std::pair<int, size_t>, std::vector<std::pair<int, size_t>>, std::greater<>>
+      alive;  // by last step
+  for (const size_t i : std::span(rest, order.end())) {
+    for (; !alive.empty() && alive.top().first < buffers[i].first; alive.pop()) {
+      const size_t j = alive.top().second;
+      heap.give_back(plan.offsets[j], aligned(buffers[j].size));
+    }
+    plan.offsets[i] = heap.take(aligned(buffers[i].size));
+    alive.emplace(buffers[i].last, i);
+  }
+  plan.total = heap.end();
   return plan;
 }
 

@@ -17,7 +17,8 @@ struct MemoryPlan {
 };
 
 /// Places buffers in one arena so that those alive at the same time do not overlap: largest first,
-/// each into the lowest gap that holds it. Offsets are multiples of `alignment`; 0 for empty ones.
+/// each into the lowest gap that holds it; of very many, the smaller ones step by step above these.
+/// Offsets are multiples of `alignment`; 0 for empty ones.
 MemoryPlan plan_memory(const std::vector<Lifetime>& buffers, int64_t alignment);
 
 }  // namespace revisit::engine

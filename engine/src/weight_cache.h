@@ -1,5 +1,7 @@
 #pragma once
 
+#include <sys/types.h>
+
 #include <compare>
 #include <cstdint>
 #include <functional>
@@ -45,7 +47,14 @@ class WeightCache {
   int64_t bytes_in_use() const;
 
  private:
-  mutable std::mutex mutex_;
+  /// A mutex that threads of this process hold while they pack: after fork() one of the parent's
+  /// may hold its own for ever.
+  std::shared_ptr<std::mutex> packing_of_process();
+  std::shared_ptr<const PackedWeights> find(const PackedWeightsKey& key) const;
+
+  // All guarded by process_lock().
+  pid_t process_ = 0;
+  std::shared_ptr<std::mutex> packing_;
   std::map<PackedWeightsKey, std::weak_ptr<const PackedWeights>> entries_;
 };
 

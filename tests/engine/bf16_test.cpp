@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <bit>
+#include <cfloat>
 #include <cmath>
 #include <cstring>
 #include <functional>
@@ -466,7 +467,7 @@ TEST(Bf16Nets, PoolWindowsThatAreEmptyBehindTheFirstConvolution) {
 
 /// Windows that see no pixel, by kernels on blocks, on plain values (a mask), and of all levels.
 TEST(Bf16Nets, EmptyMaximaAreNumbers) {
-  for (const std::string& top : {"", "top: 'mask' "})
+  for (const std::string top : {"", "top: 'mask' "})
     for (const std::string& first : {test::conv("c", "data", "num_output: 32 kernel_size: 1"),
                                      test::layer("c", "Power", {"data"})}) {
       const Net net = test::small_net(

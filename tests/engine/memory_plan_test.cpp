@@ -28,15 +28,16 @@ TEST(MemoryPlan, AlignsOffsets) {
 TEST(MemoryPlan, NeverOverlapsWhatIsAliveTogether) {
   std::mt19937 random(7);
   double totals = 0, peaks = 0;
-  for (int round = 0; round < 200; ++round) {
+  for (int round = 0; round < 201; ++round) {
     std::vector<Lifetime> buffers;
     int64_t peak = 0;  // no plan can do with less
-    for (int i = 0; i < 20; ++i) {
-      const int first = static_cast<int>(random() % 10);
+    const int count = round < 200 ? 20 : 8000, steps = count / 2;
+    for (int i = 0; i < count; ++i) {
+      const int first = static_cast<int>(random() % steps);
       buffers.push_back(
           {static_cast<int64_t>(random() % 50), first, first + static_cast<int>(random() % 5)});
     }
-    for (int step = 0; step < 15; ++step) {
+    for (int step = 0; step < steps + 5; ++step) {
       int64_t alive = 0;
       for (const Lifetime& b : buffers) alive += b.first <= step && step <= b.last ? b.size : 0;
       peak = std::max(peak, alive);

@@ -2,6 +2,8 @@
 // kernels meet.
 #include <gtest/gtest.h>
 
+#include <ctime>
+
 #include "net_case.h"
 #include "simd_targets.h"
 
@@ -262,6 +264,46 @@ TEST(Layouts, KeepAllGivesEveryValueAsItIs) {
   const auto d = found.layer_output("d").values(), s = found.layer_output("s").values();
   EXPECT_FALSE(std::ranges::equal(d, s));
   EXPECT_TRUE(std::ranges::equal(found.output("d").values(), s));
+}
+
+/// Least processor time of planning [s].
+double planning_time(const Net& net) {
+  double least = 1e9;
+  for (int i = 0; i < 3; ++i) {
+    const std::clock_t begin = std::clock();
+    static_cast<void>(net.plan());
+    least = std::min(least, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+  }
+  return least;
+}
+
+/// Slices that are joined again, of whole cache lines or not; a chain; many that one layer reads.
+std::string large_net(const std::string& kind, int n) {
+  std::string text, tops, bottoms;
+  for (int i = 0; i < n; ++i) {
+    const std::string name = "t" + std::to_string(i);
+    tops += "top: '" + name + "' ", bottoms += "bottom: '" + name + "' ";
+    if (kind == "chain")
+      text += layer(name, "TanH", {i == 0 ? "data" : "t" + std::to_string(i - 1)});
+    else if (kind == "fan")
+      text += layer(name, "Power", {"data"});
+  }
+  if (kind == "chain") return text;
+  if (kind == "slices")
+    text = "layer { name: 's' type: 'Slice' bottom: 'data' " + tops + "slice_param { axis: 0 } } ";
+  return text + "layer { name: 'c' type: 'Concat' " + bottoms + "top: 'c' } ";
+}
+
+TEST(Planning, TakesTimeInProportionToTheNet) {
+  constexpr int kFew = 4000, kTimes = 6;
+  for (const std::string kind : {"slices", "chain", "fan"})
+    for (const int64_t width : {int64_t{3}, int64_t{16}}) {
+      const auto time = [&](int n) {
+        return planning_time(small_net({kind == "slices" ? n : 1, 1, width}, large_net(kind, n), {},
+                                       test::Weights::kNone));
+      };
+      EXPECT_LT(time(kTimes * kFew), 2.5 * kTimes * time(kFew)) << kind << " of " << width;
+    }
 }
 
 }  // namespace

@@ -1,6 +1,9 @@
 // Packed weights: one copy for all plans of a net, gone with the last of them.
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <atomic>
 #include <thread>
 
 #include "net_case.h"
@@ -76,6 +79,30 @@ TEST(PackedWeights, PlansAndRunsOfOneNetInParallel) {
       }
     });
   for (std::thread& thread : threads) thread.join();
+}
+
+/// The child has only the thread that forked: it must not wait for what the others held.
+TEST(Forked, PlansWhileAnotherThreadPlans) {
+  const Net net = net_of_two();
+  std::atomic<bool> done = false;
+  std::vector<std::thread> planners;
+  for (int64_t t = 0; t < 2; ++t)
+    planners.emplace_back([&, t] {
+      while (!done) static_cast<void>(net.plan({{"data", Shape{1, 16, 9 + t, 11}}}));
+    });
+  for (int i = 0; i < 60; ++i) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      ::alarm(20);
+      static_cast<void>(net.plan());
+      ::_exit(0);
+    }
+    int status = -1;
+    EXPECT_EQ(::waitpid(child, &status, 0), child);
+    ASSERT_EQ(status, 0) << "child " << i;
+  }
+  done = true;
+  for (std::thread& thread : planners) thread.join();
 }
 
 TEST(PackedWeights, OnePlanOnSeveralThreads) {

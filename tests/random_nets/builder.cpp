@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "graph.h"
 #include "registry.h"
 #include "revisit/base/error.h"
 
@@ -49,7 +50,7 @@ size_t Builder::add_input(const Input& input, bool hidden) {
     layer.mutable_input_param()->mutable_shape(0)->add_dim(size);
   }
   result.inputs[blob] = input;
-  values_.push_back({blob, Shape(axes), true, false, hidden});
+  values_.push_back({blob, Shape(axes), true, false, hidden, 0, values_.size()});
   return values_.size() - 1;
 }
 
@@ -90,18 +91,24 @@ size_t Builder::add(const std::string& type, const std::vector<size_t>& inputs,
   for (size_t blob = 0; blob < weights.size(); ++blob)
     add_weights(weights[blob], type, blob, &layer);
   for (const size_t id : inputs) ++values_[id].readers;
+  for (size_t i = 1; i < inputs.size(); ++i)
+    may_be_in_place &= values_[inputs[i]].memory != values_[inputs[0]].memory;
   if (may_be_in_place && !values_[inputs[0]].hidden && random.chance(0.4)) {
     layer.add_top(layer.bottom(0));
     *result.net.add_layer() = layer;
     Value& value = values_[inputs[0]];
-    value = {value.blob, outputs[0], is_exact, dynamic};
+    value = {value.blob, outputs[0], is_exact, dynamic, false, 0, value.memory};
+    for (Value& other : values_)  // what it wrote is in all of the memory
+      if (other.memory == value.memory) other.exact = is_exact;
     return inputs[0];
   }
   const size_t first = values_.size();
-  for (size_t port = 0; port < n_outputs; ++port) {
+  for (size_t port = 0; port < n_outputs; ++port)
     layer.add_top(engine::port_name(layer.name(), port));
-    values_.push_back({layer.top(static_cast<int>(port)), outputs[port], is_exact, dynamic});
-  }
+  const bool shares = engine::shares_memory(layer);
+  for (size_t port = 0; port < n_outputs; ++port)
+    values_.push_back({layer.top(static_cast<int>(port)), outputs[port], is_exact, dynamic, false,
+                       0, shares ? values_[inputs[0]].memory : values_.size()});
   *result.net.add_layer() = layer;
   return first;
 }

@@ -18,6 +18,7 @@ struct Value {
   bool dynamic = false;  // the number of rows depends on the data: only views can read it
   bool hidden = false;   // only who knows it may read it
   int readers = 0;
+  size_t memory = 0;  // the first value in the memory that Caffe has it in
 };
 
 /// A net that grows layer by layer; the engine itself says what fits.

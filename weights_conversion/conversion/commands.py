@@ -100,7 +100,7 @@ def _declare_onnx(parser):
     parser.add_argument('weights', metavar='WEIGHTS', nargs='?', help='caffemodel, .h5 or .npz')
     parser.add_argument('output', metavar='OUT.onnx')
     parser.add_argument('--end', metavar='LAYER', help='cut the net off after this layer')
-    parser.add_argument('--graft', metavar='LAYER', help='append a copy of this layer, which has no weights, after --end and its ReLU')
+    parser.add_argument('--graft', metavar='LAYER', help='append a copy of this layer, which has no weights, after --end with its normalisation and ReLU')
     parser.add_argument('--fixed', action='store_true', help='the sizes of the example are the only ones (default: any sizes)')
     parser.add_argument('--float16', action='store_true', help='store weights as float16; the model computes in float32')
     _inputs(parser)

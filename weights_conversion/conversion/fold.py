@@ -8,7 +8,7 @@ from google.protobuf import text_format
 
 from . import compare, engine, examples, files, weights
 from .errors import InputError, UnsupportedError
-from .graph import resolve
+from .graph import is_of_batch, resolve
 
 
 def convert(options):
@@ -102,7 +102,7 @@ def _affine(layer, blobs):
             return None
         return arrays[0], arrays[1] if p.bias_term else np.zeros_like(arrays[0])
     p = layer.message.batch_norm_param
-    if p.HasField('use_global_stats') and not p.use_global_stats:
+    if is_of_batch(layer.message):
         return None
     factor = 0 if arrays[2][0] == 0 else 1 / arrays[2][0]
     deviation = np.sqrt(arrays[1] * factor + p.eps)

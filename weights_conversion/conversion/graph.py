@@ -48,20 +48,87 @@ class Graph:
         return [layer for layer in self.layers if value in layer.inputs]
 
 
-def resolve(net):
-    """The graph of a NetParameter of the current format. An input that no layer writes is None."""
-    graph, current = Graph(), {}
-    for message in net.layer:
+def is_of_batch(message):
+    """Whether a BatchNorm layer takes the statistics of the batch at hand."""
+    p = message.batch_norm_param
+    in_training = message.HasField('phase') and message.phase == 0  # TRAIN
+    return not p.use_global_stats if p.HasField('use_global_stats') else in_training
+
+
+def _shares_memory(message):
+    """Whether Caffe has the tops in the memory of the first bottom; engine/src/graph.cpp has the same."""
+    if message.type == 'Concat':
+        return len(message.bottom) == 1
+    if message.type == 'Slice':
+        return len(message.top) == 1
+    if message.type == 'Permute':
+        return list(message.permute_param.order) == list(range(len(message.permute_param.order)))
+    return message.type in ('Split', 'Flatten', 'Reshape')
+
+
+class _Resolver:
+    """Resolves names of blobs to values, layer by layer, as the engine does (engine/src/graph.cpp)."""
+
+    def __init__(self):
+        self.graph = Graph()
+        self.current = {}  # blob -> value
+        self.read = set()
+        self.memory = []  # of each value: the first value in its memory
+        self.content = []  # of each value: the one whose numbers it has
+        self.latest = {}  # memory that a layer in place has written -> (value, name of the layer)
+
+    def add(self, message):
         layer = Layer(message.name, message.type, message)
-        layer.inputs = [current.get(blob) for blob in message.bottom]
-        for blob in message.top:
-            current[blob] = len(graph.blobs)
-            layer.outputs.append(len(graph.blobs))
-            graph.blobs.append(blob)
-        graph.layers.append(layer)
-    read = {value for layer in graph.layers for value in layer.inputs}
-    graph.outputs = [(blob, value) for value, blob in enumerate(graph.blobs) if value not in read]
-    return graph
+        for blob in message.bottom:
+            if blob in self.current:
+                self.current[blob] = self._up_to_date(self.current[blob])
+            layer.inputs.append(self.current.get(blob))
+        self.read.update(layer.inputs)
+        for i, blob in enumerate(message.top):
+            value = self.current[blob] = self._new_value(blob)
+            layer.outputs.append(value)
+            if i < len(message.bottom) and message.bottom[i] == blob and layer.inputs[i] is not None:
+                self.memory[value] = self.memory[layer.inputs[i]]
+                self.latest[self.memory[value]] = value, layer.name
+            elif _shares_memory(message) and layer.inputs and layer.inputs[0] is not None:
+                self.memory[value], self.content[value] = self.memory[layer.inputs[0]], self.content[layer.inputs[0]]
+        self.graph.layers.append(layer)
+
+    def finish(self):
+        for value in list(self.current.values()):
+            if value not in self.read:
+                self._up_to_date(value)
+        self.graph.outputs = [(blob, value) for value, blob in enumerate(self.graph.blobs) if value not in self.read]
+        return self.graph
+
+    def _new_value(self, blob):
+        value = len(self.graph.blobs)
+        self.graph.blobs.append(blob)
+        self.memory.append(value)
+        self.content.append(value)
+        return value
+
+    def _up_to_date(self, value):
+        written, layer = self.latest.get(self.memory[value], (value, None))
+        if self.content[value] == self.content[written]:
+            return value
+        blob = self.graph.blobs[value]
+        result = self._new_value(blob)
+        self.graph.layers.append(Layer(f'{blob} after {layer}', 'Split', None, [written, value], [result]))
+        self.memory[result], self.content[result] = self.memory[value], written
+        if value in self.read:
+            self.read.add(result)
+        self.read.add(value)
+        return result
+
+
+def resolve(net):
+    """The graph of a NetParameter of the current format. An input that no layer writes is None. Blobs that Caffe has in one memory show what a layer in place writes
+    there: a layer that the file does not have, a Split of two inputs, gives the first in the shape of the second."""
+    resolver = _Resolver()
+    for message in net.layer:
+        resolver.add(message)
+    return resolver.finish()
 
 
 def truncate(graph, end, graft):
@@ -76,7 +143,7 @@ def truncate(graph, end, graft):
             if len(source.inputs) != 1 or len(source.outputs) != 1 or len(last.outputs) != 1:
                 raise UsageError(f"--graft: '{graft}' and '{end}' must have one input and one output")
             copy = Layer(f'{end}+{graft}', source.type, source.message,
-                         [_after_relu(graph, last.outputs[0])], [len(graph.blobs)])
+                         [_after_its_block(graph, last.outputs[0])], [len(graph.blobs)])
             graph.blobs.append(copy.name)
             graph.layers.append(copy)
             graph.outputs = [(copy.name, copy.outputs[0])]
@@ -85,13 +152,19 @@ def truncate(graph, end, graft):
     return graph
 
 
-def _after_relu(graph, value):
-    readers = graph.readers(value)
-    relus = [layer for layer in readers if layer.type == 'ReLU']
-    in_place = [layer for layer in relus if layer.message.bottom[:1] == layer.message.top[:1]]
-    if in_place:
-        return in_place[-1].outputs[0]
-    return relus[0].outputs[0] if relus and len(readers) == 1 else value
+def _after_its_block(graph, value):
+    """What becomes of a value by layers in place, and by the normalisation and the ReLU that are alone to read it."""
+    activated = False
+    while True:
+        readers = graph.readers(value)
+        in_place = [(layer, after) for layer in readers for before, after in zip(layer.inputs, layer.outputs)
+                    if before == value and layer.message and graph.blobs[before] == graph.blobs[after]]
+        alone = [(layer, layer.outputs[0]) for layer in readers if len(readers) == len(layer.inputs) == 1 and not activated
+                 and layer.type in ('ReLU', 'BatchNorm', 'Scale')]
+        if not in_place and not alone:
+            return value
+        layer, value = (in_place or alone)[0]
+        activated |= layer.type == 'ReLU'
 
 
 def _keep_needed(graph, ends):

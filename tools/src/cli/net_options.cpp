@@ -109,8 +109,8 @@ void NetOptions::declare(Parser& parser) {
                 &truncation.end);
   parser.option(
       "graft", "LAYER",
-      "append a copy of this layer, which has no weights, after --end and its ReLU: --end conv3 "
-      "--graft pool5",
+      "append a copy of this layer, which has no weights, after --end with its normalisation and "
+      "ReLU: --end conv3 --graft pool5",
       &truncation.graft);
   declare_input_shape(parser, &input_shapes);
   parser.option("threads", "N", "threads of one forward pass (default 1)", &threads);

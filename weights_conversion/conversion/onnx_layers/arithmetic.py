@@ -130,6 +130,8 @@ def _axpy(g, site):
 
 
 def _same(g, site):
+    if len(site.x) == 2:  # graph.resolve(): in the shape of the second
+        return [g.node('Reshape', site.x[0], g.shape(site.x[1]))]
     return [site.x[0]] * len(site.layer.outputs)
 
 

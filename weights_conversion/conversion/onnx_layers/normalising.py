@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from ..graph import is_of_batch
+
 
 def _batch_norm(g, site):
     p, rank = site.message.batch_norm_param, len(site.shapes[0])
-    if p.HasField('use_global_stats') and not p.use_global_stats:
+    if is_of_batch(site.message):
         return [_normed(g, site.x[0], rank, p.eps)]
     sums, square_sums, weight = (blob.ravel() for blob in site.blobs[:3])
     factor = np.float32(0 if weight[0] == 0 else 1 / weight[0])  # 0: nothing was summed
