@@ -25,8 +25,9 @@ class MemoryError : public Error {
 struct Truncation {
   /// The layer whose output is wanted, before in-place layers that follow. Empty: the whole net.
   std::string end;
-  /// A layer without weights (e.g. "pool5") to append to `end` and its ReLU: the paper's
-  /// "conv3+pool5". A ReLU not in place is left out, with a warning, when others read `end`, too.
+  /// A layer without weights (e.g. "pool5") to append to `end`, the layers in place on it, and its
+  /// BatchNorm, Scale and ReLU: the paper's "conv3+pool5". Of these three one that is not in place is
+  /// left out, with a warning, when others read what it reads, too.
   std::string graft;
 
   /// The name of the output: "conv3", "conv3+pool5", or "" for the whole net.
