@@ -8,7 +8,7 @@
 namespace revisit::proto {
 namespace {
 
-constexpr std::string_view kSpace = " \t\n\v\f\r";
+constexpr std::string_view kBlanks = " \t\n\v\f\r";
 constexpr std::string_view kNoWord = " \t\n\v\f\r{}<>[],;:#'\"";  // what ends a name or a number
 
 /// Walks over a text; each step is false where the text does not fit.
@@ -22,7 +22,7 @@ class Walk {
 
   void skip_space() {
     for (;;) {
-      at_ = std::min(text_.find_first_not_of(kSpace, at_), text_.size());
+      at_ = std::min(text_.find_first_not_of(kBlanks, at_), text_.size());
       if (next() != '#') return;
       at_ = std::min(text_.find('\n', at_), text_.size());
     }
