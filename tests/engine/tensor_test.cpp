@@ -39,9 +39,10 @@ TEST(Shape, HasAsManyAxesAsCaffesAtMost) {
 
 TEST(Shape, ParsesWhatPeopleType) {
   EXPECT_EQ(Shape::parse("1x3x107x4000"), (Shape{1, 3, 107, 4000}));
+  EXPECT_EQ(Shape::parse("1,3,107,4000"), (Shape{1, 3, 107, 4000}));
   EXPECT_EQ(Shape::parse("7"), Shape{7});
   for (const char* bad :
-       {"", "x", "1x", "x1", "1x-3", "1x0", "1,3", "1x3 ", "a", "99999999999x99999999999"})
+       {"", "x", "1x", "x1", "1x-3", "1x0", "1,,3", "1,3,", "1x3 ", "a", "99999999999x99999999999"})
     EXPECT_THROW(Shape::parse(bad), UsageError) << bad;
 }
 
