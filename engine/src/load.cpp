@@ -93,6 +93,10 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
     }
   }
 
+  if (options.truncation.end.empty())  // then also of layers that nothing reads
+    for (const proto::NetFile::Unread& part : file.unread)
+      if (part.is_error) throw InputError(part.what);
+
   const std::vector<Shape> shapes = infer_shapes(*net, options.inputs);
   for (Node& node : net->graph.nodes) {
     if (!node.layer) {

@@ -160,6 +160,7 @@ def _prior_box(g, site):
 EMIT = {
     'ArgMax': _argmax, 'BatchReindex': _batch_reindex, 'Concat': _concat, 'Crop': _crop, 'CropCenter': _crop_center,
     'DummyData': _constants, 'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Interp': _interp, 'Parameter': _parameter,
-    'Permute': _permute, 'PriorBox': _prior_box, 'PriorBoxClustered': _prior_box, 'Reshape': _reshape, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Tile': _tile,
+    'Permute': _permute, 'PriorBox': _prior_box, 'PriorBoxClustered': _prior_box,
+    'Reshape': _reshape, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Tile': _tile,
     'Upsample': _upsample,
 }
