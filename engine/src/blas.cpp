@@ -90,7 +90,8 @@ BlasRoom::BlasRoom(int threads) : threads_(threads) {
   const std::scoped_lock lock(process_lock());
   // OpenBLAS keeps its buffers: up to the most so far there is room. Which of them it has mapped by
   // now is not known, so all are asked for.
-  if (blas_buffers.now + threads > blas_buffers.most && !can_be_mapped(blas_buffers.now + threads)) throw std::bad_alloc();
+  if (blas_buffers.now + threads > blas_buffers.most && !can_be_mapped(blas_buffers.now + threads))
+    throw std::bad_alloc();
   blas_buffers.now += threads;
   blas_buffers.most = std::max(blas_buffers.most, blas_buffers.now);
 }

@@ -82,16 +82,17 @@ class Builder {
   /// The present value of a blob whose value was `id`: where a layer has worked in place on another
   /// blob in the memory since, what that wrote, in the shape of `id`.
   ValueId up_to_date(ValueId id) {
-    const Value value = graph_.values[id];
-    const auto written = latest_.find(value.memory);
+    const ValueId memory = graph_.values[id].memory;
+    const auto written = latest_.find(memory);
     if (written == latest_.end() || content_[id] == content_[written->second.value]) return id;
+    const std::string blob = graph_.values[id].blob;
     const auto& [source, layer] = written->second;
-    Node node{value.blob + " after " + layer, {}, {source, id}, {add_value(value.blob)}};
+    Node node{blob + " after " + layer, {}, {source, id}, {add_value(blob)}};
     const ValueId result = node.outputs[0];
     node.param.set_type("Split");
     node.layer = make_reshaped_like(node.param);
     graph_.nodes.push_back(std::move(node));
-    graph_.values[result].memory = value.memory;
+    graph_.values[result].memory = memory;
     content_[result] = source;
     consumed_[result] = consumed_[id];
     consumed_[id] = true;

@@ -21,7 +21,7 @@ struct Value {
 /// A layer of the file.
 struct Node {
   std::string name;
-  caffe::LayerParameter param;  // once the net is loaded without blobs
+  caffe::LayerParameter param;  // its blobs are taken when weights are loaded
   std::vector<ValueId> inputs, outputs;
   bool is_first_of_name =
       false;              // of the layers of the whole net: the one that a weights file means
@@ -51,8 +51,8 @@ struct Graph {
   std::vector<std::string> warnings;  // of prune: for the user
 };
 
-/// Whether Caffe has the tops of a layer in the memory of its first bottom: they are what it is,
-/// also after a later layer has worked in place on any of them.
+/// Whether Caffe has the tops of a layer in the memory of its first bottom: all show the result of
+/// a later layer in place on any of them.
 bool shares_memory(const caffe::LayerParameter& layer);
 
 /// Builds the graph of a net that proto::read_net gave: the layers of the TEST phase only, of any

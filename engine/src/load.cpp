@@ -74,13 +74,13 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   std::multimap<int, const proto::NetFile::Unread*> unread;  // by layer
   for (const proto::NetFile::Unread& part : file.unread) unread.emplace(part.layer, &part);
   for (Node& node : net->graph.nodes) {
+    const auto [begin, end] = unread.equal_range(node.index);
     try {
-      // A type that is not supported is said first: its parameters are unknown, too.
-      if (!node.param.type().empty()) check_type(node.param);
+      // An unsupported type is reported first: its parameters are unknown, too.
+      if (begin != end && !node.param.type().empty()) check_type(node.param);
     } catch (const Error&) {
       rethrow_at(net->file, node);
     }
-    const auto [begin, end] = unread.equal_range(node.index);
     for (auto part = begin; part != end; ++part) {
       if (part->second->is_error) throw InputError(part->second->what);
       net->warnings.emplace_back(part->second->what.what());

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <map>
 
-#include "kernels/random_bits.h"
 #include "load_weights.h"
+#include "revisit/base/random_bits.h"
 
 namespace revisit::engine {
 namespace {

@@ -26,7 +26,7 @@ struct Place {
 };
 using PlaceHw = std::array<Place, 2>;
 
-/// What a layer does, then what `base` says.
+/// The place by a layer, then by `base`.
 PlaceHw composed(const PlaceHw& base, const PlaceHw& layer) {
   PlaceHw place;
   for (size_t i = 0; i < place.size(); ++i)
@@ -102,7 +102,7 @@ class Offsets {
     }
   }
 
-  /// What is cut off above and on the left so that the two inputs of a crop lie over each other.
+  /// Rows and columns to cut off so that the two inputs of a crop lie over each other.
   std::optional<std::array<uint32_t, 2>> of(int crop) const {
     if (inputs_[crop].size() != 2) return std::nullopt;
     const Places from = places_in(inputs_[crop][0]), to = places_in(inputs_[crop][1]);
@@ -122,7 +122,7 @@ class Offsets {
   }
 
  private:
-  /// By layer: where a pixel of what it writes lies in what another layer writes.
+  /// By layer: where a pixel of its output lies in the output of another layer.
   using Places = std::vector<std::optional<PlaceHw>>;
 
   Places places_in(int last) const {

@@ -123,8 +123,10 @@ class _Resolver:
 
 
 def resolve(net):
-    """The graph of a NetParameter of the current format. An input that no layer writes is None. Blobs that Caffe has in one memory show what a layer in place writes
-    there: a layer that the file does not have, a Split of two inputs, gives the first in the shape of the second."""
+    """The graph of a NetParameter of the current format. An input that no layer writes is None.
+
+    Blobs that Caffe has in one memory show the result of a layer in place there: a layer that the file does not have, a Split
+    of two inputs, gives the first in the shape of the second."""
     resolver = _Resolver()
     for message in net.layer:
         resolver.add(message)

@@ -4,6 +4,7 @@
 
 #include "revisit/base/error.h"
 #include "revisit/base/folder.h"
+#include "revisit/base/random_bits.h"
 #include "revisit/proto/net_file.h"
 #include "revisit/weights_conversion/trunks.h"
 
@@ -13,26 +14,18 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kUntrainedPrefix = "untrained_";
-constexpr uint64_t kGolden = 0x9E3779B97F4A7C15;  // 2^64 / golden ratio: SplitMix64's step
 
 std::string untrained_name(const std::string& name, uint64_t seed) {
   return str(kUntrainedPrefix, name, "_seed_", seed);
-}
-
-/// The finaliser of SplitMix64: a bijection of 64-bit numbers whose outputs look independent.
-uint64_t mix(uint64_t z) {
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EB;
-  return z ^ (z >> 31);
 }
 
 /// Random numbers of one blob: word(i) does not depend on the words asked for before.
 class Stream {
  public:
   Stream(uint64_t seed, uint64_t layer, uint64_t blob)
-      : key_(mix(mix(seed + kGolden) + layer * kGolden + blob)) {}
+      : key_(mixed_bits(mixed_bits(seed + kSplitmixStep) + layer * kSplitmixStep + blob)) {}
 
-  uint64_t word(uint64_t i) const { return mix(key_ + (i + 1) * kGolden); }
+  uint64_t word(uint64_t i) const { return mixed_bits(key_ + (i + 1) * kSplitmixStep); }
 
   /// Gaussian number i of variance 1 (mean 12 * (2^32 - 1) / 2, units of 2^32); exact in double.
   double gaussian(uint64_t i) const {

@@ -1,15 +1,15 @@
 #include <cstring>
 
-#include "kernels/random_bits.h"
 #include "layers/layers.h"
 #include "revisit/base/fnv1a.h"
+#include "revisit/base/random_bits.h"
 #include "revisit/engine/parallel_for.h"
 
 namespace revisit::engine {
 namespace {
 
 /// Bayesian SegNet's dropout at inference, which samples from what the net believes: each pass has
-/// a mask of its own. What is dropped depends on the layer's name, the seed and the number of the
+/// a mask of its own. The mask depends on the layer's name, the seed and the number of the
 /// pass only.
 class SampledDropout : public OneToOneLayer {
  public:

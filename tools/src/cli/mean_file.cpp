@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <numeric>
-#include <sstream>
 
 #include "cli/parser.h"
 #include "revisit/base/file_content.h"
@@ -41,8 +40,7 @@ Mean parse_mean_option(const std::string& option, const std::string& text) {
   if (std::error_code none; !are_numbers || std::filesystem::exists(text, none))
     return read_mean(text);
   Mean mean;
-  std::istringstream fields(text);
-  for (std::string field; std::getline(fields, field, ',');)
+  for (const std::string& field : comma_separated(text))
     mean.values.push_back(static_cast<float>(parse_value<double>(option, field)));
   mean.channels = static_cast<int64_t>(mean.values.size());
   return mean;

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <limits>
 #include <span>
+#include <sstream>
 
 #include "cli/messages.h"
 
@@ -68,6 +69,13 @@ std::string environment_name(const std::string& option) {
 }
 
 }  // namespace
+
+std::vector<std::string> comma_separated(const std::string& list) {
+  std::vector<std::string> parts;
+  std::istringstream in(list);
+  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
+  return parts;
+}
 
 template <class Number>
 Number parse_value(const std::string& what, const std::string& text) {

@@ -17,6 +17,9 @@ namespace revisit::cli {
 template <class T>
 T parse_value(const std::string& what, const std::string& text);
 
+/// What stands between commas; nothing for "" and behind a last comma.
+std::vector<std::string> comma_separated(const std::string& list);
+
 /// The command line of one subcommand: a typed front of glibc's argp.
 ///
 /// Values are applied in the order defaults < config file < environment < command line: the

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <deque>
 #include <iostream>
-#include <sstream>
 
 #include "cli/command.h"
 #include "cli/interrupt.h"
@@ -94,8 +93,7 @@ CalibrateOptions parse_calibrate_options(const Arguments& arguments) {
 
 std::vector<int> spacings_of(const CalibrateOptions& o) {
   std::vector<int> spacings;
-  std::istringstream list(o.every);
-  for (std::string one; std::getline(list, one, ',');)
+  for (const std::string& one : comma_separated(o.every))
     spacings.push_back(parse_value<int>("--every", one));
   if (spacings.empty() || std::ranges::min(spacings) < 1)
     throw UsageError("--every: expected numbers of at least 1, found '", o.every, "'");

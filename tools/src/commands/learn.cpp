@@ -1,6 +1,5 @@
 #include <cmath>
 #include <iostream>
-#include <sstream>
 
 #include "cli/command.h"
 #include "eval/feature_options.h"
@@ -102,8 +101,7 @@ LearnOptions parse_learn_options(const Arguments& arguments) {
 
 std::vector<std::pair<std::string, int>> parse_layers(const std::string& text) {
   std::vector<std::pair<std::string, int>> layers;
-  std::istringstream list(text);
-  for (std::string entry; std::getline(list, entry, ',');) {
+  for (const std::string& entry : comma_separated(text)) {
     const size_t equals = entry.rfind('=');
     if (equals == std::string::npos || equals == 0)
       throw UsageError("--layers: expected LAYER=N[,...], e.g. pool1=32,pool4=32, found '" + text +

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <iostream>
 #include <set>
-#include <sstream>
 
 #include "cli/messages.h"
 #include "cli/parser.h"
@@ -16,17 +15,10 @@ using pipeline::StoredPlace;
 
 constexpr double kSecondsADay = 86400;
 
-std::vector<std::string> parts_of(const std::string& text) {
-  std::vector<std::string> parts;
-  std::istringstream in(text);
-  for (std::string part; std::getline(in, part, ',');) parts.push_back(part);
-  return parts;
-}
-
 /// "3,7-9" is 3, 7, 8 and 9.
 std::set<int64_t> ids_of(const std::string& text, int64_t most) {
   std::set<int64_t> ids;
-  for (const std::string& part : parts_of(text)) {
+  for (const std::string& part : comma_separated(text)) {
     const size_t dash = part.find('-', 1);
     const auto first = parse_value<int64_t>("--ids", part.substr(0, dash));
     const auto last =
@@ -39,7 +31,7 @@ std::set<int64_t> ids_of(const std::string& text, int64_t most) {
 }
 
 Eigen::Vector3d point_of(const std::string& text) {
-  const std::vector<std::string> parts = parts_of(text);
+  const std::vector<std::string> parts = comma_separated(text);
   if (parts.size() != 3) throw UsageError("--near: expected X,Y,Z, found '", text, "'");
   Eigen::Vector3d point;
   for (int axis = 0; axis < 3; ++axis) point[axis] = parse_value<double>("--near", parts[axis]);

@@ -1,7 +1,6 @@
 #include "evaluation.h"
 
 #include <algorithm>
-#include <sstream>
 
 #include "eval/points_outside.h"
 #include "eval/run_folder.h"
@@ -12,9 +11,7 @@ namespace {
 /// All but what describes and reduces, which is known once the feature is open.
 pipeline::EvaluationOptions library_options(const EvalOptions& o) {
   pipeline::EvaluationOptions options;
-  options.protocols.clear();
-  std::istringstream list(o.protocol);
-  for (std::string name; std::getline(list, name, ',');) options.protocols.push_back(name);
+  options.protocols = comma_separated(o.protocol);
   if (o.distance) options.distance = pipeline::parse_distance(*o.distance);
   options.radius = o.radius;
   if (o.exclusion) options.exclusion = pipeline::parse_exclusion(*o.exclusion);

@@ -41,8 +41,7 @@ std::optional<std::array<double, 3>> parse_mean(const std::string& text) {
     return mean;
   }
   std::vector<double> numbers;
-  std::istringstream fields(text);
-  for (std::string field; std::getline(fields, field, ',');)
+  for (const std::string& field : comma_separated(text))
     numbers.push_back(parse_value<double>("--mean-bgr", field));
   if (numbers.size() == 1 && text.back() != ',') numbers.resize(mean.size(), numbers[0]);
   if (numbers.size() != mean.size())

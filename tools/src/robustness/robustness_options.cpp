@@ -1,7 +1,6 @@
 #include "robustness/robustness_options.h"
 
 #include <algorithm>
-#include <sstream>
 
 namespace revisit::cli {
 namespace {
@@ -9,8 +8,7 @@ namespace {
 std::vector<std::string> parse_features(const std::string& list) {
   const std::vector<std::string> names = feature_names();
   std::vector<std::string> features;
-  std::istringstream words(list);
-  for (std::string word; std::getline(words, word, ',');) {
+  for (const std::string& word : comma_separated(list)) {
     if (std::ranges::find(names, word) == names.end())
       throw UsageError("--feature: unknown feature '", word, "'", did_you_mean(word, names),
                        "; known: ", joined(names, ", "));

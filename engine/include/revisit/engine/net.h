@@ -26,8 +26,8 @@ struct Truncation {
   /// The layer whose output is wanted, before in-place layers that follow. Empty: the whole net.
   std::string end;
   /// A layer without weights (e.g. "pool5") to append to `end`, the layers in place on it, and its
-  /// BatchNorm, Scale and ReLU: the paper's "conv3+pool5". Of these three one that is not in place is
-  /// left out, with a warning, when others read what it reads, too.
+  /// BatchNorm, Scale and ReLU: the paper's "conv3+pool5". Of these three one that is not in place
+  /// is left out, with a warning, when other layers read the same value, too.
   std::string graft;
 
   /// The name of the output: "conv3", "conv3+pool5", or "" for the whole net.

@@ -7,9 +7,9 @@
 namespace revisit::engine {
 
 /// The first layers of a net as one: a convolution of few channels with its epilogue, then
-/// blocked_lrn() where there is one, then blocked_max_pool(). What is between them, the largest
-/// values of these nets, stays in cache and in float32: the same bits, but in bfloat16 with LRN,
-/// where the convolution's output is not rounded.
+/// blocked_lrn() where there is one, then blocked_max_pool(). The values
+/// between them, the largest of these nets, stay in cache and in float32: the same bits, but in
+/// bfloat16 with LRN, where the convolution's output is not rounded.
 struct ConvolutionMaxPool {
   ConvolutionProblem convolution;   // that `in_tiles` or else kBlockedPlainInput supports; its
                                     // threads count

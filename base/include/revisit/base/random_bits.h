@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-namespace revisit::engine {
+namespace revisit {
 
 /// splitmix64 (Steele, Lea, Flood 2014): the same numbers on every platform.
 constexpr uint64_t kSplitmixStep = 0x9E3779B97F4A7C15;
@@ -17,4 +17,4 @@ constexpr double unit_number(uint64_t key, uint64_t index) {
   return static_cast<double>(mixed_bits(key + (index + 1) * kSplitmixStep) >> 11) * 0x1.0p-53;
 }
 
-}  // namespace revisit::engine
+}  // namespace revisit
