@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "budget.h"
@@ -54,6 +55,19 @@ void check_graft(const Net::Impl& net, const Truncation& truncation) {
                    "e.g. a pooling layer");
 }
 
+/// Without a cut the only layers that do not run are those that write nothing. What does not parse
+/// in them is an error of a known type, whose `top` may be misspelt, else a warning.
+void check_layers_not_run(const proto::NetFile& file, Net::Impl& net) {
+  std::set<int> run;
+  for (const Node& node : net.graph.nodes) run.insert(node.index);
+  for (const proto::NetFile::Unread& part : file.unread) {
+    if (!part.is_error || run.contains(part.layer)) continue;
+    const std::string& type = file.net.layer(part.layer).type();
+    if (type.empty() || is_supported(type)) throw InputError(part.what);
+    net.warnings.push_back(str(part.what.what(), "; the layer writes no blob and is left out"));
+  }
+}
+
 /// Everything but the weights' values; their shapes are set.
 std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string& name,
                                           const LoadOptions& options) {
@@ -73,6 +87,7 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
   }
   std::multimap<int, const proto::NetFile::Unread*> unread;  // by layer
   for (const proto::NetFile::Unread& part : file.unread) unread.emplace(part.layer, &part);
+  if (options.truncation.end.empty()) check_layers_not_run(file, *net);
   for (Node& node : net->graph.nodes) {
     const auto [begin, end] = unread.equal_range(node.index);
     try {
@@ -92,10 +107,6 @@ std::shared_ptr<Net::Impl> load_structure(proto::NetFile file, const std::string
       rethrow_at(net->file, node);
     }
   }
-
-  if (options.truncation.end.empty())  // then also of layers that nothing reads
-    for (const proto::NetFile::Unread& part : file.unread)
-      if (part.is_error) throw InputError(part.what);
 
   const std::vector<Shape> shapes = infer_shapes(*net, options.inputs);
   for (Node& node : net->graph.nodes) {

@@ -98,8 +98,12 @@ const Entry* entry_of(const std::string& type) {
 
 }  // namespace
 
+bool is_supported(const std::string& type) {
+  return type == kInputType || entry_of(type);
+}
+
 void check_type(const caffe::LayerParameter& param) {
-  if (param.type() == kInputType || entry_of(param.type())) return;
+  if (is_supported(param.type())) return;
   std::vector<std::string> known;
   for (const LayerType& type : layer_types()) known.push_back(type.type);
   const std::string fork = proto::fork_that_has(param.type());

@@ -10,6 +10,8 @@ namespace revisit::engine {
 /// The type of the inputs of a net, which are not layers here.
 constexpr const char* kInputType = "Input";
 
+bool is_supported(const std::string& type);
+
 /// Throws UnsupportedError, saying what to do, for a type that `make_layer()` does not know.
 void check_type(const caffe::LayerParameter& param);
 

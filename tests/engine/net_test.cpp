@@ -371,7 +371,7 @@ TEST_F(NetTest, UnknownLayerTypesMatterOnlyWhenNeeded) {
 /// With an end, nothing beyond is read, checked or looked for.
 TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
   for (const char* beyond :
-       {"transpose_param { dim: 3 }", "relu_param { odd: 3 }", "relu_param { negative_slope: x }",
+       {"correlation_param { pad: 3 }", "relu_param { odd: 3 }", "relu_param { negative_slope: x }",
         "relu_param { negative_slope: 1 negative_slope: 2 }", "clip_param { }", "bottom: 'nowhere'",
         "top: 'conv'", "convolution_param { engine: ODD pad_type: VALID }"}) {
     SCOPED_TRACE(beyond);
@@ -388,6 +388,19 @@ TEST_F(NetTest, WhatLiesBeyondTheEndDoesNotMatter) {
   }
 }
 
+TEST_F(NetTest, WhatWritesNothingIsLeftOutUnlessItsTypeIsKnown) {
+  const std::string net = kNet;
+  test::write_file(prototxt(), net + "layer { name: 'e' type: 'Evil' bottom: 'conv' x_param { } }");
+  const std::vector<std::string> warnings = Net::load(prototxt(), weights()).warnings();
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("layer 'e' (Evil): unknown field 'x_param'"), std::string::npos);
+  EXPECT_NE(warnings[0].find("the layer writes no blob and is left out"), std::string::npos);
+  for (const std::string type : {"", "type: 'ReLU' "}) {  // `top` may be misspelt
+    test::write_file(prototxt(), net + "layer { name: 'r' " + type + "bottom: 'conv' tpo: 'r' }");
+    expect_error<InputError>([&] { Net::load(prototxt(), weights()); }, {"'r'", "'tpo'"});
+  }
+}
+
 TEST_F(NetTest, OldTypesOfForksBeyondTheEndDoNotMatter) {
   test::write_file(prototxt(),
                    "input: 'data' input_dim: [1, 1, 2, 3] layers { name: 'relu' type: RELU bottom: "
@@ -401,11 +414,11 @@ TEST_F(NetTest, OldTypesOfForksBeyondTheEndDoNotMatter) {
 
 TEST_F(NetTest, TypesAreNotSupportedBeforeFieldsAreUnknown) {
   test::write_file(prototxt(), std::string(kNet) +
-                                   "layer { name: 'odd' type: 'PSROIPooling' bottom: 'concat' "
-                                   "top: 'odd' psroi_pooling_param { group_size: 7 } }");
+                                   "layer { name: 'odd' type: 'Correlation' bottom: 'concat' "
+                                   "top: 'odd' correlation_param { pad: 3 } }");
   expect_error<UnsupportedError>(
       [&] { Net::load(prototxt(), weights()); },
-      {"'odd'", "'PSROIPooling'", "it is of R-FCN", "Truncation::end", "revisit.caffe"});
+      {"'odd'", "'Correlation'", "it is of FlowNet", "Truncation::end", "revisit.caffe"});
 }
 
 TEST_F(NetTest, RunsOfOnePlanWorkInParallel) {

@@ -157,12 +157,13 @@ TEST(NetFile, MissingRequiredFieldGivesPositionOfItsMessage) {
 
 TEST(NetFile, UnknownFieldsCanBeWarnings) {
   const NetFile file =
-      parse_net("layer { name: 'a'\n  psroi_pooling_param { height: [ 3, 4 ] pad < > } top: 'b' }",
+      parse_net("layer { name: 'a'\n  correlation_param { height: [ 3, 4 ] pad < > } top: 'b' }",
                 "net", {.allow_unknown_fields = true});
   ASSERT_EQ(file.warnings.size(), 1U);
-  EXPECT_EQ(file.warnings[0],
-            "net:2:3: layer 'a': unknown field 'psroi_pooling_param' in LayerParameter (it is of "
-            "R-FCN (daijifeng001/caffe-rfcn)); it is ignored");
+  EXPECT_EQ(
+      file.warnings[0],
+      "net:2:3: layer 'a': unknown field 'correlation_param' in LayerParameter (it is of FlowNet "
+      "(lmb-freiburg/flownet2)); it is ignored");
   EXPECT_EQ(file.net.layer(0).top(0), "b");
 }
 
