@@ -51,12 +51,12 @@ TEST(NetFile, UnknownFieldGivesPositionOfItsNameAndNearestName) {
 
 TEST(NetFile, UnknownFieldIsNotTakenForAnotherThatForksHave) {
   const std::string allow = "; NetReadOptions::allow_unknown_fields ignores it";
-  EXPECT_EQ(parse_error("layer { transpose_param { } }"),
-            "net:1:9: unknown field 'transpose_param' in LayerParameter (it is of Caffe OCR "
-            "(senlinuc/caffe_ocr))" +
+  EXPECT_EQ(parse_error("layer { correlation_param { } }"),
+            "net:1:9: unknown field 'correlation_param' in LayerParameter (it is of FlowNet "
+            "(lmb-freiburg/flownet2))" +
                 allow);
-  EXPECT_EQ(parse_error("layer { transposed_param { } }"),
-            "net:1:9: unknown field 'transposed_param' in LayerParameter" + allow);
+  EXPECT_EQ(parse_error("layer { correlations_param { } }"),
+            "net:1:9: unknown field 'correlations_param' in LayerParameter" + allow);
 }
 
 TEST(NetFile, FieldsWithoutEffectAreSaid) {
