@@ -155,9 +155,19 @@ class Layers(ConversionTest):
                     {'data': data})
 
     def test_what_lies_beyond_the_end_does_not_matter(self):
-        beyond = layer('odd', 'Transpose', 'nowhere', parameters='transpose_param { dim: 1 }')
+        beyond = layer('odd', 'Correlation', 'nowhere', parameters='correlation_param { pad: 1 }')
         text = input_layer(2, 3) + layer('it', 'AbsVal') + beyond
         self.export(text, {}, {'data': numbers(2, 3)}, '--end', 'it')
+
+    def test_layers_in_place_change_all_blobs_in_the_memory(self):
+        """By hand: x + x of the rectified x; with Flatten the second reader adds 1 to it."""
+        tail = layer('r', 'ReLU', 'f', 'f') + layer('y', 'Power', 'x', parameters='power_param { shift: 1 }')
+        for middle, expected in (
+                (layer('s', 'Split', 'x', ['f', 'b']) + layer('r', 'ReLU', 'f', 'f') + layer('it', 'Eltwise', ['f', 'b']), [0, 4, 0, 8]),
+                (layer('f', 'Flatten', 'x') + tail + layer('it', 'Eltwise', ['f', 'y']), [1, 5, 1, 9])):
+            data = {'data': np.array([[-1, 2, -3, 4]], np.float32)}
+            self.export(input_layer(1, 4) + layer('x', 'Power') + middle, {}, data)
+            self.assertEqual(onnx_export.Model(str(self.path('net.onnx'))).run(data, ['it'])['it'].tolist(), [expected])
 
     def test_several_inputs(self):
         two = input_layer(3, 2, 6, 7) + input_layer(3).replace('"data"', '"marks"')
