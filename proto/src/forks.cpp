@@ -20,7 +20,7 @@ constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
 constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
 constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
 
-constexpr std::array<TypeOfFork, 60> kTypes = {{
+constexpr std::array<TypeOfFork, 58> kTypes = {{
     {"annotateddata", kSsd},
     {"bboxreg", kMscnn},
     {"boxgroupoutput", kMscnn},
@@ -59,10 +59,8 @@ constexpr std::array<TypeOfFork, 60> kTypes = {{
     {"multistagemeanfield", "CRF-as-RNN (torrvision/crfasrnn)"},
     {"noisylayer", "LightCNN (AlfredXiangWu/face_verification_experiment)"},
     {"pooling3d", "C3D (facebook/C3D)"},
-    {"proposal", kFasterRcnn},
     {"proposaltarget", kMscnn},
     {"psroialign", kRfcn},
-    {"psroipooling", kRfcn},
     {"regionloss", kYolo},
     {"regionoutput", kYolo},
     {"reorg", kYolo},
