@@ -81,6 +81,9 @@ class Layers(FolderTest):
     def test_a_proposal_layer_of_the_user_runs(self):
         """Which commands run as a Proposal."""
         class ProposalLayer(caffe.Layer):
+            def setup(self, bottom, top):
+                top[0].reshape(1, 5)
+
             def forward(self, bottom, top):
                 top[0].reshape(2, 5)
                 top[0].data[...] = 7
