@@ -20,7 +20,7 @@ constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
 constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
 constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
 
-constexpr std::array<TypeOfFork, 60> kTypes = {{
+constexpr std::array<TypeOfFork, 59> kTypes = {{
     {"annotateddata", kSsd},
     {"bboxreg", kMscnn},
     {"boxgroupoutput", kMscnn},
@@ -47,6 +47,9 @@ constexpr std::array<TypeOfFork, 60> kTypes = {{
     {"downsample", kFlowNet},
     {"evaldetection", "YOLO (yeahkun/caffe-yolo)"},
     {"flowwarp", kFlowNet},
+    {"frcnnproposal",
+     "FRCNN (makefile/frcnn), and its anchors are in a configuration file; the nearest is a "
+     "Proposal layer with proposal_param { feat_stride ratio scale min_size ... }"},
     {"imagegtdata", kMscnn},
     {"imagesegdata", kDeepLab},
     {"l1loss", kFlowNet},
@@ -59,10 +62,8 @@ constexpr std::array<TypeOfFork, 60> kTypes = {{
     {"multistagemeanfield", "CRF-as-RNN (torrvision/crfasrnn)"},
     {"noisylayer", "LightCNN (AlfredXiangWu/face_verification_experiment)"},
     {"pooling3d", "C3D (facebook/C3D)"},
-    {"proposal", kFasterRcnn},
     {"proposaltarget", kMscnn},
     {"psroialign", kRfcn},
-    {"psroipooling", kRfcn},
     {"regionloss", kYolo},
     {"regionoutput", kYolo},
     {"reorg", kYolo},

@@ -20,6 +20,8 @@ class Pooling : public Layer {
 
   std::optional<WindowHw> window(const Shape&) const override { return window_.window(); }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   Rounding rounding() const override {
     return window_.is_max() ? Rounding::kNone : Rounding::kAveraged;
   }
@@ -62,6 +64,8 @@ class Spp : public OneToOneLayer {
     if (levels.size() == 1) return Shape{input[0], input[1], levels[0].out_h, levels[0].out_w};
     return Shape{input[0], input[1] * bins(levels)};
   }
+
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
 
   Kernel bind(const Binding& binding) const override {
     std::vector<PoolingProblem> levels = levels_of(binding.inputs[0]);
