@@ -1,20 +1,27 @@
 #include "dynamic_rows.h"
 
+#include <algorithm>
+
 namespace revisit::engine {
 namespace {
 
-/// The rows of `input` seen through a view: the axis of the output that grows with them.
-DynamicRows through_view(const Layer& view, size_t n_outputs, size_t port,
-                         std::vector<Shape> inputs, const DynamicRows& rows) {
+using Rows = std::vector<std::optional<DynamicRows>>;
+
+/// The rows of an output that grows with those of the inputs.
+DynamicRows through_layer(const Layer& layer, size_t n_outputs, size_t port,
+                          std::vector<Shape> inputs, const Rows& rows) {
   const auto infer = [&](int64_t n_rows) {
-    inputs[0] = inputs[0].with(rows.axis, rows.multiple * n_rows);
-    return view.infer(inputs, n_outputs)[port];
+    for (size_t i = 0; i < inputs.size(); ++i)
+      if (rows[i]) inputs[i] = inputs[i].with(rows[i]->axis, rows[i]->multiple * n_rows);
+    return layer.infer(inputs, n_outputs)[port];
   };
+  const auto first =
+      std::ranges::find_if(rows, [](const auto& input) { return input.has_value(); });
   std::optional<DynamicRows> found;
   try {
     const Shape one = infer(1), two = infer(2);
     for (size_t axis = 0; axis < one.rank(); ++axis)
-      if (two[axis] == 2 * one[axis]) found = DynamicRows{rows.layer, axis, one[axis]};
+      if (two[axis] == 2 * one[axis]) found = DynamicRows{(*first)->layer, axis, one[axis]};
   } catch (const InputError&) {
     found.reset();  // a shape that holds for one number of rows only
   }
@@ -24,41 +31,68 @@ DynamicRows through_view(const Layer& view, size_t n_outputs, size_t port,
   return *found;
 }
 
+/// Whether the layer computes every row by itself.
+bool keeps_rows(const Layer& layer, const std::vector<Shape>& inputs, const Rows& rows) {
+  std::optional<size_t> counting;
+  for (size_t port = 0; port < rows.size(); ++port) {
+    if (!rows[port]) continue;
+    if (rows[port]->axis != 0 || !layer.keeps_items(port, inputs) ||
+        counting.value_or(rows[port]->layer) != rows[port]->layer)
+      return false;
+    counting = rows[port]->layer;
+  }
+  return true;
+}
+
 }  // namespace
 
 std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
                                                      const std::vector<Shape>& shapes) {
-  std::vector<std::optional<DynamicRows>> result(net.graph.values.size());
+  Rows result(net.graph.values.size());
   for (size_t i = 0; i < net.graph.nodes.size(); ++i) {
     const Node& node = net.graph.nodes[i];
     if (!node.layer) continue;
     const Layer& layer = *node.layer;
     try {
-      const bool is_view = layer.output_memory() == OutputMemory::kViewOfInput;
       std::vector<Shape> inputs;
-      for (size_t port = 0; port < node.inputs.size(); ++port) {
-        const ValueId id = node.inputs[port];
+      Rows rows;
+      for (const ValueId id : node.inputs) {
         inputs.push_back(shapes[id]);
-        if (result[id] && !is_view)
-          throw UnsupportedError("the number of rows of its input '", net.graph.values[id].blob,
-                                 "' depends on the data (layer '",
-                                 net.graph.nodes[result[id]->layer].name,
-                                 "'); such a blob can only be an output: end the net "
-                                 "before this layer (",
-                                 CppName{"Truncation::end"}, ")");
+        rows.push_back(result[id]);
       }
+      const auto first =
+          std::ranges::find_if(rows, [](const auto& input) { return input.has_value(); });
+      if (first != rows.end() && layer.output_memory() != OutputMemory::kViewOfInput &&
+          (layer.dynamic_axis() || !keeps_rows(layer, inputs, rows)))
+        throw UnsupportedError("the number of rows of its input '",
+                               net.graph.values[node.inputs[first - rows.begin()]].blob,
+                               "' depends on the data (layer '",
+                               net.graph.nodes[(*first)->layer].name,
+                               "'), and it does not compute each row by itself; end the net before "
+                               "this layer (",
+                               CppName{"Truncation::end"}, ")");
       for (size_t port = 0; port < node.outputs.size(); ++port) {
-        std::optional<DynamicRows>& rows = result[node.outputs[port]];
+        std::optional<DynamicRows>& output = result[node.outputs[port]];
         if (const auto axis = layer.dynamic_axis())
-          rows = DynamicRows{i, *axis, 1};
-        else if (is_view && result[node.inputs[0]])
-          rows = through_view(layer, node.outputs.size(), port, inputs, *result[node.inputs[0]]);
+          output = DynamicRows{i, *axis, 1};
+        else if (first != rows.end())
+          output = through_layer(layer, node.outputs.size(), port, inputs, rows);
       }
     } catch (const Error&) {
       rethrow_at(net.file, node);
     }
   }
   return result;
+}
+
+Kernel with_zero_rest(Kernel kernel, const std::vector<Shape>& outputs) {
+  kernel.run = [run = std::move(kernel.run), outputs](const Call& call) {
+    run(call);
+    for (size_t i = 0; i < outputs.size(); ++i)
+      std::fill(call.outputs[i] + *call.rows * outputs[i].product(1, outputs[i].rank()),
+                call.outputs[i] + outputs[i].elements(), 0.0F);
+  };
+  return kernel;
 }
 
 }  // namespace revisit::engine

@@ -15,9 +15,15 @@ struct DynamicRows {
 };
 
 /// For every value of the net, how its size depends on the data; nothing for values of fixed size.
-/// Such a value can be an output of the net or be seen through views. Plans are made for fixed
-/// sizes: throws UnsupportedError, naming the layer, when one is computed on.
+/// Plans are made for the most rows. Such a value can be an output of the net, be seen through
+/// views, or be read by layers that work on each of its items alone (Layer::keeps_items()): these
+/// compute all rows, and those beyond the number are cut off. Throws UnsupportedError, naming the
+/// layer, for any other reader.
 std::vector<std::optional<DynamicRows>> dynamic_rows(const Net::Impl& net,
                                                      const std::vector<Shape>& shapes);
+
+/// The kernel of a layer whose rows (axis 0) depend on the data, with zeros in the rows that it
+/// leaves out: their readers compute with them.
+Kernel with_zero_rest(Kernel kernel, const std::vector<Shape>& outputs);
 
 }  // namespace revisit::engine

@@ -155,6 +155,12 @@ class Layer {
   /// Call::rows. All axes before it have size 1.
   virtual std::optional<size_t> dynamic_axis() const { return std::nullopt; }
 
+  /// Whether item i (axis 0) of every output depends, of input `port`, on its item i alone: then
+  /// items may be fewer than the plan has, and the rest is cut off.
+  virtual bool keeps_items(size_t /*port*/, const std::vector<Shape>& /*inputs*/) const {
+    return false;
+  }
+
   /// Whether the file may give an output the name of its input. That would be harmless here; but if
   /// the original refuses it or reads what it has overwritten, no result is the right one.
   virtual bool allows_in_place() const { return output_memory() != OutputMemory::kOwn; }

@@ -2,6 +2,7 @@
 
 #include "bind_operation.h"
 #include "budget.h"
+#include "dynamic_rows.h"
 #include "kernels/blocked/reorder.h"
 #include "layers/planar_convolution.h"
 
@@ -94,6 +95,8 @@ class Scheduler {
       check_outputs(outputs, options_.max_run_bytes);
       const BlockedConvolutionKernel* const convolution = convolution_kernel(operation);
       step.kernel = bind(operation, convolution, inputs, outputs);
+      if (operation.layer.get().dynamic_axis() == 0U)
+        step.kernel = with_zero_rest(std::move(step.kernel), outputs);
       step.why = why(operation, convolution);
       result_.packed_bytes += step.kernel.packed.count;
     }

@@ -20,7 +20,7 @@ constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
 constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
 constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
 
-constexpr std::array<TypeOfFork, 55> kTypes = {{
+constexpr std::array<TypeOfFork, 53> kTypes = {{
     {"annotateddata", kSsd},
     {"bboxreg", kMscnn},
     {"channelnorm", kFlowNet},
@@ -56,10 +56,8 @@ constexpr std::array<TypeOfFork, 55> kTypes = {{
     {"multistagemeanfield", "CRF-as-RNN (torrvision/crfasrnn)"},
     {"noisylayer", "LightCNN (AlfredXiangWu/face_verification_experiment)"},
     {"pooling3d", "C3D (facebook/C3D)"},
-    {"proposal", kFasterRcnn},
     {"proposaltarget", kMscnn},
     {"psroialign", kRfcn},
-    {"psroipooling", kRfcn},
     {"regionloss", kYolo},
     {"regionoutput", kYolo},
     {"reorg", kYolo},

@@ -15,6 +15,7 @@
 
 #include "inference_net.h"
 #include "net_text.h"
+#include "python_proposals.h"
 #include "revisit/base/atomic_file.h"
 #include "revisit/proto/weights_file.h"
 #include "solver_file.h"
@@ -137,6 +138,7 @@ NetFile finish(NetFile file, const std::string* text, const std::string& name,
     upgrade(file.net, options.keep_training ? ShapelessInputs::kDropped : ShapelessInputs::kKept,
             notes);
     if (!options.keep_training) keep_inference(file.net, options.types_with_weights, notes);
+    if (!options.keep_training && !options.keep_python) replace_python_proposals(file.net, notes);
   } catch (const UpgradeError& error) {
     const TextPosition where = text ? locate(*text, error.field, error.index) : TextPosition();
     throw InputError(message_start(name, where) + error.what());

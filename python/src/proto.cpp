@@ -72,10 +72,11 @@ class SharedWeightsFile {
 };
 
 proto::NetReadOptions read_options(bool allow_unknown_fields, bool keep_unread, bool keep_training,
-                                   const std::optional<Limits>& limits) {
+                                   bool keep_python, const std::optional<Limits>& limits) {
   return {.allow_unknown_fields = allow_unknown_fields,
           .keep_unread = keep_unread,
           .keep_training = keep_training,
+          .keep_python = keep_python,
           .types_with_weights = engine::types_with_weights(),
           .limits = limits.value_or(Limits())};
 }
@@ -169,26 +170,29 @@ void bind_net_file(nb::module_& module) {
   module.def(
       "read_net",
       [](const fs::path& prototxt, bool allow_unknown_fields, bool keep_unread, bool keep_training,
-         const std::optional<Limits>& limits) {
-        return proto::read_net(
-            prototxt, read_options(allow_unknown_fields, keep_unread, keep_training, limits));
+         bool keep_python, const std::optional<Limits>& limits) {
+        return proto::read_net(prototxt, read_options(allow_unknown_fields, keep_unread,
+                                                      keep_training, keep_python, limits));
       },
       nb::call_guard<Unlocked>(), "prototxt"_a, nb::kw_only(), "allow_unknown_fields"_a = false,
-      "keep_unread"_a = false, "keep_training"_a = false, "limits"_a = nb::none(),
+      "keep_unread"_a = false, "keep_training"_a = false, "keep_python"_a = false,
+      "limits"_a = nb::none(),
       "Reads a prototxt of any generation, upgrades it and takes out what the TEST phase runs.\n\n"
       "keep_unread: what does not parse in a layer is left out without an error, for whoever loads "
       "the net, too, cut off before.\n"
-      "keep_training: nothing is taken out.");
+      "keep_training: nothing is taken out.\n"
+      "keep_python: layers of the type Python stay what they are, for a caller who runs them.");
   module.def(
       "parse_net",
       [](const std::string& text, const std::string& name, bool allow_unknown_fields,
-         bool keep_training, const std::optional<Limits>& limits) {
-        return proto::parse_net(text, name,
-                                read_options(allow_unknown_fields, false, keep_training, limits));
+         bool keep_training, bool keep_python, const std::optional<Limits>& limits) {
+        return proto::parse_net(
+            text, name,
+            read_options(allow_unknown_fields, false, keep_training, keep_python, limits));
       },
       nb::call_guard<Unlocked>(), "text"_a, "name"_a = "<prototxt>", nb::kw_only(),
-      "allow_unknown_fields"_a = false, "keep_training"_a = false, "limits"_a = nb::none(),
-      "The same for text; `name` stands for the path in messages.");
+      "allow_unknown_fields"_a = false, "keep_training"_a = false, "keep_python"_a = false,
+      "limits"_a = nb::none(), "The same for text; `name` stands for the path in messages.");
   module.def(
       "read_net_binary",
       [](const fs::path& file, const std::optional<Limits>& limits) {

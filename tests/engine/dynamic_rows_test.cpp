@@ -88,13 +88,46 @@ TEST_F(FilterNet, ViewsFollowTheRows) {
   EXPECT_EQ(values(run, "line"), (std::vector<float>{4, 5, 6, 7, 8, 9, 10, 11}));
 }
 
-TEST_F(FilterNet, NothingComputesOnThem) {
+TEST_F(FilterNet, LayersThatComputeEachRowFollowThem) {
+  engine::Run run(load(R"(
+    layer { name: "flat" type: "Flatten" bottom: "kept" top: "flat" }
+    layer { name: "power" type: "Power" bottom: "flat" top: "power" power_param { shift: 1 } }
+    layer { name: "sum" type: "Eltwise" bottom: "flat" bottom: "power" top: "sum" }
+  )")
+                      .plan());
+  forward(run, {0, 1, 0});
+  EXPECT_EQ(run.output("sum").shape, (Shape{1, 4}));
+  EXPECT_EQ(values(run, "sum"), (std::vector<float>{9, 11, 13, 15}));
+  forward(run, {0, 0, 0});
+  EXPECT_EQ(run.output("sum").shape.text(), "0x4");
+}
+
+TEST_F(FilterNet, OthersDoNot) {
+  const auto refuse = [&](const std::string& more, std::initializer_list<std::string> words) {
+    const Net net = load(more);
+    expect_error<UnsupportedError>([&] { net.plan(); }, words);
+  };
+  refuse(R"(layer { name: "soft" type: "Softmax" bottom: "kept" top: "soft"
+                    softmax_param { axis: 0 } })",
+         {"'soft'", "'kept'", "'filter'", "each row"});
+  refuse(R"(layer { name: "sum" type: "Eltwise" bottom: "kept" bottom: "data" top: "sum" })",
+         {"'sum'", "does not follow it"});
+  refuse(R"(layer { name: "again" type: "Filter" bottom: "data" bottom: "keep" top: "again" }
+            layer { name: "sum" type: "Eltwise" bottom: "kept" bottom: "again" top: "sum" })",
+         {"'sum'", "each row"});
+  refuse(R"(layer { name: "fixed" type: "Reshape" bottom: "kept" top: "fixed"
+                    reshape_param { shape { dim: 3 dim: 4 } } })",
+         {"'fixed'", "does not follow it"});
+  refuse(R"(layer { name: "two" type: "Reshape" bottom: "kept" top: "two"
+                    reshape_param { shape { dim: 2 dim: -1 } } }
+            layer { name: "relu" type: "ReLU" bottom: "two" top: "relu" })",
+         {"'relu'", "each row"});
   const Net net = load(R"(
     layer { name: "flat" type: "Flatten" bottom: "kept" top: "flat" }
-    layer { name: "relu" type: "ReLU" bottom: "flat" top: "relu" }
+    layer { name: "soft" type: "Softmax" bottom: "flat" top: "soft" softmax_param { axis: 0 } }
   )");
   expect_error<UnsupportedError>(
-      [&] { net.plan(); }, {"net.prototxt", "'relu'", "'flat'", "'filter'", "Truncation::end"});
+      [&] { net.plan(); }, {"net.prototxt", "'soft'", "'flat'", "'filter'", "Truncation::end"});
   const Net cut = Net::load_without_weights(dir_ / "net.prototxt", {.truncation = {"flat", ""}});
   EXPECT_EQ(cut.plan().outputs()[0].shape, (Shape{3, 4}));
 }

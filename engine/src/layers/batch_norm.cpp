@@ -20,6 +20,8 @@ class BatchNormalisation : public OneToOneLayer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return !of_batch_; }
+
   // With stored statistics, too: the weights of a convolution then subtract the means.
   Rounding rounding() const override { return Rounding::kAmplified; }
 

@@ -31,6 +31,10 @@ class Concat : public Layer {
 
   Rounding rounding() const override { return Rounding::kNone; }
 
+  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
+    return concat_axis(inputs[0]) > 0;
+  }
+
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     return inputs[0].rank() == 4 && concat_axis(inputs[0]) == 1 ? Form(Joining{}) : Form();
   }

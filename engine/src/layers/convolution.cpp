@@ -35,6 +35,10 @@ class Convolution : public Layer {
     return filters_and_bias(p, param_, outputs_of(p));
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
+    return channel_axis(inputs[0]) > 0;
+  }
+
   std::optional<WindowHw> window(const Shape& input) const override {
     return transposed_ ? std::nullopt : window_of_last_axes(problem(input).axes);
   }

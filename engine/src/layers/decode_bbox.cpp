@@ -46,6 +46,8 @@ class DecodeBBox : public Layer {
     return {Shape{regions[0], 5, 1, 1}};
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   Kernel bind(const Binding& binding) const override {
     return {"decode-regions", [offsets = offsets_, rows = binding.inputs[0][0]](const Call& call) {
               decode_regions(offsets, rows, call.inputs[0], call.inputs[1], call.outputs[0]);

@@ -19,6 +19,7 @@ class Elementwise : public OneToOneLayer {
       : name_(name), function_(std::move(function)), in_place_(in_place), form_(std::move(form)) {}
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
   bool allows_in_place() const override { return in_place_; }
   Rounding rounding() const override {
     const auto* activating = std::get_if<Activating>(&form_);
@@ -89,6 +90,7 @@ class PowerOfOne : public OneToOneLayer {
   PowerOfOne(float scale, float shift) : scale_(scale), shift_(shift) {}
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     const std::vector<float> scale{scale_}, shift{shift_};

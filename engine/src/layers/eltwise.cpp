@@ -61,6 +61,7 @@ class Eltwise : public Layer {
   }
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     using Operation = BlockedEltwise::Operation;

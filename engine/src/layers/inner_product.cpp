@@ -32,6 +32,10 @@ class InnerProduct : public OneToOneLayer {
 
   Rounding rounding() const override { return Rounding::kAveraged; }
 
+  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
+    return first_axis(inputs[0]) > 0;
+  }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& input = binding.inputs[0];
     const size_t axis = first_axis(input);

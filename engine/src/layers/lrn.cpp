@@ -24,6 +24,8 @@ class Lrn : public OneToOneLayer {
     return WindowHw{square, square};
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     return across() ? Form(problem_of(inputs[0])) : Form();
   }

@@ -26,6 +26,10 @@ class Permute : public OneToOneLayer {
     return Shape(std::move(axes));
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override {
+    return order_.empty() || order_[0] == 0;
+  }
+
   Rounding rounding() const override { return Rounding::kNone; }
 
   Kernel bind(const Binding& binding) const override {

@@ -20,6 +20,8 @@ class Pooling : public Layer {
 
   std::optional<WindowHw> window(const Shape&) const override { return window_.window(); }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   Rounding rounding() const override {
     return window_.is_max() ? Rounding::kNone : Rounding::kAveraged;
   }

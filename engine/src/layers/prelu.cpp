@@ -24,6 +24,7 @@ class PReLU : public OneToOneLayer {
   }
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
     std::vector<float> slopes = weights[0].values;

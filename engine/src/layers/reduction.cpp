@@ -17,6 +17,10 @@ class Reduction : public OneToOneLayer {
         std::vector<int64_t>(axes.begin(), axes.begin() + static_cast<int64_t>(first_axis(input))));
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
+    return first_axis(inputs[0]) > 0;
+  }
+
   Kernel bind(const Binding& binding) const override {
     if (param_.operation() == caffe::ReductionParameter::ASUM)
       return kernel(binding, "sum-of-magnitudes", [](double x) { return std::abs(x); });

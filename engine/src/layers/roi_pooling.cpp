@@ -9,30 +9,55 @@
 namespace revisit::engine {
 namespace {
 
-/// Maximum pooling of regions (Girshick 2015): each `[image, x1, y1, x2, y2]` of `rois`, scaled and
-/// rounded to pixels, both ends included, is cut into out_h x out_w bins that can overlap by a
-/// pixel. Images are `[n][c][h][w]`, outputs `[rois][c][out_h][out_w]`.
+/// Pooling of regions: each `[image, x1, y1, x2, y2]` of `rois`, scaled, is cut into out_h x out_w
+/// bins that can overlap by a pixel. Images are `[n][channels][h][w]`, outputs
+/// `[rois][c][out_h][out_w]`.
 struct RoiPoolingProblem {
-  int64_t n = 1, c = 1, h = 1, w = 1;
-  int64_t rois = 1, out_h = 1, out_w = 1;
-  float scale = 1;
+  int64_t n = 1, channels = 1, h = 1, w = 1;
+  int64_t rois = 1, c = 1, out_h = 1, out_w = 1;
+  float scale = 1, pad_ratio = 0;
   int threads = 1;
   Precision values = Precision::kFloat32;  // decides the empty_maximum()
 };
+
+/// NaN becomes a limit. Limits keep the arithmetic in range and are far outside any image.
+int64_t whole(float coordinate) {
+  constexpr float kFar = 1e9F;
+  return static_cast<int64_t>(std::max(-kFar, std::min(coordinate, kFar)));
+}
+
+bool is_valid(const RoiPoolingProblem& p, const float* roi) {
+  return std::all_of(roi, roi + 5, [](float v) { return std::isfinite(v); }) && roi[0] > -1 &&
+         roi[0] < static_cast<float>(p.n);
+}
+
+/// Calls `pool` with a valid region, the first channel of its image, the output channel and its
+/// output. A region of an image that is not there, where Caffe aborts, or with coordinates that are
+/// not finite, becomes NaN.
+template <class Pool>
+void for_each_region(const RoiPoolingProblem& p, const float* input, const float* rois,
+                     float* output, const Pool& pool) {
+  parallel_for(p.rois * p.c, p.threads, [&](int64_t item, int) {
+    const float* roi = rois + item / p.c * 5;
+    float* out = output + item * p.out_h * p.out_w;
+    if (is_valid(p, roi))
+      pool(roi, input + static_cast<int64_t>(roi[0]) * p.channels * p.h * p.w, item % p.c, out);
+    else
+      std::fill_n(out, p.out_h * p.out_w, std::numeric_limits<float>::quiet_NaN());
+  });
+}
 
 /// A region along one axis [pixels].
 struct Span {
   int64_t start, size;
 };
 
-/// Halves round away from zero. Limits keep the arithmetic in range and are far outside any image.
-int64_t to_pixel(float coordinate, float scale) {
-  constexpr float kFar = 1e9F;
-  return static_cast<int64_t>(std::round(std::clamp(coordinate * scale, -kFar, kFar)));
-}
-
-Span span(float first, float last, float scale) {
-  const int64_t start = to_pixel(first, scale), end = to_pixel(last, scale);
+/// Both ends included, enlarged by `pad_ratio` of its size at each end (zhaoweicai/mscnn,
+/// roi_pooling_layer.cpp). Halves round away from zero.
+Span span(float first, float last, const RoiPoolingProblem& p) {
+  const float pad = p.pad_ratio == 0 ? 0 : (last - first + 1) * p.pad_ratio;
+  const int64_t start = whole(std::round((first - pad) * p.scale)),
+                end = whole(std::round((last + pad) * p.scale));
   return {start, std::max<int64_t>(end - start + 1, 1)};
 }
 
@@ -44,45 +69,62 @@ WindowRange bin(const Span& region, int64_t i, int64_t n, int64_t image) {
   return {begin + region.start, end - begin, image};
 }
 
-bool is_valid(const RoiPoolingProblem& p, const float* roi) {
-  return std::all_of(roi, roi + 5, [](float v) { return std::isfinite(v); }) && roi[0] > -1 &&
-         roi[0] < static_cast<float>(p.n);
-}
-
-/// An empty bin is 0, one of NaN only the empty_maximum(). A region of an image that is not there,
-/// where Caffe aborts, or with coordinates that are not finite, becomes NaN.
+/// Maxima (Girshick 2015). An empty bin is 0, one of NaN only the empty_maximum().
 void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
-  parallel_for(p.rois * p.c, p.threads, [&](int64_t item, int) {
-    const float* roi = rois + item / p.c * 5;
-    float* out = output + item * p.out_h * p.out_w;
-    if (!is_valid(p, roi)) {
-      std::fill_n(out, p.out_h * p.out_w, std::numeric_limits<float>::quiet_NaN());
-      return;
-    }
-    const float* image = input + (static_cast<int64_t>(roi[0]) * p.c + item % p.c) * p.h * p.w;
-    const Span x = span(roi[1], roi[3], p.scale), y = span(roi[2], roi[4], p.scale);
-    for (int64_t i = 0; i < p.out_h; ++i)
-      for (int64_t j = 0; j < p.out_w; ++j) {
-        const WindowRange rows = bin(y, i, p.out_h, p.h), columns = bin(x, j, p.out_w, p.w);
-        const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
-        float best = empty ? 0 : empty_maximum(p.values);
-        for (int64_t iy = rows.begin; iy < rows.end; ++iy)
-          for (int64_t ix = columns.begin; ix < columns.end; ++ix)
-            if (image[iy * p.w + ix] > best) best = image[iy * p.w + ix];
-        *out++ = best;
-      }
-  });
+  for_each_region(
+      p, input, rois, output, [&](const float* roi, const float* image, int64_t c, float* out) {
+        image += c * p.h * p.w;
+        const Span x = span(roi[1], roi[3], p), y = span(roi[2], roi[4], p);
+        for (int64_t i = 0; i < p.out_h; ++i)
+          for (int64_t j = 0; j < p.out_w; ++j) {
+            const WindowRange rows = bin(y, i, p.out_h, p.h), columns = bin(x, j, p.out_w, p.w);
+            const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
+            float best = empty ? 0 : empty_maximum(p.values);
+            for (int64_t iy = rows.begin; iy < rows.end; ++iy)
+              for (int64_t ix = columns.begin; ix < columns.end; ++ix)
+                if (image[iy * p.w + ix] > best) best = image[iy * p.w + ix];
+            *out++ = best;
+          }
+      });
 }
 
-class RoiPooling : public Layer {
- public:
-  explicit RoiPooling(const caffe::ROIPoolingParameter& param) : param_(param) {
-    if (param.pooled_h() < 1 || param.pooled_w() < 1)
-      throw InputError("pooled_h and pooled_w must be at least 1");
-    if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
-  }
+/// Bin `i` of `n` of a region from `first` to `last`: of parts of pixels, but all that it touches
+/// (daijifeng001/caffe-rfcn, psroi_pooling_layer.cu).
+WindowRange bin_of_parts(float first, float last, float scale, int64_t i, int64_t n,
+                         int64_t image) {
+  const float start = std::round(first) * scale, end = (std::round(last) + 1) * scale;
+  const float size = std::max(end - start, 0.1F) / static_cast<float>(n);
+  const int64_t begin = whole(std::floor(static_cast<float>(i) * size + start));
+  return {begin, whole(std::ceil(static_cast<float>(i + 1) * size + start)) - begin, image};
+}
 
-  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+/// Means of each bin in a channel of its own (Dai et al. 2016): channels are
+/// `[c][out_h][out_w]`. An empty bin is 0.
+void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
+  for_each_region(
+      p, input, rois, output, [&](const float* roi, const float* image, int64_t c, float* out) {
+        const float* map = image + c * p.out_h * p.out_w * p.h * p.w;
+        for (int64_t i = 0; i < p.out_h; ++i)
+          for (int64_t j = 0; j < p.out_w; ++j, map += p.h * p.w) {
+            const WindowRange rows = bin_of_parts(roi[2], roi[4], p.scale, i, p.out_h, p.h),
+                              columns = bin_of_parts(roi[1], roi[3], p.scale, j, p.out_w, p.w);
+            const int64_t n_rows = rows.end - rows.begin, n_columns = columns.end - columns.begin;
+            float sum = 0;
+            for (int64_t iy = rows.begin; iy < rows.end; ++iy)
+              for (int64_t ix = columns.begin; ix < columns.end; ++ix) sum += map[iy * p.w + ix];
+            const bool empty = n_rows <= 0 || n_columns <= 0;
+            *out++ = empty ? 0 : sum / static_cast<float>(n_rows * n_columns);
+          }
+      });
+}
+
+/// A layer whose item i is region i of the second input.
+class RegionLayer : public Layer {
+ public:
+  bool keeps_items(size_t port, const std::vector<Shape>&) const override { return port == 1; }
+
+ protected:
+  static void check(const std::vector<Shape>& inputs, size_t n_outputs) {
     expect_count(inputs.size(), 2, "inputs (the feature map and the regions)");
     expect_count(n_outputs, 1, "outputs");
     const Shape &input = inputs[0], &rois = inputs[1];
@@ -91,16 +133,36 @@ class RoiPooling : public Layer {
     if (rois.rank() < 1 || rois.product(1, rois.rank()) != 5)
       throw InputError(
           "expected regions of 5 numbers (image, x1, y1, x2, y2), found an input of shape ", rois);
-    return {Shape{rois[0], input[1], param_.pooled_h(), param_.pooled_w()}};
+  }
+
+  static RoiPoolingProblem problem(const Binding& binding, float scale) {
+    const Shape &input = binding.inputs[0], &output = binding.outputs[0];
+    RoiPoolingProblem p{input[0],  input[1],  input[2],  input[3],
+                        output[0], output[1], output[2], output[3]};
+    p.scale = scale;
+    p.threads = binding.threads;
+    p.values = binding.precision;
+    return p;
+  }
+};
+
+class RoiPooling : public RegionLayer {
+ public:
+  explicit RoiPooling(const caffe::ROIPoolingParameter& param) : param_(param) {
+    if (param.pooled_h() < 1 || param.pooled_w() < 1)
+      throw InputError("pooled_h and pooled_w must be at least 1");
+    if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
+    if (!std::isfinite(param.pad_ratio())) throw InputError("pad_ratio must be finite");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    check(inputs, n_outputs);
+    return {Shape{inputs[1][0], inputs[0][1], param_.pooled_h(), param_.pooled_w()}};
   }
 
   Kernel bind(const Binding& binding) const override {
-    const Shape& input = binding.inputs[0];
-    RoiPoolingProblem p{input[0], input[1], input[2], input[3], binding.inputs[1][0]};
-    p.out_h = param_.pooled_h(), p.out_w = param_.pooled_w();
-    p.scale = param_.spatial_scale();
-    p.threads = binding.threads;
-    p.values = binding.precision;
+    RoiPoolingProblem p = problem(binding, param_.spatial_scale());
+    p.pad_ratio = param_.pad_ratio();
     return {"roi-max-pool", [p](const Call& call) {
               roi_pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
             }};
@@ -110,7 +172,41 @@ class RoiPooling : public Layer {
   caffe::ROIPoolingParameter param_;
 };
 
+class PsRoiPooling : public RegionLayer {
+ public:
+  explicit PsRoiPooling(const caffe::PSROIPoolingParameter& param) : param_(param) {
+    if (!param.has_spatial_scale() || !param.has_output_dim() || !param.has_group_size())
+      throw InputError("spatial_scale, output_dim and group_size must be given");
+    if (param.output_dim() < 1 || param.group_size() < 1)
+      throw InputError("output_dim and group_size must be at least 1");
+    if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
+    expect_int(int64_t{param.group_size()} * param.group_size(), "the square of group_size");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    check(inputs, n_outputs);
+    const int64_t dim = param_.output_dim(), group = param_.group_size();
+    if (inputs[0][1] != dim * (group * group))
+      throw InputError("expected output_dim x group_size x group_size = ", dim * (group * group),
+                       " channels, found a feature map of shape ", inputs[0]);
+    return {Shape{inputs[1][0], dim, group, group}};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    return {"psroi-average-pool", [p = problem(binding, param_.spatial_scale())](const Call& call) {
+              psroi_pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
+            }};
+  }
+
+ private:
+  caffe::PSROIPoolingParameter param_;
+};
+
 }  // namespace
+
+std::unique_ptr<Layer> make_psroi_pooling(const caffe::LayerParameter& param) {
+  return std::make_unique<PsRoiPooling>(param.psroi_pooling_param());
+}
 
 std::unique_ptr<Layer> make_roi_pooling(const caffe::LayerParameter& param) {
   return std::make_unique<RoiPooling>(param.roi_pooling_param());

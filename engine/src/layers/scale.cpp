@@ -34,6 +34,11 @@ class Affine : public Layer {
 
   OutputMemory output_memory() const override { return OutputMemory::kMayReuseInput; }
 
+  bool keeps_items(size_t port, const std::vector<Shape>& inputs) const override {
+    const bool operand_has_items = inputs[0].canonical_axis(axis_, "axis") == 0;
+    return inputs.size() == 1 ? !operand_has_items : port == 0 || operand_has_items;
+  }
+
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>& weights) const override {
     if (inputs.size() == 2) return gating(inputs);
     return channel_affine(runs(inputs), inputs[0], scales_ ? &weights.front().values : nullptr,

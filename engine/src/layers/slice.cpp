@@ -47,6 +47,10 @@ class Slice : public Layer {
 
   Rounding rounding() const override { return Rounding::kNone; }
 
+  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
+    return slice_axis(inputs[0]) > 0;
+  }
+
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {
     return inputs[0].rank() == 4 && slice_axis(inputs[0]) == 1 ? Form(Cutting{}) : Form();
   }

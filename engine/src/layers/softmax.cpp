@@ -18,6 +18,10 @@ class Softmax : public OneToOneLayer {
     return window_across(input.canonical_axis(axis_, "softmax axis"), input);
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>& inputs) const override {
+    return inputs[0].canonical_axis(axis_, "softmax axis") > 0;
+  }
+
   Rounding rounding() const override { return Rounding::kCompared; }
 
   bool allows_in_place() const override { return true; }  // Caffe copies its input first

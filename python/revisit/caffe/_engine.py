@@ -64,7 +64,7 @@ def _included(state, layer):
 
 def _read(prototxt, **options):
     try:
-        return proto.read_net(prototxt, allow_unknown_fields=_allow_unknown, **options)
+        return proto.read_net(prototxt, allow_unknown_fields=_allow_unknown, keep_python=True, **options)
     except InputError as error:
         words = str(error).replace('NetReadOptions::allow_unknown_fields', 'caffe.set_allow_unknown(True)')
         raise InputError(words) from None
@@ -93,7 +93,7 @@ def read_net(prototxt, phase, level, stages):
         layer.ClearField('include')
         layer.ClearField('exclude')
         net.layer.append(layer)
-    file = proto.parse_net(text_format.MessageToString(net), prototxt)
+    file = proto.parse_net(text_format.MessageToString(net), prototxt, keep_python=True)
     return caffe_pb2.NetParameter.FromString(file.to_bytes()), whole.warnings + file.warnings
 
 

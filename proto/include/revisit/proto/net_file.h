@@ -21,6 +21,8 @@ struct NetReadOptions {
   /// Keep what only training needs (layers of other phases, data layers, losses): the file as it
   /// is, merely upgraded. Otherwise the net is the one inference runs.
   bool keep_training = false;
+  /// Layers of the type Python stay what they are, for a caller who runs them.
+  bool keep_python = false;
   /// Layer types with weights (engine::types_with_weights()): a loss takes what comes out of one as
   /// the prediction, not as a label. Without them a training net may keep its labels.
   std::set<std::string> types_with_weights = {};

@@ -1,0 +1,211 @@
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Corners [pixels], both ends included.
+struct Region {
+  float x1, y1, x2, y2;
+
+  float width() const { return x2 - x1 + 1; }
+  float height() const { return y2 - y1 + 1; }
+  float area() const { return width() * height(); }
+};
+
+/// A region that may be proposed; `index` is its place among all: row, column, anchor.
+struct Scored {
+  float score;
+  int32_t index;
+};
+
+/// Higher scores first, NaN last, equal ones by the lower index.
+bool is_better(const Scored& a, const Scored& b) {
+  const auto key = [](float score) {
+    return std::isnan(score) ? -std::numeric_limits<float>::infinity() : score;
+  };
+  return key(a.score) != key(b.score) ? key(a.score) > key(b.score) : a.index < b.index;
+}
+
+/// Sizes of a Proposal layer (Ren et al. 2015): `anchors` at each pixel of a map of h x w.
+struct ProposalProblem {
+  std::vector<Region> anchors;
+  int64_t h = 1, w = 1;
+  float stride = 16, min_size = 16;
+  int64_t most_before = 6000, most_after = 300;  // regions before and after suppression
+  float overlap_threshold = 0.7F;
+  bool has_two_scales = false;  // numbers 2 and 3 of the image are its scales along y and x
+  bool drops_small = false;     // else their score becomes 0
+
+  int64_t regions() const { return h * w * static_cast<int64_t>(anchors.size()); }
+  int64_t scratch_floats() const { return regions() * 6 + most_after; }
+};
+
+/// An anchor moved by `t` (4 numbers, `step` apart), before it is cut to the image.
+Region moved(const Region& anchor, float x, float y, const float* t, int64_t step) {
+  const Region box{x + anchor.x1, y + anchor.y1, x + anchor.x2, y + anchor.y2};
+  const float w = box.width(), h = box.height();
+  const float centre_x = t[0] * w + (box.x1 + 0.5F * w);
+  const float centre_y = t[step] * h + (box.y1 + 0.5F * h);
+  const float half_w = 0.5F * (std::exp(t[2 * step]) * w);
+  const float half_h = 0.5F * (std::exp(t[3 * step]) * h);
+  return {centre_x - half_w, centre_y - half_h, centre_x + half_w, centre_y + half_h};
+}
+
+/// NaN becomes 0, as in the C++ sources.
+float clipped(float v, float size) {
+  return std::max(0.0F, std::min(v, size - 1));
+}
+
+bool has_nan(const Region& r) {
+  return std::isnan(r.x1) || std::isnan(r.y1) || std::isnan(r.x2) || std::isnan(r.y2);
+}
+
+/// Writes all regions and the scored ones; returns how many of these there are.
+int64_t decode(const ProposalProblem& p, const float* scores, const float* offsets,
+               const float* image, Region* regions, Scored* scored) {
+  const int64_t area = p.h * p.w, n_anchors = static_cast<int64_t>(p.anchors.size());
+  const float min_h = p.min_size * image[2],
+              min_w = p.has_two_scales ? p.min_size * image[3] : min_h;
+  Scored* end = scored;
+  int32_t index = 0;
+  for (int64_t pixel = 0; pixel < area; ++pixel)
+    for (int64_t a = 0; a < n_anchors; ++a, ++index) {
+      const Region box =
+          moved(p.anchors[a], static_cast<float>(pixel % p.w) * p.stride,
+                static_cast<float>(pixel / p.w) * p.stride, offsets + a * 4 * area + pixel, area);
+      const Region cut{clipped(box.x1, image[1]), clipped(box.y1, image[0]),
+                       clipped(box.x2, image[1]), clipped(box.y2, image[0])};
+      regions[index] = cut;
+      const bool is_large = cut.width() >= min_w && cut.height() >= min_h;
+      if (p.drops_small && (!is_large || has_nan(box))) continue;
+      const float score = scores[(n_anchors + a) * area + pixel];
+      *end++ = {is_large ? score : 0 * score, index};
+    }
+  return end - scored;
+}
+
+float overlap(const Region& a, const Region& b) {
+  const float w = std::max(0.0F, std::min(a.x2, b.x2) - std::max(a.x1, b.x1) + 1);
+  const float h = std::max(0.0F, std::min(a.y2, b.y2) - std::max(a.y1, b.y1) + 1);
+  const float common = w * h;
+  return common / (a.area() + b.area() - common);
+}
+
+/// Writes rows of 0, x1, y1, x2, y2, best first, and their scores (may be null); returns how many.
+/// `scores` are `[2][anchor][h][w]`, the second half of objects, `offsets` `[anchor][4][h][w]`,
+/// `image` height, width and scale.
+int64_t propose(const ProposalProblem& p, const float* scores, const float* offsets,
+                const float* image, float* rows, float* row_scores, float* scratch) {
+  auto* const regions = reinterpret_cast<Region*>(scratch);
+  auto* const scored = reinterpret_cast<Scored*>(scratch + p.regions() * 4);
+  auto* const kept = reinterpret_cast<int32_t*>(scratch + p.regions() * 6);
+  const int64_t n_scored = decode(p, scores, offsets, image, regions, scored);
+  const int64_t n = std::min(n_scored, p.most_before);
+  std::partial_sort(scored, scored + n, scored + n_scored, is_better);
+  int64_t n_kept = 0;
+  for (int64_t i = 0; i < n && n_kept < p.most_after; ++i) {
+    const Region& region = regions[scored[i].index];
+    if (std::any_of(kept, kept + n_kept, [&](int32_t better) {
+          return overlap(regions[better], region) > p.overlap_threshold;
+        }))
+      continue;
+    const float row[] = {0, region.x1, region.y1, region.x2, region.y2};
+    std::copy_n(row, 5, rows + n_kept * 5);
+    if (row_scores) row_scores[n_kept] = scored[i].score;
+    kept[n_kept++] = scored[i].index;
+  }
+  return n_kept;
+}
+
+/// Regions of interest from the scores and offsets of anchors: proposal_layer.cpp of
+/// luoyetx/mini-caffe and happynear/caffe-windows. With a `python_param` it takes the place of
+/// lib/rpn/proposal_layer.py of rbgirshick/py-faster-rcnn, which drops small regions.
+class Proposal : public Layer {
+ public:
+  explicit Proposal(const caffe::LayerParameter& layer)
+      : param_(layer.proposal_param()), is_of_python_(layer.has_python_param()) {
+    const auto is_size = [](float size) { return size > 0 && std::isfinite(size); };
+    if (param_.ratio().empty() || param_.scale().empty() ||
+        !std::ranges::all_of(param_.ratio(), is_size) ||
+        !std::ranges::all_of(param_.scale(), is_size))
+      throw InputError("ratio and scale must be given, and be finite and above 0");
+    if (param_.feat_stride() < 1 || param_.base_size() < 1)
+      throw InputError("feat_stride and base_size must be at least 1");
+    if (param_.pre_nms_topn() < 1 || param_.post_nms_topn() < 1)
+      throw InputError("pre_nms_topn and post_nms_topn must be at least 1");
+    if (!(param_.nms_thresh() >= 0)) throw InputError("nms_thresh must not be negative");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    expect_count(inputs.size(), 3, "inputs (scores, offsets, the image's size and scale)");
+    if (n_outputs < 1 || n_outputs > 2)
+      throw InputError("expected 1 or 2 outputs (regions, their scores), found ", n_outputs);
+    const Shape &scores = inputs[0], &offsets = inputs[1], &image = inputs[2];
+    const int64_t anchors = int64_t{param_.ratio_size()} * param_.scale_size();
+    if (scores.rank() != 4 || scores[0] != 1 || scores[1] != 2 * anchors)
+      throw InputError("expected scores of shape 1 x ", 2 * anchors, " x h x w for ", anchors,
+                       " anchors (ratios x scales) of one image, found ", scores);
+    if (offsets != scores.with(1, 4 * anchors))
+      throw InputError("expected offsets of shape ", scores.with(1, 4 * anchors), ", found ",
+                       offsets);
+    if (image.elements() < 3)
+      throw InputError("expected height, width and scale of the image, found ", image);
+    expect_int(scores.elements() / 2, "the number of regions");
+    const int64_t most = std::min(
+        {scores.elements() / 2, int64_t{param_.pre_nms_topn()}, int64_t{param_.post_nms_topn()}});
+    if (n_outputs == 1) return {Shape{most, 5}};
+    return {Shape{most, 5}, is_of_python_ ? Shape{most, 1} : Shape{most}};
+  }
+
+  std::optional<size_t> dynamic_axis() const override { return 0; }
+
+  Kernel bind(const Binding& binding) const override {
+    const Shape& scores = binding.inputs[0];
+    ProposalProblem p{anchors(), scores[2], scores[3]};
+    p.stride = static_cast<float>(param_.feat_stride());
+    p.min_size = static_cast<float>(param_.min_size());
+    p.most_before = param_.pre_nms_topn(), p.most_after = binding.outputs[0][0];
+    p.overlap_threshold = param_.nms_thresh();
+    p.has_two_scales = !is_of_python_ && binding.inputs[2].elements() > 3;
+    p.drops_small = is_of_python_;
+    const Bytes scratch = floats(p.scratch_floats());
+    return {"decode-suppress",
+            [p = std::move(p)](const Call& call) {
+              *call.rows =
+                  propose(p, call.inputs[0], call.inputs[1], call.inputs[2], call.outputs[0],
+                          call.outputs.size() > 1 ? call.outputs[1] : nullptr, call.scratch);
+            },
+            scratch};
+  }
+
+ private:
+  /// Boxes of the area of the base, of each ratio of height to width, in each scale.
+  std::vector<Region> anchors() const {
+    const auto base = static_cast<float>(param_.base_size());
+    const float centre = 0.5F * (base - 1);
+    std::vector<Region> anchors;
+    for (const float ratio : param_.ratio()) {
+      const float w = std::round(std::sqrt(base * base / ratio)), h = std::round(w * ratio);
+      for (const float scale : param_.scale()) {
+        const float half_w = 0.5F * (w * scale - 1), half_h = 0.5F * (h * scale - 1);
+        anchors.push_back({centre - half_w, centre - half_h, centre + half_w, centre + half_h});
+      }
+    }
+    return anchors;
+  }
+
+  caffe::ProposalParameter param_;
+  bool is_of_python_;
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_proposal(const caffe::LayerParameter& param) {
+  return std::make_unique<Proposal>(param);
+}
+
+}  // namespace revisit::engine
