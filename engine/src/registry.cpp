@@ -31,6 +31,9 @@ constexpr Entry kTable[] = {
     {"Bias", make_bias, "Caffe", "adds a learned or given blob", kLearned},
     {"BN", make_bn, "PSPNet, SegNet", "batch normalisation with learned scale and shift", kLearned},
     {"BNLL", make_bnll, "Caffe", "log(1 + exp x)"},
+    {"BoxGroupOutput", make_box_group_output, "Cascade R-CNN",
+     "boxes of several anchors a map after suppression"},
+    {"BoxOutput", make_box_output, "MS-CNN", "boxes of one anchor a map after suppression"},
     {"Clip", make_clip, "Caffe", "limits to [min, max]"},
     {"Concat", make_concat, "Caffe", "joins along an axis"},
     {"Convolution", make_convolution, "Caffe",
@@ -39,6 +42,7 @@ constexpr Entry kTable[] = {
      "convolution, one group a channel", kLearned},
     {"Crop", make_crop, "Caffe", "cuts to the size of another blob"},
     {"CropCenter", make_crop_center, "waifu2x-caffe", "cuts off both ends of axes"},
+    {"DecodeBBox", make_decode_bbox, "Cascade R-CNN", "regions moved by offsets"},
     {"Deconvolution", make_deconvolution, "Caffe", "transposed convolution", kLearned},
     {"DepthwiseConvolution", make_depthwise_convolution, "forks",
      "convolution, one group a channel", kLearned},
@@ -91,6 +95,10 @@ constexpr Entry kTable[] = {
     {"Threshold", make_threshold, "Caffe", "1 above a threshold, else 0"},
     {"Tile", make_tile, "Caffe", "repeats along an axis"},
     {"Upsample", make_upsample, "SegNet and others", "unpooling by mask, or nearest neighbour"},
+    {"YoloDetectionOutput", make_yolo_detection_output, "MobileNet-YOLO",
+     "boxes of YOLO v2 after suppression"},
+    {"Yolov3DetectionOutput", make_yolov3_detection_output, "MobileNet-YOLO",
+     "boxes of YOLO v3 after suppression"},
 };
 
 const Entry* entry_of(const std::string& type) {

@@ -20,11 +20,9 @@ constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
 constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
 constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
 
-constexpr std::array<TypeOfFork, 59> kTypes = {{
+constexpr std::array<TypeOfFork, 00> kTypes = {{
     {"annotateddata", kSsd},
     {"bboxreg", kMscnn},
-    {"boxgroupoutput", kMscnn},
-    {"boxoutput", kMscnn},
     {"channelnorm", kFlowNet},
     {"colormap", "FCN (fcn.berkeleyvision.org)"},
     {"continuationindicator", "CRNN (yalecyu/crnn.caffe)"},
@@ -39,7 +37,6 @@ constexpr std::array<TypeOfFork, 59> kTypes = {{
     {"deformablepsroipooling", "Deformable ConvNets (unsky/Deformable-ConvNets-caffe)"},
     {"densecrf", kDeepLab},
     {"denseimagedata", "SegNet (alexgkendall/caffe-segnet)"},
-    {"decodebbox", kMscnn},
     {"detectionaccuracy", kMscnn},
     {"detectionevaluate", kSsd},
     {"detectionloss", kMscnn},
@@ -77,10 +74,8 @@ constexpr std::array<TypeOfFork, 59> kTypes = {{
     {"transpose", kOcr},
     {"warpctc", kOcr},
     {"yoloaccuracy", "YOLO (yeahkun/caffe-yolo)"},
-    {"yolodetectionoutput", kYolo},
     {"yoloseg", kYolo},
     {"yolov3", kYolo},
-    {"yolov3detectionoutput", kYolo},
     {"yolov3loss", kYolo},
 }};
 

@@ -47,6 +47,18 @@ constexpr NamedNet kNets[] = {
       layer { name: "d" type: "Convolution" bottom: "data" top: "d" convolution_param { num_output: 12 kernel_size: 1 } }
       layer { name: "e" type: "Flatten" bottom: "d" top: "e" }
       layer { name: "f" type: "DetectionOutput" bottom: "c" bottom: "e" bottom: "a" top: "f" detection_output_param { num_classes: 3 keep_top_k: 50 } })"},
+    {"proposals", R"(
+      layer { name: "a" type: "Slice" bottom: "data" top: "a" top: "a2" slice_param { axis: 0 } }
+      layer { name: "b" type: "Slice" bottom: "a2" top: "b" top: "b2" slice_param { slice_point: 2 } }
+      layer { name: "c" type: "Yolov3DetectionOutput" bottom: "a" top: "c" yolov3_detection_output_param { num_classes: 1 num_box: 1 mask: 0 mask_group_num: 1 anchors_scale: 8 biases: [8, 8] } }
+      layer { name: "d" type: "YoloDetectionOutput" bottom: "a" top: "d" yolo_detection_output_param { num_classes: 1 num_box: 1 biases: [1, 1] } }
+      layer { name: "e" type: "BoxOutput" bottom: "data" top: "e" top: "e2" box_output_param { field_w: 20 field_h: 20 downsample_rate: 8 } }
+      layer { name: "f" type: "BoxGroupOutput" bottom: "b" bottom: "b2" top: "f" box_group_output_param { box_group_param { field_w: 20 field_h: 20 stride: 8 } } }
+      layer { name: "g" type: "Slice" bottom: "two" top: "g" top: "g2" slice_param { axis: 1 slice_point: 5 } }
+      layer { name: "h" type: "Tile" bottom: "g" top: "h" tile_param { axis: 1 tiles: 8 } }
+      layer { name: "i" type: "Reshape" bottom: "h" top: "i" reshape_param { shape { dim: -1 dim: 8 } } }
+      layer { name: "j" type: "Tile" bottom: "g" top: "j" tile_param { axis: 0 tiles: 5 } }
+      layer { name: "k" type: "DecodeBBox" bottom: "i" bottom: "j" top: "k" })"},
 };
 
 class Allocation : public testing::TestWithParam<NamedNet> {};

@@ -279,8 +279,15 @@ class Check {
 
   /// In bfloat16 also what moves values of blocks rounds them. Decisions are not values.
   std::map<std::string, double> bf16_noise() const {
-    const std::set<std::string> decide = {"ArgMax", "Filter", "Accuracy", "DetectionOutput",
-                                          "Proposal"};
+    const std::set<std::string> decide = {"ArgMax",
+                                          "Filter",
+                                          "Accuracy",
+                                          "DetectionOutput",
+                                          "Proposal",
+                                          "BoxOutput",
+                                          "BoxGroupOutput",
+                                          "YoloDetectionOutput",
+                                          "Yolov3DetectionOutput"};
     std::map<std::string, double> noise;
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
       if (decide.contains(layer.type())) continue;

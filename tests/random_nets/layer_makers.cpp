@@ -681,6 +681,84 @@ void detection_output(Builder& b, const char* type) {
             b.random.chance(0.5) ? " keep_top_k: 7" : "", " }"));
 }
 
+std::string thresholds(Builder& b, const char* score, const char* overlap, double least,
+                       double most) {
+  return str(score, ": ", b.random.real(least, most), " ", overlap, ": ", b.random.real(0.1, 0.9));
+}
+
+/// Reads inputs: what a detector gives depends on which of two numbers is larger.
+void yolo(Builder& b, const char* type) {
+  const bool v3 = type == std::string("Yolov3DetectionOutput");
+  const int64_t boxes = b.random.between(1, 3), classes = b.random.between(1, 3);
+  std::string param = str("num_box: ", boxes, " num_classes: ", classes, " ",
+                          thresholds(b, "confidence_threshold", "nms_threshold", 0, 0.5));
+  for (int64_t i = 0; i < 2 * boxes; ++i) param += str(" biases: ", b.random.real(1, 9));
+  Ids maps;
+  const int64_t n_maps = b.random.between(1, 2);
+  for (int64_t i = 0; i < n_maps; ++i) {
+    const int64_t h = b.random.between(1, 4), w = v3 ? b.random.between(1, 4) : h;
+    maps.push_back(extra_input(b, {{{1}, {boxes * (5 + classes)}, {h}, {w}}}));
+    for (int64_t k = 0; k < boxes && v3; ++k)
+      param += str(" mask: ", b.random.between(0, boxes - 1));
+    if (v3) param += " anchors_scale: 8";
+  }
+  if (v3) param += str(" mask_group_num: ", n_maps);
+  b.add(type, maps, str(v3 ? "yolov3" : "yolo", "_detection_output_param { ", param, " }"));
+}
+
+std::string field_limits(Builder& b) {
+  static const std::vector<std::string> kOverlaps{"IOU", "IOMU", "IOFU"};
+  return str(thresholds(b, "fg_thr", "iou_thr", -0.5, 0.5), " min_size: ", b.random.between(0, 9),
+             " nms_type: '", b.random.of(kOverlaps), "'",
+             b.random.chance(0.5) ? " max_nms_num: 9" : "",
+             b.random.chance(0.5) ? " max_post_nms_num: 4" : "");
+}
+
+std::string offsets_of_boxes(Builder& b) {
+  if (b.random.chance(0.5)) return "";
+  return str(" bbox_reg_param { bbox_mean: [0, 0.1, 0, -0.1] bbox_std: [0.1, 0.2, ",
+             b.random.real(0.1, 1), ", 1] }");
+}
+
+void box_output(Builder& b, const char* type) {
+  const int64_t images = b.random.between(1, 2), channels = b.random.between(6, 8);
+  std::string param = field_limits(b);
+  Ids maps;
+  for (int64_t i = b.random.between(1, 2); i > 0; --i) {
+    maps.push_back(extra_input(
+        b, {{{images}, {channels}, {b.random.between(1, 5)}, {b.random.between(1, 5)}}}));
+    param += str(" field_w: ", b.random.between(8, 20), " field_h: ", b.random.between(8, 20),
+                 " downsample_rate: 8");
+  }
+  b.add(type, maps, "box_output_param { " + param + " }" + offsets_of_boxes(b),
+        static_cast<size_t>(b.random.between(1, 2)));
+}
+
+void box_group_output(Builder& b, const char* type) {
+  const int64_t images = b.random.between(1, 2);
+  std::string param = field_limits(b);
+  Ids inputs;
+  for (int64_t i = b.random.between(1, 2); i > 0; --i) {
+    const int64_t fields = b.random.between(1, 3);
+    const Size items{images * fields}, h{b.random.between(1, 5)}, w{b.random.between(1, 5)};
+    inputs.push_back(extra_input(b, {{items, {2}, h, w}}));
+    inputs.push_back(extra_input(b, {{items, {4}, h, w}}));
+    std::string group = "stride: 8";
+    for (int64_t k = 0; k < fields; ++k)
+      group += str(" field_w: ", b.random.between(8, 20), " field_h: ", b.random.between(8, 20));
+    param += " box_group_param { " + group + " }";
+  }
+  b.add(type, inputs, "box_group_output_param { " + param + " }" + offsets_of_boxes(b),
+        static_cast<size_t>(b.random.between(1, 2)));
+}
+
+void decode_bbox(Builder& b, const char* type) {
+  const int64_t rows = b.random.between(1, 6);
+  const size_t offsets = extra_input(b, {{{rows}, {8}}});
+  const size_t regions = extra_input(b, {{{rows}, {5}}, Fill::kRegions, {1}});
+  b.add(type, {offsets, regions}, offsets_of_boxes(b));
+}
+
 }  // namespace
 
 std::string random_windows(Random& random, size_t axes) {
@@ -713,12 +791,15 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Bias", 8, scale_or_bias},
       {"BN", 4, bn},
       {"BNLL", 1, elementwise},
+      {"BoxGroupOutput", 1, box_group_output},
+      {"BoxOutput", 1, box_output},
       {"Clip", 2, clip},
       {"Concat", 16, concat},
       {"Convolution", 30, convolution},
       {"ConvolutionDepthwise", 2, convolution_depthwise},
       {"Crop", 2, crop},
       {"CropCenter", 1, crop_center},
+      {"DecodeBBox", 1, decode_bbox},
       {"Deconvolution", 3, convolution},
       {"DepthwiseConvolution", 3, depthwise_convolution},
       {"DetectionOutput", 2, detection_output},
@@ -769,6 +850,8 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Threshold", 1, threshold},
       {"Tile", 2, tile},
       {"Upsample", 2, upsample},
+      {"YoloDetectionOutput", 1, yolo},
+      {"Yolov3DetectionOutput", 1, yolo},
   };
   return kMakers;
 }

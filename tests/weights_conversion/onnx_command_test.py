@@ -81,6 +81,19 @@ class Command(ConversionTest):
         prototxt, model = self.net(detection + layer('prob', 'Softmax', 'conf_flat'), blobs, 'read_twice')
         self.refused(4, "layer 'boxes' (DetectionOutput)", 'onnx', prototxt, model, self.onnx, '--force', '--fixed')
 
+    def test_boxes_of_forks_are_left_out(self):
+        for kind, parameters in (
+                ('YoloDetectionOutput', 'yolo_detection_output_param { num_classes: 1 num_box: 1 biases: [1, 1] }'),
+                ('Yolov3DetectionOutput', 'yolov3_detection_output_param { num_classes: 1 num_box: 1 biases: [1, 1] mask: 0 '
+                                          'mask_group_num: 1 anchors_scale: 8 }'),
+                ('BoxOutput', 'box_output_param { field_w: 8 field_h: 8 downsample_rate: 8 }')):
+            net = input_layer(1, 3, 8, 8) + layer('conv', 'Convolution', parameters='convolution_param { num_output: 6 kernel_size: 1 }')
+            prototxt, model = self.net(net + layer('boxes', kind, 'conv', parameters=parameters),
+                                       {'conv': [numbers(6, 3, 1, 1), numbers(6)]}, kind)
+            printed = self.convert('onnx', prototxt, model, self.onnx, '--force')
+            self.assertIn(f"note: layer 'boxes' ({kind}) cannot be expressed in ONNX", printed)
+            self.assertEqual(onnx_export.Model(str(self.onnx)).output_names(), ['conv'])
+
     def test_shapes_of_inputs_are_written_with_x_or_commas(self):
         for shape in ('2x3x15x17', '2,3,15,17', 'data=2,3,15,17'):
             self.convert('onnx', self.prototxt, self.model, self.onnx, '--force', '--fixed', '--input-shape', shape)

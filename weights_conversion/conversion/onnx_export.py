@@ -58,17 +58,20 @@ def require_valid(model):
         raise CheckFailed(f'check failed: the checker of ONNX does not take the model: {_one_line(error)}') from None
 
 
+DETECTIONS = 'DetectionOutput', 'YoloDetectionOutput', 'Yolov3DetectionOutput', 'BoxOutput', 'BoxGroupOutput'
+
+
 def before_detections(prototxt, folder):
-    """The prototxt, or one in `folder` that ends before the DetectionOutput layers, with their inputs as its outputs."""
+    """The prototxt, or one in `folder` that ends before the DETECTIONS, with their inputs as its outputs."""
     net = engine.read_net(prototxt, keep_unread=True)
     graph = resolve(net)
-    cut = [layer for layer in graph.layers if layer.type == 'DetectionOutput' and not any(map(graph.readers, layer.outputs))
+    cut = [layer for layer in graph.layers if layer.type in DETECTIONS and not any(map(graph.readers, layer.outputs))
            and all(graph.readers(value) == [layer] for value in layer.inputs)]
     if not cut:
         return prototxt
     for layer in cut:
         net.layer.remove(layer.message)
-        print(f"note: layer '{layer.name}' (DetectionOutput) cannot be expressed in ONNX: the model ends before it, with its inputs "
+        print(f"note: layer '{layer.name}' ({layer.type}) cannot be expressed in ONNX: the model ends before it, with its inputs "
               f'{", ".join(layer.message.bottom)} as outputs; boxes are left to decode and suppress', file=sys.stderr)
     front = Path(folder) / 'front.prototxt'
     front.write_text(text_format.MessageToString(net))

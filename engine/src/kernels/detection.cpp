@@ -13,11 +13,6 @@ float area(const Box& box) {
   return (box.xmax - box.xmin) * (box.ymax - box.ymin);
 }
 
-/// Best first. Never equal: std::sort then gives one order, without the memory of a stable sort.
-bool is_better(const Candidate& a, const Candidate& b) {
-  return a.score != b.score ? a.score > b.score : a.box < b.box;
-}
-
 struct Detection {
   float score;
   int32_t box, label, order;  // order: of finding, by class and then by score
@@ -117,17 +112,14 @@ int64_t suppress(Candidate* candidates, int64_t n, const Box* boxes, int64_t top
                  float eta) {
   std::sort(candidates, candidates + n, is_better);
   if (top_k >= 0) n = std::min(n, top_k);
-  int64_t kept = 0;
-  for (int64_t i = 0; i < n; ++i) {
-    const Candidate candidate = candidates[i];
-    const bool keep = std::all_of(candidates, candidates + kept, [&](const Candidate& other) {
-      return jaccard_overlap(boxes[candidate.box], boxes[other.box]) <= threshold;
-    });
-    if (!keep) continue;
-    candidates[kept++] = candidate;
-    if (eta < 1 && threshold > 0.5F) threshold *= eta;
-  }
-  return kept;
+  return keep_unsuppressed(
+      candidates, n,
+      [&](const Candidate& kept, const Candidate& candidate) {
+        return !(jaccard_overlap(boxes[candidate.box], boxes[kept.box]) <= threshold);
+      },
+      [&] {
+        if (eta < 1 && threshold > 0.5F) threshold *= eta;
+      });
 }
 
 int64_t DetectionProblem::most_kept() const {

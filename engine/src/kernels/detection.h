@@ -2,6 +2,8 @@
 
 #include <cstdint>
 
+#include "kernels/suppression.h"
+
 namespace revisit::engine {
 
 /// Corners, in fractions of the image.
@@ -19,12 +21,6 @@ Box decode_box(const Box& prior, const float variance[4], const float t[4], BoxC
 
 /// Intersection over union; 0 for boxes that do not meet.
 float jaccard_overlap(const Box& a, const Box& b);
-
-/// A box that may be detected: index into an array of boxes.
-struct Candidate {
-  float score;
-  int32_t box;
-};
 
 /// Greedy non-maximum suppression: from the best score down, a candidate is kept unless it overlaps
 /// one already kept by more than `threshold`. `threshold` shrinks by the factor `eta` after each

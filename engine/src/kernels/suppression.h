@@ -1,0 +1,42 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+namespace revisit::engine {
+
+/// A box that may be detected: index into an array of boxes.
+struct Candidate {
+  float score;
+  int32_t box;
+};
+
+/// Best first. Never equal: std::sort then gives one order, without the memory of a stable sort.
+inline bool is_better(const Candidate& a, const Candidate& b) {
+  return a.score != b.score ? a.score > b.score : a.box < b.box;
+}
+
+/// Greedy non-maximum suppression of candidates in order: one is kept unless one kept before
+/// `suppresses(kept, candidate)`; `after_each()` follows each that is kept. Keeps them at the
+/// front, in order; returns how many.
+template <typename Suppresses, typename AfterEach>
+int64_t keep_unsuppressed(Candidate* candidates, int64_t n, const Suppresses& suppresses,
+                          const AfterEach& after_each) {
+  int64_t kept = 0;
+  for (int64_t i = 0; i < n; ++i) {
+    const Candidate candidate = candidates[i];
+    if (std::any_of(candidates, candidates + kept,
+                    [&](const Candidate& other) { return suppresses(other, candidate); }))
+      continue;
+    candidates[kept++] = candidate;
+    after_each();
+  }
+  return kept;
+}
+
+template <typename Suppresses>
+int64_t keep_unsuppressed(Candidate* candidates, int64_t n, const Suppresses& suppresses) {
+  return keep_unsuppressed(candidates, n, suppresses, [] {});
+}
+
+}  // namespace revisit::engine

@@ -1,0 +1,343 @@
+#include <algorithm>
+#include <array>
+#include <cfloat>
+#include <cmath>
+
+#include "kernels/suppression.h"
+#include "layers/box_offsets.h"
+#include "layers/layers.h"
+
+namespace revisit::engine {
+namespace {
+
+/// Size of the boxes that offsets of zero stand for [pixels].
+struct Field {
+  float w, h;
+};
+
+/// A feature map whose cells have a box for each field.
+struct FieldMap {
+  int64_t h = 1, w = 1;
+  int64_t channels = 1;  // of scores
+  float stride = 1;      // pixels of the image to a cell
+  std::vector<Field> fields;
+
+  int64_t cells() const { return h * w; }
+  int64_t n_boxes() const { return cells() * static_cast<int64_t>(fields.size()); }
+};
+
+/// Corners and size [pixels]. Whether the size counts the pixels of both ends depends.
+struct FieldBox {
+  float x1, y1, x2, y2, w, h;
+};
+
+/// What the common part of two boxes is compared with.
+enum class OverlapOf { kUnion, kSmaller, kBetter };
+
+struct FieldProblem {
+  int64_t images = 1;
+  std::vector<FieldMap> maps;
+  bool grouped = false;  // BoxGroupOutput
+  BoxOffsets offsets;
+  float least_shift = 0, most_shift = 0, least_scale = 0, most_scale = 0;
+  float foreground_threshold = 0, overlap_threshold = 0, least_size = 0;
+  OverlapOf overlap_of = OverlapOf::kUnion;
+  int64_t most_candidates = 0, most_kept = 0;  // of an image; 0: all
+
+  /// Of an image.
+  int64_t n_boxes() const {
+    int64_t n = 0;
+    for (const FieldMap& map : maps) n += map.n_boxes();
+    return n;
+  }
+  int64_t most_rows() const {
+    int64_t most = n_boxes();
+    for (const int64_t limit : {most_candidates, most_kept})
+      if (limit > 0) most = std::min(most, limit);
+    return images * most;
+  }
+  int64_t scratch_floats() const {
+    return n_boxes() * static_cast<int64_t>((sizeof(FieldBox) + sizeof(Candidate)) / sizeof(float));
+  }
+};
+
+/// std::max and std::min give the limit for NaN.
+float limited(float least, float value, float most) {
+  return std::min(most, std::max(least, value));
+}
+
+/// The box of a cell, cut to the image, from its offsets, which lie `cells` apart.
+FieldBox field_box(const FieldProblem& p, const FieldMap& map, const Field& field, int64_t cell,
+                   const float* first) {
+  std::array<float, 4> t{};
+  for (size_t i = 0; i < 4; ++i) {
+    const float number = first[static_cast<int64_t>(i) * map.cells()];
+    t[i] = p.offsets.apply(i, number);
+    t[i] = i < 2 ? limited(p.least_shift, t[i], p.most_shift)
+                 : limited(p.least_scale, t[i], p.most_scale);
+  }
+  const auto centre = [&](int64_t index) {
+    return (static_cast<float>(index) + 0.5F) * map.stride;
+  };
+  const float w = field.w * std::exp(t[2]), h = field.h * std::exp(t[3]);
+  const float x = t[0] * field.w + centre(cell % map.w) - w / 2;
+  const float y = t[1] * field.h + centre(cell / map.w) - h / 2;
+  const float image_w = static_cast<float>(map.w) * map.stride;
+  const float image_h = static_cast<float>(map.h) * map.stride;
+  const float x1 = std::max(0.0F, x), y1 = std::max(0.0F, y);
+  if (p.grouped) {
+    const float x2 = std::min(image_w, x + w - 1), y2 = std::min(image_h, y + h - 1);
+    return {x1, y1, x2, y2, x2 - x1 + 1, y2 - y1 + 1};
+  }
+  const float cut_w = std::min(w, image_w - x1), cut_h = std::min(h, image_h - y1);
+  return {x1, y1, x1 + cut_w, y1 + cut_h, cut_w, cut_h};
+}
+
+/// How sure it is that there is something, from the scores of classes, which lie `cells` apart; the
+/// first is the background's. NaN among the others never wins.
+float foreground(const FieldProblem& p, const FieldMap& map, const float* scores) {
+  if (p.grouped) return 1 - scores[0];
+  float best = -FLT_MAX;
+  for (int64_t c = 1; c < map.channels; ++c) best = std::max(best, scores[c * map.cells()]);
+  return best - scores[0];
+}
+
+float field_overlap(const FieldProblem& p, const FieldBox& better, const FieldBox& other) {
+  const auto empty = [&](const FieldBox& box) {
+    return p.grouped ? box.x2 < box.x1 || box.y2 < box.y1 : box.w <= 0 || box.h <= 0;
+  };
+  if (empty(better) || empty(other)) return 0;
+  const float x1 = std::max(better.x1, other.x1), y1 = std::max(better.y1, other.y1);
+  const float x2 = std::min(better.x2, other.x2), y2 = std::min(better.y2, other.y2);
+  const bool apart = y1 >= y2 || (p.grouped ? x1 > x2 : x1 >= x2);  // so the originals
+  const float end = p.grouped ? 1 : 0;
+  const float both = apart ? 0 : (x2 - x1 + end) * (y2 - y1 + end);
+  const float area = better.w * better.h, other_area = other.w * other.h;
+  switch (p.overlap_of) {
+    case OverlapOf::kSmaller:
+      return both / std::min(area, other_area);
+    case OverlapOf::kBetter:
+      return both / area;
+    case OverlapOf::kUnion:
+      break;
+  }
+  return both / (area + other_area - both);
+}
+
+/// The scores and offsets of a field of an image.
+struct FieldInput {
+  const float *scores, *offsets;
+};
+FieldInput field_input(const FieldProblem& p, const std::vector<const float*>& inputs, size_t m,
+                       int64_t image, size_t field) {
+  const FieldMap& map = p.maps[m];
+  const int64_t cells = map.cells();
+  if (!p.grouped) {
+    const float* scores = inputs[m] + image * (map.channels + 4) * cells;
+    return {scores, scores + map.channels * cells};
+  }
+  const auto n_fields = static_cast<int64_t>(map.fields.size());
+  const int64_t item = image * n_fields + static_cast<int64_t>(field);
+  return {inputs[2 * m] + item * map.channels * cells, inputs[2 * m + 1] + item * 4 * cells};
+}
+
+/// What may be detected in an image, in the order of map, field and cell; returns how many.
+int64_t field_candidates(const FieldProblem& p, const std::vector<const float*>& inputs,
+                         int64_t image, FieldBox* boxes, Candidate* candidates) {
+  int64_t found = 0;
+  for (size_t m = 0; m < p.maps.size(); ++m) {
+    const FieldMap& map = p.maps[m];
+    for (size_t k = 0; k < map.fields.size(); ++k) {
+      const FieldInput in = field_input(p, inputs, m, image, k);
+      for (int64_t cell = 0; cell < map.cells(); ++cell) {
+        const float score = foreground(p, map, in.scores + cell);
+        if (!(score >= p.foreground_threshold)) continue;
+        const FieldBox box = field_box(p, map, map.fields[k], cell, in.offsets + cell);
+        if (!(box.w >= p.least_size && box.h >= p.least_size)) continue;
+        boxes[found] = box;
+        candidates[found] = {score, static_cast<int32_t>(found)};
+        ++found;
+      }
+    }
+  }
+  return found;
+}
+
+/// Rows of image, x1, y1, x2, y2; with a second output also of these and the score. By image, then
+/// best first. Of equal scores BoxOutput takes the later box; BoxGroupOutput's original leaves them
+/// to std::partial_sort, here the earlier comes first. Nothing at all is one row of a small box.
+int64_t output_boxes(const FieldProblem& p, const Call& call) {
+  auto* boxes = reinterpret_cast<FieldBox*>(call.scratch);
+  auto* candidates = reinterpret_cast<Candidate*>(boxes + p.n_boxes());
+  const bool scored = call.outputs.size() > 1;
+  int64_t rows = 0;
+  for (int64_t image = 0; image < p.images; ++image) {
+    int64_t n = field_candidates(p, call.inputs, image, boxes, candidates);
+    std::sort(candidates, candidates + n, [&](const Candidate& a, const Candidate& b) {
+      return p.grouped || a.score != b.score ? is_better(a, b) : a.box > b.box;
+    });
+    if (p.most_candidates > 0) n = std::min(n, p.most_candidates);
+    n = keep_unsuppressed(candidates, n, [&](const Candidate& a, const Candidate& b) {
+      return field_overlap(p, boxes[a.box], boxes[b.box]) > p.overlap_threshold;
+    });
+    if (p.most_kept > 0) n = std::min(n, p.most_kept);
+    for (int64_t i = 0; i < n; ++i, ++rows) {
+      const FieldBox& box = boxes[candidates[i].box];
+      const float row[] = {static_cast<float>(image), box.x1, box.y1, box.x2, box.y2,
+                           candidates[i].score};
+      std::copy_n(row, 5, call.outputs[0] + rows * 5);
+      if (scored) std::copy_n(row, 6, call.outputs[1] + rows * 6);
+    }
+  }
+  if (rows > 0) return rows;
+  const float nothing[] = {0, 1, 1, 10, 10};
+  std::copy_n(nothing, 5, call.outputs[0]);
+  if (scored) std::fill_n(call.outputs[1], 6, 0.0F);
+  return 1;
+}
+
+/// The proposals of MS-CNN (zhaoweicai/mscnn, src/caffe/layers/box_output_layer.cpp) and of Cascade
+/// R-CNN (zhaoweicai/cascade-rcnn, src/caffe/layers/box_group_output_layer.cpp).
+class FieldBoxOutput : public Layer {
+ public:
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    if (n_outputs < 1 || n_outputs > 2)
+      throw InputError("expected 1 or 2 outputs (boxes; boxes with scores), found ", n_outputs);
+    const int64_t rows = problem(inputs).most_rows();
+    std::vector<Shape> outputs{Shape{rows, 5, 1, 1}};
+    if (n_outputs == 2) outputs.push_back(Shape{rows, 6, 1, 1});
+    return outputs;
+  }
+
+  std::optional<size_t> dynamic_axis() const override { return 0; }
+
+  Kernel bind(const Binding& binding) const override {
+    const FieldProblem p = problem(binding.inputs);
+    return {"decode-suppress-fields", [p](const Call& call) { *call.rows = output_boxes(p, call); },
+            floats(p.scratch_floats())};
+  }
+
+ protected:
+  template <typename Param>
+  FieldBoxOutput(const Param& param, const caffe::BBoxRegParameter& offsets) {
+    if (!(param.field_whr() > 0 && param.field_xyr() > 0))
+      throw InputError("field_whr and field_xyr must be above 0");
+    settings_.offsets = BoxOffsets(offsets);
+    settings_.least_shift = -1 / param.field_xyr(), settings_.most_shift = 1 / param.field_xyr();
+    settings_.least_scale = std::log(1 / param.field_whr());
+    settings_.most_scale = std::log(param.field_whr());
+    settings_.foreground_threshold = param.fg_thr();
+    settings_.overlap_threshold = param.iou_thr();
+    settings_.least_size = param.min_size();
+    if (param.nms_type() == "IOMU") settings_.overlap_of = OverlapOf::kSmaller;
+    if (param.nms_type() == "IOFU") settings_.overlap_of = OverlapOf::kBetter;
+    settings_.most_candidates = param.max_nms_num();
+    settings_.most_kept = param.max_post_nms_num();
+  }
+
+  virtual FieldProblem problem(const std::vector<Shape>& inputs) const = 0;
+
+  FieldProblem settings_;  // without maps, but for their fields and strides
+
+  void add_map(int64_t stride, std::vector<Field> fields) {
+    if (stride < 1) throw InputError("a stride or downsample_rate must be at least 1");
+    expect_int(stride, "a stride or downsample_rate");
+    FieldMap map;
+    map.stride = static_cast<float>(stride);
+    map.fields = std::move(fields);
+    settings_.maps.push_back(std::move(map));
+  }
+
+  /// Sets the sizes of a map by its blob of scores.
+  static void set_sizes(const Shape& scores, int64_t channels, FieldMap* map) {
+    map->h = scores[2], map->w = scores[3], map->channels = channels;
+  }
+};
+
+class BoxOutput : public FieldBoxOutput {
+ public:
+  explicit BoxOutput(const caffe::LayerParameter& layer)
+      : FieldBoxOutput(layer.box_output_param(), layer.bbox_reg_param()) {
+    const caffe::BoxOutputParameter& param = layer.box_output_param();
+    const int n = param.downsample_rate_size();
+    if (n < 1 || param.field_w_size() != n || param.field_h_size() != n)
+      throw InputError("expected as many field_w as field_h and downsample_rate, found ",
+                       param.field_w_size(), ", ", param.field_h_size(), " and ", n);
+    for (int i = 0; i < n; ++i)
+      add_map(param.downsample_rate(i),
+              {{static_cast<float>(param.field_w(i)), static_cast<float>(param.field_h(i))}});
+  }
+
+ private:
+  FieldProblem problem(const std::vector<Shape>& inputs) const override {
+    FieldProblem p = settings_;
+    expect_count(inputs.size(), p.maps.size(), "inputs (one for each downsample_rate)");
+    for (size_t i = 0; i < inputs.size(); ++i) {
+      expect_image(inputs[i], "BoxOutput");
+      if (inputs[i][0] != inputs[0][0] || inputs[i][1] != inputs[0][1] || inputs[i][1] < 6)
+        throw InputError(
+            "expected inputs of one batch size and one number of channels, at least 2 classes + 4, "
+            "found ",
+            inputs[0], " and ", inputs[i]);
+      set_sizes(inputs[i], inputs[i][1] - 4, &p.maps[i]);
+    }
+    p.images = inputs[0][0];
+    expect_int(p.n_boxes(), "boxes of an image");
+    return p;
+  }
+};
+
+/// Each map has several fields, which are items of its batches; scores and offsets are two blobs.
+class BoxGroupOutput : public FieldBoxOutput {
+ public:
+  explicit BoxGroupOutput(const caffe::LayerParameter& layer)
+      : FieldBoxOutput(layer.box_group_output_param(), layer.bbox_reg_param()) {
+    settings_.grouped = true;
+    for (const caffe::BoxGroupParameter& group : layer.box_group_output_param().box_group_param()) {
+      const int n = group.field_w_size();
+      if (n < 1 || group.field_h_size() != n)
+        throw InputError("expected as many field_w as field_h, found ", n, " and ",
+                         group.field_h_size());
+      std::vector<Field> fields;
+      for (int i = 0; i < n; ++i)
+        fields.push_back(
+            {static_cast<float>(group.field_w(i)), static_cast<float>(group.field_h(i))});
+      add_map(group.stride(), std::move(fields));
+    }
+    if (settings_.maps.empty()) throw InputError("box_group_param must be given");
+  }
+
+ private:
+  FieldProblem problem(const std::vector<Shape>& inputs) const override {
+    FieldProblem p = settings_;
+    expect_count(inputs.size(), 2 * p.maps.size(),
+                 "inputs (scores and offsets for each box_group_param)");
+    for (size_t i = 0; i < p.maps.size(); ++i) {
+      const Shape &scores = inputs[2 * i], &offsets = inputs[2 * i + 1];
+      expect_image(scores, "BoxGroupOutput");
+      const auto n_fields = static_cast<int64_t>(p.maps[i].fields.size());
+      if (i == 0) p.images = scores[0] / n_fields;
+      if (p.images < 1 || scores[0] != p.images * n_fields || scores[1] != inputs[0][1])
+        throw InputError("expected scores of ", inputs[0][1], " channels for ", n_fields,
+                         " boxes of ", std::max<int64_t>(p.images, 1), " images, found ", scores);
+      if (const Shape wanted = scores.with(1, 4); offsets != wanted)
+        throw InputError("expected offsets ", wanted, " for the scores ", scores, ", found ",
+                         offsets);
+      set_sizes(scores, scores[1], &p.maps[i]);
+    }
+    expect_int(p.n_boxes(), "boxes of an image");
+    return p;
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<Layer> make_box_output(const caffe::LayerParameter& param) {
+  return std::make_unique<BoxOutput>(param);
+}
+
+std::unique_ptr<Layer> make_box_group_output(const caffe::LayerParameter& param) {
+  return std::make_unique<BoxGroupOutput>(param);
+}
+
+}  // namespace revisit::engine
