@@ -1,10 +1,12 @@
 // Layers that move, choose or make values without computing, on cases written out by hand.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 
 #include "checked_layer.h"
 #include "expect_error.h"
+#include "simd_targets.h"
 
 namespace revisit::engine {
 namespace {
@@ -216,6 +218,30 @@ TEST(Transpose, NamesEachAxis) {
   refused("dim: 2 dim: 0", {2, 3}, {"axis 2", "2x3"});
   refused("dim: -1 dim: 0", {2, 3}, {"axis -1"});
   refused("", {}, {"each of the 0 axes"});
+}
+
+/// Sizes that are no multiples of what is transposed at a time, and large enough for threads.
+TEST(Transpose, OfAnyOrder) {
+  const Tensor x = count_up({3, 41, 18, 35});
+  std::vector<size_t> order{0, 1, 2, 3};
+  do {
+    SCOPED_TRACE(testing::PrintToString(order));
+    std::string dims;
+    for (const size_t axis : order) dims += str(" dim: ", axis);
+    std::vector<float> wanted;
+    const std::vector<int64_t> strides{41 * 18 * 35, 18 * 35, 35, 1};
+    const auto size = [&](size_t axis) { return x.shape[order[axis]]; };
+    const auto step = [&](size_t axis) { return strides[order[axis]]; };
+    for (int64_t i = 0; i < size(0); ++i)
+      for (int64_t j = 0; j < size(1); ++j)
+        for (int64_t k = 0; k < size(2); ++k)
+          for (int64_t l = 0; l < size(3); ++l)
+            wanted.push_back(
+                static_cast<float>(i * step(0) + j * step(1) + k * step(2) + l * step(3)));
+    test::for_each_simd_target([&] {
+      EXPECT_EQ(run_checked("Transpose", "transpose_param {" + dims + " }", {x})[0].values, wanted);
+    });
+  } while (std::ranges::next_permutation(order).found);
 }
 
 TEST(Reverse, AlongOneAxisOrSeveral) {
