@@ -56,12 +56,15 @@ constexpr Entry kTable[] = {
     {"Exp", make_exp, "Caffe", "base ^ (shift + scale x)"},
     {"Filter", make_filter, "Caffe", "batch items chosen by a selector"},
     {"Flatten", make_flatten, "Caffe", "merges axes"},
+    {"Flip", make_flip, "caffe-windows", "mirrors images"},
     {"Im2col", make_im2col, "Caffe", "windows as columns"},
     {"InnerProduct", make_inner_product, "Caffe", "fully connected", kLearned},
     {"Interp", make_interp, "DeepLab, PSPNet", "bilinear resampling"},
     {"Log", make_log, "Caffe", "log_base(shift + scale x)"},
     {"LRN", make_lrn, "Caffe", "local response normalisation, across or within channels"},
     {"LSTM", make_lstm, "Caffe", "long short-term memory", kLearned},
+    {"Lstm", make_rows_lstm, "CTPN, caffe-lstm", "long short-term memory, weights in another order",
+     kLearned},
     {"Mish", make_mish, "YOLOv4", "x tanh(ln(1 + exp x))"},
     {"MVN", make_mvn, "Caffe", "mean and variance normalisation"},
     {"Normalize", make_normalize, "SSD", "L2 normalisation with a learned scale", kLearned},
@@ -78,7 +81,9 @@ constexpr Entry kTable[] = {
     {"Reduction", make_reduction, "Caffe", "sum, absolute sum, sum of squares, mean"},
     {"ReLU", make_relu, "Caffe", "max(x, 0), or leaky"},
     {"ReLU6", make_relu6, "forks", "min(max(x, 0), 6)"},
+    {"Reorg", make_reorg, "YOLOv2", "moves pixels of blocks to channels, or back"},
     {"Reshape", make_reshape, "Caffe", "another shape"},
+    {"Reverse", make_reverse, "CTPN, Caffe OCR", "reverses the order along axes"},
     {"RNN", make_rnn, "Caffe", "simple recurrent network", kLearned},
     {"ROIPooling", make_roi_pooling, "Fast R-CNN", "maximum over regions of interest"},
     {"Scale", make_scale, "Caffe", "multiplies by a learned or given blob", kLearned},
@@ -94,6 +99,7 @@ constexpr Entry kTable[] = {
     {"TanH", make_tanh, "Caffe", "hyperbolic tangent"},
     {"Threshold", make_threshold, "Caffe", "1 above a threshold, else 0"},
     {"Tile", make_tile, "Caffe", "repeats along an axis"},
+    {"Transpose", make_transpose, "CTPN, Caffe OCR", "reorders axes"},
     {"Upsample", make_upsample, "SegNet and others", "unpooling by mask, or nearest neighbour"},
     {"YoloDetectionOutput", make_yolo_detection_output, "MobileNet-YOLO",
      "boxes of YOLO v2 after suppression"},
@@ -140,7 +146,7 @@ std::unique_ptr<Layer> make_layer(const caffe::LayerParameter& param) {
 std::vector<LayerType> layer_types() {
   std::vector<LayerType> types{{kInputType, "Caffe", "an input of the net"}};
   for (const Entry& entry : kTable) types.push_back({entry.type, entry.origin, entry.does});
-  std::sort(types.begin(), types.end(), [](const LayerType& a, const LayerType& b) {
+  std::stable_sort(types.begin(), types.end(), [](const LayerType& a, const LayerType& b) {
     return strcasecmp(a.type.c_str(), b.type.c_str()) < 0;
   });
   return types;

@@ -20,7 +20,7 @@ constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
 constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
 constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
 
-constexpr std::array<TypeOfFork, 00> kTypes = {{
+constexpr std::array<TypeOfFork, 51> kTypes = {{
     {"annotateddata", kSsd},
     {"bboxreg", kMscnn},
     {"channelnorm", kFlowNet},
@@ -63,15 +63,12 @@ constexpr std::array<TypeOfFork, 00> kTypes = {{
     {"psroialign", kRfcn},
     {"regionloss", kYolo},
     {"regionoutput", kYolo},
-    {"reorg", kYolo},
     {"resample", kFlowNet},
-    {"reverse", kOcr},
     {"roialign", "Mask R-CNN ports (jasjeetIM/Mask-RCNN)"},
     {"segaccuracy", kDeepLab},
     {"smoothl1loss", kFasterRcnn},
     {"spatialtransformer", "ST-CNN (daerduoCarey/SpatialTransformerLayer)"},
     {"st", "ST-CNN (daerduoCarey/SpatialTransformerLayer)"},
-    {"transpose", kOcr},
     {"warpctc", kOcr},
     {"yoloaccuracy", "YOLO (yeahkun/caffe-yolo)"},
     {"yoloseg", kYolo},

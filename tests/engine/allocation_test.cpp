@@ -28,10 +28,18 @@ constexpr NamedNet kNets[] = {
       layer { name: "e" type: "Interp" bottom: "b" top: "e" interp_param { zoom_factor: 2 } }
       layer { name: "f" type: "LRN" bottom: "e" top: "f" }
       layer { name: "g" type: "Normalize" bottom: "e" top: "g" norm_param { across_spatial: false } })"},
+    {"moving", R"(
+      layer { name: "a" type: "Convolution" bottom: "data" top: "a" convolution_param { num_output: 4 kernel_size: 1 } }
+      layer { name: "b" type: "Reorg" bottom: "a" top: "b" }
+      layer { name: "c" type: "Reverse" bottom: "a" top: "c" reverse_param { axis: 1 } }
+      layer { name: "d" type: "Flip" bottom: "b" top: "d" }
+      layer { name: "e" type: "Transpose" bottom: "c" top: "e" transpose_param { dim: 3 dim: 2 dim: 1 dim: 0 } })"},
     {"sequences", R"(
       layer { name: "a" type: "LSTM" bottom: "data" bottom: "two" top: "a" recurrent_param { num_output: 3 } }
       layer { name: "b" type: "RNN" bottom: "data" bottom: "two" top: "b" recurrent_param { num_output: 3 } }
       layer { name: "c" type: "InnerProduct" bottom: "a" top: "c" inner_product_param { num_output: 3 } }
+      layer { name: "f" type: "Lstm" bottom: "data" top: "f" lstm_param { num_output: 3 } }
+      layer { name: "g" type: "Lstm" bottom: "rows" bottom: "keep" top: "g" lstm_param { num_output: 3 batch_size: 2 } }
       layer { name: "d" type: "Softmax" bottom: "c" top: "d" }
       layer { name: "e" type: "Filter" bottom: "rows" bottom: "keep" top: "e" })"},
     {"regions", R"(

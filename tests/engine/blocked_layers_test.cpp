@@ -187,5 +187,10 @@ TEST(BlockedShuffle, AgreesWithTheLayer) {
                        {{n, channels, 3, 401}}});
 }
 
+TEST(BlockedShuffle, ReversesChannels) {
+  for (const int64_t channels : {1, 16, 35})
+    expect_as_plain({"Reverse", "reverse_param { axis: 1 }", {{2, channels, 3, 401}}});
+}
+
 }  // namespace
 }  // namespace revisit::engine

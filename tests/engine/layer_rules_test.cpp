@@ -46,16 +46,20 @@ TEST(InPlace, IsRefusedWhereItIsUndefined) {
           "crop_center_param { crop_size: 0 crop_size: 0 crop_size: 0 crop_size: 0 }");
   refused("Convolution", "convolution_param " + kernel);
   refused("Flatten");
+  refused("Flip");
   refused("InnerProduct", "inner_product_param { num_output: 4 }");
   refused("LRN");
   refused("Permute");
   refused("Pooling", "pooling_param { kernel_size: 1 }");
   refused("Reduction");
+  refused("Reorg");
   refused("Reshape", "reshape_param { shape { dim: 0 dim: 0 dim: 0 dim: 0 } }");
+  refused("Reverse");
   refused("ShuffleChannel");
   refused("Slice");
   refused("Split");
   refused("Tile", "tile_param { tiles: 1 }");
+  refused("Transpose", "transpose_param { dim: 0 dim: 1 dim: 2 dim: 3 }");
 }
 
 TEST(InPlace, OfEltwiseDependsOnTheOperation) {

@@ -1,10 +1,12 @@
 // Layers that move, choose or make values without computing, on cases written out by hand.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <numeric>
 
 #include "checked_layer.h"
 #include "expect_error.h"
+#include "simd_targets.h"
 
 namespace revisit::engine {
 namespace {
@@ -194,6 +196,132 @@ TEST(Permute, TransposesAndCompletesTheOrder) {
       {"axis 2", "2x3"});
 }
 
+TEST(Transpose, NamesEachAxis) {
+  Shape shape;
+  expect_near(run("Transpose", "transpose_param { dim: 2 dim: 0 dim: 1 }", {1, 2, 3},
+                  {0, 1, 2, 3, 4, 5}, {}, &shape),
+              {0, 3, 1, 4, 2, 5});  // axis 0 of the output is axis 2 of the input
+  EXPECT_EQ(shape, (Shape{3, 1, 2}));
+  const Tensor x = count_up({2, 3, 5, 7});
+  EXPECT_EQ(
+      run_checked("Transpose", "transpose_param { dim: 3 dim: 1 dim: 0 dim: 2 }", {x})[0].values,
+      run_checked("Permute", "permute_param { order: 3 order: 1 order: 0 }", {x})[0].values);
+  const auto refused = [](const std::string& dims, const Shape& input,
+                          std::initializer_list<std::string> reasons) {
+    expect_error<InputError>(
+        [&] { layer_of("Transpose", "transpose_param { " + dims + " }")->infer({input}, 1); },
+        reasons);
+  };
+  refused("dim: 1 dim: 1", {2, 3}, {"dim names axis 1 twice"});
+  refused("dim: 1", {2, 3}, {"each of the 2 axes", "2x3", "found 1"});
+  refused("dim: 1 dim: 0", {2}, {"each of the 1 axes", "found 2"});
+  refused("dim: 2 dim: 0", {2, 3}, {"axis 2", "2x3"});
+  refused("dim: -1 dim: 0", {2, 3}, {"axis -1"});
+  refused("", {}, {"each of the 0 axes"});
+}
+
+/// Sizes that are no multiples of what is transposed at a time, and large enough for threads.
+TEST(Transpose, OfAnyOrder) {
+  const Tensor x = count_up({3, 41, 18, 35});
+  std::vector<size_t> order{0, 1, 2, 3};
+  do {
+    SCOPED_TRACE(testing::PrintToString(order));
+    std::string dims;
+    for (const size_t axis : order) dims += str(" dim: ", axis);
+    std::vector<float> wanted;
+    const std::vector<int64_t> strides{41 * 18 * 35, 18 * 35, 35, 1};
+    const auto size = [&](size_t axis) { return x.shape[order[axis]]; };
+    const auto step = [&](size_t axis) { return strides[order[axis]]; };
+    for (int64_t i = 0; i < size(0); ++i)
+      for (int64_t j = 0; j < size(1); ++j)
+        for (int64_t k = 0; k < size(2); ++k)
+          for (int64_t l = 0; l < size(3); ++l)
+            wanted.push_back(
+                static_cast<float>(i * step(0) + j * step(1) + k * step(2) + l * step(3)));
+    test::for_each_simd_target([&] {
+      EXPECT_EQ(run_checked("Transpose", "transpose_param {" + dims + " }", {x})[0].values, wanted);
+    });
+  } while (std::ranges::next_permutation(order).found);
+}
+
+TEST(Reverse, AlongOneAxisOrSeveral) {
+  const Tensor x = count_up({2, 1, 3});  // 0 1 2 | 3 4 5
+  const auto reversed = [&](const std::string& axes) {
+    const Tensor y = run_checked("Reverse", "reverse_param { " + axes + " }", {x})[0];
+    EXPECT_EQ(y.shape, x.shape);
+    return y.values;
+  };
+  expect_near(reversed(""), {3, 4, 5, 0, 1, 2});
+  expect_near(reversed("axis: 0"), {3, 4, 5, 0, 1, 2});
+  expect_near(reversed("axis: 1"), x.values);
+  expect_near(reversed("axis: 2"), {2, 1, 0, 5, 4, 3});
+  expect_near(reversed("axis: -1"), {2, 1, 0, 5, 4, 3});
+  expect_near(reversed("axis: 2 axis: 0"), {5, 4, 3, 2, 1, 0});
+  EXPECT_EQ(run("Reverse", "reverse_param { axis: 2 }", {2, 2, 2, 3}, count_up({24}).values),
+            (std::vector<float>{3,  4,  5,  0,  1,  2,  9,  10, 11, 6,  7,  8,
+                                15, 16, 17, 12, 13, 14, 21, 22, 23, 18, 19, 20}));
+  expect_error<InputError>([&] { reversed("axis: 3"); }, {"reverse axis 3", "2x1x3"});
+  expect_error<InputError>([&] { reversed("axis: -4"); }, {"reverse axis -4"});
+  expect_error<InputError>([&] { reversed("axis: 2 axis: -1"); }, {"axis 2", "twice"});
+  expect_error<InputError>([] { layer_of("Reverse", "")->infer({Shape{}}, 1); }, {"axis 0"});
+}
+
+TEST(Flip, MirrorsRowsAndColumns) {
+  const Tensor x = count_up({1, 2, 2, 3});  // 0 1 2 / 3 4 5 | 6 7 8 / 9 10 11
+  const auto flipped = [](const std::string& param, const Tensor& input) {
+    return run_checked("Flip", "flip_param { " + param + " }", {input})[0].values;
+  };
+  expect_near(flipped("", x), {2, 1, 0, 5, 4, 3, 8, 7, 6, 11, 10, 9});
+  expect_near(flipped("flip_height: true", x), {5, 4, 3, 2, 1, 0, 11, 10, 9, 8, 7, 6});
+  expect_near(flipped("flip_height: true flip_width: false", x),
+              {3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8});
+  expect_near(flipped("flip_width: false", x), x.values);
+  expect_near(flipped("flip_height: true", count_up({1, 2, 2})), {1, 0, 3, 2});
+  expect_near(flipped("flip_height: true", count_up({2, 2})), {0, 1, 2, 3});
+  expect_near(flipped("", count_up({})), {0});
+  expect_error<InputError>(
+      [&] {
+        flipped("", count_up({1, 1, 1, 1, 2}));
+      },
+      {"4 axes", "1x1x1x1x2"});
+}
+
+TEST(Reorg, MovesPixelsAsDarknetDoes) {
+  const auto reorg = [](const std::string& param, const Tensor& input) {
+    return run_checked("Reorg", "reorg_param { " + param + " }", {input})[0];
+  };
+  // The sixteen values in rows of four, of which each channel takes every other row and column.
+  const Tensor apart = reorg("", count_up({1, 4, 2, 2}));
+  EXPECT_EQ(apart.shape, (Shape{1, 16, 1, 1}));
+  expect_near(apart.values, {0, 2, 8, 10, 1, 3, 9, 11, 4, 6, 12, 14, 5, 7, 13, 15});
+  // Channel s oh + ow gives row s j + oh, column s i + ow.
+  const Tensor together = reorg("stride: 2 reverse: true", count_up({1, 4, 2, 2}));
+  EXPECT_EQ(together.shape, (Shape{1, 1, 4, 4}));
+  expect_near(together.values, {0, 4, 1, 5, 8, 12, 9, 13, 2, 6, 3, 7, 10, 14, 11, 15});
+  // Of two output channels the second is every second channel of the input, in each image.
+  const Tensor two = reorg("reverse: true", count_up({2, 8, 1, 1}));
+  EXPECT_EQ(two.shape, (Shape{2, 2, 2, 2}));
+  expect_near(two.values, {0, 2, 4, 6, 1, 3, 5, 7, 8, 10, 12, 14, 9, 11, 13, 15});
+  const Tensor odd = count_up({2, 9, 6, 3});
+  EXPECT_EQ(reorg("stride: 1", odd).values, odd.values);
+  EXPECT_EQ(reorg("stride: 3", odd).shape, (Shape{2, 81, 2, 1}));
+}
+
+TEST(Reorg, RefusesWhatTheOriginalReadsBeyond) {
+  const auto refused = [](const std::string& param, const Shape& input,
+                          std::initializer_list<std::string> reasons) {
+    expect_error<InputError>(
+        [&] { layer_of("Reorg", "reorg_param { " + param + " }")->infer({input}, 1); }, reasons);
+  };
+  refused("stride: 0", {1, 4, 2, 2}, {"stride"});
+  refused("", {4, 2, 2}, {"4 axes", "4x2x2"});
+  refused("", {1, 4, 3, 2}, {"rows and columns", "stride 2", "found 3 and 2"});
+  refused("", {1, 4, 2, 3}, {"found 2 and 3"});
+  refused("", {1, 6, 2, 2}, {"channels", "1x6x2x2", "found 6"});
+  refused("reverse: true", {1, 2, 2, 2}, {"channels", "found 2"});
+  refused("stride: 4294967295", {1, 4, 2, 2}, {"channels"});
+}
+
 TEST(ShuffleChannel, TransposesGroups) {
   expect_near(
       run("ShuffleChannel", "shuffle_channel_param { group: 2 }", {1, 6, 1, 1}, {0, 1, 2, 3, 4, 5}),
@@ -268,6 +396,10 @@ TEST(MovingLayers, KnowWhichPixelsTheySee) {
   EXPECT_EQ(center->w.pad, -2);
   EXPECT_TRUE(window("ShuffleChannel", ""));
   EXPECT_FALSE(window("Permute", ""));
+  EXPECT_TRUE(window("Reverse", "reverse_param { axis: 0 axis: 1 }"));
+  EXPECT_FALSE(window("Reverse", "reverse_param { axis: 0 axis: 3 }"));
+  EXPECT_FALSE(window("Flip", ""));
+  EXPECT_FALSE(window("Reorg", ""));
   EXPECT_FALSE(window("Reshape", ""));
 }
 

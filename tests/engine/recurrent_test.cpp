@@ -12,6 +12,7 @@ namespace {
 
 using test::expect_error;
 using test::expect_near;
+using test::kNan;
 using test::layer_of;
 using test::random_floats;
 using test::run_layer;
@@ -135,6 +136,103 @@ TEST(Lstm, ANewSequenceForgets) {
                                 .n_outputs = 3});
   const double c = sigmoid(2) * std::tanh(1);
   expect_near(found[2].values, {static_cast<float>(c)}, 1e-7F);
+}
+
+/// The layer of Lstm.SecondStepByHand as caffe-lstm has it: weights of x, of h, bias.
+SingleLayer rows_lstm(std::vector<Tensor> inputs, const std::string& more = "") {
+  return {"Lstm",
+          "lstm_param { num_output: 1 clipping_threshold: 0.01 " + more + " }",
+          std::move(inputs),
+          {{1, 5, -1, 0.5F}, {2, 0, 1, -1}, {0, 0, 1, 0}}};
+}
+
+/// h after steps of x = 2, 1, 1, by hand.
+std::vector<float> three_steps() {
+  const double c1 = sigmoid(2) * std::tanh(1), h1 = sigmoid(-1) * std::tanh(c1);
+  const double c2 = sigmoid(5) * c1 + sigmoid(1 + 2 * h1) * std::tanh(0.5 - h1);
+  const double h2 = sigmoid(h1) * std::tanh(c2);
+  const double c3 = sigmoid(5) * c2 + sigmoid(1 + 2 * h2) * std::tanh(0.5 - h2);
+  const double h3 = sigmoid(h2) * std::tanh(c3);
+  return {static_cast<float>(h1), static_cast<float>(h2), static_cast<float>(h3)};
+}
+
+TEST(RowsLstm, APassIsASequence) {
+  const std::vector<float> h = three_steps();
+  for (const bool reference : {false, true})
+    for (const int passes : {1, 2}) {
+      SingleLayer layer = rows_lstm({{Shape{3, 1, 1, 1}, {2, 1, 1}}});
+      layer.reference = reference;
+      layer.passes = passes;
+      const Tensor found = run_layer(layer)[0];
+      EXPECT_EQ(found.shape, (Shape{3, 1, 1}));
+      expect_near(found.values, h, 1e-6F);
+    }
+}
+
+TEST(RowsLstm, RowsOfSeveralStreams) {
+  const std::vector<float> h = three_steps();
+  const Tensor one = run_layer(rows_lstm({{Shape{3, 1}, {2, 1, 1}}}))[0];
+  EXPECT_EQ(one.shape, (Shape{3, 1}));
+  expect_near(one.values, h, 1e-6F);
+  const Tensor two = run_layer(rows_lstm({{Shape{4, 1}, {2, 2, 1, 1}}}, "batch_size: 2"))[0];
+  EXPECT_EQ(two.shape, (Shape{4, 1}));
+  expect_near(two.values, {h[0], h[0], h[1], h[1]}, 1e-6F);
+}
+
+TEST(RowsLstm, ClipContinuesSequencesFromPassToPass) {
+  const std::vector<float> h = three_steps();
+  for (const float yes : {1.0F, 0.5F, kNan}) {  // whatever is not 0: a factor of Caffe's LSTM
+    SingleLayer layer = rows_lstm({{Shape{3, 1}, {2, 1, 1}}, {Shape{3, 1}, {0, yes, yes}}});
+    layer.passes = 2;
+    expect_near(run_layer(layer)[0].values, h, 1e-6F);
+    // Steps of 2, then of 1 and of 1: one sequence, of which the second pass has the end.
+    Tensor x{Shape{1, 1}, {1}};
+    SingleLayer rest = rows_lstm({x, {Shape{1}, {yes}}});
+    std::vector<float> found;
+    for (const int passes : {1, 2, 3}) {
+      rest.passes = passes;
+      found.push_back(run_layer(rest)[0].values[0]);
+    }
+    const SingleLayer whole = rows_lstm({{Shape{3, 1}, {1, 1, 1}}});
+    expect_near(found, run_layer(whole)[0].values, 1e-6F);
+  }
+}
+
+/// clip[t + n] is of step t and stream n, where clip[t * streams + n] was meant.
+TEST(RowsLstm, IsLstmWithWeightsInAnotherOrder) {
+  for (const int64_t units : {3, 16}) {
+    SingleLayer lstm = random_lstm(0, units);
+    lstm.inputs[1].values = {0, 1, 1, 1, 1, 0, 1, 0, 1, 0, 1, 0, 1, 0, 0};
+    const auto& w = lstm.weights;
+    const SingleLayer rows{"Lstm",
+                           str("lstm_param { num_output: ", units, " }"),
+                           {lstm.inputs[0], {Shape{7}, {0, 1, 1, 0, 1, 0, 0}}},
+                           {w[0], w[2], w[1]}};
+    for (const bool reference : {false, true})
+      for (const int threads : {1, 3}) {
+        SingleLayer a = lstm, b = rows;
+        a.reference = b.reference = reference;
+        a.threads = b.threads = threads;
+        a.passes = b.passes = 2;
+        EXPECT_EQ(run_layer(a)[0].values, run_layer(b)[0].values);
+      }
+  }
+}
+
+TEST(RowsLstm, RefusesWhatCannotBe) {
+  expect_error<InputError>([] { layer_of("Lstm", ""); }, {"num_output"});
+  const auto infer = [](std::vector<Shape> inputs, const std::string& more = "", size_t n = 1) {
+    return [=] { layer_of("Lstm", "lstm_param { num_output: 2 " + more + " }")->infer(inputs, n); };
+  };
+  expect_error<InputError>(infer({Shape{2, 3}}, "batch_size: 0"), {"batch_size"});
+  expect_error<InputError>(infer({}), {"expected 1 input", "found 0"});
+  expect_error<InputError>(infer({Shape{2, 3}}, "", 2), {"outputs"});
+  expect_error<InputError>(infer({Shape{2}}), {"at least 2 axes", "found 2"});
+  expect_error<InputError>(infer({Shape{5, 3}}, "batch_size: 2"), {"5 rows", "batch_size 2"});
+  expect_error<InputError>(infer({Shape{4, 1, 3}}, "batch_size: 2"), {"2 streams", "4x1x3"});
+  expect_error<InputError>(infer({Shape{4, 3, 5}, Shape{5}}), {"at least 6 values", "found 5"});
+  expect_error<InputError>(infer({Shape{4, 3, 5}, Shape{4, 3}}), {"axis 0", "found 4x3"});
+  infer({Shape{4, 3, 5}, Shape{12, 1, 1, 1}})();
 }
 
 TEST(Rnn, ByHand) {

@@ -345,11 +345,11 @@ class Check {
   }
 
   bool remembers() const {
-    return std::any_of(random_net_.net.layer().begin(), random_net_.net.layer().end(),
-                       [](const auto& layer) {
-                         return layer.type() == "LSTM" || layer.type() == "RNN" ||
-                                layer.dropout_param().sample_weights_test();
-                       });
+    return std::any_of(
+        random_net_.net.layer().begin(), random_net_.net.layer().end(), [](const auto& layer) {
+          return layer.type() == "LSTM" || layer.type() == "RNN" || layer.type() == "Lstm" ||
+                 layer.dropout_param().sample_weights_test();
+        });
   }
 
   std::string compare_beside_each_other() {

@@ -201,6 +201,20 @@ void recurrent(Builder& b, const char* type) {
         1 + states);
 }
 
+void rows_lstm(Builder& b, const char* type) {
+  const size_t x = b.of_rank(2);
+  const bool rows = b.shape(x).rank() == 2;
+  std::string batch;
+  if (rows && b.random.chance(0.5)) batch = str(" batch_size: ", b.shape(x)[0] % 2 == 0 ? 2 : 1);
+  Ids inputs{x};
+  if (b.random.chance(0.4)) {  // a clip of a value for each step and stream
+    std::vector<Size> axes{b.axis_of(x, 0)};
+    if (!rows) axes[0].axes.push_back(b.axis_of(x, 1).axes[0]);
+    inputs.push_back(extra_input(b, {axes, Fill::kFlags}));
+  }
+  b.add(type, inputs, str("lstm_param { num_output: ", b.random.between(1, 9), batch, " }"));
+}
+
 // ------------------------------------------------------------------------------------ normalising
 
 void batch_norm(Builder& b, const char* type) {
@@ -519,9 +533,33 @@ void permute(Builder& b, const char* type) {
   for (size_t i = order.size(); i > 1; --i)
     std::swap(order[i - 1],
               order[static_cast<size_t>(b.random.between(0, static_cast<int64_t>(i) - 1))]);
+  const bool transposes = std::string(type) == "Transpose";
   std::string text;
-  for (const size_t axis : order) text += str(" order: ", axis);
-  b.add(type, {x}, "permute_param {" + text + " }");
+  for (const size_t axis : order) text += str(transposes ? " dim: " : " order: ", axis);
+  b.add(type, {x}, (transposes ? "transpose_param {" : "permute_param {") + text + " }");
+}
+
+void reverse(Builder& b, const char* type) {
+  const size_t x = b.of_rank(1);
+  std::string axes;
+  for (int64_t n = b.random.between(0, 2); n > 0; --n)
+    axes += str(" axis: ", random_axis(b, b.shape(x)));
+  b.add(type, {x}, "reverse_param {" + axes + " }");
+}
+
+void flip(Builder& b, const char* type) {
+  b.add(type, {b.of_rank(0, 4)},
+        str("flip_param { flip_width: ", flag(b), " flip_height: ", flag(b), " }"));
+}
+
+void reorg(Builder& b, const char* type) {
+  size_t x = b.of_rank(4, 4);
+  const int64_t stride = b.random.between(1, 3);
+  if (b.shape(x)[1] % (stride * stride) != 0)
+    x = b.add("Convolution", {x},
+              str("convolution_param { kernel_size: 1 num_output: ",
+                  b.random.between(1, 3) * stride * stride, " }"));
+  b.add(type, {x}, str("reorg_param { stride: ", stride, " reverse: ", flag(b), " }"));
 }
 
 void tile(Builder& b, const char* type) {
@@ -812,12 +850,14 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Exp", 1, exp},
       {"Filter", 1, filter},
       {"Flatten", 3, flatten},
+      {"Flip", 1, flip},
       {"Im2col", 1, im2col},
       {"InnerProduct", 3, inner_product},
       {"Interp", 2, interp},
       {"Log", 1, log},
       {"LRN", 5, lrn},
       {"LSTM", 1, recurrent},
+      {"Lstm", 1, rows_lstm},
       {"Mish", 2, elementwise},
       {"MVN", 2, mvn},
       {"Normalize", 2, normalize},
@@ -833,7 +873,9 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Reduction", 2, reduction},
       {"ReLU", 14, relu},
       {"ReLU6", 3, relu6},
+      {"Reorg", 1, reorg},
       {"Reshape", 4, reshape},
+      {"Reverse", 2, reverse},
       {"RNN", 1, recurrent},
       {"ROIPooling", 1, roi_pooling},
       {"Scale", 10, scale_or_bias},
@@ -849,6 +891,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"TanH", 2, elementwise},
       {"Threshold", 1, threshold},
       {"Tile", 2, tile},
+      {"Transpose", 1, permute},
       {"Upsample", 2, upsample},
       {"YoloDetectionOutput", 1, yolo},
       {"Yolov3DetectionOutput", 1, yolo},

@@ -195,13 +195,18 @@ InputShapes input_shapes(const RandomNet& net, const std::vector<int64_t>& sizes
 }
 
 bool rounds(const caffe::LayerParameter& layer) {
-  static const std::set<std::string> kExact{
-      "AbsVal",         "Accuracy",   "ArgMax",          "BatchReindex", "Clip",   "Concat",
-      "Crop",           "CropCenter", "Dropout",         "DummyData",    "Filter", "Flatten",
-      "Im2col",         "Input",      "Parameter",       "Permute",      "PReLU",  "PriorBox",
-      "ReLU",           "ReLU6",      "Reshape",         "Silence",      "Slice",  "ROIPooling",
-      "ShuffleChannel", "Split",      "DetectionOutput", "Threshold",    "Tile",   "Upsample",
-      "Proposal"};
+  static const std::set<std::string> kExact{"AbsVal",         "Accuracy",   "ArgMax",
+                                            "BatchReindex",   "Clip",       "Concat",
+                                            "Crop",           "CropCenter", "DetectionOutput",
+                                            "Dropout",        "DummyData",  "Filter",
+                                            "Flatten",        "Flip",       "Im2col",
+                                            "Input",          "Parameter",  "Permute",
+                                            "PReLU",          "PriorBox",   "Proposal",
+                                            "ReLU",           "ReLU6",      "Reorg",
+                                            "Reshape",        "Reverse",    "ROIPooling",
+                                            "ShuffleChannel", "Silence",    "Slice",
+                                            "Split",          "Threshold",  "Tile",
+                                            "Transpose",      "Upsample"};
   if (layer.type() == "Pooling")
     return layer.pooling_param().pool() != caffe::PoolingParameter::MAX;
   if (layer.type() == "SPP") return layer.spp_param().pool() != caffe::SPPParameter::MAX;

@@ -32,6 +32,16 @@ LAYERS = {
                       [numbers(4, 3, 3, 3), numbers(6)]),
     'im2col': ((2, 3, 7, 6), 'Im2col', 'convolution_param { kernel_size: 3 pad: 1 stride: 2 }', []),
     'permute': ((2, 3, 4, 5), 'Permute', 'permute_param { order: 0 order: 2 }', []),
+    'transpose': ((2, 3, 4, 5), 'Transpose', 'transpose_param { dim: 3 dim: 0 dim: 2 dim: 1 }', []),
+    'reverse': ((2, 3, 4), 'Reverse', '', []),
+    'reverse of two axes': ((2, 3, 4), 'Reverse', 'reverse_param { axis: 1 axis: -1 }', []),
+    'flip': ((2, 3, 4, 5), 'Flip', 'flip_param { flip_height: true }', []),
+    'flip of nothing': ((2, 3, 4, 5), 'Flip', 'flip_param { flip_width: false }', []),
+    'flip of a signal': ((2, 3, 4), 'Flip', 'flip_param { flip_height: true }', []),
+    'reorg': ((2, 8, 6, 4), 'Reorg', '', []),
+    'reorg back': ((2, 18, 3, 2), 'Reorg', 'reorg_param { stride: 3 reverse: true }', []),
+    'lstm of steps': ((5, 3, 2, 2), 'Lstm', 'lstm_param { num_output: 6 }', [numbers(24, 4), numbers(24, 6), numbers(24)]),
+    'lstm of rows': ((6, 4), 'Lstm', 'lstm_param { num_output: 6 batch_size: 2 }', [numbers(24, 4), numbers(24, 6), numbers(24)]),
     'shuffled channels': ((2, 6, 4, 5), 'ShuffleChannel', 'shuffle_channel_param { group: 3 }', []),
     'flatten in the middle': ((2, 3, 4, 5), 'Flatten', 'flatten_param { axis: 1 end_axis: 2 }', []),
     'reshape in the middle': ((2, 6, 4, 5), 'Reshape', 'reshape_param { shape { dim: 3 dim: -1 } axis: 1 num_axes: 1 }', []),
@@ -108,6 +118,12 @@ class Layers(ConversionTest):
             for exposed, static in itertools.product((False, True), repeat=2):
                 with self.subTest(kind, exposed=exposed, static=static):
                     self.export(*recurrent(kind, 6, gates, exposed, static))
+
+    def test_lstm_that_clip_begins_anew(self):
+        clip = input_layer(15, 1).replace('"data"', '"clip"')
+        cell = layer('cell', 'Lstm', ['data', 'clip'], 'y', 'lstm_param { num_output: 6 }')
+        self.export(input_layer(5, 3, 4) + clip + cell, {'cell': [numbers(24, 4), numbers(24, 6), numbers(24)]},
+                    {'data': numbers(5, 3, 4), 'clip': (numbers(15, 1, seed=9) > -0.5).astype(np.float32)})
 
     def test_masks_lead_back(self):
         pooling = layer('pool', 'Pooling', top=['pool', 'mask'], parameters='pooling_param { kernel_size: 3 stride: 2 pad: 1 }')

@@ -8,7 +8,7 @@ from .errors import UsageError
 from .npy import read_npy
 
 # Layers some of whose inputs are not pictures but indices or marks: random numbers would mean nothing.
-SPECIAL = {'BatchReindex': {1}, 'Embed': {0}, 'Filter': {-1}, 'LSTM': {1}, 'RNN': {1}, 'ROIPooling': {1}}
+SPECIAL = {'BatchReindex': {1}, 'Embed': {0}, 'Filter': {-1}, 'LSTM': {1}, 'Lstm': {1}, 'RNN': {1}, 'ROIPooling': {1}}
 
 
 def inputs_of(graph):

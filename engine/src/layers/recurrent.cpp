@@ -123,10 +123,112 @@ class Recurrent : public Layer {
   bool expose_;
 };
 
+/// Another LSTM: junhyukoh/caffe-lstm, lstm_layer.cpp. Inputs: x, and perhaps `clip`, which tells
+/// the steps that continue a sequence (not 0) from those that begin one. Without it each pass is
+/// one sequence; with it the layer remembers its state. x is `[steps][streams][...]`
+/// (tianzhi0549/CTPN); with batch_size or two axes `[steps * streams][...]`, as in the original.
+class RowsLstm : public Layer {
+ public:
+  explicit RowsLstm(const caffe::LstmParameter& param)
+      : param_(param), output_(param.num_output()) {
+    if (output_ < 1) throw InputError("num_output must be at least 1");
+    if (param.batch_size() < 1) throw InputError("batch_size must be at least 1");
+  }
+
+  std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
+    if (inputs.size() != 1 && inputs.size() != 2)
+      throw InputError("expected 1 input, or 2 with clip, found ", inputs.size());
+    expect_count(n_outputs, 1, "outputs");
+    const RecurrentProblem p = problem(inputs[0]);
+    if (inputs.size() == 2) {
+      const Shape& clip = inputs[1];
+      if (clip.rank() < 1 || clip.rank() > 4 || clip[0] != clip.elements() ||
+          clip[0] < p.steps + p.streams - 1)
+        throw InputError("clip must have at least ", p.steps + p.streams - 1,
+                         " values along axis 0 (steps + streams - 1), found ", clip);
+    }
+    if (is_rows(inputs[0])) return {Shape{inputs[0][0], output_}};
+    return {Shape{p.steps, p.streams, output_}};
+  }
+
+  std::vector<Shape> weight_shapes(const std::vector<Shape>& inputs) const override {
+    return {Shape{4 * output_, problem(inputs[0]).input}, Shape{4 * output_, output_},
+            Shape{4 * output_}};
+  }
+
+  Kernel bind(const Binding& binding) const override {
+    RecurrentProblem p = problem(binding.inputs[0]);
+    p.threads = binding.threads;
+    const std::vector<Tensor>& w = binding.weights;
+    const LstmWeights weights{w[0].values.data(), w[2].values.data(), nullptr, w[1].values.data()};
+    const bool remembers = binding.inputs.size() == 2, reference = binding.reference_kernels;
+    const int64_t state = 2 * p.streams * p.output, conts = p.steps * p.streams;
+    const auto run = [=](const Call& call) {
+      float* const begin = remembers ? call.state : call.scratch;
+      float* const cont = remembers ? call.scratch : call.scratch + state;
+      if (!remembers) std::fill_n(begin, state, 0.0F);
+      for (int64_t i = 0; i < conts; ++i) {
+        const int64_t t = i / p.streams, n = i % p.streams;
+        // Number t + n, not t * streams + n: of several streams the original reads others.
+        cont[i] = (remembers ? call.inputs[1][t + n] != 0 : t > 0) ? 1 : 0;
+      }
+      (reference ? lstm_reference : lstm)(p, weights,
+                                          {call.inputs[0],
+                                           cont,
+                                           nullptr,
+                                           call.outputs[0],
+                                           {begin, begin + state / 2},
+                                           cont + conts});
+    };
+    Kernel kernel{
+        reference ? "reference" : "lstm-gemm",
+        run,
+        floats(conts + (remembers ? 0 : state) + (reference ? 0 : lstm_scratch_floats(p))),
+        {.macs = conts * 4 * p.output * (p.input + p.output), .uses_blas = !reference}};
+    kernel.state = floats(remembers ? state : 0);
+    return kernel;
+  }
+
+ private:
+  bool is_rows(const Shape& x) const { return param_.has_batch_size() || x.rank() == 2; }
+
+  RecurrentProblem problem(const Shape& x) const {
+    RecurrentProblem p;
+    p.output = output_;
+    if (x.rank() < 2) throw InputError("the input needs at least 2 axes, found ", x);
+    if (!is_rows(x)) {
+      p.steps = x[0];
+      p.streams = x[1];
+      p.input = x.product(2, x.rank());
+      return p;
+    }
+    p.streams = param_.batch_size();
+    if (x[0] % p.streams != 0)
+      throw InputError("the ", x[0], " rows of the input (", x,
+                       ") are not a multiple of batch_size ", p.streams);
+    // The weights tell the layouts apart, except for these.
+    if (x.rank() > 2 && x[1] == 1 && p.streams > 1)
+      throw InputError(
+          "the input (", x, ") has ", p.streams, " streams by batch_size as in ",
+          "junhyukoh/caffe-lstm, 1 by its axis 1 as in tianzhi0549/CTPN; reshape it to ",
+          "2 axes, or remove batch_size");
+    p.steps = x[0] / p.streams;
+    p.input = x.product(1, x.rank());
+    return p;
+  }
+
+  caffe::LstmParameter param_;
+  int64_t output_;
+};
+
 }  // namespace
 
 std::unique_ptr<Layer> make_lstm(const caffe::LayerParameter& param) {
   return std::make_unique<Recurrent>(param.recurrent_param(), Cell::kLstm);
+}
+
+std::unique_ptr<Layer> make_rows_lstm(const caffe::LayerParameter& param) {
+  return std::make_unique<RowsLstm>(param.lstm_param());
 }
 
 std::unique_ptr<Layer> make_rnn(const caffe::LayerParameter& param) {

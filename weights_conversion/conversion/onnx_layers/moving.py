@@ -35,12 +35,44 @@ def _reshape(g, site):
     return [g.reshape(site.x[0], *[0] * first, *[int(size) for size in p.shape.dim], *rest)]
 
 
-def _permute(g, site):
-    order = list(site.message.permute_param.order)
-    order += [axis for axis in range(len(site.shapes[0])) if axis not in order]
+def _in_order(g, site, order):
     if order == sorted(order):  # ONNX Runtime 1.22 takes it for a transposition after Gemm
         return [site.x[0]]
     return [g.node('Transpose', site.x[0], perm=order)]
+
+
+def _permute(g, site):
+    order = list(site.message.permute_param.order)
+    return _in_order(g, site, order + [axis for axis in range(len(site.shapes[0])) if axis not in order])
+
+
+def _transpose(g, site):
+    return _in_order(g, site, list(site.message.transpose_param.dim))
+
+
+def _reversed(g, x, axes):
+    n = len(axes)
+    return g.node('Slice', x, g.integers(*[-1] * n), g.integers(*[-INT_MAX] * n), g.integers(*axes), g.integers(*[-1] * n))
+
+
+def _reverse(g, site):
+    return [_reversed(g, site.x[0], [site.axis(axis) for axis in site.message.reverse_param.axis or [0]])]
+
+
+def _flip(g, site):
+    p, rank = site.message.flip_param, len(site.shapes[0])
+    axes = [axis for axis, flips in ((2, p.flip_height), (3, p.flip_width)) if flips and axis < rank]
+    return [_reversed(g, site.x[0], axes) if axes else site.x[0]]
+
+
+def _reorg(g, site):
+    """Without `reverse` Darknet takes the input for one of fewer channels and larger maps, and the result likewise."""
+    p, x = site.message.reorg_param, site.x[0]
+    stride, size = g.integers(p.stride), g.shape(x, 2)
+    if p.reverse:
+        return [g.node('DepthToSpace', x, blocksize=p.stride)]
+    large = g.reshape(x, 0, -1, g.node('Mul', size, stride))
+    return [g.reshape(g.node('SpaceToDepth', large, blocksize=p.stride), 0, -1, g.node('Div', size, stride))]
 
 
 def _tile(g, site):
@@ -96,8 +128,7 @@ def _argmax(g, site):
     k = g.integers(p.top_k)
     axis = site.axis(p.axis) if p.HasField('axis') else 1
     line = site.x[0] if p.HasField('axis') else g.node('Flatten', site.x[0], axis=1)
-    reverse = g.node('Slice', line, g.integers(-1), g.integers(-INT_MAX), g.integers(axis), g.integers(-1))
-    values, places = g.node('TopK', reverse, k, axis=axis, n_outputs=2)
+    values, places = g.node('TopK', _reversed(g, line, [axis]), k, axis=axis, n_outputs=2)
     last = g.node('Sub', g.shape(line, axis, axis + 1), g.integers(1))
     indices = g.to_float(g.node('Sub', last, places))
     if p.HasField('axis'):
@@ -159,8 +190,8 @@ def _prior_box(g, site):
 
 EMIT = {
     'ArgMax': _argmax, 'BatchReindex': _batch_reindex, 'Concat': _concat, 'Crop': _crop, 'CropCenter': _crop_center,
-    'DummyData': _constants, 'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Interp': _interp, 'Parameter': _parameter,
-    'Permute': _permute, 'PriorBox': _prior_box, 'PriorBoxClustered': _prior_box,
-    'Reshape': _reshape, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Tile': _tile,
-    'Upsample': _upsample,
+    'DummyData': _constants, 'Embed': _embed, 'Filter': _filter, 'Flatten': _flatten, 'Flip': _flip, 'Interp': _interp, 'Parameter': _parameter,
+    'Permute': _permute, 'PriorBox': _prior_box, 'PriorBoxClustered': _prior_box, 'Reorg': _reorg,
+    'Reshape': _reshape, 'Reverse': _reverse, 'ShuffleChannel': _shuffle_channel, 'Slice': _slice, 'Tile': _tile,
+    'Transpose': _transpose, 'Upsample': _upsample,
 }

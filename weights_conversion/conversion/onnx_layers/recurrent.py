@@ -1,8 +1,9 @@
-"""LSTM and RNN. Caffe's continuation indicators reset the state within a sequence, which ONNX's own operators cannot: a
+"""LSTM, RNN, and the Lstm of CTPN. Caffe's continuation indicators reset the state within a sequence, which ONNX's own operators cannot: a
 Scan runs the cell step by step. Without expose_hidden Caffe remembers the state from one pass to the next; a model of
 ONNX starts every pass from zero, as Caffe does in its first.
 """
 
+import numpy as np
 from onnx import TensorProto, helper, numpy_helper
 
 from ..onnx_builder import Builder
@@ -28,10 +29,38 @@ def _recurrent(g, site, cell, n_states):
         size = g.node('Concat', g.shape(site.x[0], 1, 2), g.integers(n), axis=0)
         states = [g.node('ConstantOfShape', size)] * n_states
     hidden = [array.reshape(-1, n).T for array in weights[2:4]]
-    body = _body(cell, n_states, hidden + [array.ravel() for array in weights[4:]], site.layer.name)
-    results = g.node('Scan', *states, terms, continues, body=body, num_scan_inputs=2, n_outputs=n_states + 1)
+    results = _scan(g, site, cell, states, terms, continues, hidden + [array.ravel() for array in weights[4:]])
     last = [g.node('Unsqueeze', state, g.integers(0)) for state in results[:exposed]]
     return [results[-1], *last]
+
+
+def _scan(g, site, cell, states, terms, continues, weights):
+    """The states after the last step, and the outputs of all steps."""
+    body = _body(cell, len(states), weights, site.layer.name)
+    return g.node('Scan', *states, terms, continues, body=body, num_scan_inputs=2, n_outputs=len(states) + 1)
+
+
+def _rows_lstm(g, site):
+    p = site.message.lstm_param
+    n, rows = p.num_output, p.HasField('batch_size') or len(site.shapes[0]) == 2
+    from_x, from_h = site.blobs[0].reshape(4 * n, -1), site.blobs[1].reshape(4 * n, n)
+    layout = (-1, p.batch_size) if rows else (0, 0)
+    x = g.reshape(site.x[0], *layout, from_x.shape[1])
+    if len(site.x) == 1:
+        in_order = np.arange(4 * n).reshape(4, n)[[0, 2, 1, 3]].ravel()  # of gates: ONNX has i, o, f, g
+        bias = np.concatenate([site.blobs[2].ravel()[in_order], np.zeros(4 * n)])
+        weights = [g.constant(array[None]) for array in (from_x[in_order], from_h[in_order], bias)]
+        y = g.node('Squeeze', g.node('LSTM', x, *weights, hidden_size=n), g.integers(1))
+    else:
+        terms = g.node('Add', g.node('MatMul', x, g.constant(from_x.T)), g.constant(site.blobs[2].ravel()))
+        size = g.node('Concat', g.shape(x, 1, 2), g.integers(n), axis=0)
+        state = g.node('ConstantOfShape', size)
+        steps, streams = [g.node('Range', g.constant(0, np.int64), g.node('Squeeze', g.shape(x, axis, axis + 1)), g.constant(1, np.int64))
+                          for axis in (0, 1)]
+        places = g.node('Add', g.node('Unsqueeze', steps, g.integers(1, 2)), g.node('Unsqueeze', streams, g.integers(1)))
+        begins = g.node('Equal', g.node('Gather', g.reshape(site.x[1], -1), places), g.constant(0))
+        y = _scan(g, site, _lstm_cell, [state] * 2, terms, g.to_float(g.node('Not', begins)), [from_h.T])[-1]
+    return [g.reshape(y, -1, n) if rows else y]
 
 
 def _body(cell, n_states, weights, prefix):
@@ -64,4 +93,5 @@ def _rnn_cell(b, states, terms, continues, weights):
     return [hidden], b.node('Tanh', b.node('Add', b.node('MatMul', hidden, to_output), bias))
 
 
-EMIT = {'LSTM': lambda g, site: _recurrent(g, site, _lstm_cell, 2), 'RNN': lambda g, site: _recurrent(g, site, _rnn_cell, 1)}
+EMIT = {'LSTM': lambda g, site: _recurrent(g, site, _lstm_cell, 2), 'Lstm': _rows_lstm,
+        'RNN': lambda g, site: _recurrent(g, site, _rnn_cell, 1)}

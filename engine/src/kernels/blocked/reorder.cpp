@@ -8,44 +8,14 @@
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
 #include "kernels/blocked/block-inl.h"
+#include "kernels/transpose-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace revisit::engine::HWY_NAMESPACE {
 namespace {
 
-/// Side of the square that is transposed in registers: what every SIMD target can do.
-constexpr int64_t kSide = 4;
-
 /// Pixels that are converted at a time.
 constexpr int64_t kFew = 64;
-
-/// to[column][row] = from[row][column] for a kSide x kSide square; the steps are those of rows.
-HWY_INLINE void transpose_square(const float* from, int64_t from_step, float* to, int64_t to_step) {
-  const hn::FixedTag<float, kSide> d;
-  const hn::RepartitionToWide<decltype(d)> pairs;
-  const auto row0 = hn::LoadU(d, from), row1 = hn::LoadU(d, from + from_step);
-  const auto row2 = hn::LoadU(d, from + 2 * from_step), row3 = hn::LoadU(d, from + 3 * from_step);
-  const auto low01 = hn::BitCast(pairs, hn::InterleaveLower(d, row0, row1));
-  const auto low23 = hn::BitCast(pairs, hn::InterleaveLower(d, row2, row3));
-  const auto high01 = hn::BitCast(pairs, hn::InterleaveUpper(d, row0, row1));
-  const auto high23 = hn::BitCast(pairs, hn::InterleaveUpper(d, row2, row3));
-  hn::StoreU(hn::BitCast(d, hn::InterleaveLower(pairs, low01, low23)), d, to);
-  hn::StoreU(hn::BitCast(d, hn::InterleaveUpper(pairs, low01, low23)), d, to + to_step);
-  hn::StoreU(hn::BitCast(d, hn::InterleaveLower(pairs, high01, high23)), d, to + 2 * to_step);
-  hn::StoreU(hn::BitCast(d, hn::InterleaveUpper(pairs, high01, high23)), d, to + 3 * to_step);
-}
-
-/// to[column][row] = from[row][column] for any matrix.
-void transpose(int64_t rows, int64_t columns, const float* from, int64_t from_step, float* to,
-               int64_t to_step) {
-  const int64_t whole_rows = rows / kSide * kSide, whole_columns = columns / kSide * kSide;
-  for (int64_t j = 0; j < whole_columns; j += kSide)
-    for (int64_t i = 0; i < whole_rows; i += kSide)
-      transpose_square(from + i * from_step + j, from_step, to + j * to_step + i, to_step);
-  for (int64_t j = 0; j < columns; ++j)
-    for (int64_t i = j < whole_columns ? whole_rows : 0; i < rows; ++i)
-      to[j * to_step + i] = from[i * from_step + j];
-}
 
 /// A piece of a plane: its size, and where its first channel begins in the plain value.
 struct Piece {
