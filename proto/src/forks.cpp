@@ -44,6 +44,9 @@ constexpr std::array<TypeOfFork, 53> kTypes = {{
     {"downsample", kFlowNet},
     {"evaldetection", "YOLO (yeahkun/caffe-yolo)"},
     {"flowwarp", kFlowNet},
+    {"frcnnproposal",
+     "FRCNN (makefile/frcnn), and its anchors are in a configuration file; the nearest is a "
+     "Proposal layer with proposal_param { feat_stride ratio scale min_size ... }"},
     {"imagegtdata", kMscnn},
     {"imagesegdata", kDeepLab},
     {"l1loss", kFlowNet},
@@ -63,7 +66,6 @@ constexpr std::array<TypeOfFork, 53> kTypes = {{
     {"reorg", kYolo},
     {"resample", kFlowNet},
     {"reverse", kOcr},
-    {"roialign", "Mask R-CNN ports (jasjeetIM/Mask-RCNN)"},
     {"segaccuracy", kDeepLab},
     {"smoothl1loss", kFasterRcnn},
     {"spatialtransformer", "ST-CNN (daerduoCarey/SpatialTransformerLayer)"},

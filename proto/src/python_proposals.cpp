@@ -19,7 +19,8 @@ using Parameters = std::map<std::string_view, Numbers>;
 /// one a line.
 class ParamStr {
  public:
-  explicit ParamStr(std::string_view text) : rest_(text) {}
+  explicit ParamStr(std::string_view text)
+      : rest_(text.substr(0, text.find_last_not_of(" \n") + 1)) {}
 
   std::optional<Parameters> parse() {
     Parameters all;
@@ -30,9 +31,7 @@ class ParamStr {
       if (key.empty() || !accept(":") || !parse_value(value) || !all.emplace(key, value).second)
         return std::nullopt;
     } while (braces ? accept(",") : accept("\n"));
-    if (braces && !accept("}")) return std::nullopt;
-    while (accept("\n")) continue;
-    if (!rest_.empty()) return std::nullopt;
+    if ((braces && !accept("}")) || !rest_.empty()) return std::nullopt;
     return all;
   }
 
@@ -57,9 +56,10 @@ class ParamStr {
   bool parse_value(Numbers& value) {
     accept("!!python/tuple");
     if (!accept("[")) return parse_number(value);
-    do
+    do {
+      if (!value.empty() && accept("]")) return true;  // after a comma
       if (!parse_number(value)) return false;
-    while (accept(","));
+    } while (accept(","));
     return accept("]");
   }
 

@@ -34,6 +34,12 @@ constexpr NamedNet kNets[] = {
       layer { name: "c" type: "InnerProduct" bottom: "a" top: "c" inner_product_param { num_output: 3 } }
       layer { name: "d" type: "Softmax" bottom: "c" top: "d" }
       layer { name: "e" type: "Filter" bottom: "rows" bottom: "keep" top: "e" })"},
+    {"regions", R"(
+      layer { name: "more" type: "Input" top: "scores" top: "offsets" top: "image" input_param {
+        shape { dim: 1 dim: 4 dim: 3 dim: 3 } shape { dim: 1 dim: 8 dim: 3 dim: 3 } shape { dim: 1 dim: 3 } } }
+      layer { name: "a" type: "Proposal" bottom: "scores" bottom: "offsets" bottom: "image" top: "a" proposal_param { ratio: 1 scale: 1 scale: 2 } }
+      layer { name: "b" type: "PSROIPooling" bottom: "data" bottom: "a" top: "b" psroi_pooling_param { spatial_scale: 1 output_dim: 6 group_size: 1 } }
+      layer { name: "c" type: "InnerProduct" bottom: "b" top: "c" inner_product_param { num_output: 3 } })"},
     {"detector", R"(
       layer { name: "a" type: "PriorBox" bottom: "data" bottom: "data" top: "a" prior_box_param { min_size: 3 max_size: 5 aspect_ratio: 2 } }
       layer { name: "b" type: "Convolution" bottom: "data" top: "b" convolution_param { num_output: 16 kernel_size: 1 } }

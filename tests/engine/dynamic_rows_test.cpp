@@ -1,6 +1,9 @@
 // Outputs whose number of rows depends on the data: Filter alone and in nets.
 #include <gtest/gtest.h>
 
+#include <map>
+#include <set>
+
 #include "expect_error.h"
 #include "revisit/engine/net.h"
 #include "single_layer.h"
@@ -35,6 +38,76 @@ TEST(Filter, RefusesWhatCannotBe) {
   expect_error<InputError>(infer({Shape{4, 2}, Shape{4}}, 2), {"expected 1 outputs"});
   expect_error<InputError>(infer({Shape{4, 2}, Shape{4, 2}}, 1), {"one number for each item"});
   expect_error<InputError>(infer({Shape{4, 2}, Shape{3}}, 1), {"3 items", "4x2"});
+}
+
+/// Layers that say that they compute each item by itself: an item alone gives the same.
+TEST(KeepsItems, IsTrueOfTheLayersThatSaySo) {
+  const std::map<std::string, std::string> params{
+      {"Concat", "concat_param { axis: 2 }"},
+      {"Convolution", "convolution_param { num_output: 3 kernel_size: 3 }"},
+      {"Deconvolution", "convolution_param { num_output: 3 kernel_size: 3 stride: 2 }"},
+      {"InnerProduct", "inner_product_param { num_output: 5 }"},
+      {"Interp", "interp_param { zoom_factor: 2 }"},
+      {"Permute", "permute_param { order: 0 order: 2 }"},
+      {"Pooling", "pooling_param { kernel_size: 2 stride: 2 }"},
+      {"Reduction", "reduction_param { axis: 1 }"},
+      {"ShuffleChannel", "shuffle_channel_param { group: 2 }"},
+      {"SPP", "spp_param { pyramid_height: 2 }"}};
+  const Shape shape{3, 4, 5, 6};
+  const std::vector<float> values = test::random_floats(shape.elements(), 1);
+  std::set<std::string> tested;
+  for (const auto& [type, origin, does] : layer_types()) {
+    if (type == "Input") continue;
+    const auto given = params.find(type);
+    const std::string param = given == params.end() ? "" : given->second;
+    const auto run = [&, type = type](int64_t first, int64_t items, size_t n_inputs) {
+      const auto begin = values.begin() + first * shape.product(1, 4);
+      const Tensor input{shape.with(0, items), {begin, begin + items * shape.product(1, 4)}};
+      test::SingleLayer l{type, param, std::vector<Tensor>(n_inputs, input)};
+      for (const Shape& weights :
+           layer_of(type, param)->weight_shapes(std::vector<Shape>(n_inputs, input.shape)))
+        l.weights.push_back(test::random_floats(weights.elements(), 2));
+      return run_layer(l)[0].values;
+    };
+    size_t n_inputs = 0;
+    try {
+      const auto layer = layer_of(type, param);
+      n_inputs = type == "Eltwise" || type == "Concat" ? 2 : 1;
+      const std::vector<Shape> inputs(n_inputs, shape);
+      layer->infer(inputs, 1);
+      if (layer->output_memory() == OutputMemory::kViewOfInput || !layer->keeps_items(0, inputs))
+        continue;
+    } catch (const Error&) {
+      continue;
+    }
+    const std::vector<float> together = run(0, 3, n_inputs);
+    std::vector<float> apart;
+    for (int64_t item = 0; item < 3; ++item) {
+      const std::vector<float> one = run(item, 1, n_inputs);
+      apart.insert(apart.end(), one.begin(), one.end());
+    }
+    SCOPED_TRACE(type);
+    expect_near(apart, together, 1e-5F);
+    tested.insert(type);
+  }
+  for (const auto& [type, param] : params) EXPECT_TRUE(tested.contains(type)) << type;
+  EXPECT_GT(tested.size(), 30U);
+}
+
+TEST(KeepsItems, IsFalseWhereItemsMeet) {
+  const auto expect_false = [](const std::string& type, const std::string& param) {
+    EXPECT_FALSE(layer_of(type, param)->keeps_items(0, {Shape{3, 4, 5, 6}})) << type;
+  };
+  expect_false("BatchNorm", "batch_norm_param { use_global_stats: false }");
+  expect_false("Concat", "concat_param { axis: -4 }");
+  expect_false("Convolution", "convolution_param { num_output: 3 kernel_size: 1 axis: 0 }");
+  expect_false("InnerProduct", "inner_product_param { num_output: 3 axis: 0 }");
+  expect_false("Permute", "permute_param { order: 1 }");
+  expect_false("Reduction", "");
+  expect_false("ROIPooling", "roi_pooling_param { pooled_h: 1 pooled_w: 1 }");
+  expect_false("Scale", "scale_param { axis: 0 }");
+  expect_false("Slice", "slice_param { axis: 0 }");
+  expect_false("Softmax", "softmax_param { axis: 0 }");
 }
 
 class FilterNet : public testing::Test {

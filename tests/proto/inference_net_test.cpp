@@ -227,5 +227,60 @@ TEST(InferenceNet, OddNetsAreNetsOrErrors) {
             3);
 }
 
+/// Faster R-CNN's layer in Python, with its param_str.
+std::string python_proposal(const std::string& param_str, const std::string& more = "",
+                            const std::string& module = "rpn.proposal_layer") {
+  return "layer { name: 'p' type: 'Python' bottom: 's' bottom: 'o' bottom: 'i' top: 'r' " + more +
+         " python_param { module: '" + module + "' layer: 'ProposalLayer' param_str: \"" +
+         param_str + "\" } }";
+}
+
+TEST(InferenceNet, ProposalsInPythonBecomeProposals) {
+  const auto expect_proposal = [](const std::string& param_str, const std::string& anchors) {
+    std::string wanted =
+        python_proposal(param_str,
+                        "proposal_param { base_size: 16 min_size: 16 pre_nms_topn: 6000 "
+                        "post_nms_topn: 300 nms_thresh: 0.7 " +
+                            anchors + " }");
+    return expect_net(python_proposal(param_str),
+                      wanted.replace(wanted.find("Python"), 6, "Proposal"));
+  };
+  const auto warnings =
+      expect_proposal("'feat_stride': 16", "feat_stride: 16 ratio: [0.5, 1, 2] scale: [8, 16, 32]");
+  ASSERT_EQ(warnings.size(), 1U);
+  for (const char* part :
+       {"layer 'p' (Python: ProposalLayer)", "post_nms_topn 300", "min_size 16", "nms_thresh 0.7",
+        "ratio 0.5 1 2 and scale 8 16 32", "config.py", "net upgrade --inference"})
+    EXPECT_HAS(warnings[0], part);
+  // As public nets have it: a list in braces, a tuple on a line of its own, ratios of PVANET.
+  expect_proposal("{'feat_stride': 8, 'scales': [2, 4.5,]}",
+                  "feat_stride: 8 ratio: [0.5, 1, 2] scale: [2, 4.5]");
+  expect_proposal("'feat_stride': 16 \\n'scales': !!python/tuple [4, 8]\\n",
+                  "feat_stride: 16 ratio: [0.5, 1, 2] scale: [4, 8]");
+  expect_proposal("{'feat_stride': 16, 'ratios': [0.333, 2], 'scales': [3]}",
+                  "feat_stride: 16 ratio: [0.333, 2] scale: 3");
+}
+
+TEST(InferenceNet, OtherLayersInPythonStay) {
+  const auto expect_same = [](const std::string& net) {
+    EXPECT_TRUE(expect_net(net, net).empty());
+  };
+  for (const std::string odd :
+       {"", "16", "'scales': [8]", "'feat_stride': 4,8,16", "'feat_stride': 16.5",
+        "'feat_stride': 0", "'feat_stride': nan", "'feat_stride': [8, 16]", "'feat_stride': '16'",
+        "'feat_stride': 16, 'scales': [8]", "{'feat_stride': 16", "{'feat_stride': 16}}",
+        "{'feat_stride': 16, 'feat_stride': 8}", "{'feat_stride': 16, 'gradient_scale': 1}",
+        "{'feat_stride': 16, 'scales': [8}", "'feat_stride: 16", "{'feat_stride': 16 # odd\\n}"})
+    expect_same(python_proposal(odd));
+  expect_same(python_proposal("'feat_stride': 16", "", "pylayer.proposal_layer"));
+  expect_same(python_proposal("'feat_stride': 16", "bottom: 'more'"));
+  expect_same(python_proposal("'feat_stride': 16", "top: 'scores' top: 'more'"));
+  expect_same(python_proposal("'feat_stride': 16", "phase: TRAIN"));
+  const std::string net = python_proposal("'feat_stride': 16");
+  for (const NetReadOptions& options :
+       {NetReadOptions{.keep_python = true}, NetReadOptions{.keep_training = true}})
+    EXPECT_EQ(parse_net(net, "net", options).net.layer(0).type(), "Python");
+}
+
 }  // namespace
 }  // namespace revisit::proto

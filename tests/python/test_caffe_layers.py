@@ -78,6 +78,34 @@ class Layers(FolderTest):
         # Text as in the fork of Faster R-CNN.
         self.assertEqual((str(phase), f'{phase}', '%d' % phase, {1: 'one'}[phase]), ('TEST', 'TEST', '1', 'one'))
 
+    def test_a_proposal_layer_of_the_user_runs(self):
+        """Which commands run as a Proposal."""
+        class ProposalLayer(caffe.Layer):
+            def setup(self, bottom, top):
+                top[0].reshape(1, 5)
+
+            def forward(self, bottom, top):
+                top[0].reshape(2, 5)
+                top[0].data[...] = 7
+
+        for name in ('rpn', 'rpn.proposal_layer'):
+            sys.modules[name] = types.ModuleType(name)
+            self.addCleanup(sys.modules.pop, name)
+        sys.modules['rpn.proposal_layer'].ProposalLayer = ProposalLayer
+        text = """
+layer { name: "in" type: "Input" top: "s" top: "o" top: "i" input_param {
+        shape { dim: 1 dim: 18 dim: 2 dim: 2 } shape { dim: 1 dim: 36 dim: 2 dim: 2 } shape { dim: 1 dim: 3 } } }
+layer { name: "p" type: "Python" bottom: "s" bottom: "o" bottom: "i" top: "rois"
+        python_param { module: "rpn.proposal_layer" layer: "ProposalLayer" param_str: "'feat_stride': 16" } }
+layer { name: "double" type: "Power" bottom: "rois" top: "double" power_param { scale: 2 } }
+"""
+        net = self.net(text)
+        self.assertEqual(net.layers[1].type, 'Python')
+        np.testing.assert_array_equal(net.forward()['double'], np.full((2, 5), 14))
+        staged = caffe.Net(str(self.folder / 'net.prototxt'), caffe.TEST, stages=['any'])
+        np.testing.assert_array_equal(staged.forward()['double'], np.full((2, 5), 14))
+        self.assertEqual(dict(revisit.proto.read_net(self.folder / 'net.prototxt').layers)['p'], 'Proposal')
+
     def test_weights_are_saved_and_read(self):
         net = self.net()
         net.save(str(self.folder / 'saved.caffemodel'))

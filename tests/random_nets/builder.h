@@ -15,7 +15,7 @@ struct Value {
   std::string blob;
   engine::Shape shape;
   bool exact = true;     // no layer that rounds is before it: what compares it sees the same bits
-  bool dynamic = false;  // the number of rows depends on the data: only views can read it
+  bool dynamic = false;  // the number of rows depends on the data: not for pick()
   bool hidden = false;   // only who knows it may read it
   int readers = 0;
   size_t memory = 0;  // the first value in the memory that Caffe has it in

@@ -286,7 +286,8 @@ class Check {
                                           "BoxOutput",
                                           "BoxGroupOutput",
                                           "YoloDetectionOutput",
-                                          "Yolov3DetectionOutput"};
+                                          "Yolov3DetectionOutput",
+                                          "Proposal"};
     std::map<std::string, double> noise;
     for (const caffe::LayerParameter& layer : random_net_.net.layer()) {
       if (decide.contains(layer.type())) continue;

@@ -264,13 +264,57 @@ void spp(Builder& b, const char* type) {
             " pool: ", b.random.chance(0.5) ? "MAX" : "AVE", " }"));
 }
 
-void roi_pooling(Builder& b, const char* type) {
+size_t regions_of(Builder& b, size_t x) {
+  return extra_input(b, {{{b.random.between(1, 4)}, {5}}, Fill::kRegions, b.axis_of(x, 0)});
+}
+
+size_t pool_regions(Builder& b, size_t x, size_t regions) {
+  return b.add("ROIPooling", {x, regions},
+               str("roi_pooling_param { pooled_h: ", b.random.between(1, 3),
+                   " pooled_w: ", b.random.between(1, 3), " spatial_scale: 0.5",
+                   b.random.chance(0.3) ? " pad_ratio: 0.25 }" : " }"));
+}
+
+void roi_pooling(Builder& b, const char*) {
   const size_t x = b.of_rank(4, 4);
-  const size_t regions =
-      extra_input(b, {{{b.random.between(1, 4)}, {5}}, Fill::kRegions, b.axis_of(x, 0)});
-  b.add(type, {x, regions},
-        str("roi_pooling_param { pooled_h: ", b.random.between(1, 3),
-            " pooled_w: ", b.random.between(1, 3), " spatial_scale: 0.5 }"));
+  pool_regions(b, x, regions_of(b, x));
+}
+
+void psroi_pooling(Builder& b, const char* type) {
+  const size_t x = b.of_rank(4, 4);
+  const int64_t channels = b.shape(x)[1], group = channels % 4 == 0 ? 2 : 1;
+  b.add(type, {x, regions_of(b, x)},
+        str("psroi_pooling_param { spatial_scale: 0.5 output_dim: ", channels / (group * group),
+            " group_size: ", group, " }"));
+}
+
+/// Layers on values whose number of rows depends on the data.
+void compute_rows(Builder& b, size_t rows) {
+  static const std::vector<std::string> kTypes{"ReLU", "TanH", "Softmax"};
+  const size_t sums = b.add("InnerProduct", {rows}, "inner_product_param { num_output: 3 }");
+  b.add(b.random.of(kTypes), {sums});
+}
+
+/// Regions, and perhaps a head on them.
+void proposal(Builder& b, const char* type) {
+  const int64_t ratios = b.random.between(1, 2), scales = b.random.between(1, 2);
+  const Size anchors2{2 * ratios * scales}, anchors4{4 * ratios * scales};
+  const Size h{b.random.between(1, 4)}, w{b.random.between(1, 4)};
+  const size_t scores = extra_input(b, {{{1}, anchors2, h, w}}),
+               offsets = extra_input(b, {{{1}, anchors4, h, w}});
+  // Height, width and scale are one number, so that few regions are large where any must be.
+  const size_t image = b.add("DummyData", {},
+                             str("dummy_data_param { shape { dim: 1 dim: 3 } data_filler { value: ",
+                                 b.random.between(6, 20), " } }"));
+  const size_t regions = b.add(
+      type, {scores, offsets, image},
+      str("proposal_param { feat_stride: ", b.random.between(1, 6), " base_size: 4 min_size: ",
+          b.random.between(0, 1), " ratio: 1 scale: 1 ", ratios > 1 ? "ratio: 2 " : "",
+          scales > 1 ? "scale: 3 " : "", "pre_nms_topn: ", b.random.between(1, 40),
+          " post_nms_topn: ", b.random.between(1, 9), " nms_thresh: ", b.random.real(0.1, 0.9),
+          " }", b.random.chance(0.5) ? " python_param { }" : ""),
+      b.random.chance(0.3) ? 2 : 1);
+  if (b.random.chance(0.7)) compute_rows(b, pool_regions(b, b.of_rank(4, 4), regions));
 }
 
 void reduction(Builder& b, const char* type) {
@@ -509,7 +553,8 @@ void filter(Builder& b, const char* type) {
         b.pick([&](const Value& v) { return v.shape.rank() >= 1 && v.shape[0] == items; }));
   const size_t n = inputs.size();
   inputs.push_back(extra_input(b, {axes_of(b, inputs[0], 0, 1), Fill::kFlags}));
-  b.add(type, inputs, "", n);
+  const size_t rows = b.add(type, inputs, "", n);
+  if (b.shape(rows).rank() > 1 && b.random.chance(0.5)) compute_rows(b, rows);
 }
 
 void interp(Builder& b, const char* type) {
@@ -783,11 +828,14 @@ const std::vector<LayerMaker>& layer_makers() {
       {"PReLU", 4, prelu},
       {"PriorBox", 1, prior_box},
       {"PriorBoxClustered", 1, prior_box_clustered},
+      {"Proposal", 2, proposal},
+      {"PSROIPooling", 1, psroi_pooling},
       {"Reduction", 2, reduction},
       {"ReLU", 14, relu},
       {"ReLU6", 3, relu6},
       {"Reshape", 4, reshape},
       {"RNN", 1, recurrent},
+      {"ROIAlign", 1, roi_pooling},
       {"ROIPooling", 1, roi_pooling},
       {"Scale", 10, scale_or_bias},
       {"ShuffleChannel", 2, shuffle_channel},

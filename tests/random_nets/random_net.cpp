@@ -200,7 +200,8 @@ bool rounds(const caffe::LayerParameter& layer) {
       "Crop",           "CropCenter", "Dropout",         "DummyData",    "Filter", "Flatten",
       "Im2col",         "Input",      "Parameter",       "Permute",      "PReLU",  "PriorBox",
       "ReLU",           "ReLU6",      "Reshape",         "Silence",      "Slice",  "ROIPooling",
-      "ShuffleChannel", "Split",      "DetectionOutput", "Threshold",    "Tile",   "Upsample"};
+      "ShuffleChannel", "Split",      "DetectionOutput", "Threshold",    "Tile",   "Upsample",
+      "Proposal"};
   if (layer.type() == "Pooling")
     return layer.pooling_param().pool() != caffe::PoolingParameter::MAX;
   if (layer.type() == "SPP") return layer.spp_param().pool() != caffe::SPPParameter::MAX;

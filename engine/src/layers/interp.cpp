@@ -79,6 +79,8 @@ class Interp : public OneToOneLayer {
     return Shape{input[0], input[1], p.out_h, p.out_w};
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   Kernel bind(const Binding& binding) const override {
     InterpolationProblem p = problem(binding.inputs[0]);
     p.threads = binding.threads;

@@ -26,6 +26,8 @@ class Mvn : public OneToOneLayer {
 
   std::optional<WindowHw> window(const Shape&) const override { return std::nullopt; }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     const size_t axes = std::min<size_t>(param_.across_channels() ? 1 : 2, shape.rank());

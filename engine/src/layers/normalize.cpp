@@ -77,6 +77,8 @@ class Normalize : public OneToOneLayer {
     return param_.across_spatial() ? std::nullopt : std::optional(WindowHw{});
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   Kernel bind(const Binding& binding) const override {
     const Shape& shape = binding.inputs[0];
     NormalizeProblem problem{shape[0], shape[1], shape.product(2, shape.rank())};

@@ -65,6 +65,8 @@ class Spp : public OneToOneLayer {
     return Shape{input[0], input[1] * bins(levels)};
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   Kernel bind(const Binding& binding) const override {
     std::vector<PoolingProblem> levels = levels_of(binding.inputs[0]);
     for (PoolingProblem& level : levels) {

@@ -31,19 +31,20 @@ bool is_valid(const RoiPoolingProblem& p, const float* roi) {
          roi[0] < static_cast<float>(p.n);
 }
 
-/// Calls `pool` with a valid region, the first channel of its image, the output channel and its
-/// output. A region of an image that is not there, where Caffe aborts, or with coordinates that are
-/// not finite, becomes NaN.
+/// Calls `pool` with a valid region, its image, a part of the output channels and the output of
+/// that part. A region of an image that is not there, where Caffe aborts, or with coordinates that
+/// are not finite, becomes NaN.
 template <class Pool>
-void for_each_region(const RoiPoolingProblem& p, const float* input, const float* rois,
-                     float* output, const Pool& pool) {
-  parallel_for(p.rois * p.c, p.threads, [&](int64_t item, int) {
-    const float* roi = rois + item / p.c * 5;
-    float* out = output + item * p.out_h * p.out_w;
+void for_each_region(const RoiPoolingProblem& p, int64_t parts, const float* input,
+                     const float* rois, float* output, const Pool& pool) {
+  parallel_for(p.rois * parts, p.threads, [&](int64_t item, int) {
+    const float* roi = rois + item / parts * 5;
+    const int64_t size = p.c / parts * p.out_h * p.out_w;
+    float* out = output + item * size;
     if (is_valid(p, roi))
-      pool(roi, input + static_cast<int64_t>(roi[0]) * p.channels * p.h * p.w, item % p.c, out);
+      pool(roi, input + static_cast<int64_t>(roi[0]) * p.channels * p.h * p.w, item % parts, out);
     else
-      std::fill_n(out, p.out_h * p.out_w, std::numeric_limits<float>::quiet_NaN());
+      std::fill_n(out, size, std::numeric_limits<float>::quiet_NaN());
   });
 }
 
@@ -71,21 +72,22 @@ WindowRange bin(const Span& region, int64_t i, int64_t n, int64_t image) {
 
 /// Maxima (Girshick 2015). An empty bin is 0, one of NaN only the empty_maximum().
 void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
-  for_each_region(
-      p, input, rois, output, [&](const float* roi, const float* image, int64_t c, float* out) {
-        image += c * p.h * p.w;
-        const Span x = span(roi[1], roi[3], p), y = span(roi[2], roi[4], p);
-        for (int64_t i = 0; i < p.out_h; ++i)
-          for (int64_t j = 0; j < p.out_w; ++j) {
-            const WindowRange rows = bin(y, i, p.out_h, p.h), columns = bin(x, j, p.out_w, p.w);
-            const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
-            float best = empty ? 0 : empty_maximum(p.values);
-            for (int64_t iy = rows.begin; iy < rows.end; ++iy)
-              for (int64_t ix = columns.begin; ix < columns.end; ++ix)
-                if (image[iy * p.w + ix] > best) best = image[iy * p.w + ix];
-            *out++ = best;
-          }
-      });
+  for_each_region(p, p.c, input, rois, output,
+                  [&](const float* roi, const float* image, int64_t c, float* out) {
+                    image += c * p.h * p.w;
+                    const Span x = span(roi[1], roi[3], p), y = span(roi[2], roi[4], p);
+                    for (int64_t i = 0; i < p.out_h; ++i)
+                      for (int64_t j = 0; j < p.out_w; ++j) {
+                        const WindowRange rows = bin(y, i, p.out_h, p.h),
+                                          columns = bin(x, j, p.out_w, p.w);
+                        const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
+                        float best = empty ? 0 : empty_maximum(p.values);
+                        for (int64_t iy = rows.begin; iy < rows.end; ++iy)
+                          for (int64_t ix = columns.begin; ix < columns.end; ++ix)
+                            if (image[iy * p.w + ix] > best) best = image[iy * p.w + ix];
+                        *out++ = best;
+                      }
+                  });
 }
 
 /// Bin `i` of `n` of a region from `first` to `last`: of parts of pixels, but all that it touches
@@ -101,19 +103,77 @@ WindowRange bin_of_parts(float first, float last, float scale, int64_t i, int64_
 /// Means of each bin in a channel of its own (Dai et al. 2016): channels are
 /// `[c][out_h][out_w]`. An empty bin is 0.
 void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
+  const int64_t bins = p.out_h * p.out_w;
   for_each_region(
-      p, input, rois, output, [&](const float* roi, const float* image, int64_t c, float* out) {
-        const float* map = image + c * p.out_h * p.out_w * p.h * p.w;
-        for (int64_t i = 0; i < p.out_h; ++i)
-          for (int64_t j = 0; j < p.out_w; ++j, map += p.h * p.w) {
-            const WindowRange rows = bin_of_parts(roi[2], roi[4], p.scale, i, p.out_h, p.h),
-                              columns = bin_of_parts(roi[1], roi[3], p.scale, j, p.out_w, p.w);
-            const int64_t n_rows = rows.end - rows.begin, n_columns = columns.end - columns.begin;
+      p, 1, input, rois, output, [&](const float* roi, const float* image, int64_t, float* out) {
+        for (int64_t bin = 0; bin < bins; ++bin) {
+          const int64_t row = bin / p.out_w, column = bin % p.out_w;
+          const WindowRange rows = bin_of_parts(roi[2], roi[4], p.scale, row, p.out_h, p.h),
+                            columns = bin_of_parts(roi[1], roi[3], p.scale, column, p.out_w, p.w);
+          const int64_t n_rows = rows.end - rows.begin, n_columns = columns.end - columns.begin;
+          const bool empty = n_rows <= 0 || n_columns <= 0;
+          for (int64_t c = 0; c < p.c; ++c) {
+            const float* map = image + (c * bins + bin) * p.h * p.w;
             float sum = 0;
             for (int64_t iy = rows.begin; iy < rows.end; ++iy)
               for (int64_t ix = columns.begin; ix < columns.end; ++ix) sum += map[iy * p.w + ix];
-            const bool empty = n_rows <= 0 || n_columns <= 0;
-            *out++ = empty ? 0 : sum / static_cast<float>(n_rows * n_columns);
+            out[c * bins + bin] = empty ? 0 : sum / static_cast<float>(n_rows * n_columns);
+          }
+        }
+      });
+}
+
+/// Where a region begins along one axis and how far its points are apart [pixels].
+struct PointLine {
+  float start, step;
+};
+
+PointLine point_line(float first, float last, const RoiPoolingProblem& p, int64_t points) {
+  const float pad = (last - first + 1) * p.pad_ratio;
+  const float start = (first - pad) * p.scale - 0.5F, end = (last + pad) * p.scale - 0.5F;
+  return {start, (end - start) / static_cast<float>(points - 1)};
+}
+
+/// The pixels beside a point, and the share of the second.
+struct PixelPair {
+  int64_t low, high;
+  float share;
+};
+
+PixelPair pixels_beside(float point, int64_t size) {
+  const auto low = static_cast<int64_t>(std::floor(point));
+  const int64_t last = size - 1, first = std::clamp<int64_t>(low, 0, last);
+  return {first, std::clamp<int64_t>(low + 1, 0, last),
+          std::clamp(point, 0.0F, static_cast<float>(last)) - static_cast<float>(first)};
+}
+
+/// Bilinear values at the corners of bins (zhaoweicai/mscnn and cascade-rcnn, roi_align_layer.cpp):
+/// pooled_h + 1 rows of pooled_w + 1. Points outside of the map and empty regions are 0.
+void roi_align(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
+  for_each_region(
+      p, input, rois, output, [&](const float* roi, const float* image, int64_t c, float* out) {
+        image += c * p.h * p.w;
+        const PointLine x = point_line(roi[1], roi[3], p, p.out_w),
+                        y = point_line(roi[2], roi[4], p, p.out_h);
+        for (int64_t i = 0; i < p.out_h; ++i)
+          for (int64_t j = 0; j < p.out_w; ++j) {
+            const auto is_inside = [](float point, int64_t size) {
+              return point >= -0.5F && point <= static_cast<float>(size) - 0.5F;
+            };
+            const float py = y.start + static_cast<float>(i) * y.step,
+                        px = x.start + static_cast<float>(j) * x.step;
+            const bool counts =
+                x.step > 0 && y.step > 0 && is_inside(py, p.h) && is_inside(px, p.w);
+            if (!counts) {
+              *out++ = 0;
+              continue;
+            }
+            const PixelPair rows = pixels_beside(py, p.h), columns = pixels_beside(px, p.w);
+            const float *low = image + rows.low * p.w, *high = image + rows.high * p.w;
+            const float upper = 1 - rows.share, left = 1 - columns.share;
+            *out++ = left * upper * low[columns.low] + columns.share * upper * low[columns.high] +
+                     left * rows.share * high[columns.low] +
+                     columns.share * rows.share * high[columns.high];
           }
       });
 }
@@ -148,7 +208,8 @@ class RegionLayer : public Layer {
 
 class RoiPooling : public RegionLayer {
  public:
-  explicit RoiPooling(const caffe::ROIPoolingParameter& param) : param_(param) {
+  RoiPooling(const caffe::ROIPoolingParameter& param, bool aligned)
+      : param_(param), aligned_(aligned) {
     if (param.pooled_h() < 1 || param.pooled_w() < 1)
       throw InputError("pooled_h and pooled_w must be at least 1");
     if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
@@ -157,19 +218,22 @@ class RoiPooling : public RegionLayer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     check(inputs, n_outputs);
-    return {Shape{inputs[1][0], inputs[0][1], param_.pooled_h(), param_.pooled_w()}};
+    const int64_t more = aligned_ ? 1 : 0;
+    return {Shape{inputs[1][0], inputs[0][1], param_.pooled_h() + more, param_.pooled_w() + more}};
   }
 
   Kernel bind(const Binding& binding) const override {
     RoiPoolingProblem p = problem(binding, param_.spatial_scale());
     p.pad_ratio = param_.pad_ratio();
-    return {"roi-max-pool", [p](const Call& call) {
-              roi_pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
+    const auto pool = aligned_ ? roi_align : roi_pool;
+    return {aligned_ ? "roi-align" : "roi-max-pool", [p, pool](const Call& call) {
+              pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
             }};
   }
 
  private:
   caffe::ROIPoolingParameter param_;
+  bool aligned_;  // ROIAlign
 };
 
 class PsRoiPooling : public RegionLayer {
@@ -208,8 +272,12 @@ std::unique_ptr<Layer> make_psroi_pooling(const caffe::LayerParameter& param) {
   return std::make_unique<PsRoiPooling>(param.psroi_pooling_param());
 }
 
+std::unique_ptr<Layer> make_roi_align(const caffe::LayerParameter& param) {
+  return std::make_unique<RoiPooling>(param.roi_pooling_param(), true);
+}
+
 std::unique_ptr<Layer> make_roi_pooling(const caffe::LayerParameter& param) {
-  return std::make_unique<RoiPooling>(param.roi_pooling_param());
+  return std::make_unique<RoiPooling>(param.roi_pooling_param(), false);
 }
 
 }  // namespace revisit::engine

@@ -19,6 +19,8 @@ class ShuffleChannel : public OneToOneLayer {
     return input;
   }
 
+  bool keeps_items(size_t, const std::vector<Shape>&) const override { return true; }
+
   std::optional<WindowHw> window(const Shape&) const override { return WindowHw{}; }
 
   Form form(const std::vector<Shape>& inputs, const std::vector<Tensor>&) const override {

@@ -101,6 +101,8 @@ def _inner_product(g, site):
 
 def _roi_pooling(g, site):
     p = site.message.roi_pooling_param
+    if p.pad_ratio:
+        site.refuse('MaxRoiPool of ONNX has no pad_ratio')
     return [g.node('MaxRoiPool', *site.x, pooled_shape=[p.pooled_h, p.pooled_w], spatial_scale=p.spatial_scale)]
 
 

@@ -291,7 +291,7 @@ class Run {
   void forward() noexcept;
   void forward(StepObserver& observer);
   /// An output of the net. Throws UsageError for an unknown name. Where the number of rows depends
-  /// on the data (Filter, DetectionOutput) the shape is that of the last pass; it can have no rows.
+  /// on the data (Filter, Proposal, ...) the shape is that of the last pass; it can have no rows.
   View<const float> output(std::string_view name) const;
   /// Output of a layer before later ones work on it in place, by port_name(). Throws UsageError
   /// unless planned with keep_all, or with the name in keep, so stale data is never seen.
