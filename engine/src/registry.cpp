@@ -85,6 +85,7 @@ constexpr Entry kTable[] = {
     {"Reshape", make_reshape, "Caffe", "another shape"},
     {"Reverse", make_reverse, "CTPN, Caffe OCR", "reverses the order along axes"},
     {"RNN", make_rnn, "Caffe", "simple recurrent network", kLearned},
+    {"ROIAlign", make_roi_align, "Cascade R-CNN", "bilinear values at corners of parts of regions"},
     {"ROIPooling", make_roi_pooling, "Fast R-CNN", "maximum over regions of interest"},
     {"Scale", make_scale, "Caffe", "multiplies by a learned or given blob", kLearned},
     {"ShuffleChannel", make_shuffle_channel, "ShuffleNet", "interleaves groups of channels"},

@@ -20,7 +20,7 @@ constexpr std::string_view kSsd = "SSD (weiliu89/caffe)";
 constexpr std::string_view kYolo = "MobileNet-YOLO (eric612/MobileNet-YOLO)";
 constexpr std::string_view kFlowNet = "FlowNet (lmb-freiburg/flownet2)";
 
-constexpr std::array<TypeOfFork, 51> kTypes = {{
+constexpr std::array<TypeOfFork, 50> kTypes = {{
     {"annotateddata", kSsd},
     {"bboxreg", kMscnn},
     {"channelnorm", kFlowNet},
@@ -64,7 +64,6 @@ constexpr std::array<TypeOfFork, 51> kTypes = {{
     {"regionloss", kYolo},
     {"regionoutput", kYolo},
     {"resample", kFlowNet},
-    {"roialign", "Mask R-CNN ports (jasjeetIM/Mask-RCNN)"},
     {"segaccuracy", kDeepLab},
     {"smoothl1loss", kFasterRcnn},
     {"spatialtransformer", "ST-CNN (daerduoCarey/SpatialTransformerLayer)"},

@@ -448,5 +448,39 @@ TEST(DecodeBBox, RefusesWhatCannotBe) {
       {"bbox_std", "found 0"});
 }
 
+/// A map of 3 x 4 pixels, 10 * row + column; pixel i is from i to i + 1.
+Tensor rows_and_columns() {
+  return {Shape{1, 1, 3, 4}, {0, 1, 2, 3, 10, 11, 12, 13, 20, 21, 22, 23}};
+}
+
+TEST(RoiAlign, ByHand) {
+  // Corners at x = 1, 2, 3 and y = 0.5, 1.5 are half a pixel from the values of columns and on
+  // those of rows. A point at the border has the value of the last pixel, beyond it 0.
+  const auto found = run_layer({"ROIAlign",
+                                "roi_pooling_param { pooled_h: 1 pooled_w: 2 spatial_scale: 0.5 }",
+                                {rows_and_columns(),
+                                 {Shape{3, 5},
+                                  {0, 2, 1, 6, 3,  //
+                                   0, 0, 0, 8, 6,  //
+                                   0, 4, 4, 12, 8}}}});
+  EXPECT_EQ(found[0].shape, (Shape{3, 1, 2, 3}));
+  expect_near(found[0].values, {0.5F, 1.5F, 2.5F, 10.5F, 11.5F, 12.5F,  //
+                                0, 1.5F, 3, 20, 21.5F, 23,              //
+                                16.5F, 18, 0, 0, 0, 0});
+}
+
+TEST(RoiAlign, PadsRegionsAndLeavesOutEmptyOnes) {
+  // 3 pixels, both ends included, are padded by 1.5 at each end: from 0.5 to 3.5 + 2.
+  const auto found = run_layer(
+      {"ROIAlign",
+       "roi_pooling_param { pooled_h: 1 pooled_w: 1 pad_ratio: 0.5 }",
+       {rows_and_columns(),
+        {Shape{4, 5}, {0, 2, 2, 2.5F, 2.5F, 0, 3, 0, 1, 2, 1, 0, 0, 2, 2, 0, 0, 0, kNan, 2}}}});
+  // (2 - 0.75, 2.5 + 0.75) - 0.5 = 0.75 and 2.75; the second is inside out, the third no image.
+  expect_near(found[0].values,
+              {8.25F, 10.25F, 0, 0, 0, 0, 0, 0, kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan},
+              1e-5F);
+}
+
 }  // namespace
 }  // namespace revisit::engine

@@ -877,6 +877,7 @@ const std::vector<LayerMaker>& layer_makers() {
       {"Reshape", 4, reshape},
       {"Reverse", 2, reverse},
       {"RNN", 1, recurrent},
+      {"ROIAlign", 1, roi_pooling},
       {"ROIPooling", 1, roi_pooling},
       {"Scale", 10, scale_or_bias},
       {"ShuffleChannel", 2, shuffle_channel},

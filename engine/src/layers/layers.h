@@ -19,10 +19,10 @@ LayerFactory make_abs_val, make_accuracy, make_argmax, make_axpy, make_batch_nor
     make_inner_product, make_interp, make_log, make_lrn, make_lstm, make_mish, make_mvn,
     make_normalize, make_parameter, make_permute, make_pooling, make_power, make_prelu,
     make_prior_box, make_prior_box_clustered, make_proposal, make_psroi_pooling, make_reduction,
-    make_relu, make_relu6, make_reorg, make_reshape, make_reverse, make_rnn, make_roi_pooling,
-    make_rows_lstm, make_scale, make_shuffle_channel, make_sigmoid, make_silence, make_slice,
-    make_softmax, make_softmax_with_loss, make_spp, make_swish, make_tanh, make_threshold,
-    make_tile, make_transpose, make_upsample, make_yolo_detection_output,
+    make_relu, make_relu6, make_reorg, make_reshape, make_reverse, make_rnn, make_roi_align,
+    make_roi_pooling, make_rows_lstm, make_scale, make_shuffle_channel, make_sigmoid, make_silence,
+    make_slice, make_softmax, make_softmax_with_loss, make_spp, make_swish, make_tanh,
+    make_threshold, make_tile, make_transpose, make_upsample, make_yolo_detection_output,
     make_yolov3_detection_output;
 
 /// Not in the registry: the first input in the shape of the second.

@@ -123,6 +123,61 @@ void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* roi
       });
 }
 
+/// Where a region begins along one axis and how far its points are apart [pixels].
+struct PointLine {
+  float start, step;
+};
+
+PointLine point_line(float first, float last, const RoiPoolingProblem& p, int64_t points) {
+  const float pad = (last - first + 1) * p.pad_ratio;
+  const float start = (first - pad) * p.scale - 0.5F, end = (last + pad) * p.scale - 0.5F;
+  return {start, (end - start) / static_cast<float>(points - 1)};
+}
+
+/// The pixels beside a point, and the share of the second.
+struct PixelPair {
+  int64_t low, high;
+  float share;
+};
+
+PixelPair pixels_beside(float point, int64_t size) {
+  const auto low = static_cast<int64_t>(std::floor(point));
+  const int64_t last = size - 1, first = std::clamp<int64_t>(low, 0, last);
+  return {first, std::clamp<int64_t>(low + 1, 0, last),
+          std::clamp(point, 0.0F, static_cast<float>(last)) - static_cast<float>(first)};
+}
+
+/// Bilinear values at the corners of bins (zhaoweicai/mscnn and cascade-rcnn, roi_align_layer.cpp):
+/// pooled_h + 1 rows of pooled_w + 1. Points outside of the map and empty regions are 0.
+void roi_align(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
+  for_each_region(
+      p, input, rois, output, [&](const float* roi, const float* image, int64_t c, float* out) {
+        image += c * p.h * p.w;
+        const PointLine x = point_line(roi[1], roi[3], p, p.out_w),
+                        y = point_line(roi[2], roi[4], p, p.out_h);
+        for (int64_t i = 0; i < p.out_h; ++i)
+          for (int64_t j = 0; j < p.out_w; ++j) {
+            const auto is_inside = [](float point, int64_t size) {
+              return point >= -0.5F && point <= static_cast<float>(size) - 0.5F;
+            };
+            const float py = y.start + static_cast<float>(i) * y.step,
+                        px = x.start + static_cast<float>(j) * x.step;
+            const bool counts =
+                x.step > 0 && y.step > 0 && is_inside(py, p.h) && is_inside(px, p.w);
+            if (!counts) {
+              *out++ = 0;
+              continue;
+            }
+            const PixelPair rows = pixels_beside(py, p.h), columns = pixels_beside(px, p.w);
+            const float *low = image + rows.low * p.w, *high = image + rows.high * p.w;
+            const float upper = 1 - rows.share, left = 1 - columns.share;
+            *out++ = left * upper * low[columns.low] + columns.share * upper * low[columns.high] +
+                     left * rows.share * high[columns.low] +
+                     columns.share * rows.share * high[columns.high];
+          }
+      });
+}
+
 /// A layer whose item i is region i of the second input.
 class RegionLayer : public Layer {
  public:
@@ -153,7 +208,8 @@ class RegionLayer : public Layer {
 
 class RoiPooling : public RegionLayer {
  public:
-  explicit RoiPooling(const caffe::ROIPoolingParameter& param) : param_(param) {
+  RoiPooling(const caffe::ROIPoolingParameter& param, bool aligned)
+      : param_(param), aligned_(aligned) {
     if (param.pooled_h() < 1 || param.pooled_w() < 1)
       throw InputError("pooled_h and pooled_w must be at least 1");
     if (!std::isfinite(param.spatial_scale())) throw InputError("spatial_scale must be finite");
@@ -162,19 +218,22 @@ class RoiPooling : public RegionLayer {
 
   std::vector<Shape> infer(const std::vector<Shape>& inputs, size_t n_outputs) const override {
     check(inputs, n_outputs);
-    return {Shape{inputs[1][0], inputs[0][1], param_.pooled_h(), param_.pooled_w()}};
+    const int64_t more = aligned_ ? 1 : 0;
+    return {Shape{inputs[1][0], inputs[0][1], param_.pooled_h() + more, param_.pooled_w() + more}};
   }
 
   Kernel bind(const Binding& binding) const override {
     RoiPoolingProblem p = problem(binding, param_.spatial_scale());
     p.pad_ratio = param_.pad_ratio();
-    return {"roi-max-pool", [p](const Call& call) {
-              roi_pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
+    const auto pool = aligned_ ? roi_align : roi_pool;
+    return {aligned_ ? "roi-align" : "roi-max-pool", [p, pool](const Call& call) {
+              pool(p, call.inputs[0], call.inputs[1], call.outputs[0]);
             }};
   }
 
  private:
   caffe::ROIPoolingParameter param_;
+  bool aligned_;  // ROIAlign
 };
 
 class PsRoiPooling : public RegionLayer {
@@ -213,8 +272,12 @@ std::unique_ptr<Layer> make_psroi_pooling(const caffe::LayerParameter& param) {
   return std::make_unique<PsRoiPooling>(param.psroi_pooling_param());
 }
 
+std::unique_ptr<Layer> make_roi_align(const caffe::LayerParameter& param) {
+  return std::make_unique<RoiPooling>(param.roi_pooling_param(), true);
+}
+
 std::unique_ptr<Layer> make_roi_pooling(const caffe::LayerParameter& param) {
-  return std::make_unique<RoiPooling>(param.roi_pooling_param());
+  return std::make_unique<RoiPooling>(param.roi_pooling_param(), false);
 }
 
 }  // namespace revisit::engine

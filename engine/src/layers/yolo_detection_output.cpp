@@ -110,18 +110,26 @@ int64_t yolo_candidates(const YoloProblem& p, const std::vector<const float*>& i
                                  cells);
         boxes[box] = yolo_box(map, map.anchors[anchor], cell, of_box);
         const float object = of_box.object();
-        const auto add = [&](float score, int64_t label) {
-          candidates[found++] = {score, static_cast<int32_t>(box * p.classes + label)};
+        const auto candidate = [&](float score, int64_t label) {
+          return Candidate{score, static_cast<int32_t>(box * p.classes + label)};
         };
         if (p.each_class) {
-          for (int64_t c = 0; c < p.classes; ++c)
-            if (const float score = yolo_sigmoid(of_box.class_score(c)) * object;
-                score > p.confidence_threshold)
-              add(score, c);
+          // The best class of a box is kept and suppresses the others, or what suppresses it
+          // suppresses them, too.
+          const bool only_best = yolo_overlap(boxes[box], boxes[box]) >= p.overlap_threshold;
+          const int64_t first = found;
+          for (int64_t c = 0; c < p.classes; ++c) {
+            const float score = yolo_sigmoid(of_box.class_score(c)) * object;
+            if (!(score > p.confidence_threshold)) continue;
+            if (!only_best || found == first)
+              candidates[found++] = candidate(score, c);
+            else if (score > candidates[first].score)
+              candidates[first] = candidate(score, c);
+          }
         } else {
           const Candidate best = best_class(of_box, p.classes);
           if (const float score = object * best.score; score >= p.confidence_threshold)
-            add(score, best.box);
+            candidates[found++] = candidate(score, best.box);
         }
       }
   }
