@@ -448,14 +448,14 @@ TEST(DecodeBBox, RefusesWhatCannotBe) {
       {"bbox_std", "found 0"});
 }
 
-/// A map of 3 x 4 pixels, 10 * row + column; pixel i is from i to i + 1.
+/// A map of 3 x 4 pixels, 10 * row + column. The value of pixel i is at i + 0.5.
 Tensor rows_and_columns() {
   return {Shape{1, 1, 3, 4}, {0, 1, 2, 3, 10, 11, 12, 13, 20, 21, 22, 23}};
 }
 
 TEST(RoiAlign, ByHand) {
-  // Corners at x = 1, 2, 3 and y = 0.5, 1.5 are half a pixel from the values of columns and on
-  // those of rows. A point at the border has the value of the last pixel, beyond it 0.
+  // The corners of the first: x = 1, 2, 3 and y = 0.5, 1.5. A corner at the border of the map has
+  // the value of the last pixel, one beyond it 0.
   const auto found = run_layer({"ROIAlign",
                                 "roi_pooling_param { pooled_h: 1 pooled_w: 2 spatial_scale: 0.5 }",
                                 {rows_and_columns(),
@@ -470,13 +470,13 @@ TEST(RoiAlign, ByHand) {
 }
 
 TEST(RoiAlign, PadsRegionsAndLeavesOutEmptyOnes) {
-  // 3 pixels, both ends included, are padded by 1.5 at each end: from 0.5 to 3.5 + 2.
+  // The first of 1.5 pixels, both ends included, is padded by half of that: from 1.25 to 3.25,
+  // which is below the map. The second is inside out, the third of no image.
   const auto found = run_layer(
       {"ROIAlign",
        "roi_pooling_param { pooled_h: 1 pooled_w: 1 pad_ratio: 0.5 }",
        {rows_and_columns(),
         {Shape{4, 5}, {0, 2, 2, 2.5F, 2.5F, 0, 3, 0, 1, 2, 1, 0, 0, 2, 2, 0, 0, 0, kNan, 2}}}});
-  // (2 - 0.75, 2.5 + 0.75) - 0.5 = 0.75 and 2.75; the second is inside out, the third no image.
   expect_near(found[0].values,
               {8.25F, 10.25F, 0, 0, 0, 0, 0, 0, kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan},
               1e-5F);

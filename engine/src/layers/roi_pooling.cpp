@@ -151,7 +151,8 @@ PixelPair pixels_beside(float point, int64_t size) {
 /// pooled_h + 1 rows of pooled_w + 1. Points outside of the map and empty regions are 0.
 void roi_align(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
   for_each_region(
-      p, input, rois, output, [&](const float* roi, const float* image, int64_t c, float* out) {
+      p, p.c, input, rois, output,
+      [&](const float* roi, const float* image, int64_t c, float* out) {
         image += c * p.h * p.w;
         const PointLine x = point_line(roi[1], roi[3], p, p.out_w),
                         y = point_line(roi[2], roi[4], p, p.out_h);
