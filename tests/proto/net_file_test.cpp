@@ -51,12 +51,12 @@ TEST(NetFile, UnknownFieldGivesPositionOfItsNameAndNearestName) {
 
 TEST(NetFile, UnknownFieldIsNotTakenForAnotherThatForksHave) {
   const std::string allow = "; NetReadOptions::allow_unknown_fields ignores it";
-  EXPECT_EQ(parse_error("layer { transpose_param { } }"),
-            "net:1:9: unknown field 'transpose_param' in LayerParameter (it is of Caffe OCR "
-            "(senlinuc/caffe_ocr))" +
+  EXPECT_EQ(parse_error("layer { dense_crf_param { } }"),
+            "net:1:9: unknown field 'dense_crf_param' in LayerParameter (it is of DeepLab "
+            "(bitbucket.org/aquariusjay/deeplab-public-ver2))" +
                 allow);
-  EXPECT_EQ(parse_error("layer { transposed_param { } }"),
-            "net:1:9: unknown field 'transposed_param' in LayerParameter" + allow);
+  EXPECT_EQ(parse_error("layer { dense_crfs_param { } }"),
+            "net:1:9: unknown field 'dense_crfs_param' in LayerParameter" + allow);
 }
 
 TEST(NetFile, FieldsWithoutEffectAreSaid) {
