@@ -219,6 +219,11 @@ TEST(RowsLstm, IsLstmWithWeightsInAnotherOrder) {
   }
 }
 
+TEST(RowsLstm, IsNotTakenForCaffesLstm) {
+  expect_error<UnsupportedError>([] { layer_of("lstm", ""); }, {"did you mean 'Lstm'?"});
+  expect_error<UnsupportedError>([] { layer_of("LSTm", ""); }, {"did you mean 'LSTM'?"});
+}
+
 TEST(RowsLstm, RefusesWhatCannotBe) {
   expect_error<InputError>([] { layer_of("Lstm", ""); }, {"num_output"});
   const auto infer = [](std::vector<Shape> inputs, const std::string& more = "", size_t n = 1) {
