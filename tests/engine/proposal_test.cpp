@@ -225,6 +225,27 @@ TEST(PsRoiPooling, RefusesWhatCannotBe) {
       {"12 channels", "1x8x4x4"});
 }
 
+TEST(RoiPooling, EveryChannelAndRegionIsPooled) {
+  // More channels than one thread takes at a time: channel c of image n is 100 n + c.
+  Tensor images{Shape{2, 70, 2, 2}, {}};
+  std::vector<float> wanted;
+  for (int n = 0; n < 2; ++n)
+    for (int c = 0; c < 70; ++c)
+      images.values.insert(images.values.end(), 4, static_cast<float>(100 * n + c));
+  for (const int n : {1, 0, 1})
+    for (int c = 0; c < 70; ++c) wanted.push_back(static_cast<float>(100 * n + c));
+  const Tensor regions{Shape{3, 5}, {1, 0, 0, 1, 1, 0, 0, 0, 1, 1, 1, 0, 0, 1, 1}};
+  for (const int threads : {1, 3}) {
+    test::SingleLayer l{
+        "ROIPooling", "roi_pooling_param { pooled_h: 1 pooled_w: 1 }", {images, regions}};
+    l.threads = threads;
+    expect_near(run_layer(l)[0].values, wanted);
+    l.type = "PSROIPooling";
+    l.param = "psroi_pooling_param { spatial_scale: 1 output_dim: 70 group_size: 1 }";
+    expect_near(run_layer(l)[0].values, wanted);
+  }
+}
+
 TEST(RoiPooling, PadRatioEnlargesRegions) {
   // Pixels 2 to 3 of 0..7, 2 wide: with half of that at each end, 1 to 4; one beyond all numbers is
   // cut.

@@ -31,20 +31,23 @@ bool is_valid(const RoiPoolingProblem& p, const float* roi) {
          roi[0] < static_cast<float>(p.n);
 }
 
-/// Calls `pool` with a valid region, its image, a part of the output channels and the output of
-/// that part. A region of an image that is not there, where Caffe aborts, or with coordinates that
-/// are not finite, becomes NaN.
+/// Calls `pool` with a valid region, its image, its output, and output channels from `first` to
+/// before `last`: few, so that threads share the work, but enough to find bins only once for many.
+/// A region of an image that is not there, where Caffe aborts, or with coordinates that are not
+/// finite, becomes NaN.
 template <class Pool>
-void for_each_region(const RoiPoolingProblem& p, int64_t parts, const float* input,
-                     const float* rois, float* output, const Pool& pool) {
+void for_each_region(const RoiPoolingProblem& p, const float* input, const float* rois,
+                     float* output, const Pool& pool) {
+  constexpr int64_t kChannels = 32;
+  const int64_t parts = (p.c + kChannels - 1) / kChannels, bins = p.out_h * p.out_w;
   parallel_for(p.rois * parts, p.threads, [&](int64_t item, int) {
     const float* roi = rois + item / parts * 5;
-    const int64_t size = p.c / parts * p.out_h * p.out_w;
-    float* out = output + item * size;
+    float* out = output + item / parts * p.c * bins;
+    const int64_t first = item % parts * kChannels, last = std::min(first + kChannels, p.c);
     if (is_valid(p, roi))
-      pool(roi, input + static_cast<int64_t>(roi[0]) * p.channels * p.h * p.w, item % parts, out);
+      pool(roi, input + static_cast<int64_t>(roi[0]) * p.channels * p.h * p.w, out, first, last);
     else
-      std::fill_n(out, size, std::numeric_limits<float>::quiet_NaN());
+      std::fill(out + first * bins, out + last * bins, std::numeric_limits<float>::quiet_NaN());
   });
 }
 
@@ -72,22 +75,25 @@ WindowRange bin(const Span& region, int64_t i, int64_t n, int64_t image) {
 
 /// Maxima (Girshick 2015). An empty bin is 0, one of NaN only the empty_maximum().
 void roi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
-  for_each_region(p, p.c, input, rois, output,
-                  [&](const float* roi, const float* image, int64_t c, float* out) {
-                    image += c * p.h * p.w;
-                    const Span x = span(roi[1], roi[3], p), y = span(roi[2], roi[4], p);
-                    for (int64_t i = 0; i < p.out_h; ++i)
-                      for (int64_t j = 0; j < p.out_w; ++j) {
-                        const WindowRange rows = bin(y, i, p.out_h, p.h),
-                                          columns = bin(x, j, p.out_w, p.w);
-                        const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
-                        float best = empty ? 0 : empty_maximum(p.values);
-                        for (int64_t iy = rows.begin; iy < rows.end; ++iy)
-                          for (int64_t ix = columns.begin; ix < columns.end; ++ix)
-                            if (image[iy * p.w + ix] > best) best = image[iy * p.w + ix];
-                        *out++ = best;
-                      }
-                  });
+  for_each_region(
+      p, input, rois, output,
+      [&](const float* roi, const float* image, float* out, int64_t first, int64_t last) {
+        const Span x = span(roi[1], roi[3], p), y = span(roi[2], roi[4], p);
+        const int64_t bins = p.out_h * p.out_w;
+        for (int64_t i = 0; i < bins; ++i) {
+          const WindowRange rows = bin(y, i / p.out_w, p.out_h, p.h),
+                            columns = bin(x, i % p.out_w, p.out_w, p.w);
+          const bool empty = rows.end <= rows.begin || columns.end <= columns.begin;
+          for (int64_t c = first; c < last; ++c) {
+            const float* map = image + c * p.h * p.w;
+            float best = empty ? 0 : empty_maximum(p.values);
+            for (int64_t iy = rows.begin; iy < rows.end; ++iy)
+              for (int64_t ix = columns.begin; ix < columns.end; ++ix)
+                if (map[iy * p.w + ix] > best) best = map[iy * p.w + ix];
+            out[c * bins + i] = best;
+          }
+        }
+      });
 }
 
 /// Bin `i` of `n` of a region from `first` to `last`: of parts of pixels, but all that it touches
@@ -103,21 +109,22 @@ WindowRange bin_of_parts(float first, float last, float scale, int64_t i, int64_
 /// Means of each bin in a channel of its own (Dai et al. 2016): channels are
 /// `[c][out_h][out_w]`. An empty bin is 0.
 void psroi_pool(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
-  const int64_t bins = p.out_h * p.out_w;
   for_each_region(
-      p, 1, input, rois, output, [&](const float* roi, const float* image, int64_t, float* out) {
-        for (int64_t bin = 0; bin < bins; ++bin) {
-          const int64_t row = bin / p.out_w, column = bin % p.out_w;
-          const WindowRange rows = bin_of_parts(roi[2], roi[4], p.scale, row, p.out_h, p.h),
-                            columns = bin_of_parts(roi[1], roi[3], p.scale, column, p.out_w, p.w);
+      p, input, rois, output,
+      [&](const float* roi, const float* image, float* out, int64_t first, int64_t last) {
+        const int64_t bins = p.out_h * p.out_w;
+        for (int64_t i = 0; i < bins; ++i) {
+          const WindowRange rows = bin_of_parts(roi[2], roi[4], p.scale, i / p.out_w, p.out_h, p.h),
+                            columns =
+                                bin_of_parts(roi[1], roi[3], p.scale, i % p.out_w, p.out_w, p.w);
           const int64_t n_rows = rows.end - rows.begin, n_columns = columns.end - columns.begin;
           const bool empty = n_rows <= 0 || n_columns <= 0;
-          for (int64_t c = 0; c < p.c; ++c) {
-            const float* map = image + (c * bins + bin) * p.h * p.w;
+          for (int64_t c = first; c < last; ++c) {
+            const float* map = image + (c * bins + i) * p.h * p.w;
             float sum = 0;
             for (int64_t iy = rows.begin; iy < rows.end; ++iy)
               for (int64_t ix = columns.begin; ix < columns.end; ++ix) sum += map[iy * p.w + ix];
-            out[c * bins + bin] = empty ? 0 : sum / static_cast<float>(n_rows * n_columns);
+            out[c * bins + i] = empty ? 0 : sum / static_cast<float>(n_rows * n_columns);
           }
         }
       });
