@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include "expect_error.h"
+#include "revisit/engine/net.h"
 #include "single_layer.h"
+#include "test_data.h"
 
 namespace revisit::engine {
 namespace {
@@ -480,6 +482,35 @@ TEST(RoiAlign, PadsRegionsAndLeavesOutEmptyOnes) {
   expect_near(found[0].values,
               {8.25F, 10.25F, 0, 0, 0, 0, 0, 0, kNan, kNan, kNan, kNan, kNan, kNan, kNan, kNan},
               1e-5F);
+}
+
+TEST(BoxOutput, LayersOfRegionsFollowTheirNumber) {
+  const test::TempDir dir;
+  test::write_file(dir / "net.prototxt", R"(
+    layer { name: "in" type: "Input" top: "map" top: "image"
+            input_param { shape { dim: [1, 6, 8, 8] } shape { dim: [1, 1, 3, 4] } } }
+    layer { name: "boxes" type: "BoxOutput" bottom: "map" top: "boxes"
+            box_output_param { field_w: 20 field_h: 40 downsample_rate: 16 iou_thr: 0.9 } }
+    layer { name: "align" type: "ROIAlign" bottom: "image" bottom: "boxes" top: "align"
+            roi_pooling_param { pooled_h: 1 pooled_w: 3 } }
+    layer { name: "rows" type: "Reshape" bottom: "align" top: "rows"
+            reshape_param { shape { dim: [0, 8] } } }
+    layer { name: "moved" type: "DecodeBBox" bottom: "rows" bottom: "boxes" top: "moved" }
+  )");
+  engine::Run run(Net::load_without_weights(dir / "net.prototxt").plan());
+  EXPECT_EQ(run.plan().outputs()[0].shape, (Shape{64, 5, 1, 1}));
+  const auto lefts = [&](const Tensor& map) {
+    std::copy(map.values.begin(), map.values.end(), run.input("map").data);
+    run.forward();
+    std::vector<float> x;
+    const auto view = run.output("moved").values();
+    for (size_t i = 1; i < view.size(); i += 5) x.push_back(view[i]);
+    return x;
+  };
+  std::fill_n(run.input("image").data, 12, 0.0F);  // no box moves
+  EXPECT_EQ(lefts(boxes_at(1, {{0, 27, 1, 0}, {0, 28, 2, 0}})), (std::vector<float>{62, 46}));
+  EXPECT_EQ(lefts(boxes_at(1, {{0, 29, 1, 0}})), (std::vector<float>{78}));
+  EXPECT_EQ(lefts(boxes_at(1, {})), (std::vector<float>{1}));
 }
 
 }  // namespace
