@@ -23,7 +23,7 @@ struct Scored {
 };
 
 /// Higher scores first, NaN last, equal ones by the lower index.
-bool is_better(const Scored& a, const Scored& b) {
+bool scores_higher(const Scored& a, const Scored& b) {
   const auto key = [](float score) {
     return std::isnan(score) ? -std::numeric_limits<float>::infinity() : score;
   };
@@ -105,7 +105,7 @@ int64_t propose(const ProposalProblem& p, const float* scores, const float* offs
   auto* const kept = reinterpret_cast<int32_t*>(scratch + p.regions() * 6);
   const int64_t n_scored = decode(p, scores, offsets, image, regions, scored);
   const int64_t n = std::min(n_scored, p.most_before);
-  std::partial_sort(scored, scored + n, scored + n_scored, is_better);
+  std::partial_sort(scored, scored + n, scored + n_scored, scores_higher);
   int64_t n_kept = 0;
   for (int64_t i = 0; i < n && n_kept < p.most_after; ++i) {
     const Region& region = regions[scored[i].index];
