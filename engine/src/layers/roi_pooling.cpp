@@ -157,32 +157,32 @@ PixelPair pixels_beside(float point, int64_t size) {
 /// Bilinear values at the corners of bins (zhaoweicai/mscnn and cascade-rcnn, roi_align_layer.cpp):
 /// pooled_h + 1 rows of pooled_w + 1. Points outside of the map and empty regions are 0.
 void roi_align(const RoiPoolingProblem& p, const float* input, const float* rois, float* output) {
+  const auto is_inside = [](float point, int64_t size) {
+    return point >= -0.5F && point <= static_cast<float>(size) - 0.5F;
+  };
   for_each_region(
-      p, p.c, input, rois, output,
-      [&](const float* roi, const float* image, int64_t c, float* out) {
-        image += c * p.h * p.w;
+      p, input, rois, output,
+      [&](const float* roi, const float* image, float* out, int64_t first, int64_t last) {
         const PointLine x = point_line(roi[1], roi[3], p, p.out_w),
                         y = point_line(roi[2], roi[4], p, p.out_h);
-        for (int64_t i = 0; i < p.out_h; ++i)
-          for (int64_t j = 0; j < p.out_w; ++j) {
-            const auto is_inside = [](float point, int64_t size) {
-              return point >= -0.5F && point <= static_cast<float>(size) - 0.5F;
-            };
-            const float py = y.start + static_cast<float>(i) * y.step,
-                        px = x.start + static_cast<float>(j) * x.step;
-            const bool counts =
-                x.step > 0 && y.step > 0 && is_inside(py, p.h) && is_inside(px, p.w);
-            if (!counts) {
-              *out++ = 0;
-              continue;
-            }
-            const PixelPair rows = pixels_beside(py, p.h), columns = pixels_beside(px, p.w);
-            const float *low = image + rows.low * p.w, *high = image + rows.high * p.w;
-            const float upper = 1 - rows.share, left = 1 - columns.share;
-            *out++ = left * upper * low[columns.low] + columns.share * upper * low[columns.high] +
-                     left * rows.share * high[columns.low] +
-                     columns.share * rows.share * high[columns.high];
+        const int64_t points = p.out_h * p.out_w;
+        for (int64_t i = 0; i < points; ++i) {
+          const float py = y.start + static_cast<float>(i / p.out_w) * y.step,
+                      px = x.start + static_cast<float>(i % p.out_w) * x.step;
+          const bool counts = x.step > 0 && y.step > 0 && is_inside(py, p.h) && is_inside(px, p.w);
+          const PixelPair rows = pixels_beside(counts ? py : 0, p.h),
+                          columns = pixels_beside(counts ? px : 0, p.w);
+          const float upper = 1 - rows.share, left = 1 - columns.share;
+          for (int64_t c = first; c < last; ++c) {
+            const float* map = image + c * p.h * p.w;
+            const float *low = map + rows.low * p.w, *high = map + rows.high * p.w;
+            out[c * points + i] = counts ? left * upper * low[columns.low] +
+                                               columns.share * upper * low[columns.high] +
+                                               left * rows.share * high[columns.low] +
+                                               columns.share * rows.share * high[columns.high]
+                                         : 0;
           }
+        }
       });
 }
 
