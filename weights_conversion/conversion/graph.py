@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
+from revisit.caffe._structure import shares_memory
+
 from .errors import InputError, UnsupportedError, UsageError
 
 
@@ -55,17 +57,6 @@ def is_of_batch(message):
     return not p.use_global_stats if p.HasField('use_global_stats') else in_training
 
 
-def _shares_memory(message):
-    """Whether Caffe has the tops in the memory of the first bottom; engine/src/graph.cpp has the same."""
-    if message.type == 'Concat':
-        return len(message.bottom) == 1
-    if message.type == 'Slice':
-        return len(message.top) == 1
-    if message.type == 'Permute':
-        return list(message.permute_param.order) == list(range(len(message.permute_param.order)))
-    return message.type in ('Split', 'Flatten', 'Reshape')
-
-
 class _Resolver:
     """Resolves names of blobs to values, layer by layer, as the engine does (engine/src/graph.cpp)."""
 
@@ -90,7 +81,7 @@ class _Resolver:
             if i < len(message.bottom) and message.bottom[i] == blob and layer.inputs[i] is not None:
                 self.memory[value] = self.memory[layer.inputs[i]]
                 self.latest[self.memory[value]] = value, layer.name
-            elif _shares_memory(message) and layer.inputs and layer.inputs[0] is not None:
+            elif shares_memory(message) and layer.inputs and layer.inputs[0] is not None:
                 self.memory[value], self.content[value] = self.memory[layer.inputs[0]], self.content[layer.inputs[0]]
         self.graph.layers.append(layer)
 
