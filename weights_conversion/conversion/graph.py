@@ -46,6 +46,12 @@ class Graph:
                 raise UnsupportedError(f"two layers are named '{layer.name}': give each layer a name of its own")
             names.add(layer.name)
 
+    def require_inputs(self):
+        for layer in self.layers:
+            if None in layer.inputs:
+                blob = layer.message.bottom[layer.inputs.index(None)]
+                raise InputError(f"layer '{layer.name}': bottom '{blob}' is written by no layer before it")
+
     def readers(self, value):
         return [layer for layer in self.layers if value in layer.inputs]
 
@@ -167,7 +173,4 @@ def _keep_needed(graph, ends):
             needed.update(layer.inputs)
             kept.append(layer)
     graph.layers = kept[::-1]
-    for layer in graph.layers:
-        if None in layer.inputs:
-            blob = layer.message.bottom[layer.inputs.index(None)]
-            raise InputError(f"layer '{layer.name}': bottom '{blob}' is written by no layer before it")
+    graph.require_inputs()
