@@ -105,10 +105,12 @@ class Command(ConversionTest):
         self.refused(4, "layer 'spp' (SPP)", 'onnx', prototxt, self.onnx)
         self.refused(4, "'it' (Nonsense)", 'onnx', self.net(input_layer(1) + layer('it', 'Nonsense'), {}, 'no')[0], self.onnx)
         rois = input_layer(1, 4, 3, 3) + input_layer(2, 5).replace('"data"', '"rois"')
+        boxes = self.path('rois.npy')
+        np.save(boxes, np.zeros((2, 5), np.float32))
         for kind, parameters in (('ROIPooling', 'roi_pooling_param { pooled_h: 1 pooled_w: 1 pad_ratio: 0.5 }'),
                                  ('PSROIPooling', 'psroi_pooling_param { spatial_scale: 1 output_dim: 1 group_size: 2 }')):
             prototxt, _ = self.net(rois + layer('pool', kind, ['data', 'rois'], parameters=parameters), {}, kind)
-            self.refused(4, f"layer 'pool' ({kind})", 'onnx', prototxt, self.onnx)
+            self.refused(4, f"layer 'pool' ({kind})", 'onnx', prototxt, self.onnx, '--input', f'rois={boxes}')
         embed = input_layer(3) + layer('embed', 'Embed', parameters='embed_param { num_output: 2 input_dim: 5 bias_term: false }')
         prototxt, model = self.net(embed, {'embed': [numbers(5, 2)]}, 'embed')
         self.refused(2, '--input data=FILE.npy', 'onnx', prototxt, model, self.onnx)
